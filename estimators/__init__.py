@@ -1,0 +1,11 @@
+"""Who is it and where: maps learned from readings, likelihoods and filters.
+
+Lives here: one file an estimator, the occupancy maps, the measurement models and the kernels that
+they share. Does not live here: physics, files, scores. Of `tactsim` it sees only the data types
+(`Scan`, poses).
+"""
+
+from estimators.base import Estimate, Estimator, Options
+from estimators.registry import create, names
+
+__all__ = ["Estimate", "Estimator", "Options", "create", "names"]

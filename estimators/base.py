@@ -1,0 +1,94 @@
+"""The face of every estimator: fit on training readings, then update and estimate, reading by reading."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike
+from pydantic import BaseModel, ConfigDict
+
+from tactsim import InputError, Scan
+from tactsim.poses import FloatArray
+
+
+class Options(BaseModel):
+    """Options of an estimator: named, typed, bounded, with the paper's symbol in the description."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """What an estimator holds to be true after the readings so far.
+
+    label: the most probable letter (eq. 9, 14). probabilities: p(letter), summing to 1.
+    robot_in_object: [x, y, theta] mm, rad: the most probable T_R^O within that letter.
+    """
+
+    label: str
+    probabilities: Mapping[str, float]
+    robot_in_object: FloatArray
+
+
+class Estimator(ABC):
+    """Recognise and localise one object from a sequence of readings.
+
+    A subclass names its `options_type` and implements `fit`, `reset`, `update` and `estimate`. The calls
+    come in that order; `reset` starts a new sequence and keeps what was fitted.
+    """
+
+    options_type: ClassVar[type[Options]] = Options
+
+    def __init__(self, options: Options) -> None:
+        self.options = options
+
+    @abstractmethod
+    def fit(self, scan: Scan) -> None:
+        """Learn from the scan's training readings; its test readings are not looked at."""
+
+    @abstractmethod
+    def reset(self, rng: np.random.Generator) -> None:
+        """Forget the sequence, keep the maps; all randomness until the next reset comes from `rng`."""
+
+    @abstractmethod
+    def update(self, reading: ArrayLike, sensor_in_robot: ArrayLike) -> None:
+        """Take in one reading (taxels,) kPa at the pose sensor_in_robot [mm, mm, rad].
+
+        Raises InputError, and leaves the belief as it was, for a wrong length or a NaN.
+        """
+
+    @abstractmethod
+    def estimate(self) -> Estimate:
+        """Say which letter it is and where, after the readings so far."""
+
+    def propose(self, candidates: Sequence[FloatArray] | FloatArray) -> int:
+        """Choose the index of the sensor_in_robot pose (n, 3) to try next, if the estimator can."""
+        raise InputError(f"estimator {type(self).__name__} proposes no readings; explore at random")
+
+    @property
+    def work(self) -> dict[str, Any]:
+        """Count what was done since `fit`: `likelihood_evaluations` and `skipped` {reason: count}."""
+        return {"likelihood_evaluations": 0, "skipped": {}}
+
+
+def check_reading(
+    reading: ArrayLike, sensor_in_robot: ArrayLike, taxels: int
+) -> tuple[FloatArray, FloatArray]:
+    """Return a reading (taxels,) kPa and a pose (3,) as finite arrays.
+
+    Raises InputError if a length is wrong or a number is not finite.
+    """
+    values, pose = np.asarray(reading, dtype=float), np.asarray(sensor_in_robot, dtype=float)
+    if values.shape != (taxels,):
+        raise InputError(f"a reading has shape {values.shape}; the maps were learned from {taxels} taxels")
+    if pose.shape != (3,):
+        raise InputError(f"sensor_in_robot has shape {pose.shape}; it is [x, y, theta]")
+    if not np.isfinite(values).all():
+        raise InputError(f"taxel {int(np.argmin(np.isfinite(values)))} of a reading is not a finite number")
+    if not np.isfinite(pose).all():
+        raise InputError(f"sensor_in_robot {pose.tolist()} is not finite")
+    return values, pose

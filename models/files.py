@@ -1,0 +1,61 @@
+"""Write a file whole or not at all."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import IO
+
+from models.errors import InputError
+
+
+@contextmanager
+def replacing(path: str | Path) -> Iterator[IO[bytes]]:
+    """Open a temporary file beside `path` for writing and move it there when all went well.
+
+    A reader sees the old file or the new one, never a part; after an exception or an interrupt the
+    old file stands and the temporary one is gone. Missing folders are made.
+
+    Raises InputError if the place cannot be written or the disk is full.
+    """
+    target = Path(path)
+    temporary: Path | None = None
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        descriptor, name = tempfile.mkstemp(prefix=f".{target.name}.", suffix=".part", dir=target.parent)
+        temporary = Path(name)
+        with os.fdopen(descriptor, "wb") as stream:
+            yield stream
+            stream.flush()
+            os.fsync(stream.fileno())
+        temporary.chmod(0o666 & ~_umask())
+        temporary.replace(target)
+    except OSError as error:
+        raise InputError(
+            f"cannot write {target}: {error.strerror or error}; name a folder that can be written"
+        ) from error
+    finally:
+        if temporary is not None:
+            with suppress(FileNotFoundError):
+                temporary.unlink()
+
+
+def write_bytes(path: str | Path, content: bytes) -> None:
+    """Replace the file at `path` by `content`, whole or not at all. Raises InputError as `replacing`."""
+    with replacing(path) as stream:
+        stream.write(content)
+
+
+def write_text(path: str | Path, content: str) -> None:
+    """Replace the file at `path` by UTF-8 `content`, whole or not at all. Raises InputError."""
+    write_bytes(path, content.encode("utf-8"))
+
+
+def _umask() -> int:
+    """Read the process's umask; there is no call that does not also set it."""
+    mask = os.umask(0)
+    os.umask(mask)
+    return mask

@@ -1,0 +1,173 @@
+"""`Scan`: tactile readings with the poses at which they were taken, and the file that holds them."""
+
+from __future__ import annotations
+
+import json
+import zipfile
+import zlib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.errors import InputError
+from models.files import replacing
+from tactsim.poses import FloatArray
+
+SPLITS = ("train", "test")
+_ARRAYS = ("readings", "poses", "labels", "split", "taxel_xy")
+_LARGEST = 2 << 30  # bytes that one array of a file may claim: 200,000 readings of 1,000 taxels fit
+
+
+@dataclass(frozen=True, eq=False)
+class Scan:
+    """Readings of objects pressed against a pad at known poses.
+
+    readings: (n, taxels) kPa. poses: (n, 3) sensor_in_object [mm, mm, rad]. labels: (n,) names of
+    the objects. split: (n,) "train" or "test". taxel_xy: (taxels, 2) mm, the taxels' centres in the
+    sensor frame. meta: what made it, a JSON object; `meta["objects"][label]` holds, where known,
+    `symmetry` (order of the rotational symmetry, 0 for a disc), `centre` ([x, y] mm) and
+    `inertia_over_mass` (mm^2).
+
+    Raises InputError when shapes disagree, a number is not finite or a split has another name.
+    """
+
+    readings: FloatArray
+    poses: FloatArray
+    labels: NDArray[np.str_]
+    split: NDArray[np.str_]
+    taxel_xy: FloatArray
+    meta: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        for name in ("readings", "poses", "taxel_xy"):
+            object.__setattr__(self, name, _numbers(name, getattr(self, name)))
+        for name in ("labels", "split"):
+            object.__setattr__(self, name, _names(name, getattr(self, name)))
+        count, taxels = self.readings.shape
+        wanted = {"poses": (count, 3), "labels": (count,), "split": (count,), "taxel_xy": (taxels, 2)}
+        for name, shape in wanted.items():
+            if getattr(self, name).shape != shape:
+                raise InputError(
+                    f"scan: {name} has shape {getattr(self, name).shape}, but readings of shape "
+                    f"{self.readings.shape} ask for {shape}"
+                )
+        other = sorted(set(self.split.tolist()) - set(SPLITS))
+        if other:
+            raise InputError(f"scan: split says {other[0]!r}; only 'train' and 'test' have a meaning")
+
+    def __len__(self) -> int:
+        return len(self.readings)
+
+    @property
+    def letters(self) -> tuple[str, ...]:
+        """List the labels in the order of their first appearance."""
+        return tuple(dict.fromkeys(self.labels.tolist()))
+
+    def where(self, split: str | None = None, label: str | None = None) -> Scan:
+        """Select the readings of one split and/or one label, in their order."""
+        chosen = np.ones(len(self), dtype=bool)
+        if split is not None:
+            chosen &= self.split == split
+        if label is not None:
+            chosen &= self.labels == label
+        return Scan(
+            self.readings[chosen], self.poses[chosen], self.labels[chosen], self.split[chosen],
+            self.taxel_xy, self.meta,
+        )  # fmt: skip
+
+    def save(self, path: str | Path) -> None:
+        """Write the scan as .npz: the five arrays and `meta`, a JSON string. Whole or not at all.
+
+        The same scan gives the same bytes. Raises InputError if `path` cannot be written.
+        """
+        arrays = {name: getattr(self, name) for name in _ARRAYS}
+        arrays["meta"] = np.array(json.dumps(self.meta, sort_keys=True))
+        content = BytesIO()
+        # np.savez stamps nothing and orders members as given, so the bytes depend on the scan alone.
+        np.savez_compressed(content, allow_pickle=False, **arrays)
+        with replacing(path) as stream:
+            stream.write(content.getbuffer())
+
+    @classmethod
+    def load(cls, path: str | Path) -> Scan:
+        """Read a scan written by `save`; nothing in the file is unpickled or run.
+
+        Raises InputError if the file is missing, cut short, of another kind, claims more than 2 GiB
+        or holds what `Scan` refuses.
+        """
+        try:
+            arrays = _read_npz(Path(path))
+            meta = json.loads(str(arrays.pop("meta")[()]))
+            if not isinstance(meta, dict):
+                raise InputError("meta is not a JSON object")
+            return cls(meta=meta, **arrays)
+        except OSError as error:
+            raise InputError(f"cannot read scan {path}: {error.strerror or error}") from error
+        except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError) as error:
+            raise InputError(
+                f"{path} is not a whole scan file (.npz): {error}; make one with `bench scan --out FILE`"
+            ) from error
+        except InputError as error:
+            raise InputError(f"{path}: {error}") from error
+        except (ValueError, RecursionError) as error:  # not a header of .npy, not JSON, not UTF-8
+            raise InputError(f"{path} is not a scan: {error}") from error
+
+
+def _read_npz(path: Path) -> dict[str, NDArray[Any]]:
+    """Read the members of a scan's archive, refusing a size before any memory is asked for."""
+    arrays = {}
+    with zipfile.ZipFile(path) as archive:
+        names = set(archive.namelist())
+        missing = [name for name in (*_ARRAYS, "meta") if f"{name}.npy" not in names]
+        if missing:
+            raise InputError(f"not a scan: it has no array {missing[0]!r}")
+        for name in (*_ARRAYS, "meta"):
+            with archive.open(f"{name}.npy") as member:
+                version = np.lib.format.read_magic(member)
+                read_header = {
+                    (1, 0): np.lib.format.read_array_header_1_0,
+                    (2, 0): np.lib.format.read_array_header_2_0,
+                }.get(version)
+                if read_header is None:
+                    raise InputError(f"array {name!r} has the unknown format version {version}")
+                shape, fortran, dtype = read_header(member)
+                if dtype.kind not in "fiuU" or len(shape) > 2:
+                    raise InputError(f"array {name!r} holds {dtype} of shape {shape}, no numbers or names")
+                size = dtype.itemsize * int(np.prod([int(n) for n in shape], dtype=object))
+                if size > _LARGEST:
+                    raise InputError(f"array {name!r} claims {size:,} bytes; the most is {_LARGEST:,}")
+                content = member.read(size)
+                if len(content) != size or member.read(1):
+                    raise InputError(f"array {name!r} does not have the {size:,} bytes that it claims")
+            flat = np.frombuffer(content, dtype=dtype) if size else np.zeros(0, dtype=dtype)
+            arrays[name] = flat.reshape(shape, order="F" if fortran else "C").copy()
+    return arrays
+
+
+def _numbers(name: str, values: Any) -> FloatArray:
+    array = np.asarray(values)
+    if array.dtype.kind not in "fiu" or array.ndim != 2:
+        raise InputError(f"scan: {name} must be a table of numbers, got {array.dtype} {array.shape}")
+    array = array.astype(np.float64)
+    bad = np.argwhere(~np.isfinite(array))
+    if len(bad):
+        row, column = bad[0]
+        raise InputError(
+            f"scan: {name}[{row}, {column}] is {array[row, column]}; only finite numbers are allowed"
+        )
+    array.setflags(write=False)
+    return array
+
+
+def _names(name: str, values: Any) -> NDArray[np.str_]:
+    array = np.asarray(values)
+    if array.dtype.kind != "U" and array.size:
+        raise InputError(f"scan: {name} must be names, got {array.dtype}")
+    array = array.astype(np.str_)
+    array.setflags(write=False)
+    return array

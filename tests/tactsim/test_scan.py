@@ -1,0 +1,137 @@
+import io
+import pickle
+import zipfile
+
+import numpy as np
+import pytest
+
+from tactsim import InputError, Scan
+
+
+@pytest.fixture
+def scan():
+    rng = np.random.default_rng(0)
+    return Scan(
+        readings=rng.normal(size=(6, 4)),
+        poses=rng.normal(size=(6, 3)),
+        labels=np.array(["A", "A", "E", "E", "A", "E"]),
+        split=np.array(["train", "test"] * 3),
+        taxel_xy=rng.normal(size=(4, 2)),
+        meta={"seed": 3, "objects": {"A": {"symmetry": 1}}},
+    )
+
+
+def test_what_is_saved_is_loaded(scan, tmp_path):
+    scan.save(tmp_path / "scan.npz")
+    again = Scan.load(tmp_path / "scan.npz")
+    for name in ("readings", "poses", "labels", "split", "taxel_xy"):
+        assert np.array_equal(getattr(again, name), getattr(scan, name))
+    assert again.meta == scan.meta
+
+
+def test_the_file_holds_exactly_the_named_arrays_and_loads_without_pickle(scan, tmp_path):
+    scan.save(tmp_path / "scan.npz")
+    with np.load(tmp_path / "scan.npz", allow_pickle=False) as arrays:
+        assert set(arrays) == {"readings", "poses", "labels", "split", "taxel_xy", "meta"}
+        assert arrays["meta"].dtype.kind == "U"
+
+
+def test_the_same_scan_gives_the_same_bytes(scan, tmp_path):
+    scan.save(tmp_path / "a.npz")
+    scan.save(tmp_path / "b.npz")
+    assert (tmp_path / "a.npz").read_bytes() == (tmp_path / "b.npz").read_bytes()
+
+
+def test_selection_by_split_and_label_keeps_the_order(scan):
+    chosen = scan.where(split="train", label="A")
+    assert np.array_equal(chosen.readings, scan.readings[[0, 4]])
+    assert chosen.letters == ("A",)
+    assert scan.letters == ("A", "E")
+
+
+def test_the_arrays_cannot_be_changed_by_accident(scan):
+    with pytest.raises(ValueError, match="read-only"):
+        scan.readings[0, 0] = 1
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"poses": np.zeros((5, 3))}, "poses has shape"),
+        ({"taxel_xy": np.zeros((3, 2))}, "taxel_xy has shape"),
+        ({"readings": np.full((6, 4), np.nan)}, r"readings\[0, 0\] is nan"),
+        ({"poses": np.full((6, 3), np.inf)}, r"poses\[0, 0\] is inf"),
+        ({"split": np.array(["train"] * 5 + ["dev"])}, "'dev'"),
+        ({"labels": np.arange(6)}, "must be names"),
+    ],
+)
+def test_a_scan_that_does_not_fit_together_is_refused(scan, change, message):
+    fields = {name: getattr(scan, name) for name in ("readings", "poses", "labels", "split", "taxel_xy")}
+    with pytest.raises(InputError, match=message):
+        Scan(**(fields | change))
+
+
+def write_npz(path, **members):
+    with zipfile.ZipFile(path, "w") as archive:
+        for name, content in members.items():
+            archive.writestr(f"{name}.npy", content)
+
+
+def npy(array):
+    stream = io.BytesIO()
+    np.lib.format.write_array(stream, np.asarray(array), allow_pickle=True)
+    return stream.getvalue()
+
+
+class Bomb:
+    def __reduce__(self):
+        return (pytest.fail, ("a pickle was run",))
+
+
+def hostile_files(scan, tmp_path):
+    scan.save(tmp_path / "good.npz")
+    good = (tmp_path / "good.npz").read_bytes()
+    arrays = dict(np.load(tmp_path / "good.npz"))
+    header = b"{'descr': '<f8', 'fortran_order': False, 'shape': (1000000000000, 36), }".ljust(117) + b"\n"
+    huge = b"\x93NUMPY\x01\x00" + len(header).to_bytes(2, "little") + header
+    files = {
+        "empty": b"",
+        "text": b"not a scan",
+        "cut": good[: len(good) // 2],
+        "foreign": pickle.dumps({"readings": 1}),
+    }
+    for name, content in files.items():
+        (tmp_path / name).write_bytes(content)
+    whole = {name: npy(array) for name, array in arrays.items()}
+    write_npz(tmp_path / "huge", **(whole | {"readings": huge}))
+    write_npz(tmp_path / "pickled", **(whole | {"labels": npy(np.array([Bomb()], dtype=object))}))
+    write_npz(tmp_path / "missing", **{name: whole[name] for name in whole if name != "poses"})
+    write_npz(tmp_path / "no-json", **(whole | {"meta": npy(np.array("{"))}))
+    write_npz(tmp_path / "list", **(whole | {"meta": npy(np.array("[]"))}))
+    write_npz(tmp_path / "short", **(whole | {"poses": npy(arrays["poses"])[:-8]}))
+    write_npz(tmp_path / "not-npy", **(whole | {"poses": b"hello"}))
+    write_npz(tmp_path / "nan", **(whole | {"readings": npy(arrays["readings"] * np.nan)}))
+    return [*files, "huge", "pickled", "missing", "no-json", "list", "short", "not-npy", "nan", "absent"]
+
+
+def test_a_file_that_is_no_scan_is_refused_in_one_line_that_names_it(scan, tmp_path):
+    for name in hostile_files(scan, tmp_path):
+        with pytest.raises(InputError) as caught:
+            Scan.load(tmp_path / name)
+        assert str(tmp_path / name) in str(caught.value)
+        assert "\n" not in str(caught.value)
+
+
+def test_any_flipped_byte_gives_the_scan_or_a_refusal(scan, tmp_path):
+    scan.save(tmp_path / "good.npz")
+    good = (tmp_path / "good.npz").read_bytes()
+    rng = np.random.default_rng(1)
+    for place in rng.choice(len(good), size=200, replace=False):
+        damaged = bytearray(good)
+        damaged[place] ^= 1 << rng.integers(8)
+        (tmp_path / "damaged.npz").write_bytes(damaged)
+        try:
+            again = Scan.load(tmp_path / "damaged.npz")
+        except InputError:
+            continue
+        assert np.array_equal(again.readings, scan.readings)
