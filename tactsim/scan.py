@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import zipfile
 import zlib
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from io import BytesIO
 from pathlib import Path
@@ -75,6 +75,28 @@ class Scan:
             chosen &= self.split == split
         if label is not None:
             chosen &= self.labels == label
+        return self._chosen(chosen)
+
+    def of_letters(self, letters: Iterable[str]) -> Scan:
+        """Select the readings of these letters, in their order."""
+        return self._chosen(np.isin(self.labels, list(letters)))
+
+    def joined(self, other: Scan, meta: Mapping[str, Any]) -> Scan:
+        """Append another scan of the same pad; the result says `meta`.
+
+        Raises InputError if the taxels lie elsewhere.
+        """
+        if self.taxel_xy.shape != other.taxel_xy.shape or not np.allclose(
+            self.taxel_xy, other.taxel_xy, rtol=0, atol=1e-6
+        ):
+            raise InputError(
+                f"two scans of different pads cannot be one: {len(self.taxel_xy)} and "
+                f"{len(other.taxel_xy)} taxels, or the same number at other places"
+            )
+        both = [np.concatenate([getattr(self, name), getattr(other, name)]) for name in _ARRAYS[:4]]
+        return Scan(*both, self.taxel_xy, meta)
+
+    def _chosen(self, chosen: NDArray[np.bool_]) -> Scan:
         return Scan(
             self.readings[chosen], self.poses[chosen], self.labels[chosen], self.split[chosen],
             self.taxel_xy, self.meta,

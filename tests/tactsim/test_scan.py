@@ -49,6 +49,23 @@ def test_selection_by_split_and_label_keeps_the_order(scan):
     assert scan.letters == ("A", "E")
 
 
+def test_letters_are_selected_in_the_order_of_the_readings(scan):
+    assert np.array_equal(scan.of_letters(["E"]).readings, scan.readings[[2, 3, 5]])
+    assert np.array_equal(scan.of_letters(["E", "A"]).readings, scan.readings)
+
+
+def test_training_and_test_readings_of_two_scans_become_one(scan):
+    both = scan.where("train").joined(scan.where("test"), meta={"from": "two"})
+    assert np.array_equal(both.readings, np.concatenate([scan.readings[::2], scan.readings[1::2]]))
+    assert both.meta == {"from": "two"}
+
+
+def test_scans_of_different_pads_are_not_joined(scan):
+    moved = Scan(scan.readings, scan.poses, scan.labels, scan.split, scan.taxel_xy + 0.1)
+    with pytest.raises(InputError, match="different pads"):
+        scan.joined(moved, meta={})
+
+
 def test_the_arrays_cannot_be_changed_by_accident(scan):
     with pytest.raises(ValueError, match="read-only"):
         scan.readings[0, 0] = 1
