@@ -6,5 +6,7 @@ folder stands on this one, the error of a wrong input (`errors`) and whole-or-no
 """
 
 from models.errors import InputError
+from models.glyphs import names, parse_letters
+from models.letter import Letter, Part, Rectangle, letter
 
-__all__ = ["InputError"]
+__all__ = ["InputError", "Letter", "Part", "Rectangle", "letter", "names", "parse_letters"]

@@ -1,0 +1,190 @@
+"""`Letter`, the shape that is pressed, with what follows from it, and `Part`, a convex piece of it."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.convex import convex_pieces
+from models.errors import InputError, unknown
+from models.symmetry import rotational_order
+
+if TYPE_CHECKING:
+    from manifold3d import CrossSection, Manifold
+
+FloatArray = NDArray[np.float64]
+
+HEIGHT = 4.0  # mm, assumed: "a few mm high"
+DENSITY = 1.05e-6  # kg / mm^3, assumed: ABS plastic, 1,050 kg / m^3
+
+
+class Rectangle(NamedTuple):
+    """A rectangle in plan: centre [x, y] mm, half side lengths mm, angle (rad) of the first side to x."""
+
+    centre: tuple[float, float]
+    half_sizes: tuple[float, float]
+    angle: float
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """A convex piece of a letter, standing on z = 0 and reaching the pressed face at z = height.
+
+    outline: (k, 2) mm, convex, counter-clockwise: the piece in plan. vertices: (m, 3) mm, the corners of
+    the convex solid, whose hull is the piece.
+    """
+
+    outline: FloatArray
+    vertices: FloatArray
+
+    @cached_property
+    def rectangle(self) -> Rectangle | None:
+        """Describe the outline as a rectangle (within 1e-7 mm), or None if it is none or not upright."""
+        if len(self.outline) != 4 or len(self.vertices) != 8:
+            return None
+        first, second = self.outline[1] - self.outline[0], self.outline[2] - self.outline[1]
+        length, width = float(np.hypot(*first)), float(np.hypot(*second))
+        closing = self.outline[0] + second - self.outline[3]
+        if abs(first @ second) > 1e-7 * max(length, width) or np.hypot(*closing) > 1e-7:
+            return None
+        x, y = self.outline.mean(axis=0)
+        return Rectangle((float(x), float(y)), (length / 2, width / 2), math.atan2(first[1], first[0]))
+
+
+@dataclass(frozen=True, eq=False)
+class Letter:
+    """A raised letter or other flat shape: stands on z = 0, its pressed face at z = height looks along +z.
+
+    The object frame has its origin at the face's centre of area. It is seen as the pad sees it, which is as
+    one reads the letter: x to the right, y up, z towards the pad. A sensor pose [x, y, theta] in this frame
+    turns and shifts the pad's own x and y, so nothing is mirrored anywhere.
+
+    name: what a scan calls it. contours: (k, 2) mm each, the footprint: outer outlines counter-clockwise,
+    holes clockwise. height: thickness, mm.
+
+    Letters are equal when their digests are. They can be pickled.
+    """
+
+    name: str
+    contours: tuple[FloatArray, ...]
+    height: float = HEIGHT
+
+    @cached_property
+    def footprint(self) -> CrossSection:
+        """Give the face's region in plan as a manifold3d.CrossSection, mm, centre of area at 0."""
+        from manifold3d import CrossSection
+
+        return CrossSection(list(self.contours))
+
+    @cached_property
+    def solid(self) -> Manifold:
+        """Give the solid as a manifold3d.Manifold, mm, from z = 0 to the pressed face at z = height."""
+        return self.footprint.extrude(self.height)
+
+    @cached_property
+    def parts(self) -> tuple[Part, ...]:
+        """Cut the letter into convex parts that tile it without overlap."""
+        return tuple(_prism(outline, self.height) for outline in convex_pieces(self.contours))
+
+    @cached_property
+    def symmetry(self) -> int | float:
+        """Find the order of the rotational symmetry: 1, 2, ... or math.inf for a disc or ring."""
+        return rotational_order(self.contours)
+
+    @cached_property
+    def area(self) -> float:
+        """Area of the footprint, mm^2."""
+        return float(_moments(self.contours)[0])
+
+    @cached_property
+    def inertia_over_mass(self) -> float:
+        """Second moment of the footprint about its centre of area, per area, mm^2 (the paper's [24])."""
+        area, _, second = _moments(self.contours)
+        return float(np.trace(second) / area)
+
+    @cached_property
+    def radius(self) -> float:
+        """Give the largest distance of a point of the footprint from the centre of area, mm."""
+        return float(max(np.max(np.hypot(*contour.T)) for contour in self.contours))
+
+    @cached_property
+    def volume(self) -> float:
+        """Volume of the solid, mm^3."""
+        return float(self.solid.volume())
+
+    @property
+    def mass(self) -> float:
+        """Mass in kg at the assumed DENSITY."""
+        return DENSITY * self.volume
+
+    @cached_property
+    def digest(self) -> str:
+        """Hash what is pressed: footprint, height and convex parts, not the name. 64 hex digits.
+
+        A scan can be cached by it.
+        """
+        content = hashlib.sha256(np.float64(self.height).astype("<f8").tobytes())
+        for array in (*self.contours, *(part.vertices for part in self.parts)):
+            content.update(np.array(array.shape, dtype="<i8").tobytes())
+            content.update(np.ascontiguousarray(array, dtype="<f8").tobytes())
+        return content.hexdigest()
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Letter) and (self.name, self.digest) == (other.name, other.digest)
+
+    def __hash__(self) -> int:
+        return hash((self.name, self.digest))
+
+    def __getstate__(self) -> dict[str, object]:
+        # What is derived is left out: it is made again, and manifold3d's objects do not pickle.
+        return {"name": self.name, "contours": self.contours, "height": self.height}
+
+
+@lru_cache(maxsize=256)
+def letter(name: str, *, height: float = HEIGHT) -> Letter:
+    """Build a letter of the catalogue, a capital or a digit, `height` mm thick.
+
+    Raises InputError for a name that is not in the catalogue.
+    """
+    from models.glyphs import GLYPHS
+
+    if name not in GLYPHS:
+        raise unknown("letter", name, GLYPHS)
+    return from_footprint(name, GLYPHS[name](), height=height)
+
+
+def from_footprint(name: str, footprint: CrossSection, *, height: float = HEIGHT) -> Letter:
+    """Make a Letter of a region in plan (mm), moved so that its centre of area is the origin."""
+    if not (math.isfinite(height) and height > 0):
+        raise InputError(f"letter {name!r}: height is {height}; it must be a positive number of mm")
+    area, first, _ = _moments(footprint.to_polygons())
+    centred = footprint.translate(tuple(-first / area)).simplify(1e-6)
+    # A CrossSection keeps its corners on a grid of 1e-8 mm: one made of these corners will have the same.
+    contours = type(footprint)(centred.to_polygons()).to_polygons()
+    for contour in contours:
+        contour.setflags(write=False)
+    return Letter(name, tuple(contours), height)
+
+
+def _prism(outline: FloatArray, height: float) -> Part:
+    levels = [np.column_stack([outline, np.full(len(outline), z)]) for z in (0.0, height)]
+    return Part(outline, np.concatenate(levels))
+
+
+def _moments(contours: list[FloatArray] | tuple[FloatArray, ...]) -> tuple[float, FloatArray, FloatArray]:
+    """Integrate 1, [x, y] and [x, y] [x, y]^T over the region inside closed polygons (Green's theorem)."""
+    area, first, second = 0.0, np.zeros(2), np.zeros((2, 2))
+    for a in contours:
+        b = np.roll(a, -1, axis=0)
+        cross = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
+        area += cross.sum() / 2
+        first += cross @ (a + b) / 6
+        s = a + b
+        second += ((s * cross[:, None]).T @ s + (a * cross[:, None]).T @ a + (b * cross[:, None]).T @ b) / 24
+    return area, first, second
