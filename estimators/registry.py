@@ -16,7 +16,9 @@ GROUP = "tactsim.estimators"
 
 # name: (where its class is, what it is), in the order in which `bench list` shows them. Nothing is
 # imported before its name is asked for.
-BUILT_IN: dict[str, tuple[str, str]] = {}
+BUILT_IN: dict[str, tuple[str, str]] = {
+    "histogram": ("estimators.histogram:HistogramFilter", "histogram filter, the paper's eq. 13 to 16"),
+}
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,113 @@
+"""Measurement models: what a reading says about the pose at which it was taken (paper, section III-A).
+
+Every filter takes its likelihood from here, and every likelihood comes down to the same thing: a
+few tables over the object's plane for each letter, and for each reading a list of terms that says
+which table to look up at which taxel. The log-likelihood of a state is the sum of its terms.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from estimators.contact import CONTACT, NO_CONTACT, UNKNOWN, classify
+from estimators.occupancy import OccupancyMap, sigmoid
+from estimators.options import LikelihoodOptions
+from models.errors import unknown
+from tactsim import Scan
+from tactsim.poses import FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Evidence:
+    """One reading as terms: log p(z | x) = sum of weight * table value at the taxel, over the terms.
+
+    table, taxel: (terms,) indices. weight: (terms,) factor of the table's value, 1 for a class.
+    """
+
+    table: NDArray[np.int64]
+    taxel: NDArray[np.int64]
+    weight: NDArray[np.float32]
+
+
+class Likelihood(ABC):
+    """A measurement model. A subclass implements `fit`, `log_tables`, `evidence` and `extent`.
+
+    It is registered in `LIKELIHOODS`; `create` makes it by name.
+    """
+
+    def __init__(self, options: LikelihoodOptions) -> None:
+        self.options = options
+
+    @abstractmethod
+    def fit(self, scan: Scan, maps: Mapping[str, OccupancyMap]) -> None:
+        """Learn from the maps and, where it needs more, from the scan's training readings."""
+
+    @property
+    @abstractmethod
+    def extent(self) -> tuple[FloatArray, FloatArray]:
+        """Give the lower left and upper right corner [x, y] mm beyond which tables are constant."""
+
+    @abstractmethod
+    def log_tables(self, label: str, xy: ArrayLike) -> FloatArray:
+        """Evaluate a letter's tables at points (..., 2) mm in the object frame: (tables, ...)."""
+
+    @abstractmethod
+    def evidence(self, reading: FloatArray) -> Evidence:
+        """Turn a reading (taxels,) kPa into the terms that it contributes."""
+
+
+class PaperLikelihood(Likelihood):
+    """Classes In Contact and No Contact, looked up in the occupancy map (paper, eq. 3 and 7)."""
+
+    def fit(self, scan: Scan, maps: Mapping[str, OccupancyMap]) -> None:
+        """Keep the maps; eq. 7 has nothing to learn."""
+        self.maps = maps
+
+    @property
+    def extent(self) -> tuple[FloatArray, FloatArray]:
+        """Give the corners of the maps with their frame of cells at the prior."""
+        return covered(self.maps)
+
+    def log_tables(self, label: str, xy: ArrayLike) -> FloatArray:
+        """Evaluate log p(No Contact | xy) and log p(In Contact | xy) of eq. 7: (2, ...).
+
+        With probability gamma the class is random. Then eq. 7 prints p(m) for both classes; with
+        `failure="complement"` No Contact gets 1 - p(m), so that the two sum to one.
+        """
+        gamma, prior = self.options.gamma, self.options.prior
+        odds = self.maps[label].log_odds_at(xy)
+        random_no_contact = prior if self.options.failure == "printed" else 1 - prior
+        tables = np.empty((2, *odds.shape))
+        tables[NO_CONTACT] = np.log(gamma * random_no_contact + (1 - gamma) * sigmoid(-odds))
+        tables[CONTACT] = np.log(gamma * prior + (1 - gamma) * sigmoid(odds))
+        return tables
+
+    def evidence(self, reading: FloatArray) -> Evidence:
+        """Classify the elements; an Unknown one has likelihood 1 everywhere, hence no term."""
+        classes = classify(reading, self.options.threshold, self.options.ratio)
+        taxel = np.flatnonzero(classes != UNKNOWN)
+        return Evidence(classes[taxel].astype(np.int64), taxel, np.ones(len(taxel), dtype=np.float32))
+
+
+LIKELIHOODS: dict[str, type[Likelihood]] = {"paper": PaperLikelihood}
+
+
+def create(options: LikelihoodOptions) -> Likelihood:
+    """Make the likelihood that the options name. Raises InputError if there is none of that name."""
+    if options.likelihood not in LIKELIHOODS:
+        raise unknown("likelihood", options.likelihood, LIKELIHOODS)
+    return LIKELIHOODS[options.likelihood](options)
+
+
+def covered(maps: Mapping[str, OccupancyMap]) -> tuple[FloatArray, FloatArray]:
+    """Give the corners [x, y] mm beyond which every map interpolates to its prior alone."""
+    low = np.min([chart.origin - chart.cell for chart in maps.values()], axis=0)
+    high = np.max(
+        [chart.origin + chart.cell * np.array(chart.log_odds.shape[::-1]) for chart in maps.values()], axis=0
+    )
+    return low, high

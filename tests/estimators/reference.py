@@ -1,0 +1,76 @@
+"""The paper's equations written down once more, slowly and without anything the estimators use."""
+
+import math
+
+import numpy as np
+
+CONTACT, NO_CONTACT, UNKNOWN = "contact", "no contact", "unknown"
+
+
+def classify(reading, threshold=2.0, ratio=0.3):
+    """Eq. 3, element by element."""
+    largest = max(reading)
+    classes = []
+    for element in reading:
+        if element > threshold and element > ratio * largest:
+            classes.append(CONTACT)
+        elif element <= threshold and element <= ratio * largest:
+            classes.append(NO_CONTACT)
+        else:
+            classes.append(UNKNOWN)
+    return classes
+
+
+def place(outer, points):
+    """Map points (n, 2) by the pose `outer`."""
+    x, y, angle = outer
+    turn = np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
+    return np.asarray(points) @ turn.T + [x, y]
+
+
+def interpolate(grid, origin, step, x, y, outside):
+    """Interpolate bilinearly between the nodes grid[row][column]; nodes that do not exist are `outside`."""
+    u, v = (x - origin[0]) / step[0], (y - origin[1]) / step[1]
+    left, below = math.floor(u), math.floor(v)
+    total = 0.0
+    for column, share_x in ((left, 1 - (u - left)), (left + 1, u - left)):
+        for row, share_y in ((below, 1 - (v - below)), (below + 1, v - below)):
+            there = 0 <= row < grid.shape[0] and 0 <= column < grid.shape[1]
+            total += share_x * share_y * (grid[row, column] if there else outside)
+    return total
+
+
+def log_p(kind, log_odds, gamma, prior):
+    """Eq. 7 for one element, as printed."""
+    occupied = 1 / (1 + math.exp(-log_odds)) if log_odds > -700 else 0.0
+    if kind == UNKNOWN:
+        return 0.0
+    return math.log(gamma * prior + (1 - gamma) * (occupied if kind == CONTACT else 1 - occupied))
+
+
+def log_likelihood(chart, state, reading, sensor_in_robot, taxel_xy, gamma=0.1):
+    """Eq. 7 for one reading at one T_R^O: the log-odds are interpolated, then turned into log p."""
+    in_object = place(state, place(sensor_in_robot, taxel_xy))
+    prior_odds = math.log(chart.prior / (1 - chart.prior))
+    step = (chart.cell, chart.cell)
+    return sum(
+        log_p(kind, interpolate(chart.log_odds, chart.origin, step, x, y, prior_odds), gamma, chart.prior)
+        for kind, (x, y) in zip(classify(reading), in_object, strict=True)
+    )
+
+
+def tabulated_log_likelihood(tables, letter, state, reading, sensor_in_robot, taxel_xy):
+    """Eq. 7 for one reading at one T_R^O, with log p interpolated between the nodes of `Tables`."""
+    phases_y, phases_x, rows, columns = tables.values.shape[2:]
+    total = 0.0
+    in_object = place(state, place(sensor_in_robot, taxel_xy))
+    for kind, (x, y) in zip(classify(reading), in_object, strict=True):
+        if kind == UNKNOWN:
+            continue
+        table = 1 if kind == CONTACT else 0
+        nodes = (
+            tables.values[table, letter].transpose(2, 0, 3, 1).reshape(rows * phases_y, columns * phases_x)
+        )
+        value = interpolate(nodes.astype(float), tables.origin, tables.step, x, y, 0.0)
+        total += value + tables.outside[table, letter]
+    return total
