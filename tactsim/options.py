@@ -1,0 +1,97 @@
+"""What a scan can be told: letters, pad, press and sensor, each option with its unit and its bounds.
+
+"assumed" in a description means that the paper does not give the value.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
+
+from tactsim.pad import Pad
+
+_FROZEN = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+Share = Annotated[float, Field(ge=0, le=1)]
+
+
+class PressOptions(BaseModel):
+    """How a letter is pressed against the pad."""
+
+    model_config = _FROZEN
+
+    force: float = Field(2.0, ge=1e-6, le=1e4, description="N, constant force along the pad's normal (assumed)")
+    cells_per_element: int = Field(
+        2, ge=1, le=16, description="cells of the bed along each side of an element; more cost time"
+    )
+    skip: bool = Field(True, description="leave out work that cannot change a reading")
+
+
+class SensorOptions(BaseModel):
+    """How the pad turns contact pressure into readings. 0, None or () switches an effect off."""
+
+    model_config = _FROZEN
+
+    psf_sigma: float = Field(1.0, ge=0, le=10, description="mm, standard deviation of the point spread (assumed)")
+    gain_spread: float = Field(
+        0.0, ge=0, le=1, description="standard deviation of the elements' relative gains (assumed)"
+    )
+    hysteresis: float = Field(
+        0.0, ge=0, lt=1, description="share of the previous reading that is still felt (assumed)"
+    )
+    drift: float = Field(
+        0.0, ge=-100, le=100, description="kPa that the zero moves from one reading to the next (assumed)"
+    )
+    noise: float = Field(2.0, ge=0, le=1000, description="kPa, standard deviation of white noise (assumed)")
+    random_taxels: Share = Field(
+        0.0, description="probability that an element's reading is replaced by a random one (assumed)"
+    )
+    dead_taxels: tuple[Annotated[int, Field(ge=0)], ...] = Field((), description="elements that read 0")
+    saturation: float | None = Field(
+        None, gt=0, description="kPa at which an element stops rising, None for never (assumed)"
+    )
+    resolution: float = Field(0.7, ge=0, le=1000, description="kPa, the smallest step of a reading (published)")
+
+    @field_validator("psf_sigma")
+    @classmethod
+    def _sharp_or_smooth(cls, sigma: float) -> float:
+        if 0 < sigma < 0.3:
+            raise ValueError("a point spread below 0.3 mm is finer than the bed's cells; give 0 for none")
+        return sigma
+
+
+class ScanOptions(BaseModel):
+    """Everything that the readings of a scan depend on, besides the letters' shapes themselves."""
+
+    model_config = _FROZEN
+
+    letters: tuple[str, ...] = Field(("A", "E", "I", "O", "U"), description="names of the letters")
+    seed: int = Field(0, ge=0, lt=2**63, description="of every random number in the scan")
+    test_poses: Literal["same", "random"] = Field(
+        "same", description="test readings at the training poses (the paper) or off the grid"
+    )
+    placement_mm: float = Field(
+        0.1, ge=0, le=20, description="mm, standard deviation of a press's x and y about the stated pose (assumed)"
+    )
+    placement_rad: float = Field(
+        0.005, ge=0, le=3.2, description="rad, standard deviation of a press's angle (assumed)"
+    )
+    pad: Pad = Field(default_factory=Pad)
+    press: PressOptions = Field(default_factory=PressOptions)
+    sensor: SensorOptions = Field(default_factory=SensorOptions)
+
+    @model_validator(mode="after")
+    def _dead_taxels_exist(self) -> ScanOptions:
+        beyond = [taxel for taxel in self.sensor.dead_taxels if taxel >= self.pad.taxels]
+        if beyond:
+            raise ValueError(f"dead taxel {beyond[0]} does not exist: the pad's elements are 0 to {self.pad.taxels - 1}")
+        return self
+
+
+# Ready-made worlds: what differs from the defaults. "paper-like" adds what the paper's own numbers suggest of
+# its data, poses off by 1 to 2 mm and 20 % random classes; "ideal" has no noise, no steps and exact poses.
+WORLDS: dict[str, dict[str, Any]] = {
+    "default": {},
+    "paper-like": {"placement_mm": 1.5, "placement_rad": 0.1, "sensor": {"random_taxels": 0.2}},
+    "ideal": {"placement_mm": 0.0, "placement_rad": 0.0, "sensor": {"noise": 0.0, "resolution": 0.0}},
+}
