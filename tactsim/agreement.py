@@ -22,7 +22,7 @@ class Agreement(NamedTuple):
 
 
 def true_contact(scan: Scan, letters: dict[str, models.Letter]) -> NDArray[np.bool_]:
-    """Tell which elements lie on the letter: (n, taxels), True where the element's centre is on the footprint.
+    """Tell which elements lie on the letter: (n, taxels), True for a centre on the footprint.
 
     The centre is taken at the stated pose, so placement error counts as the classifier's error, as it
     would for who labels real readings by their stated poses.
@@ -36,7 +36,10 @@ def true_contact(scan: Scan, letters: dict[str, models.Letter]) -> NDArray[np.bo
 
 
 def classifier_agreement(
-    scan: Scan, in_contact: NDArray[np.bool_], no_contact: NDArray[np.bool_], letters: dict[str, models.Letter]
+    scan: Scan,
+    in_contact: NDArray[np.bool_],
+    no_contact: NDArray[np.bool_],
+    letters: dict[str, models.Letter],
 ) -> Agreement:
     """Score a classification of every element, both (n, taxels): neither means Unknown, not decided.
 

@@ -75,7 +75,7 @@ def cell_moments(
     weight = -v1 / len(_GAUSS)  # a rising edge has the region on its left
     cells = count * rows * columns
     cell = (pose * rows + row) * columns + column
-    own = np.stack([np.bincount(cell, weight * m, cells) for m in moments], axis=-1)
+    own = np.stack([np.bincount(cell, weight * m, cells) for m in moments], axis=-1).astype(float)
     right = np.stack([np.bincount(cell, weight * c, cells) for c in cover], axis=-1)
     own = own.reshape(count, rows, columns, MOMENTS)
     right = right.reshape(count, rows, columns, 3)[:, :, :-1].cumsum(axis=2)

@@ -11,7 +11,7 @@ within 1e-6 of the balance of forces.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cache
 from typing import Any
 
 import mujoco
@@ -82,7 +82,7 @@ def _settle(centroid: FloatArray, area: FloatArray, force: float) -> FloatArray:
     raise UnsettledError(f"contact forces of {forces.sum():g} N do not balance {force:g} N")
 
 
-@lru_cache(maxsize=None)
+@cache
 def _scene(capacity: int) -> _Scene:
     """Compile the scene: a face on a slide, `capacity` spheres below it, one contact pair for each."""
     spheres = "".join(

@@ -20,7 +20,9 @@ class PressOptions(BaseModel):
 
     model_config = _FROZEN
 
-    force: float = Field(2.0, ge=1e-6, le=1e4, description="N, constant force along the pad's normal (assumed)")
+    force: float = Field(
+        2.0, ge=1e-6, le=1e4, description="N, constant force along the pad's normal (assumed)"
+    )
     cells_per_element: int = Field(
         2, ge=1, le=16, description="cells of the bed along each side of an element; more cost time"
     )
@@ -32,7 +34,9 @@ class SensorOptions(BaseModel):
 
     model_config = _FROZEN
 
-    psf_sigma: float = Field(1.0, ge=0, le=10, description="mm, standard deviation of the point spread (assumed)")
+    psf_sigma: float = Field(
+        1.0, ge=0, le=10, description="mm, standard deviation of the point spread (assumed)"
+    )
     gain_spread: float = Field(
         0.0, ge=0, le=1, description="standard deviation of the elements' relative gains (assumed)"
     )
@@ -50,7 +54,9 @@ class SensorOptions(BaseModel):
     saturation: float | None = Field(
         None, gt=0, description="kPa at which an element stops rising, None for never (assumed)"
     )
-    resolution: float = Field(0.7, ge=0, le=1000, description="kPa, the smallest step of a reading (published)")
+    resolution: float = Field(
+        0.7, ge=0, le=1000, description="kPa, the smallest step of a reading (published)"
+    )
 
     @field_validator("psf_sigma")
     @classmethod
@@ -71,7 +77,10 @@ class ScanOptions(BaseModel):
         "same", description="test readings at the training poses (the paper) or off the grid"
     )
     placement_mm: float = Field(
-        0.1, ge=0, le=20, description="mm, standard deviation of a press's x and y about the stated pose (assumed)"
+        0.1,
+        ge=0,
+        le=20,
+        description="mm, standard deviation of a press's x and y about the stated pose (assumed)",
     )
     placement_rad: float = Field(
         0.005, ge=0, le=3.2, description="rad, standard deviation of a press's angle (assumed)"
@@ -84,7 +93,9 @@ class ScanOptions(BaseModel):
     def _dead_taxels_exist(self) -> ScanOptions:
         beyond = [taxel for taxel in self.sensor.dead_taxels if taxel >= self.pad.taxels]
         if beyond:
-            raise ValueError(f"dead taxel {beyond[0]} does not exist: the pad's elements are 0 to {self.pad.taxels - 1}")
+            raise ValueError(
+                f"dead taxel {beyond[0]} does not exist: the pad's elements are 0 to {self.pad.taxels - 1}"
+            )
         return self
 
 

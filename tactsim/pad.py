@@ -35,9 +35,11 @@ class Pad(BaseModel):
     element_x: Length = Field(1.8, description="mm that an element measures along a row")
     element_y: Length = Field(1.8, description="mm that an element measures along a column")
     seam: float | None = Field(
-        0.4, ge=0, le=100, allow_inf_nan=False, description="mm between the elements on both sides of the middle"
+        0.4, ge=0, le=100, allow_inf_nan=False, description="mm between the elements beside the middle"
     )  # fmt: skip
-    unread_columns: int = Field(1, ge=0, le=100, description="columns each side that carry load but are not read")
+    unread_columns: int = Field(
+        1, ge=0, le=100, description="columns each side that carry load but are not read"
+    )
     unread_rows: int = Field(0, ge=0, le=100, description="rows each end that carry load but are not read")
 
     @model_validator(mode="after")
@@ -45,7 +47,9 @@ class Pad(BaseModel):
         if self.element_x > self.pitch_x or self.element_y > self.pitch_y:
             raise ValueError("elements overlap: element_x and element_y may be at most the pitch")
         if self.seam is not None and self.columns % 2:
-            raise ValueError("a seam in the middle needs an even number of columns; give seam = null or leave it")
+            raise ValueError(
+                "a seam in the middle needs an even number of columns; give seam = null or leave it"
+            )
         return self
 
     @classmethod

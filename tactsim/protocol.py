@@ -16,9 +16,7 @@ def grid_poses() -> FloatArray:
 
     x varies slowest, then y, then the angle, k * 2 pi / 12 for k = 0 .. 11.
     """
-    x, y, angle = np.meshgrid(
-        POSITIONS, POSITIONS, 2 * np.pi * np.arange(ANGLES) / ANGLES, indexing="ij"
-    )
+    x, y, angle = np.meshgrid(POSITIONS, POSITIONS, 2 * np.pi * np.arange(ANGLES) / ANGLES, indexing="ij")
     return np.stack([x, y, angle], axis=-1).reshape(-1, 3)
 
 

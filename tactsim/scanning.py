@@ -47,7 +47,9 @@ def scan_letters(
             error *= (options.placement_mm, options.placement_mm, options.placement_rad)
             ideal, skipped = ideal_readings(letter, compose(stated, error), options)
             work.update(skipped)
-            readings.append(sense(ideal, options.sensor, gain, _rng(options.seed, letter.name, name, "sense")))
+            readings.append(
+                sense(ideal, options.sensor, gain, _rng(options.seed, letter.name, name, "sense"))
+            )
             poses.append(stated)
             labels += [letter.name] * len(stated)
             split += [name] * len(stated)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from functools import lru_cache
+from itertools import pairwise
 
 import numpy as np
 
@@ -99,7 +100,7 @@ def sense(
     replaced, level = rng.random(ideal.shape), rng.random(ideal.shape)
     readings = ideal * gain
     if options.hysteresis:
-        for before, now in zip(readings[:-1], readings[1:], strict=True):
+        for before, now in pairwise(readings):
             now += options.hysteresis * (before - now)
     readings = readings + options.drift * np.arange(1, len(readings) + 1)[:, None] + options.noise * noise
     if options.random_taxels:

@@ -5,6 +5,8 @@ element's response over the clipped region along its boundary with 40-point Gaus
 no code with the press: no cells, no moments, no MuJoCo.
 """
 
+from itertools import pairwise
+
 import numpy as np
 from manifold3d import CrossSection
 from scipy.special import erf
@@ -30,7 +32,7 @@ def expected_reading(footprint, pose, pad, force, sigma):
         for start, end in zip(contour, np.roll(contour, -1, axis=0), strict=True):
             pieces = max(1, int(np.hypot(*(end - start)) / 2))
             cuts = start + (end - start) * (np.arange(pieces + 1) / pieces)[:, None]
-            for a, b in zip(cuts[:-1], cuts[1:], strict=True):
+            for a, b in pairwise(cuts):
                 x, y = (a + (b - a) * ((_POINTS + 1) / 2)[:, None]).T
                 # Green's theorem: the integral of f(x) g(y) is that of F(x) g(y) dy round the boundary.
                 columns = np.array([_integral(x, *edge, sigma) for edge in pad.column_edges])

@@ -13,7 +13,9 @@ def test_every_taxel_is_as_exact_as_promised(name):
     options = ScanOptions()
     letter, poses = models.letter(name), grid_poses()
     readings, _ = ideal_readings(letter, poses, options)
-    expected, area = zip(*(expected_reading(letter.footprint, p, options.pad, 2.0, 1.0) for p in poses), strict=True)
+    expected, area = zip(
+        *(expected_reading(letter.footprint, p, options.pad, 2.0, 1.0) for p in poses), strict=True
+    )
     errors, area = np.abs(readings - np.array(expected)), np.array(area)
     assert (area > 0).any()
     enough = area >= 4

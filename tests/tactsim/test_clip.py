@@ -11,7 +11,9 @@ X_LINES = np.array([-3.0, -2.0, -0.5, 0.5, 1.0, 4.0])
 Y_LINES = np.array([-2.0, -1.0, 0.0, 1.5, 2.5])
 SHAPES = {
     "frame": CrossSection.square((3.0, 3.0), True) - CrossSection.square((1.5, 1.5), True),
-    "star": CrossSection([[(0, 3), (-0.4, 0.5), (-3, 0), (-0.4, -0.5), (0, -3), (0.4, -0.5), (3, 0), (0.4, 0.5)]]),
+    "star": CrossSection(
+        [[(0, 3), (-0.4, 0.5), (-3, 0), (-0.4, -0.5), (0, -3), (0.4, -0.5), (3, 0), (0.4, 0.5)]]
+    ),
     "ring": CrossSection.circle(2.2, 40) - CrossSection.circle(1.7, 40),
 }
 
@@ -24,7 +26,10 @@ def moments_of(region, centre):
         b = np.roll(a, -1, axis=0)
         cross = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
         s = a + b
-        second = [cross / 24 * (s[:, i] * s[:, j] + a[:, i] * a[:, j] + b[:, i] * b[:, j]) for i, j in ((0, 0), (0, 1), (1, 1))]
+        second = [
+            cross / 24 * (s[:, i] * s[:, j] + a[:, i] * a[:, j] + b[:, i] * b[:, j])
+            for i, j in ((0, 0), (0, 1), (1, 1))
+        ]
         total += [v.sum() for v in (cross / 2, *(cross[:, None] * s / 6).T, *second)]
     return total
 
@@ -45,7 +50,9 @@ def test_moments_are_those_of_the_clipped_polygon(name, x, y, angle):
             high = np.array([X_LINES[column + 1], Y_LINES[row + 1]])
             cell = CrossSection.square(tuple(high - low)).translate(tuple(low))
             # manifold3d rounds corners to 1e-8 mm, so no more can be asked
-            assert moments[row, column] == pytest.approx(moments_of(placed ^ cell, (low + high) / 2), abs=1e-6)
+            assert moments[row, column] == pytest.approx(
+                moments_of(placed ^ cell, (low + high) / 2), abs=1e-6
+            )
 
 
 def test_an_outline_on_the_grid_lines_fills_the_cells_that_it_bounds():

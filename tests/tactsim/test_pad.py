@@ -26,7 +26,9 @@ def test_load_reaches_over_the_unread_columns():
 @pytest.mark.parametrize("gaps", [False, True])
 def test_cells_fill_the_surface_that_carries_load(gaps):
     pad = Pad()
-    for lines, low, high in zip(pad.grid_lines(2, gaps), pad.load_bounds[::2], pad.load_bounds[1::2], strict=True):
+    for lines, low, high in zip(
+        pad.grid_lines(2, gaps), pad.load_bounds[::2], pad.load_bounds[1::2], strict=True
+    ):
         assert lines[0] == pytest.approx(low)
         assert lines[-1] == pytest.approx(high)
         assert (np.diff(lines) > 0).all()
@@ -34,7 +36,9 @@ def test_cells_fill_the_surface_that_carries_load(gaps):
 
 def test_another_pad_is_read_from_a_file(tmp_path):
     path = tmp_path / "pad.toml"
-    path.write_text("rows = 3\ncolumns = 5\nno_seam = true\npitch_x = 4.0\nelement_x = 3.5\nunread_columns = 0\n")
+    path.write_text(
+        "rows = 3\ncolumns = 5\nno_seam = true\npitch_x = 4.0\nelement_x = 3.5\nunread_columns = 0\n"
+    )
     pad = Pad.load(path)
     assert pad.taxel_xy.shape == (15, 2)
     assert pad.taxel_xy[1] - pad.taxel_xy[0] == pytest.approx([4, 0])
