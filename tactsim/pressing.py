@@ -40,7 +40,7 @@ def press_letter(
     options = options or ScanOptions()
     pose = np.asarray(sensor_in_object, dtype=float)
     if pose.shape != (3,) or not np.isfinite(pose).all():
-        raise InputError(f"a pose is three finite numbers [x mm, y mm, theta rad], got {sensor_in_object}")
+        raise InputError(f"a pose is three finite numbers [x mm, y mm, theta rad], got {sensor_in_object!r}")
     sensor = options.sensor
     if rng is None:
         sensor = sensor.model_copy(update={"noise": 0.0, "gain_spread": 0.0, "random_taxels": 0.0})

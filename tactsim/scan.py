@@ -93,8 +93,10 @@ class Scan:
                 f"two scans of different pads cannot be one: {len(self.taxel_xy)} and "
                 f"{len(other.taxel_xy)} taxels, or the same number at other places"
             )
-        both = [np.concatenate([getattr(self, name), getattr(other, name)]) for name in _ARRAYS[:4]]
-        return Scan(*both, self.taxel_xy, meta)
+        readings, poses, labels, split = (
+            np.concatenate([getattr(self, name), getattr(other, name)]) for name in _ARRAYS[:4]
+        )
+        return Scan(readings, poses, labels, split, self.taxel_xy, meta)
 
     def _chosen(self, chosen: NDArray[np.bool_]) -> Scan:
         return Scan(
