@@ -65,6 +65,10 @@ class Estimator(ABC):
     def estimate(self) -> Estimate:
         """Say which letter it is and where, after the readings so far."""
 
+    def describe(self) -> str:
+        """Say in one line how the estimator is set up, beyond its name."""
+        return ", ".join(f"{name} {value}" for name, value in self.options if value is not None)
+
     def propose(self, candidates: Sequence[FloatArray] | FloatArray) -> int:
         """Choose the index of the sensor_in_robot pose (n, 3) to try next, if the estimator can."""
         raise InputError(f"estimator {type(self).__name__} proposes no readings; explore at random")

@@ -7,6 +7,8 @@ import zipfile
 import zlib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
+from hashlib import sha256
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -68,6 +70,16 @@ class Scan:
         """List the labels in the order of their first appearance."""
         return tuple(dict.fromkeys(self.labels.tolist()))
 
+    @cached_property
+    def digest(self) -> str:
+        """Name the scan by its content: equal scans have equal digests (SHA-256, hex)."""
+        content = sha256(json.dumps(self.meta, sort_keys=True).encode())
+        for name in _ARRAYS:
+            array = np.ascontiguousarray(getattr(self, name))
+            content.update(f"{name} {array.dtype.str} {array.shape}".encode())
+            content.update(array.tobytes())
+        return content.hexdigest()
+
     def where(self, split: str | None = None, label: str | None = None) -> Scan:
         """Select the readings of one split and/or one label, in their order."""
         chosen = np.ones(len(self), dtype=bool)
@@ -93,9 +105,8 @@ class Scan:
                 f"two scans of different pads cannot be one: {len(self.taxel_xy)} and "
                 f"{len(other.taxel_xy)} taxels, or the same number at other places"
             )
-        readings, poses, labels, split = (
-            np.concatenate([getattr(self, name), getattr(other, name)]) for name in _ARRAYS[:4]
-        )
+        both = [np.concatenate([getattr(self, name), getattr(other, name)]) for name in _ARRAYS[:4]]
+        readings, poses, labels, split = both
         return Scan(readings, poses, labels, split, self.taxel_xy, meta)
 
     def _chosen(self, chosen: NDArray[np.bool_]) -> Scan:

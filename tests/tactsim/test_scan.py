@@ -42,6 +42,18 @@ def test_the_same_scan_gives_the_same_bytes(scan, tmp_path):
     assert (tmp_path / "a.npz").read_bytes() == (tmp_path / "b.npz").read_bytes()
 
 
+def test_the_digest_names_the_content(scan, tmp_path):
+    scan.save(tmp_path / "scan.npz")
+    assert Scan.load(tmp_path / "scan.npz").digest == scan.digest
+    fields = {
+        name: getattr(scan, name) for name in ("readings", "poses", "labels", "split", "taxel_xy", "meta")
+    }
+    assert Scan(**fields).digest == scan.digest
+    assert Scan(**(fields | {"readings": scan.readings + 1e-12})).digest != scan.digest
+    assert Scan(**(fields | {"labels": scan.labels[::-1].copy()})).digest != scan.digest
+    assert Scan(**(fields | {"meta": {}})).digest != scan.digest
+
+
 def test_selection_by_split_and_label_keeps_the_order(scan):
     chosen = scan.where(split="train", label="A")
     assert np.array_equal(chosen.readings, scan.readings[[0, 4]])

@@ -1,0 +1,50 @@
+"""The command `bench`: its verbs, and how a mistake, an interrupt or a closed pipe ends it."""
+
+from __future__ import annotations
+
+import sys
+from typing import NoReturn
+
+import typer
+from typer.exceptions import Abort, TyperException
+
+from bench.cli import compare, run, scan, sweep
+from bench.cli import list as list_verb
+from models.errors import InputError
+
+INTERRUPTED = 130
+
+app = typer.Typer(
+    name="bench",
+    help="Compare ways to recognise an object by touch: press, map, recognise, score.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+for name, verb in {"run": run, "scan": scan, "sweep": sweep, "compare": compare, "list": list_verb}.items():
+    app.command(name=name)(verb.command)
+
+
+def run_app() -> NoReturn:
+    """Run the command line; a user's mistake is one line on standard error and exit status 2."""
+    try:
+        status = app(standalone_mode=False, prog_name="bench")
+    except InputError as error:
+        fail(str(error))
+    except TyperException as error:
+        fail(error.format_message())
+    except (KeyboardInterrupt, Abort):
+        status = INTERRUPTED
+    except BrokenPipeError:  # `bench list | head`: nobody reads on
+        sys.stderr.close()
+        sys.exit(1)
+    if status == INTERRUPTED:
+        print("bench: interrupted; nothing half-written was kept", file=sys.stderr)
+    sys.exit(status if isinstance(status, int) else 0)
+
+
+def fail(message: str) -> NoReturn:
+    """Say what the user should mend, in one line, and exit with status 2."""
+    print(f"bench: {' '.join(message.split())}", file=sys.stderr)
+    sys.exit(2)

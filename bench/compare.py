@@ -1,0 +1,103 @@
+"""Compare two runs on the same trials: who is right more often, who is more exact, beyond chance."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from bench.results import Run
+from bench.score import errors
+from tactsim import InputError
+from tactsim.poses import FloatArray
+
+DRAWS = 4000  # bootstrap resamples of the trials
+LEVEL = 0.975  # of each of the two gated intervals, so that both hold together at 95 %
+
+
+@dataclass(frozen=True)
+class Difference:
+    """One compared figure: both values, new minus base with its interval, and what that means.
+
+    verdict: "worse", "better" or "same" (the interval holds 0) for a gated figure, "" for one that is
+    only reported. p: exact McNemar test, where there is one.
+    """
+
+    name: str
+    base: float | None
+    new: float | None
+    low: float | None = None
+    high: float | None = None
+    p: float | None = None
+    verdict: str = ""
+
+
+def compare(base: Run, new: Run) -> list[Difference]:
+    """Compare two runs of one protocol trial by trial.
+
+    Gated, with paired bootstrap intervals at 97.5 % each: the share of readings after which the letter
+    is right, over all trials, and the placement error after the last reading where both letters are
+    right. Reported: accuracy with McNemar's exact test at some readings, readings to settle, time.
+
+    Raises InputError if the runs do not have the same trials.
+    """
+    _check_same_trials(base, new)
+    rng = np.random.default_rng(0)
+    base_right, new_right = base.trials.right, new.trials.right
+    readings = base_right.shape[1]
+    right = _paired("share of readings right", base_right.mean(axis=1), new_right.mean(axis=1), rng, +1)
+    rows = [right]
+    both = base_right[:, -1] & new_right[:, -1]
+    if both.any():
+        base_error, new_error = (errors(run.trials, run.objects)[both, -1] for run in (base, new))
+        rows.append(_paired(f"error mm @{readings}", base_error, new_error, rng, -1))
+    for reading in sorted({k for k in (1, 3, 5, 10, 20, readings) if k <= readings}):
+        pair = base_right[:, reading - 1], new_right[:, reading - 1]
+        rows.append(
+            Difference(f"accuracy @{reading}", float(pair[0].mean()), float(pair[1].mean()), p=mcnemar(*pair))
+        )
+    for name in ("all_right_from", "settled_95"):
+        rows.append(Difference(name.replace("_", " "), base.summary[name], new.summary[name]))
+    before, after = (1e3 * float((run.trials.update_s + run.trials.estimate_s).mean()) for run in (base, new))
+    rows.append(Difference("ms a reading", before, after))
+    return rows
+
+
+def mcnemar(base: np.ndarray, new: np.ndarray) -> float:
+    """Compute McNemar's exact two-sided p of two paired boolean arrays (n,)."""
+    from scipy.stats import binomtest
+
+    lost, won = int((base & ~new).sum()), int((~base & new).sum())
+    return float(binomtest(won, lost + won).pvalue) if lost + won else 1.0
+
+
+def paired_interval(difference: FloatArray, rng: np.random.Generator, level: float) -> tuple[float, float]:
+    """Bound the mean of paired differences (n,) by the percentile bootstrap over pairs."""
+    n = len(difference)
+    counts = rng.multinomial(n, np.full(n, 1 / n), size=DRAWS)
+    low, high = np.quantile(counts @ difference / n, [(1 - level) / 2, (1 + level) / 2])
+    return float(low), float(high)
+
+
+def _paired(name: str, base: FloatArray, new: FloatArray, rng: np.random.Generator, good: int) -> Difference:
+    low, high = paired_interval(new - base, rng, LEVEL)
+    worse, better = (high < 0, low > 0) if good > 0 else (low > 0, high < 0)
+    verdict = "worse" if worse else "better" if better else "same"
+    return Difference(name, float(base.mean()), float(new.mean()), low, high, verdict=verdict)
+
+
+def _check_same_trials(base: Run, new: Run) -> None:
+    if base.about["protocol"] != new.about["protocol"]:
+        raise InputError(
+            f"the runs follow different protocols ({base.about['protocol']}; {new.about['protocol']}) "
+            "and cannot be compared"
+        )
+    pairs = [
+        (getattr(base.trials, name), getattr(new.trials, name)) for name in ("truth", "trial", "true_pose")
+    ]
+    if any(a.shape != b.shape or not np.array_equal(a, b) for a, b in pairs):
+        raise InputError(
+            "the runs do not have the same trials; give both the same --seed, --letters and --trials"
+        )
+    if base.trials.reading.shape != new.trials.reading.shape:
+        raise InputError("the runs saw different numbers of readings; give both the same --readings")

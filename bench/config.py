@@ -1,0 +1,172 @@
+"""What a run is asked to do: one checked, frozen object that is saved beside its results."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any, Literal, TypeVar
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from models import parse_letters
+from models.errors import unknown
+from tactsim import WORLDS, InputError, ScanOptions
+
+Model = TypeVar("Model", bound=BaseModel)
+
+# `--noise off`: the pad as an exact instrument, for comparing readings with closed forms.
+EXACT = {
+    "placement_mm": 0.0,
+    "placement_rad": 0.0,
+    "sensor": {"noise": 0.0, "resolution": 0.0, "saturation": None},
+}
+
+
+class RunConfig(BaseModel):
+    """One run of the paper's protocol: an estimator, its readings and how it is tried.
+
+    The readings are pressed as `scan` says, or, with `scan_file`, read from there; with `train_file`
+    the training readings come from that file instead (train on simulated, test on recorded).
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    estimator: str = "histogram"
+    options: dict[str, Any] = Field(default_factory=dict, description="the estimator's options")
+    letters: tuple[str, ...] | None = Field(None, description="which take part; None: all there are")
+    trials: int = Field(10, ge=1, le=1_000_000, description="trials for each letter")
+    readings: int = Field(60, ge=1, description="readings a trial, without replacement")
+    explore: Literal["random", "information"] = "random"
+    seed: int = Field(0, ge=0, lt=2**63)
+    scan: ScanOptions = Field(default_factory=ScanOptions)
+    scan_file: Path | None = None
+    train_file: Path | None = None
+
+
+def run_config(
+    *,
+    estimator: str = "histogram",
+    bins: int | None = None,
+    particles: int | None = None,
+    set: Mapping[str, Any] | None = None,
+    letters: str | None = None,
+    shapes: Iterable[str | Path] = (),
+    trials: int = 10,
+    readings: int = 60,
+    test_poses: str = "same",
+    explore: str = "random",
+    world: str = "default",
+    noise: str | float | None = None,
+    scan_set: Mapping[str, Any] | None = None,
+    seed: int = 0,
+    scan: str | Path | None = None,
+    train_scan: str | Path | None = None,
+) -> RunConfig:
+    """Build a run's configuration from the words of the command line, which sweep files use too.
+
+    Raises InputError with one line that names the first wrong value.
+    """
+    options = dict(set or {})
+    options |= {name: n for name, n in (("bins", bins), ("particles", particles)) if n is not None}
+    pressed = scan_options(
+        letters=letters if scan is None else None, shapes=shapes, world=world, noise=noise,
+        test_poses=test_poses, seed=seed, scan_set=scan_set,
+    )  # fmt: skip
+    values = {
+        "estimator": estimator, "options": options, "trials": trials, "readings": readings,
+        "explore": explore, "seed": seed, "scan": pressed,
+        "letters": parse_letters(letters) if letters and scan is not None else None,
+        "scan_file": scan, "train_file": train_scan,
+    }  # fmt: skip
+    return checked(RunConfig, values, "run")
+
+
+def scan_options(
+    *,
+    letters: str | None = None,
+    shapes: Iterable[str | Path] = (),
+    world: str = "default",
+    noise: str | float | None = None,
+    test_poses: str = "same",
+    seed: int = 0,
+    scan_set: Mapping[str, Any] | None = None,
+) -> ScanOptions:
+    """Build the scan's options: a world, changed by `noise`, changed by `scan_set`.
+
+    noise: "off" for an exact pad, or the standard deviation in kPa. Raises InputError.
+    """
+    if world not in WORLDS:
+        raise unknown("world", world, WORLDS)
+    values = WORLDS[world]
+    if noise == "off":
+        values = merged(values, EXACT)
+    elif noise is not None:
+        values = merged(values, {"sensor": {"noise": noise}})
+    values = merged(values, {"test_poses": test_poses, "seed": seed})
+    own = tuple(map(str, shapes))
+    if own:
+        values = merged(values, {"shapes": own})
+    if letters is not None:
+        values = merged(values, {"letters": parse_letters(letters)})
+    return checked(ScanOptions, merged(values, scan_set or {}), "scan")
+
+
+def merged(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
+    """Lay nested changes over nested values; neither argument is touched."""
+    result = dict(base)
+    for key, value in changes.items():
+        inner = result.get(key)
+        result[key] = (
+            merged(inner, value) if isinstance(inner, Mapping) and isinstance(value, Mapping) else value
+        )
+    return result
+
+
+def checked(model: type[Model], values: Mapping[str, Any], what: str) -> Model:
+    """Build a configuration from values that a user typed or a file held.
+
+    Raises InputError with one line that names the first wrong value.
+    """
+    try:
+        return model.model_validate(values)
+    except ValidationError as error:
+        fault = error.errors()[0]
+        place = ".".join(str(part) for part in fault["loc"])
+        if fault["type"] == "extra_forbidden":
+            raise unknown(f"{what} option", place, _names(model)) from None
+        raise InputError(f"{what}: {place or 'options'}: {fault['msg']}, got {fault['input']!r}") from None
+
+
+def key_values(pairs: Iterable[str], option: str) -> dict[str, Any]:
+    """Parse `key=value` words; dots nest: `press.force=3` gives {"press": {"force": "3"}}.
+
+    Values stay text, for the configuration's own types to read; `none` stands for None.
+    Raises InputError if a word has no `=`, or one name is both a value and a group.
+    """
+    result: dict[str, Any] = {}
+    for pair in pairs:
+        key, equals, value = pair.partition("=")
+        if not (equals and key.strip()):
+            raise InputError(f"{option} {pair!r}: write it as key=value")
+        *groups, last = key.strip().split(".")
+        inner = result
+        for group in groups:
+            inner = inner.setdefault(group, {})
+            if not isinstance(inner, dict):
+                raise InputError(f"{option} {pair!r}: {group!r} has a value already")
+        if isinstance(inner.get(last), dict):
+            raise InputError(f"{option} {pair!r}: {last!r} is a group of options")
+        inner[last] = None if value.strip().lower() == "none" else value.strip()
+    return result
+
+
+def _names(model: type[BaseModel], prefix: str = "") -> list[str]:
+    """List a configuration's options, nested ones by dotted names."""
+    names = []
+    for name, field in model.model_fields.items():
+        inner = field.annotation
+        if isinstance(inner, type) and issubclass(inner, BaseModel):
+            names += _names(inner, f"{prefix}{name}.")
+        else:
+            names.append(prefix + name)
+    return names

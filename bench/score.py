@@ -1,0 +1,243 @@
+"""Metrics: a table of named functions from the raw trials to numbers.
+
+They need only `Trials` and the objects' properties, both of which a run's folder keeps, so a metric
+added later applies to every old run.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from bench.trials import Trials
+from tactsim import InputError, Scan, invert, transform, wrap_angle
+from tactsim.poses import FloatArray
+
+Z_95 = 1.959963984540054  # standard normal quantile of a two-sided 95 % interval
+
+
+@dataclass(frozen=True)
+class Properties:
+    """What the error metric needs of an object.
+
+    symmetry: order of the rotational symmetry, 0 for a disc. centre: [x, y] mm, centre of mass in
+    the object frame. inertia_over_mass: mm^2, polar second moment of mass about the centre / mass.
+    """
+
+    symmetry: int
+    centre: tuple[float, float]
+    inertia_over_mass: float
+
+
+def properties(scan: Scan) -> dict[str, Properties]:
+    """Take the objects' properties from the scan, or estimate them from its training readings.
+
+    Where the scan does not name them, the pressures of the training readings, put where they were
+    felt, stand for the mass (the paper estimates them from its maps), and no symmetry is assumed.
+    """
+    known = scan.meta.get("objects", {})
+    return {
+        label: _stated(label, known[label])
+        if label in known
+        else _felt(scan.where("train", label), scan.where(label=label))
+        for label in scan.letters
+    }
+
+
+def _stated(label: str, values: Any) -> Properties:
+    try:
+        x, y = values.get("centre", (0.0, 0.0))
+        stated = Properties(int(values["symmetry"]), (float(x), float(y)), float(values["inertia_over_mass"]))
+    except (AttributeError, KeyError, TypeError, ValueError) as error:
+        raise InputError(f"scan: meta.objects.{label} lacks or garbles {error}") from error
+    if stated.symmetry < 0 or not stated.inertia_over_mass > 0 or not np.isfinite(stated.centre).all():
+        raise InputError(f"scan: meta.objects.{label} is out of bounds: {stated}")
+    return stated
+
+
+def _felt(train: Scan, all_readings: Scan) -> Properties:
+    felt = train if len(train) else all_readings
+    points = transform(felt.poses, felt.taxel_xy).reshape(-1, 2)
+    weights = np.clip(felt.readings, 0, None).reshape(-1)
+    if weights.sum() <= 0:
+        return Properties(symmetry=1, centre=(0.0, 0.0), inertia_over_mass=1.0)
+    weights = weights / weights.sum()
+    centre = weights @ points
+    inertia = float(weights @ ((points - centre) ** 2).sum(axis=1))
+    return Properties(1, (float(centre[0]), float(centre[1])), max(inertia, 1e-6))
+
+
+def placement_error(estimated: ArrayLike, true: ArrayLike, of: Properties) -> FloatArray:
+    """Measure how far the object was placed from where it is, in mm.
+
+    estimated, true: (..., 3) robot_in_object. The object's placement is the inverse, T_O^R.
+    d^2 = |displacement of the centre of mass|^2 + (I/m) 2 (1 - cos dtheta): the rms displacement of
+    the object's points (the paper's ref. [24], Eqn. 4, in mm); dtheta is folded by the object's
+    rotational symmetry (eq. 17-20, with the wrap that the printed mod lacks).
+    """
+    estimated, true = invert(estimated), invert(true)
+    centre = np.array([of.centre])
+    shift = transform(estimated, centre)[..., 0, :] - transform(true, centre)[..., 0, :]
+    turn = fold_angle(estimated[..., 2] - true[..., 2], of.symmetry)
+    squared = (shift**2).sum(axis=-1) + of.inertia_over_mass * 2 * (1 - np.cos(turn))
+    return np.sqrt(squared)
+
+
+def fold_angle(angle: ArrayLike, symmetry: int) -> FloatArray:
+    """Return the smallest turn (rad, signed) that looks the same, for a symmetry order (0: a disc)."""
+    if symmetry == 0:
+        return np.zeros_like(np.asarray(angle, dtype=float))
+    return wrap_angle(np.asarray(angle, dtype=float) * symmetry) / symmetry
+
+
+def errors(trials: Trials, objects: Mapping[str, Properties]) -> FloatArray:
+    """Compute the placement error (n, r) in mm of every estimate, with the true letter's properties."""
+    result = np.empty(trials.label.shape)
+    for letter in np.unique(trials.truth):
+        chosen = trials.truth == letter
+        result[chosen] = placement_error(
+            trials.pose[chosen], trials.true_pose[chosen, None], objects[str(letter)]
+        )
+    return result
+
+
+def wilson(successes: ArrayLike, count: int) -> tuple[FloatArray, FloatArray]:
+    """Bound a proportion with Wilson's 95 % score interval (Wilson 1927)."""
+    p = np.asarray(successes, dtype=float) / count
+    middle = (p + Z_95**2 / (2 * count)) / (1 + Z_95**2 / count)
+    half = Z_95 / (1 + Z_95**2 / count) * np.sqrt(p * (1 - p) / count + Z_95**2 / (4 * count**2))
+    return np.clip(middle - half, 0, 1), np.clip(middle + half, 0, 1)
+
+
+def settled_at(right: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """Find for (n, r) the reading, 1..r, from which each trial is and stays right; r + 1 if never."""
+    stays = np.logical_and.accumulate(right[:, ::-1], axis=1)
+    return right.shape[1] + 1 - stays.sum(axis=1)
+
+
+def settled_by(right: NDArray[np.bool_], share: float) -> int | None:
+    """Find the first reading by which `share` of the trials have settled on the right letter."""
+    at = np.sort(settled_at(right))
+    reading = int(at[int(np.ceil(share * len(at) - 1e-9)) - 1])
+    return reading if reading <= right.shape[1] else None
+
+
+Curve = FloatArray | list[float | None]
+
+
+def accuracy(trials: Trials, objects: Mapping[str, Properties]) -> Curve:
+    """Share of the trials whose letter is right, after each reading."""
+    return trials.right.mean(axis=0)
+
+
+def accuracy_low(trials: Trials, objects: Mapping[str, Properties]) -> Curve:
+    """Lower end of the accuracy's 95 % Wilson interval."""
+    return wilson(trials.right.sum(axis=0), len(trials.truth))[0]
+
+
+def accuracy_high(trials: Trials, objects: Mapping[str, Properties]) -> Curve:
+    """Upper end of the accuracy's 95 % Wilson interval."""
+    return wilson(trials.right.sum(axis=0), len(trials.truth))[1]
+
+
+def error_mm(trials: Trials, objects: Mapping[str, Properties]) -> Curve:
+    """Mean placement error of the trials whose letter is right (as the paper averages it)."""
+    return _mean(errors(trials, objects), trials.right)
+
+
+def error_all_mm(trials: Trials, objects: Mapping[str, Properties]) -> Curve:
+    """Mean placement error over all trials, the wrong letters included."""
+    return errors(trials, objects).mean(axis=0)
+
+
+def error_standard_error_mm(trials: Trials, objects: Mapping[str, Properties]) -> Curve:
+    """Give the standard error of `error_mm`."""
+    values, right = errors(trials, objects), trials.right
+    count = right.sum(axis=0)
+    squares = np.asarray(_mean(values**2, right), dtype=float)
+    means = np.asarray(_mean(values, right), dtype=float)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return _nones(np.sqrt(np.clip(squares - means**2, 0, None) / (count - 1)))
+
+
+def negative_log_likelihood(trials: Trials, objects: Mapping[str, Properties]) -> Curve:
+    """Mean of -log p(true letter), in nats; p is floored at the smallest normal float."""
+    return -np.log(np.clip(trials.p_truth, np.finfo(float).tiny, None)).mean(axis=0)
+
+
+def calibration_gap(trials: Trials, objects: Mapping[str, Properties]) -> Curve:
+    """Mean stated probability of the estimate minus its accuracy: above 0 is overconfident."""
+    return trials.p_label.mean(axis=0) - trials.right.mean(axis=0)
+
+
+def evaluations(trials: Trials, objects: Mapping[str, Properties]) -> Curve:
+    """Mean number of likelihood evaluations of the update at each reading."""
+    return trials.evaluations.mean(axis=0)
+
+
+def all_right_from(trials: Trials, objects: Mapping[str, Properties]) -> int | None:
+    """Find the reading from which every trial is and stays right."""
+    return settled_by(trials.right, 1.0)
+
+
+def settled_95(trials: Trials, objects: Mapping[str, Properties]) -> int | None:
+    """Find the reading by which 95 % of the trials are and stay right."""
+    return settled_by(trials.right, 0.95)
+
+
+def settled_50(trials: Trials, objects: Mapping[str, Properties]) -> int | None:
+    """Find the reading by which half of the trials are and stay right."""
+    return settled_by(trials.right, 0.5)
+
+
+def confusion(trials: Trials, objects: Mapping[str, Properties]) -> dict[str, dict[str, int]]:
+    """Count the estimates after the last reading: {true letter: {estimated letter: trials}}."""
+    last = trials.label[:, -1]
+    return {
+        str(truth): {
+            str(label): int(count)
+            for label, count in zip(*np.unique(last[trials.truth == truth], return_counts=True), strict=True)
+        }
+        for truth in dict.fromkeys(trials.truth.tolist())
+    }
+
+
+Metric = Callable[[Trials, Mapping[str, Properties]], Any]
+
+# Over the reading count, then one number or table a run; the first line of each docstring says what.
+CURVES: dict[str, Metric] = {
+    metric.__name__: metric
+    for metric in (
+        accuracy, accuracy_low, accuracy_high, error_mm, error_standard_error_mm, error_all_mm,
+        negative_log_likelihood, calibration_gap, evaluations,
+    )
+}  # fmt: skip
+HEADLINES: dict[str, Metric] = {
+    metric.__name__: metric for metric in (all_right_from, settled_95, settled_50, confusion)
+}
+
+
+def summarise(trials: Trials, objects: Mapping[str, Properties]) -> dict[str, Any]:
+    """Compute every metric: lists over the reading count 1..r (None where undefined) and headlines."""
+    summary: dict[str, Any] = {name: metric(trials, objects) for name, metric in (CURVES | HEADLINES).items()}
+    return {
+        name: value.tolist() if isinstance(value, np.ndarray) else value for name, value in summary.items()
+    }
+
+
+def _mean(values: FloatArray, chosen: NDArray[np.bool_]) -> Curve:
+    """Average the chosen entries of each column; None where there is none."""
+    count = chosen.sum(axis=0)
+    with np.errstate(invalid="ignore"):
+        return _nones(np.where(chosen, values, 0).sum(axis=0) / np.where(count, count, np.nan))
+
+
+def _nones(values: FloatArray) -> Curve:
+    """Write None for what is not a number, so that JSON can say it."""
+    if np.isfinite(values).all():
+        return values
+    return [float(value) if np.isfinite(value) else None for value in values]

@@ -1,0 +1,159 @@
+"""What a person sees on the terminal: bars while it works, then a table and where the files are."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    TaskID,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
+from rich.table import Table
+
+from bench import trials as protocol
+from bench.results import Run, load
+
+STAGES = {"press": "pressing", "map": "mapping", "trials": "trials", "sweep": "trials"}
+ROWS = (1, 2, 3, 5, 7, 9, 10, 12, 15, 20, 25, 30, 40, 46, 50, 60, 80, 100, 150, 192)
+
+
+@contextmanager
+def progress_bars() -> Iterator[protocol.Progress]:
+    """Show a bar with the time left for every stage that is reported, on standard error."""
+    console = Console(stderr=True)
+    bars: dict[str, TaskID] = {}
+    columns = (
+        TextColumn("{task.description:10}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(),
+        TextColumn("left"), TimeRemainingColumn(),
+    )  # fmt: skip
+    with Progress(*columns, console=console) as display:
+
+        def report(stage: str, done: int, total: int) -> None:
+            if stage not in bars:
+                bars[stage] = display.add_task(STAGES.get(stage, stage), total=total)
+            display.update(bars[stage], completed=done, total=total)
+
+        yield report
+
+
+def print_run(run: Run, folder: Path, pictures: list[Path]) -> None:
+    """Print the table over the reading count, the headline figures, the times and the places."""
+    console = Console(soft_wrap=False)
+    config, about, summary = run.config, run.about, run.summary
+    console.print(
+        f"[bold]{config['estimator']}[/] {about['description']}\n"
+        f"{' '.join(about['letters'])}: {config['trials']} trials each, {about['protocol']}, seed {config['seed']}"
+    )
+    console.print(_table(summary, run.trials.label.shape[1]))
+    for line in headlines(run):
+        console.print(line, highlight=False)
+    console.print(f"results  {folder}", highlight=False)
+    for picture in pictures:
+        console.print(f"picture  {picture}", highlight=False)
+
+
+def print_sweep(places: list[Path]) -> None:
+    """Print one line a run, a table for each protocol: results of two protocols share no table."""
+    console = Console()
+    runs = [(place, load(place)) for place in places]
+    for protocol_name in dict.fromkeys(run.about["protocol"] for _, run in runs):
+        table = Table(title=protocol_name, box=None, pad_edge=False, title_justify="left")
+        table.add_column("run", overflow="fold")
+        for heading in (
+            "letters",
+            "trials",
+            "right @5",
+            "@10",
+            "@end",
+            "all right from",
+            "95 % by",
+            "error mm",
+            "ms",
+        ):
+            table.add_column(heading, justify="right")
+        for place, run in runs:
+            if run.about["protocol"] != protocol_name:
+                continue
+            summary = run.summary
+            accuracy, error = summary["accuracy"], summary["error_mm"][-1]
+            seconds = run.times["seconds"]
+            table.add_row(
+                place.name,
+                str(len(run.about["letters"])),
+                str(len(run.trials.truth)),
+                *(f"{accuracy[k - 1]:.3f}" if k <= len(accuracy) else "" for k in (5, 10)),
+                f"{accuracy[-1]:.3f}",
+                str(summary["all_right_from"] or "-"),
+                str(summary["settled_95"] or "-"),
+                "-" if error is None else f"{error:.2f}",
+                f"{1e3 * (seconds['update_per_reading'] + seconds['estimate_per_reading']):.3f}",
+            )
+        console.print(table)
+
+
+def headlines(run: Run) -> list[str]:
+    """Say in a few lines when the letters were right, how exact, how fast and with how much work."""
+    summary, seconds, work = run.summary, run.times["seconds"], run.work
+    readings, trials = run.trials.label.shape[1], len(run.trials.truth)
+    lines = [
+        f"every trial right from reading {_or_never(summary['all_right_from'], readings)}; 95 % settled by "
+        f"{_or_never(summary['settled_95'], readings)}, half by {_or_never(summary['settled_50'], readings)} "
+        f"({trials} trials)"
+    ]
+    if summary["error_mm"][-1] is not None:
+        lines.append(
+            f"error at reading {readings}: {summary['error_mm'][-1]:.2f} mm where the letter is right, "
+            f"{summary['error_all_mm'][-1]:.2f} mm over all trials"
+        )
+    if run.about["classifier_agreement"] is not None:
+        lines.append(
+            f"eq. 3 is right for {100 * run.about['classifier_agreement']:.1f} % of the decided elements"
+        )
+    lines.append(
+        "time  "
+        + ", ".join(
+            f"{stage} {seconds[stage]:.2f} s"
+            for stage in ("scan", "fit", "trials", "total")
+            if stage in seconds
+        )
+        + f"; update {1e3 * seconds['update_per_reading']:.3f} ms, "
+        f"estimate {1e3 * seconds['estimate_per_reading']:.3f} ms a reading"
+    )
+    done = ", ".join(
+        f"{name.replace('_', ' ')} {count:,}" for name, count in work.items() if name != "skipped"
+    )
+    skipped = ", ".join(
+        f"{name.replace('_', ' ')} {count:,}" for name, count in work["skipped"].items() if count
+    )
+    lines.append(f"work  {done}" + (f"; skipped: {skipped}" if skipped else ""))
+    return lines
+
+
+def _table(summary: dict[str, Any], readings: int) -> Table:
+    table = Table(box=None, pad_edge=False)
+    for heading in ("readings", "accuracy", "95 % interval", "error mm", "all trials mm"):
+        table.add_column(heading, justify="right")
+    for reading in sorted({row for row in (*ROWS, readings) if row <= readings}):
+        k = reading - 1
+        error = summary["error_mm"][k]
+        table.add_row(
+            str(reading),
+            f"{summary['accuracy'][k]:.3f}",
+            f"{summary['accuracy_low'][k]:.3f} - {summary['accuracy_high'][k]:.3f}",
+            "-" if error is None else f"{error:.2f}",
+            f"{summary['error_all_mm'][k]:.2f}",
+        )
+    return table
+
+
+def _or_never(reading: int | None, readings: int) -> str:
+    return str(reading) if reading is not None else f"later than {readings}"

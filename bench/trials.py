@@ -1,0 +1,261 @@
+"""The paper's protocol (section IV): hide an object at a random pose, feed readings, note every estimate."""
+
+from __future__ import annotations
+
+import json
+import zlib
+from collections import Counter, OrderedDict
+from collections.abc import Callable, Iterable, Mapping
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import dataclass, fields
+from multiprocessing import get_context
+from time import perf_counter
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimators import Estimator, create
+from tactsim import InputError, Scan, compose, invert
+from tactsim.poses import FloatArray
+
+TRANSLATION_MM = 10.0  # T_R^O is uniform in [-10, 10] mm and on the circle (section IV)
+
+Explore = Literal["random", "information"]
+Progress = Callable[[str, int, int], None]
+
+
+@dataclass(frozen=True)
+class Task:
+    """One trial to be done: which letter, and its number among that letter's trials."""
+
+    truth: str
+    trial: int
+
+
+@dataclass(frozen=True, eq=False)
+class Trials:
+    """What was estimated after every reading of n trials of r readings: the raw result of a run.
+
+    truth: (n,) letters. trial: (n,) number within the letter. true_pose: (n, 3) robot_in_object.
+    reading: (n, r) which of the letter's test readings was taken. label: (n, r) the estimate (eq. 9,
+    14). p_truth, p_label: (n, r) probabilities given to the true and to the estimated letter. pose:
+    (n, r, 3) estimated robot_in_object. evaluations: (n, r) likelihood evaluations of that update.
+    update_s, estimate_s, propose_s: (n, r) seconds.
+    """
+
+    truth: NDArray[np.str_]
+    trial: NDArray[np.int64]
+    true_pose: FloatArray
+    reading: NDArray[np.int64]
+    label: NDArray[np.str_]
+    p_truth: FloatArray
+    p_label: FloatArray
+    pose: FloatArray
+    evaluations: NDArray[np.int64]
+    update_s: FloatArray
+    estimate_s: FloatArray
+    propose_s: FloatArray
+
+    @property
+    def right(self) -> NDArray[np.bool_]:
+        """Tell for (n, r) whether the estimated letter is the true one."""
+        return self.label == self.truth[:, None]
+
+    @classmethod
+    def joined(cls, parts: Iterable[Trials]) -> Trials:
+        """Put trials together in the order given."""
+        parts = list(parts)
+        return cls(
+            **{
+                field.name: np.concatenate([getattr(part, field.name) for part in parts])
+                for field in fields(cls)
+            }
+        )
+
+
+def draw_true_pose(rng: np.random.Generator) -> FloatArray:
+    """Draw robot_in_object: x, y uniform in [-10, 10] mm, theta uniform on the circle."""
+    x, y = rng.uniform(-TRANSLATION_MM, TRANSLATION_MM, size=2)
+    return np.array([x, y, rng.uniform(-np.pi, np.pi)])
+
+
+def generator(seed: int, task: Task, stream: int) -> np.random.Generator:
+    """Make the generator of one trial; stream 0 draws pose and order, stream 1 is the estimator's.
+
+    It depends on nothing but its arguments, so any order, any number of processes and any
+    estimator meet the same trials.
+    """
+    return np.random.default_rng([seed, zlib.crc32(task.truth.encode()), task.trial, stream])
+
+
+def check_readings(scan: Scan, letters: Iterable[str], readings: int) -> None:
+    """Raise InputError unless every letter has training readings and `readings` test readings."""
+    for letter in letters:
+        for split in ("train", "test"):
+            if not len(scan.where(split, letter)):
+                raise InputError(f"the scan has no {split} readings of letter {letter!r}")
+        count = len(scan.where("test", letter))
+        if readings > count:
+            raise InputError(
+                f"--readings {readings}: letter {letter!r} has {count} test readings, drawn without "
+                f"replacement; ask for at most {count}"
+            )
+
+
+def run_trial(
+    estimator: Estimator, test: Scan, task: Task, *, readings: int, seed: int, explore: Explore = "random"
+) -> Trials:
+    """Recognise one hidden object: present `readings` of its test readings, estimate after each.
+
+    `test` holds the letter's test readings only. Readings come in random order without replacement,
+    or, with explore="information", as the estimator proposes.
+    """
+    rng = generator(seed, task, 0)
+    true_pose = draw_true_pose(rng)
+    order = rng.permutation(len(test))[:readings]
+    sensor_in_robot = compose(invert(true_pose), test.poses)
+    estimator.reset(generator(seed, task, 1))
+
+    left = np.arange(len(test))
+    label = []
+    taken = np.empty(readings, dtype=np.int64)
+    numbers = {name: np.empty(readings) for name in ("p_truth", "p_label", "update_s", "estimate_s")}
+    propose_s = np.zeros(readings)
+    evaluations = np.empty(readings, dtype=np.int64)
+    pose = np.empty((readings, 3))
+    before = int(estimator.work["likelihood_evaluations"])
+    for k in range(readings):
+        if explore == "information":
+            start = perf_counter()
+            chosen = estimator.propose(sensor_in_robot[left])
+            propose_s[k] = perf_counter() - start
+            taken[k], left = left[chosen], np.delete(left, chosen)
+        else:
+            taken[k] = order[k]
+        start = perf_counter()
+        estimator.update(test.readings[taken[k]], sensor_in_robot[taken[k]])
+        updated = perf_counter()
+        estimate = estimator.estimate()
+        numbers["estimate_s"][k] = perf_counter() - updated
+        numbers["update_s"][k] = updated - start
+        label.append(estimate.label)
+        numbers["p_truth"][k] = estimate.probabilities.get(task.truth, 0.0)
+        numbers["p_label"][k] = estimate.probabilities[estimate.label]
+        pose[k] = estimate.robot_in_object
+        after = int(estimator.work["likelihood_evaluations"])
+        evaluations[k], before = after - before, after
+    if not (np.isfinite(pose).all() and np.isfinite(numbers["p_truth"]).all()):
+        raise ArithmeticError(f"the estimate of letter {task.truth!r}, trial {task.trial}, is not finite")
+    return Trials(
+        truth=np.array([task.truth]), trial=np.array([task.trial]), true_pose=true_pose[None],
+        reading=taken[None], label=np.array([label]), pose=pose[None], evaluations=evaluations[None],
+        propose_s=propose_s[None], **{name: values[None] for name, values in numbers.items()},
+    )  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class Protocol:
+    """All that a worker needs to do trials: who estimates, on which readings, and how many."""
+
+    estimator: str
+    options: Mapping[str, Any]
+    scan: Scan
+    readings: int
+    seed: int
+    explore: Explore = "random"
+
+    @property
+    def digest(self) -> str:
+        """Name what the fitted estimator depends on: its name, its options, the scan."""
+        options = json.dumps(self.options, sort_keys=True, default=str)
+        return f"{self.estimator} {options} {self.scan.digest}"
+
+
+def run_trials(
+    protocol: Protocol, estimator: Estimator, tasks: list[Task], *, jobs: int = 1, progress: Progress
+) -> tuple[Trials, dict[str, Any]]:
+    """Do all trials, here with the fitted `estimator` or in `jobs` processes that fit their own.
+
+    Returns the trials in the order of `tasks` and the estimators' work, summed. The results do not
+    depend on `jobs`.
+    """
+    progress("trials", 0, len(tasks))
+    if jobs == 1 or len(tasks) == 1:
+        return _run_here(protocol, estimator, tasks, lambda done: progress("trials", done, len(tasks)))
+    chunks = np.array_split(np.arange(len(tasks)), min(len(tasks), 8 * jobs))
+    parts: list[Trials | None] = [None] * len(chunks)
+    work: Counter[str] = Counter()
+    done = 0
+    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
+        futures = {
+            pool.submit(run_chunk, protocol, [tasks[i] for i in chunk]): place
+            for place, chunk in enumerate(chunks)
+        }
+        try:
+            for future in as_completed(futures):
+                parts[futures[future]], part_work = future.result()
+                work.update(part_work)
+                done += len(chunks[futures[future]])
+                progress("trials", done, len(tasks))
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise
+    return Trials.joined(part for part in parts if part is not None), unflatten_work(work)
+
+
+def _run_here(
+    protocol: Protocol, estimator: Estimator, tasks: list[Task], report: Callable[[int], None]
+) -> tuple[Trials, dict[str, Any]]:
+    tests = {truth: protocol.scan.where("test", truth) for truth in {task.truth for task in tasks}}
+    before = Counter(flatten_work(estimator.work))
+    parts = []
+    for number, task in enumerate(tasks, start=1):
+        parts.append(
+            run_trial(
+                estimator, tests[task.truth], task,
+                readings=protocol.readings, seed=protocol.seed, explore=protocol.explore,
+            )
+        )  # fmt: skip
+        report(number)
+    after = Counter(flatten_work(estimator.work))
+    after.subtract(before)
+    return Trials.joined(parts), unflatten_work(after)
+
+
+def run_chunk(protocol: Protocol, tasks: list[Task]) -> tuple[Trials, dict[str, int]]:
+    """Do some trials in a worker process; an estimator is fitted once for all chunks of a protocol.
+
+    Returns the trials in the order of `tasks`, and the flattened work, the fitting's apart.
+    """
+    trials, work = _run_here(protocol, _fitted(protocol), tasks, lambda done: None)
+    return trials, flatten_work(work)
+
+
+_memo: OrderedDict[str, Estimator] = OrderedDict()  # a worker process's fitted estimators, newest last
+_MEMO_SIZE = 4
+
+
+def _fitted(protocol: Protocol) -> Estimator:
+    key = protocol.digest
+    if key not in _memo:
+        estimator = create(protocol.estimator, **protocol.options)
+        estimator.fit(protocol.scan)
+        _memo[key] = estimator
+        if len(_memo) > _MEMO_SIZE:
+            _memo.popitem(last=False)
+    _memo.move_to_end(key)
+    return _memo[key]
+
+
+def flatten_work(work: Mapping[str, Any]) -> dict[str, int]:
+    """Turn {"presses": 3, "skipped": {"cached": 1}} into {"presses": 3, "skipped.cached": 1}."""
+    flat = {name: int(count) for name, count in work.items() if name != "skipped"}
+    return flat | {f"skipped.{name}": int(count) for name, count in work.get("skipped", {}).items()}
+
+
+def unflatten_work(flat: Mapping[str, int]) -> dict[str, Any]:
+    """Undo `flatten_work`."""
+    work: dict[str, Any] = {name: count for name, count in flat.items() if not name.startswith("skipped.")}
+    skipped = {name.partition(".")[2]: count for name, count in flat.items() if name.startswith("skipped.")}
+    return work | {"skipped": skipped}

@@ -1,0 +1,24 @@
+"""A made-up run, for tests that need one but not a pressed letter."""
+
+import numpy as np
+
+from bench.results import Run
+from bench.score import Properties, summarise
+from bench.trials import Trials
+
+
+def make_run(n=3, r=4, seed=0):
+    rng = np.random.default_rng(seed)
+    trials = Trials(
+        truth=np.array(["A", "E", "A"])[:n], trial=np.array([0, 0, 1])[:n],
+        true_pose=rng.normal(size=(n, 3)), reading=rng.integers(192, size=(n, r)),
+        label=rng.choice(["A", "E"], size=(n, r)), p_truth=rng.random((n, r)), p_label=rng.random((n, r)),
+        pose=rng.normal(size=(n, r, 3)), evaluations=rng.integers(10**9, size=(n, r)),
+        update_s=rng.random((n, r)), estimate_s=rng.random((n, r)), propose_s=rng.random((n, r)),
+    )  # fmt: skip
+    objects = {"A": Properties(1, (0.0, 0.0), 60.0), "E": Properties(0, (0.1, 0.2), 55.0)}
+    return Run(
+        config={"estimator": "histogram", "seed": 0}, about={"letters": ["A", "E"]}, objects=objects,
+        work={"presses": 3, "skipped": {"cached": 1}}, trials=trials, summary=summarise(trials, objects),
+        times={"seconds": {"total": 1.5}},
+    )  # fmt: skip

@@ -1,0 +1,212 @@
+"""The command line as a user calls it: the installed script, in a folder of its own."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tactsim import Scan
+
+BENCH = Path(sys.executable).parent / "bench"
+SMALL = ["--trials", "1", "--readings", "4", "--bins", "1000"]
+
+
+@pytest.fixture(scope="session")
+def cache_dir(tmp_path_factory):
+    return tmp_path_factory.mktemp("cache")
+
+
+@pytest.fixture
+def bench(tmp_path, cache_dir):
+    """Call `bench` in an empty folder, with a cache that the session shares."""
+    environment = os.environ | {"TACTSIM_CACHE_DIR": str(cache_dir), "COLUMNS": "100", "NO_COLOR": "1"}
+
+    def call(*words, **options):
+        return subprocess.run(
+            [BENCH, *map(str, words)], cwd=tmp_path, env=environment, text=True, capture_output=True,
+            timeout=120, check=False, **options,
+        )  # fmt: skip
+
+    call.environment = environment
+    return call
+
+
+@pytest.fixture(scope="session")
+def scan_file(tmp_path_factory, cache_dir):
+    path = tmp_path_factory.mktemp("scan") / "two.npz"
+    subprocess.run(
+        [BENCH, "scan", "--out", path, "--letters", "AO"],
+        env=os.environ | {"TACTSIM_CACHE_DIR": str(cache_dir)}, check=True, capture_output=True, timeout=120,
+    )  # fmt: skip
+    return path
+
+
+def refused(result, *parts):
+    """Check for exit status 2, one line on standard error that says each of `parts`, no traceback."""
+    assert result.returncode == 2, result.stderr
+    lines = [line for line in result.stderr.splitlines() if line.startswith("bench")]
+    assert len(lines) == 1, result.stderr
+    assert "Traceback" not in result.stderr
+    for part in parts:
+        assert part in lines[0]
+
+
+def test_a_run_prints_its_table_and_leaves_its_files(bench, tmp_path):
+    result = bench("run", "--estimator", "histogram", *SMALL, "--out", "here")
+    assert result.returncode == 0, result.stderr
+    for word in ("accuracy", "95 % interval", "error mm", "eq. 3", "time", "work", "10 x 10 x 10"):
+        assert word in result.stdout
+    names = {path.name for path in (tmp_path / "here").iterdir()}
+    wanted = {"run.json", "trials.csv", "summary.json", "times.csv", "times.json", "readings.png", "maps.png"}
+    assert names == wanted
+    assert (tmp_path / "here" / "readings.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_json_is_one_object_and_nothing_else_on_standard_output(bench):
+    result = bench("run", *SMALL, "--json", "--letters", "AE")
+    answer = json.loads(result.stdout)
+    wanted = "estimator options letters trials readings seed accuracy accuracy_low accuracy_high error_mm "
+    wanted += "all_right_from settled_95 seconds work versions"
+    assert set(wanted.split(" ")) <= set(answer)
+    assert answer["letters"] == ["A", "E"]
+    assert len(answer["accuracy"]) == len(answer["error_mm"]) == 4
+    assert {"scan", "fit", "update_per_reading", "total"} <= set(answer["seconds"])
+    assert {"likelihood_evaluations", "presses", "skipped"} <= set(answer["work"])
+
+
+def test_the_same_seed_gives_the_same_files_whatever_the_jobs_and_the_cache(bench, tmp_path):
+    for name, more in {"a": ["--jobs", "1"], "b": ["--jobs", "2"], "c": ["--no-cache"]}.items():
+        assert bench("run", *SMALL, "--letters", "AE", "--out", name, *more).returncode == 0
+    for name in ("trials.csv", "summary.json", "run.json", "readings.png", "maps.png"):
+        first = (tmp_path / "a" / name).read_bytes()
+        assert (tmp_path / "b" / name).read_bytes() == first, name
+        assert (tmp_path / "c" / name).read_bytes() == first, name
+
+
+def test_another_seed_gives_other_trials(bench, tmp_path):
+    for seed in (0, 1):
+        bench("run", *SMALL, "--letters", "AE", "--out", f"s{seed}", "--seed", seed)
+    assert (tmp_path / "s0" / "trials.csv").read_bytes() != (tmp_path / "s1" / "trials.csv").read_bytes()
+
+
+def test_a_scan_is_written_and_run_from_its_file(bench, tmp_path, scan_file):
+    scan = Scan.load(scan_file)
+    assert scan.letters == ("A", "O")
+    assert len(scan) == 2 * 2 * 192
+    result = bench("run", *SMALL, "--scan", scan_file, "--json")
+    assert json.loads(result.stdout)["letters"] == ["A", "O"]
+    assert json.loads(result.stdout)["work"]["presses"] == 0
+    pressed = bench("run", *SMALL, "--letters", "AO", "--json")
+    for key in ("accuracy", "error_mm"):
+        assert json.loads(pressed.stdout)[key] == json.loads(result.stdout)[key]
+
+
+def test_training_and_test_readings_may_come_from_two_files(bench, scan_file, tmp_path):
+    bench("scan", "--out", "other.npz", "--letters", "AO", "--seed", "7")
+    result = bench("run", *SMALL, "--train-scan", scan_file, "--scan", "other.npz", "--json")
+    assert result.returncode == 0, result.stderr
+
+
+def test_noise_off_makes_readings_without_chance(bench, tmp_path):
+    for seed in (0, 1):
+        bench("scan", "--out", f"{seed}.npz", "--letters", "I", "--noise", "off", "--seed", seed)
+    first, second = (Scan.load(tmp_path / f"{seed}.npz") for seed in (0, 1))
+    assert np.array_equal(first.readings, second.readings)
+    train, test = first.where("train"), first.where("test")
+    assert np.array_equal(train.readings, test.readings)
+
+
+def test_help_names_every_verb_and_list_every_estimator(bench):
+    text = bench("--help").stdout
+    for verb in ("run", "scan", "list", "sweep"):
+        assert verb in text
+    listing = bench("list").stdout
+    for word in ("histogram", "bins", "paper-like", "press.force", "accuracy"):
+        assert word in listing
+
+
+BAD = {
+    "letter": (["run", "--letters", "A?"], ["letter", "?"]),
+    "estimator": (["run", "--estimator", "histogramm"], ["histogramm", "did you mean 'histogram'"]),
+    "option": (["run", "--binz", "3"], ["--binz"]),
+    "set": (["run", "--set", "bin=3"], ["bin", "did you mean 'bins'"]),
+    "set without =": (["run", "--set", "bins"], ["key=value"]),
+    "scan-set": (["run", "--scan-set", "press.forse=1"], ["press.forse", "did you mean 'press.force'"]),
+    "bins": (["run", "--bins", "0"], ["bins", "0"]),
+    "bins word": (["run", "--bins", "many"], ["--bins", "integer"]),
+    "trials": (["run", "--trials", "0"], ["trials", "0"]),
+    "readings": (["run", "--readings", "193"], ["193", "192"]),
+    "negative readings": (["run", "--readings", "-1"], ["readings"]),
+    "seed": (["run", "--seed", "-1"], ["seed"]),
+    "noise": (["run", "--noise", "loud"], ["noise", "loud"]),
+    "nan": (["run", "--noise", "nan"], ["noise", "nan"]),
+    "world": (["run", "--world", "mars"], ["mars", "paper-like"]),
+    "poses": (["run", "--test-poses", "else"], ["test_poses", "else"]),
+    "no scan": (["run", "--scan", "nowhere.npz"], ["nowhere.npz"]),
+    "out is a file": (["run", "--out", "file"], ["file"]),
+    "out below a file": (["run", "--out", "file/x"], ["file"]),
+    "out is full": (["run", "--out", "full"], ["full", "holds something"]),
+    "scan out is a folder": (["scan", "--out", "full"], ["full"]),
+    "verb": (["rum"], ["rum"]),
+    "no sweep": (["sweep", "nowhere"], ["nowhere", "paper"]),
+    "list": (["list", "weather"], ["weather", "estimators"]),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_wrong_input_is_one_line_and_exit_status_2(bench, tmp_path, case):
+    (tmp_path / "file").write_text("")
+    (tmp_path / "full").mkdir()
+    (tmp_path / "full" / "something").write_text("")
+    before = sorted(tmp_path.rglob("*"))
+    words, parts = BAD[case]
+    refused(bench(*words), *parts)
+    assert sorted(tmp_path.rglob("*")) == before
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may write everywhere")
+def test_a_folder_that_cannot_be_written_is_refused(bench, tmp_path):
+    (tmp_path / "locked").mkdir(mode=0o500)
+    refused(bench("run", "--out", "locked/run"), "locked")
+
+
+def test_scan_files_that_are_not_whole_are_refused(bench, tmp_path, scan_file):
+    content = scan_file.read_bytes()
+    (tmp_path / "cut.npz").write_bytes(content[: len(content) // 2])
+    (tmp_path / "text.npz").write_text("hello")
+    with np.load(scan_file) as arrays:
+        spoiled = dict(arrays)
+    spoiled["readings"] = spoiled["readings"].copy()
+    spoiled["readings"][3, 5] = np.nan
+    np.savez(tmp_path / "nan.npz", **spoiled)
+    refused(bench("run", "--scan", "cut.npz"), "cut.npz")
+    refused(bench("run", "--scan", "text.npz"), "text.npz")
+    refused(bench("run", "--scan", "nan.npz"), "nan.npz", "readings[3, 5]")
+
+
+def test_an_interrupt_ends_with_130_one_line_and_no_results(bench, tmp_path):
+    process = subprocess.Popen(
+        [BENCH, "run", "--trials", "400", "--out", "here"], cwd=tmp_path, env=bench.environment,
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    time.sleep(3)
+    assert process.poll() is None, process.communicate()
+    process.send_signal(signal.SIGINT)
+    _, errors = process.communicate(timeout=30)
+    assert process.returncode == 130
+    assert "interrupted" in errors
+    assert "Traceback" not in errors
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_folder_that_hides_a_package_is_named(bench, tmp_path):
+    (tmp_path / "models").mkdir()
+    (tmp_path / "models" / "__init__.py").write_text("")
+    bench.environment["PYTHONPATH"] = str(tmp_path)
+    refused(bench("list"), "'models'", str(tmp_path))

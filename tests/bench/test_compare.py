@@ -1,0 +1,74 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from made_up import make_run
+
+from bench.compare import compare, mcnemar, paired_interval
+from bench.score import summarise
+from tactsim import InputError
+
+
+def run_with(right_share, error, seed, n=300, r=6):
+    """Make a run whose trials are right with a probability and off by about `error` mm."""
+    rng = np.random.default_rng(seed)
+    base = make_run()
+    trials = base.trials
+    right = rng.random((n, r)) < right_share
+    true_pose = np.tile([1.0, 2.0, 0.0], (n, 1))
+    pose = np.repeat(true_pose[:, None], r, axis=1)
+    pose[..., 0] += error * rng.uniform(0.5, 1.5, size=(n, r))
+    many = {name: np.zeros((n, r)) for name in ("p_truth", "p_label", "update_s", "estimate_s", "propose_s")}
+    trials = replace(
+        trials, truth=np.full(n, "A"), trial=np.arange(n), true_pose=true_pose, pose=pose,
+        label=np.where(right, "A", "E"), reading=np.zeros((n, r), int), evaluations=np.zeros((n, r), int), **many,
+    )  # fmt: skip
+    return replace(base, trials=trials, summary=summarise(trials, base.objects), about={"protocol": "same"})
+
+
+def verdicts(base, new):
+    return [row.verdict for row in compare(base, new) if row.verdict]
+
+
+def test_a_run_is_the_same_as_itself():
+    run = run_with(0.9, 1.0, seed=0)
+    assert verdicts(run, run) == ["same", "same"]
+
+
+def test_equal_quality_by_other_chance_is_no_alarm():
+    alarms = [verdicts(run_with(0.9, 1.0, seed), run_with(0.9, 1.0, seed + 100)) for seed in range(20)]
+    assert sum("worse" in verdict for verdict in alarms) <= 3  # 2.5 % a figure, two sides, two figures
+
+
+def test_worse_accuracy_and_worse_error_are_both_seen():
+    base = run_with(0.9, 1.0, seed=0)
+    assert verdicts(base, run_with(0.8, 1.0, seed=1)) == ["worse", "same"]
+    assert verdicts(base, run_with(0.9, 1.1, seed=1)) == ["same", "worse"]
+    assert verdicts(base, run_with(0.97, 0.8, seed=1)) == ["better", "better"]
+
+
+def test_mcnemar_has_the_binomials_value():
+    base = np.array([True] * 10 + [False] * 2)
+    new = np.array([True] * 2 + [False] * 8 + [True] * 2)
+    # 8 lost, 2 won: twice the binomial tail of 2 or fewer in 10
+    assert mcnemar(base, new) == pytest.approx(2 * (1 + 10 + 45) / 2**10)
+    assert mcnemar(base, base) == 1
+
+
+def test_the_bootstrap_interval_is_near_the_normal_one_for_many_pairs():
+    difference = np.random.default_rng(1).normal(0.3, 2.0, size=2000)
+    low, high = paired_interval(difference, np.random.default_rng(0), 0.95)
+    half = 1.96 * difference.std() / np.sqrt(2000)
+    assert low == pytest.approx(difference.mean() - half, abs=0.1 * half)
+    assert high == pytest.approx(difference.mean() + half, abs=0.1 * half)
+
+
+def test_runs_of_other_trials_or_protocols_are_not_compared():
+    base = run_with(0.9, 1.0, seed=0)
+    with pytest.raises(InputError, match="protocols"):
+        compare(base, replace(base, about={"protocol": "chosen"}))
+    moved = replace(base.trials, true_pose=base.trials.true_pose + 1)
+    with pytest.raises(InputError, match="same trials"):
+        compare(base, replace(base, trials=moved))
+    with pytest.raises(InputError, match="readings"):
+        compare(base, run_with(0.9, 1.0, seed=0, r=5))

@@ -1,0 +1,99 @@
+import csv
+import json
+import math
+from dataclasses import fields
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from made_up import make_run
+
+from bench import results
+from bench.results import load, save
+from bench.score import summarise
+from bench.trials import Trials
+from tactsim import InputError
+
+
+def test_what_is_saved_is_loaded_to_the_bit(tmp_path):
+    run = make_run()
+    save(run, tmp_path)
+    again = load(tmp_path)
+    for field in fields(Trials):
+        assert np.array_equal(getattr(again.trials, field.name), getattr(run.trials, field.name))
+    for name in ("config", "about", "objects", "work", "summary", "times"):
+        assert getattr(again, name) == getattr(run, name)
+
+
+def test_metrics_can_be_computed_from_an_old_runs_raw_result(tmp_path):
+    run = make_run()
+    save(run, tmp_path)
+    again = load(tmp_path)
+    assert summarise(again.trials, again.objects) == run.summary
+
+
+def test_the_same_run_gives_the_same_bytes(tmp_path):
+    for name in "ab":
+        (tmp_path / name).mkdir()
+        save(make_run(), tmp_path / name)
+    for path in (tmp_path / "a").iterdir():
+        assert path.read_bytes() == (tmp_path / "b" / path.name).read_bytes()
+
+
+def test_the_tables_have_the_columns_that_are_written_down(tmp_path):
+    save(make_run(), tmp_path)
+    text = (Path(results.__file__).parents[1] / "results" / "README.md").read_text(encoding="utf-8")
+    for name in ("trials.csv", "times.csv"):
+        with (tmp_path / name).open(newline="") as stream:
+            header, *rows = csv.reader(stream)
+        assert len(rows) == 12
+        assert all(f"`{column}`" in text for column in header)
+
+
+DAMAGES = {
+    "no run.json": lambda f: (f / "run.json").unlink(),
+    "no table": lambda f: (f / "trials.csv").unlink(),
+    "cut json": lambda f: (f / "run.json").write_bytes((f / "run.json").read_bytes()[:-9]),
+    "cut table": lambda f: (f / "trials.csv").write_bytes((f / "trials.csv").read_bytes()[:-40]),
+    "row lost": lambda f: (f / "trials.csv").write_bytes(
+        (f / "trials.csv").read_bytes().rpartition(b"\nA")[0]
+    ),
+    "times lost": lambda f: (f / "times.csv").write_bytes((f / "times.csv").read_bytes()[:200]),
+    "word for a number": lambda f: (f / "trials.csv").write_bytes(
+        (f / "trials.csv").read_bytes().replace(b",2,", b",two,")
+    ),
+    "empty table": lambda f: (f / "trials.csv").write_bytes(b""),
+    "schema": lambda f: (f / "run.json").write_text(json.dumps({"schema": 99})),
+    "list": lambda f: (f / "run.json").write_text("[]"),
+    "deep": lambda f: (f / "run.json").write_text("[" * 100_000),
+    "objects": lambda f: (f / "run.json").write_text(json.dumps({"schema": 1, "config": {}, "objects": [1]})),
+}
+
+
+@pytest.mark.parametrize("kind", DAMAGES)
+def test_a_folder_that_is_no_whole_run_is_refused_in_one_line(tmp_path, kind):
+    save(make_run(), tmp_path)
+    DAMAGES[kind](tmp_path)
+    with pytest.raises(InputError) as caught:
+        load(tmp_path)
+    assert str(tmp_path) in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+@settings(max_examples=25)
+@given(st.floats(allow_nan=False, allow_infinity=False))
+def test_a_number_survives_the_table_to_the_bit(tmp_path_factory, value):
+    folder = tmp_path_factory.mktemp("run")
+    run = make_run()
+    run.trials.pose[0, 0, 0] = value
+    save(run, folder)
+    again = load(folder).trials.pose[0, 0, 0]
+    assert again == value
+    assert math.copysign(1, again) == math.copysign(1, value)
+
+
+def test_nan_is_never_written_as_json():
+    with pytest.raises(ValueError, match="JSON"):
+        results.to_json({"error": float("nan")})

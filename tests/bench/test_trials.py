@@ -1,0 +1,194 @@
+import numpy as np
+import pytest
+
+from bench.score import wilson
+from bench.trials import (
+    Protocol,
+    Task,
+    Trials,
+    check_readings,
+    draw_true_pose,
+    flatten_work,
+    generator,
+    run_trial,
+    run_trials,
+    unflatten_work,
+)
+from estimators import Estimate, Estimator, Options
+from tactsim import InputError, Scan, compose
+
+LETTERS = "AEIOU"
+
+
+def make_scan(readings=20, letters=LETTERS):
+    """Make a scan whose readings name their letter and pose: taxel 0 the letter, taxel 1 the index."""
+    rng = np.random.default_rng(0)
+    labels = np.repeat(list(letters), 2 * readings)
+    split = np.tile(["train"] * readings + ["test"] * readings, len(letters))
+    values = np.stack(
+        [np.repeat(np.arange(len(letters)), 2 * readings), np.tile(np.arange(2 * readings), len(letters))],
+        axis=1,
+    )
+    return Scan(values, rng.normal(size=(len(labels), 3)) * 5, labels, split, np.zeros((2, 2)))
+
+
+class Blind(Estimator):
+    """Guess at random, whatever is felt: scores 1 / letters unless the harness leaks the answer."""
+
+    def fit(self, scan):
+        self.letters = scan.letters
+
+    def reset(self, rng):
+        self.rng = rng
+
+    def update(self, reading, sensor_in_robot):
+        self.guess = self.letters[self.rng.integers(len(self.letters))]
+
+    def estimate(self):
+        even = dict.fromkeys(self.letters, 1 / len(self.letters))
+        return Estimate(self.guess, even, self.rng.uniform(-10, 10, 3))
+
+
+class Witness(Estimator):
+    """Note all that is shown, and answer from it."""
+
+    def fit(self, scan):
+        self.scan, self.seen, self.evaluated = scan, [], 0
+
+    def reset(self, rng):
+        self.seen = []
+
+    def update(self, reading, sensor_in_robot):
+        self.seen.append((np.array(reading), np.array(sensor_in_robot)))
+        self.evaluated += 7
+
+    def estimate(self):
+        reading, sensor_in_robot = self.seen[-1]
+        label = LETTERS[int(reading[0])]
+        index = int(reading[1])
+        sensor_in_object = self.scan.where(label=label).poses[index]
+        x, y, angle = sensor_in_robot
+        inverse = [
+            -np.cos(angle) * x - np.sin(angle) * y,
+            np.sin(angle) * x - np.cos(angle) * y,
+            -angle,
+        ]
+        return Estimate(label, {label: 1.0}, compose(sensor_in_object, inverse))
+
+    def propose(self, candidates):
+        return len(candidates) - 1
+
+    @property
+    def work(self):
+        return {"likelihood_evaluations": self.evaluated, "skipped": {"nothing": 1}}
+
+
+def silent(stage, done, total):
+    pass
+
+
+def trials_of(estimator, scan, count, readings=20, seed=0):
+    estimator.fit(scan)
+    tasks = [Task(letter, trial) for letter in scan.letters for trial in range(count)]
+    protocol = Protocol("none", {}, scan, readings, seed)
+    return run_trials(protocol, estimator, tasks, progress=silent)[0]
+
+
+def test_an_estimator_that_ignores_its_input_scores_one_in_the_number_of_letters():
+    trials = trials_of(Blind(Options()), make_scan(), count=100)
+    for k in (0, 9, 19):
+        low, high = wilson(trials.right[:, k].sum(), len(trials.truth))
+        assert low - 0.03 < 1 / len(LETTERS) < high + 0.03
+    # over all readings the guesses are independent, so the share is far tighter
+    assert trials.right.mean() == pytest.approx(1 / len(LETTERS), abs=4 * np.sqrt(0.16 / trials.right.size))
+
+
+def test_the_frames_compose_so_that_an_estimator_that_knows_the_reading_finds_the_pose():
+    trials = trials_of(Witness(Options()), make_scan(), count=3)
+    assert trials.right.all()
+    assert np.allclose(trials.pose[..., :2], trials.true_pose[:, None, :2], atol=1e-9)
+    turn = trials.pose[..., 2] - trials.true_pose[:, None, 2]
+    assert np.allclose(np.cos(turn), 1)
+
+
+def test_readings_are_the_letters_own_test_readings_without_replacement():
+    scan = make_scan()
+    witness = Witness(Options())
+    witness.fit(scan)
+    run_trial(witness, scan.where("test", "I"), Task("I", 4), readings=20, seed=3)
+    letters, indices = np.array([reading for reading, _ in witness.seen]).T
+    assert set(letters) == {2}
+    assert sorted(indices) == list(range(20, 40))
+    assert list(indices) != sorted(indices)
+
+
+def test_true_poses_cover_the_stated_range():
+    poses = np.array([draw_true_pose(np.random.default_rng(seed)) for seed in range(400)])
+    assert np.all(np.abs(poses[:, :2]) <= 10)
+    assert np.abs(poses[:, :2]).max() > 9.5
+    assert np.abs(poses[:, 2]).max() > 3.0
+    assert np.abs(poses.mean(axis=0)).max() < 4 * 10 / np.sqrt(3 * 400)
+
+
+def test_a_trial_depends_on_seed_letter_and_number_alone():
+    draws = {
+        key: generator(*key).random()
+        for key in [
+            (0, Task("A", 0), 0),
+            (0, Task("A", 0), 1),
+            (1, Task("A", 0), 0),
+            (0, Task("A", 1), 0),
+            (0, Task("E", 0), 0),
+        ]
+    }
+    assert len(set(draws.values())) == len(draws)
+    scan = make_scan()
+    whole = trials_of(Witness(Options()), scan, count=2)
+    alone = trials_of(Witness(Options()), scan.of_letters("U"), count=2)
+    chosen = whole.truth == "U"
+    assert np.array_equal(whole.true_pose[chosen], alone.true_pose)
+    assert np.array_equal(whole.reading[chosen], alone.reading)
+
+
+def test_a_proposing_estimator_chooses_among_the_readings_that_are_left():
+    scan = make_scan()
+    witness = Witness(Options())
+    witness.fit(scan)
+    trial = run_trial(
+        witness, scan.where("test", "A"), Task("A", 0), readings=5, seed=0, explore="information"
+    )
+    assert trial.reading[0].tolist() == [19, 18, 17, 16, 15]
+
+
+def test_evaluations_are_counted_for_each_update():
+    trials = trials_of(Witness(Options()), make_scan(), count=1, readings=3)
+    assert (trials.evaluations == 7).all()
+
+
+def test_work_survives_flattening():
+    work = {"likelihood_evaluations": 3, "skipped": {"cached": 2, "far": 0}}
+    assert unflatten_work(flatten_work(work)) == work
+
+
+@pytest.mark.parametrize(
+    ("readings", "letters", "message"), [(21, "A", "at most 20"), (5, "X", "no train readings of letter 'X'")]
+)
+def test_readings_that_are_not_there_are_refused(readings, letters, message):
+    with pytest.raises(InputError, match=message):
+        check_readings(make_scan(), letters, readings)
+
+
+class Broken(Blind):
+    def estimate(self):
+        return Estimate("A", {"A": np.nan}, np.zeros(3))
+
+
+def test_an_estimate_that_is_not_finite_is_never_scored():
+    with pytest.raises(ArithmeticError, match="not finite"):
+        trials_of(Broken(Options()), make_scan(), count=1)
+
+
+def test_trials_are_joined_in_the_order_given():
+    scan = make_scan()
+    a, b = (trials_of(Witness(Options()), scan.of_letters(letter), count=2) for letter in "AE")
+    assert Trials.joined([a, b]).truth.tolist() == ["A", "A", "E", "E"]
