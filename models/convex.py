@@ -1,16 +1,19 @@
 """Cut a polygon with holes into few convex pieces that tile it.
 
 MuJoCo collides convex bodies only, and each piece costs time in every press. Each reflex corner is
-resolved by one cut, the shortest found: to a corner that it sees, or along the extension of one of
-its own edges, which keeps right angles right. A cut that serves two reflex corners counts half.
-The number of pieces is at most the number of reflex corners + 1 (at least half of that).
+resolved by one cut, the cheapest found: to a corner that it sees, or along the extension of one of
+its own edges, which keeps right angles right. Short cuts are cheap, cuts at a sharp angle to an edge
+are dear (they leave slivers), and a cut that serves two reflex corners counts half. The number of
+pieces is at most the number of reflex corners + 1, and no decomposition has less than half of that.
 """
 
 from __future__ import annotations
 
 import heapq
+import math
 from collections.abc import Sequence
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,9 +21,11 @@ from numpy.typing import NDArray
 FloatArray = NDArray[np.float64]
 
 _SAME = 1e-7  # mm: points nearer than this are one point; ten times the grid of the outlines
-_FLAT = 1e-9  # rad: a corner that turns by less is straight
+_FLAT = 1e-8  # rad: a corner that turns by less is straight
+_NEAREST = 12  # corners, the nearest in the right direction, that are tried as the end of a cut
 _INSERTION = 1.2  # a cut that ends on an edge counts this much longer than one that ends at a corner
 _TWO_FOR_ONE = 0.5  # a cut that resolves two reflex corners counts this much
+_BATCH = 1 << 20  # rays times edges that are intersected at a time
 
 
 def convex_pieces(contours: Sequence[FloatArray]) -> list[FloatArray]:
@@ -34,187 +39,231 @@ def convex_pieces(contours: Sequence[FloatArray]) -> list[FloatArray]:
     return graph.faces()
 
 
+class _Cut(NamedTuple):
+    """A cut that could be made, ordered by cost: from a reflex corner to `end`, or to `stop` on an edge."""
+
+    cost: float
+    length: float
+    corner: int
+    end: int  # -1: none, the cut stops on an edge
+    stop: tuple[float, float]
+    alone: float  # the cost when the cut serves its own corner only
+
+
 class _Graph:
     """The outline's edges and the cuts made so far, as a planar graph with the region on the left."""
 
     def __init__(self, contours: Sequence[FloatArray]) -> None:
-        sizes = [len(contour) for contour in contours]
-        self.points: list[FloatArray] = list(np.concatenate(list(contours)).astype(float))
-        start = np.repeat(np.cumsum([0, *sizes[:-1]]), sizes)
-        local = np.concatenate([np.arange(size) for size in sizes])
-        size = np.repeat(sizes, sizes)
-        self.following = start + (local + 1) % size
-        self.before = start + (local - 1) % size
-        self.corners = len(self.points)
-        self.edges: list[tuple[int, int]] = list(
-            zip(range(self.corners), self.following.tolist(), strict=True)
-        )
+        sizes = np.array([len(contour) for contour in contours])
+        first = np.repeat(np.cumsum(sizes) - sizes, sizes)
+        place = np.arange(sizes.sum()) - first
+        following = first + (place + 1) % np.repeat(sizes, sizes)
+        before = first + (place - 1) % np.repeat(sizes, sizes)
+        xy = np.concatenate(list(contours)).astype(float)
+        self.corners = len(xy)
+        self.xy = xy
+        self.points: list[tuple[float, float]] = [(x, y) for x, y in xy.tolist()]
+        self.edges: list[tuple[int, int]] = list(zip(range(self.corners), following.tolist(), strict=True))
         self.on_edge: dict[int, list[int]] = {}  # edge -> points that cuts have put on it
-        xy = np.array(self.points)
-        forward = xy[self.following] - xy
-        backward = xy[self.before] - xy
-        self.out_angle = np.arctan2(forward[:, 1], forward[:, 0])
-        self.inside = _turn(np.arctan2(backward[:, 1], backward[:, 0]) - self.out_angle)
-        self.cut_angles: dict[int, list[float]] = {}  # corner -> directions of its cuts, from out_angle
+        self.ends = np.concatenate([xy, xy[following]], axis=1)  # (edges, 4): x, y of both ends; grows
+        forward, backward = xy[following] - xy, xy[before] - xy
+        # A direction at a corner is the angle to it, counter-clockwise, from the edge that leaves the corner.
+        self.zero = np.arctan2(forward[:, 1], forward[:, 0])
+        self.inside = _turn(np.arctan2(backward[:, 1], backward[:, 0]) - self.zero)
+        self.cuts_at: dict[int, list[float]] = {}  # corner -> directions of its cuts
+        self.reflex = set(np.flatnonzero(self.inside > math.pi + _FLAT).tolist())
 
     def cut_reflex_corners(self) -> None:
         """Add cuts, the cheapest first, until no corner of the region is reflex."""
-        queue = self._candidates()
+        queue = self._possible_cuts()
         heapq.heapify(queue)
-        while queue:
-            cost, length, corner, other, x, y = heapq.heappop(queue)
-            if self._resolved(corner):
+        while self.reflex:
+            cut = heapq.heappop(queue)
+            if cut.corner not in self.reflex:
                 continue
-            if other >= 0 and cost < length and self._resolved(other):
-                heapq.heappush(queue, (length, length, corner, other, x, y))  # it now serves one only
+            if cut.cost < cut.alone and cut.end not in self.reflex:
+                heapq.heappush(queue, cut._replace(cost=cut.alone))
                 continue
-            origin = self.points[corner]
-            target = np.array([x, y])
-            direction = (target - origin) / length
-            cuts = np.arange(self.corners, len(self.edges))
-            if len(cuts):
-                reach, edge = self._first_hit(origin[None], direction[None], cuts)
-                if reach[0] < length - _SAME:
-                    if other < 0:  # an extension ends at the first cut that it meets
-                        self._add_cut(corner, self._insert(origin + reach[0] * direction, int(edge[0])))
-                    continue
-            if other < 0:
-                reach, edge = self._first_hit(origin[None], direction[None], np.arange(self.corners))
-                other = self._insert(target, int(edge[0]))
-            self._add_cut(corner, other)
+            origin = np.array([self.points[cut.corner]])
+            direction = (np.array(cut.stop) - origin) / cut.length
+            reach, edge = _first_hit(origin, direction, self.ends[self.corners : len(self.edges)])
+            if reach[0] < cut.length - _SAME:
+                if cut.end < 0:  # an extension ends at the first cut that it meets
+                    x, y = (origin + reach[0] * direction)[0].tolist()
+                    self._add(cut.corner, self._put_on_edge((x, y), self.corners + int(edge[0])))
+            elif cut.end < 0:
+                _, edge = _first_hit(origin, direction, self.ends[: self.corners])
+                self._add(cut.corner, self._put_on_edge(cut.stop, int(edge[0])))
+            else:
+                self._add(cut.corner, cut.end)
 
     def faces(self) -> list[FloatArray]:
         """Walk round every face of the graph and return the outlines."""
         leaving: dict[int, list[int]] = {}
         for index, (a, b) in enumerate(self.edges):
-            between = self.on_edge.get(index, [])
-            between.sort(key=lambda point: float(np.sum((self.points[point] - self.points[a]) ** 2)))
-            chain = [a, *between, b]
-            for u, v in pairwise(chain):
+            between = sorted(
+                self.on_edge.get(index, []), key=lambda p: math.dist(self.points[a], self.points[p])
+            )
+            for u, v in pairwise([a, *between, b]):
                 leaving.setdefault(u, []).append(v)
                 if index >= self.corners:  # a cut has the region on both sides
                     leaving.setdefault(v, []).append(u)
-        unused = {(u, v) for u, ends in leaving.items() for v in ends}
+        unused = dict.fromkeys((u, v) for u, ends in leaving.items() for v in ends)
         found = []
         while unused:
-            u, v = first = min(unused)
+            u, v = first = next(iter(unused))
             face = []
             while True:
-                unused.discard((u, v))
-                face.append(u)
-                back = self._angle(v, u)
-                # The next edge of the face on the left is the first one clockwise from where we came.
-                following = min(
-                    (w for w in leaving[v] if w != u), key=lambda w: float(_turn(back - self._angle(v, w)))
-                )
-                u, v = v, following
+                del unused[u, v]
+                face.append(self.points[u])
+                u, v = v, self._next(u, v, leaving[v])
                 if (u, v) == first:
                     break
-            found.append(_without_straight_corners(np.array([self.points[point] for point in face])))
+            found.append(_without_straight_corners(np.array(face)))
         return found
 
-    def _angle(self, a: int, b: int) -> float:
-        step = self.points[b] - self.points[a]
-        return float(np.arctan2(step[1], step[0]))
+    def _next(self, u: int, v: int, ends: list[int]) -> int:
+        """Choose where the face on the left of u -> v goes on: along the first edge clockwise from v -> u."""
+        if len(ends) == 1:
+            return ends[0]
+        back = self._angle(v, u)
+        return min((w for w in ends if w != u), key=lambda w: float(_turn(back - self._angle(v, w))))
 
-    def _candidates(self) -> list[tuple[float, float, int, int, float, float]]:
-        """List the cuts that could serve: cost, length, reflex corner, other corner or -1, end x and y."""
-        reflex = np.flatnonzero(self.inside > np.pi + _FLAT)
+    def _possible_cuts(self) -> list[_Cut]:
+        """List the cuts that meet nothing but the outline at their end, each resolving its corner."""
+        reflex = np.array(sorted(self.reflex), dtype=np.intp)
         if not len(reflex):
             return []
-        xy = np.array(self.points)
-        # A direction at angle a from the leaving edge leaves both sides convex if inside - pi <= a <= pi.
-        toward = xy[None] - xy[reflex, None]
-        distance = np.hypot(toward[..., 0], toward[..., 1])
-        angle = _turn(np.arctan2(toward[..., 1], toward[..., 0]) - self.out_angle[reflex, None])
-        low, high = self.inside[reflex, None] - np.pi - _FLAT, np.pi + _FLAT
-        row, other = np.nonzero((angle >= low) & (angle <= high) & (distance > _SAME))
-        length = distance[row, other]
-        extension = np.concatenate(
-            [self.out_angle[reflex] + np.pi, self.out_angle[reflex] + self.inside[reflex] - np.pi]
-        )
-        origins = np.concatenate([xy[reflex][row], xy[reflex], xy[reflex]])
-        directions = np.concatenate([
-            toward[row, other] / length[:, None],
-            np.stack([np.cos(extension), np.sin(extension)], axis=1),
+        zero, inside = self.zero[reflex], self.inside[reflex]
+        row, end = self._corners_ahead(reflex)
+        count = len(row)
+        toward = self.xy[end] - self.xy[reflex[row]]
+        length = np.hypot(toward[:, 0], toward[:, 1])
+        extension = np.concatenate([zero + math.pi, zero + inside - math.pi])
+        rays = np.concatenate([
+            toward / length[:, None], np.stack([np.cos(extension), np.sin(extension)], axis=1),
         ])  # fmt: skip
-        reach, edge = self._first_hit(origins, directions, np.arange(self.corners))
-        seen = np.flatnonzero(reach[: len(row)] > length - _SAME)
+        row = np.concatenate([row, np.tile(np.arange(len(reflex)), 2)])
+        origins = self.xy[reflex[row]]
+        reach, edge = _first_hit(origins, rays, self.ends)
+        angle = np.arctan2(rays[:, 1], rays[:, 0])
+        direction = _turn(angle - zero[row])
+        sharpest = np.minimum(direction, inside[row] - direction)
+
+        # Cuts to corners that are seen. They must arrive inside the end's corner: contours may touch there.
+        back = _turn(angle[:count] + math.pi - self.zero[end])
+        seen = (reach[:count] > length - _SAME) & (back < self.inside[end])
+        both = (
+            seen & (self.inside[end] > math.pi + _FLAT) & _convex_both_sides(back, self.inside[end], length)
+        )
         found = []
-        for k in seen.tolist():
-            corner, end = int(reflex[row[k]]), int(other[k])
-            back = float(_turn(np.arctan2(*-directions[k][::-1]) - self.out_angle[end]))
-            both = self.inside[end] > np.pi + _FLAT and self._serves(end, back)
-            cost = length[k] * (_TWO_FOR_ONE if both else 1.0)
-            found.append((float(cost), float(length[k]), corner, end, float(xy[end, 0]), float(xy[end, 1])))
-        for k in range(len(row), len(origins)):
-            far, corner = float(reach[k]), int(reflex[(k - len(row)) % len(reflex)])
-            stop = origins[k] + far * directions[k]
-            ends = xy[list(self.edges[edge[k]])]
-            if np.min(np.hypot(*(ends - stop).T)) < _SAME:
-                continue  # the extension meets a corner: it is already among the cuts to corners
-            found.append((far * _INSERTION, far, corner, -1, float(stop[0]), float(stop[1])))
+        alone = length / _sharpness(np.minimum(sharpest[:count], np.minimum(back, self.inside[end] - back)))
+        for k in np.flatnonzero(seen).tolist():
+            cost = float(alone[k]) * (_TWO_FOR_ONE if both[k] else 1.0)
+            far, corner, other = float(length[k]), int(reflex[row[k]]), int(end[k])
+            found.append(_Cut(cost, far, corner, other, self.points[other], float(alone[k])))
+
+        # Extensions that stop in the middle of an edge; one that meets a corner is among the cuts above.
+        stop = origins + reach[:, None] * rays
+        start, finish = self.ends[edge, :2], self.ends[edge, 2:]
+        gap = np.minimum(np.hypot(*(stop - start).T), np.hypot(*(stop - finish).T))
+        along = np.arctan2(*(finish - start).T[::-1])
+        arrival = np.mod(angle - along, math.pi)
+        arrival = np.minimum(arrival, math.pi - arrival)
+        alone = _INSERTION * reach / _sharpness(np.minimum(sharpest, arrival))
+        for k in (count + np.flatnonzero(gap[count:] >= _SAME)).tolist():
+            x, y = stop[k].tolist()
+            cost = float(alone[k])
+            found.append(_Cut(cost, float(reach[k]), int(reflex[row[k]]), -1, (x, y), cost))
         return found
 
-    def _serves(self, corner: int, angle: float) -> bool:
-        return bool(self.inside[corner] - np.pi - _FLAT <= angle <= np.pi + _FLAT)
+    def _corners_ahead(self, reflex: NDArray[np.intp]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        """List pairs (row of a reflex corner, corner to which a cut would resolve it), the nearest ones."""
+        rows, ends = [], []
+        for row, corner in enumerate(reflex):
+            toward = self.xy - self.xy[corner]
+            distance = np.hypot(toward[:, 0], toward[:, 1])
+            direction = _turn(np.arctan2(toward[:, 1], toward[:, 0]) - self.zero[corner])
+            far = distance > _SAME
+            length = np.where(far, distance, 1.0)
+            ahead = np.flatnonzero(far & _convex_both_sides(direction, self.inside[corner], length))
+            ahead = ahead[np.argsort(distance[ahead], kind="stable")[:_NEAREST]]
+            rows.append(np.full(len(ahead), row))
+            ends.append(ahead)
+        return np.concatenate(rows), np.concatenate(ends)
 
-    def _resolved(self, corner: int) -> bool:
-        if corner >= self.corners:
-            return True
-        stops = np.sort([0.0, self.inside[corner], *self.cut_angles.get(corner, [])])
-        return bool(np.max(np.diff(stops)) <= np.pi + 2 * _FLAT)
+    def _angle(self, a: int, b: int) -> float:
+        (ax, ay), (bx, by) = self.points[a], self.points[b]
+        return math.atan2(by - ay, bx - ax)
 
-    def _first_hit(
-        self, origins: FloatArray, directions: FloatArray, edges: NDArray[np.intp]
-    ) -> tuple[FloatArray, NDArray[np.intp]]:
-        """Find how far each ray (n, 2) gets, and the edge that stops it. Touching an end stops it too."""
-        xy = np.array(self.points)
-        ends = np.array(self.edges)[edges]
-        start, along = xy[ends[:, 0]], xy[ends[:, 1]] - xy[ends[:, 0]]
-        length = np.hypot(along[:, 0], along[:, 1])
-        offset = start[None] - origins[:, None]
-        cross = directions[:, None, 0] * along[None, :, 1] - directions[:, None, 1] * along[None, :, 0]
-        with np.errstate(divide="ignore", invalid="ignore"):
-            reach = (offset[..., 0] * along[None, :, 1] - offset[..., 1] * along[None, :, 0]) / cross
-            place = (
-                offset[..., 0] * directions[:, None, 1] - offset[..., 1] * directions[:, None, 0]
-            ) / cross
-            slack = _SAME / length[None]
-            hit = (
-                (np.abs(cross) > _FLAT * length[None])
-                & (place >= -slack)
-                & (place <= 1 + slack)
-                & (reach > _SAME)
-            )
-        reach = np.where(hit, reach, np.inf)
-        nearest = np.argmin(reach, axis=1)
-        return reach[np.arange(len(origins)), nearest], edges[nearest]
-
-    def _insert(self, point: FloatArray, edge: int) -> int:
-        """Put a point on an edge, or take the point that is already there."""
+    def _put_on_edge(self, point: tuple[float, float], edge: int) -> int:
+        """Add a point to an edge, or take the point that is already there."""
         for known in (*self.edges[edge], *self.on_edge.get(edge, [])):
-            if np.hypot(*(self.points[known] - point)) < _SAME:
+            if math.dist(self.points[known], point) < _SAME:
                 return known
         self.points.append(point)
         self.on_edge.setdefault(edge, []).append(len(self.points) - 1)
         return len(self.points) - 1
 
-    def _add_cut(self, a: int, b: int) -> None:
+    def _add(self, a: int, b: int) -> None:
+        if len(self.edges) == len(self.ends):
+            self.ends = np.concatenate([self.ends, np.empty_like(self.ends)])
+        self.ends[len(self.edges)] = (*self.points[a], *self.points[b])
         self.edges.append((a, b))
+        slack = 2 * (_FLAT + _SAME / math.dist(self.points[a], self.points[b]))
         for corner, end in ((a, b), (b, a)):
-            if corner < self.corners:
-                angle = float(_turn(self._angle(corner, end) - self.out_angle[corner]))
-                self.cut_angles.setdefault(corner, []).append(angle)
+            if corner in self.reflex:
+                cuts = self.cuts_at.setdefault(corner, [])
+                cuts.append(float(_turn(self._angle(corner, end) - self.zero[corner])))
+                stops = sorted([0.0, float(self.inside[corner]), *cuts])
+                if max(high - low for low, high in pairwise(stops)) <= math.pi + slack:
+                    self.reflex.discard(corner)
 
 
-def _turn(angle: NDArray[np.float64] | float) -> NDArray[np.float64]:
+def _first_hit(
+    origins: FloatArray, rays: FloatArray, ends: FloatArray
+) -> tuple[FloatArray, NDArray[np.intp]]:
+    """Find how far rays (n, 2) get before an edge (m, 4) stops them, and which; an edge's end stops too."""
+    reach, edge = np.full(len(rays), np.inf), np.zeros(len(rays), dtype=np.intp)
+    if not len(ends):
+        return reach, edge
+    ax, ay = ends[:, 0], ends[:, 1]
+    ux, uy = ends[:, 2] - ax, ends[:, 3] - ay
+    length = np.hypot(ux, uy)
+    slack = _SAME / length
+    step = max(1, _BATCH // len(ends))
+    for k in range(0, len(rays), step):
+        part = slice(k, k + step)
+        dx, dy = rays[part, 0, None], rays[part, 1, None]
+        ox, oy = ax - origins[part, 0, None], ay - origins[part, 1, None]
+        cross = dx * uy - dy * ux
+        skew = np.abs(cross) > _FLAT * length
+        cross = np.where(skew, cross, 1.0)
+        far = (ox * uy - oy * ux) / cross
+        place = (ox * dy - oy * dx) / cross
+        far[~(skew & (place >= -slack) & (place <= 1 + slack) & (far > _SAME))] = np.inf
+        edge[part] = np.argmin(far, axis=1)
+        reach[part] = far[np.arange(len(far)), edge[part]]
+    return reach, edge
+
+
+def _convex_both_sides(direction: FloatArray, inside: FloatArray, length: FloatArray) -> NDArray[np.bool_]:
+    """Tell whether a cut leaves both sides of a corner convex, within _SAME at its far end."""
+    slack = _FLAT + _SAME / length
+    return (direction >= inside - math.pi - slack) & (direction <= math.pi + slack)
+
+
+def _sharpness(angle: FloatArray) -> FloatArray:
+    return np.sin(np.clip(angle, 1e-3, math.pi / 2))
+
+
+def _turn(angle: FloatArray | float) -> FloatArray:
     """Fold angles into (0, 2 pi]."""
-    return 2 * np.pi - np.mod(-np.asarray(angle), 2 * np.pi)
+    return 2 * math.pi - np.mod(-np.asarray(angle), 2 * math.pi)
 
 
 def _without_straight_corners(outline: FloatArray) -> FloatArray:
+    """Leave out the corners that lie within 1e-8 mm of the line between their neighbours."""
     before, after = outline - np.roll(outline, 1, axis=0), np.roll(outline, -1, axis=0) - outline
     cross = before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]
-    length = np.hypot(*before.T) * np.hypot(*after.T)
-    return outline[np.abs(cross) > 2 * _FLAT * length]
+    return outline[np.abs(cross) > 1e-8 * np.hypot(*(before + after).T)]

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import hashlib
 import math
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
 from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -13,6 +14,7 @@ from numpy.typing import NDArray
 
 from models.convex import convex_pieces
 from models.errors import InputError, unknown
+from models.rounding import inset, rounded_solid, strips
 from models.symmetry import rotational_order
 
 if TYPE_CHECKING:
@@ -21,6 +23,7 @@ if TYPE_CHECKING:
 FloatArray = NDArray[np.float64]
 
 HEIGHT = 4.0  # mm, assumed: "a few mm high"
+LARGEST_HEIGHT = 100.0  # mm
 DENSITY = 1.05e-6  # kg / mm^3, assumed: ABS plastic, 1,050 kg / m^3
 
 
@@ -45,8 +48,9 @@ class Part:
 
     @cached_property
     def rectangle(self) -> Rectangle | None:
-        """Describe the outline as a rectangle (within 1e-7 mm), or None if it is none or not upright."""
-        if len(self.outline) != 4 or len(self.vertices) != 8:
+        """Describe the part as an upright box (within 1e-7 mm), or None if it is none."""
+        top = self.vertices[:, 2] == self.vertices[:, 2].max()
+        if len(self.outline) != 4 or np.count_nonzero(top) != 4:
             return None
         first, second = self.outline[1] - self.outline[0], self.outline[2] - self.outline[1]
         length, width = float(np.hypot(*first)), float(np.hypot(*second))
@@ -66,7 +70,8 @@ class Letter:
     turns and shifts the pad's own x and y, so nothing is mirrored anywhere.
 
     name: what a scan calls it. contours: (k, 2) mm each, the footprint: outer outlines counter-clockwise,
-    holes clockwise. height: thickness, mm.
+    holes clockwise. height: thickness, mm. rounding: radius (mm) of the pressed face's edge, 0 for a sharp
+    one; the footprint is that of the whole letter, the flat of a rounded face is smaller by the radius.
 
     Letters are equal when their digests are. They can be pickled.
     """
@@ -74,6 +79,7 @@ class Letter:
     name: str
     contours: tuple[FloatArray, ...]
     height: float = HEIGHT
+    rounding: float = 0.0
 
     @cached_property
     def footprint(self) -> CrossSection:
@@ -85,12 +91,23 @@ class Letter:
     @cached_property
     def solid(self) -> Manifold:
         """Give the solid as a manifold3d.Manifold, mm, from z = 0 to the pressed face at z = height."""
+        if self.rounding:
+            return rounded_solid(self.contours, self.rounding, self.height)
         return self.footprint.extrude(self.height)
 
     @cached_property
     def parts(self) -> tuple[Part, ...]:
-        """Cut the letter into convex parts that tile it without overlap."""
-        return tuple(_prism(outline, self.height) for outline in convex_pieces(self.contours))
+        """Cut the letter into convex parts that tile it without overlap.
+
+        With rounded edges the flat of the face comes first, then one strip along each edge of the outline.
+        """
+        flat: Sequence[FloatArray] = self.contours
+        edge = []
+        if self.rounding:
+            flat = inset(self.contours, self.rounding)
+            edge = strips(self.contours, self.rounding, self.height)
+        prisms = [_prism(outline, self.height) for outline in convex_pieces(flat)]
+        return (*prisms, *(Part(outline, vertices) for outline, vertices in edge))
 
     @cached_property
     def symmetry(self) -> int | float:
@@ -129,7 +146,7 @@ class Letter:
 
         A scan can be cached by it.
         """
-        content = hashlib.sha256(np.float64(self.height).astype("<f8").tobytes())
+        content = hashlib.sha256(np.array([self.height, self.rounding], dtype="<f8").tobytes())
         for array in (*self.contours, *(part.vertices for part in self.parts)):
             content.update(np.array(array.shape, dtype="<i8").tobytes())
             content.update(np.ascontiguousarray(array, dtype="<f8").tobytes())
@@ -143,33 +160,48 @@ class Letter:
 
     def __getstate__(self) -> dict[str, object]:
         # What is derived is left out: it is made again, and manifold3d's objects do not pickle.
-        return {"name": self.name, "contours": self.contours, "height": self.height}
+        return {field.name: getattr(self, field.name) for field in fields(self)}
 
 
 @lru_cache(maxsize=256)
-def letter(name: str, *, height: float = HEIGHT) -> Letter:
+def letter(name: str, *, height: float = HEIGHT, rounding: float = 0.0) -> Letter:
     """Build a letter of the catalogue, a capital or a digit, `height` mm thick.
 
-    Raises InputError for a name that is not in the catalogue.
+    rounding: radius (mm) of the pressed face's edge. Raises InputError for a name that is not in the
+    catalogue, a height that is not positive, or a radius that the height or the strokes do not carry.
     """
     from models.glyphs import GLYPHS
 
     if name not in GLYPHS:
         raise unknown("letter", name, GLYPHS)
-    return from_footprint(name, GLYPHS[name](), height=height)
+    return raised(name, GLYPHS[name](), height=height, rounding=rounding)
 
 
-def from_footprint(name: str, footprint: CrossSection, *, height: float = HEIGHT) -> Letter:
-    """Make a Letter of a region in plan (mm), moved so that its centre of area is the origin."""
-    if not (math.isfinite(height) and height > 0):
-        raise InputError(f"letter {name!r}: height is {height}; it must be a positive number of mm")
+def raised(name: str, footprint: CrossSection, *, height: float = HEIGHT, rounding: float = 0.0) -> Letter:
+    """Make a Letter of a region in plan (mm), moved so that its centre of area is the origin.
+
+    Raises InputError as `letter` does.
+    """
+    if not 0 < height <= LARGEST_HEIGHT:
+        raise InputError(
+            f"{name!r}: height is {height:g} mm; it must lie between 0 and {LARGEST_HEIGHT:g} mm"
+        )
+    if not 0 <= rounding < height:
+        raise InputError(
+            f"{name!r}: rounding is {rounding:g} mm; it must be less than the height, {height:g} mm"
+        )
     area, first, _ = _moments(footprint.to_polygons())
     centred = footprint.translate(tuple(-first / area)).simplify(1e-6)
     # A CrossSection keeps its corners on a grid of 1e-8 mm: one made of these corners will have the same.
     contours = type(footprint)(centred.to_polygons()).to_polygons()
     for contour in contours:
         contour.setflags(write=False)
-    return Letter(name, tuple(contours), height)
+    if rounding:
+        try:
+            inset(contours, rounding)
+        except InputError as error:
+            raise InputError(f"{name!r}: {error}") from error
+    return Letter(name, tuple(contours), float(height), float(rounding))
 
 
 def _prism(outline: FloatArray, height: float) -> Part:
