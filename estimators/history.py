@@ -43,7 +43,7 @@ class History:
     def append(self, evidence: Evidence, xy: FloatArray) -> None:
         """Add a reading's terms; xy: (terms, 2) mm, where each term's taxel is in the robot frame."""
         terms, tables = len(evidence.table), self._tables
-        if self._readings + 1 == len(self.start):
+        if self._readings == len(self.constant):
             self.start, self.ceiling = _doubled(self.start), _doubled(self.ceiling)
             self.constant = _doubled(self.constant)
         while self._terms + terms > len(self.kind):

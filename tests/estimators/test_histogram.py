@@ -125,3 +125,15 @@ def test_every_trial_finds_the_shape_and_its_place(scan):
     # A bin is 0.8 mm wide and turned by up to 11 degrees.
     assert np.mean(errors) < 0.9
     assert max(errors) < 2.5
+
+
+def test_a_sequence_may_be_as_long_as_it_likes(scan):
+    filter = estimators.create("histogram", bins=100)
+    filter.fit(scan)
+    filter.reset(np.random.default_rng(0))
+    test = scan.where("test", "E")
+    for k in range(600):  # past several times that the history's arrays grow
+        filter.update(test.readings[k % len(test)], test.poses[k % len(test)])
+    got = filter.estimate()
+    assert got.label == "E"
+    assert sum(got.probabilities.values()) == pytest.approx(1)
