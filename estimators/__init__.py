@@ -5,7 +5,7 @@ they share. Does not live here: physics, files, scores. Of `tactsim` it sees onl
 (`Scan`, poses).
 """
 
-from estimators.base import Estimate, Estimator, Options
+from estimators.base import Estimate, Estimator, Options, PlaneBelief
 from estimators.registry import create, names
 
-__all__ = ["Estimate", "Estimator", "Options", "create", "names"]
+__all__ = ["Estimate", "Estimator", "Options", "PlaneBelief", "create", "names"]

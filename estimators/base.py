@@ -34,6 +34,20 @@ class Estimate:
     robot_in_object: FloatArray
 
 
+@dataclass(frozen=True, eq=False)
+class PlaneBelief:
+    """p(letter, x, y) of T_R^O after the readings so far, the angle summed out, in equal cells.
+
+    labels: the letters. x: (columns,), y: (rows,) mm, the cells' centres. probability: (letters, rows,
+    columns), summing to 1.
+    """
+
+    labels: tuple[str, ...]
+    x: FloatArray
+    y: FloatArray
+    probability: FloatArray
+
+
 class Estimator(ABC):
     """Recognise and localise one object from a sequence of readings.
 
@@ -72,6 +86,13 @@ class Estimator(ABC):
     def propose(self, candidates: Sequence[FloatArray] | FloatArray) -> int:
         """Choose the index of the sensor_in_robot pose (n, 3) to try next, if the estimator can."""
         raise InputError(f"estimator {type(self).__name__} proposes no readings; explore at random")
+
+    def belief_over_plane(self) -> PlaneBelief | None:
+        """Show how the belief lies over the plane, for a person to look at; None if it cannot be shown.
+
+        It changes nothing: the estimates that follow are the same with and without the call.
+        """
+        return None
 
     @property
     def work(self) -> dict[str, Any]:
