@@ -4,7 +4,12 @@ VENV   := .venv
 BIN    := $(VENV)/bin
 READY  := $(VENV)/.ready
 
-.PHONY: run test check setup lock test-slow clean help
+MEASURED   := $(VENV)/benchmark
+MEASURE    := $(BIN)/python -m pytest -q -m benchmark tests/bench/bench_regression.py \
+              --benchmark-timer=time.process_time --benchmark-json=$(MEASURED)
+REGRESSION := $(BIN)/python -m bench.regression
+
+.PHONY: run test check setup lock test-slow bench-check bench-baseline clean help
 
 help:            ## list these commands
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 18
@@ -23,6 +28,17 @@ check: $(READY)  ## lint, types and import directions
 
 test-slow: $(READY)  ## the longer tests
 	@$(BIN)/python -m pytest -m slow
+
+bench-check: $(READY)  ## compare times (as ratios) and errors with results/baseline.json
+	@$(MEASURE)-1.json
+	@$(REGRESSION) check results/baseline.json $(MEASURED)-1.json || { \
+	  echo "measuring again: the machine may have been busy"; $(MEASURE)-2.json; \
+	  $(REGRESSION) check results/baseline.json $(MEASURED)-1.json $(MEASURED)-2.json; }
+
+bench-baseline: $(READY)  ## renew results/baseline.json
+	@$(MEASURE)-1.json
+	@$(MEASURE)-2.json
+	@$(REGRESSION) write results/baseline.json $(MEASURED)-1.json $(MEASURED)-2.json
 
 setup: $(READY)  ## create .venv with the locked dependencies
 

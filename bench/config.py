@@ -43,42 +43,49 @@ class RunConfig(BaseModel):
     train_file: Path | None = None
 
 
-def run_config(
-    *,
-    estimator: str = "histogram",
-    bins: int | None = None,
-    particles: int | None = None,
-    set: Mapping[str, Any] | None = None,
-    letters: str | None = None,
-    shapes: Iterable[str | Path] = (),
-    trials: int = 10,
-    readings: int = 60,
-    test_poses: str = "same",
-    explore: str = "random",
-    world: str = "default",
-    noise: str | float | None = None,
-    scan_set: Mapping[str, Any] | None = None,
-    seed: int = 0,
-    scan: str | Path | None = None,
-    train_scan: str | Path | None = None,
-) -> RunConfig:
-    """Build a run's configuration from the words of the command line, which sweep files use too.
+class RunWords(BaseModel):
+    """The words in which a run is asked for: the long options of `bench run`, and the keys of a sweep file."""
 
-    Raises InputError with one line that names the first wrong value.
-    """
-    options = dict(set or {})
-    options |= {name: n for name, n in (("bins", bins), ("particles", particles)) if n is not None}
-    pressed = scan_options(
-        letters=letters if scan is None else None, shapes=shapes, world=world, noise=noise,
-        test_poses=test_poses, seed=seed, scan_set=scan_set,
-    )  # fmt: skip
-    values = {
-        "estimator": estimator, "options": options, "trials": trials, "readings": readings,
-        "explore": explore, "seed": seed, "scan": pressed,
-        "letters": parse_letters(letters) if letters and scan is not None else None,
-        "scan_file": scan, "train_file": train_scan,
-    }  # fmt: skip
-    return checked(RunConfig, values, "run")
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    estimator: str = "histogram"
+    bins: int | None = None
+    particles: int | None = None
+    set: dict[str, Any] = {}
+    letters: str | None = None
+    shapes: tuple[Path, ...] = ()
+    trials: int = 10
+    readings: int = 60
+    test_poses: str = "same"
+    explore: str = "random"
+    world: str = "default"
+    noise: str | float | None = None
+    scan_set: dict[str, Any] = {}
+    seed: int = 0
+    scan: Path | None = None
+    train_scan: Path | None = None
+
+    def resolved(self) -> RunConfig:
+        """Turn the words into the configuration. Raises InputError for the first wrong value."""
+        options = self.set | {
+            name: count for name in ("bins", "particles") if (count := getattr(self, name)) is not None
+        }
+        pressed = scan_options(
+            letters=self.letters if self.scan is None else None, shapes=self.shapes, world=self.world,
+            noise=self.noise, test_poses=self.test_poses, seed=self.seed, scan_set=self.scan_set,
+        )  # fmt: skip
+        values = {
+            "estimator": self.estimator, "options": options, "trials": self.trials,
+            "readings": self.readings, "explore": self.explore, "seed": self.seed, "scan": pressed,
+            "letters": parse_letters(self.letters) if self.letters and self.scan else None,
+            "scan_file": self.scan, "train_file": self.train_scan,
+        }  # fmt: skip
+        return checked(RunConfig, values, "run")
+
+
+def run_config(**words: Any) -> RunConfig:
+    """Build a run's configuration from `RunWords`. Raises InputError with one line."""
+    return checked(RunWords, words, "run").resolved()
 
 
 def scan_options(

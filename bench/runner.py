@@ -106,10 +106,12 @@ def finished_run(
     seconds: of the stages, where they were measured in one piece.
     """
     objects = properties(gathered.scan)
+    estimator = create(config.estimator, **config.options)
     about: dict[str, Any] = {
         "protocol": _protocol_name(config),
         "letters": list(gathered.letters),
-        "description": create(config.estimator, **config.options).describe(),
+        "description": estimator.describe(),
+        "options": estimator.options.model_dump(mode="json"),
         "classifier_agreement": eq3_agreement(gathered.scan),
         "scan": dict(gathered.scan.meta),
         "versions": versions(),

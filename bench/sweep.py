@@ -31,6 +31,7 @@ from bench import results
 from bench.config import RunConfig, run_config
 from bench.runner import Gathered, finished_run, gather, protocol_of
 from bench.trials import Progress, Protocol, Task, Trials, check_readings, run_chunk, unflatten_work
+from estimators import create
 from models.errors import unknown
 from models.files import new_folder, replacing, write_text
 from tactsim import InputError
@@ -103,6 +104,9 @@ def expand(table: Mapping[str, Any], what: str) -> list[RunConfig]:
     configs: dict[str, RunConfig] = {}
     for run in runs:
         axes = list(_axes({**defaults, **run}))
+        empty = [".".join(key) for key, values in axes if not values]
+        if empty:
+            raise InputError(f"{what}: the list {empty[0]} is empty; give it a value or leave it out")
         count = int(np.prod([len(values) for _, values in axes], dtype=object)) if axes else 1
         if count + len(configs) > 100_000:
             raise InputError(f"{what} asks for {count:,} runs; the most is 100,000")
@@ -113,14 +117,7 @@ def expand(table: Mapping[str, Any], what: str) -> list[RunConfig]:
                 for group in key[:-1]:
                     inner = inner.setdefault(group, {})
                 inner[key[-1]] = value
-            try:
-                config = run_config(**words)
-            except TypeError:
-                known = run_config.__kwdefaults__ or {}
-                wrong = next((word for word in words if word not in known), None)
-                if wrong is None:
-                    raise
-                raise unknown(f"key in {what}", wrong, known) from None
+            config = run_config(**words)
             configs.setdefault(_digest(config), config)
     return list(configs.values())
 
@@ -152,6 +149,8 @@ def perform(
 
     Raises InputError if the folder belongs to another sweep, is in use or cannot be written.
     """
+    for config in configs:
+        create(config.estimator, **config.options)  # a wrong option is said before the work
     names = _names(configs)
     with _locked(folder):
         _claim(folder, names, configs)
@@ -203,7 +202,7 @@ def dask_pool(address: str) -> Pool:
         except ImportError:
             raise InputError("--dask needs the package distributed: pip install 'tactsim[dask]'") from None
         try:
-            client = Client(address, timeout=20, set_as_default=False)
+            client = Client(address, timeout=10, set_as_default=False)
         except (OSError, ValueError, TypeError) as error:
             raise InputError(f"--dask {address}: no scheduler answers there ({error})") from error
         with client, client.get_executor(pure=False, retries=ATTEMPTS) as executor:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import tomllib
-from functools import cached_property
 from pathlib import Path
 from typing import Annotated
 
@@ -80,7 +79,7 @@ class Pad(BaseModel):
         """Count the elements that are read."""
         return self.rows * self.columns
 
-    @cached_property
+    @property
     def taxel_xy(self) -> FloatArray:
         """Centres of the read elements, (rows * columns, 2) mm; element = columns * row + column."""
         x, y = self.column_edges[:, :2].mean(axis=1), self.row_edges[:, :2].mean(axis=1)
@@ -88,12 +87,12 @@ class Pad(BaseModel):
         centres.setflags(write=False)
         return centres
 
-    @cached_property
+    @property
     def column_edges(self) -> FloatArray:
         """Left and right edge of each read column, (columns, 2) mm."""
         return _edges(self.columns, 0, self.pitch_x, self.element_x, self.seam)
 
-    @cached_property
+    @property
     def row_edges(self) -> FloatArray:
         """Lower and upper edge of each read row, (rows, 2) mm."""
         return _edges(self.rows, 0, self.pitch_y, self.element_y, None)

@@ -125,8 +125,8 @@ def save_with_pictures(run: Run, estimator: Estimator, folder: Path) -> list[Pat
 def public(run: Run) -> dict[str, Any]:
     """Put a run into the one flat object that `--json` prints."""
     config, about = run.config, run.about
-    asked = ("estimator", "options", "trials", "readings", "seed", "explore")
-    found = ("letters", "description", "protocol", "classifier_agreement", "versions", "machine")
+    asked = ("estimator", "trials", "readings", "seed", "explore")
+    found = ("letters", "options", "description", "protocol", "classifier_agreement", "versions", "machine")
     return {
         **run.summary,
         **{name: config[name] for name in asked},

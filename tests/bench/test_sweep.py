@@ -1,0 +1,235 @@
+"""Sweeps: what a file asks for, and that no kill, no second sweep and no dying worker loses or repeats a thing."""
+
+import csv
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from bench import results, sweep
+from bench.runner import perform, silent
+from tactsim import InputError
+
+BENCH = Path(sys.executable).parent / "bench"
+SMALL = """
+[defaults]
+letters = "IO"
+trials = 30
+readings = 3
+
+[[run]]
+estimator = "histogram"
+bins = [100, 1000]
+seed = [0, 1]
+"""
+
+
+@pytest.fixture
+def environment(tmp_path_factory):
+    cache = tmp_path_factory.getbasetemp() / "sweep-cache"
+    return os.environ | {"TACTSIM_CACHE_DIR": str(cache), "COLUMNS": "120", "NO_COLOR": "1"}
+
+
+def start(tmp_path, environment, *words):
+    return subprocess.Popen(
+        [BENCH, "sweep", *map(str, words)], cwd=tmp_path, env=environment, text=True,
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, start_new_session=True,
+    )  # fmt: skip
+
+
+def finish(process):
+    output, errors = process.communicate(timeout=240)
+    assert process.returncode == 0, errors
+    return output
+
+
+def contents(folder):
+    """Read all that must not differ between two sweeps: every file but the times."""
+    return {
+        str(path.relative_to(folder)): path.read_bytes()
+        for path in sorted(folder.rglob("*"))
+        if path.is_file() and not path.name.startswith(("times.", "."))
+    }
+
+
+def test_lists_stand_for_every_combination():
+    configs = sweep.expand(
+        {
+            "defaults": {"trials": 3, "letters": "AE"},
+            "run": [
+                {"estimator": "histogram", "bins": [100, 1000], "scan_set": {"press": {"force": [1, 2]}}},
+                {"estimator": "histogram", "bins": 100, "scan_set": {"press": {"force": 1}}},
+            ],
+        },
+        "sweep",
+    )
+    assert len(configs) == 4, "the second table repeats a run of the first"
+    assert {(c.options["bins"], c.scan.press.force) for c in configs} == {
+        (100, 1.0), (100, 2.0), (1000, 1.0), (1000, 2.0),
+    }  # fmt: skip
+    assert all(c.trials == 3 and c.scan.letters == ("A", "E") for c in configs)
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        ("[[run]]\nestimatr = 'histogram'", "estimatr"),
+        ("[[runs]]\nbins = 1", "runs"),
+        ("[[run]]\ntrials = 0", "trials"),
+        ("[[run]]\nscan_set.press.forse = 1", "press.forse"),
+        ("[defaults]\nbins = 1", r"no \[\[run\]\]"),
+        ("run = 3", r"\[\[run\]\]"),
+        ("[[run]", "not TOML"),
+        ("[[run]]\nseed = [" + "1," * 400 + "]\ntrials = [" + "1," * 400 + "]", "100,000"),
+        ("[[run]]\nbins = []", "list bins is empty"),
+        ("[[run]]\nset = 3", "run: set"),
+        ("[[run]]\nletters = 3", "letters"),
+        ("[[run]]\nnoise = nan", "noise"),
+    ],
+)
+def test_a_wrong_file_is_refused_in_one_line(tmp_path, content, message):
+    (tmp_path / "s.toml").write_text(content)
+    with pytest.raises(InputError, match=message) as caught:
+        sweep.read(str(tmp_path / "s.toml"))
+    assert "\n" not in str(caught.value)
+
+
+def test_every_suite_can_be_read_and_names_known_estimators():
+    from estimators import create
+
+    assert {"quick", "paper"} <= set(sweep.suites())
+    for suite in sweep.suites():
+        name, configs = sweep.read(suite)
+        assert name == suite
+        for config in configs:
+            create(config.estimator, **config.options)
+
+
+def test_a_sweep_gives_what_single_runs_give(tmp_path, environment, monkeypatch):
+    monkeypatch.setenv("TACTSIM_CACHE_DIR", environment["TACTSIM_CACHE_DIR"])
+    (tmp_path / "s.toml").write_text(SMALL)
+    output = finish(start(tmp_path, environment, "s.toml", "--out", "out", "--jobs", "2"))
+    _, configs = sweep.read(str(tmp_path / "s.toml"))
+    names = sorted(path.name for path in (tmp_path / "out" / "runs").iterdir())
+    assert len(names) == len(configs) == 4
+    assert not list((tmp_path / "out" / "parts").iterdir())
+    assert all(name[:20] in output for name in names)
+    run, _ = perform(configs[0])
+    (tmp_path / "single").mkdir()
+    results.save(run, tmp_path / "single")
+    places = sweep.perform(configs, tmp_path / "out", jobs=1, progress=silent)
+    for name in ("trials.csv", "summary.json", "run.json"):
+        assert (places[0] / name).read_bytes() == (tmp_path / "single" / name).read_bytes()
+
+
+def test_a_sweep_killed_again_and_again_ends_with_the_same_bytes(tmp_path, environment):
+    (tmp_path / "s.toml").write_text(SMALL)
+    finish(start(tmp_path, environment, "s.toml", "--out", "whole", "--jobs", "1"))
+    kills = 0
+    for wait in (1.2, 1.9, 2.4, 2.9):
+        process = start(tmp_path, environment, "s.toml", "--out", "killed", "--jobs", "1")
+        try:
+            process.communicate(timeout=wait)
+        except subprocess.TimeoutExpired:
+            os.killpg(process.pid, signal.SIGKILL)
+            process.communicate()
+            kills += 1
+    assert kills >= 2
+    finish(start(tmp_path, environment, "s.toml", "--out", "killed", "--jobs", "2"))
+    assert contents(tmp_path / "killed") == contents(tmp_path / "whole")
+
+
+def test_a_part_that_was_damaged_is_done_again(tmp_path, environment):
+    (tmp_path / "s.toml").write_text(SMALL)
+    finish(start(tmp_path, environment, "s.toml", "--out", "whole", "--jobs", "1"))
+    parts = tmp_path / "again" / "parts"
+    parts.mkdir(parents=True)
+    for place in (tmp_path / "whole" / "runs").iterdir():
+        (parts / f"{place.name}.00000.npz").write_bytes(b"no part at all")
+    finish(start(tmp_path, environment, "s.toml", "--out", "again", "--jobs", "1"))
+    assert contents(tmp_path / "again") == contents(tmp_path / "whole")
+
+
+def test_a_folder_in_use_or_of_another_sweep_is_refused(tmp_path, environment):
+    (tmp_path / "s.toml").write_text(SMALL)
+    (tmp_path / "other.toml").write_text(SMALL.replace("trials = 30", "trials = 1"))
+    first = start(tmp_path, environment, "s.toml", "--out", "out", "--jobs", "1")
+    while not (tmp_path / "out" / "sweep.json").exists():
+        time.sleep(0.02)
+        assert first.poll() is None
+    second = start(tmp_path, environment, "s.toml", "--out", "out")
+    _, errors = second.communicate(timeout=60)
+    assert second.returncode == 2
+    assert "another sweep is at work" in errors
+    finish(first)
+    other = start(tmp_path, environment, "other.toml", "--out", "out")
+    _, errors = other.communicate(timeout=60)
+    assert other.returncode == 2
+    assert "holds another sweep" in errors
+
+
+def free_port():
+    with socket.socket() as found:
+        found.bind(("127.0.0.1", 0))
+        return found.getsockname()[1]
+
+
+@pytest.fixture
+def cluster(tmp_path, environment):
+    """Start a real scheduler and two real workers on loopback; gives the address and the workers."""
+    address = f"tcp://127.0.0.1:{free_port()}"
+    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, "cwd": tmp_path, "env": environment}
+    bin_dir = Path(sys.executable).parent
+    scheduler = subprocess.Popen(
+        [bin_dir / "dask", "scheduler", "--host", "127.0.0.1", "--port", address.rpartition(":")[2], "--no-dashboard"],
+        **quiet,
+    )  # fmt: skip
+    workers = [
+        subprocess.Popen(
+            [bin_dir / "dask", "worker", address, "--nthreads", "1", "--no-dashboard", "--no-nanny", "--name", str(n)],
+            **quiet,
+        )
+        for n in range(2)
+    ]  # fmt: skip
+    yield address, workers
+    for process in (*workers, scheduler):
+        process.kill()
+        process.wait()
+
+
+def test_a_dask_cluster_that_loses_a_worker_loses_nothing_and_does_nothing_twice(
+    tmp_path, environment, cluster
+):
+    address, workers = cluster
+    (tmp_path / "s.toml").write_text(
+        SMALL.replace("trials = 30", "trials = 200").replace("readings = 3", "readings = 8")
+    )
+    process = start(tmp_path, environment, "s.toml", "--out", "far", "--dask", address)
+    parts = tmp_path / "far" / "parts"
+    deadline = time.monotonic() + 90
+    while not (parts.is_dir() and len(list(parts.iterdir())) >= 2):
+        assert process.poll() is None, process.communicate()
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+    workers[0].kill()
+    finish(process)
+    finish(start(tmp_path, environment, "s.toml", "--out", "near", "--jobs", "2"))
+    assert contents(tmp_path / "far") == contents(tmp_path / "near")
+    for place in (tmp_path / "far" / "runs").iterdir():
+        with (place / "trials.csv").open(newline="") as stream:
+            rows = [(row["truth"], row["trial"], row["reading_number"]) for row in csv.DictReader(stream)]
+        assert len(rows) == len(set(rows)) == 2 * 200 * 8
+
+
+def test_no_scheduler_is_said_in_one_line(tmp_path, environment):
+    (tmp_path / "s.toml").write_text(SMALL)
+    process = start(tmp_path, environment, "s.toml", "--dask", f"tcp://127.0.0.1:{free_port()}")
+    _, errors = process.communicate(timeout=120)
+    assert process.returncode == 2
+    assert "no scheduler answers" in errors
+    assert "Traceback" not in errors
