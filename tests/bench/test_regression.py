@@ -31,10 +31,11 @@ def result(tmp_path, name, which, planted=""):
     """Run one of the suites as `make bench-check` does, with something planted in it."""
     (tmp_path / f"planted_{name}.py").write_text(planted)
     path = tmp_path / f"{name}.json"
+    environment = {key: value for key, value in os.environ.items() if not key.startswith("PYTEST_")}
     subprocess.run(
         [sys.executable, "-m", "pytest", "-q", "-m", "benchmark", "-p", f"planted_{name}", "-k", which,
          "tests/bench/bench_regression.py", "--benchmark-timer=time.process_time", f"--benchmark-json={path}"],
-        cwd=ROOT, env=os.environ | {"PYTHONPATH": str(tmp_path)}, check=True, capture_output=True, timeout=120,
+        cwd=ROOT, env=environment | {"PYTHONPATH": str(tmp_path)}, check=True, capture_output=True, timeout=120,
     )  # fmt: skip
     return path
 
