@@ -12,11 +12,11 @@ def command(
     what: Annotated[
         str | None,
         typer.Argument(
-            help="Only this: estimators, letters, worlds, scan-options, metrics.", show_default=False
+            help="Only this: estimators, letters, worlds, scan-options, metrics, suites.", show_default=False
         ),
     ] = None,
 ) -> None:
-    """List estimators with their options, letters, worlds, the scan's options and metrics."""
+    """List estimators with their options, letters, worlds, the scan's options, metrics and suites."""
     from rich.console import Console
     from rich.markup import escape
 
@@ -28,6 +28,7 @@ def command(
         "worlds": _worlds,
         "scan-options": _scan_options,
         "metrics": _metrics,
+        "suites": _suites,
     }
     if what is not None and what not in sections:
         raise unknown("list", what, sections)
@@ -83,6 +84,12 @@ def _metrics() -> Lines:
         (1, f"{name:26} {(metric.__doc__ or '').strip().partition(chr(10))[0]}")
         for name, metric in (CURVES | HEADLINES).items()
     ]
+
+
+def _suites() -> Lines:
+    from bench.sweep import read, suites
+
+    return [(1, f"{suite:16} {len(read(suite)[1])} runs") for suite in suites()]
 
 
 def _settings(values: Mapping[str, Any], prefix: str = "") -> list[str]:

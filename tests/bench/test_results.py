@@ -97,3 +97,22 @@ def test_a_number_survives_the_table_to_the_bit(tmp_path_factory, value):
 def test_nan_is_never_written_as_json():
     with pytest.raises(ValueError, match="JSON"):
         results.to_json({"error": float("nan")})
+
+
+def test_the_lines_that_the_readme_shows_read_a_run(tmp_path):
+    import duckdb
+    import pandas
+    import polars
+
+    run = make_run()
+    save(run, tmp_path)
+    text = (Path(results.__file__).parents[1] / "results" / "README.md").read_text(encoding="utf-8")
+    lines = [line for line in text.splitlines() if line.startswith(("pandas.", "polars.", "duckdb."))]
+    assert len(lines) == 3
+    libraries = {"pandas": pandas, "polars": polars, "duckdb": duckdb}
+    counts, shares, rows = (eval(line.replace("RUN", str(tmp_path)), libraries) for line in lines)
+    accuracy = run.trials.right.mean(axis=0)
+    n = len(run.trials.truth)
+    assert [counts.get(k, 0) / n for k in range(1, 5)] == pytest.approx(accuracy)
+    assert shares.sort("reading_number")["label"].to_list() == pytest.approx(accuracy)
+    assert [share for _, share in rows.fetchall()] == pytest.approx(accuracy)
