@@ -14,13 +14,6 @@ from tactsim import WORLDS, InputError, ScanOptions
 
 Model = TypeVar("Model", bound=BaseModel)
 
-# `--noise off`: the pad as an exact instrument, for comparing readings with closed forms.
-EXACT = {
-    "placement_mm": 0.0,
-    "placement_rad": 0.0,
-    "sensor": {"noise": 0.0, "resolution": 0.0, "saturation": None},
-}
-
 
 class RunConfig(BaseModel):
     """One run of the paper's protocol: an estimator, its readings and how it is tried.
@@ -100,13 +93,13 @@ def scan_options(
 ) -> ScanOptions:
     """Build the scan's options: a world, changed by `noise`, changed by `scan_set`.
 
-    noise: "off" for an exact pad, or the standard deviation in kPa. Raises InputError.
+    noise: "off" for the ideal world's exact pad, or the standard deviation in kPa. Raises InputError.
     """
     if world not in WORLDS:
         raise unknown("world", world, WORLDS)
     values = WORLDS[world]
     if noise == "off":
-        values = merged(values, EXACT)
+        values = merged(values, WORLDS["ideal"])
     elif noise is not None:
         values = merged(values, {"sensor": {"noise": noise}})
     values = merged(values, {"test_poses": test_poses, "seed": seed})

@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Annotated, Any
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+
+if TYPE_CHECKING:
+    from pydantic import BaseModel
+
+Row = tuple[str, str, str]  # a name, its default or status, what it is
 
 
 def command(
@@ -18,11 +23,11 @@ def command(
 ) -> None:
     """List estimators with their options, letters, worlds, the scan's options, metrics and suites."""
     from rich.console import Console
-    from rich.markup import escape
+    from rich.table import Table
 
     from models.errors import unknown
 
-    sections = {
+    sections: dict[str, Callable[[], list[Row]]] = {
         "estimators": _estimators,
         "letters": _letters,
         "worlds": _worlds,
@@ -32,86 +37,83 @@ def command(
     }
     if what is not None and what not in sections:
         raise unknown("list", what, sections)
-    console = Console(highlight=False)
-    for name, lines in sections.items():
+    console = Console(highlight=False, markup=False)
+    for name, rows in sections.items():
         if what in (None, name):
-            console.print(f"[bold]{name}[/]")
-            for depth, line in lines():
-                console.print("  " * depth + escape(line))
+            console.print(name, style="bold")
+            table = Table.grid(padding=(0, 2))
+            for _ in range(3):
+                table.add_column(overflow="fold")
+            for row in rows():
+                table.add_row(*("  " + row[0], *row[1:]))
+            console.print(table)
 
 
-Lines = list[tuple[int, str]]
-
-
-def _estimators() -> Lines:
+def _estimators() -> list[Row]:
     from estimators.registry import listing, load
     from models.errors import InputError
 
-    lines: Lines = []
+    rows: list[Row] = []
     for entry in listing():
-        lines.append((1, f"{entry.name:16} {entry.summary}  [{entry.status}]"))
+        rows.append((entry.name, entry.status, entry.summary))
         try:
-            lines += _fields(load(entry.name).options_type, depth=3)
+            rows += _fields(load(entry.name).options_type, "    ")
         except InputError:
             continue  # its status, on the line above, says why
-    return lines
+    return rows
 
 
-def _letters() -> Lines:
+def _letters() -> list[Row]:
     from models import names
 
-    return [(1, " ".join(names()))]
+    return [(" ".join(names()), "", "")]
 
 
-def _worlds() -> Lines:
+def _worlds() -> list[Row]:
     from tactsim import WORLDS
 
-    return [
-        (1, f"{name:16} {', '.join(_settings(world)) or 'the defaults'}") for name, world in WORLDS.items()
-    ]
+    return [(name, "", ", ".join(_settings(world)) or "the defaults") for name, world in WORLDS.items()]
 
 
-def _scan_options() -> Lines:
+def _scan_options() -> list[Row]:
     from tactsim import ScanOptions
 
-    return [(1, "set with --scan-set NAME=VALUE"), *_fields(ScanOptions, depth=1)]
+    return [("--scan-set NAME=VALUE", "default", ""), *_fields(ScanOptions)]
 
 
-def _metrics() -> Lines:
+def _metrics() -> list[Row]:
     from bench.score import CURVES, HEADLINES
 
     return [
-        (1, f"{name:26} {(metric.__doc__ or '').strip().partition(chr(10))[0]}")
+        (name, "", (metric.__doc__ or "").strip().partition("\n")[0])
         for name, metric in (CURVES | HEADLINES).items()
     ]
 
 
-def _suites() -> Lines:
+def _suites() -> list[Row]:
     from bench.sweep import read, suites
 
-    return [(1, f"{suite:16} {len(read(suite)[1])} runs") for suite in suites()]
+    return [(suite, f"{len(read(suite)[1])} runs", "") for suite in suites()]
 
 
 def _settings(values: Mapping[str, Any], prefix: str = "") -> list[str]:
     """Write nested settings as dotted name=value words."""
     words = []
     for name, value in values.items():
-        inner = (
-            _settings(value, f"{prefix}{name}.") if isinstance(value, dict) else [f"{prefix}{name}={value}"]
-        )
-        words += inner
+        path = f"{prefix}{name}"
+        words += _settings(value, f"{path}.") if isinstance(value, Mapping) else [f"{path}={value}"]
     return words
 
 
-def _fields(model: type, depth: int, prefix: str = "") -> Lines:
-    """Describe a pydantic model's fields, nested ones by dotted names."""
+def _fields(model: type[BaseModel], prefix: str = "") -> list[Row]:
+    """Describe a configuration's options, nested ones by dotted names."""
     from pydantic import BaseModel
 
-    lines: Lines = []
-    for name, field in model.model_fields.items():  # type: ignore[attr-defined]
+    rows: list[Row] = []
+    for name, field in model.model_fields.items():
         default = field.get_default(call_default_factory=True)
         if isinstance(default, BaseModel):
-            lines += _fields(type(default), depth, f"{prefix}{name}.")
+            rows += _fields(type(default), f"{prefix}{name}.")
         else:
-            lines.append((depth, f"{prefix}{name} = {default}  {field.description or ''}".rstrip()))
-    return lines
+            rows.append((f"{prefix}{name}", str(default), field.description or ""))
+    return rows
