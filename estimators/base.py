@@ -107,7 +107,7 @@ def check_reading(
 
     Raises InputError if a length is wrong or a number is not finite.
     """
-    values, pose = np.asarray(reading, dtype=float), np.asarray(sensor_in_robot, dtype=float)
+    values, pose = np.array(reading, dtype=float), np.array(sensor_in_robot, dtype=float)
     if values.shape != (taxels,):
         raise InputError(f"a reading has shape {values.shape}; the maps were learned from {taxels} taxels")
     if pose.shape != (3,):

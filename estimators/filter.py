@@ -14,7 +14,7 @@ from estimators.base import Estimate, Estimator, Options, check_reading
 from estimators.likelihood import Evidence, Likelihood
 from estimators.occupancy import OccupancyMap, learn_maps
 from estimators.options import FilterOptions
-from tactsim import InputError, Scan, transform
+from tactsim import InputError, Scan
 from tactsim.poses import FloatArray
 
 
@@ -61,8 +61,7 @@ class MapFilter(Estimator):
         """
         self._check_started("update")
         values, pose = check_reading(reading, sensor_in_robot, len(self.taxel_xy))
-        evidence = self.likelihood.evidence(values)
-        self.take(evidence, transform(pose, self.taxel_xy)[evidence.taxel])
+        self.take(self.likelihood.evidence(values), pose)
 
     def estimate(self) -> Estimate:
         """Give the letter's probabilities, and the mode of T_R^O within the most probable letter."""
@@ -78,8 +77,8 @@ class MapFilter(Estimator):
         """Begin a new sequence."""
 
     @abstractmethod
-    def take(self, evidence: Evidence, xy: FloatArray) -> None:
-        """Update with the terms of a reading; xy (terms, 2) mm are their taxels in the robot frame."""
+    def take(self, evidence: Evidence, sensor_in_robot: FloatArray) -> None:
+        """Update with the terms of a reading taken at a pose [mm, mm, rad]."""
 
     @abstractmethod
     def answer(self) -> Estimate:

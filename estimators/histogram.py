@@ -12,14 +12,16 @@ from estimators.base import Estimate, Options
 from estimators.filter import MapFilter
 from estimators.grid import StateGrid, state_grid
 from estimators.history import History
-from estimators.kernels import advance, summarise
+from estimators.kernels import LANES, TALL, Belief, Slices, advance, slices_of, summarise
 from estimators.likelihood import Evidence
 from estimators.options import FilterOptions
-from estimators.tables import Tables, tabulate
+from estimators.tables import Tables, pooled, tabulate
 from tactsim.poses import FloatArray
 
 # Bins that are left alone hold together at most this share of the belief.
 _NEGLIGIBLE = 1e-8
+# mm, about the side of a block of bins that is left alone or looked at together.
+_BLOCK = 4.0
 
 
 class HistogramOptions(FilterOptions):
@@ -41,7 +43,7 @@ class HistogramFilter(MapFilter):
     def __init__(self, options: HistogramOptions) -> None:
         super().__init__(options)
         self.grid = state_grid(options.bins, options.split, options.reach)
-        self._evaluated = self._skipped = 0
+        self._evaluated = self._bounds = self._skipped = 0
 
     def describe(self) -> str:
         """Say how the state space is split, in one line."""
@@ -49,45 +51,51 @@ class HistogramFilter(MapFilter):
 
     def prepare(self) -> None:
         """Tabulate the likelihood so that neighbouring bins read neighbouring table nodes."""
-        dx, dy, _ = self.grid.spacing
-        x, y, angle = self.grid.centres
-        self.tables = tabulate(self.likelihood, self.labels, (dx, dy), self.options.cell)
-        corner = np.array([x[0], y[0]]) - self.tables.origin
-        self._lattice = np.concatenate([corner, self.tables.step])
+        grid, letters = self.grid, len(self.labels)
+        self.tables = tabulate(self.likelihood, self.labels, grid.spacing[:2], self.options.cell)
+        self._bins = self._slices(self.tables, 1, 1)
+        wide, tall = _block(grid)
+        self._blocks = self._slices(pooled(self.tables, wide, tall), wide, tall)
+        self._belief = _blank_belief(letters, grid, wide, tall)
+        _, _, angle = grid.centres
         self._turns = np.column_stack([np.cos(angle), np.sin(angle)])
-        shape = (len(self.labels), self.grid.angle, self.grid.y, self.grid.x)
-        self._belief = np.zeros(shape)
-        self._top = np.zeros(shape[:3])
-        self._seen = np.zeros(shape[:3], dtype=np.int64)
-        self._margin = math.log(self._belief.size / _NEGLIGIBLE) if self.options.skip else math.inf
-        self._history = History(self.tables)
+        self._margin = math.log(letters * grid.bins / _NEGLIGIBLE) if self.options.skip else math.inf
+        self._history = History(self.tables, self.taxel_xy)
         self._leader = 0
+
+    def _slices(self, tables: Tables, wide: int, tall: int) -> Slices:
+        x, y, _ = self.grid.centres
+        dx, dy, _ = self.grid.spacing
+        corner = np.array([x[0], y[0]]) - tables.origin
+        return slices_of(tables.values, np.concatenate([corner, [wide * dx, tall * dy]]))
 
     def restart(self, rng: np.random.Generator) -> None:
         """Make all bins of all letters equally probable."""
         self._history.clear()
-        self._top[:] = 0
-        self._seen[:] = 0
+        self._belief.upper[:] = 0
+        self._belief.seen[:] = 0
+        self._belief.bounded[:] = 0
         self._leader = 0
 
-    def take(self, evidence: Evidence, xy: FloatArray) -> None:
+    def take(self, evidence: Evidence, sensor_in_robot: FloatArray) -> None:
         """Multiply the belief by the likelihood of one reading (eq. 13), in logs."""
         history = self._history
-        history.append(evidence, xy)
-        rows, self._leader = advance(
-            self._belief, self._top, self._seen, self.tables.values, self._lattice, self._turns,
-            history.start, history.kind, history.xy, history.weight, history.constant, history.ceiling,
-            len(history), history.most, self._margin, self._leader,
+        history.append(evidence, sensor_in_robot)
+        bins, blocks, self._leader = advance(
+            self._belief, self._bins, self._blocks, history.terms, self._turns, len(history), history.most,
+            self._margin, self._leader,
         )  # fmt: skip
-        self._evaluated += rows * self.grid.x
-        self._skipped += self._belief.size - rows * self.grid.x
+        self._evaluated += bins
+        self._bounds += blocks
+        self._skipped += len(self.labels) * self.grid.bins - bins
 
     def answer(self) -> Estimate:
         """Sum the bins of each letter (eq. 14); take the mode (eq. 15, 16) within the best letter."""
+        history = self._history
         mass, mode = np.zeros(len(self.labels)), np.zeros(len(self.labels), dtype=np.int64)
-        summarise(self._belief, self._top, self._seen, len(self._history), self._margin, mass, mode)
+        summarise(self._belief, history.terms.ceiling, len(history), self._margin, self._leader, mass, mode)
         best = int(mass.argmax())
-        angle, row, column = np.unravel_index(mode[best], self._belief.shape[1:])
+        angle, row, column = np.unravel_index(mode[best], (self.grid.angle, self.grid.y, self.grid.x))
         x, y, theta = self.grid.centres
         probabilities = (mass / mass.sum()).tolist()
         return Estimate(
@@ -98,5 +106,38 @@ class HistogramFilter(MapFilter):
 
     @property
     def work(self) -> dict[str, Any]:
-        """Count evaluations, a bin in a reading each, made and skipped since the estimator was made."""
-        return {"likelihood_evaluations": self._evaluated, "skipped": {"bins": self._skipped}}
+        """Count evaluations, a bin in a reading each, made and skipped since the estimator was made.
+
+        bound_evaluations: of blocks of bins, made in order to skip bins.
+        """
+        return {
+            "likelihood_evaluations": self._evaluated,
+            "bound_evaluations": self._bounds,
+            "skipped": {"bins": self._skipped},
+        }
+
+
+def _block(grid: StateGrid) -> tuple[int, int]:
+    """Choose how many bins wide and tall a block is: whole tiles, or a tile cut into equal columns."""
+    dx, dy, _ = grid.spacing
+    wide = LANES * max(1, round(_BLOCK / dx / LANES))
+    if _BLOCK / dx < LANES:
+        wide = min(LANES, 2 ** max(0, round(math.log2(_BLOCK / dx))))
+    return wide, TALL * max(1, round(_BLOCK / dy / TALL))
+
+
+def _blank_belief(letters: int, grid: StateGrid, wide: int, tall: int) -> Belief:
+    """Make room for the log-belief of all bins, in tiles, and for the bounds of its blocks."""
+    tiles = (-(-grid.y // TALL), -(-grid.x // LANES))
+    row = np.arange(tiles[0] * TALL).reshape(tiles[0], 1, TALL, 1)
+    column = np.arange(tiles[1] * LANES).reshape(1, tiles[1], 1, LANES)
+    edge = np.where((row < grid.y) & (column < grid.x), 0, -np.inf)
+    blocks = (letters, grid.angle, -(-grid.y // tall), -(-grid.x // wide))
+    return Belief(
+        log_p=np.zeros((letters, grid.angle, *tiles, TALL * LANES)),
+        edge=edge.reshape(*tiles, TALL * LANES),
+        upper=np.zeros(blocks),
+        seen=np.zeros(blocks, dtype=np.int64),
+        bounded=np.zeros(blocks, dtype=np.int64),
+        size=np.array([grid.y, grid.x, tall, wide]),
+    )

@@ -4,26 +4,34 @@ from __future__ import annotations
 
 import numpy as np
 
+from estimators.kernels import Terms, record
 from estimators.likelihood import Evidence
 from estimators.tables import Tables
 from tactsim.poses import FloatArray
-
-# Rounding of float32 sums, relative to the largest table value, that a ceiling must allow for.
-_ROUNDING = 1e-6
 
 
 class History:
     """The terms of all readings so far, in arrays that grow.
 
-    start: (readings + 1,) where each reading's terms begin. kind, xy, weight: the terms' table,
-    place in the robot frame (mm) and factor. constant: (readings, letters) what a state far off the
-    map gets. ceiling: (readings + 1,) cumulated, the most that any state can get. The arrays may be
-    longer than what is filled. most: terms of the longest reading.
+    terms.start: (readings + 1,) where each reading's terms begin. kind, xy, weight: (terms,) the
+    terms' table, place in the robot frame (mm) and factor. constant: (readings, letters) what a state
+    far off the map gets. ceiling: (readings + 1,) cumulated, the most that any state can get. slack:
+    (readings,) by how much rounding may move a sum. Arrays may be longer than what is filled. most:
+    terms of the longest reading.
     """
 
-    def __init__(self, tables: Tables) -> None:
-        self._tables = tables
-        self._magnitude = np.maximum(np.abs(tables.lowest), np.abs(tables.highest))
+    def __init__(self, tables: Tables, taxel_xy: FloatArray) -> None:
+        self._tables, self._taxel_xy = tables, np.array(taxel_xy, dtype=float)
+        letters = tables.outside.shape[1]
+        self.terms = Terms(
+            start=np.zeros(65, dtype=np.int64),
+            kind=np.zeros(4096, dtype=np.int64),
+            xy=np.zeros((4096, 2)),
+            weight=np.zeros(4096, dtype=np.float32),
+            constant=np.zeros((64, letters)),
+            ceiling=np.zeros(65),
+            slack=np.zeros(64),
+        )
         self.clear()
 
     def __len__(self) -> int:
@@ -31,34 +39,32 @@ class History:
 
     def clear(self) -> None:
         """Forget all readings."""
-        letters = self._tables.outside.shape[1]
-        self._readings = self._terms = self.most = 0
-        self.start = np.zeros(65, dtype=np.int64)
-        self.ceiling = np.zeros(65)
-        self.constant = np.zeros((64, letters))
-        self.kind = np.zeros(2048, dtype=np.int64)
-        self.xy = np.zeros((2048, 2))
-        self.weight = np.zeros(2048, dtype=np.float32)
+        self._readings = self.most = 0
 
-    def append(self, evidence: Evidence, xy: FloatArray) -> None:
-        """Add a reading's terms; xy: (terms, 2) mm, where each term's taxel is in the robot frame."""
-        terms, tables = len(evidence.table), self._tables
-        if self._readings == len(self.constant):
-            self.start, self.ceiling = _doubled(self.start), _doubled(self.ceiling)
-            self.constant = _doubled(self.constant)
-        while self._terms + terms > len(self.kind):
-            self.kind, self.xy, self.weight = _doubled(self.kind), _doubled(self.xy), _doubled(self.weight)
-        new = slice(self._terms, self._terms + terms)
-        self.kind[new], self.xy[new], self.weight[new] = evidence.table, xy, evidence.weight
-        weight = evidence.weight.astype(float)
-        most = np.maximum(weight * tables.highest[evidence.table], weight * tables.lowest[evidence.table])
-        most += _ROUNDING * np.abs(weight) * self._magnitude[evidence.table]
-        self.constant[self._readings] = weight @ tables.outside[evidence.table]
-        self._terms += terms
-        self.most = max(self.most, terms)
+    def append(self, evidence: Evidence, sensor_in_robot: FloatArray) -> None:
+        """Add the terms of a reading taken at a pose [mm, mm, rad].
+
+        Raises ValueError if the likelihood gave a weight that is negative or not finite.
+        """
+        count, tables = len(evidence.table), self._tables
+        self._make_room(count)
+        if not record(
+            self.terms, self._readings, evidence.table, evidence.taxel, evidence.weight, self._taxel_xy,
+            sensor_in_robot, tables.outside, tables.lowest, tables.highest,
+        ):  # fmt: skip
+            raise ValueError("a likelihood gave a term a weight that is negative or not finite")
         self._readings += 1
-        self.start[self._readings] = self._terms
-        self.ceiling[self._readings] = self.ceiling[self._readings - 1] + most.sum()
+        self.most = max(self.most, count)
+
+    def _make_room(self, count: int) -> None:
+        terms = self.terms
+        if self._readings == len(terms.slack):
+            by_reading = ("start", "constant", "ceiling", "slack")
+            terms = terms._replace(**{name: _doubled(getattr(terms, name)) for name in by_reading})
+        while terms.start[self._readings] + count > len(terms.kind):
+            by_term = ("kind", "xy", "weight")
+            terms = terms._replace(**{name: _doubled(getattr(terms, name)) for name in by_term})
+        self.terms = terms
 
 
 def _doubled(array: np.ndarray) -> np.ndarray:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -62,6 +62,40 @@ def tabulate(
         lowest=np.minimum(sampled.min(axis=(1, 2, 3)), outside.min(axis=1)),
         highest=np.maximum(sampled.max(axis=(1, 2, 3)), outside.max(axis=1)),
     )
+
+
+def pooled(tables: Tables, wide: int, tall: int) -> Tables:
+    """Bound what blocks of wide x tall bins read: tables with the blocks' spacing.
+
+    Each node gets the largest value of the nodes that the bins of a block beginning there can take
+    for it. So a block's sum, interpolated as if it were one bin, is not below that of any of its bins.
+    """
+    kinds, letters, phases_y, phases_x, rows, columns = tables.values.shape
+    nodes = tables.values.transpose(0, 1, 4, 2, 5, 3)
+    nodes = nodes.reshape(kinds, letters, rows * phases_y, columns * phases_x)
+    # Nodes a block spans, in y and x: it reaches the lattice from as far outside.
+    spans = ((tall - 1) * phases_y + 1, (wide - 1) * phases_x + 1)
+    for axis, (span, phases) in enumerate(zip(spans, (tall * phases_y, wide * phases_x), strict=True), 2):
+        count = math.ceil((nodes.shape[axis] + span + 1) / phases) * phases
+        frame = [(0, 0)] * 4
+        frame[axis] = (span, count - nodes.shape[axis] - 1)
+        nodes = _sliding_maximum(np.pad(nodes, frame), span, axis)
+    return replace(
+        tables,
+        values=_by_phase(nodes, tall * phases_y, wide * phases_x),
+        origin=tables.origin - np.array(spans[::-1]) * tables.step,
+    )
+
+
+def _sliding_maximum(values: NDArray[np.float32], span: int, axis: int) -> NDArray[np.float32]:
+    """Take the maximum over `span` neighbours along an axis: [i] becomes the largest of [i : i + span]."""
+    values = np.moveaxis(values, axis, -1)
+    reached = 1
+    while reached < span:
+        step = min(reached, span - reached)
+        values = np.maximum(values[..., :-step], values[..., step:])
+        reached += step
+    return np.moveaxis(values, -1, axis)
 
 
 def _by_phase(values: NDArray[np.float32], phases_y: int, phases_x: int) -> NDArray[np.float32]:

@@ -1,0 +1,51 @@
+import numpy as np
+import pytest
+from synthetic import make_scan, paper_poses
+
+import estimators
+from estimators import kernels
+
+
+@pytest.mark.parametrize("split", ["25x25x4", "3x5x2", "1x1x1", "17x33x2"])
+def test_tiles_that_hang_over_the_tables_read_nothing_beyond_them(split):
+    scan = make_scan("EI", poses=paper_poses(3, 4))
+    filter = estimators.create("histogram", split=split)
+    filter.fit(scan)
+    for name in ("_bins", "_blocks"):
+        slices = getattr(filter, name)
+        around = np.full(3 * slices.nodes.size, np.nan, dtype=np.float32)
+        inside = around[slices.nodes.size : 2 * slices.nodes.size]
+        inside[:] = slices.nodes
+        setattr(filter, name, slices._replace(nodes=inside))
+    rng = np.random.default_rng(0)
+    for _ in range(10):
+        filter.reset(rng)
+        # Anywhere from the middle of the map to far off it, so that every edge is hung over.
+        for reach in (10, 30, 60, 1e4, 1e300):
+            filter.update(scan.readings[rng.integers(len(scan))], rng.uniform(-reach, reach, 3))
+        letters = list(filter.estimate().probabilities.values())
+        assert np.isfinite(letters).all()
+        assert np.isfinite(filter._belief.upper).all()
+
+
+def test_skipped_blocks_are_never_above_their_bound(scan):
+    # The bound is what makes skipping exact; check it bin by bin against the full filter.
+    lazy, full = (estimators.create("histogram", split="20x20x6", skip=skip) for skip in (True, False))
+    lazy.fit(scan)
+    full.fit(scan)
+    for seed in range(5):
+        rng = np.random.default_rng(seed)
+        lazy.reset(rng)
+        full.reset(rng)
+        for count in range(1, 9):
+            reading, pose = scan.readings[rng.integers(len(scan))], rng.uniform(-15, 15, 3)
+            lazy.update(reading, pose)
+            full.update(reading, pose)
+            _, _, tall, wide = lazy._belief.size
+            letters, angles, rows, columns, _ = full._belief.log_p.shape
+            bins = full._belief.log_p.reshape(letters, angles, rows, columns, kernels.TALL, kernels.LANES)
+            bins = bins.transpose(0, 1, 2, 4, 3, 5)
+            bins = bins.reshape(letters, angles, rows * kernels.TALL, columns * kernels.LANES)[:, :, :20, :20]
+            bound = lazy._belief.upper + lazy._history.terms.ceiling[count]
+            spread = bound.repeat(tall, axis=2).repeat(wide, axis=3)[:, :, :20, :20]
+            assert (bins <= spread + 1e-9).all()
