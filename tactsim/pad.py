@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tomllib
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
@@ -41,6 +41,14 @@ class Pad(BaseModel):
     )
     unread_rows: int = Field(0, ge=0, le=100, description="rows each end that carry load but are not read")
 
+    @model_validator(mode="before")
+    @classmethod
+    def _without_seam(cls, values: Any) -> Any:
+        """Take `no_seam = true` for `seam = null`, which TOML cannot say."""
+        if isinstance(values, dict) and values.get("no_seam") is True:
+            values = {name: value for name, value in values.items() if name != "no_seam"} | {"seam": None}
+        return values
+
     @model_validator(mode="after")
     def _elements_do_not_overlap(self) -> Pad:
         if self.element_x > self.pitch_x or self.element_y > self.pitch_y:
@@ -63,8 +71,6 @@ class Pad(BaseModel):
             raise InputError(f"cannot read pad {path}: {error.strerror or error}") from error
         except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
             raise InputError(f"pad {path} is not TOML: {error}") from error
-        if content.pop("no_seam", False) is True:  # TOML has no null
-            content["seam"] = None
         try:
             return cls.model_validate(content)
         except ValidationError as error:

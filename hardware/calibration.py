@@ -1,0 +1,201 @@
+"""Correct what a pad says: tare, gain of each element, elements that are dead or stuck; and force."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from pydantic import BaseModel, Field, model_validator
+
+from hardware.codecs.base import STRICT
+from hardware.device import Device, checked, parse_toml, read_small_file
+from models.errors import InputError
+from models.files import write_bytes
+from tactsim.pad import Pad
+from tactsim.poses import FloatArray
+from tactsim.reading import Reading
+
+LEAST_FRAMES = 40
+_MOVED = 5.0  # noise standard deviations by which the two halves of a tare may differ
+_FAINT = 0.05  # share of the typical element's answer below which an element is dead
+
+
+class Calibration(BaseModel):
+    """What corrects one device's readings: the content of a calibration file (TOML).
+
+    corrected = (pressure - tare) * gain, kPa, for every element that is neither dead nor stuck.
+    """
+
+    model_config = STRICT
+
+    device: str = Field(max_length=200, description="name in the device file")
+    port: str = Field(max_length=1000, description="where the device was read")
+    taken: datetime
+    frames: int = Field(ge=0, description="frames that the tare is the median of")
+    tare: tuple[float, ...] = Field(
+        min_length=1, max_length=40_000, description="kPa of each element unloaded"
+    )
+    noise: tuple[float, ...] = Field(max_length=40_000, description="kPa, sd of each element unloaded")
+    gain: tuple[float, ...] = Field(max_length=40_000)
+    dead: tuple[int, ...] = Field((), description="elements that do not answer to a load")
+    stuck: tuple[int, ...] = Field((), description="elements that always say the same")
+
+    @model_validator(mode="after")
+    def _whole(self) -> Calibration:
+        for name in ("noise", "gain"):
+            if len(getattr(self, name)) != len(self.tare):
+                raise ValueError(f"{name} has {len(getattr(self, name))} values, tare has {len(self.tare)}")
+        for name in ("dead", "stuck"):
+            if any(not 0 <= element < len(self.tare) for element in getattr(self, name)):
+                raise ValueError(f"{name} names an element that the pad of {len(self.tare)} does not have")
+        if not self.kept.any():
+            raise ValueError("every element is dead or stuck")
+        return self
+
+    @property
+    def kept(self) -> NDArray[np.bool_]:
+        """Tell which elements are read, (taxels,)."""
+        kept = np.ones(len(self.tare), dtype=bool)
+        kept[list(self.dead + self.stuck)] = False
+        return kept
+
+    def save(self, path: str | Path) -> None:
+        """Write the calibration as TOML, whole or not at all. Raises InputError if it cannot."""
+        import tomli_w
+
+        write_bytes(path, tomli_w.dumps(self.model_dump()).encode())
+
+    @classmethod
+    def load(cls, path: str | Path) -> Calibration:
+        """Read a calibration file. Raises InputError with the first value that is wrong."""
+        content = read_small_file(Path(path), "calibration")
+        return checked(cls, parse_toml(content, str(path)), str(path))
+
+
+class Correction:
+    """Apply a calibration to readings of the pad that it was taken on."""
+
+    def __init__(self, calibration: Calibration, pad: Pad) -> None:
+        if len(calibration.tare) != pad.taxels:
+            raise InputError(
+                f"the calibration of {calibration.device!r} has {len(calibration.tare)} elements, the pad has "
+                f"{pad.taxels}; take one with `bench tare`"
+            )
+        kept = calibration.kept
+        self._kept = slice(None) if kept.all() else kept
+        self._tare, self._gain = np.array(calibration.tare), np.array(calibration.gain)
+        self.taxel_xy = pad.taxel_xy[self._kept]
+
+    def whole(self, pressures: FloatArray) -> FloatArray:
+        """Correct the pressures (..., taxels) kPa of all elements, dead and stuck ones too."""
+        return (pressures - self._tare) * self._gain
+
+    def apply(self, reading: Reading) -> Reading:
+        """Correct one reading; dead and stuck elements are left out."""
+        pressures = self.whole(reading.pressures)[self._kept]
+        return Reading(pressures, reading.host_time, reading.device_time, reading.index)
+
+
+def take_tare(
+    readings: Sequence[Reading], device: Device, port: str, now: datetime | None = None
+) -> Calibration:
+    """Take the median of unloaded readings as each element's zero, and mask elements that are stuck.
+
+    Raises InputError for fewer than 40 readings, and if something touches the pad: an element that
+    moves beyond its noise while the tare is taken, or lies further from zero than the device file's
+    `largest_offset_kpa`.
+    """
+    if len(readings) < LEAST_FRAMES:
+        raise InputError(f"a tare takes at least {LEAST_FRAMES} frames, not {len(readings)}")
+    values = np.array([reading.pressures for reading in readings])
+    tare = np.median(values, axis=0)
+    noise = values.std(axis=0, ddof=1)
+    stuck = find_stuck(values)
+    free = np.setdiff1d(np.arange(values.shape[1]), stuck)
+    if not len(free):
+        raise InputError("every element of the pad says the same all the time: is it connected?")
+    far = free[np.abs(tare[free]) > device.largest_offset_kpa]
+    if len(far):
+        worst = far[np.argmax(np.abs(tare[far]))]
+        raise InputError(
+            f"something touches the pad: element {worst} reads {tare[worst]:.1f} kPa; take everything off, or "
+            f"raise largest_offset_kpa ({device.largest_offset_kpa:g}) in the device file if nothing is there"
+        )
+    half = len(values) // 2
+    moved = np.abs(values[:half].mean(axis=0) - values[-half:].mean(axis=0))
+    # The typical element's noise stands in for one that was quieter by chance than its steps allow.
+    typical = float(np.median(noise[free]))
+    allowed = np.maximum(_MOVED * np.maximum(noise, typical) * np.sqrt(2 / half), _smallest_step(values))
+    leap = max(device.largest_offset_kpa, 2 * _MOVED * typical)
+    moving = free[((moved > allowed) | (np.ptp(values, axis=0) > leap))[free]]
+    if len(moving):
+        worst = moving[np.argmax(moved[moving])]
+        raise InputError(
+            f"something moves on the pad: element {worst} went by {np.ptp(values[:, worst]):.1f} kPa during the "
+            "tare; take everything off and wait until it is at rest"
+        )
+    return Calibration(
+        device=device.name, port=port, taken=now or datetime.now(UTC).replace(microsecond=0),
+        frames=len(values), tare=tuple(tare.tolist()), noise=tuple(noise.tolist()),
+        gain=(1.0,) * values.shape[1], stuck=tuple(stuck.tolist()),
+    )  # fmt: skip
+
+
+def with_gain(
+    calibration: Calibration, readings: Sequence[Reading], pressure: float | None = None
+) -> Calibration:
+    """Fit each element's gain from readings under an even load, and mask elements that are dead.
+
+    readings: uncorrected. pressure: kPa of the load; None makes the elements agree with their median.
+    Raises InputError for fewer than 40 readings or a load that hardly any element feels.
+    """
+    if len(readings) < LEAST_FRAMES:
+        raise InputError(f"gains take at least {LEAST_FRAMES} frames, not {len(readings)}")
+    values = np.array([reading.pressures for reading in readings])
+    answer = np.median(values, axis=0) - np.array(calibration.tare)
+    dead = find_dead(answer[None], skip=calibration.stuck)
+    alive = np.setdiff1d(np.arange(len(answer)), [*dead, *calibration.stuck])
+    typical = float(np.median(answer[alive])) if len(alive) else 0.0
+    if not typical > 5 * float(np.median(calibration.noise)):
+        raise InputError(f"the load reads {typical:.1f} kPa, hardly more than the noise; load the pad evenly")
+    gain = np.ones(len(answer))
+    gain[alive] = (typical if pressure is None else pressure) / answer[alive]
+    return calibration.model_copy(update={"gain": tuple(gain.tolist()), "dead": tuple(dead.tolist())})
+
+
+def find_stuck(values: FloatArray) -> NDArray[np.int64]:
+    """Find elements that never change while the others do: values (frames, taxels), any unit.
+
+    An element's noise can be smaller than its steps, so a constant one is stuck only if the typical
+    element changes by half a step or more, which makes 40 equal values next to impossible.
+    """
+    spread = values.std(axis=0)
+    restless = float(np.median(spread)) >= _smallest_step(values) / 2 > 0
+    return np.flatnonzero(spread == 0) if restless else np.zeros(0, dtype=np.int64)
+
+
+def find_dead(values: ArrayLike, skip: Sequence[int] = ()) -> NDArray[np.int64]:
+    """Find elements that no load reaches: values (readings, taxels), tared, where every element is pressed.
+
+    An element is dead whose largest value stays below 5 % of the typical element's largest.
+    """
+    largest = np.max(np.asarray(values, dtype=float), axis=0)
+    others = np.setdiff1d(np.arange(len(largest)), skip)
+    typical = float(np.median(largest[others])) if len(others) else 0.0
+    return others[largest[others] < _FAINT * typical] if typical > 0 else np.zeros(0, dtype=np.int64)
+
+
+def force(pressures: ArrayLike, pad: Pad) -> FloatArray:
+    """Sum pressures (..., taxels) kPa over the elements' areas: N. Load between elements is not felt."""
+    area = pad.element_x * pad.element_y  # mm^2
+    return np.asarray(pressures, dtype=float).sum(axis=-1) * area * 1e-3  # kPa mm^2 = 1e-3 N
+
+
+def _smallest_step(values: FloatArray) -> float:
+    """Find the smallest difference between two values of one element: the device's resolution."""
+    steps = np.diff(np.sort(values, axis=0), axis=0)
+    steps = steps[steps > 1e-12]
+    return float(steps.min()) if len(steps) else 0.0

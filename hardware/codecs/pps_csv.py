@@ -1,0 +1,95 @@
+"""`pps-csv`: the recording that the vendor's demonstration tool writes.
+
+A title line `Time [ms], Elem0, Elem1, ...`, then one line a frame: `0, 0.11, 0.02, ...`.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Literal
+
+import numpy as np
+from pydantic import Field
+
+from hardware.codecs.base import Codec, CodecFormat, Frame
+from hardware.errors import CodecError
+from tactsim.poses import FloatArray
+
+_KPA = {"kPa": 1.0, "psi": 6.894757293168361, "Pa": 1e-3}  # 1 psi = 1 lbf/in^2
+_TITLE = b"Time"
+_LONGEST_NUMBER = 32  # characters of one number with its separator
+_LONGEST_TITLE = 24  # of one column's name with its separator
+
+
+class CsvFormat(CodecFormat):
+    """The table `[codec]` of a device file with `kind = "pps-csv"`."""
+
+    kind: Literal["pps-csv"]
+    elements: int = Field(ge=1, le=10_000, description="columns behind the time")
+    unit: Literal["kPa", "psi", "Pa"] = Field("kPa", description="unit of the numbers")
+
+    def build(self) -> CsvCodec:
+        """Make the codec."""
+        return CsvCodec(self)
+
+
+class CsvCodec(Codec[Frame]):
+    """Read and write such lines. A line that has another number of columns, or no numbers, is no frame."""
+
+    tick_s = 1e-3
+
+    def __init__(self, form: CsvFormat) -> None:
+        self.format = form
+        self.elements = form.elements
+        self._longest_line = _LONGEST_NUMBER * (form.elements + 1)
+        self.longest = self._longest_line + _LONGEST_TITLE * (form.elements + 1)
+
+    def decode(self, buffer: bytes | bytearray, start: int = 0) -> tuple[int, Frame | None]:
+        """Look for a line at `start`; see `Codec.decode`. The title line counts to the line behind it."""
+        end = buffer.find(b"\n", start, start + self.longest)
+        if end < 0:
+            return (self.longest if len(buffer) - start >= self.longest else 0), None
+        if buffer.startswith(_TITLE, start):
+            second = buffer.find(b"\n", end + 1, start + self.longest)
+            if second < 0:
+                whole = len(buffer) - start >= self.longest
+                return (end + 1 - start if whole else 0), None
+            frame = self._frame(bytes(buffer[end + 1 : second]))
+            return (second + 1 - start, frame) if frame else (end + 1 - start, None)
+        return end + 1 - start, self._frame(bytes(buffer[start:end]))
+
+    def encode(self, frame: Frame) -> bytes:
+        """Write one line."""
+        return (", ".join(f"{value:.9g}" for value in (frame.ticks or 0.0, *frame.values)) + "\n").encode()
+
+    def title(self) -> bytes:
+        """Write the title line."""
+        return (", ".join(["Time [ms]", *(f"Elem{k}" for k in range(self.elements))]) + "\n").encode()
+
+    def to_kpa(self, values: FloatArray) -> FloatArray:
+        """Turn the file's unit into kPa."""
+        return values * _KPA[self.format.unit]
+
+    def from_kpa(self, pressures: FloatArray) -> FloatArray:
+        """Turn kPa into the file's unit."""
+        return pressures / _KPA[self.format.unit]
+
+    def _frame(self, line: bytes) -> Frame | None:
+        fields = line.split(b",")
+        if len(fields) != self.elements + 1:
+            return None
+        try:
+            numbers = [float(field) for field in fields]
+        except ValueError:
+            return None
+        if not all(map(math.isfinite, numbers)):
+            return None
+        return Frame(np.array(numbers[1:]), ticks=numbers[0])
+
+
+def count_elements(first_line: bytes) -> int:
+    """Count the elements by the title line of a recording. Raises CodecError if it is none."""
+    columns = first_line.strip().split(b",")
+    if not columns[0].startswith(_TITLE) or len(columns) < 2:
+        raise CodecError("no recording of the vendor's tool: its first line is 'Time [ms], Elem0, ...'")
+    return len(columns) - 1

@@ -1,0 +1,254 @@
+"""`singletact`: SingleTact sensors and arrays behind the maker's Arduino bridge.
+
+The protocol is public (MIT): SingleTact's manual 2.3, WinAppArduinoInterface and NETInterface. The
+bridge answers one question at a time, over 115200 baud 8N1:
+
+    host -> bridge    FF FF FF FF  address  100  id  command  register  n  data  FF  FE FE FE FE
+    bridge -> host    FF FF FF FF  address  timed-out  id  ticks (4)  n  data  FE FE FE FE
+
+Numbers are big-endian and a tick is 100 us. The USB board's header is AA AA AA AA. There is no checksum.
+"""
+
+from __future__ import annotations
+
+import struct
+from dataclasses import dataclass
+from typing import ClassVar, Literal
+
+import numpy as np
+from pydantic import Field
+
+from hardware.codecs.base import PATIENCE, Codec, CodecFormat, Dialogue, Frame
+from hardware.counters import Counters
+from hardware.errors import CodecError
+from tactsim.poses import FloatArray
+
+HEADERS = (b"\xff\xff\xff\xff", b"\xaa\xaa\xaa\xaa")
+FOOTER = b"\xfe\xfe\xfe\xfe"
+READ, WRITE = 1, 2
+MOST_READ = 32  # bytes in one answer
+DATA = 12  # where an answer's data begin
+MAX_ELEMENTS = 25
+INDEX_REGISTER, OUTPUT_REGISTER = 128, 132  # frame index (2), device time (2), then 2 bytes an element
+REGISTERS = 192
+ZERO, FULL_SCALE = 255, 512  # output of an unloaded element, and counts from there to the rated pressure
+MOST_COUNTS = 1023
+# A bridge whose sensor does not answer waits 100 ms, then sends what its buffer held before, and the
+# timed-out flag stays 0 (`timeout` in SingleTactDemo.ino is never changed). Its slowness tells.
+BRIDGE_GIVES_UP = 0.1  # s
+
+
+@dataclass(frozen=True)
+class Reply:
+    """One answer of the bridge. data: the registers asked for, or none after a write."""
+
+    address: int
+    timed_out: bool
+    id: int
+    ticks: int
+    data: bytes
+
+
+@dataclass(frozen=True)
+class Question:
+    """What was asked: `count` registers from `register` on, of the sensor at `address`."""
+
+    address: int
+    id: int
+    register: int
+    count: int
+
+
+class SingleTactFormat(CodecFormat):
+    """The table `[codec]` of a device file with `kind = "singletact"`."""
+
+    usual_address: ClassVar[int] = 4
+
+    kind: Literal["singletact"]
+    elements: int = Field(1, ge=1, le=MAX_ELEMENTS, description="elements of one sensor (register 12)")
+    full_scale_kpa: float = Field(gt=0, description="kPa at output 767, the rated pressure of the sensor")
+    torn_frames: int = Field(
+        0, ge=0, le=1000, description="frames that a sensor may measure while one is read; 0: only whole ones"
+    )
+
+    def build(self) -> SingleTactCodec:
+        """Make the codec."""
+        return SingleTactCodec(self)
+
+
+class SingleTactCodec(Codec[Reply]):
+    """Read the bridge's answers."""
+
+    longest = DATA + MOST_READ + len(FOOTER)
+    tick_s = 1e-4
+    tick_wrap = 1 << 32
+    index_wrap = 1 << 16
+    speaks = False
+
+    def __init__(self, form: SingleTactFormat) -> None:
+        self.format = form
+        self.elements = form.elements
+
+    def decode(self, buffer: bytes | bytearray, start: int = 0) -> tuple[int, Reply | None]:
+        """Look for an answer at `start`; see `Codec.decode`.
+
+        Header, address (at most 127), flag, length and footer must agree, or one byte is given up. So
+        a run of FF before a header costs nothing: its last four bytes are the header.
+        """
+        have = len(buffer) - start
+        header = bytes(buffer[start : start + 4])
+        if len(header) < 4:
+            could_be = any(known.startswith(header) for known in HEADERS)
+            return (0 if could_be else 1, None) if header else (0, None)
+        if header not in HEADERS:
+            found = [at for known in HEADERS if (at := buffer.find(known, start)) >= 0]
+            return (min(found) - start, None) if found else (have - _tail(buffer, start), None)
+        if have > 4 and buffer[start + 4] > 127:
+            return 1, None
+        if have > 5 and buffer[start + 5] > 1:
+            return 1, None
+        if have < DATA:
+            return 0, None
+        count = buffer[start + DATA - 1]
+        if count > MOST_READ:
+            return 1, None
+        size = DATA + count + len(FOOTER)
+        if have < size:
+            return 0, None
+        if not buffer.startswith(FOOTER, start + DATA + count):
+            return 1, None
+        address, flag, number, ticks = struct.unpack_from(">BBBI", buffer, start + 4)
+        return size, Reply(
+            address, bool(flag), number, ticks, bytes(buffer[start + DATA : start + DATA + count])
+        )
+
+    def to_kpa(self, values: FloatArray) -> FloatArray:
+        """Turn outputs into kPa: 255 is zero, 767 the rated pressure, less is negative, more is too much."""
+        return (values - ZERO) * (self.format.full_scale_kpa / FULL_SCALE)
+
+    def from_kpa(self, pressures: FloatArray) -> FloatArray:
+        """Turn kPa into the nearest outputs, 0 to 1023."""
+        return np.clip(np.round(pressures * (FULL_SCALE / self.format.full_scale_kpa) + ZERO), 0, MOST_COUNTS)
+
+    def dialogue(self, addresses: tuple[int, ...], counters: Counters) -> Dialogue:
+        """Start asking the sensors at these addresses in turn."""
+        return Polling(self.format, addresses, counters)
+
+
+class Polling(Dialogue):
+    """Ask sensor after sensor for its frame.
+
+    More than 14 elements take two reads, which can fall in different frames. So the frame index is
+    read once more behind them: a frame whose index moved was torn and is dropped.
+    """
+
+    def __init__(self, form: SingleTactFormat, addresses: tuple[int, ...], counters: Counters) -> None:
+        self._format, self._addresses, self._counters = form, addresses, counters
+        output = 4 + 2 * form.elements  # bytes: index, device time, elements
+        self._reads = [
+            (INDEX_REGISTER + at, min(MOST_READ, output - at)) for at in range(0, output, MOST_READ)
+        ]
+        if len(self._reads) > 1:
+            self._reads.append((INDEX_REGISTER, 4))
+        self._id = 0
+        self._turn = 0  # whose turn it is
+        self._have: list[Reply] = []  # answers so far, of `_reads`
+        self._asked: tuple[Question, float] | None = None
+
+    def request(self, now: float) -> bytes:
+        """Ask the next question; an unanswered one is given up after a while and its frame with it."""
+        step = len(self._have)
+        if self._asked is not None:
+            if now - self._asked[1] < PATIENCE:
+                return b""
+            step = 0
+        register, count = self._reads[step]
+        return read_request(Question(self._addresses[self._turn], self._id, register, count))
+
+    def sent(self, request: bytes, now: float) -> None:
+        """Note what was asked."""
+        if self._asked is not None:
+            self._counters.timeouts += 1
+            self._next_sensor()
+        question = parse_request(request)
+        self._asked = (question, now)
+        self._id = (question.id + 1) % 256
+
+    def take(self, packet: Reply, now: float) -> Frame | None:
+        """Take an answer in; returns the sensor's frame when its last part has come and it is whole."""
+        if self._asked is None or not _answers(packet, self._asked[0]):
+            self._counters.strays += 1
+            return None
+        asked_at = self._asked[1]
+        self._asked = None
+        if packet.timed_out or now - asked_at >= BRIDGE_GIVES_UP:
+            self._counters.stale += 1
+            self._next_sensor()
+            return None
+        self._have.append(packet)
+        if len(self._have) < len(self._reads):
+            return None
+        replies = self._have
+        self._next_sensor()
+        return self._frame(replies)
+
+    def reset(self) -> None:
+        """Forget the open question and what was read of a frame."""
+        self._asked = None
+        self._have = []
+
+    def _next_sensor(self) -> None:
+        self._have = []
+        self._turn = (self._turn + 1) % len(self._addresses)
+
+    def _frame(self, replies: list[Reply]) -> Frame | None:
+        first, last = (int.from_bytes(reply.data[:2], "big") for reply in (replies[0], replies[-1]))
+        if len(replies) > 1:
+            if (last - first) % 65536 > self._format.torn_frames:
+                self._counters.torn += 1
+                return None
+            replies = replies[:-1]
+        data = b"".join(reply.data for reply in replies)[4:]
+        values = np.frombuffer(data, dtype=">u2").astype(np.float64)
+        return Frame(values, replies[0].address, index=first, ticks=replies[0].ticks)
+
+
+def read_request(question: Question) -> bytes:
+    """Write the request to read registers."""
+    return b"".join(
+        (
+            HEADERS[0],
+            bytes([question.address, 100, question.id, READ, question.register, question.count, 0xFF]),
+            FOOTER,
+        )
+    )
+
+
+def parse_request(request: bytes) -> Question:
+    """Read a request that `read_request` wrote. Raises CodecError for any other bytes."""
+    if len(request) == 15:
+        address, _, number, command, register, count, _ = request[4:11]
+        question = Question(address, number, register, count)
+        if command == READ and request == read_request(question):
+            return question
+    raise CodecError(f"{request[:32].hex(' ')} is no request to read a SingleTact")
+
+
+def write_reply(reply: Reply) -> bytes:
+    """Write an answer as the Arduino bridge would. Raises CodecError if its data are too long."""
+    if len(reply.data) > MOST_READ:
+        raise CodecError(f"an answer holds at most {MOST_READ} bytes, not {len(reply.data)}")
+    head = struct.pack(">BBBIB", reply.address, reply.timed_out, reply.id, reply.ticks, len(reply.data))
+    return b"".join((HEADERS[0], head, reply.data, FOOTER))
+
+
+def _answers(reply: Reply, question: Question) -> bool:
+    return (reply.address, reply.id, len(reply.data)) == (question.address, question.id, question.count)
+
+
+def _tail(buffer: bytes | bytearray, start: int) -> int:
+    """Count the bytes at the end, up to three, that could begin a header."""
+    for length in range(min(3, len(buffer) - start), 0, -1):
+        if any(buffer.endswith(header[:length]) for header in HEADERS):
+            return length
+    return 0

@@ -1,0 +1,165 @@
+"""Device files: which codec, which pad, and how the parts of a pad are wired."""
+
+from __future__ import annotations
+
+import tomllib
+from importlib.resources import files
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, Field, ValidationError, model_validator
+
+from hardware.codecs import Format
+from hardware.codecs.base import STRICT
+from models.errors import InputError, unknown
+from tactsim.pad import Pad
+
+Model = TypeVar("Model", bound=BaseModel)
+
+_LARGEST_FILE = 1 << 20  # bytes
+UNREAD = -1
+
+
+class Part(BaseModel):
+    """One device of those that make a pad.
+
+    port: which of the ports given, the first is 0. address: which device on that port, where its
+    frames say so; None: the one that the codec takes for granted. elements: for each of its elements,
+    in its own order, the pad's element that it is, or -1 if the pad does not read it; None: the pad's
+    elements in their order.
+    """
+
+    model_config = STRICT
+
+    port: int = Field(0, ge=0, le=15)
+    address: int | None = Field(None, ge=0)
+    elements: tuple[int, ...] | None = Field(None, max_length=10_000)
+
+
+class Device(BaseModel):
+    """A pad and the way its readings come: the content of a device file (TOML)."""
+
+    model_config = STRICT
+
+    name: str = Field(min_length=1, max_length=200)
+    baud: int = Field(115_200, ge=50, le=20_000_000)
+    settle: float = Field(
+        0.0, ge=0, le=120, description="s after opening in which the device starts and its bytes mean nothing"
+    )
+    deadline: float = Field(1.0, gt=0, le=600, description="s within which a reading must come")
+    touch_kpa: float = Field(2.0, gt=0, le=1e4, description="kPa above which an element is touched")
+    largest_offset_kpa: float = Field(
+        10.0, gt=0, le=1e5, description="kPa that an unloaded element may read before the tare"
+    )
+    codec: Format
+    pad: Pad = Field(default_factory=Pad)
+    part: tuple[Part, ...] = Field((Part(),), min_length=1, max_length=64)
+
+    @model_validator(mode="after")
+    def _wired(self) -> Device:
+        owner: dict[int, int] = {}
+        for number, part in enumerate(self.part):
+            elements = self.wiring(part)
+            if len(elements) != self.codec.build().elements:
+                raise ValueError(
+                    f"part {number} lists {len(elements)} elements, but the codec's frames have "
+                    f"{self.codec.build().elements}"
+                )
+            for element in elements.tolist():
+                if element == UNREAD:
+                    continue
+                if not 0 <= element < self.pad.taxels:
+                    raise ValueError(
+                        f"part {number}: element {element} is not on the pad; use 0 to {self.pad.taxels - 1}, "
+                        "or -1 for one that is not read"
+                    )
+                if element in owner:
+                    raise ValueError(
+                        f"element {element} of the pad is in parts {owner[element]} and {number}"
+                    )
+                owner[element] = number
+        missing = sorted(set(range(self.pad.taxels)) - set(owner))
+        if missing:
+            raise ValueError(f"element {missing[0]} of the pad is in no part")
+        places = [self.place(part) for part in self.part]
+        if len(set(places)) < len(places):
+            raise ValueError("two parts have the same port and address")
+        if sorted({part.port for part in self.part}) != list(range(self.ports)):
+            raise ValueError("ports must be numbered 0, 1, 2 ... without a gap")
+        return self
+
+    @property
+    def ports(self) -> int:
+        """Count the ports that the pad needs."""
+        return 1 + max(part.port for part in self.part)
+
+    def as_json(self) -> dict[str, Any]:
+        """Describe the device as a device file does, for a recording."""
+        return self.model_dump(mode="json", by_alias=True)
+
+    def place(self, part: Part) -> tuple[int, int]:
+        """Give the port and the address of a part."""
+        return part.port, self.codec.usual_address if part.address is None else part.address
+
+    def wiring(self, part: Part) -> NDArray[np.int64]:
+        """List for each element of a part the pad's element that it is, or -1."""
+        if part.elements is None:
+            return np.arange(self.pad.taxels)
+        return np.array(part.elements, dtype=np.int64)
+
+
+def built_in_devices() -> tuple[str, ...]:
+    """List the device files that come with the project."""
+    folder = files("hardware") / "devices"
+    return tuple(sorted(entry.name[:-5] for entry in folder.iterdir() if entry.name.endswith(".toml")))
+
+
+def load_device(name: str | Path) -> Device:
+    """Read a device file (TOML), or one of the built-in ones by its name.
+
+    Raises InputError if there is none, or with the first value in it that is wrong.
+    """
+    path = Path(name)
+    if path.suffix != ".toml":
+        if str(name) not in built_in_devices():
+            raise unknown("device", str(name), (*built_in_devices(), "FILE.toml"))
+        return parse_device((files("hardware") / "devices" / f"{name}.toml").read_bytes(), f"device {name}")
+    return parse_device(read_small_file(path, "device file"), str(path))
+
+
+def parse_device(content: bytes, what: str) -> Device:
+    """Check the content of a device file. Raises InputError that begins with `what`."""
+    return checked(Device, parse_toml(content, what), what)
+
+
+def read_small_file(path: Path, what: str) -> bytes:
+    """Read a file of at most 1 MiB. Raises InputError if it cannot be read or is larger."""
+    try:
+        with path.open("rb") as stream:
+            content = stream.read(_LARGEST_FILE + 1)
+    except OSError as error:
+        raise InputError(f"cannot read {what} {path}: {error.strerror or error}") from error
+    if len(content) > _LARGEST_FILE:
+        raise InputError(f"{what} {path} has more than {_LARGEST_FILE:,} bytes")
+    return content
+
+
+def parse_toml(content: bytes, what: str) -> dict[str, Any]:
+    """Parse TOML. Raises InputError that begins with `what`."""
+    try:
+        return tomllib.loads(content.decode("utf-8"))
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
+        raise InputError(f"{what} is not TOML: {error}") from error
+
+
+def checked(model: type[Model], values: Any, what: str) -> Model:
+    """Check values that were read from a file. Raises InputError with the first that is wrong."""
+    try:
+        return model.model_validate(values)
+    except ValidationError as error:
+        fault = error.errors()[0]
+        place = ".".join(str(part) for part in fault["loc"])
+        message = fault["msg"].removeprefix("Value error, ")
+        raise InputError(f"{what}: {place + ': ' if place else ''}{message}") from None

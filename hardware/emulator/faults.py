@@ -1,0 +1,48 @@
+"""Faults on request, done to what an emulated device says."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from hardware.emulator.devices import Pressures
+
+_LONGEST_BURST = 200  # bytes
+
+
+@dataclass(frozen=True)
+class Faults:
+    """How often what goes wrong.
+
+    drop, flip: probability that a byte is lost, or changed. cut: that a frame breaks off in its
+    middle. garbage: that a burst of random bytes comes before a frame. drift: kPa a second that all
+    elements gain. disconnect: s after which the line is cut, again and again; 0 for never.
+    """
+
+    drop: float = 0.0
+    flip: float = 0.0
+    cut: float = 0.0
+    garbage: float = 0.0
+    drift: float = 0.0
+    disconnect: float = 0.0
+
+    def drifting(self, pressures: Pressures) -> Pressures:
+        """Add the drift to what presses on the pad."""
+        return lambda now: pressures(now) + self.drift * now if self.drift else pressures(now)
+
+    def spoil(self, message: bytes, rng: np.random.Generator) -> bytes:
+        """Return what arrives of one frame."""
+        if self.cut and rng.random() < self.cut:
+            message = message[: rng.integers(len(message))]
+        if self.flip:
+            data = np.frombuffer(message, np.uint8).copy()
+            hit = rng.random(len(data)) < self.flip
+            data[hit] ^= rng.integers(1, 256, size=int(hit.sum()), dtype=np.uint8)
+            message = data.tobytes()
+        if self.drop:
+            data = np.frombuffer(message, np.uint8)
+            message = data[rng.random(len(data)) >= self.drop].tobytes()
+        if self.garbage and rng.random() < self.garbage:
+            message = rng.bytes(int(rng.integers(1, _LONGEST_BURST))) + message
+        return message

@@ -1,0 +1,219 @@
+"""Put an emulated device on a pty or a TCP port."""
+
+from __future__ import annotations
+
+import os
+import select
+import socket
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+from threading import Event
+
+import numpy as np
+
+from hardware.emulator.devices import Emulated
+from hardware.emulator.faults import Faults
+from models.errors import InputError
+
+Ready = Callable[[str], None]
+
+_AWAY = 0.3  # s for which a cut line stays away
+_NAP = 0.02  # s: the longest time between looks at the clock
+
+
+class _Clock:
+    """Seconds since the first host connected: the emulation waits for it."""
+
+    def __init__(self) -> None:
+        self._start: float | None = None
+
+    def start(self) -> None:
+        if self._start is None:
+            self._start = time.monotonic()
+
+    def now(self) -> float:
+        return 0.0 if self._start is None else time.monotonic() - self._start
+
+
+def serve_pty(
+    device: Emulated,
+    faults: Faults,
+    rng: np.random.Generator,
+    *,
+    link: Path | None = None,
+    ready: Ready = lambda url: None,
+    stop: Event | None = None,
+) -> None:
+    """Serve on a new pty until `stop`. `ready(name)` is called with the name that a host opens.
+
+    link: a symbolic link to the pty, kept right when a fault cuts the line and another pty takes its
+    place. Raises InputError where there are no ptys, or if `link` is something else than a link.
+    """
+    if not hasattr(os, "openpty"):
+        raise InputError("this system has no ptys; serve on tcp:HOST:PORT instead")
+    if link is not None and link.exists() and not link.is_symlink():
+        raise InputError(f"{link} exists and is no link; name another place for the pty")
+    stop, clock = stop or Event(), _Clock()
+    try:
+        while not stop.is_set():
+            master, name = _open_pty()
+            try:
+                if link is not None:
+                    _point(link, name)
+                ready(str(link or name))
+                _talk(_PtyLine(master), device, faults, rng, clock, stop)
+            finally:
+                os.close(master)
+            stop.wait(_AWAY)
+    finally:
+        if link is not None and link.is_symlink():
+            link.unlink()
+
+
+def serve_tcp(
+    device: Emulated,
+    faults: Faults,
+    rng: np.random.Generator,
+    *,
+    host: str = "127.0.0.1",
+    port: int = 0,
+    ready: Ready = lambda url: None,
+    stop: Event | None = None,
+) -> None:
+    """Serve on a TCP port until `stop`, one host after another; port 0 takes any that is free.
+
+    `ready(url)` is called with the URL that a host opens. Raises InputError if the port is taken.
+    """
+    stop, clock = stop or Event(), _Clock()
+    try:
+        server = socket.create_server((host, port))
+    except (OSError, OverflowError) as error:
+        raise InputError(f"cannot serve on {host}:{port}: {error}") from error
+    with server:
+        ready(f"socket://{host}:{server.getsockname()[1]}")
+        while not stop.is_set():
+            if not select.select([server], [], [], _NAP)[0]:
+                continue
+            connection, _ = server.accept()
+            with connection:
+                connection.setblocking(False)
+                connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+                _talk(_TcpLine(connection), device, faults, rng, clock, stop)
+
+
+class _PtyLine:
+    """The device's end of a pty."""
+
+    def __init__(self, master: int) -> None:
+        self.fileno = master
+
+    def connected(self) -> bool:
+        """Tell whether a host has the other end open."""
+        poll = select.poll()
+        poll.register(self.fileno, select.POLLHUP)
+        return not any(event & select.POLLHUP for _, event in poll.poll(0))
+
+    def read(self) -> bytes:
+        """Read what the host sent; b"" if it has gone."""
+        try:
+            return os.read(self.fileno, 4096)
+        except OSError:
+            return b""
+
+    def write(self, data: bytes) -> int:
+        """Write as much as there is room for."""
+        return os.write(self.fileno, data)
+
+    gone_for_good = False  # another host may open the same pty
+
+
+class _TcpLine:
+    """The device's end of a connection."""
+
+    def __init__(self, connection: socket.socket) -> None:
+        self._connection, self.fileno = connection, connection.fileno()
+
+    def connected(self) -> bool:
+        """Tell that a connection has a host until it is gone."""
+        return True
+
+    def read(self) -> bytes:
+        """Read what the host sent; b"" if it has gone."""
+        try:
+            return self._connection.recv(4096)
+        except OSError:
+            return b""
+
+    def write(self, data: bytes) -> int:
+        """Write as much as there is room for."""
+        return self._connection.send(data)
+
+    gone_for_good = True
+
+
+def _talk(
+    line: _PtyLine | _TcpLine,
+    device: Emulated,
+    faults: Faults,
+    rng: np.random.Generator,
+    clock: _Clock,
+    stop: Event,
+) -> None:
+    """Let the device hear and speak until the host is gone, a fault cuts the line, or `stop`."""
+    os.set_blocking(line.fileno, False)
+    pending = b""  # the rest of a frame that the host was too slow for
+    cut_at = clock.now() + faults.disconnect if faults.disconnect else float("inf")
+    while not stop.is_set():
+        if not line.connected():
+            pending = b""
+            stop.wait(_NAP)
+            continue
+        clock.start()
+        wait = min(_NAP, 0.5 / device.rate)
+        if select.select([line.fileno], [], [], wait)[0]:
+            data = line.read()
+            if not data and line.gone_for_good:
+                return
+            device.hear(data, clock.now())
+        for message in device.say(clock.now()):
+            if not pending:  # a device does not wait for its host: later frames are lost, whole
+                pending = faults.spoil(message, rng)
+                pending = _write(line, pending)
+        if pending:
+            pending = _write(line, pending)
+        if clock.now() >= cut_at:
+            return
+
+
+def _write(line: _PtyLine | _TcpLine, data: bytes) -> bytes:
+    """Write what fits and return the rest."""
+    try:
+        while data:
+            data = data[line.write(data) :]
+    except BlockingIOError:
+        pass
+    except OSError:  # the host went away meanwhile
+        return b""
+    return data
+
+
+def _open_pty() -> tuple[int, str]:
+    """Open a pty that passes bytes on as they are."""
+    import tty
+
+    master, slave = os.openpty()
+    tty.setraw(slave)
+    name = os.ttyname(slave)
+    os.close(slave)
+    return master, name
+
+
+def _point(link: Path, name: str) -> None:
+    """Make `link` point to the pty, at once."""
+    part = link.with_name(f".{link.name}.{os.getpid()}")
+    with suppress(FileNotFoundError):
+        part.unlink()
+    part.symlink_to(name)
+    part.replace(link)

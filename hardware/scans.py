@@ -1,0 +1,317 @@
+"""From recordings to a `Scan`: the presses of guided sessions, and of other people's recordings."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, Field
+
+from hardware.calibration import Calibration, Correction
+from hardware.codecs.base import STRICT
+from hardware.device import checked, read_small_file
+from hardware.errors import SourceError
+from hardware.recording import Kind, Whole
+from hardware.replay import Replay
+from hardware.session import Plan, Press, parse_press
+from hardware.sources import Source
+from models.errors import InputError
+from tactsim.pad import Pad
+from tactsim.poses import FloatArray, compose
+from tactsim.scan import Scan
+
+
+@dataclass
+class SessionRecord:
+    """What the recording of a guided session says.
+
+    calibrations: (number of the reading from which on it holds, calibration or None), in order.
+    """
+
+    path: Path
+    plan: Plan
+    pad: Pad
+    whole: Whole
+    readings: int
+    presses: dict[int, Press]
+    calibrations: list[tuple[int, Calibration | None]]
+    segments: list[dict[str, Any]]
+
+    def kept(self) -> NDArray[np.bool_]:
+        """Tell which elements no calibration leaves out, (taxels,)."""
+        kept = np.ones(self.pad.taxels, dtype=bool)
+        for _, calibration in self.calibrations:
+            if calibration is not None:
+                kept &= calibration.kept
+        return kept
+
+
+@dataclass
+class _Notes:
+    """Collects the notes of a recording while it is replayed."""
+
+    plan: Plan | None = None
+    presses: dict[int, Press] = field(default_factory=dict)
+    calibrations: list[tuple[int, Calibration | None]] = field(default_factory=list)
+    segments: list[dict[str, Any]] = field(default_factory=list)
+
+    def take(self, kind: Kind, content: dict[str, Any], readings: int) -> None:
+        if kind is Kind.SEGMENT:
+            plan = None if content.get("plan") is None else checked(Plan, content["plan"], "plan")
+            if self.segments and plan != self.plan:
+                raise InputError("its segments follow different plans")
+            self.plan = plan
+            self.segments.append(content)
+            calibration = content.get("calibration")
+            if calibration is not None:
+                calibration = checked(Calibration, calibration, "calibration")
+            self.calibrations.append((readings, calibration))
+        elif kind is Kind.MARK and self.plan is not None:
+            press = parse_press(content, len(self.plan.poses))
+            if press.first + press.count > readings:
+                raise InputError(f"mark: press {press.number} names readings that come after it")
+            self.presses[press.number] = press
+
+
+def read_session(path: str | Path) -> SessionRecord:
+    """Read the recording of a guided session through. Raises InputError if it is none or makes no sense."""
+    notes = _Notes()
+    replay = Replay(path, notes.take)
+    readings = sum(1 for _ in replay)
+    if notes.plan is None:
+        raise SourceError(f"{path} is no recording of a guided session; `bench record --letter` makes one")
+    return SessionRecord(
+        Path(path), notes.plan, replay.pad, replay.whole, readings, notes.presses, notes.calibrations,
+        notes.segments,
+    )  # fmt: skip
+
+
+def scan_of_sessions(paths: Sequence[str | Path], objects: Mapping[str, Any] | None = None) -> Scan:
+    """Make one scan of guided sessions: each press is the mean of its readings.
+
+    Elements that one of the calibrations leaves out are left out everywhere. `objects` goes to
+    `meta["objects"]`. Raises InputError if there is no press in them or their pads differ.
+    """
+    sessions = [read_session(path) for path in paths]
+    pad = sessions[0].pad
+    kept = np.ones(pad.taxels, dtype=bool)
+    for session in sessions:
+        if session.pad != pad:
+            raise InputError(f"{session.path} was recorded with another pad than {sessions[0].path}")
+        kept &= session.kept()
+    readings, poses, labels, split, spreads, about = [], [], [], [], [], []
+    for session in sessions:
+        means, spread = _means(session, kept)
+        for number in sorted(means):
+            readings.append(means[number])
+            poses.append(session.plan.poses[number])
+            labels.append(session.plan.label)
+            split.append(session.plan.split)
+        spreads.append(spread)
+        about.append(_about(session))
+    if not readings:
+        raise InputError(f"{paths[0]}: no press was recorded yet")
+    meta = {
+        "source": "recorded",
+        "pad": pad.model_dump(mode="json"),
+        "recordings": about,
+        "frame_noise_kpa": float(np.median(np.concatenate(spreads))),
+        "objects": {name: facts for name, facts in (objects or {}).items() if name in labels},
+    }
+    return Scan(
+        np.array(readings), np.array(poses), np.array(labels), np.array(split), pad.taxel_xy[kept], meta
+    )
+
+
+def _means(session: SessionRecord, kept: NDArray[np.bool_]) -> tuple[dict[int, FloatArray], FloatArray]:
+    """Average the readings of each press: {number: (kept,) kPa}; and the frames' sd in each element and press."""
+    wanted = sorted(
+        (press for press in session.presses.values() if press.count), key=lambda press: press.first
+    )
+    sums = {press.number: np.zeros((2, int(kept.sum()))) for press in wanted}
+    corrections = [
+        (first, None if calibration is None else Correction(calibration, session.pad))
+        for first, calibration in session.calibrations
+    ]
+    following, active = iter(wanted), []
+    upcoming = next(following, None)
+    for number, reading in enumerate(Replay(session.path)):
+        while upcoming is not None and upcoming.first <= number:
+            active.append(upcoming)
+            upcoming = next(following, None)
+        if not active:
+            continue
+        correction = [correction for first, correction in corrections if first <= number][-1]
+        values = (reading.pressures if correction is None else correction.whole(reading.pressures))[kept]
+        for press in active:
+            sums[press.number] += (values, values**2)
+        active = [press for press in active if number + 1 < press.first + press.count]
+    means = {press.number: sums[press.number][0] / press.count for press in wanted}
+    spread = [
+        np.sqrt(np.maximum(sums[press.number][1] / press.count - means[press.number] ** 2, 0))
+        for press in wanted
+    ]
+    return means, np.concatenate(spread) if spread else np.zeros(0)
+
+
+def _about(session: SessionRecord) -> dict[str, Any]:
+    """Say for a scan's `meta` where a letter's readings come from."""
+    first = session.segments[0]
+    return {
+        "file": session.path.name,
+        "label": session.plan.label,
+        "device": first.get("device", {}).get("name"),
+        "urls": first.get("urls"),
+        "started": first.get("started"),
+        "finished": session.whole.finished,
+        "presses": sum(press.count > 0 for press in session.presses.values()),
+        "skipped": [number for number, press in sorted(session.presses.items()) if not press.count],
+        "frames_a_press": session.plan.frames,
+        "calibrated": [
+            None if calibration is None else calibration.taken.isoformat()
+            for _, calibration in session.calibrations
+        ],
+    }
+
+
+class Interval(BaseModel):
+    """One line of a marks file: what was pressed where, from `first_s` to `last_s` of a recording.
+
+    x_mm, y_mm, theta_rad: sensor_in_object. Times are the device's where it has a clock, else the host's.
+    """
+
+    model_config = STRICT
+
+    label: str = Field(min_length=1, max_length=100)
+    split: str = Field("train", pattern="^(train|test)$")
+    x_mm: float
+    y_mm: float
+    theta_rad: float
+    first_s: float
+    last_s: float
+
+
+def read_intervals(path: str | Path) -> list[Interval]:
+    """Read a marks file: CSV with the columns label, split, x_mm, y_mm, theta_rad, first_s, last_s.
+
+    Raises InputError with the line that is wrong.
+    """
+    try:
+        lines = read_small_file(Path(path), "marks").decode("utf-8-sig").splitlines()
+        rows = [
+            checked(
+                Interval,
+                {key.strip(): (value or "").strip() for key, value in row.items()},
+                f"{path}, line {k}",
+            )
+            for k, row in enumerate(csv.DictReader(lines, restkey="more columns than the title has"), start=2)
+        ]
+    except (csv.Error, UnicodeDecodeError, AttributeError) as error:
+        raise InputError(f"{path} is no marks file (CSV): {error}") from error
+    if not rows:
+        raise InputError(
+            f"{path} has no marks; its columns are {', '.join(Interval.model_fields)}, one line a press"
+        )
+    return rows
+
+
+def scan_of_intervals(
+    source: Source, intervals: Sequence[Interval], objects: Mapping[str, Any] | None = None
+) -> Scan:
+    """Make a scan of a recording without guidance: the mean of the readings in each interval.
+
+    Raises InputError if no reading falls in an interval.
+    """
+    sums = np.zeros((len(intervals), len(source.taxel_xy)))
+    counts = np.zeros(len(intervals), dtype=int)
+    first, last = (np.array([getattr(each, name) for each in intervals]) for name in ("first_s", "last_s"))
+    for reading in source:
+        time = reading.host_time if reading.device_time is None else reading.device_time
+        inside = (first <= time) & (time <= last)
+        sums[inside] += reading.pressures
+        counts += inside
+    if not counts.all():
+        empty = intervals[int(np.argmin(counts))]
+        raise InputError(f"no reading lies between {empty.first_s:g} and {empty.last_s:g} s ({empty.label})")
+    labels = np.array([each.label for each in intervals])
+    meta = {
+        "source": "recorded",
+        "pad": source.pad.model_dump(mode="json"),
+        "objects": {name: facts for name, facts in (objects or {}).items() if name in labels},
+    }
+    return Scan(
+        sums / counts[:, None],
+        np.array([(each.x_mm, each.y_mm, each.theta_rad) for each in intervals]),
+        labels,
+        np.array([each.split for each in intervals]),
+        source.taxel_xy,
+        meta,
+    )
+
+
+def cut(scan: Scan, rows: int, columns: int, stride: int = 1) -> Scan:
+    """Cut each reading of a large array into windows of `rows` x `columns` elements, as a small pad feels them.
+
+    The windows begin every `stride` elements along both axes. Each becomes a reading of its own, at the
+    pose of its middle. Raises InputError if the elements are no even grid or the window does not fit.
+    """
+    grid = _grid(scan.taxel_xy)
+    if not (1 <= rows <= grid.shape[0] and 1 <= columns <= grid.shape[1] and stride >= 1):
+        raise InputError(
+            f"a window of {rows}x{columns}, stride {stride}, cannot be cut from {grid.shape[0]}x{grid.shape[1]} "
+            "elements"
+        )
+    windows = [
+        grid[r : r + rows, c : c + columns].ravel()
+        for r in range(0, grid.shape[0] - rows + 1, stride)
+        for c in range(0, grid.shape[1] - columns + 1, stride)
+    ]
+    middles = np.array([scan.taxel_xy[window].mean(axis=0) for window in windows])
+    layouts = np.array([scan.taxel_xy[window] for window in windows]) - middles[:, None]
+    if np.ptp(layouts, axis=0).max() > 1e-6:
+        raise InputError(
+            "the elements are not evenly spaced, so windows of them differ; cut one array at a time"
+        )
+    offsets = np.column_stack([middles, np.zeros(len(middles))])
+    count = len(scan)
+    return Scan(
+        np.concatenate([scan.readings[:, window] for window in windows]),
+        np.concatenate([compose(scan.poses, offset) for offset in offsets]),
+        np.tile(scan.labels, len(windows)),
+        np.tile(scan.split, len(windows)),
+        layouts[0],
+        {**scan.meta, "cut": {"rows": rows, "columns": columns, "stride": stride, "readings": count}},
+    )
+
+
+def common_elements(first: Scan, second: Scan) -> tuple[Scan, Scan]:
+    """Keep the elements that two scans of one pad have in common, in the first one's order.
+
+    Raises InputError if there are none.
+    """
+    apart = np.abs(first.taxel_xy[:, None] - second.taxel_xy[None]).max(axis=-1)
+    of_first, of_second = np.nonzero(apart < 1e-3)  # mm
+    if not len(of_first):
+        raise InputError("the two scans have no element at the same place: their pads differ")
+    return _with_elements(first, of_first), _with_elements(second, of_second)
+
+
+def _with_elements(scan: Scan, elements: NDArray[np.int64]) -> Scan:
+    return Scan(
+        scan.readings[:, elements], scan.poses, scan.labels, scan.split, scan.taxel_xy[elements], scan.meta
+    )
+
+
+def _grid(taxel_xy: FloatArray) -> NDArray[np.int64]:
+    """Arrange elements in rows (along +y) and columns (along +x). Raises InputError if they are no whole grid."""
+    x, y = (np.unique(np.round(taxel_xy[:, axis], 4), return_inverse=True) for axis in (0, 1))
+    grid = np.full((len(y[0]), len(x[0])), -1)
+    grid[y[1], x[1]] = np.arange(len(taxel_xy))
+    if (grid < 0).any():
+        raise InputError("the elements are no whole grid of rows and columns (one is masked?)")
+    return grid

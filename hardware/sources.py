@@ -1,0 +1,193 @@
+"""Sources of readings behind one face: a port, a recording, and what installed packages add."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from importlib import import_module
+from importlib.metadata import EntryPoint, entry_points
+from types import TracebackType
+from typing import Any
+
+from hardware.calibration import Calibration, Correction
+from hardware.counters import Counters
+from hardware.device import Device
+from hardware.errors import SourceEnded, SourceError
+from hardware.recording import Recorder
+from models.errors import InputError, unknown
+from tactsim.pad import Pad
+from tactsim.poses import FloatArray
+from tactsim.reading import Reading
+
+GROUP = "tactsim.sources"
+
+# name: (where its opener is, what it is). Nothing is imported before its name is asked for.
+BUILT_IN: dict[str, tuple[str, str]] = {
+    "port": ("hardware.live:open_source", "a sensor on a serial port, a pty or a socket"),
+    "recording": ("hardware.replay:open_source", "a recording of this program, or of the PPS tool (.csv)"),
+}
+
+
+class Source(ABC):
+    """A stream of readings of one pad. Close it, or use it in a `with`; iterate to read till its end.
+
+    pad: the geometry. taxel_xy: (taxels, 2) mm, where the elements lie that its readings hold.
+    counters: what happened so far. records_bytes: whether it writes the `Recorder` it was given itself.
+    """
+
+    pad: Pad
+    taxel_xy: FloatArray
+    counters: Counters
+    records_bytes: bool = False
+
+    @abstractmethod
+    def read(self, timeout: float | None = None) -> Reading:
+        """Return the next reading.
+
+        timeout: s, None for the device's own deadline. Raises NoReading if none came in that time
+        (the next call may succeed), SourceEnded at the end of a recording, SourceError if the source
+        is broken. It never makes a reading up.
+        """
+
+    @abstractmethod
+    def close(self) -> None:
+        """Give the device back; a closed source cannot be read."""
+
+    def __iter__(self) -> Iterator[Reading]:
+        try:
+            while True:
+                yield self.read()
+        except SourceEnded:
+            return
+
+    def __enter__(self) -> Source:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+
+Opener = Callable[[Sequence[str], Device, "Recorder | None"], Source]
+
+
+class Corrected(Source):
+    """Another source, its readings corrected by a calibration."""
+
+    def __init__(self, inner: Source, calibration: Calibration) -> None:
+        self._inner, self._correction = inner, Correction(calibration, inner.pad)
+        self.pad, self.counters = inner.pad, inner.counters
+        self.taxel_xy = self._correction.taxel_xy
+        self.records_bytes = inner.records_bytes
+
+    def read(self, timeout: float | None = None) -> Reading:
+        """Return the next reading, corrected; see `Source.read`."""
+        return self._correction.apply(self._inner.read(timeout))
+
+    def close(self) -> None:
+        """Close the other source."""
+        self._inner.close()
+
+
+class Recorded(Source):
+    """A source without bytes of its own, its readings written to a recording as they come."""
+
+    def __init__(self, inner: Source, recorder: Recorder) -> None:
+        self._inner, self._recorder = inner, recorder
+        self.pad, self.taxel_xy, self.counters = inner.pad, inner.taxel_xy, inner.counters
+        self.records_bytes = True
+
+    def read(self, timeout: float | None = None) -> Reading:
+        """Return the next reading after it was recorded; see `Source.read`."""
+        reading = self._inner.read(timeout)
+        self._recorder.reading(reading)
+        return reading
+
+    def close(self) -> None:
+        """Close the other source; the recording stays open."""
+        self._inner.close()
+
+
+@dataclass(frozen=True)
+class Listed:
+    """One line of `bench devices`: a source's name, what it is, and whether it can be used."""
+
+    name: str
+    summary: str
+    status: str
+
+
+def open_source(
+    places: Sequence[str],
+    device: Device,
+    calibration: Calibration | None = None,
+    recorder: Recorder | None = None,
+) -> Source:
+    """Open the source at `places`, as many as the device has ports.
+
+    A place is a port (/dev/ttyUSB0, COM3, socket://HOST:PORT and whatever else pyserial opens),
+    `recording:FILE`, or `NAME:...` for the source NAME of an installed package. Raises InputError if
+    there is none or it cannot be opened.
+    """
+    name, _, rest = places[0].partition(":") if places else ("", "", "")
+    plug_ins = {point.name: point for point in _plug_ins()}
+    if name in BUILT_IN:
+        opener: Opener = _load(BUILT_IN[name][0])
+        places = [rest, *places[1:]]
+    elif name in plug_ins:
+        opener = _load_plug_in(plug_ins[name])
+        places = [rest, *places[1:]]
+    elif rest and not rest.startswith("//") and name.isidentifier() and len(name) > 1:
+        raise unknown("source", name, names())
+    else:
+        opener = _load(BUILT_IN["port"][0])
+    source = opener(places, device, recorder)
+    try:
+        if recorder is not None and not source.records_bytes:
+            source = Recorded(source, recorder)
+        return source if calibration is None else Corrected(source, calibration)
+    except InputError:
+        source.close()
+        raise
+
+
+def names() -> tuple[str, ...]:
+    """List every source that `open_source` knows."""
+    return (*BUILT_IN, *(point.name for point in _plug_ins() if point.name not in BUILT_IN))
+
+
+def listing() -> list[Listed]:
+    """Describe every source; a plug-in that cannot be loaded is a status, not a crash."""
+    rows = [Listed(name, summary, "built in") for name, (_, summary) in BUILT_IN.items()]
+    for point in _plug_ins():
+        origin = point.dist.name if point.dist else point.value
+        if point.name in BUILT_IN:
+            rows.append(Listed(point.name, f"from {origin}", "hidden by the built-in of that name"))
+            continue
+        try:
+            summary = (_load_plug_in(point).__doc__ or "").strip().partition("\n")[0]
+            rows.append(Listed(point.name, summary, f"from {origin}"))
+        except InputError as error:
+            rows.append(Listed(point.name, f"from {origin}", str(error)))
+    return rows
+
+
+def _plug_ins() -> tuple[EntryPoint, ...]:
+    return tuple(sorted(entry_points(group=GROUP), key=lambda point: point.name))
+
+
+def _load(where: str) -> Any:
+    module, attribute = where.split(":")
+    return getattr(import_module(module), attribute)
+
+
+def _load_plug_in(point: EntryPoint) -> Opener:
+    try:
+        opener = point.load()
+    except Exception as error:  # whatever a stranger's module raises when it is imported
+        raise SourceError(f"plug-in {point.name!r} ({point.value}) is broken: {error}") from error
+    if not callable(opener):
+        raise SourceError(f"plug-in {point.name!r} ({point.value}) is no function that opens a source")
+    return opener

@@ -1,0 +1,167 @@
+"""What holds for every codec, whatever bytes come in whatever chunks."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from made_pads import csv_device, singletact, small_device
+
+from hardware.codecs.base import Codec, Frame
+from hardware.codecs.singletact import Reply, write_reply
+from hardware.counters import Counters
+from hardware.errors import CodecError
+from hardware.framing import Framer
+
+
+def small_messages(count, rng):
+    form = small_device().codec.build()
+    return form, [
+        form.encode(Frame(rng.integers(0, 4096, 6).astype(float), index=k, ticks=k)) for k in range(count)
+    ]
+
+
+def headed_messages(count, rng):
+    """Frames without checksum or footer, whose payload may look like headers."""
+    layout = [{"is": "header", "bytes": "FF FE"}, {"is": "index"}, {"is": "elements", "count": 5, "bits": 8}]
+    form = small_device(
+        codec={"layout": layout}, pad={"rows": 1, "columns": 5, "no_seam": True}
+    ).codec.build()
+    values = rng.choice([0x00, 0x11, 0xFD], size=(count, 5)).astype(float)
+    return form, [form.encode(Frame(row, index=k)) for k, row in enumerate(values)]
+
+
+def singletact_messages(count, rng):
+    form = singletact().codec.build()
+    data = rng.choice([0x00, 0x01, 0xFF, 0xFE, 0xAA], size=(count, 32)).astype(np.uint8)
+    return form, [write_reply(Reply(4, False, k % 256, k, row.tobytes())) for k, row in enumerate(data)]
+
+
+def csv_messages(count, rng):
+    form = csv_device().codec.build()
+    rows = [form.encode(Frame(rng.normal(size=6).round(3), ticks=10.0 * k)) for k in range(count)]
+    return form, [form.title() + rows[0], *rows[1:]]
+
+
+MAKERS = {
+    "fields": small_messages,
+    "fields-header-only": headed_messages,
+    "singletact": singletact_messages,
+    "pps-csv": csv_messages,
+}
+every_codec = pytest.mark.parametrize("make", MAKERS.values(), ids=MAKERS)
+
+
+def key(packet):
+    """Make packets comparable."""
+    return (
+        packet if isinstance(packet, Reply) else (packet.address, packet.index, packet.ticks, *packet.values)
+    )
+
+
+def read(form, chunks):
+    counters = Counters()
+    framer = Framer(form, counters)
+    return [key(packet) for chunk in chunks for packet in framer.feed(chunk)], counters, framer
+
+
+def chunks_of(data, lengths):
+    at = 0
+    for length in lengths:
+        yield data[at : at + length]
+        at += length
+    yield data[at:]
+
+
+@every_codec
+@given(lengths=st.lists(st.integers(0, 60), max_size=60), seed=st.integers(0, 5))
+def test_any_chunking_gives_the_same_frames(make, lengths, seed):
+    form, messages = make(12, np.random.default_rng(seed))
+    stream = b"".join(messages)
+    whole, _, _ = read(form, [stream])
+    assert len(whole) >= 11  # the last one may wait for the next header
+    chunked, counters, _ = read(form, chunks_of(stream, lengths))
+    assert chunked == whole
+    assert counters.garbage_bytes == 0
+    assert counters.bytes == len(stream)
+
+
+@every_codec
+@given(
+    garbage=st.one_of(
+        st.binary(max_size=300), st.lists(st.sampled_from(b"\xff\xfe\xaa\x55\r\n\x04T,1"), max_size=80)
+    ),
+    where=st.integers(0, 12),
+    lengths=st.lists(st.integers(0, 60), max_size=60),
+)
+def test_any_chunking_of_a_spoiled_stream_gives_the_same_frames(make, garbage, where, lengths):
+    form, messages = make(12, np.random.default_rng(0))
+    stream = b"".join([*messages[:where], bytes(garbage), *messages[where:]])
+    assert read(form, chunks_of(stream, lengths))[0] == read(form, [stream])[0]
+
+
+@pytest.mark.parametrize("make", [small_messages, singletact_messages], ids=["fields", "singletact"])
+@given(garbage=st.binary(max_size=300), where=st.integers(0, 12))
+def test_garbage_between_frames_costs_none(make, garbage, where):
+    form, messages = make(12, np.random.default_rng(0))
+    expected, _, _ = read(form, messages)
+    found, counters, _ = read(form, [*messages[:where], garbage, *messages[where:], messages[-1]])
+    assert found[:12] == expected
+    assert counters.garbage_bytes == len(garbage)
+
+
+@every_codec
+@given(garbage=st.binary(min_size=1, max_size=200), at=st.integers(0, 400), lost=st.integers(0, 200))
+def test_a_burst_costs_at_most_the_frames_it_touches(make, garbage, at, lost):
+    """Bytes are overwritten, lost or added somewhere; every frame that they do not touch is read.
+
+    A frame without footer and checksum counts by the header behind it, and a line by the end of the
+    line before it, so there a burst touches the neighbours too.
+    """
+    form, messages = make(12, np.random.default_rng(1))
+    stream = b"".join(messages)
+    at = min(at, len(stream))
+    spoiled = stream[:at] + garbage + stream[at + lost :]
+    ends = np.cumsum([len(message) for message in messages])
+    starts = ends - [len(message) for message in messages]
+    reach = 1 if make in (headed_messages, csv_messages) else 0
+    untouched = [
+        k for k in range(reach, 12 - reach) if ends[k + reach] <= at or starts[k - reach] >= at + max(lost, 1)
+    ]
+    expected = read(form, [stream, messages[-1]])[0]
+    found = read(form, [spoiled, messages[-1]])[0]
+    assert [k for k in untouched if expected[k] not in found] == []
+
+
+@every_codec
+@settings(max_examples=200)
+@given(data=st.lists(st.binary(max_size=200), max_size=20))
+def test_a_fuzzed_codec_raises_nothing_and_keeps_little(make, data):
+    form, _ = make(1, np.random.default_rng(0))
+    _, counters, framer = read(form, data)
+    assert len(framer) < form.longest
+    assert counters.bytes == sum(map(len, data))
+
+
+@every_codec
+@given(flips=st.lists(st.tuples(st.integers(0, 10_000), st.integers(1, 255)), max_size=10))
+def test_a_fuzzed_stream_raises_nothing(make, flips):
+    form, messages = make(8, np.random.default_rng(2))
+    stream = bytearray(b"".join(messages))
+    for at, change in flips:
+        stream[at % len(stream)] ^= change
+    packets, _, framer = read(form, [bytes(stream)])
+    assert len(packets) <= 8 + len(flips)
+    assert len(framer) < form.longest
+
+
+def test_a_codec_that_waits_for_ever_is_named():
+    class Stuck(Codec):
+        longest = 4
+
+        def decode(self, buffer, start=0):
+            return 0, None
+
+        to_kpa = from_kpa = None
+
+    with pytest.raises(CodecError, match="Stuck waits for more than the 4 bytes"):
+        Framer(Stuck(), Counters()).feed(b"1234")

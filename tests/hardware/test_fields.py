@@ -1,0 +1,154 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from made_pads import small_device
+
+from hardware.codecs.base import Frame
+from hardware.codecs.checksums import CHECKSUMS
+from hardware.codecs.fields import FieldsFormat
+from tactsim import InputError
+
+
+def codec(layout, **options):
+    return FieldsFormat.model_validate(
+        {"kind": "fields", "kpa_per_count": 1.0, "layout": layout} | options
+    ).build()
+
+
+HEADER = {"is": "header", "bytes": "AA55"}
+
+
+def test_a_frame_written_by_hand_is_read():
+    device = small_device()
+    # index 0x0102, clock 0x0304, six values of 12 bits 0x111 .. 0x666; the checksum by pymodbus' table
+    body = bytes.fromhex("AA 55 11 01 02 03 04 11 12 22 33 34 44 55 56 66")
+    crc = 0xFFFF
+    for byte in body:  # bitwise, as the MODBUS specification states it
+        crc ^= byte
+        for _ in range(8):
+            crc = (crc >> 1) ^ (0xA001 if crc & 1 else 0)
+    message = body + crc.to_bytes(2, "big") + b"\r\n"
+    used, frame = device.codec.build().decode(message)
+    assert used == len(message) == 20
+    assert frame.values.tolist() == [0x111, 0x222, 0x333, 0x444, 0x555, 0x666]
+    assert (frame.index, frame.ticks) == (0x0102, 0x0304)
+
+
+@pytest.mark.parametrize(
+    ("bits", "endian", "data", "values"),
+    [
+        (8, "big", "01 FF", [1, 255]),
+        (16, "big", "01 02 03 04", [0x0102, 0x0304]),
+        (16, "little", "01 02 03 04", [0x0201, 0x0403]),
+        (12, "big", "12 3A BC", [0x123, 0xABC]),
+        (12, "little", "23 C1 AB", [0x123, 0xABC]),
+        # 10 bits, high bit first: 1000000001 0000000011 (and four bits to fill the byte)
+        (10, "big", "80 40 30", [0b1000000001, 0b0000000011]),
+        # low bit first: byte 0 holds the low 8 bits of the first value
+        (10, "little", "01 0E 00", [0b1000000001, 0b0000000011]),
+    ],
+)
+def test_packed_values_are_read_as_the_documentation_says(bits, endian, data, values):
+    form = codec(
+        [HEADER, {"is": "elements", "count": 2, "bits": bits}, {"is": "footer", "bytes": "0A"}], endian=endian
+    )
+    _, frame = form.decode(bytes.fromhex(f"AA 55 {data} 0A"))
+    assert frame.values.tolist() == values
+
+
+@given(
+    st.sampled_from([8, 10, 12, 16]),
+    st.sampled_from(["big", "little"]),
+    st.booleans(),
+    st.sampled_from([None, *CHECKSUMS]),
+    st.data(),
+)
+def test_what_is_encoded_is_decoded(bits, endian, signed, checksum, data):
+    low, high = (-(1 << bits - 1), (1 << bits - 1) - 1) if signed else (0, (1 << bits) - 1)
+    values = data.draw(st.lists(st.integers(low, high), min_size=1, max_size=30))
+    layout = [
+        HEADER,
+        {"is": "length", "of": "frame", "size": 2},
+        {"is": "address"},
+        {"is": "index", "size": 4},
+        {"is": "skip", "size": 3},
+        {"is": "clock", "size": 4, "tick_s": 1e-3},
+        {"is": "elements", "count": len(values), "bits": bits, "signed": signed},
+        *([] if checksum is None else [{"is": "checksum", "kind": checksum, "skip": 2}]),
+        {"is": "footer", "bytes": "0D0A"},
+    ]
+    form = codec(layout, endian=endian)
+    frame = Frame(np.array(values, dtype=float), address=7, index=70_000, ticks=123_456)
+    message = form.encode(frame)
+    used, again = form.decode(message)
+    assert used == len(message)
+    assert again.values.tolist() == values
+    assert (again.address, again.index, again.ticks) == (7, 70_000, 123_456)
+
+
+def test_without_checksum_and_footer_a_frame_counts_only_if_a_header_follows():
+    form = codec([HEADER, {"is": "elements", "count": 2, "bits": 8}])
+    frame = bytes.fromhex("AA 55 01 02")
+    assert form.decode(frame) == (0, None)
+    assert form.decode(frame + b"\xaa")[0] == 0
+    used, decoded = form.decode(frame + frame)
+    assert used == 4
+    assert decoded.values.tolist() == [1, 2]
+    # a header inside of garbage does not swallow the frame behind it
+    assert form.decode(bytes.fromhex("AA 55 99 AA 55 01 02 AA 55"))[1] is None
+
+
+def test_a_device_that_is_asked_needs_nothing_behind_its_frame():
+    form = codec([HEADER, {"is": "elements", "count": 2, "bits": 8}], request="3F")
+    assert form.decode(bytes.fromhex("AA 55 01 02"))[0] == 4
+
+
+def test_counts_become_pressures_and_back():
+    form = small_device().codec.build()
+    assert form.to_kpa(np.array([100.0, 102.0])).tolist() == [0.0, 1.0]
+    assert form.from_kpa(np.array([0.0, 1.1, -1e9, 1e9])).tolist() == [100, 102, 0, 4095]
+
+
+@pytest.mark.parametrize(
+    ("layout", "message"),
+    [
+        ([], "must begin with a header"),
+        ([{"is": "elements", "count": 1}], "must begin with a header"),
+        ([HEADER], "no item 'elements'"),
+        ([HEADER, {"is": "elements", "count": 1}, {"is": "elements", "count": 1}], "2 items 'elements'"),
+        (
+            [HEADER, {"is": "footer", "bytes": "0A"}, {"is": "elements", "count": 1}],
+            "footer must be the last",
+        ),
+        (
+            [{"is": "header", "bytes": "XY"}, {"is": "elements", "count": 1}],
+            "hexadecimal digits like 'AA 55'",
+        ),
+        ([{"is": "header", "bytes": ""}, {"is": "elements", "count": 1}], "at least 1"),
+        (
+            [HEADER, {"is": "elements", "count": 10_000, "bits": 16}, {"is": "length", "of": "data"}],
+            "not fit",
+        ),
+        (
+            [HEADER, {"is": "elements", "count": 1}, {"is": "checksum", "kind": "md5"}],
+            "unknown checksum 'md5'",
+        ),
+        ([HEADER, {"is": "elements", "count": 1}, {"is": "checksum", "kind": "sum8", "skip": 4}], "skips 4"),
+        ([HEADER, {"is": "elements", "count": 1, "bits": 9}], "8, 10, 12 or 16"),
+        ([HEADER, {"is": "element", "count": 1}], "does not match any of the expected tags"),
+    ],
+)
+def test_a_layout_that_makes_no_sense_is_refused_with_the_reason(layout, message):
+    with pytest.raises(InputError, match=message):
+        from hardware.device import checked
+
+        checked(FieldsFormat, {"kind": "fields", "kpa_per_count": 1.0, "layout": layout}, "x")
+
+
+@pytest.mark.parametrize("spoiled", range(20))
+def test_a_changed_byte_never_makes_another_frame(spoiled):
+    form = small_device().codec.build()
+    message = bytearray(form.encode(Frame(np.arange(6.0) * 600, index=5, ticks=9)))
+    message[spoiled] ^= 0x10
+    assert form.decode(message)[1] is None

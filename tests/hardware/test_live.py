@@ -1,0 +1,254 @@
+import os
+import socket
+import threading
+import time
+
+import numpy as np
+import pytest
+from made_pads import ramp, serving, singletact, small_device
+
+from hardware.codecs.base import Frame
+from hardware.emulator import Faults, emulate
+from hardware.emulator.devices import EmulatedSingleTact
+from hardware.errors import NoReading, SourceError
+from hardware.live import LiveSource
+from hardware.port import Port
+
+
+@pytest.fixture
+def pty():
+    """A pty pair: the device's end, and the name of the host's."""
+    import tty
+
+    master, slave = os.openpty()
+    tty.setraw(slave)
+    yield master, os.ttyname(slave)
+    for end in (master, slave):
+        try:
+            os.close(end)
+        except OSError:
+            continue
+
+
+def message(device, index, value=100.0):
+    return device.codec.build().encode(Frame(np.full(6, value), index=index, ticks=index))
+
+
+def in_time(source, timeout, expected):
+    """Read, and make sure that it fails with these words and within its deadline."""
+    start = time.monotonic()
+    with pytest.raises(NoReading, match=expected):
+        source.read(timeout)
+    assert time.monotonic() - start < timeout + 2.0  # a hang, not a slow machine, is what this finds
+
+
+@pytest.mark.parametrize("on", ["pty", "tcp"])
+def test_readings_come_in_order_and_none_is_lost(paper_pad, emulated_pad, on):
+    with serving(emulated_pad, on=on) as url, LiveSource([url], paper_pad) as source:
+        readings = [source.read() for _ in range(100)]
+    indices = [reading.index for reading in readings]
+    assert indices == list(range(indices[0], indices[0] + 100))
+    assert source.counters.garbage_bytes == 0
+    expected = np.array([ramp(paper_pad)(index / 200.0) for index in indices])
+    assert np.abs([reading.pressures for reading in readings] - expected).max() <= 0.35 + 1e-9
+    hosts = np.array([reading.host_time for reading in readings])
+    assert (np.diff(hosts) >= 0).all()
+
+
+def test_a_pad_of_several_singletact_arrays_is_read(tmp_path):
+    parts = [{"address": 5, "elements": list(range(25))}, {"address": 6, "elements": list(range(25, 50))}]
+    device = singletact(elements=25, parts=parts)
+    with serving(emulate(device, ramp(device), rate=20.0)) as url, LiveSource([url], device) as source:
+        readings = [source.read() for _ in range(10)]
+    assert all(reading.pressures.shape == (50,) for reading in readings)
+    assert np.allclose(np.diff(readings[-1].pressures), 1.0, atol=0.2)
+
+
+def test_silence_ends_in_an_error(pty):
+    with LiveSource([pty[1]], small_device()) as source:
+        in_time(source, 0.2, "not one byte came. Is the device on")
+
+
+def test_a_wrong_baud_rate_or_format_ends_in_an_error(pty):
+    with LiveSource([pty[1]], small_device()) as source:
+        os.write(pty[0], np.random.default_rng(0).bytes(3000))
+        in_time(source, 0.2, "3,000 bytes came and no whole frame of 'small'.* baud rate")
+
+
+def test_bytes_that_trickle_in_do_not_move_the_deadline(pty):
+    stop = threading.Event()
+
+    def trickle():
+        while not stop.wait(0.02):
+            os.write(pty[0], b"\xaa")
+
+    thread = threading.Thread(target=trickle)
+    with LiveSource([pty[1]], small_device()) as source:
+        thread.start()
+        try:
+            in_time(source, 0.4, "no whole frame")
+        finally:
+            stop.set()
+            thread.join()
+
+
+def test_half_a_frame_is_no_reading_until_its_rest_comes(pty):
+    device = small_device()
+    whole = message(device, 1)
+    with LiveSource([pty[1]], device) as source:
+        os.write(pty[0], whole[:11])
+        in_time(source, 0.1, "no whole frame")
+        os.write(pty[0], whole[11:])
+        assert source.read(1.0).index == 1
+
+
+def test_garbage_before_in_and_after_frames_is_skipped(pty):
+    device = small_device()
+    noise = np.random.default_rng(1)
+    with LiveSource([pty[1]], device) as source:
+        spoiled = message(device, 2)[:9] + b"\xff\xff" + message(device, 2)[9:]
+        os.write(pty[0], noise.bytes(50) + message(device, 1) + spoiled + message(device, 3) + b"\xaa\x55")
+        assert [source.read(1.0).index for _ in range(2)] == [1, 3]
+        assert source.counters.missed == 1
+        assert source.counters.resyncs == 2
+
+
+def test_a_flood_of_garbage_is_neither_kept_nor_waited_for(pty):
+    device = small_device()
+    stop = threading.Event()
+    os.set_blocking(pty[0], False)
+
+    def flood():
+        noise = np.random.default_rng(0).bytes(4000)
+        while not stop.is_set():
+            try:
+                os.write(pty[0], noise)
+            except BlockingIOError:
+                time.sleep(0.001)
+
+    thread = threading.Thread(target=flood)
+    with LiveSource([pty[1]], device) as source:
+        thread.start()
+        try:
+            in_time(source, 0.5, "no whole frame")
+            assert source._stream.waiting_bytes() < 1000
+        finally:
+            stop.set()
+            thread.join()
+
+
+def test_a_port_opened_twice_is_refused(pty):
+    with (
+        LiveSource([pty[1]], small_device()),
+        pytest.raises(SourceError, match="another program has it open"),
+    ):
+        Port(pty[1], 115200)
+
+
+@pytest.mark.parametrize(
+    ("url", "message"),
+    [
+        ("/dev/nothing-here", "there is no such port; `bench devices` lists them"),
+        ("socket://127.0.0.1:1", "cannot open socket://127.0.0.1:1.*refused"),
+        ("nonsense://x", "cannot open nonsense://x"),
+        ("socket://", "cannot open socket://"),
+    ],
+)
+def test_a_port_that_is_not_there_is_one_line(url, message):
+    with pytest.raises(SourceError, match=message) as error:
+        LiveSource([url], small_device())
+    assert "\n" not in str(error.value)
+
+
+def test_an_unplugged_pty_ends_in_an_error_and_not_in_a_spin(pty):
+    device = small_device()
+    with LiveSource([pty[1]], device) as source:
+        os.write(pty[0], message(device, 1))
+        assert source.read(1.0).index == 1
+        os.close(pty[0])
+        used = time.process_time()
+        in_time(source, 0.5, "cannot open|is gone")
+        assert source.counters.reconnects == 1
+        assert time.process_time() - used < 0.25  # a spin takes all of the half second
+
+
+def test_a_socket_that_closes_ends_in_an_error():
+    device = small_device()
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        url = f"socket://127.0.0.1:{server.getsockname()[1]}"
+        with LiveSource([url], device) as source:
+            connection, _ = server.accept()
+            connection.sendall(message(device, 1) + message(device, 2)[:5])
+            assert source.read(1.0).index == 1
+            connection.close()
+            server.close()
+            in_time(source, 1.0, "refused|is gone")
+
+
+@pytest.mark.parametrize("on", ["pty", "tcp"])
+def test_a_link_that_is_cut_comes_back(paper_pad, emulated_pad, on, tmp_path):
+    options = {"link": tmp_path / "pad"} if on == "pty" else {}
+    with (
+        serving(emulated_pad, on=on, faults=Faults(disconnect=0.3), **options) as url,
+        LiveSource([url], paper_pad) as source,
+    ):
+        readings = [source.read(5.0) for _ in range(150)]
+        assert source.counters.reconnects >= 1
+    device_time = np.array([reading.device_time for reading in readings])
+    assert (np.diff(device_time) > 0).all()
+    assert source.counters.clock_restarts == 0
+
+
+def test_every_fault_at_once_never_makes_a_reading_up(paper_pad, emulated_pad):
+    faults = Faults(drop=0.001, flip=0.001, cut=0.05, garbage=0.1)
+    with serving(emulated_pad, faults=faults) as url, LiveSource([url], paper_pad) as source:
+        readings = [source.read(5.0) for _ in range(150)]
+    expected = np.array([ramp(paper_pad)(reading.index / 200.0) for reading in readings])
+    # the two arrays' frames may be of neighbouring moments when one was lost; the pressures differ by little
+    assert np.abs([reading.pressures for reading in readings] - expected).max() < 1.0
+    assert source.counters.garbage_bytes > 0
+
+
+def test_a_sensor_that_does_not_answer_is_named_and_its_old_bytes_are_not_taken():
+    device = singletact(elements=3)
+    emulated = EmulatedSingleTact(device, ramp(device), rate=50.0)
+    with serving(emulated) as url, LiveSource([url], device) as source:
+        assert source.read(2.0).pressures.shape == (3,)
+        emulated.silent = frozenset({4})
+        with pytest.raises(NoReading, match="its sensor does not"):
+            for _ in range(10_000):  # what was measured before may still come
+                source.read(0.6)
+        assert source.counters.stale >= 1
+
+
+def test_a_sensor_that_hangs_is_named():
+    device = singletact(elements=3)
+    with (
+        serving(emulate(device, ramp(device), rate=1e-6)) as url,
+        LiveSource([url], device) as source,
+    ):
+        assert source.read(2.0).index == 0
+        in_time(source, 0.3, "the same frame again and again")
+
+
+def test_a_missing_part_is_named():
+    both = singletact(
+        elements=2, parts=[{"address": 5, "elements": [0, 1]}, {"address": 6, "elements": [2, 3]}]
+    )
+    emulated = EmulatedSingleTact(both, ramp(both), rate=50.0, silent=frozenset({6}))
+    with serving(emulated) as url, LiveSource([url], both) as source:
+        in_time(source, 0.6, "its sensor does not|nothing from the part at address 6")
+
+
+def test_the_time_a_device_takes_to_start_is_not_held_against_it(pty):
+    device = small_device(settle=0.5)
+    thread = threading.Timer(0.7, lambda: os.write(pty[0], message(device, 2)))
+    with LiveSource([pty[1]], device) as source:
+        os.write(pty[0], message(device, 1))  # a board that restarts says things that mean nothing
+        thread.start()
+        assert source.read(0.4).index == 2
+
+
+def test_the_number_of_ports_must_fit(paper_pad):
+    with pytest.raises(SourceError, match="has 1 ports; 2 were given"):
+        LiveSource(["a", "b"], paper_pad)

@@ -1,0 +1,291 @@
+import os
+import signal
+import struct
+import subprocess
+import sys
+import time
+import zlib
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from made_pads import csv_device, ramp, serving, small_device
+
+from hardware.emulator import Faults, emulate
+from hardware.errors import SourceError
+from hardware.live import LiveSource
+from hardware.recording import LARGEST_PAYLOAD, Kind, Recorder, RecordReader, check_whole
+from hardware.replay import CsvReplay, Replay
+from tactsim import InputError
+from tactsim.reading import Reading
+
+HEADER = struct.Struct("<BBHId")
+
+
+def segment(device):
+    return {"device": device.as_json()}
+
+
+def small_recording(path, device, frames=20):
+    messages = emulate(device, ramp(device), rate=100.0).say(frames / 100)
+    with Recorder(path) as recorder:
+        recorder.segment(segment(device), 0.0)
+        for k, message in enumerate(messages):
+            recorder.received(0, message[:7], k * 0.01)
+            recorder.received(0, message[7:], k * 0.01 + 0.004)
+        recorder.mark({"note": "touched"}, 1.0)
+        recorder.end({"frames": len(messages)}, 2.0)
+    return path
+
+
+def same(one, other):
+    return np.array_equal(one.pressures, other.pressures) and (one.host_time, one.device_time, one.index) == (
+        other.host_time,
+        other.device_time,
+        other.index,
+    )
+
+
+def test_records_come_back_as_they_were_written(tmp_path):
+    with Recorder(tmp_path / "a") as recorder:
+        recorder.segment({"device": 1}, 0.5)
+        recorder.received(3, b"\x00\xff", 1.25)
+        recorder.sent(0, b"?", 1.5)
+        recorder.lost(1, 1.75)
+        recorder.reading(Reading(np.array([1.5, -2.0]), 2.0, None, 7))
+        recorder.mark({"number": 1}, 3.0)
+        recorder.end({"frames": 4}, 4.0)
+    reader = RecordReader(tmp_path / "a")
+    records = list(reader)
+    assert [record.kind for record in records] == [1, 2, 3, 4, 7, 5, 6]
+    assert (records[1].link, records[1].payload, records[1].time) == (3, b"\x00\xff", 1.25)
+    assert same(records[4].reading(), Reading(np.array([1.5, -2.0]), 2.0, None, 7))
+    assert records[6].json() == {"counters": {"frames": 4}}
+    assert reader.whole.finished
+    assert reader.whole.fault is None
+
+
+def test_the_file_is_what_the_documentation_says(tmp_path):
+    with Recorder(tmp_path / "a") as recorder:
+        recorder.received(2, b"abc", 1.5)
+    content = (tmp_path / "a").read_bytes()
+    body = HEADER.pack(2, 2, 0, 3, 1.5) + b"abc"
+    assert content == b"\x89TACTREC\r\n\x1a\n" + b"\x01\x00" + body + struct.pack("<I", zlib.crc32(body))
+
+
+@pytest.mark.parametrize("on", ["pty", "tcp"])
+@pytest.mark.parametrize("faults", [Faults(), Faults(drop=0.002, flip=0.002, cut=0.02, garbage=0.05)])
+def test_replay_gives_bit_equal_readings(tmp_path, paper_pad, emulated_pad, on, faults):
+    with serving(emulated_pad, on=on, faults=faults) as url, Recorder(tmp_path / "a") as recorder:
+        recorder.segment(segment(paper_pad), 0.0)
+        with LiveSource([url], paper_pad, recorder) as source:
+            live = [source.read() for _ in range(100)]
+            counters = source.counters.as_dict()
+        recorder.end(counters, 0.0)
+    replay = Replay(tmp_path / "a")
+    again = list(replay)
+    assert len(again) >= 100  # the last chunk may hold more than were taken
+    assert all(map(same, live, again))
+    assert replay.whole.finished
+
+
+def test_replay_of_questions_and_answers_is_bit_equal(tmp_path):
+    from made_pads import singletact
+
+    device = singletact(elements=15)
+    with serving(emulate(device, ramp(device), rate=50.0)) as url, Recorder(tmp_path / "a") as recorder:
+        recorder.segment(segment(device), 0.0)
+        with LiveSource([url], device, recorder) as source:
+            live = [source.read() for _ in range(30)]
+            counters = source.counters.as_dict()
+    replay = Replay(tmp_path / "a")
+    assert all(map(same, live, replay))
+    assert replay.counters.as_dict() == counters
+    assert not replay.whole.finished
+
+
+@given(cut=st.integers(0, 5000))
+def test_a_recording_cut_anywhere_is_read_up_to_there(cut, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("cut")
+    path = small_recording(folder / "a", small_device())
+    content = path.read_bytes()
+    whole = list(RecordReader(path))
+    path.write_bytes(content[: cut % len(content)])
+    if cut % len(content) < 14:
+        with pytest.raises(InputError, match="is no recording"):
+            list(RecordReader(path))
+        return
+    reader = RecordReader(path)
+    records = list(reader)
+    assert records == whole[: len(records)]
+    assert not reader.whole.finished
+    assert reader.whole.whole_bytes <= cut % len(content)
+
+
+@given(at=st.integers(14, 5000), change=st.integers(1, 255))
+def test_a_changed_byte_ends_the_readable_part(at, change, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("flip")
+    path = small_recording(folder / "a", small_device())
+    content = bytearray(path.read_bytes())
+    whole = list(RecordReader(path))
+    content[14 + at % (len(content) - 14)] ^= change
+    path.write_bytes(content)
+    reader = RecordReader(path)
+    records = list(reader)
+    assert records == whole[: len(records)]
+    assert len(records) < len(whole)
+    assert not reader.whole.finished
+    assert reader.whole.fault
+
+
+def test_a_claimed_size_is_not_believed(tmp_path):
+    path = small_recording(tmp_path / "a", small_device())
+    good = path.read_bytes()
+    for length, fault in [(LARGEST_PAYLOAD + 1, "claims 4,194,305 bytes"), (LARGEST_PAYLOAD, "is cut short")]:
+        path.write_bytes(good + HEADER.pack(2, 0, 0, length, 1.0) + b"x" * 100)
+        reader = RecordReader(path)
+        assert len(list(reader)) == len(
+            list(RecordReader(small_recording(tmp_path / str(length), small_device())))
+        )
+        assert fault in reader.whole.fault
+
+
+@pytest.mark.parametrize(
+    "content", [b"", b"PK\x03\x04", b"\x89TACTREC\r\n\x1a\n", b"\x89TACTREC\r\n\x1a\n\x02\x00", b"\x00" * 50]
+)
+def test_other_files_are_refused(tmp_path, content):
+    (tmp_path / "a").write_bytes(content)
+    with pytest.raises(InputError, match=r"is no recording|format version 2"):
+        check_whole(tmp_path / "a")
+
+
+@pytest.mark.parametrize(
+    "payload",
+    [b"", b"[]", b"{", b'{"device": 3}', b"\xff", b"[" * 100_000, b'{"device": {"name": "x"}}'],
+)
+def test_a_hostile_segment_is_refused_in_one_line(tmp_path, payload):
+    with Recorder(tmp_path / "a") as recorder:
+        recorder._append(Kind.SEGMENT, 0, 0.0, payload)
+    with pytest.raises(InputError) as error:
+        Replay(tmp_path / "a")
+    assert "\n" not in str(error.value)
+
+
+def test_hostile_records_are_refused(tmp_path):
+    device = small_device()
+    for name, spoil in {
+        "link": lambda recorder: recorder.received(9, b"", 0.0),
+        "mark": lambda recorder: recorder._append(Kind.MARK, 0, 0.0, b"{"),
+        "short": lambda recorder: recorder._append(Kind.READING, 0, 0.0, bytes(17)),
+        "elements": lambda recorder: recorder.reading(Reading(np.zeros(3), 0.0)),
+        "nan": lambda recorder: recorder._append(
+            Kind.READING, 0, 0.0, bytes(16) + struct.pack("<6d", *[np.nan] * 6)
+        ),
+    }.items():
+        with Recorder(tmp_path / name) as recorder:
+            recorder.segment(segment(device), 0.0)
+            spoil(recorder)
+        with pytest.raises(SourceError, match=str(tmp_path / name)):
+            list(Replay(tmp_path / name))
+
+
+def test_a_recording_without_a_beginning_is_refused(tmp_path):
+    with Recorder(tmp_path / "a") as recorder:
+        recorder.received(0, b"", 0.0)
+    with pytest.raises(InputError, match="without a beginning"):
+        Replay(tmp_path / "a")
+
+
+def test_an_existing_file_is_not_overwritten(tmp_path):
+    small_recording(tmp_path / "a", small_device())
+    with pytest.raises(InputError, match="exists"):
+        Recorder(tmp_path / "a")
+
+
+def test_going_on_with_a_recording_drops_its_torn_end_only(tmp_path):
+    device = small_device()
+    path = small_recording(tmp_path / "a", device)
+    before = list(Replay(path))
+    path.write_bytes(path.read_bytes()[:-5])
+    with Recorder(path, append=True) as recorder:
+        recorder.segment(segment(device), 10.0)
+        for message in emulate(device, ramp(device), rate=100.0).say(0.05):
+            recorder.received(0, message, 11.0)
+        recorder.end({}, 12.0)
+    replay = Replay(path)
+    after = list(replay)
+    assert all(map(same, before, after))
+    assert len(after) == len(before) + 6
+    assert replay.segments == 2
+    assert replay.whole.finished
+
+
+def test_a_killed_recorder_leaves_a_readable_unfinished_file(tmp_path, paper_pad, emulated_pad):
+    program = """
+import sys
+from hardware.device import load_device
+from hardware.live import LiveSource
+from hardware.recording import Recorder
+device = load_device("emulated")
+recorder = Recorder(sys.argv[2])
+recorder.segment({"device": device.as_json()}, 0.0)
+with LiveSource([sys.argv[1]], device, recorder) as source:
+    while True:
+        source.read()
+"""
+    path = tmp_path / "a"
+    with serving(emulated_pad) as url:
+        process = subprocess.Popen([sys.executable, "-c", program, url, str(path)])
+        try:
+            until = time.monotonic() + 20
+            while time.monotonic() < until and not (path.exists() and path.stat().st_size > 20_000):
+                time.sleep(0.02)
+            os.kill(process.pid, signal.SIGKILL)
+        finally:
+            process.kill()
+            process.wait(10)
+    replay = Replay(path)
+    readings = list(replay)
+    assert len(readings) > 50
+    assert [reading.index for reading in readings] == list(range(readings[0].index, readings[-1].index + 1))
+    assert not replay.whole.finished
+
+
+def test_the_vendors_csv_is_a_recording_too(tmp_path):
+    rows = np.array([[0.5, -1.0, 2.0, 0.0, 3.25, 1.0], [1.5, 1.0, 2.0, 0.0, 3.25, 7.0]])
+    lines = ["Time [ms], " + ", ".join(f"Elem{k}" for k in range(6))]
+    lines += [", ".join(map(str, [10.0 * k, *row])) for k, row in enumerate(rows)]
+    (tmp_path / "a.csv").write_text("\r\n".join(lines) + "\r\n")
+    source = CsvReplay(tmp_path / "a.csv", csv_device())
+    readings = list(source)
+    assert np.array_equal([reading.pressures for reading in readings], rows)
+    assert [reading.device_time for reading in readings] == [0.0, 0.01]
+    assert [reading.host_time for reading in readings] == [0.0, 0.01]
+    assert source.counters.garbage_bytes == 0
+
+
+def test_a_csv_of_another_pad_is_refused(tmp_path):
+    (tmp_path / "a.csv").write_text("Time [ms], Elem0\n0, 1\n")
+    with pytest.raises(InputError, match="has 1 elements, 'csv' has 6"):
+        CsvReplay(tmp_path / "a.csv", csv_device())
+    (tmp_path / "b.csv").write_text("x,y\n0, 1\n")
+    with pytest.raises(InputError, match="first line is 'Time"):
+        CsvReplay(tmp_path / "b.csv", csv_device())
+    with pytest.raises(InputError, match="codec kind 'pps-csv'"):
+        CsvReplay(tmp_path / "b.csv", small_device())
+
+
+def test_lines_of_a_csv_that_are_damaged_are_left_out(tmp_path):
+    text = "Time [ms], Elem0, Elem1\n0, 1, 2\n10, 1\n20, x, 2\n30, nan, 2\n40, 5, 6\n50, 1e999, 0\n60, 7"
+    (tmp_path / "a.csv").write_text(text)
+    source = CsvReplay(tmp_path / "a.csv", csv_device(2))
+    assert [reading.pressures.tolist() for reading in source] == [[1, 2], [5, 6]]
+    assert source.counters.resyncs == 2
+
+
+def test_marks_are_json_objects(tmp_path):
+    small_recording(tmp_path / "a", small_device())
+    notes = []
+    list(Replay(tmp_path / "a", lambda kind, content, readings: notes.append((kind, readings))))
+    assert notes == [(Kind.SEGMENT, 0), (Kind.MARK, 21), (Kind.END, 21)]

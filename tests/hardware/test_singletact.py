@@ -1,0 +1,202 @@
+import struct
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from made_pads import singletact
+
+from hardware.codecs.singletact import (
+    Polling,
+    Question,
+    Reply,
+    SingleTactFormat,
+    parse_request,
+    read_request,
+    write_reply,
+)
+from hardware.counters import Counters
+from hardware.errors import CodecError
+from hardware.stream import Stream
+
+
+def codec(elements=1):
+    return SingleTactFormat(kind="singletact", elements=elements, full_scale_kpa=100.0).build()
+
+
+def reply_to(request, index, outputs, ticks=0, number=None):
+    """Answer a read as a bridge does whose sensor is at frame `index`."""
+    question = parse_request(request)
+    registers = bytes(128) + struct.pack(">HH", index, 0) + np.asarray(outputs, dtype=">u2").tobytes()
+    data = registers.ljust(192, b"\0")[question.register : question.register + question.count]
+    return write_reply(Reply(question.address, False, question.id if number is None else number, ticks, data))
+
+
+def test_a_request_is_what_the_makers_driver_sends():
+    # NETInterface, SerialCommand.GenerateReadCommand(4, 7, 128, 6)
+    assert read_request(Question(4, 7, 128, 6)) == bytes.fromhex("FFFFFFFF 04 64 07 01 80 06 FF FEFEFEFE")
+
+
+@pytest.mark.parametrize("header", ["FFFFFFFF", "AAAAAAAA"])
+def test_an_answer_is_read_field_by_field(header):
+    message = bytes.fromhex(header + "04 00 07 00010203 06 0005 0001 02FF FEFEFEFE")
+    assert len(message) == 16 + 6
+    assert codec().decode(message) == (
+        len(message),
+        Reply(4, False, 7, 0x00010203, bytes.fromhex("000500010 2FF".replace(" ", ""))),
+    )
+
+
+def test_the_outputs_255_and_767_are_zero_and_full_scale():
+    form = codec(4)
+    assert form.to_kpa(np.array([255.0, 767.0, 511.0, 0.0])).tolist() == [0.0, 100.0, 50.0, -255 * 100 / 512]
+    assert form.from_kpa(np.array([0.0, 100.0, -1e6, 1e6])).tolist() == [255, 767, 0, 1023]
+
+
+@given(st.binary(max_size=8), st.lists(st.sampled_from([0x00, 0x04, 0xFF, 0xFE, 0xAA]), max_size=32))
+def test_runs_of_header_and_footer_bytes_in_the_data_do_no_harm(before, data):
+    """What stands before is in no answer unless it ends in a beginning of one; the answer is found whole."""
+    message = write_reply(Reply(4, False, 9, 0xFFFFFFFF, bytes(data)))
+    buffer, found = before + message, []
+    at = 0
+    while at < len(buffer):
+        used, reply = codec(25).decode(buffer, at)
+        if not used:
+            break
+        at += used
+        found += [reply] if reply else []
+    assert found == [Reply(4, False, 9, 0xFFFFFFFF, bytes(data))]
+
+
+@pytest.mark.parametrize("extra", [1, 2, 3, 5, 9])
+def test_headers_bytes_before_a_header_cost_nothing(extra):
+    message = write_reply(Reply(4, False, 1, 0, bytes(6)))
+    used, reply = codec().decode(b"\xff" * extra + message)
+    while reply is None and used:
+        more, reply = codec().decode(b"\xff" * extra + message, used)
+        used += more
+    assert used == extra + len(message)
+
+
+def test_a_sensor_of_one_element_takes_one_read():
+    stream = Stream(singletact(elements=1))
+    request = stream.request(0, 0.0)
+    assert parse_request(request) == Question(4, 0, 128, 6)
+    stream.sent(0, request, 0.0)
+    assert stream.request(0, 0.01) == b""  # one question at a time
+    (reading,) = stream.received(0, reply_to(request, index=5, outputs=[767], ticks=20_000), 0.02)
+    assert reading.pressures.tolist() == [100.0]
+    assert (reading.index, reading.device_time, reading.host_time) == (5, 2.0, 0.02)
+
+
+def ask(stream, index, outputs, at=0.0, ticks=0):
+    request = stream.request(0, at)
+    stream.sent(0, request, at)
+    return parse_request(request), stream.received(0, reply_to(request, index, outputs, ticks), at + 0.01)
+
+
+def test_an_array_of_25_is_read_twice_and_its_index_once_more():
+    stream = Stream(singletact(elements=25))
+    outputs = np.arange(25) * 20 + 255
+    questions, readings = zip(*(ask(stream, 8, outputs, at=k * 0.02) for k in range(3)), strict=True)
+    assert [(each.register, each.count) for each in questions] == [(128, 32), (160, 22), (128, 4)]
+    assert [len(each) for each in readings] == [0, 0, 1]
+    assert np.allclose(readings[2][0].pressures, np.arange(25) * 20 * 100 / 512)
+
+
+@pytest.mark.parametrize("moved_at", [1, 2])
+def test_a_frame_whose_index_moves_between_the_reads_is_torn(moved_at):
+    stream = Stream(singletact(elements=25))
+    for k in range(3):
+        _, readings = ask(stream, 8 + (k >= moved_at), np.full(25, 300), at=k * 0.02)
+        assert readings == []
+    assert stream.counters.torn == 1
+    for k in range(3, 6):
+        _, readings = ask(stream, 9, np.full(25, 300), at=k * 0.02)
+    assert len(readings) == 1
+
+
+def test_torn_frames_can_be_allowed_where_the_sensor_is_too_fast():
+    stream = Stream(singletact(elements=25, torn_frames=2))
+    for k in range(3):
+        _, readings = (
+            ask(stream, 65535 + k, np.full(25, 300), at=k * 0.02)
+            if k == 0
+            else ask(stream, k - 1, np.full(25, 300), at=k * 0.02)
+        )
+    assert len(readings) == 1
+
+
+def test_the_same_frame_again_is_no_new_reading():
+    stream = Stream(singletact(elements=1))
+    assert [len(ask(stream, index, [300], at=k)[1]) for k, index in enumerate([5, 5, 6, 6, 5])] == [
+        1,
+        0,
+        1,
+        0,
+        1,
+    ]
+    assert stream.counters.repeats == 2
+
+
+@pytest.mark.parametrize(("what", "change"), [("id", {"number": 99}), ("length", {})])
+def test_an_answer_to_another_question_is_dropped(what, change):
+    stream = Stream(singletact(elements=1))
+    request = stream.request(0, 0.0)
+    stream.sent(0, request, 0.0)
+    wrong = reply_to(request, 5, [300], **change)
+    if what == "length":
+        wrong = write_reply(Reply(4, False, parse_request(request).id, 0, bytes(8)))
+    assert stream.received(0, wrong, 0.01) == []
+    assert stream.counters.strays == 1
+    assert len(stream.received(0, reply_to(request, 5, [300]), 0.02)) == 1
+
+
+def test_a_slow_answer_is_stale_although_the_flag_says_nothing():
+    """The maker's bridge never sets its flag: after 100 ms it sends what its buffer held before."""
+    stream = Stream(singletact(elements=1))
+    request = stream.request(0, 0.0)
+    stream.sent(0, request, 0.0)
+    assert stream.received(0, reply_to(request, 5, [300]), 0.11) == []
+    assert stream.counters.stale == 1
+
+
+def test_a_question_without_answer_is_asked_again_with_another_id():
+    counters = Counters()
+    polling = Polling(codec(1).format, (4,), counters)
+    first = polling.request(0.0)
+    polling.sent(first, 0.0)
+    assert polling.request(0.2) == b""
+    second = polling.request(0.3)
+    polling.sent(second, 0.3)
+    assert parse_request(second).id == parse_request(first).id + 1
+    assert counters.timeouts == 1
+
+
+def test_sensors_on_one_bus_are_asked_in_turn_and_make_one_reading():
+    stream = Stream(
+        singletact(elements=2, parts=[{"address": 5, "elements": [2, 3]}, {"address": 9, "elements": [1, 0]}])
+    )
+    first, readings = ask(stream, 1, [255, 767])
+    assert (first.address, readings) == (5, [])
+    second, (reading,) = ask(stream, 70, [511, 255], at=0.1)
+    assert second.address == 9
+    assert reading.pressures.tolist() == [0.0, 50.0, 0.0, 100.0]
+
+
+def test_ids_roll_over():
+    stream = Stream(singletact(elements=1))
+    for k in range(300):
+        _, readings = ask(stream, k, [300], at=k * 0.1)
+        assert len(readings) == 1
+
+
+@pytest.mark.parametrize("request_", [b"", b"\xff" * 15, read_request(Question(4, 1, 128, 6))[:-1]])
+def test_bytes_that_are_no_request_are_refused(request_):
+    with pytest.raises(CodecError, match="no request"):
+        parse_request(request_)
+
+
+def test_an_answer_longer_than_the_bridge_can_send_is_refused():
+    with pytest.raises(CodecError, match="at most 32"):
+        write_reply(Reply(4, False, 0, 0, bytes(33)))

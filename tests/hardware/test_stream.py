@@ -1,0 +1,138 @@
+import tracemalloc
+
+import numpy as np
+import pytest
+from made_pads import ramp, singletact, small_device
+
+from hardware.codecs.base import Frame
+from hardware.device import Device
+from hardware.emulator import emulate
+from hardware.stream import Stream
+
+
+def test_two_arrays_make_one_pad(paper_pad):
+    """Every element of the pad gets the pressure at its own place."""
+    at = paper_pad.pad.taxel_xy
+    field = 100 + 3 * at[:, 0] + 7 * at[:, 1]
+    messages = emulate(paper_pad, lambda now: field, rate=10.0).say(0.3)
+    stream = Stream(paper_pad)
+    readings = [reading for message in messages for reading in stream.received(0, message, 1.0)]
+    assert [reading.index for reading in readings] == [0, 1, 2, 3]
+    assert np.abs(readings[0].pressures - field).max() <= 0.35 + 1e-9  # half a count
+    assert np.allclose([reading.device_time for reading in readings], [0, 0.1, 0.2, 0.3])
+
+
+def test_the_newest_frame_of_each_part_is_taken(paper_pad):
+    form = paper_pad.codec.build()
+    stream = Stream(paper_pad)
+
+    def say(address, index, value):
+        return stream.received(0, form.encode(Frame(np.full(24, 512.0 + value), address, index, 0)), 0.0)
+
+    assert say(1, 1, 10) == []
+    assert say(1, 2, 20) == []
+    (reading,) = say(2, 1, 30)
+    assert np.unique(reading.pressures).tolist() == [14.0, 21.0]
+    assert reading.index == 2
+    assert stream.counters.unpaired == 1
+
+
+def test_frames_of_parts_that_are_not_listed_are_strays(paper_pad):
+    stream = Stream(paper_pad)
+    form = paper_pad.codec.build()
+    assert stream.received(0, form.encode(Frame(np.zeros(24), 3, 0, 0)), 0.0) == []
+    assert stream.counters.strays == 1
+
+
+@pytest.mark.parametrize(
+    ("indices", "missed", "repeats"),
+    [([1, 2, 3], 0, 0), ([1, 5], 3, 0), ([65534, 65535, 0, 2], 1, 0), ([7, 7, 8], 0, 1), ([900, 3, 4], 0, 0)],
+)
+def test_the_frame_counter_tells_what_was_missed(indices, missed, repeats):
+    device = small_device()
+    form, stream = device.codec.build(), Stream(device)
+    for index in indices:
+        stream.received(0, form.encode(Frame(np.zeros(6), index=index)), 0.0)
+    assert (stream.counters.missed, stream.counters.repeats) == (missed, repeats)
+
+
+def test_a_lost_link_forgets_the_half_frame():
+    device = small_device()
+    form, stream = device.codec.build(), Stream(device)
+    message = form.encode(Frame(np.zeros(6), index=1))
+    stream.received(0, message[:10], 0.0)
+    stream.lost(0, 0.1)
+    assert stream.received(0, message[10:], 0.2) == []
+    assert len(stream.received(0, message, 0.3)) == 1
+    assert stream.counters.reconnects == 1
+
+
+@pytest.mark.parametrize("kind", ["fields", "singletact"])
+def test_an_hours_stream_keeps_memory_flat(kind):
+    device = small_device() if kind == "fields" else singletact(elements=15)
+    emulated, stream = emulate(device, ramp(device), rate=2.0), Stream(device)
+    rng = np.random.default_rng(0)
+
+    def minute(start):
+        readings = 0
+        for step in range(120):
+            now = start + step / 2
+            for _ in range(6 if kind == "singletact" else 1):
+                request = stream.request(0, now)
+                if request:
+                    stream.sent(0, request, now)
+                    emulated.hear(request, now)
+                for message in emulated.say(now):
+                    spoiled = message if rng.random() > 0.01 else rng.bytes(30)
+                    readings += len(stream.received(0, spoiled, now + 0.001))
+        return readings
+
+    minute(0.0)
+    tracemalloc.start()
+    try:
+        minute(60.0)
+        early = tracemalloc.get_traced_memory()[0]
+        total = sum(minute(60.0 * k) for k in range(2, 60))
+        late, peak = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert total > 58 * 120 * (0.9 if kind == "fields" else 0.8)
+    assert late - early < 20_000
+    assert peak - early < 100_000
+    assert stream.waiting_bytes() < 1000
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"part": [{"elements": [0, 1, 2, 3, 4]}]}, "part 0 lists 5 elements, but the codec's frames have 6"),
+        ({"part": [{"elements": [0, 1, 2, 3, 4, 6]}]}, "element 6 is not on the pad"),
+        ({"part": [{"elements": [0, 1, 2, 3, 4, 4]}]}, "in parts 0 and 0"),
+        ({"part": [{"elements": [0, 1, 2, 3, 4, -1]}]}, "element 5 of the pad is in no part"),
+        ({"part": [{"port": 1}]}, "numbered 0, 1, 2"),
+        ({"codec": {"kind": "morse"}}, "does not match any of the expected tags"),
+    ],
+)
+def test_wiring_that_makes_no_sense_is_refused(change, message):
+    with pytest.raises(ValueError, match=message):
+        small_device(**change)
+
+
+def test_two_parts_at_one_place_are_refused():
+    half = {"elements": [0, 1, 2, -1, -1, -1]}
+    with pytest.raises(ValueError, match="same port and address"):
+        small_device(part=[half, {"elements": [-1, -1, -1, 3, 4, 5]}])
+
+
+def test_two_ports_make_one_pad():
+    device = small_device(
+        part=[{"port": 0, "elements": [0, 1, 2, -1, -1, -1]}, {"port": 1, "elements": [-1, -1, -1, 3, 4, 5]}]
+    )
+    form, stream = device.codec.build(), Stream(device)
+    assert stream.received(1, form.encode(Frame(np.full(6, 102.0), index=1)), 0.0) == []
+    (reading,) = stream.received(0, form.encode(Frame(np.full(6, 104.0), index=1)), 0.1)
+    assert reading.pressures.tolist() == [2.0, 2.0, 2.0, 1.0, 1.0, 1.0]
+
+
+def test_a_device_survives_being_written_down(paper_pad):
+    assert Device.model_validate(paper_pad.as_json()) == paper_pad
