@@ -4,53 +4,153 @@ An elastic (Winkler) foundation answers every point of the face with a pressure 
 depth. A flat face has a depth that is linear over a cell, tilted or not, so one spring at the
 centroid of the covered part, as stiff as that part is large, carries exactly the force of the whole
 part. All error of a bed is in where it thinks that the outline lies; the clip is exact.
+
+A face that is not flat is a stack of levels, flat regions that each begin at their own gap behind the
+foremost one.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tactsim.clip import cell_moments
+from tactsim.clip import MOMENTS, cell_moments
 from tactsim.poses import FloatArray, invert
 
+MM = 1e-3  # m
 # A cell carries in proportion to what is covered of it. Below this part of the press's whole contact
-# it is rounding, or lighter than the force balance that is promised (1e-4).
+# it is rounding, far below the force balance that is promised (1e-4).
 SMALLEST_PART = 1e-8
 SMALLEST_CONTACT = 1e-9  # mm^2; what touches less than this does not touch
 
 
 @dataclass(frozen=True, eq=False)
-class Bed:
-    """The covered cells of many presses, one row per contact, ordered by press.
+class Level:
+    """A flat region of a face: its closed contours' `edges` (`clip.edges_of`), and its gap behind the front, mm."""
 
-    press: (contacts,) which press. cell: (contacts,) row * columns + column in the grid of cells.
-    centroid: (contacts, 2) mm in the sensor frame. area: (contacts,) mm^2. moments: (contacts, 6)
-    about the cell's centre (`clip.MOMENTS`). start: (presses + 1,) where each press's rows begin.
+    edges: FloatArray
+    gap: float = 0.0
+
+
+class Springs(NamedTuple):
+    """The springs of one press.
+
+    position: (n, 3) m in the sensor frame, z along the press: where the letter meets each. area: (n,) mm^2.
+    share: (n,), of the largest area. level: (n,) which level of the face, or part, each one carries.
     """
 
-    press: NDArray[np.intp]
+    position: FloatArray
+    area: FloatArray
+    share: FloatArray
+    level: NDArray[np.intp]
+
+
+@dataclass(frozen=True, eq=False)
+class Bed:
+    """The covered cells of many presses, one row per contact, ordered by press, level and cell.
+
+    level: (contacts,) index of the level (or part) that touches. cell: (contacts,) row * columns +
+    column in the grid of cells. centroid: (contacts, 2) mm in the sensor frame. area: (contacts,) mm^2.
+    gap: (contacts,) mm. moments: (contacts, 6) about the cell's centre (`clip.MOMENTS`).
+    start: (presses + 1,) where each press's rows begin.
+    """
+
+    level: NDArray[np.intp]
     cell: NDArray[np.intp]
     centroid: FloatArray
     area: FloatArray
+    gap: FloatArray
     moments: FloatArray
     start: NDArray[np.intp]
 
+    @cached_property
+    def press(self) -> NDArray[np.intp]:
+        """Index of each contact's press, (contacts,)."""
+        return np.repeat(np.arange(len(self.start) - 1), np.diff(self.start))
 
-def lay_bed(edges: FloatArray, poses: FloatArray, x_lines: FloatArray, y_lines: FloatArray) -> Bed:
-    """Find the contacts of a flat face with outline `edges` at `poses` (n, 3) sensor_in_object."""
-    moments = cell_moments(edges, invert(poses), x_lines, y_lines)
+    @cached_property
+    def position(self) -> FloatArray:
+        """Where each contact's spring begins, (contacts, 3) m in the sensor frame, z along the press."""
+        return np.column_stack([self.centroid, self.gap]) * MM
+
+    @cached_property
+    def share(self) -> FloatArray:
+        """Give each contact's area over the largest of its press, (contacts,).
+
+        1 for a spring without area: nothing may touch it, and if anything did, it should be felt.
+        """
+        largest = np.zeros(len(self.start) - 1)
+        some = np.diff(self.start) > 0
+        if some.any():
+            largest[some] = np.maximum.reduceat(self.area, self.start[:-1][some])
+        return np.divide(self.area, largest[self.press], out=np.ones_like(self.area), where=self.area > 0)
+
+    def contacts(self, press: int) -> slice:
+        """Find the rows of one press."""
+        return slice(int(self.start[press]), int(self.start[press + 1]))
+
+    def springs(self, press: int) -> Springs:
+        """Describe the springs of one press."""
+        rows = self.contacts(press)
+        return Springs(self.position[rows], self.area[rows], self.share[rows], self.level[rows])
+
+    def repeat(self, times: int) -> Bed:
+        """List the contacts of a bed of one press `times` over, as if pressed again at the same pose."""
+        return Bed(
+            level=np.tile(self.level, times),
+            cell=np.tile(self.cell, times),
+            centroid=np.tile(self.centroid, (times, 1)),
+            area=np.tile(self.area, times),
+            gap=np.tile(self.gap, times),
+            moments=np.tile(self.moments, (times, 1)),
+            start=len(self.area) * np.arange(times + 1),
+        )
+
+
+def lay_bed(
+    levels: Sequence[Level],
+    poses: FloatArray,
+    x_lines: FloatArray,
+    y_lines: FloatArray,
+    *,
+    skip_empty: bool = True,
+) -> Bed:
+    """Find the contacts of a face at `poses` (n, 3) sensor_in_object with a grid of cells, mm.
+
+    Without `skip_empty` every cell of the grid gets a spring for every level, at the cell's centre
+    where the level does not cover it; such a spring has no area and nothing touches it.
+    """
     rows, columns = len(y_lines) - 1, len(x_lines) - 1
-    moments = moments.reshape(len(poses), rows * columns, -1)
-    area = moments[..., 0]
-    whole = area.sum(axis=1, keepdims=True)
-    press, cell = np.nonzero((area > SMALLEST_PART * whole) & (whole > SMALLEST_CONTACT))
-    moments = moments[press, cell]
+    object_in_sensor = invert(poses)
+    every = np.empty((len(poses), len(levels), rows * columns, MOMENTS))
+    for index, level in enumerate(levels):
+        moments = cell_moments(level.edges, object_in_sensor, x_lines, y_lines)
+        every[:, index] = moments.reshape(len(poses), rows * columns, MOMENTS)
+    area = every[..., 0]
+    whole = area.sum(axis=(1, 2), keepdims=True)
+    covered = (area > SMALLEST_PART * whole) & (whole > SMALLEST_CONTACT)
+    every[~covered] = 0
+    press, of_level, cell = np.nonzero(covered if skip_empty else np.ones_like(covered))
+    moments = every[press, of_level, cell]
     area = moments[:, 0]
     row, column = np.divmod(cell, columns)
-    centre = np.stack([(x_lines[column] + x_lines[column + 1]) / 2, (y_lines[row] + y_lines[row + 1]) / 2])
-    centroid = (centre + moments[:, 1:3].T / area).T
-    start = np.searchsorted(press, np.arange(len(poses) + 1))
-    return Bed(press, cell, centroid, area, moments, start)
+    centroid = np.stack(
+        [(x_lines[:-1] + x_lines[1:])[column] / 2, (y_lines[:-1] + y_lines[1:])[row] / 2], axis=1
+    )
+    centroid += np.divide(
+        moments[:, 1:3], area[:, None], out=np.zeros_like(centroid), where=area[:, None] > 0
+    )
+    return Bed(
+        level=of_level,
+        cell=cell,
+        centroid=centroid,
+        area=area,
+        gap=np.array([level.gap for level in levels])[of_level],
+        moments=moments,
+        start=np.searchsorted(press, np.arange(len(poses) + 1)),
+    )

@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 
 from tactsim.poses import FloatArray, transform
 
-MOMENTS = 6  # integral of 1, u, v, uu, uv, vv over the covered part of a cell; (u, v) from its centre
+# A cell's moments are the integrals of 1, u, v, uu, uv, vv over its covered part, (u, v) from its centre.
+MOMENTS = 6
 
 # Two points integrate cubics exactly; every integrand below is a cubic along a straight piece.
 _GAUSS = (0.5 - np.sqrt(1 / 12), 0.5 + np.sqrt(1 / 12))
@@ -34,7 +35,7 @@ def cell_moments(
     edges: (edges, 2, 2) mm, outer contours counter-clockwise, holes clockwise. poses: (n, 3), the
     outline's frame in the grid's. x_lines (columns + 1,), y_lines (rows + 1,): the grid, mm.
     Returns (n, rows, columns, 6): area mm^2, first moments mm^3 and second moments mm^4 about each
-    cell's centre, in the order of MOMENTS.
+    cell's centre, in the order above.
     """
     count, rows, columns = len(poses), len(y_lines) - 1, len(x_lines) - 1
     ends = transform(poses, edges.reshape(-1, 2)).reshape(count * len(edges), 4)

@@ -15,6 +15,28 @@ _FROZEN = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 Share = Annotated[float, Field(ge=0, le=1)]
 
 
+class Skips(BaseModel):
+    """Work that cannot change a reading and is left out. Each can be switched on again, to show just that."""
+
+    model_config = _FROZEN
+
+    no_contact: bool = Field(True, description="no physics for a press that does not touch")
+    cells: bool = Field(True, description="no contact for cells of the bed that the letter does not cover")
+    parts: bool = Field(
+        True, description="one plane for a flat face instead of the letter's convex parts, near or far"
+    )
+    stages: bool = Field(True, description="no stage of MuJoCo that the press does not read")
+    known: bool = Field(True, description="no press of the same letter at exactly the same pose again")
+
+    @model_validator(mode="after")
+    def _planes_reach_everywhere(self) -> Skips:
+        if self.parts and not self.cells:
+            raise ValueError(
+                "cells can only be kept with the letter's parts (parts = false): a plane touches them all"
+            )
+        return self
+
+
 class PressOptions(BaseModel):
     """How a letter is pressed against the pad."""
 
@@ -26,7 +48,48 @@ class PressOptions(BaseModel):
     cells_per_element: int = Field(
         2, ge=1, le=16, description="cells of the bed along each side of an element; more cost time"
     )
-    skip: bool = Field(True, description="leave out work that cannot change a reading")
+    stiffness: float = Field(
+        1000.0,
+        ge=1,
+        le=1e6,
+        description="kPa per mm of the pad's layer, which a flat, level face does not feel (assumed)",
+    )
+    tilt_x: float = Field(0.0, ge=-0.2, le=0.2, description="rad about the pad's x between letter and pad")
+    tilt_y: float = Field(0.0, ge=-0.2, le=0.2, description="rad about the pad's y between letter and pad")
+    tilt_stiffness: float | None = Field(
+        None,
+        ge=1,
+        le=1e7,
+        description="N mm per rad of hinges in the pad's middle that let the tilt give way, None for rigid",
+    )
+    dynamics: Literal["equilibrium", "full"] = Field(
+        "equilibrium", description="solve for rest, or step through approach, touch and settling"
+    )
+    moving_mass: float = Field(
+        0.1, ge=1e-3, le=100, description="kg, of what is moved; full dynamics (assumed)"
+    )
+    relaxation: float = Field(
+        0.005, ge=0, le=1, description="s, damping over stiffness of the pad's layer; full dynamics (assumed)"
+    )
+    approach_speed: float = Field(
+        10.0, gt=0, le=1000, description="mm/s before contact; full dynamics (assumed)"
+    )
+    clearance: float = Field(
+        0.2, ge=0, le=10, description="mm between letter and pad at first; full dynamics (assumed)"
+    )
+    ramp: float = Field(
+        0.05, ge=0, le=10, description="s in which the force rises to its full value; full dynamics (assumed)"
+    )
+    time_limit: float = Field(
+        5.0, gt=0, le=100, description="s after which a press counts as unsettled; full dynamics"
+    )
+    frame_rate: float = Field(200.0, gt=0, le=1e4, description="images a second; full dynamics (assumed)")
+    skip: Skips = Field(default_factory=Skips)
+
+    @property
+    def level(self) -> bool:
+        """Tell whether letter and pad stay parallel."""
+        return self.tilt_x == 0 == self.tilt_y and self.tilt_stiffness is None
 
 
 class SensorOptions(BaseModel):
@@ -72,6 +135,9 @@ class ScanOptions(BaseModel):
     model_config = _FROZEN
 
     letters: tuple[str, ...] = Field(("A", "E", "I", "O", "U"), description="names of the letters")
+    rounding: float = Field(
+        0.0, ge=0, le=10, description="mm, radius of the pressed face's edges (assumed sharp)"
+    )
     seed: int = Field(0, ge=0, lt=2**63, description="of every random number in the scan")
     test_poses: Literal["same", "random"] = Field(
         "same", description="test readings at the training poses (the paper) or off the grid"

@@ -10,20 +10,28 @@ from numpy.typing import ArrayLike
 
 import models
 from models.errors import InputError
-from tactsim.bed import lay_bed
-from tactsim.clip import edges_of
-from tactsim.equilibrium import contact_forces
+from tactsim.bed import Bed, lay_bed
+from tactsim.contact import contact_forces, contact_history
+from tactsim.face import levels
 from tactsim.options import ScanOptions
 from tactsim.poses import FloatArray
+from tactsim.scene import UNREAD_STAGES
 from tactsim.sensor import contact_map, gains, sense
 
 
 @dataclass(frozen=True, eq=False)
 class Press:
-    """What one press gives: `ideal` (taxels,) kPa without imperfections, `reading` (taxels,) kPa sensed."""
+    """What one press gives.
+
+    ideal: (taxels,) kPa without imperfections. reading: (taxels,) kPa, what the pad reports. With full
+    dynamics `sequence` (frames, taxels) kPa holds the images of the press, without imperfections, taken
+    at `times` (frames,) s; the last is `ideal`.
+    """
 
     ideal: FloatArray
     reading: FloatArray
+    times: FloatArray | None = None
+    sequence: FloatArray | None = None
 
 
 def press_letter(
@@ -45,9 +53,16 @@ def press_letter(
     if rng is None:
         sensor = sensor.model_copy(update={"noise": 0.0, "gain_spread": 0.0, "random_taxels": 0.0})
         rng = np.random.default_rng(0)
-    ideal, _ = ideal_readings(letter, pose[None], options)
+    bed = _bed(letter, pose[None], options)
+    times = sequence = None
+    if options.press.dynamics == "full" and bed.area.any():
+        history = contact_history(bed.springs(0), pose, letter, options.press)
+        times, sequence = history.times, _map(bed.repeat(len(history.times)), history.forces.ravel(), options)
+        ideal = sequence[-1]
+    else:
+        ideal = _map(bed, contact_forces(bed, pose[None], letter, options.press), options)[0]
     gain = gains(options.pad.taxels, sensor, rng)
-    return Press(ideal[0], sense(ideal, sensor, gain, rng)[0])
+    return Press(ideal, sense(ideal[None], sensor, gain, rng)[0], times, sequence)
 
 
 def ideal_readings(
@@ -55,11 +70,39 @@ def ideal_readings(
 ) -> tuple[FloatArray, Counter[str]]:
     """Press `letter` at `poses` (n, 3) sensor_in_object and average the spread pressure per element.
 
-    Returns (n, taxels) kPa without imperfections, and what was skipped.
+    Returns (n, taxels) kPa without imperfections, and the work: presses, and what was skipped by reason.
     """
-    pad, press, sensor = options.pad, options.press, options.sensor
-    lines = pad.grid_lines(press.cells_per_element, gap_cells=sensor.psf_sigma == 0)
-    bed = lay_bed(edges_of(letter.contours), poses, *lines)
-    forces = contact_forces(bed, press.force)
-    skipped = Counter(no_contact=int((np.diff(bed.start) == 0).sum()))
-    return contact_map(bed, forces, pad, press.cells_per_element, sensor.psf_sigma), skipped
+    bed = _bed(letter, poses, options)
+    forces = contact_forces(bed, poses, letter, options.press)
+    return _map(bed, forces, options), _work(bed, letter, options)
+
+
+def _work(bed: Bed, letter: models.Letter, options: ScanOptions) -> Counter[str]:
+    """Count presses and what each skip left out of them."""
+    skip = options.press.skip
+    touching = np.unique(bed.press[bed.area > 0])
+    untouched = len(bed.start) - 1 - len(touching)
+    pressed = len(touching) + (0 if skip.no_contact else untouched)
+    x_lines, y_lines = _lines(options)
+    cells = (len(x_lines) - 1) * (len(y_lines) - 1) * len(levels(letter, options.press))
+    return Counter(
+        presses=pressed,
+        no_contact=untouched if skip.no_contact else 0,
+        cells=len(touching) * cells - len(bed.area) if skip.cells else 0,
+        parts=pressed * len(letter.parts) if skip.parts else 0,
+        stages=pressed * len(UNREAD_STAGES) if skip.stages else 0,
+    )
+
+
+def _bed(letter: models.Letter, poses: FloatArray, options: ScanOptions) -> Bed:
+    return lay_bed(
+        levels(letter, options.press), poses, *_lines(options), skip_empty=options.press.skip.cells
+    )
+
+
+def _lines(options: ScanOptions) -> tuple[FloatArray, FloatArray]:
+    return options.pad.grid_lines(options.press.cells_per_element, gap_cells=options.sensor.psf_sigma == 0)
+
+
+def _map(bed: Bed, forces: FloatArray, options: ScanOptions) -> FloatArray:
+    return contact_map(bed, forces, options.pad, options.press.cells_per_element, options.sensor.psf_sigma)

@@ -4,21 +4,42 @@ from __future__ import annotations
 
 import hashlib
 import math
+import signal
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import contextmanager
+from dataclasses import dataclass
+from importlib.metadata import version
+from multiprocessing import get_context
 from typing import Any
 
 import numpy as np
 
 import models
+from models.errors import InputError
+from tactsim import cache as cached
 from tactsim.options import ScanOptions
-from tactsim.poses import compose
-from tactsim.pressing import ideal_readings
+from tactsim.poses import FloatArray, compose
 from tactsim.protocol import grid_poses, random_poses
 from tactsim.scan import SPLITS, Scan
 from tactsim.sensor import gains, sense
 
 Progress = Callable[[int, int], None]
+
+# What workers are given at a time. It does not depend on how many there are, so neither do the readings.
+_CHUNK = 64  # presses
+_WORTH_A_WORKER = 2.0  # s of one core; a worker takes most of a second to start
+
+
+@dataclass(frozen=True, eq=False)
+class _Batch:
+    """The presses of one letter and split: stated and true poses, (n, 3) each."""
+
+    letter: models.Letter
+    split: str
+    stated: FloatArray
+    true: FloatArray
 
 
 def scan_letters(
@@ -30,42 +51,138 @@ def scan_letters(
 ) -> tuple[Scan, dict[str, Any]]:
     """Press every letter at 192 training and 192 test poses.
 
-    Returns the scan and its work: `presses` and `skipped` {reason: count}. `progress(done, total)`
-    is called as presses are done. The same options give the same bits.
+    Returns the scan and its work: `presses`, those that were worked out now, and `skipped` {reason:
+    count}. `progress(done, total)` is called as presses are done. The same options give the same bits
+    whatever `jobs`, processes used where the work is worth them, `cache`, and the other letters are.
+
+    Raises InputError for a letter, shape or option that does not exist, and if a press does not settle.
     """
-    letters = [models.letter(name) for name in options.letters]
+    letters = _letters(options)
+    batches = [_batch(letter, split, options) for letter in letters for split in SPLITS]
+    ideal, work = _ideal(batches, options, jobs, cache, progress)
     gain = gains(options.pad.taxels, options.sensor, _rng(options.seed, "pad", "gain"))
-    readings, poses, labels, split = [], [], [], []
-    work: Counter[str] = Counter()
-    total = len(letters) * len(SPLITS) * len(grid_poses())
-    for letter in letters:
-        for name in SPLITS:
-            stated = grid_poses()
-            if name == "test" and options.test_poses == "random":
-                stated = random_poses(_rng(options.seed, letter.name, name, "poses"))
-            error = _rng(options.seed, letter.name, name, "placement").standard_normal((len(stated), 3))
-            error *= (options.placement_mm, options.placement_mm, options.placement_rad)
-            ideal, skipped = ideal_readings(letter, compose(stated, error), options)
-            work.update(skipped)
-            readings.append(
-                sense(ideal, options.sensor, gain, _rng(options.seed, letter.name, name, "sense"))
-            )
-            poses.append(stated)
-            labels += [letter.name] * len(stated)
-            split += [name] * len(stated)
-            if progress is not None:
-                progress(len(labels), total)
+    readings = [
+        sense(values, options.sensor, gain, _rng(options.seed, batch.letter.name, batch.split, "sense"))
+        for batch, values in zip(batches, ideal, strict=True)
+    ]
     scan = Scan(
-        np.concatenate(readings), np.concatenate(poses), np.array(labels), np.array(split),
-        options.pad.taxel_xy, _meta(options, letters),
-    )  # fmt: skip
-    return scan, {"presses": total - work["no_contact"], "skipped": dict(work)}
+        np.concatenate(readings),
+        np.concatenate([batch.stated for batch in batches]),
+        np.array([batch.letter.name for batch in batches for _ in batch.stated]),
+        np.array([batch.split for batch in batches for _ in batch.stated]),
+        options.pad.taxel_xy,
+        _meta(options, letters),
+    )
+    presses = work.pop("presses")
+    return scan, {"presses": presses, "skipped": dict(work)}
+
+
+def _letters(options: ScanOptions) -> list[models.Letter]:
+    letters = [models.letter(name, rounding=options.rounding) for name in options.letters]
+    twice = [name for name, count in Counter(letter.name for letter in letters).items() if count > 1]
+    if twice:
+        raise InputError(f"two letters or shapes are called {twice[0]!r}; each needs a name of its own")
+    if not letters:
+        raise InputError("there is nothing to press: name a letter or a shape")
+    return letters
+
+
+def _batch(letter: models.Letter, split: str, options: ScanOptions) -> _Batch:
+    stated = grid_poses()
+    if split == "test" and options.test_poses == "random":
+        stated = random_poses(_rng(options.seed, letter.name, split, "poses"))
+    spread = (options.placement_mm, options.placement_mm, options.placement_rad)
+    if not any(spread):
+        return _Batch(letter, split, stated, stated)
+    error = _rng(options.seed, letter.name, split, "placement").standard_normal(stated.shape)
+    return _Batch(letter, split, stated, compose(stated, error * spread))
+
+
+def _ideal(
+    batches: Sequence[_Batch], options: ScanOptions, jobs: int, cache: bool, progress: Progress | None
+) -> tuple[list[FloatArray], Counter[str]]:
+    """Get each batch's ideal readings, (n, taxels) kPa: known already, from the cache, or pressed now."""
+    keys = [cached.key(batch.letter, batch.true, options) for batch in batches]
+    names = [(key, 0 if options.press.skip.known else index) for index, key in enumerate(keys)]
+    work = Counter(presses=0, known=0, cached=0, no_contact=0, cells=0, parts=0, stages=0)
+    wanted: dict[tuple[str, int], _Batch] = {}
+    ideal: dict[tuple[str, int], FloatArray] = {}
+    for name, batch in zip(names, batches, strict=True):
+        count = len(batch.true)
+        if name in ideal or name in wanted:
+            work["known"] += count
+            continue
+        stored = cached.load(name[0], (count, options.pad.taxels)) if cache else None
+        if stored is None:
+            wanted[name] = batch
+        else:
+            ideal[name] = stored
+            work["cached"] += count
+
+    total = sum(len(batch.true) for batch in batches)
+    done = work["known"] + work["cached"]
+    if progress is not None and done:
+        progress(done, total)
+    tasks = [
+        (name, batch.letter, batch.true[first : first + _CHUNK], options)
+        for name, batch in wanted.items()
+        for first in range(0, len(batch.true), _CHUNK)
+    ]
+    pressed: dict[tuple[str, int], list[FloatArray]] = {name: [] for name in wanted}
+    with _workers(jobs, len(tasks) * _CHUNK * _seconds_per_press(options)) as mapped:
+        for (name, *_), (readings, piece) in zip(tasks, mapped(_press, tasks), strict=True):
+            pressed[name].append(readings)
+            work.update(piece)
+            done += len(readings)
+            if progress is not None:
+                progress(done, total)
+    for name, pieces in pressed.items():
+        ideal[name] = np.concatenate(pieces)
+        if cache:
+            cached.store(name[0], ideal[name])
+    if cache and wanted:
+        cached.prune()
+    return [ideal[name] for name in names], work
+
+
+def _press(task: tuple[Any, models.Letter, FloatArray, ScanOptions]) -> tuple[FloatArray, Counter[str]]:
+    from tactsim.pressing import ideal_readings  # brings MuJoCo, which a scan from the cache does without
+
+    _, letter, poses, options = task
+    return ideal_readings(letter, poses, options)
+
+
+@contextmanager
+def _workers(jobs: int, seconds: float) -> Iterator[Callable[..., Iterator[Any]]]:
+    """Give a `map` that keeps the order of its results: over processes if the work is worth them."""
+    workers = min(jobs, int(seconds / _WORTH_A_WORKER))
+    if workers < 2:
+        yield map
+        return
+    executor = ProcessPoolExecutor(workers, mp_context=get_context("spawn"), initializer=_leave_interrupts)
+    try:
+        yield executor.map
+    finally:
+        executor.shutdown(cancel_futures=True)
+
+
+def _leave_interrupts() -> None:
+    """Let the parent alone answer to Ctrl-C; it stops the workers."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+def _seconds_per_press(options: ScanOptions) -> float:
+    """Guess the time of a press on one core, s."""
+    if options.press.dynamics == "full":
+        return 5e-3
+    return 1e-3 if options.rounding or not options.press.skip.parts else 1e-4
 
 
 def _meta(options: ScanOptions, letters: Sequence[models.Letter]) -> dict[str, Any]:
     return {
         "options": options.model_dump(mode="json"),
         "objects": {letter.name: _object(letter) for letter in letters},
+        "versions": {name: version(name) for name in ("tactsim", "numpy", "mujoco-core", "manifold3d")},
     }
 
 
@@ -77,6 +194,7 @@ def _object(letter: models.Letter) -> dict[str, Any]:
         "inertia_over_mass": letter.inertia_over_mass,
         "mass": letter.mass,
         "area": letter.area,
+        "digest": letter.digest,
     }
 
 

@@ -35,15 +35,18 @@ def contact_map(bed: Bed, forces: FloatArray, pad: Pad, cells_per_element: int, 
     x_lines, y_lines = pad.grid_lines(cells_per_element, gap_cells=sigma == 0)
     cells = (len(x_lines) - 1) * (len(y_lines) - 1)
     presses = len(bed.start) - 1
-    pressure = np.zeros((presses, cells, bed.moments.shape[1]))  # times moments: N mm^k / mm^2
-    pressure[bed.press, bed.cell] = bed.moments * (forces / bed.area)[:, None]
-    response = _responses(pad, cells_per_element, sigma)
-    return _KPA * (pressure.reshape(presses, -1) @ response)
+    pressure = np.divide(forces, bed.area, out=np.zeros_like(forces), where=bed.area > 0)
+    where = bed.press * cells + bed.cell
+    result = np.zeros((presses, pad.taxels))
+    for moment, response in zip(bed.moments.T, _responses(pad, cells_per_element, sigma), strict=True):
+        load = np.bincount(where, moment * pressure, presses * cells).reshape(presses, cells)
+        result += load @ response
+    return _KPA * result
 
 
 @lru_cache(maxsize=4)
 def _responses(pad: Pad, cells_per_element: int, sigma: float) -> FloatArray:
-    """Map the moments of every cell to every element: (cells * 6, taxels), per mm^2 of element.
+    """Map the moments of every cell to every element: (6, cells, taxels), per mm^2 of element.
 
     Built from one axis at a time, since the Gaussian and the elements are products of x and y.
     """
@@ -52,12 +55,11 @@ def _responses(pad: Pad, cells_per_element: int, sigma: float) -> FloatArray:
     # Powers of (u, v) in the order of clip.MOMENTS; Legendre's quadratic has a constant part, which
     # is why a power's coefficient mixes projections.
     powers = [(0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2)]
-    response = np.zeros((len(y), len(x), len(powers), len(pad.row_edges), len(pad.column_edges)))
+    response = np.zeros((len(powers), len(y), len(x), len(pad.row_edges), len(pad.column_edges)))
     for k, (i, j) in enumerate(powers):
         for p, q in powers:
-            # weights[a, b]: share of u^a in the projection on Legendre's polynomial of degree b
-            response[:, :, k] += np.einsum("ar,bc->abrc", y[:, j, q], x[:, i, p])
-    return response.reshape(-1, pad.taxels)
+            response[k] += np.einsum("ar,bc->abrc", y[:, j, q], x[:, i, p])
+    return response.reshape(len(powers), -1, pad.taxels)
 
 
 def _along(lines: FloatArray, edges: FloatArray, sigma: float) -> FloatArray:
