@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from pydantic import BaseModel, ConfigDict
 
 from tactsim import InputError, Scan
+from tactsim.finite import finite
 from tactsim.poses import FloatArray
 
 
@@ -112,8 +113,4 @@ def check_reading(
         raise InputError(f"a reading has shape {values.shape}; the maps were learned from {taxels} taxels")
     if pose.shape != (3,):
         raise InputError(f"sensor_in_robot has shape {pose.shape}; it is [x, y, theta]")
-    if not np.isfinite(values).all():
-        raise InputError(f"taxel {int(np.argmin(np.isfinite(values)))} of a reading is not a finite number")
-    if not np.isfinite(pose).all():
-        raise InputError(f"sensor_in_robot {pose.tolist()} is not finite")
-    return values, pose
+    return finite(values, "reading"), finite(pose, "sensor_in_robot")

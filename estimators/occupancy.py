@@ -15,6 +15,8 @@ from tactsim.poses import FloatArray
 
 # Where G' has fallen to exp(-32) of its peak a reading says nothing: maps end there, at the prior.
 _REACH = 4.0  # in sigmas
+_MOST_CELLS = 50_000_000  # of all maps together: 400 MB
+_MOST_AT_ONCE = 4_000_000  # cells that are stamped in one piece
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,7 +83,8 @@ def learn_maps(
 
     sigma: mm, the sensor's point spread. peak: G' at an element's centre. prior: p(m). threshold,
     ratio: eq. 3. cell: mm. All maps share one grid, which covers everything any element has
-    touched upon. Raises InputError if the scan has no training readings.
+    touched upon. Raises InputError if the scan has no training readings, or poses so far apart that
+    the maps would have more than 50 million cells.
     """
     train = scan.where(split="train")
     if len(train) == 0:
@@ -89,7 +92,13 @@ def learn_maps(
     centres = transform(train.poses, train.taxel_xy)
     low = np.floor((centres.min(axis=(0, 1)) - _REACH * sigma) / cell)
     high = np.ceil((centres.max(axis=(0, 1)) + _REACH * sigma) / cell)
-    columns, rows = (high - low).astype(int) + 1
+    spans = high - low + 1
+    if spans.prod() * len(train.letters) > _MOST_CELLS:
+        raise InputError(
+            f"the training poses span {spans[0] * cell:.3g} x {spans[1] * cell:.3g} mm: maps of {len(train.letters)} "
+            f"letters in cells of {cell} mm would have more than {_MOST_CELLS:,} cells; are the poses in mm?"
+        )
+    columns, rows = spans.astype(int)
     classes = classify(train.readings, threshold, ratio)
     maps = {}
     for label in train.letters:
@@ -97,7 +106,9 @@ def learn_maps(
         evidence = np.zeros((rows, columns))
         for kind in (CONTACT, NO_CONTACT):
             touched = centres[mine][classes[mine] == kind] / cell - low
-            _stamp(evidence, touched, kind, sigma / cell, peak, prior)
+            at_once = max(1, int(_MOST_AT_ONCE / (2 * _REACH * sigma / cell + 2) ** 2))
+            for first in range(0, len(touched), at_once):
+                _stamp(evidence, touched[first : first + at_once], kind, sigma / cell, peak, prior)
         maps[label] = OccupancyMap(low * cell, cell, log_odds(prior) + evidence, prior)
     return maps
 

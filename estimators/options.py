@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Literal
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from estimators.base import Options
 
@@ -14,17 +14,26 @@ class MapOptions(Options):
 
     sigma: float = Field(1.0, ge=0.1, le=10, description="sigma of eq. 4: the sensor's point spread, mm")
     peak: float = Field(0.9, gt=0, lt=1, description="G' of eq. 4 at an element's own centre")
-    prior: float = Field(0.2, gt=0, lt=1, description="p(m): the share of a map that is occupied")
-    threshold: float = Field(2.0, description="T of eq. 3, kPa")
+    # Nearer to 0 or 1, a prior would give weight to the last 1e-14 of a point spread, which maps cut off.
+    prior: float = Field(0.2, ge=1e-6, le=1 - 1e-6, description="p(m): the share of a map that is occupied")
+    threshold: float = Field(2.0, ge=-1e9, le=1e9, description="T of eq. 3, kPa")
     ratio: float = Field(0.3, ge=0, le=1, description="the 0.3 of eq. 3: share of the largest element")
-    cell: float = Field(0.4, ge=0.05, le=5, description="side of a map cell, mm")
+    cell: float = Field(0.4, ge=0.05, le=5, description="side of a map cell, mm; at least sigma / 25")
+
+    @model_validator(mode="after")
+    def _cells_are_not_needlessly_fine(self) -> MapOptions:
+        if self.sigma > 25 * self.cell:  # 40,000 cells and more for every element of every reading
+            raise ValueError(
+                f"cell {self.cell} mm is below sigma / 25 = {self.sigma / 25:g} mm; choose larger cells"
+            )
+        return self
 
 
 class LikelihoodOptions(MapOptions):
     """Which measurement model, and its parameters (paper, eq. 7)."""
 
     likelihood: str = Field("paper", description="the measurement model: paper")
-    gamma: float = Field(0.1, gt=0, lt=1, description="gamma of eq. 7: how often the classifier fails")
+    gamma: float = Field(0.1, ge=1e-300, lt=1, description="gamma of eq. 7: how often the classifier fails")
     failure: Literal["printed", "complement"] = Field(
         "printed", description="No Contact after a failure in eq. 7: p(m) as printed, or 1 - p(m)"
     )

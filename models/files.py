@@ -1,4 +1,4 @@
-"""Write a file or a folder whole or not at all."""
+"""Write a file or a folder whole or not at all; read what nobody vouches for."""
 
 from __future__ import annotations
 
@@ -72,6 +72,30 @@ def write_bytes(path: str | Path, content: bytes) -> None:
 def write_text(path: str | Path, content: str) -> None:
     """Replace the file at `path` by UTF-8 `content`, whole or not at all. Raises InputError."""
     write_bytes(path, content.encode("utf-8"))
+
+
+@contextmanager
+def opened(path: str | Path) -> Iterator[IO[bytes]]:
+    """Open a regular file for reading; no device or pipe, which might never end.
+
+    Raises InputError, which does not say the path, if it cannot be opened or read.
+    """
+    try:
+        if Path(path).exists() and not Path(path).is_file():
+            raise InputError("it is not a regular file")
+        with Path(path).open("rb") as stream:
+            yield stream
+    except OSError as error:
+        raise InputError(f"it cannot be read: {error.strerror or error}") from error
+
+
+def read_bytes(path: str | Path, most: int) -> bytes:
+    """Read a regular file of at most `most` bytes. Raises InputError, as `opened`, also if it is larger."""
+    with opened(path) as stream:
+        content = stream.read(most + 1)
+    if len(content) > most:
+        raise InputError(f"it is larger than {most:,} bytes")
+    return content
 
 
 def _unwritable(target: Path, error: OSError) -> InputError:

@@ -15,7 +15,8 @@ FloatArray = NDArray[np.float64]
 
 def wrap_angle(angle: ArrayLike) -> FloatArray:
     """Fold angles (rad, any shape) into [-pi, pi)."""
-    return np.mod(np.asarray(angle, dtype=float) + np.pi, 2 * np.pi) - np.pi
+    folded = np.mod(np.asarray(angle, dtype=float) + np.pi, 2 * np.pi) - np.pi
+    return np.where(folded < np.pi, folded, -np.pi)  # just below -pi, the mod rounds up to 2 pi
 
 
 def compose(outer: ArrayLike, inner: ArrayLike) -> FloatArray:

@@ -13,6 +13,7 @@ from models.errors import InputError
 from tactsim.bed import Bed, lay_bed
 from tactsim.contact import contact_forces, contact_history
 from tactsim.face import levels
+from tactsim.finite import finite
 from tactsim.options import ScanOptions
 from tactsim.poses import FloatArray
 from tactsim.scene import UNREAD_STAGES
@@ -46,9 +47,9 @@ def press_letter(
     Raises InputError if the pose is not three finite numbers.
     """
     options = options or ScanOptions()
-    pose = np.asarray(sensor_in_object, dtype=float)
-    if pose.shape != (3,) or not np.isfinite(pose).all():
-        raise InputError(f"a pose is three finite numbers [x mm, y mm, theta rad], got {sensor_in_object!r}")
+    pose = finite(sensor_in_object, "sensor_in_object")
+    if pose.shape != (3,):
+        raise InputError(f"a pose is three numbers [x mm, y mm, theta rad], got {sensor_in_object!r}")
     sensor = options.sensor
     if rng is None:
         sensor = sensor.model_copy(update={"noise": 0.0, "gain_spread": 0.0, "random_taxels": 0.0})

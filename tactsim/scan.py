@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import zipfile
-import zlib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -18,11 +16,13 @@ from numpy.typing import NDArray
 
 from models.errors import InputError
 from models.files import replacing
+from tactsim.finite import finite
+from tactsim.npz import read_npz
 from tactsim.poses import FloatArray
 
 SPLITS = ("train", "test")
 _ARRAYS = ("readings", "poses", "labels", "split", "taxel_xy")
-_LARGEST = 2 << 30  # bytes that one array of a file may claim: 200,000 readings of 1,000 taxels fit
+_LONGEST_NAME = 100  # characters of a label
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,7 +35,8 @@ class Scan:
     `symmetry` (order of the rotational symmetry, 0 for a disc), `centre` ([x, y] mm) and
     `inertia_over_mass` (mm^2).
 
-    Raises InputError when shapes disagree, a number is not finite or a split has another name.
+    Raises InputError when shapes disagree, there are no taxels, a number is not finite or beyond 1e9, a
+    label is empty, over 100 characters long or not printable, a split has another name, or `meta` is not JSON.
     """
 
     readings: FloatArray
@@ -58,6 +59,17 @@ class Scan:
                     f"scan: {name} has shape {getattr(self, name).shape}, but readings of shape "
                     f"{self.readings.shape} ask for {shape}"
                 )
+        if not taxels:
+            raise InputError("scan: readings have no taxels")
+        for label in self.letters:
+            if not (label.isprintable() and 0 < len(label) <= _LONGEST_NAME):
+                raise InputError(
+                    f"scan: the label {label[:_LONGEST_NAME]!r} is empty, too long or not printable"
+                )
+        try:
+            json.dumps(self.meta, allow_nan=False)
+        except (TypeError, ValueError, RecursionError) as error:
+            raise InputError(f"scan: meta is no JSON without NaN and infinity: {error}") from None
         other = sorted(set(self.split.tolist()) - set(SPLITS))
         if other:
             raise InputError(f"scan: split says {other[0]!r}; only 'train' and 'test' have a meaning")
@@ -132,69 +144,24 @@ class Scan:
     def load(cls, path: str | Path) -> Scan:
         """Read a scan written by `save`; nothing in the file is unpickled or run.
 
-        Raises InputError if the file is missing, cut short, of another kind, claims more than 2 GiB
+        Raises InputError if the file is missing, cut short, of another kind, claims more than 1 GiB
         or holds what `Scan` refuses.
         """
         try:
-            arrays = _read_npz(Path(path))
-            meta = json.loads(str(arrays.pop("meta")[()]))
-            if not isinstance(meta, dict):
-                raise InputError("meta is not a JSON object")
-            return cls(meta=meta, **arrays)
-        except OSError as error:
-            raise InputError(f"cannot read scan {path}: {error.strerror or error}") from error
-        except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError) as error:
-            raise InputError(
-                f"{path} is not a whole scan file (.npz): {error}; make one with `bench scan --out FILE`"
-            ) from error
+            arrays = read_npz(path, (*_ARRAYS, "meta"))
+        except InputError as error:
+            raise InputError(f"scan {path}: {error}; make one with `bench scan --out FILE`") from error
+        try:
+            return cls(meta=_meta(arrays.pop("meta")), **arrays)
         except InputError as error:
             raise InputError(f"{path}: {error}") from error
-        except (ValueError, RecursionError) as error:  # not a header of .npy, not JSON, not UTF-8
-            raise InputError(f"{path} is not a scan: {error}") from error
-
-
-def _read_npz(path: Path) -> dict[str, NDArray[Any]]:
-    """Read the members of a scan's archive, refusing a size before any memory is asked for."""
-    arrays = {}
-    with zipfile.ZipFile(path) as archive:
-        names = set(archive.namelist())
-        missing = [name for name in (*_ARRAYS, "meta") if f"{name}.npy" not in names]
-        if missing:
-            raise InputError(f"not a scan: it has no array {missing[0]!r}")
-        for name in (*_ARRAYS, "meta"):
-            with archive.open(f"{name}.npy") as member:
-                version = np.lib.format.read_magic(member)
-                read_header = {
-                    (1, 0): np.lib.format.read_array_header_1_0,
-                    (2, 0): np.lib.format.read_array_header_2_0,
-                }.get(version)
-                if read_header is None:
-                    raise InputError(f"array {name!r} has the unknown format version {version}")
-                shape, fortran, dtype = read_header(member)
-                if dtype.kind not in "fiuU" or len(shape) > 2:
-                    raise InputError(f"array {name!r} holds {dtype} of shape {shape}, no numbers or names")
-                size = dtype.itemsize * int(np.prod([int(n) for n in shape], dtype=object))
-                if size > _LARGEST:
-                    raise InputError(f"array {name!r} claims {size:,} bytes; the most is {_LARGEST:,}")
-                content = member.read(size)
-                if len(content) != size or member.read(1):
-                    raise InputError(f"array {name!r} does not have the {size:,} bytes that it claims")
-            flat = np.frombuffer(content, dtype=dtype) if size else np.zeros(0, dtype=dtype)
-            arrays[name] = flat.reshape(shape, order="F" if fortran else "C").copy()
-    return arrays
 
 
 def _numbers(name: str, values: Any) -> FloatArray:
     array = np.asarray(values)
     if array.dtype.kind not in "fiu" or array.ndim != 2:
         raise InputError(f"scan: {name} must be a table of numbers, got {array.dtype} {array.shape}")
-    array = array.astype(np.float64)
-    bad = np.argwhere(~np.isfinite(array))
-    if len(bad):
-        row, column = bad[0]
-        raise InputError(
-            f"scan: {name}[{row}, {column}] is {array[row, column]}; only finite numbers are allowed"
-        )
+    array = finite(array, f"scan: {name}").copy()
     array.setflags(write=False)
     return array
 
@@ -204,5 +171,19 @@ def _names(name: str, values: Any) -> NDArray[np.str_]:
     if array.dtype.kind != "U" and array.size:
         raise InputError(f"scan: {name} must be names, got {array.dtype}")
     array = array.astype(np.str_)
+    try:
+        array.tolist()
+    except (ValueError, SystemError) as error:  # a code beyond Unicode
+        raise InputError(f"scan: {name} are no text: {error}") from None
     array.setflags(write=False)
     return array
+
+
+def _meta(array: NDArray[Any]) -> dict[str, Any]:
+    try:
+        meta = json.loads(str(array[()]))
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"scan: meta is not JSON: {error}") from None
+    if not isinstance(meta, dict):
+        raise InputError("scan: meta is not a JSON object")
+    return meta

@@ -8,7 +8,7 @@ from typing import NoReturn
 import typer
 from typer.exceptions import Abort, TyperException
 
-from bench.cli import compare, run, scan, sweep
+from bench.cli import compare, run, scan, stress, sweep
 from bench.cli import list as list_verb
 from models.errors import InputError
 
@@ -22,7 +22,15 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for name, verb in {"run": run, "scan": scan, "sweep": sweep, "compare": compare, "list": list_verb}.items():
+verbs = {
+    "run": run,
+    "scan": scan,
+    "sweep": sweep,
+    "compare": compare,
+    "list": list_verb,
+    "stress": stress,
+}
+for name, verb in verbs.items():
     app.command(name=name)(verb.command)
 
 

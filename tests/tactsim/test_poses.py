@@ -1,4 +1,5 @@
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
@@ -47,6 +48,13 @@ def test_wrapping_keeps_the_direction_and_lands_in_one_turn(angle):
     assert -np.pi <= wrapped < np.pi
     assert np.isclose(np.cos(wrapped), np.cos(angle), atol=1e-8)
     assert np.isclose(np.sin(wrapped), np.sin(angle), atol=1e-8)
+
+
+@pytest.mark.parametrize("turns", [-3, -1, 0, 1])
+def test_no_angle_is_wrapped_to_plus_pi(turns):
+    seam = np.pi * (2 * turns + 1)
+    for angle in (seam, np.nextafter(seam, 9), np.nextafter(seam, -9), -np.pi - 1e-17, -np.pi - 1e-15):
+        assert -np.pi <= wrap_angle(angle) < np.pi
 
 
 def test_poses_broadcast():

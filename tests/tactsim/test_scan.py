@@ -1,5 +1,6 @@
 import io
 import pickle
+import tracemalloc
 import zipfile
 
 import numpy as np
@@ -92,6 +93,15 @@ def test_the_arrays_cannot_be_changed_by_accident(scan):
         ({"poses": np.full((6, 3), np.inf)}, r"poses\[0, 0\] is inf"),
         ({"split": np.array(["train"] * 5 + ["dev"])}, "'dev'"),
         ({"labels": np.arange(6)}, "must be names"),
+        ({"readings": np.full((6, 4), 1e300)}, r"readings\[0, 0\] is 1e\+300"),
+        ({"readings": np.zeros((6, 0)), "taxel_xy": np.zeros((0, 2))}, "no taxels"),
+        ({"labels": np.array(["A"] * 5 + [""])}, "label '' is empty"),
+        ({"labels": np.array(["A"] * 5 + ["A\nB"])}, r"label 'A\\nB' is .* not printable"),
+        ({"labels": np.array(["A"] * 5 + ["\ud800"])}, "not printable"),
+        ({"labels": np.array(["A"] * 5 + ["A" * 101])}, "too long"),
+        ({"labels": np.full(6, 0x110000, "<u4").view("<U1")}, "labels are no text"),
+        ({"meta": {"x": float("nan")}}, "meta is no JSON"),
+        ({"meta": {"x": {1, 2}}}, "meta is no JSON"),
     ],
 )
 def test_a_scan_that_does_not_fit_together_is_refused(scan, change, message):
@@ -140,7 +150,36 @@ def hostile_files(scan, tmp_path):
     write_npz(tmp_path / "short", **(whole | {"poses": npy(arrays["poses"])[:-8]}))
     write_npz(tmp_path / "not-npy", **(whole | {"poses": b"hello"}))
     write_npz(tmp_path / "nan", **(whole | {"readings": npy(arrays["readings"] * np.nan)}))
+    negative = huge.replace(b"(1000000000000, 36)", b"(-1, 36)".ljust(19))
+    write_npz(tmp_path / "negative", **(whole | {"readings": negative}))
+    write_npz(tmp_path / "infinite-meta", **(whole | {"meta": npy(np.array('{"a": [1e999]}'))}))
+    write_npz(tmp_path / "deep-meta", **(whole | {"meta": npy(np.array("[" * 100_000))}))
+    with zipfile.ZipFile(tmp_path / "lzma", "w", zipfile.ZIP_LZMA) as archive:
+        for name, content in whole.items():
+            archive.writestr(f"{name}.npy", content)
+    plain = bytearray((tmp_path / "list").read_bytes())
+    plain[plain.index(b"PK\x01\x02") + 8] |= 1  # the first member claims to be encrypted
+    (tmp_path / "encrypted").write_bytes(plain)
+    (tmp_path / "folder").mkdir()
+    files |= dict.fromkeys(["negative", "infinite-meta", "deep-meta", "lzma", "encrypted", "folder"])
     return [*files, "huge", "pickled", "missing", "no-json", "list", "short", "not-npy", "nan", "absent"]
+
+
+def test_a_size_is_refused_before_memory_is_asked_for(scan, tmp_path):
+    # A GiB of zeros: a MB in the file.
+    scan.save(tmp_path / "good.npz")
+    whole = {name: npy(array) for name, array in np.load(tmp_path / "good.npz").items()}
+    with zipfile.ZipFile(tmp_path / "bomb", "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
+        for name, content in whole.items():
+            with archive.open(f"{name}.npy", "w", force_zip64=True) as member:
+                member.write(content)
+                for _ in range(1025 if name == "readings" else 0):
+                    member.write(bytes(1 << 20))
+    tracemalloc.start()
+    with pytest.raises(InputError, match="array 'readings' claims 1,07"):
+        Scan.load(tmp_path / "bomb")
+    assert tracemalloc.get_traced_memory()[1] < 1 << 20
+    tracemalloc.stop()
 
 
 def test_a_file_that_is_no_scan_is_refused_in_one_line_that_names_it(scan, tmp_path):

@@ -1,0 +1,144 @@
+"""What a stress case is: one thing varied, the worst that was seen, and the most that is allowed."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from models.errors import InputError
+
+QUICK = "quick"
+
+
+class Worst:
+    """Keep the worst value seen and where; what is not a number is worse than all that are."""
+
+    def __init__(self, at_least: bool = False) -> None:
+        self._sign = -1.0 if at_least else 1.0
+        self._worst = -math.inf
+        self.at = ""
+        self.seen = 0
+
+    @property
+    def value(self) -> float:
+        """Give the worst value so far."""
+        return self._sign * self._worst
+
+    def see(self, values: ArrayLike, at: str) -> None:
+        """Take in one value or an array of them, all measured `at` one setting."""
+        array = self._sign * np.asarray(values, dtype=float)
+        if not array.size:
+            return
+        worst = float(np.max(array)) if np.isfinite(array).all() else math.inf
+        self.seen += array.size
+        if worst > self._worst:
+            self._worst, self.at = worst, at
+
+    def holds(self, truth: bool | np.bool_, at: str) -> None:
+        """Take in a fact that must hold: a deviation of 0 if it does, of 1 if not."""
+        self.see(0.0 if truth else 1.0, at)
+
+
+@dataclass(frozen=True)
+class Case:
+    """One numerical stress case.
+
+    name: topic and case, "maps.peak-near-one". varied: what is varied, and how far. deviation: what is
+    measured. limit: the most of it that is allowed, or the least with `at_least`; because: why so much.
+    measure(worst) does the work and shows `worst` what it sees. Anything raised in it is a failure.
+    """
+
+    name: str
+    varied: str
+    deviation: str
+    limit: float
+    because: str
+    measure: Callable[[Worst], None]
+    quick: bool = False
+    at_least: bool = False
+
+    @property
+    def tags(self) -> tuple[str, ...]:
+        """List the tags by which the case can be chosen: its topic, and "quick"."""
+        return (self.name.partition(".")[0], *((QUICK,) if self.quick else ()))
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What came of a case: the worst value (infinite if it is not a number), where, and in how many s."""
+
+    case: Case
+    worst: float
+    at: str
+    seconds: float = field(compare=False)
+
+    @property
+    def passed(self) -> bool:
+        """Tell whether the worst value keeps to the limit."""
+        if self.case.at_least:
+            return self.worst >= self.case.limit
+        return self.worst <= self.case.limit
+
+
+def case(
+    name: str,
+    *,
+    varied: str,
+    deviation: str,
+    limit: float,
+    because: str,
+    quick: bool = False,
+    at_least: bool = False,
+) -> Callable[[Callable[[Worst], None]], Case]:
+    """Make a `Case` of the function below; a module's cases are the Case objects in it."""
+
+    def make(measure: Callable[[Worst], None]) -> Case:
+        return Case(name, varied, deviation, limit, because, measure, quick, at_least)
+
+    return make
+
+
+def run_case(chosen: Case) -> Outcome:
+    """Do one case. A warning of NumPy's about a value that is not finite fails it, as any exception does."""
+    worst = Worst(chosen.at_least)
+    start = perf_counter()
+    broken = ""
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", RuntimeWarning)
+            chosen.measure(worst)
+        if not worst.seen:
+            broken = "nothing was measured"
+    except Exception as error:
+        broken = f"{type(error).__name__}: {error}"
+    seconds = perf_counter() - start
+    if broken:
+        return Outcome(chosen, -math.inf if chosen.at_least else math.inf, broken, seconds)
+    return Outcome(chosen, worst.value, worst.at, seconds)
+
+
+def run_cases(chosen: Iterable[Case], progress: Callable[[str, int, int], None]) -> list[Outcome]:
+    """Do the cases in order; progress("stress", done, total) is called after each."""
+    cases = list(chosen)
+    outcomes = []
+    progress("stress", 0, len(cases))
+    for done, one in enumerate(cases, start=1):
+        outcomes.append(run_case(one))
+        progress("stress", done, len(cases))
+    return outcomes
+
+
+def refused(call: Callable[..., Any], *args: Any, **options: Any) -> bool:
+    """Tell whether a call ends in an InputError of one line; any other exception goes on up."""
+    try:
+        call(*args, **options)
+    except InputError as error:
+        return "\n" not in str(error)
+    return False

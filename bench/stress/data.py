@@ -1,0 +1,66 @@
+"""What the cases work on: readings of the simulated pad, and estimators fitted to them."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from bench.trials import draw_true_pose
+from estimators import Estimate, Estimator, create, names
+from estimators.registry import load
+from models import InputError, parse_letters
+from tactsim import WORLDS, Pad, Scan, ScanOptions, compose, invert, scan_letters
+from tactsim.poses import FloatArray
+
+# What an estimator's budget is called, and how much of it a case gives where no other is said.
+BUDGETS = {"bins": 1000, "particles": 1000}
+
+
+@cache
+def pressed(letters: str = "AEIOU", world: str = "default", pad: Pad | None = None) -> Scan:
+    """Press letters in one of the ready-made worlds."""
+    options = ScanOptions(**WORLDS[world], letters=parse_letters(letters), pad=pad or Pad())
+    return scan_letters(options, cache=False)[0]
+
+
+def fitted(name: str, scan: Scan, **options: Any) -> Estimator:
+    """Make an estimator, fit it and begin a sequence with seed 0."""
+    estimator = create(name, **options)
+    estimator.fit(scan)
+    estimator.reset(np.random.default_rng(0))
+    return estimator
+
+
+def every_estimator(budget: int | None = None) -> list[tuple[str, dict[str, int]]]:
+    """List every estimator that can be loaded with a budget that it takes, by default a moderate one."""
+    found = []
+    for name in names():
+        try:
+            known = load(name).options_type.model_fields
+        except InputError:
+            continue  # a broken plug-in; `bench list` says so
+        found.append((name, {word: budget or usual for word, usual in BUDGETS.items() if word in known}))
+    return found
+
+
+def hidden(scan: Scan, label: str, count: int, seed: int = 0) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Hide a letter: (count, taxels) readings, (count, 3) sensor_in_robot, and the true robot_in_object."""
+    rng = np.random.default_rng(seed)
+    truth = draw_true_pose(rng)
+    test = scan.where("test", label)
+    order = rng.permutation(len(test))[:count]
+    return test.readings[order], compose(invert(truth), test.poses[order]), truth
+
+
+def probabilities(estimate: Estimate) -> FloatArray:
+    """Give the letters' probabilities in the order of their names."""
+    return np.array([estimate.probabilities[label] for label in sorted(estimate.probabilities)])
+
+
+def flaw(estimate: Estimate) -> float:
+    """Measure by how much an estimate is none: how far probabilities are from 1 in sum, or without bound."""
+    p = probabilities(estimate)
+    sound = np.isfinite(p).all() and (p >= 0).all() and np.isfinite(estimate.robot_in_object).all()
+    return abs(float(p.sum()) - 1) if sound else np.inf

@@ -1,0 +1,158 @@
+"""The stress command: that a fault fails a case, that every case can fail, and that none does."""
+
+import json
+import math
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from bench.cli.app import app
+from bench.stress import TOPICS, cases, chosen_cases, run_case
+from bench.stress.case import Worst, case, refused
+from estimators.occupancy import sigmoid
+from models.errors import InputError
+from tactsim import wrap_angle
+
+EVERY = cases()
+QUICK = chosen_cases(tags=["quick"])
+
+
+def outcome_of(values, **options):
+    made = case(
+        "topic.name", varied="it", deviation="off", limit=options.pop("limit", 1.0), because="so", **options
+    )
+    return run_case(made(lambda worst: [worst.see(value, f"at {value}") for value in values]))
+
+
+@pytest.mark.parametrize("values", [[math.nan], [0.0, math.inf], [[0.1, math.nan, 0.2]], [1.0001], []])
+def test_what_is_too_large_no_number_or_not_measured_fails(values):
+    assert not outcome_of(values).passed
+
+
+def test_the_worst_is_kept_with_its_place():
+    outcome = outcome_of([0.1, [0.2, 0.9], 0.3])
+    assert outcome.passed
+    assert (outcome.worst, outcome.at) == (0.9, "at [0.2, 0.9]")
+
+
+def test_a_least_is_kept_where_more_is_better():
+    assert outcome_of([2.0, 1.9], at_least=True, limit=1.8).passed
+    outcome = outcome_of([2.0, 1.7, 1.9], at_least=True, limit=1.8)
+    assert not outcome.passed
+    assert (outcome.worst, outcome.at) == (1.7, "at 1.7")
+    for bad in (math.nan, math.inf):
+        assert not outcome_of([bad], at_least=True).passed
+
+
+def test_an_exception_or_a_warning_of_numpy_fails_the_case():
+    def raises(worst):
+        worst.see(0, "")
+        raise InputError("no")
+
+    def warns(worst):
+        worst.see(0, "")
+        np.log(np.zeros(1))
+
+    for measure, message in ((raises, "InputError: no"), (warns, "RuntimeWarning")):
+        outcome = run_case(case("a.b", varied="", deviation="", limit=1, because="")(measure))
+        assert not outcome.passed
+        assert message in outcome.at
+
+
+def test_only_an_input_error_of_one_line_is_a_refusal():
+    def fail(error):
+        raise error
+
+    assert refused(fail, InputError("one line"))
+    assert not refused(fail, InputError("two\nlines"))
+    assert not refused(len, [])
+    with pytest.raises(ValueError, match="bug"):
+        refused(fail, ValueError("bug"))
+
+
+def test_every_case_has_a_name_of_its_own_a_topic_and_a_reason():
+    names = [one.name for one in EVERY]
+    assert len(set(names)) == len(names)
+    for one in EVERY:
+        assert one.name.partition(".")[0] in TOPICS
+        assert one.varied
+        assert one.deviation
+        assert one.because
+        assert math.isfinite(one.limit)
+
+
+def test_cases_are_chosen_by_name_and_by_tag():
+    assert chosen_cases() == EVERY
+    assert [one.name for one in chosen_cases(["frames.wrap"])] == ["frames.wrap"]
+    assert {one.name.partition(".")[0] for one in chosen_cases(tags=["maps"])} == {"maps"}
+    assert 0 < len(QUICK) < len(EVERY)
+    with pytest.raises(InputError, match=r"'frames\.wrp': did you mean 'frames\.wrap'"):
+        chosen_cases(["frames.wrp"])
+    with pytest.raises(InputError, match="'quik': did you mean 'quick'"):
+        chosen_cases(tags=["quik"])
+
+
+@pytest.mark.parametrize("chosen", QUICK, ids=lambda one: one.name)
+def test_quick_case(chosen):
+    outcome = run_case(chosen)
+    assert outcome.passed, f"{outcome.worst} at {outcome.at}; the limit is {chosen.limit}: {chosen.because}"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("chosen", [one for one in EVERY if not one.quick], ids=lambda one: one.name)
+def test_other_case(chosen):
+    test_quick_case(chosen)
+
+
+# For each a fault in the code under it: what is replaced, and by what.
+PLANTED = {
+    "frames.wrap": ("bench.stress.frames.wrap_angle", lambda angle: np.asarray(angle)),
+    "frames.symmetric-objects": ("bench.score.fold_angle", lambda angle, order: wrap_angle(angle)),
+    "frames.error-at-the-seam": ("bench.score.invert", lambda pose: -np.asarray(pose)),
+    "maps.peak-near-one": ("estimators.occupancy._REACH", 1.0),
+    "likelihood.float32-tables": ("estimators.likelihood.sigmoid", lambda odds: 0.999 * sigmoid(odds)),
+    "likelihood.gamma": ("estimators.likelihood.sigmoid", lambda odds: np.exp(odds) / (1 + np.exp(odds))),
+    "filters.skipping": ("estimators.histogram._NEGLIGIBLE", 0.1),
+    "filters.refused-readings": ("estimators.filter.check_reading", lambda z, pose, _: (z, pose)),
+    "convergence.map-cells": ("estimators.occupancy._REACH", 1.0),
+    "likelihood.classifier-edges": ("bench.stress.likelihood.classify", lambda z: 1 * (np.asarray(z) > 2)),
+}
+
+
+@pytest.mark.parametrize("name", PLANTED)
+def test_a_planted_fault_fails_the_case(monkeypatch, name):
+    place, fault = PLANTED[name]
+    monkeypatch.setattr(place, fault)
+    (chosen,) = chosen_cases([name])
+    outcome = run_case(chosen)
+    assert not outcome.passed
+    assert "Error" not in outcome.at, "the fault was to be measured, not to crash"
+
+
+def test_the_command_prints_a_table_or_json_and_says_by_its_status_whether_all_passed(monkeypatch):
+    good = CliRunner().invoke(app, ["stress", "--case", "frames.wrap", "--json"])
+    assert good.exit_code == 0
+    answer = json.loads(good.stdout)
+    assert answer["failed"] == 0
+    (only,) = answer["cases"]
+    assert only["name"] == "frames.wrap"
+    assert only["worst"] <= only["limit"]
+    assert only["verdict"] == "passes"
+    assert {"versions", "machine"} <= set(answer)
+
+    monkeypatch.setattr("bench.stress.frames.wrap_angle", lambda angle: np.full(np.shape(angle), np.nan))
+    bad = CliRunner().invoke(app, ["stress", "--case", "frames.wrap", "--case", "frames.chain"])
+    assert bad.exit_code == 1
+    assert "FAILS" in bad.stdout
+    assert "frames.wrap: the direction; the limit: 1e6 pi" in " ".join(bad.stdout.split())
+    bad = CliRunner().invoke(app, ["stress", "--case", "frames.wrap", "--json"])
+    assert json.loads(bad.stdout)["cases"][0]["worst"] is None
+
+
+def test_nan_is_the_worst_there_is():
+    worst = Worst()
+    worst.see(math.nan, "first")
+    worst.see(1e300, "second")
+    assert worst.at == "first"
+    assert worst.value == math.inf

@@ -1,0 +1,71 @@
+"""What is refused before it costs memory, hours or a NaN."""
+
+import tracemalloc
+
+import numpy as np
+import pytest
+from synthetic import make_scan, paper_poses
+
+import estimators
+from estimators.base import check_reading
+from estimators.occupancy import learn_maps
+from tactsim import InputError, Scan
+
+
+@pytest.mark.parametrize(
+    "option",
+    [
+        {"gamma": 0.0}, {"gamma": 1e-320}, {"gamma": 1.0}, {"prior": 1e-7}, {"prior": 1.0}, {"peak": 1.0},
+        {"peak": 0.0}, {"threshold": 1e300}, {"sigma": 10.0, "cell": 0.3}, {"reach": float("nan")},
+        {"gamma": float("inf")}, {"cell": 0.0},
+    ],
+)  # fmt: skip
+def test_options_without_a_finite_answer_are_refused(option):
+    with pytest.raises(InputError, match="estimator histogram") as caught:
+        estimators.create("histogram", **option)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("far", [1e4, 1e6, 1e9])
+def test_poses_that_would_need_an_enormous_map_are_refused(far):
+    scan = make_scan("EI", poses=paper_poses(positions=2, angles=2))
+    poses = scan.poses.copy()
+    poses[0, :2] = far
+    tracemalloc.start()
+    with pytest.raises(InputError, match=r"training poses span .* more than 50,000,000 cells"):
+        learn_maps(Scan(scan.readings, poses, scan.labels, scan.split, scan.taxel_xy))
+    assert tracemalloc.get_traced_memory()[1] < 10e6
+    tracemalloc.stop()
+
+
+def test_maps_of_many_readings_are_learned_in_pieces_that_fit_memory():
+    scan = make_scan("I")
+    once = learn_maps(scan, sigma=5.0)["I"].log_odds
+    times = 8
+    many = Scan(
+        np.tile(scan.readings, (times, 1)), np.tile(scan.poses, (times, 1)), np.tile(scan.labels, times),
+        np.tile(scan.split, times), scan.taxel_xy,
+    )  # fmt: skip
+    start = np.log(0.2 / 0.8)
+    tracemalloc.start()
+    again = learn_maps(many, sigma=5.0)["I"].log_odds
+    assert tracemalloc.get_traced_memory()[1] < 500e6
+    tracemalloc.stop()
+    assert np.allclose(again - start, times * (once - start), rtol=1e-10, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("reading", "pose", "message"),
+    [
+        ([1.0, np.nan], [0, 0, 0], r"reading\[1\] is nan"),
+        ([np.inf, 1.0], [0, 0, 0], r"reading\[0\] is inf"),
+        ([1.0, 1e10], [0, 0, 0], r"reading\[1\] is 1"),
+        ([1.0, 2.0], [0, np.nan, 0], r"sensor_in_robot\[1\] is nan"),
+        ([1.0, 2.0], [0, 0, 1e300], r"sensor_in_robot\[2\]"),
+        ([1.0], [0, 0, 0], "2 taxels"),
+        ([1.0, 2.0], [0, 0], "x, y, theta"),
+    ],
+)
+def test_a_reading_that_is_none_is_refused_with_its_place(reading, pose, message):
+    with pytest.raises(InputError, match=message):
+        check_reading(reading, pose, taxels=2)
