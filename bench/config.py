@@ -14,6 +14,9 @@ from tactsim import WORLDS, InputError, ScanOptions
 
 Model = TypeVar("Model", bound=BaseModel)
 
+# Options of estimators that say how much may be computed; the others say how.
+BUDGETS = ("bins", "split", "particles")
+
 
 class RunConfig(BaseModel):
     """One run of the paper's protocol: an estimator, its readings and how it is tried.

@@ -8,8 +8,9 @@ from pathlib import Path
 
 from tactsim import InputError
 
-RUNS = Path("results") / "runs"
-SWEEPS = Path("results") / "sweeps"
+RESULTS = Path("results")
+RUNS = RESULTS / "runs"
+SWEEPS = RESULTS / "sweeps"
 
 
 def new_place(name: str) -> Path:

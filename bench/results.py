@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from pydantic import BaseModel, ConfigDict, ValidationError
 
 from bench.score import Properties
 from bench.trials import Trials
@@ -44,6 +45,36 @@ class Run:
     times: dict[str, Any]
 
 
+class _Strict(BaseModel):
+    model_config = ConfigDict(strict=True, allow_inf_nan=False)
+
+
+class _Config(_Strict):
+    """What every reader of a run asks of its configuration; the rest may be another version's."""
+
+    estimator: str
+    options: dict[str, Any]
+
+
+class _Machine(_Strict):
+    processor: str
+    cores: int
+    system: str
+
+
+class _About(_Strict):
+    """What every reader of a run asks of run.json."""
+
+    config: _Config
+    protocol: str
+    description: str
+    letters: list[str]
+    classifier_agreement: float | None
+    scan: dict[str, Any]
+    versions: dict[str, str]
+    machine: _Machine
+
+
 def save(run: Run, folder: Path) -> None:
     """Write a run's files into `folder`; the same run gives the same bytes, times.* apart."""
     write_text(
@@ -68,25 +99,35 @@ def load(path: str | Path) -> Run:
     folder = Path(path)
     if not (folder / "run.json").is_file():
         raise InputError(f"{folder} is not the folder of a run: it has no run.json")
-    about = _read_json(folder / "run.json")
+    about = read_json(folder / "run.json")
     if about.pop("schema", None) != SCHEMA:
         raise InputError(f"{folder / 'run.json'}: unknown schema; this version reads schema {SCHEMA}")
-    times = _read_json(folder / "times.json")
+    times = read_json(folder / "times.json")
     try:
+        _About.model_validate(about)
         objects = {label: _properties(of) for label, of in about.pop("objects").items()}
         config = about.pop("config")
         trials = _trials(
             _read_table(folder / "trials.csv", COLUMNS), _read_table(folder / "times.csv", TIME_COLUMNS)
         )
         work = times.pop("work")
+    except ValidationError as error:
+        fault = error.errors()[0]
+        place = ".".join(map(str, fault["loc"]))
+        raise InputError(f"{folder} is not a whole run: run.json: {place}: {fault['msg']}") from error
     except (AttributeError, KeyError, TypeError, ValueError) as error:
         raise InputError(f"{folder} is not a whole run: {type(error).__name__}: {error}") from error
-    return Run(config, about, objects, work, trials, _read_json(folder / "summary.json"), times)
+    if not set(trials.truth.tolist()) <= set(objects):
+        raise InputError(f"{folder} is not a whole run: run.json: objects: a letter of trials.csv is missing")
+    return Run(config, about, objects, work, trials, read_json(folder / "summary.json"), times)
 
 
 def _properties(of: dict[str, Any]) -> Properties:
     x, y = of["centre"]
-    return Properties(int(of["symmetry"]), (float(x), float(y)), float(of["inertia_over_mass"]))
+    properties = Properties(int(of["symmetry"]), (float(x), float(y)), float(of["inertia_over_mass"]))
+    if not np.isfinite([*properties.centre, properties.inertia_over_mass]).all():
+        raise ValueError("an object's properties are not finite")
+    return properties
 
 
 def to_json(value: Any) -> str:
@@ -94,7 +135,8 @@ def to_json(value: Any) -> str:
     return json.dumps(value, indent=1, sort_keys=True, allow_nan=False, default=str) + "\n"
 
 
-def _read_json(path: Path) -> dict[str, Any]:
+def read_json(path: Path) -> dict[str, Any]:
+    """Read a JSON object from a file. Raises InputError if it cannot be read or holds no object."""
     try:
         value = json.loads(path.read_bytes())
     except OSError as error:
@@ -152,7 +194,10 @@ def _trials(table: Mapping[str, list[str]], times: Mapping[str, list[str]]) -> T
         raise ValueError("rows are missing")
 
     def wide(values: list[str], kind: type) -> Any:
-        return np.array(values, dtype=kind).reshape(-1, readings)
+        array: np.ndarray = np.array(values, dtype=kind).reshape(-1, readings)
+        if kind is float and not np.isfinite(array).all():
+            raise ValueError("a number is not finite")
+        return array
 
     def once(values: list[str], kind: type) -> Any:
         return wide(values, kind)[:, 0]

@@ -28,7 +28,7 @@ from typing import Any
 import numpy as np
 
 from bench import results
-from bench.config import RunConfig, run_config
+from bench.config import BUDGETS, RunConfig, run_config
 from bench.runner import Gathered, finished_run, gather, protocol_of
 from bench.trials import Progress, Protocol, Task, Trials, check_readings, run_chunk, unflatten_work
 from estimators import create
@@ -317,7 +317,7 @@ def _names(configs: Sequence[RunConfig]) -> list[str]:
     return [
         "-".join(
             [config.estimator]
-            + [f"{key}{config.options[key]}" for key in ("bins", "particles") if key in config.options]
+            + [f"{key}{config.options[key]}" for key in BUDGETS if key in config.options]
             + [f"seed{config.seed}", _digest(config)[:10]]
         )
         for config in configs

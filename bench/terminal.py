@@ -22,7 +22,7 @@ from rich.table import Table
 from bench import trials as protocol
 from bench.results import Run, load
 
-STAGES = {"press": "pressing", "map": "mapping", "trials": "trials", "sweep": "trials"}
+STAGES = {"press": "pressing", "map": "mapping", "trials": "trials", "sweep": "trials", "replay": "replaying"}
 ROWS = (1, 2, 3, 5, 7, 9, 10, 12, 15, 20, 25, 30, 40, 46, 50, 60, 80, 100, 150, 192)
 
 

@@ -15,7 +15,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from estimators import Estimator, create
+from estimators import Estimate, Estimator, create
 from tactsim import InputError, Scan, compose, invert
 from tactsim.poses import FloatArray
 
@@ -104,12 +104,20 @@ def check_readings(scan: Scan, letters: Iterable[str], readings: int) -> None:
 
 
 def run_trial(
-    estimator: Estimator, test: Scan, task: Task, *, readings: int, seed: int, explore: Explore = "random"
+    estimator: Estimator,
+    test: Scan,
+    task: Task,
+    *,
+    readings: int,
+    seed: int,
+    explore: Explore = "random",
+    observe: Callable[[Estimate], None] | None = None,
 ) -> Trials:
     """Recognise one hidden object: present `readings` of its test readings, estimate after each.
 
     `test` holds the letter's test readings only. Readings come in random order without replacement,
-    or, with explore="information", as the estimator proposes.
+    or, with explore="information", as the estimator proposes. observe(estimate) is called after each
+    reading, outside the times that are taken.
     """
     rng = generator(seed, task, 0)
     true_pose = draw_true_pose(rng)
@@ -145,6 +153,8 @@ def run_trial(
         pose[k] = estimate.robot_in_object
         after = int(estimator.work["likelihood_evaluations"])
         evaluations[k], before = after - before, after
+        if observe is not None:
+            observe(estimate)
     if not (np.isfinite(pose).all() and np.isfinite(numbers["p_truth"]).all()):
         raise ArithmeticError(f"the estimate of letter {task.truth!r}, trial {task.trial}, is not finite")
     return Trials(

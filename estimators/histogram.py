@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 from pydantic import Field
 
-from estimators.base import Estimate, Options
+from estimators.base import Estimate, Options, PlaneBelief
 from estimators.filter import MapFilter
 from estimators.grid import StateGrid, state_grid
 from estimators.history import History
@@ -57,16 +57,16 @@ class HistogramFilter(MapFilter):
         wide, tall = _block(grid)
         self._blocks = self._slices(pooled(self.tables, wide, tall), wide, tall)
         self._belief = _blank_belief(letters, grid, wide, tall)
-        _, _, angle = grid.centres
+        self._centres = grid.centres
+        angle = self._centres[2]
         self._turns = np.column_stack([np.cos(angle), np.sin(angle)])
         self._margin = math.log(letters * grid.bins / _NEGLIGIBLE) if self.options.skip else math.inf
         self._history = History(self.tables, self.taxel_xy)
         self._leader = 0
 
     def _slices(self, tables: Tables, wide: int, tall: int) -> Slices:
-        x, y, _ = self.grid.centres
         dx, dy, _ = self.grid.spacing
-        corner = np.array([x[0], y[0]]) - tables.origin
+        corner = np.array([dx, dy]) / 2 - self.grid.reach - tables.origin
         return slices_of(tables.values, np.concatenate([corner, [wide * dx, tall * dy]]))
 
     def restart(self, rng: np.random.Generator) -> None:
@@ -96,13 +96,33 @@ class HistogramFilter(MapFilter):
         summarise(self._belief, history.terms.ceiling, len(history), self._margin, self._leader, mass, mode)
         best = int(mass.argmax())
         angle, row, column = np.unravel_index(mode[best], (self.grid.angle, self.grid.y, self.grid.x))
-        x, y, theta = self.grid.centres
+        x, y, theta = self._centres
         probabilities = (mass / mass.sum()).tolist()
         return Estimate(
             label=self.labels[best],
             probabilities=dict(zip(self.labels, probabilities, strict=True)),
             robot_in_object=np.array([x[column], y[row], theta[angle]]),
         )
+
+    def log_belief(self) -> FloatArray:
+        """Give the log-belief of all bins: (letters, angles, rows, columns), not normalised.
+
+        Bins that were left alone, because they cannot matter, have -inf.
+        """
+        belief, count = self._belief, len(self._history)
+        letters, angles, tile_rows, tile_columns, _ = belief.log_p.shape
+        tiles = belief.log_p.reshape(letters, angles, tile_rows, tile_columns, TALL, LANES)
+        bins = tiles.transpose(0, 1, 2, 4, 3, 5).reshape(letters, angles, tile_rows * TALL, -1)
+        rows, columns, tall, wide = belief.size
+        current = (belief.seen == count).repeat(tall, axis=2).repeat(wide, axis=3)[:, :, :rows, :columns]
+        return np.where(current, bins[:, :, :rows, :columns] if count else 0.0, -np.inf)
+
+    def belief_over_plane(self) -> PlaneBelief:
+        """Sum the belief over the angle."""
+        log_p = self.log_belief()
+        probability = np.exp(log_p - log_p.max()).sum(axis=1)
+        x, y, _ = self._centres
+        return PlaneBelief(self.labels, x, y, probability / probability.sum())
 
     @property
     def work(self) -> dict[str, Any]:

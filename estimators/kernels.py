@@ -5,39 +5,20 @@ reading adds one shifted piece of the table to all of them, with four bilinear w
 bin is looked up by itself. Bins are summed in tiles of 4 rows of 16, which stay in registers while
 all terms are added. A bin's terms are always added in the same order and precision, so it does not
 matter when, or beside which others, a bin is evaluated.
-
-All of it is in one file because numba's cache notices changes of a function's own file only.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple
 
 import numpy as np
 from llvmlite import ir
-from numba import float32, float64, int64, njit, types, uint64, void
+from numba import float32, float64, int64, types, uint64, void
 from numba.core import cgutils
 from numba.extending import intrinsic, models, register_model
-from numpy.typing import NDArray
 
-_Function = TypeVar("_Function", bound=Callable[..., Any])
-Ints = NDArray[np.int64]
-Reals = NDArray[np.float64]
-Floats = NDArray[np.float32]
-
-
-def compiled(signature: Any) -> Callable[[_Function], _Function]:
-    """Compile for one signature, or load what an earlier run has compiled.
-
-    Of IEEE arithmetic only this is given up: a * b + c may be one instruction.
-    """
-    decorate: Callable[[_Function], _Function] = njit(
-        signature, cache=True, error_model="numpy", fastmath={"contract"}
-    )
-    return decorate
-
+from estimators.compiling import Floats, Ints, Reals, compiled
 
 # ---- vectors: numba has none, and finds too few of them by itself in loops over short slices
 
@@ -291,12 +272,7 @@ def sum_tile(
     _store(total, 3 * LANES, fourth)
 
 
-@njit(
-    void(_REALS, _REALS, _FLOATS, float64, int64, int64, _REALS),
-    cache=True,
-    error_model="numpy",
-    fastmath={"nnan", "nsz"},
-)
+@compiled(void(_REALS, _REALS, _FLOATS, float64, int64, int64, _REALS), ordered=False)
 def add_tile(
     log_p: Reals, before: Reals, total: Floats, constant: float, first: int, last: int, peak: Reals
 ) -> None:

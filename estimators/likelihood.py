@@ -10,6 +10,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
+from importlib import import_module
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -94,14 +95,20 @@ class PaperLikelihood(Likelihood):
         return Evidence(classes[taxel].astype(np.int64), taxel, np.ones(len(taxel), dtype=np.float32))
 
 
-LIKELIHOODS: dict[str, type[Likelihood]] = {"paper": PaperLikelihood}
+# name: where its class is; nothing is imported before its name is asked for.
+LIKELIHOODS = {
+    "paper": "estimators.likelihood:PaperLikelihood",
+    "calibrated": "estimators.calibrated:CalibratedLikelihood",
+}
 
 
 def create(options: LikelihoodOptions) -> Likelihood:
     """Make the likelihood that the options name. Raises InputError if there is none of that name."""
     if options.likelihood not in LIKELIHOODS:
         raise unknown("likelihood", options.likelihood, LIKELIHOODS)
-    return LIKELIHOODS[options.likelihood](options)
+    module, attribute = LIKELIHOODS[options.likelihood].split(":")
+    chosen: type[Likelihood] = getattr(import_module(module), attribute)
+    return chosen(options)
 
 
 def covered(maps: Mapping[str, OccupancyMap]) -> tuple[FloatArray, FloatArray]:

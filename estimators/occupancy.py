@@ -116,27 +116,36 @@ def learn_maps(
 def _stamp(
     evidence: FloatArray, centres: FloatArray, kind: int, sigma: float, peak: float, prior: float
 ) -> None:
-    """Add the log-odds that elements at `centres` (n, 2) give to the cells around them, all in cells.
-
-    Of eq. 4, 5 and 6, with p = p(m): in contact, log (p + (1-p) G') / (p (1-G')); without contact,
-    log (1-p) (1-G') / (1 - p + p G'). An Unknown element leaves p(m), hence adds nothing.
-    """
+    """Add the log-odds that elements at `centres` (n, 2) give to the cells around them, all in cells."""
     reach = math.ceil(_REACH * sigma)
     around = np.arange(-reach + 1, reach + 1)
     nearest = np.floor(centres).astype(np.intp)
     rest = centres - nearest
     spread = np.exp(-2 * ((around - rest[:, :, None]) / sigma) ** 2)
     g = peak * spread[:, 1, :, None] * spread[:, 0, None, :]
-    if kind == CONTACT:
-        added = np.log((prior + (1 - prior) * g) / (prior * (1 - g)))
-    else:
-        added = np.log((1 - prior) * (1 - g) / (1 - prior + prior * g))
+    added = element_log_odds(kind, g, prior)
     row = (nearest[:, 1, None] + around)[:, :, None]
     column = (nearest[:, 0, None] + around)[:, None, :]
     flat = np.clip(row, 0, evidence.shape[0] - 1) * evidence.shape[1] + np.clip(
         column, 0, evidence.shape[1] - 1
     )
     evidence += np.bincount(flat.ravel(), added.ravel(), minlength=evidence.size).reshape(evidence.shape)
+
+
+def point_spread(squared_distance: ArrayLike, sigma: float, peak: float) -> FloatArray:
+    """Give G' of eq. 4, at squared distances (mm^2) from an element's centre."""
+    return peak * np.exp(-2 / sigma**2 * np.asarray(squared_distance))
+
+
+def element_log_odds(kind: int, g: FloatArray, prior: float) -> FloatArray:
+    """Give the log-odds that an element In Contact or without adds to a cell where G' is `g`.
+
+    Of eq. 5 and 6, with p = p(m): in contact, log (p + (1-p) G') / (p (1-G')); without contact,
+    log (1-p) (1-G') / (1 - p + p G'). An Unknown element leaves p(m), hence adds nothing.
+    """
+    if kind == CONTACT:
+        return np.log((prior + (1 - prior) * g) / (prior * (1 - g)))
+    return np.log((1 - prior) * (1 - g) / (1 - prior + prior * g))
 
 
 def log_odds(probability: float) -> float:

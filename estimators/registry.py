@@ -18,6 +18,8 @@ GROUP = "tactsim.estimators"
 # imported before its name is asked for.
 BUILT_IN: dict[str, tuple[str, str]] = {
     "histogram": ("estimators.histogram:HistogramFilter", "histogram filter, the paper's eq. 13 to 16"),
+    "particle": ("estimators.particle:ParticleFilter", "particle filter, the paper's eq. 8 to 12"),
+    "augmented-mcl": ("estimators.particle:AugmentedFilter", "particle filter that injects random particles"),
 }
 
 

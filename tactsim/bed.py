@@ -14,6 +14,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -40,14 +41,18 @@ class Level:
 class Springs(NamedTuple):
     """The springs of one press.
 
-    position: (n, 3) m in the sensor frame, z along the press: where the letter meets each. area: (n,) mm^2.
-    share: (n,), of the largest area. level: (n,) which level of the face, or part, each one carries.
+    rows: of the bed. position: (n, 3) m in the sensor frame, z along the press: where the letter meets each.
+    share: (n,), of the largest spring's area; 1 for a spring without area: nothing may touch it, and if
+    anything did, it should be felt. level: (n,) which level of the face, or part, each one carries.
+    area: mm^2, of all. largest: mm^2, of the largest.
     """
 
+    rows: slice
     position: FloatArray
-    area: FloatArray
     share: FloatArray
     level: NDArray[np.intp]
+    area: float
+    largest: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,31 +78,23 @@ class Bed:
         """Index of each contact's press, (contacts,)."""
         return np.repeat(np.arange(len(self.start) - 1), np.diff(self.start))
 
-    @cached_property
-    def position(self) -> FloatArray:
-        """Where each contact's spring begins, (contacts, 3) m in the sensor frame, z along the press."""
-        return np.column_stack([self.centroid, self.gap]) * MM
-
-    @cached_property
-    def share(self) -> FloatArray:
-        """Give each contact's area over the largest of its press, (contacts,).
-
-        1 for a spring without area: nothing may touch it, and if anything did, it should be felt.
-        """
-        largest = np.zeros(len(self.start) - 1)
+    def springs(self) -> list[Springs]:
+        """Describe the springs of each press."""
+        presses = len(self.start) - 1
+        total = np.bincount(
+            self.press, self.area, presses
+        )  # one by one, so that springs without area do nothing
+        largest = np.zeros(presses)
         some = np.diff(self.start) > 0
         if some.any():
             largest[some] = np.maximum.reduceat(self.area, self.start[:-1][some])
-        return np.divide(self.area, largest[self.press], out=np.ones_like(self.area), where=self.area > 0)
-
-    def contacts(self, press: int) -> slice:
-        """Find the rows of one press."""
-        return slice(int(self.start[press]), int(self.start[press + 1]))
-
-    def springs(self, press: int) -> Springs:
-        """Describe the springs of one press."""
-        rows = self.contacts(press)
-        return Springs(self.position[rows], self.area[rows], self.share[rows], self.level[rows])
+        share = np.divide(self.area, largest[self.press], out=np.ones_like(self.area), where=self.area > 0)
+        position = np.column_stack([self.centroid, self.gap]) * MM
+        rows = [slice(*pair) for pair in pairwise(self.start.tolist())]
+        return [
+            Springs(here, position[here], share[here], self.level[here], *areas)
+            for here, *areas in zip(rows, total.tolist(), largest.tolist(), strict=True)
+        ]
 
     def repeat(self, times: int) -> Bed:
         """List the contacts of a bed of one press `times` over, as if pressed again at the same pose."""

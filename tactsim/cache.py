@@ -49,7 +49,7 @@ def key(letter: models.Letter, poses: FloatArray, options: ScanOptions) -> str:
             "press": options.press.model_dump(mode="json"),
             "psf_sigma": options.sensor.psf_sigma,
             "code": _code_digest(),
-            "versions": [version("numpy"), version("mujoco-core")],
+            "versions": versions(),
         },
         sort_keys=True,
     )
@@ -92,6 +92,12 @@ def prune() -> None:
 
 def _path(key: str) -> Path:
     return folder() / f"{key[:40]}.readings"
+
+
+@lru_cache(maxsize=1)
+def versions() -> dict[str, str]:
+    """Name the versions of what the readings are worked out with."""
+    return {name: version(name) for name in ("mujoco-core", "numpy")}
 
 
 @lru_cache(maxsize=1)

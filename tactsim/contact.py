@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
-
 import numpy as np
 
 import models
@@ -23,19 +20,19 @@ def contact_forces(bed: Bed, poses: FloatArray, letter: models.Letter, options: 
     Raises UnsettledError, naming letter and pose, if a press does not come to rest.
     """
     forces = np.zeros(len(bed.area))
-    for press, pose in enumerate(poses):
-        springs = bed.springs(press)
-        touches = springs.area.any()
-        if options.skip.no_contact and not touches:
+    setup = _setup(letter, options, MASS)
+    for springs, pose in zip(bed.springs(), poses, strict=True):
+        if options.skip.no_contact and not springs.area:
             continue
-        if options.dynamics == "full" and touches:
-            result = contact_history(springs, pose, letter, options).forces[-1]
-        else:
-            stage = scene(_setup(letter, options, MASS), len(springs.area))
-            stage.place_letter(pose)
-            with _naming(letter, pose):
-                result = (rest if touches else fall)(stage, springs, options)
-        forces[bed.contacts(press)] = result
+        if options.dynamics == "full" and springs.area:
+            forces[springs.rows] = contact_history(springs, pose, letter, options).forces[-1]
+            continue
+        stage = scene(setup, len(springs.share))
+        stage.place_letter(pose)
+        try:
+            forces[springs.rows] = (rest if springs.area else fall)(stage, springs, options)
+        except UnsettledError as error:
+            raise _named(error, letter, pose) from error
     return forces
 
 
@@ -43,10 +40,12 @@ def contact_history(
     springs: Springs, pose: FloatArray, letter: models.Letter, options: PressOptions
 ) -> History:
     """Step one press through time until it rests. Raises UnsettledError, naming letter and pose."""
-    stage = scene(_setup(letter, options, options.moving_mass), len(springs.area))
+    stage = scene(_setup(letter, options, options.moving_mass), len(springs.share))
     stage.place_letter(pose)
-    with _naming(letter, pose):
+    try:
         return press_through_time(stage, springs, options)
+    except UnsettledError as error:
+        raise _named(error, letter, pose) from error
 
 
 def _setup(letter: models.Letter, options: PressOptions, mass: float) -> Setup:
@@ -59,13 +58,9 @@ def _setup(letter: models.Letter, options: PressOptions, mass: float) -> Setup:
     )
 
 
-@contextmanager
-def _naming(letter: models.Letter, pose: FloatArray) -> Iterator[None]:
+def _named(error: UnsettledError, letter: models.Letter, pose: FloatArray) -> UnsettledError:
     """Say which press it was that did not settle."""
-    try:
-        yield
-    except UnsettledError as error:
-        x, y, angle = pose
-        raise UnsettledError(
-            f"letter {letter.name!r} pressed at x = {x:g} mm, y = {y:g} mm, {angle:g} rad does not settle: {error}"
-        ) from error
+    x, y, angle = pose
+    return UnsettledError(
+        f"letter {letter.name!r} pressed at x = {x:g} mm, y = {y:g} mm, {angle:g} rad does not settle: {error}"
+    )

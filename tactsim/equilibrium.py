@@ -29,7 +29,7 @@ def rest(stage: Scene, springs: Springs, options: PressOptions) -> FloatArray:
 
     Raises UnsettledError if they do not.
     """
-    area, force = springs.area[springs.area > 0].sum(), options.force
+    area, force, count = springs.area, options.force, len(springs.share)
     one_step = options.level and not springs.position[:, 2].any()
     stiffness = force / _DEPTH / area if one_step else options.stiffness
     stage.set_springs(springs, stiffness, step=_step(stiffness * area))
@@ -42,7 +42,7 @@ def rest(stage: Scene, springs: Springs, options: PressOptions) -> FloatArray:
     before: FloatArray | float = np.inf
     for _ in range(_MOST_STEPS):
         mujoco.mj_step(stage.model, stage.data)
-        forces = stage.forces(len(springs.area))
+        forces = stage.forces(count)
         balanced = abs(forces.sum() - force) <= _BALANCE * force
         if balanced and (one_step or np.abs(forces - before).max() <= _BALANCE * force):
             return forces
@@ -53,12 +53,12 @@ def rest(stage: Scene, springs: Springs, options: PressOptions) -> FloatArray:
 
 def fall(stage: Scene, springs: Springs, options: PressOptions) -> FloatArray:
     """Push a letter that touches nothing for one step: the forces, (n,) N, that MuJoCo finds."""
-    stiffness = options.force / _DEPTH
+    stiffness = options.force / _DEPTH  # per mm^2, of nothing
     stage.set_springs(springs, stiffness, step=_step(stiffness))
     stage.reset(_DEPTH)
     stage.data.qfrc_applied[0] = options.force
     mujoco.mj_step(stage.model, stage.data)
-    return stage.forces(len(springs.area))
+    return stage.forces(len(springs.share))
 
 
 def _step(stiffness: float) -> float:

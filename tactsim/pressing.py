@@ -57,7 +57,7 @@ def press_letter(
     bed = _bed(letter, pose[None], options)
     times = sequence = None
     if options.press.dynamics == "full" and bed.area.any():
-        history = contact_history(bed.springs(0), pose, letter, options.press)
+        history = contact_history(bed.springs()[0], pose, letter, options.press)
         times, sequence = history.times, _map(bed.repeat(len(history.times)), history.forces.ravel(), options)
         ideal = sequence[-1]
     else:

@@ -10,7 +10,6 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
-from importlib.metadata import version
 from multiprocessing import get_context
 from typing import Any
 
@@ -182,7 +181,7 @@ def _meta(options: ScanOptions, letters: Sequence[models.Letter]) -> dict[str, A
     return {
         "options": options.model_dump(mode="json"),
         "objects": {letter.name: _object(letter) for letter in letters},
-        "versions": {name: version(name) for name in ("tactsim", "numpy", "mujoco-core", "manifold3d")},
+        "versions": cached.versions(),
     }
 
 

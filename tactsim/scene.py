@@ -111,11 +111,11 @@ class Scene:
     def set_springs(
         self, springs: Springs, stiffness: float, *, step: float, relaxation: float = 0.0
     ) -> None:
-        """Put springs of `stiffness` (N/m per mm^2 of their area) into the scene, for steps of `step` s.
+        """Put springs of `stiffness` (N/m per mm^2) into the scene, for steps of `step` s.
 
         relaxation: s, damping over stiffness, of the bed and of the hinges.
         """
-        count, setup = len(springs.area), self.setup
+        count, setup = len(springs.share), self.setup
         self.model.opt.timestep = step
         self.position[:count] = springs.position
         self.position[:count, 2] += _RADIUS
@@ -125,8 +125,7 @@ class Scene:
         k, b, unit = 1 / (step * (step + relaxation)), 1 / step, step * (step + relaxation)
         # A is an estimate of MuJoCo's that turns impedances into 1 / R and does nothing else. Setting it to
         # what gives the stiffest spring the largest impedance keeps all springs within MuJoCo's limits.
-        largest = springs.area.max(initial=0.0) or 1.0
-        self.inverse_weight[0] = _RANGE / (stiffness * largest * unit)
+        self.inverse_weight[0] = _RANGE / (stiffness * (springs.largest or 1.0) * unit)
         impedance = springs.share * _RANGE
         impedance /= 1 + impedance
         self.solref[:count, 0] = impedance * -k

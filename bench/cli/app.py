@@ -8,7 +8,7 @@ from typing import NoReturn
 import typer
 from typer.exceptions import Abort, TyperException
 
-from bench.cli import compare, run, scan, stress, sweep
+from bench.cli import compare, report, run, scan, stress, sweep
 from bench.cli import list as list_verb
 from models.errors import InputError
 
@@ -26,6 +26,7 @@ verbs = {
     "run": run,
     "scan": scan,
     "sweep": sweep,
+    "report": report,
     "compare": compare,
     "list": list_verb,
     "stress": stress,

@@ -18,7 +18,12 @@ def make_run(n=3, r=4, seed=0):
     )  # fmt: skip
     objects = {"A": Properties(1, (0.0, 0.0), 60.0), "E": Properties(0, (0.1, 0.2), 55.0)}
     return Run(
-        config={"estimator": "histogram", "seed": 0}, about={"letters": ["A", "E"]}, objects=objects,
+        config={"estimator": "histogram", "options": {}, "seed": 0}, objects=objects,
+        about={
+            "letters": ["A", "E"], "protocol": "test poses same, random order", "description": "made up",
+            "classifier_agreement": None, "scan": {}, "versions": {"python": "3"},
+            "machine": {"processor": "made up", "cores": 1, "system": "none"},
+        },
         work={"presses": 3, "skipped": {"cached": 1}}, trials=trials, summary=summarise(trials, objects),
         times={"seconds": {"total": 1.5}},
     )  # fmt: skip

@@ -1,6 +1,8 @@
+import ast
 import csv
 import json
 import math
+import re
 from dataclasses import fields
 from pathlib import Path
 
@@ -52,6 +54,12 @@ def test_the_tables_have_the_columns_that_are_written_down(tmp_path):
         assert all(f"`{column}`" in text for column in header)
 
 
+def _change(folder, change):
+    about = json.loads((folder / "run.json").read_text())
+    change(about)
+    (folder / "run.json").write_text(json.dumps(about))
+
+
 DAMAGES = {
     "no run.json": lambda f: (f / "run.json").unlink(),
     "no table": lambda f: (f / "trials.csv").unlink(),
@@ -68,6 +76,16 @@ DAMAGES = {
     "schema": lambda f: (f / "run.json").write_text(json.dumps({"schema": 99})),
     "list": lambda f: (f / "run.json").write_text("[]"),
     "deep": lambda f: (f / "run.json").write_text("[" * 100_000),
+    "no protocol": lambda f: _change(f, lambda about: about.pop("protocol")),
+    "config is a list": lambda f: _change(f, lambda about: about.update(config=[1])),
+    "machine is a word": lambda f: _change(f, lambda about: about.update(machine="fast")),
+    "letter without properties": lambda f: _change(f, lambda about: about["objects"].pop("A")),
+    "inertia is nan": lambda f: _change(
+        f, lambda about: about["objects"]["A"].update(inertia_over_mass=float("nan"))
+    ),
+    "nan for a number": lambda f: (f / "trials.csv").write_text(
+        re.sub(r"0\.\d+", "nan", (f / "trials.csv").read_text(), count=1)
+    ),
     "objects": lambda f: (f / "run.json").write_text(json.dumps({"schema": 1, "config": {}, "objects": [1]})),
 }
 
@@ -107,10 +125,11 @@ def test_the_lines_that_the_readme_shows_read_a_run(tmp_path):
     run = make_run()
     save(run, tmp_path)
     text = (Path(results.__file__).parents[1] / "results" / "README.md").read_text(encoding="utf-8")
-    lines = [line for line in text.splitlines() if line.startswith(("pandas.", "polars.", "duckdb."))]
-    assert len(lines) == 3
+    block = re.search("```python\n(.*?)```", text, re.S)[1].replace("RUN", str(tmp_path))
+    lines = [ast.unparse(statement) for statement in ast.parse(block).body]
+    assert [line.partition(".")[0] for line in lines] == ["pandas", "polars", "duckdb"]
     libraries = {"pandas": pandas, "polars": polars, "duckdb": duckdb}
-    counts, shares, rows = (eval(line.replace("RUN", str(tmp_path)), libraries) for line in lines)
+    counts, shares, rows = (eval(line, libraries) for line in lines)
     accuracy = run.trials.right.mean(axis=0)
     n = len(run.trials.truth)
     assert [counts.get(k, 0) / n for k in range(1, 5)] == pytest.approx(accuracy)

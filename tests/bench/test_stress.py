@@ -114,7 +114,7 @@ PLANTED = {
     "likelihood.float32-tables": ("estimators.likelihood.sigmoid", lambda odds: 0.999 * sigmoid(odds)),
     "likelihood.gamma": ("estimators.likelihood.sigmoid", lambda odds: np.exp(odds) / (1 + np.exp(odds))),
     "filters.skipping": ("estimators.histogram._NEGLIGIBLE", 0.1),
-    "filters.refused-readings": ("estimators.filter.check_reading", lambda z, pose, _: (z, pose)),
+    "filters.refused-readings": ("estimators.base.finite", lambda values, name: np.asarray(values)),
     "convergence.map-cells": ("estimators.occupancy._REACH", 1.0),
     "likelihood.classifier-edges": ("bench.stress.likelihood.classify", lambda z: 1 * (np.asarray(z) > 2)),
 }

@@ -1,10 +1,16 @@
 import pytest
 from synthetic import make_scan
 
-from tactsim import Scan
+from tactsim import Scan, ScanOptions, scan_letters
 
 
 @pytest.fixture(scope="session")
 def scan() -> Scan:
-    """Four shapes at the paper's 192 poses, on a pad of 6 x 6 taxels."""
+    """Four shapes at the paper's 192 poses, on a pad of 6 x 6 taxels; no physics."""
     return make_scan()
+
+
+@pytest.fixture(scope="session")
+def vowels() -> Scan:
+    """The paper's experiment: five letters, pressed with the default options."""
+    return scan_letters(ScanOptions(), cache=False)[0]

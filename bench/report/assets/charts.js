@@ -1,0 +1,229 @@
+// Plots as inline SVG, drawn in real pixels so that text keeps its size on every screen.
+
+const DASHES = ["", "7 4", "2 4", "9 3 2 3", "1 3"];
+const MARKS = 8;
+
+// A marker's outline about (0, 0) with radius r; the shape tells methods apart without colour.
+function mark(number, r) {
+  const polygon = (corners, turn) =>
+    "M" +
+    Array.from({ length: corners }, (_, i) => {
+      const angle = turn + (2 * Math.PI * i) / corners;
+      return `${(1.2 * r * Math.cos(angle)).toFixed(2)} ${(1.2 * r * Math.sin(angle)).toFixed(2)}`;
+    }).join("L") +
+    "Z";
+  const q = r / 2.4;
+  return [
+    `M${-r} 0a${r} ${r} 0 1 0 ${2 * r} 0a${r} ${r} 0 1 0 ${-2 * r} 0Z`,
+    polygon(4, Math.PI / 4),
+    polygon(4, 0),
+    polygon(3, -Math.PI / 2),
+    polygon(3, Math.PI / 2),
+    `M${-q} ${-r}H${q}V${-q}H${r}V${q}H${q}V${r}H${-q}V${q}H${-r}V${-q}H${-q}Z`,
+    polygon(6, 0),
+    polygon(5, -Math.PI / 2),
+  ][number % MARKS];
+}
+
+function scale(kind, low, high, from, to) {
+  const f = kind === "log" ? Math.log10 : (value) => value;
+  const a = f(low), b = f(high);
+  return (value) => from + ((f(value) - a) / (b - a || 1)) * (to - from);
+}
+
+function ticksOf(kind, low, high, most) {
+  if (kind === "log") {
+    for (const steps of [[1, 2, 3, 5, 7], [1, 2, 5], [1, 3], [1]]) {
+      const ticks = [];
+      for (let power = Math.floor(Math.log10(low)) - 1; power <= Math.ceil(Math.log10(high)); power++) {
+        for (const step of steps) {
+          const tick = Number((step * 10 ** power).toPrecision(6));
+          if (tick >= low * 0.999 && tick <= high * 1.001) ticks.push(tick);
+        }
+      }
+      if (ticks.length <= most) return ticks;
+    }
+  }
+  const rough = (high - low) / Math.max(1, most);
+  const power = 10 ** Math.floor(Math.log10(rough));
+  const step = power * [1, 2, 5, 10].find((factor) => factor * power >= rough);
+  const ticks = [];
+  for (let tick = Math.ceil(low / step - 1e-9) * step; tick <= high + 1e-9 * step; tick += step) {
+    ticks.push(Number(tick.toPrecision(10)));
+  }
+  return ticks;
+}
+
+// Axes, grid and labels. Returns the group to draw in and the scales.
+function frame(svg, width, height, x, y) {
+  const margin = { left: 46, right: 12, top: 10, bottom: 40 };
+  const sx = scale(x.kind, x.low, x.high, margin.left, width - margin.right);
+  const sy = scale(y.kind, y.low, y.high, height - margin.bottom, margin.top);
+  const axis = s("g", { class: "axis", "aria-hidden": "true" });
+  const yTicks = y.ticks || ticksOf(y.kind, y.low, y.high, 6);
+  for (const tick of yTicks) {
+    const at = sy(tick);
+    axis.append(s("line", { class: "grid", x1: margin.left, x2: width - margin.right, y1: at, y2: at }));
+    axis.append(s("text", { x: margin.left - 7, y: at + 4, "text-anchor": "end" }, (y.format || plain)(tick)));
+  }
+  for (const tick of x.ticks || ticksOf(x.kind, x.low, x.high, Math.floor(width / 62))) {
+    const at = sx(tick);
+    axis.append(s("line", { class: "tick", x1: at, x2: at, y1: height - margin.bottom, y2: height - margin.bottom + 4 }));
+    axis.append(s("text", { x: at, y: height - margin.bottom + 17, "text-anchor": "middle" }, plain(tick)));
+  }
+  axis.append(s("line", { class: "base", x1: margin.left, x2: width - margin.right, y1: height - margin.bottom, y2: height - margin.bottom }));
+  axis.append(s("text", { class: "name", x: (margin.left + width - margin.right) / 2, y: height - 4, "text-anchor": "middle" }, x.name));
+  const inside = s("g");
+  svg.replaceChildren(axis, inside);
+  return { inside, sx, sy, margin };
+}
+
+// Broken where a value is missing, so that a gap is seen as a gap.
+function linePath(values, sx, sy) {
+  let path = "", pen = false;
+  values.forEach((value, i) => {
+    if (value === null) {
+      pen = false;
+      return;
+    }
+    path += `${pen ? "L" : "M"}${sx(i + 1).toFixed(1)} ${sy(value).toFixed(1)}`;
+    pen = true;
+  });
+  return path;
+}
+
+function bandPath(low, high, sx, sy) {
+  const known = low.map((value, i) => (value === null || high[i] === null ? null : i)).filter((i) => i !== null);
+  if (!known.length) return "";
+  const up = known.map((i) => `${sx(i + 1).toFixed(1)} ${sy(high[i]).toFixed(1)}`);
+  const down = known.reverse().map((i) => `${sx(i + 1).toFixed(1)} ${sy(low[i]).toFixed(1)}`);
+  return `M${up.join("L")}L${down.join("L")}Z`;
+}
+
+// A plot of curves over the reading count. `spec`: title, alt, y {kind, low, high, ...}, series of
+// {method, dash, values, low, high, also}. onReading(k) is called when the pointer asks for a reading.
+function curves(spec, onReading) {
+  const svg = s("svg", { class: "plot", role: "img", "aria-label": spec.alt });
+  const box = h("figure", { class: "chart" }, h("figcaption", {}, spec.title), svg);
+  let shown = spec.series, reading = 1, width = 0, scales = null;
+
+  function draw() {
+    if (!width) return;
+    const height = Math.round(clamp(width * 0.62, 210, 340));
+    svg.setAttribute("width", width);
+    svg.setAttribute("height", height);
+    svg.setAttribute("viewBox", `0 0 ${width} ${height}`);
+    const last = Math.max(2, ...spec.series.map((one) => one.values.length));
+    scales = frame(svg, width, height, { kind: "linear", low: 1, high: last, name: "readings seen" }, spec.y);
+    const { inside, sx, sy, margin } = scales;
+    const kept = (value) => (value === null ? null : clamp(value, spec.y.low, spec.y.high));
+    for (const one of shown) {
+      if (one.low) {
+        inside.append(s("path", { class: `band m${one.method % MARKS}`, d: bandPath(one.low.map(kept), one.high.map(kept), sx, sy) }));
+      }
+    }
+    for (const one of shown) {
+      inside.append(s("path", { class: `line m${one.method % MARKS}`, "stroke-dasharray": one.dash, d: linePath(one.values.map(kept), sx, sy) }));
+    }
+    inside.append(s("line", { class: "cursor", x1: sx(reading), x2: sx(reading), y1: margin.top, y2: height - margin.bottom }));
+    for (const one of shown) {
+      const value = kept(one.values[reading - 1] ?? null);
+      if (value !== null) {
+        inside.append(s("path", { class: `dot m${one.method % MARKS}`, d: mark(one.method, 4), transform: `translate(${sx(reading)} ${sy(value)})` }));
+      }
+    }
+  }
+  svg.addEventListener("pointermove", (event) => {
+    if (!scales) return;
+    const last = Math.max(...spec.series.map((one) => one.values.length));
+    const { margin } = scales;
+    const share = (event.offsetX - margin.left) / (width - margin.left - margin.right);
+    onReading(clamp(Math.round(1 + share * (last - 1)), 1, last));
+  });
+  whenSized(box, (now) => {
+    width = now;
+    draw();
+  });
+  return {
+    box,
+    show(series, at) {
+      shown = series;
+      reading = at;
+      draw();
+    },
+  };
+}
+
+// A plot of points joined by method, with the frontier behind. `spec`: title, alt, xName, y, points of
+// {method, x, y, low, high, budget, frontier, text}. Arrow keys go from point to point.
+function scatter(spec) {
+  const svg = s("svg", { class: "plot", role: "group", tabindex: 0, "aria-label": `${spec.alt} Use the arrow keys to go from point to point.` });
+  const say = h("p", { class: "readout", "aria-live": "polite" }, "Point at a mark, or tab to the plot and use the arrow keys.");
+  const box = h("figure", { class: "chart" }, h("figcaption", {}, spec.title), svg, say);
+  const byTime = [...spec.points].sort((a, b) => a.x - b.x);
+  let chosen = -1, width = 0;
+
+  function draw() {
+    if (!width) return;
+    const height = Math.round(clamp(width * 0.72, 250, 420));
+    svg.setAttribute("width", width);
+    svg.setAttribute("height", height);
+    svg.setAttribute("viewBox", `0 0 ${width} ${height}`);
+    const xs = spec.points.map((point) => point.x);
+    const x = { kind: "log", low: Math.min(...xs) / 1.35, high: Math.max(...xs) * 1.5, name: spec.xName };
+    const { inside, sx, sy } = frame(svg, width, height, x, spec.y);
+    const best = byTime.filter((point) => point.frontier);
+    if (best.length) {
+      let path = `M${sx(best[0].x)} ${sy(best[0].y)}`;
+      for (const point of best.slice(1)) path += `H${sx(point.x)}V${sy(point.y)}`;
+      inside.append(s("path", { class: "frontier", d: path }));
+    }
+    for (const method of new Set(spec.points.map((point) => point.method))) {
+      const mine = spec.points.filter((point) => point.method === method);
+      inside.append(s("path", { class: `line thin m${method % MARKS}`, d: "M" + mine.map((p) => `${sx(p.x)} ${sy(p.y)}`).join("L") }));
+    }
+    for (const point of spec.points) {
+      if (point.low !== undefined && point.low !== null) {
+        const [low, high] = [point.low, point.high].map((value) => sy(clamp(value, spec.y.low, spec.y.high)));
+        inside.append(s("line", { class: `bar m${point.method % MARKS}`, x1: sx(point.x), x2: sx(point.x), y1: low, y2: high }));
+      }
+    }
+    byTime.forEach((point, i) => {
+      const at = `translate(${sx(point.x)} ${sy(point.y)})`;
+      if (point.frontier) inside.append(s("circle", { class: "ring", r: 9, transform: at }));
+      inside.append(
+        s("path", {
+          class: `mark m${point.method % MARKS}${i === chosen ? " chosen" : ""}`,
+          d: mark(point.method, 5),
+          transform: at,
+          pointerenter: () => choose(i),
+        }),
+      );
+      if (point.budget && width > 420) {
+        inside.append(s("text", { class: `note m${point.method % MARKS}`, x: sx(point.x) + 9, y: sy(point.y) - 7 }, point.budget));
+      }
+    });
+    if (chosen >= 0) {
+      const point = byTime[chosen];
+      inside.append(s("circle", { class: "halo", cx: sx(point.x), cy: sy(point.y), r: 12 }));
+    }
+  }
+  function choose(i) {
+    if (i === chosen) return;
+    chosen = i;
+    say.textContent = byTime[i].text;
+    draw();
+  }
+  svg.addEventListener("keydown", (event) => {
+    const step = { ArrowRight: 1, ArrowUp: 1, ArrowLeft: -1, ArrowDown: -1 }[event.key];
+    const end = { Home: 0, End: byTime.length - 1 }[event.key];
+    if (step === undefined && end === undefined) return;
+    event.preventDefault();
+    choose(end ?? clamp(chosen + step, 0, byTime.length - 1));
+  });
+  whenSized(box, (now) => {
+    width = now;
+    draw();
+  });
+  return box;
+}

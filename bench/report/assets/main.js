@@ -1,0 +1,200 @@
+// The page: a header, then a section for each protocol; runs of two protocols never meet.
+
+function header() {
+  const runs = data.protocols.flatMap((protocol) => protocol.tasks.flatMap((task) => task.runs));
+  const theme = choice("Theme", [["", "as the system"], ["light", "light"], ["dark", "dark"]], (value) => {
+    if (value) document.documentElement.dataset.theme = value;
+    else delete document.documentElement.dataset.theme;
+    themeChanged();
+  });
+  const facts = [`${runs.length} run${runs.length > 1 ? "s" : ""}`, ...data.dates.slice(0, 1), data.machine];
+  document.getElementById("top").append(
+    h("div", { class: "title" }, h("h1", {}, "tactsim"), h("p", {}, "Recognising objects by touch: what each method gets right, how exactly, and what it costs")),
+    theme.field,
+    h("p", { class: "facts" }, facts.join(" · ")),
+    ...data.remarks.map((text) => h("p", { class: "facts remark" }, text)),
+  );
+  document.getElementById("bottom").append(
+    h("p", {}, `Made with ${data.versions}.`),
+    h("p", {}, "Every plotted curve stands beside this page as CSV."),
+  );
+}
+
+const section = (title, ...content) => h("section", { class: "block", "aria-label": title }, h("h3", {}, title), content);
+
+function readingsSection(task) {
+  const spec = (run) => ({ method: run.method, dash: run.dash, run });
+  const ranks = new Map();
+  for (const run of [...task.runs].reverse()) {
+    const rank = ranks.get(run.method) || 0;
+    run.dash = DASHES[rank % DASHES.length]; // the largest budget of a method is the solid line
+    run.rank = rank;
+    ranks.set(run.method, rank + 1);
+  }
+  const visible = new Set(task.runs.filter((run) => task.runs.length <= 6 || run.rank === 0).slice(0, 8));
+  const series = (value, low, high) => (run) => ({ ...spec(run), values: run[value], low: run[low], high: run[high] });
+  const accuracy = series("accuracy", "accuracyLow", "accuracyHigh");
+  const error = series("error", "errorLow", "errorHigh");
+  const known = task.runs.flatMap((run) => run.error).filter((value) => value !== null && value > 0);
+  const [low, high] = known.length ? [Math.min(...known) / 1.3, Math.max(...known) * 1.3] : [0.1, 10];
+
+  const last = Math.max(...task.runs.map((run) => run.readings));
+  const control = slider("Values at reading", last, Math.min(10, last), update);
+  const move = (k) => {
+    if (String(k) !== control.input.value) control.set(k);
+  };
+  const left = curves({
+    title: "Share of trials right", alt: "Accuracy against readings seen",
+    y: { kind: "linear", low: 0, high: 1 }, series: task.runs.map(accuracy),
+  }, move);
+  const right = curves({
+    title: "Placement error where the letter is right, mm", alt: "Placement error against readings seen",
+    y: { kind: "log", low, high }, series: task.runs.map(error),
+  }, move);
+  const values = h("tbody");
+  const table = h("table", { class: "values" },
+    h("thead", {}, h("tr", {}, ["run", "right", "error, mm", "error over all trials, mm"].map((text) => h("th", { scope: "col" }, text)))), values);
+  const boxes = task.runs.map((run) => {
+    const input = h("input", { type: "checkbox", checked: visible.has(run) });
+    input.addEventListener("change", () => {
+      if (input.checked) visible.add(run);
+      else visible.delete(run);
+      update(Number(control.input.value));
+    });
+    const line = s("svg", { class: "swatch", width: 26, height: 14, viewBox: "0 0 26 14", "aria-hidden": "true" },
+      s("path", { class: `line m${run.method % MARKS}`, "stroke-dasharray": run.dash, d: "M1 7H25" }),
+      s("path", { class: `mark m${run.method % MARKS}`, d: mark(run.method, 3.6), transform: "translate(13 7)" }));
+    return h("label", { class: "toggle" }, input, line, run.label);
+  });
+  const set = (runs) => {
+    task.runs.forEach((run, i) => {
+      boxes[i].querySelector("input").checked = runs.includes(run);
+      if (runs.includes(run)) visible.add(run);
+      else visible.delete(run);
+    });
+    update(Number(control.input.value));
+  };
+  const buttons = task.runs.length > 3 && [
+    h("button", { type: "button", click: () => set(task.runs) }, "All"),
+    h("button", { type: "button", click: () => set([]) }, "None"),
+  ];
+
+  function update(reading) {
+    const shown = task.runs.filter((run) => visible.has(run));
+    left.show(shown.map(accuracy), reading);
+    right.show(shown.map(error), reading);
+    const k = reading - 1;
+    values.replaceChildren(
+      ...shown.map((run) =>
+        h("tr", {},
+          h("th", { scope: "row" }, swatch(run.method), run.label),
+          h("td", {}, fixed(run.accuracy[k], 3), k < run.readings && interval(run.accuracyLow[k], run.accuracyHigh[k], 2)),
+          h("td", {}, fixed(run.error[k], 2), k < run.readings && interval(run.errorLow[k], run.errorHigh[k], 2)),
+          h("td", {}, fixed(run.errorAll[k], 2)))),
+    );
+  }
+  update(Math.min(10, last));
+  return section("Accuracy and error against readings",
+    h("fieldset", { class: "legend" }, h("legend", {}, "Runs"), boxes, buttons),
+    h("div", { class: "two" }, left.box, right.box),
+    h("p", { class: "hint" }, "Bands: 95 % Wilson interval of the share, 95 % interval of the mean error."),
+    h("div", { class: "controls" }, control.field),
+    scrolling("Values at the chosen reading", table));
+}
+
+function paretoSection(task, methods) {
+  const points = task.pareto.map((point) => ({ ...point, of: task.runs[point.run], ms: 1e3 * point.seconds }));
+  const xName = "computing time of a recognition, ms";
+  const words = (point) =>
+    `${point.of.label}: ${plain(point.ms)} ms; error ${fixed(point.error, 2)} mm; 95 % settled by ${point.settled ?? `later than ${task.readings}`}`;
+  const placed = points.filter((point) => point.error !== null);
+  const errors = placed.flatMap((point) => [point.error, point.low, point.high]).filter((value) => value > 0);
+  const late = task.readings * 1.35;
+  const ticks = [1, 2, 3, 5, 7, 10, 15, 20, 30, 40, 60, 100, 150].filter((tick) => tick <= task.readings);
+  const never = points.some((point) => point.settled === null);
+  const settled = points.map((point) => point.settled ?? late);
+  const common = (point) => ({ method: point.of.method, x: point.ms, budget: point.of.budget, text: words(point) });
+  const left = errors.length && scatter({
+    title: `Placement error after ${task.readings} readings, mm`, alt: "Computing time against placement error.", xName,
+    y: { kind: "log", low: Math.min(...errors) / 1.15, high: Math.max(...errors) * 1.15 },
+    points: placed.map((point) => ({ ...common(point), y: point.error, low: point.low, high: point.high, frontier: point.errorFrontier })),
+  });
+  const right = scatter({
+    title: "Readings until 95 % of the trials are and stay right", alt: "Computing time against readings needed.", xName,
+    y: {
+      kind: "log", low: Math.max(0.8, Math.min(...settled) / 1.25), high: never ? late * 1.1 : Math.max(...settled) * 1.2,
+      ticks: [...ticks.filter((tick) => tick >= Math.min(...settled) / 1.25 && tick <= Math.max(...settled) * 1.2), ...(never ? [late] : [])],
+      format: (value) => (value > task.readings ? "later" : plain(value)),
+    },
+    points: points.map((point) => ({ ...common(point), y: point.settled ?? late, frontier: point.settledFrontier })),
+  });
+  const used = [...new Set(task.runs.map((run) => run.method))];
+  const legend = h("ul", { class: "keys" }, used.map((method) => h("li", {}, swatch(method), methods[method])), h("li", {}, h("span", { class: "ring-key" }), "on the frontier"));
+  const yes = (flag) => (flag ? "yes" : "");
+  const table = h("table", { class: "values" },
+    h("thead", {}, h("tr", {}, ["run", "ms a recognition", "error, mm", "on its frontier", "95 % settled by", "on its frontier"].map((text) => h("th", { scope: "col" }, text)))),
+    h("tbody", {}, points.map((point) =>
+      h("tr", {}, h("th", { scope: "row" }, swatch(point.of.method), point.of.label), h("td", {}, plain(point.ms)), h("td", {}, fixed(point.error, 2)),
+        h("td", {}, yes(point.errorFrontier)), h("td", {}, String(point.settled ?? MISSING)), h("td", {}, yes(point.settledFrontier))))));
+  return section("Run time against error",
+    h("p", { class: "lead" }, `Each mark is a run, each line a method over its budget. Time is the median over the trials of what all updates and estimates of ${task.readings} readings take, ` +
+      `mapping not counted; bars are the 95 % interval of the mean. No other run is at once as fast and as good as a run on the frontier. Measured on ${task.machine}.`),
+    legend,
+    h("div", { class: "two" }, left, right),
+    h("details", {}, h("summary", {}, "The values"), scrolling("Time and error of every run", table)));
+}
+
+// The matrices of each method's largest budget side by side, or of one run.
+function confusionSection(task) {
+  const largest = [...new Map(task.runs.map((run) => [run.method, run])).values()];
+  const last = Math.max(...task.runs.map((run) => run.readings));
+  const holder = h("div", { class: "matrices" });
+  let chosen = largest;
+  const fill = (reading) => holder.replaceChildren(...chosen.map((run) => confusionTable(run, Math.min(reading, run.readings))));
+  const control = slider("After reading", last, last, fill);
+  const several = largest.length > 1 ? [["", task.runs.length > largest.length ? "largest budget of each method" : "all"]] : [];
+  const pick = choice("Runs", [...several, ...task.runs.map((run, i) => [i, run.label])], (i) => {
+    chosen = i === "" ? largest : [task.runs[i]];
+    fill(Number(control.input.value));
+  });
+  if (!several.length) pick.select.value = String(task.runs.indexOf(largest[0]));
+  fill(last);
+  return section("Which letters are taken for which",
+    h("div", { class: "controls" }, pick.field, control.field),
+    h("p", { class: "hint" }, "Rows: the true letter. Columns: what is said. Numbers: trials."),
+    holder);
+}
+
+function taskSections(task, protocol) {
+  return [
+    section("Headlines", headlineTable(task)),
+    task.runs.length > 1 && paretoSection(task, protocol.methods),
+    readingsSection(task),
+    confusionSection(task),
+  ];
+}
+
+function protocolSection(protocol) {
+  const many = protocol.tasks.length > 1;
+  const content = h("div", {}, taskSections(protocol.tasks[0], protocol));
+  const pick = many && choice("Condition", protocol.tasks.map((task, i) => [i, task.name]), (i) => content.replaceChildren(...taskSections(protocol.tasks[i], protocol).flat().filter(Boolean)));
+  const about = !many && protocol.tasks[0].name !== "defaults" && h("p", { class: "lead" }, `Differs from the defaults in: ${protocol.tasks[0].name}.`);
+  const trials = protocol.recognitions.length > 0;
+  const of = many && protocol.replayedTask !== null ? ` (condition: ${protocol.replayedTask})` : "";
+  return h("section", { class: "protocol", "aria-label": protocol.name },
+    h("h2", {}, protocol.name[0].toUpperCase() + protocol.name.slice(1)), about,
+    many && section("Conditions", conditionsTable(protocol)),
+    pick && h("div", { class: "controls" }, pick.field),
+    content,
+    trials && section(`A recognition, reading by reading${of}`, recognitionView(protocol)),
+    protocol.maps.length > 0 && section(`Learned maps${of}`, protocol.maps.map(mapSet)));
+}
+
+async function start() {
+  await unpackArrays();
+  header();
+  document.getElementById("content").append(...data.protocols.map(protocolSection));
+  document.documentElement.dataset.ready = "yes";
+}
+
+start();

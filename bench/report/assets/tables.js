@@ -1,0 +1,162 @@
+// Tables: headlines, conditions, confusion, and the values behind plots.
+
+// A table that scrolls sideways by itself, so that the page never does.
+function scrolling(label, table) {
+  return h("div", { class: "scroll", tabindex: 0, role: "region", "aria-label": label }, table);
+}
+
+const swatch = (method) => {
+  const svg = s("svg", { class: "swatch", width: 14, height: 14, viewBox: "-7 -7 14 14", "aria-hidden": "true" });
+  svg.append(s("path", { class: `mark m${method % MARKS}`, d: mark(method, 4.5) }));
+  return svg;
+};
+
+const interval = (low, high, digits) => h("small", {}, `${fixed(low, digits)}–${fixed(high, digits)}`);
+
+// The headline table of the runs of a task. A click on a heading sorts by it.
+function headlineTable(task) {
+  const last = task.readings;
+  const share = (k) => ({
+    heading: `right after ${k}`,
+    value: (run) => run.accuracy[k - 1],
+    cell: (run) => [fixed(run.accuracy[k - 1], 3), interval(run.accuracyLow[k - 1], run.accuracyHigh[k - 1], 2)],
+    best: Math.max,
+  });
+  const columns = [
+    { heading: "run", value: (run) => run.label, cell: (run) => [swatch(run.method), run.label, h("small", { class: "about" }, run.description)] },
+    { heading: "trials", value: (run) => run.trials, cell: (run) => [String(run.trials), h("small", {}, `${run.letters.length} letters`)] },
+    ...[5, 10].filter((k) => k < last).map(share),
+    share(last),
+    { heading: "all right from", value: (run) => run.allRightFrom, cell: (run) => run.allRightFrom ?? MISSING, best: Math.min },
+    { heading: "95 % settled by", value: (run) => run.settled95, cell: (run) => run.settled95 ?? MISSING, best: Math.min },
+    {
+      heading: `error after ${last}, mm`,
+      value: (run) => run.error[last - 1],
+      cell: (run) => [fixed(run.error[last - 1], 2), interval(run.errorLow[last - 1], run.errorHigh[last - 1], 2)],
+      best: Math.min,
+    },
+    { heading: "ms a reading", value: (run) => run.msPerReading, cell: (run) => plain(run.msPerReading), best: Math.min },
+    { heading: "likelihood evaluations a reading", value: (run) => run.evaluations, cell: (run) => plain(run.evaluations), best: Math.min },
+  ];
+  const body = h("tbody");
+  const heads = columns.map((column, i) => {
+    const button = h("button", { type: "button", class: "sort", click: () => sort(i) }, column.heading);
+    return h("th", { scope: "col", "aria-sort": "none" }, button);
+  });
+  let sorted = -1, falling = false;
+
+  function fill(runs) {
+    const best = columns.map((column) => {
+      const values = task.runs.map(column.value).filter((value) => typeof value === "number");
+      return column.best && task.runs.length > 1 && values.length ? column.best(...values) : undefined;
+    });
+    body.replaceChildren(
+      ...runs.map((run) =>
+        h("tr", {}, columns.map((column, i) => {
+          const cell = h(i ? "td" : "th", i ? {} : { scope: "row" }, column.cell(run));
+          if (best[i] !== undefined && column.value(run) === best[i]) cell.classList.add("best");
+          return cell;
+        })),
+      ),
+    );
+  }
+  function sort(i) {
+    falling = sorted === i && !falling;
+    sorted = i;
+    heads.forEach((head, j) => head.setAttribute("aria-sort", j === i ? (falling ? "descending" : "ascending") : "none"));
+    const runs = [...task.runs].sort((a, b) => {
+      const [p, q] = [a, b].map(columns[i].value);
+      if (p === q) return 0;
+      if (p === null || p === undefined) return 1; // no result comes last either way
+      if (q === null || q === undefined) return -1;
+      return (p < q ? -1 : 1) * (falling ? -1 : 1);
+    });
+    fill(runs);
+  }
+  fill(task.runs);
+  return scrolling("Headline figures of every run", h("table", { class: "wide" }, h("thead", {}, h("tr", {}, heads)), body));
+}
+
+const MEASURES = {
+  settled95: ["95 % settled by, readings", (run) => run.settled95, (v) => v ?? MISSING, 1],
+  allRightFrom: ["all right from, readings", (run) => run.allRightFrom, (v) => v ?? MISSING, 1],
+  error: ["placement error at the end, mm", (run) => run.error.at(-1), (v) => fixed(v, 2), 1],
+  accuracy: ["share right at the end", (run) => run.accuracy.at(-1), (v) => fixed(v, 3), -1],
+};
+
+// One row a task, one column a run: how each holds up when the data get worse.
+function conditionsTable(protocol) {
+  const labels = [...new Set(protocol.tasks.flatMap((task) => task.runs.map((run) => run.label)))];
+  const holder = h("div");
+  function fill(name) {
+    const [, value, text, sign] = MEASURES[name];
+    const cells = protocol.tasks.map((task) => labels.map((label) => {
+      const run = task.runs.find((one) => one.label === label);
+      return run ? value(run) : undefined;
+    }));
+    const known = cells.flat().filter((v) => typeof v === "number");
+    const [low, high] = [Math.min(...known), Math.max(...known)];
+    const shade = (v) => {
+      if (v === undefined) return "";
+      if (v === null) return "shade4";
+      const t = high > low ? (v - low) / (high - low) : 0;
+      return `shade${Math.round(4 * (sign > 0 ? t : 1 - t))}`;
+    };
+    const head = h("tr", {}, h("th", { scope: "col" }, "condition"), labels.map((label) => h("th", { scope: "col" }, label)));
+    const rows = protocol.tasks.map((task, i) =>
+      h("tr", {}, h("th", { scope: "row" }, task.name), cells[i].map((v) => h("td", { class: shade(v) }, v === undefined ? "" : String(text(v))))),
+    );
+    holder.replaceChildren(scrolling("Every condition against every run", h("table", { class: "wide" }, h("thead", {}, head), h("tbody", {}, rows))));
+  }
+  const pick = choice("Show", Object.entries(MEASURES).map(([key, [name]]) => [key, name]), fill);
+  fill("settled95");
+  return [h("div", { class: "controls" }, pick.field), holder];
+}
+
+// The confusion matrix of a run after a number of readings.
+function confusionTable(run, reading) {
+  const { letters, counts } = run.confusion;
+  const all = row(counts, reading - 1);
+  const n = letters.length;
+  const rows = letters.map((truth, i) => {
+    const mine = [...all.subarray(i * n, (i + 1) * n)];
+    const total = mine.reduce((sum, count) => sum + count, 0);
+    if (!total) return null;
+    return h("tr", {}, h("th", { scope: "row" }, truth), mine.map((count, j) => {
+      const cell = h("td", { class: i === j ? "right" : count ? "wrong" : "none" }, count ? String(count) : "·");
+      cell.style.setProperty("--share", (count / total).toFixed(3));
+      return cell;
+    }));
+  });
+  const head = h("tr", {}, h("th", { scope: "col" }, "true \\ said"), letters.map((label) => h("th", { scope: "col" }, label)));
+  return scrolling(
+    `Confusion matrix of ${run.label} after ${reading} readings`,
+    h("table", { class: "confusion" }, h("caption", {}, swatch(run.method), run.label),
+      h("thead", {}, head), h("tbody", {}, rows)),
+  );
+}
+
+// The learned maps of the letters, and the scale that they share.
+function mapSet(set) {
+  const canvases = set.charts.map((chart) => {
+    const canvas = h("canvas", { class: "map", role: "img", "aria-label": `Learned map of ${chart.letter}` });
+    return h("figure", { class: "chart small" }, h("figcaption", {}, chart.letter), canvas);
+  });
+  const bar = h("canvas", { class: "scale", "aria-hidden": "true" });
+  const draw = () => {
+    set.charts.forEach((chart, i) => {
+      const [rows, columns] = chart.root.shape;
+      const values = array(chart.root);
+      paint(canvases[i].querySelector("canvas"), rows, columns, (k) => ramp("map", 0.5 + values[k] / 254));
+    });
+    paint(bar, 1, 128, (k) => ramp("map", k / 127));
+  };
+  onTheme(draw);
+  draw();
+  const limit = plain(set.limit);
+  return [
+    h("p", { class: "hint" }, `Learned by ${set.runs.join("; ")}.`),
+    h("div", { class: "maps" }, canvases),
+    h("div", { class: "legend-bar" }, `−${limit}`, bar, `+${limit}`, h("span", {}, "log-odds less the prior's: felt empty, never felt, felt occupied")),
+  ];
+}

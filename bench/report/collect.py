@@ -1,0 +1,208 @@
+"""Find the runs that a report is asked for, and put together what may be compared.
+
+Runs of one protocol share a section; within it, runs on the same data, a task, share plots. A method
+is an estimator with its options, whatever its budget: one curve of the picture of time against error.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from bench.config import BUDGETS, RunConfig
+from bench.results import Run, load, read_json
+from bench.score import summarise
+from models.errors import InputError
+from tactsim import WORLDS
+
+
+class Budget(NamedTuple):
+    """How much an estimator may compute: the option's name, its text and its size as one number."""
+
+    option: str
+    text: str
+    amount: int
+
+
+@dataclass(frozen=True, eq=False)
+class Entry:
+    """One run in a report.
+
+    name: its folder's name. label: what tells it from the others of its task. summary: every metric,
+    computed anew from the raw trials.
+    """
+
+    folder: Path
+    run: Run
+    summary: Mapping[str, Any]
+    method: str
+    budget: Budget | None
+    label: str
+
+    @property
+    def name(self) -> str:
+        """Give the folder's name."""
+        return self.folder.name
+
+    @property
+    def readings(self) -> int:
+        """Count the readings of a trial."""
+        return self.run.trials.label.shape[1]
+
+
+@dataclass(frozen=True, eq=False)
+class Group:
+    """The runs of one protocol on the same readings of the same letters: they share plots.
+
+    task: what differs from the defaults in the data, in words.
+    """
+
+    protocol: str
+    task: str
+    entries: tuple[Entry, ...]
+
+    @property
+    def methods(self) -> tuple[str, ...]:
+        """List the methods, in order of appearance."""
+        return tuple(dict.fromkeys(entry.method for entry in self.entries))
+
+    @property
+    def readings(self) -> int:
+        """Count the readings that every run has."""
+        return min(entry.readings for entry in self.entries)
+
+
+def find(paths: Iterable[Path]) -> tuple[list[Path], list[str]]:
+    """List the folders of runs: each path is one, or holds them, or is a sweep with runs/ below it.
+
+    Returns them, a sweep's in its own order, and a remark on every sweep that has not ended.
+    Raises InputError for a path that is none of these.
+    """
+    found: dict[Path, Path] = {}
+    remarks = []
+    for path in paths:
+        folders = _runs_of(path)
+        for folder in folders:
+            found.setdefault(folder.resolve(), folder)
+        if (path / "sweep.json").is_file():
+            asked = _sweep_order(path)
+            if len(folders) < len(asked):
+                remarks.append(f"{path} has not ended: {len(folders)} of its {len(asked)} runs are there")
+    return list(found.values()), remarks
+
+
+def _runs_of(path: Path) -> list[Path]:
+    if (path / "run.json").is_file():
+        return [path]
+    if not path.is_dir():
+        raise InputError(f"{path}: there is no such folder; name folders of runs or of a sweep")
+    holder = path / "runs" if (path / "runs").is_dir() else path
+    # A name with a dot in front is a run that is being written.
+    inside = sorted(entry for entry in holder.iterdir() if entry.is_dir() and not entry.name.startswith("."))
+    if not any((folder / "run.json").is_file() for folder in inside):
+        raise InputError(f"{path} is neither the folder of a run nor of a sweep: no run.json there or below")
+    if (path / "sweep.json").is_file():
+        order = _sweep_order(path)
+        inside.sort(key=lambda folder: order.get(folder.name, len(order)))
+    return inside
+
+
+def _sweep_order(path: Path) -> dict[str, int]:
+    try:
+        return {str(run["name"]): number for number, run in enumerate(read_json(path / "sweep.json")["runs"])}
+    except (KeyError, TypeError) as error:
+        raise InputError(f"{path / 'sweep.json'} lists no runs: {type(error).__name__}: {error}") from error
+
+
+def collect(folders: Iterable[Path]) -> list[Group]:
+    """Load runs and group them by protocol and task, in order of appearance.
+
+    Raises InputError if a folder is no whole run.
+    """
+    loaded = [(folder, load(folder)) for folder in folders]
+    tasks: dict[tuple[str, str], list[tuple[Path, Run]]] = {}
+    for folder, run in loaded:
+        tasks.setdefault((run.about["protocol"], task_name(run)), []).append((folder, run))
+    order = list(dict.fromkeys(protocol for protocol, _ in tasks))
+    return [
+        Group(protocol, task, tuple(_entries(runs)))
+        for (protocol, task), runs in sorted(tasks.items(), key=lambda item: order.index(item[0][0]))
+    ]
+
+
+def _entries(runs: Sequence[tuple[Path, Run]]) -> list[Entry]:
+    named = [(folder, run, method_name(run), budget(run)) for folder, run in runs]
+    labels = [f"{method}, {of.text} {of.option}" if of else method for _, _, method, of in named]
+    counts = Counter(labels)
+    entries = [
+        Entry(
+            folder, run, summarise(run.trials, run.objects), method, of,
+            label if counts[label] == 1 else f"{label} ({folder.name})",
+        )
+        for (folder, run, method, of), label in zip(named, labels, strict=True)
+    ]  # fmt: skip
+    methods = list(dict.fromkeys(entry.method for entry in entries))
+    return sorted(
+        entries, key=lambda entry: (methods.index(entry.method), entry.budget.amount if entry.budget else 0)
+    )
+
+
+def budget(run: Run) -> Budget | None:
+    """Say how much the estimator of a run was allowed to compute, where its options say so."""
+    for option in BUDGETS:
+        value = run.config["options"].get(option)
+        if value is not None:
+            counts = [int(digits) for digits in re.findall(r"\d{1,9}", str(value))]
+            text = f"{counts[0]:,}" if len(counts) == 1 else str(value)
+            return Budget(option, text, math.prod(counts))
+    return None
+
+
+def method_name(run: Run) -> str:
+    """Name the estimator with those of its options that are no budget."""
+    options = run.config["options"]
+    words = [f"{name} {value}" for name, value in options.items() if name not in BUDGETS]
+    return ", ".join([run.config["estimator"], *words])
+
+
+def task_name(run: Run) -> str:
+    """Say in which letters, readings and seed a run differs from the defaults; "defaults" if in none.
+
+    Runs with one protocol and one task name saw the same readings.
+    """
+    standard, mine = _flat(RunConfig().model_dump(mode="json")), _flat(run.config)
+    other = {
+        name: value
+        for name, value in mine.items()
+        if name.split(".")[0] not in _NO_TASK and name != "scan.test_poses" and value != standard.get(name)
+    }
+    if other.get("scan.seed") == other.get("seed"):
+        other.pop("scan.seed", None)
+    words = []
+    for world, values in WORLDS.items():
+        settings = _flat({"scan": dict(values)})
+        if settings and settings.items() <= other.items():
+            words.append(world)
+            other = {name: value for name, value in other.items() if name not in settings}
+    words += [f"{name.removeprefix('scan.')} {_word(value)}" for name, value in other.items()]
+    return ", ".join(words) or "defaults"
+
+
+# What belongs to the estimator, to how often it is tried, or to the protocol.
+_NO_TASK = ("estimator", "options", "trials", "readings", "explore")
+
+
+def _flat(values: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    flat: dict[str, Any] = {}
+    for name, value in values.items():
+        flat |= _flat(value, f"{prefix}{name}.") if isinstance(value, Mapping) else {f"{prefix}{name}": value}
+    return flat
+
+
+def _word(value: Any) -> str:
+    return " ".join(map(str, value)) if isinstance(value, list) else str(value)

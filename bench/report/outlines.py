@@ -1,0 +1,40 @@
+"""The shapes that a report draws: what was pressed, and the elements that felt it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+import models
+from estimators.occupancy import OccupancyMap
+from tactsim import Scan
+from tactsim.poses import FloatArray
+
+
+def outline(label: str, scan: Scan, maps: Mapping[str, OccupancyMap]) -> tuple[list[FloatArray], str]:
+    """Find an object's contours, (k, 2) mm each, in its own frame, and say where they come from.
+
+    A simulated scan was pressed with the catalogue's letters; of anything else the outline is where
+    the learned map says that occupied and empty are equally likely.
+    """
+    if "options" in scan.meta and label in models.names():
+        return [np.asarray(contour) for contour in models.letter(label).contours], "as pressed"
+    if label not in maps:
+        return [], "unknown"
+    from contourpy import contour_generator
+
+    chart = maps[label]
+    rows, columns = chart.log_odds.shape
+    lines = contour_generator(
+        chart.origin[0] + chart.cell * np.arange(columns),
+        chart.origin[1] + chart.cell * np.arange(rows),
+        chart.log_odds,
+    ).lines(0.0)
+    return [np.asarray(line) for line in lines if len(line) > 8], "as learned"
+
+
+def taxel_size(scan: Scan) -> list[float]:
+    """Guess an element's width and height, mm, from the usual spacing of the elements' centres."""
+    gaps = [np.diff(np.unique(np.round(scan.taxel_xy[:, axis], 3))) for axis in (0, 1)]
+    return [round(0.94 * float(np.median(gap)), 3) if len(gap) else 1.0 for gap in gaps]

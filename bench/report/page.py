@@ -1,0 +1,258 @@
+"""Put the page together: the data as JSON, arrays in one compressed block, script and style in line.
+
+Nothing that comes from a file becomes markup: the data are one JSON text in which no tag can end,
+the script writes every name as text, and the page's own policy forbids all other scripts and any
+request to a network.
+"""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import html
+import json
+import zlib
+from collections.abc import Mapping, Sequence
+from importlib.resources import files
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from bench.report.collect import Entry, Group
+from bench.report.outlines import outline, taxel_size
+from bench.report.pareto import has_curves, machine_line, points
+from bench.report.replay import Recognition, Replayed
+from bench.report.tables import confusion_counts, error_band
+from estimators.occupancy import OccupancyMap, log_odds
+
+SCRIPTS = ("base.js", "charts.js", "tables.js", "recognition.js", "main.js")
+
+
+class Arrays:
+    """Numbers that are too many for JSON: little-endian, one after the other, compressed together."""
+
+    def __init__(self) -> None:
+        self._content = bytearray()
+
+    def add(self, values: ArrayLike, kind: str) -> dict[str, Any]:
+        """Append an array as "u1", "i1", "u2" or "f4"; returns where it is."""
+        array = np.ascontiguousarray(values, dtype=f"<{kind}")
+        self._content += b"\0" * (-len(self._content) % 4)
+        place = {"at": len(self._content), "kind": kind, "shape": list(array.shape)}
+        self._content += array.tobytes()
+        return place
+
+    def text(self) -> str:
+        """Give all arrays as base64 of a zlib stream."""
+        return base64.b64encode(zlib.compress(bytes(self._content), 9)).decode()
+
+
+def page(groups: Sequence[Group], replayed: Sequence[Replayed], remarks: Sequence[str]) -> str:
+    """Make the HTML of a report. The same runs give the same page."""
+    arrays = Arrays()
+    entries = [entry for group in groups for entry in group.entries]
+    data = {
+        "machine": machine_line(entries),
+        "versions": _versions(entries),
+        "dates": sorted({str(entry.run.times.get("started", ""))[:10] for entry in entries} - {""}),
+        "remarks": list(remarks),
+        "protocols": [
+            _protocol(name, [group for group in groups if group.protocol == name], replayed, arrays)
+            for name in dict.fromkeys(group.protocol for group in groups)
+        ],
+    }
+    assets = files("bench") / "report" / "assets"
+    script = "\n".join((assets / name).read_text(encoding="utf-8") for name in SCRIPTS)
+    script = f'"use strict";\n(() => {{\n{script}}})();\n'
+    style = (assets / "page.css").read_text(encoding="utf-8")
+    title = f"tactsim: {len(entries)} run{'s' if len(entries) > 1 else ''}"
+    parts = {
+        "title": html.escape(title),
+        "policy": f"default-src 'none'; img-src data:; style-src {_hash(style)}; script-src {_hash(script)}",
+        "style": style,
+        "data": _inert(json.dumps(data, allow_nan=False, separators=(",", ":"))),
+        "arrays": arrays.text(),
+        "script": script,
+    }
+    text = (assets / "page.html").read_text(encoding="utf-8")
+    for name, part in parts.items():
+        before, after = text.split(f"<!--{name}-->")
+        text = before + part + after
+    return text
+
+
+def _inert(json_text: str) -> str:
+    """Write JSON so that no tag or comment can begin or end in it."""
+    return json_text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
+
+
+def _hash(text: str) -> str:
+    return f"'sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()}'"
+
+
+def _versions(entries: Sequence[Entry]) -> str:
+    lines = dict.fromkeys(
+        ", ".join(f"{name} {number}" for name, number in sorted(entry.run.about["versions"].items()))
+        for entry in entries
+    )
+    return "; ".join(lines)
+
+
+def _protocol(
+    name: str,
+    groups: Sequence[Group],
+    replayed: Sequence[Replayed],
+    arrays: Arrays,
+) -> dict[str, Any]:
+    methods = list(dict.fromkeys(method for group in groups for method in group.methods))
+    mine = [one for one in replayed if any(one.entry in group.entries for group in groups)]
+    shown: dict[str, dict[str, Any]] = {}
+    for one in mine:
+        for trial in one.recognitions:
+            truth = trial.task.truth
+            for label in (truth, *trial.label):
+                if label not in shown and label in one.scan.letters:
+                    shown[label] = _outline(one, label, arrays)
+    return {
+        "name": name,
+        "methods": methods,
+        "tasks": [_task(group, methods, arrays) for group in groups],
+        "replayedTask": next((g.task for g in groups if mine and mine[0].entry in g.entries), None),
+        "recognitions": [_recognition(trial, one, arrays) for one in mine for trial in one.recognitions],
+        "outlines": shown,
+        "maps": _maps(mine, arrays),
+    }
+
+
+def _task(group: Group, methods: Sequence[str], arrays: Arrays) -> dict[str, Any]:
+    keys = {id(entry): number for number, entry in enumerate(group.entries)}
+    return {
+        "name": group.task,
+        "readings": group.readings,
+        "machine": machine_line(group.entries),
+        "runs": [_run(entry, methods, arrays) for entry in group.entries],
+        "curves": has_curves(group),
+        "pareto": [
+            {
+                "run": keys[id(point.entry)],
+                "seconds": _short(point.seconds),
+                "error": _short(point.error),
+                "low": _short(point.low),
+                "high": _short(point.high),
+                "settled": point.settled,
+                "errorFrontier": point.error_frontier,
+                "settledFrontier": point.settled_frontier,
+            }
+            for point in points(group)
+        ],
+    }
+
+
+def _run(entry: Entry, methods: Sequence[str], arrays: Arrays) -> dict[str, Any]:
+    run, summary = entry.run, entry.summary
+    low, high = error_band(summary)
+    letters, counts = confusion_counts(entry)
+    trials = run.trials
+    return {
+        "label": entry.label,
+        "folder": str(entry.folder),
+        "method": methods.index(entry.method),
+        "budget": entry.budget.text if entry.budget else None,
+        "budgetOption": entry.budget.option if entry.budget else None,
+        "description": run.about["description"],
+        "letters": run.about["letters"],
+        "trials": len(trials.truth),
+        "readings": entry.readings,
+        "accuracy": _column(summary["accuracy"]),
+        "accuracyLow": _column(summary["accuracy_low"]),
+        "accuracyHigh": _column(summary["accuracy_high"]),
+        "error": _column(summary["error_mm"]),
+        "errorLow": _column(low),
+        "errorHigh": _column(high),
+        "errorAll": _column(summary["error_all_mm"]),
+        "allRightFrom": summary["all_right_from"],
+        "settled95": summary["settled_95"],
+        "settled50": summary["settled_50"],
+        "msPerReading": _short(1e3 * float((trials.update_s + trials.estimate_s + trials.propose_s).mean())),
+        "evaluations": _short(float(trials.evaluations.mean())),
+        "confusion": {"letters": letters, "counts": arrays.add(counts, "u2")},
+    }
+
+
+def _recognition(trial: Recognition, of: Replayed, arrays: Arrays) -> dict[str, Any]:
+    plane = None
+    if trial.plane is not None:
+        first = trial.plane[0]
+        peak = np.array([max(float(belief.probability.max()), 1e-300) for belief in trial.plane])
+        share = np.stack([belief.probability for belief in trial.plane]) / peak[:, None, None, None]
+        plane = {
+            "labels": list(first.labels),
+            "x": _column(first.x),
+            "y": _column(first.y),
+            "peak": arrays.add(peak, "f4"),
+            # Square roots, so that a hundredth of the peak is still a tenth of the scale.
+            "rootShare": arrays.add(np.round(255 * np.sqrt(share)), "u1"),
+        }
+    return {
+        "run": trial.entry.label,
+        "kind": trial.kind,
+        "truth": trial.task.truth,
+        "trial": trial.task.trial,
+        "same": trial.same,
+        "labels": list(trial.labels),
+        "estimate": trial.label,
+        "pressures": arrays.add(trial.pressures, "f4"),
+        "taxels": np.round(of.scan.taxel_xy, 4).tolist(),
+        "taxelSize": taxel_size(of.scan),
+        "sensor": arrays.add(trial.sensor_in_object, "f4"),
+        "ghost": arrays.add(trial.estimate_in_object, "f4"),
+        "probabilities": arrays.add(trial.probabilities, "f4"),
+        "pose": arrays.add(trial.robot_in_object, "f4"),
+        "truePose": _column(trial.true_pose),
+        "error": arrays.add(trial.error, "f4"),
+        "plane": plane,
+    }
+
+
+def _outline(of: Replayed, label: str, arrays: Arrays) -> dict[str, Any]:
+    contours, origin = outline(label, of.scan, of.maps)
+    return {"origin": origin, "contours": [arrays.add(contour, "f4") for contour in contours]}
+
+
+def _maps(replayed: Sequence[Replayed], arrays: Arrays) -> list[dict[str, Any]]:
+    """List the different sets of maps, each with the runs that learned it."""
+    found: dict[bytes, dict[str, Any]] = {}
+    for one in replayed:
+        if not one.maps:
+            continue
+        key = b"".join(chart.log_odds.tobytes() for chart in one.maps.values())
+        if key not in found:
+            found[key] = {"runs": [], **_map_set(one.maps, arrays)}
+        found[key]["runs"].append(one.entry.label)
+    return list(found.values())
+
+
+def _map_set(maps: Mapping[str, OccupancyMap], arrays: Arrays) -> dict[str, Any]:
+    evidence = {label: chart.log_odds - log_odds(chart.prior) for label, chart in maps.items()}
+    limit = max(1.0, *(float(np.abs(values).max()) for values in evidence.values()))
+    return {
+        "limit": _short(limit),
+        "charts": [
+            # Signed square roots: the outline shows beside the few cells that were felt most.
+            {
+                "letter": label,
+                "root": arrays.add(np.round(127 * np.sign(values) * np.sqrt(np.abs(values) / limit)), "i1"),
+            }
+            for label, values in evidence.items()
+        ],
+    }
+
+
+def _column(values: Any) -> list[float | None]:
+    return [_short(value) for value in values]
+
+
+def _short(value: float | None) -> float | None:
+    """Round to six digits, which is more than a screen shows and half of what a float takes."""
+    return None if value is None else float(f"{value:.6g}")

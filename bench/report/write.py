@@ -1,0 +1,45 @@
+"""Write a report: the page, the pictures and the curves beside it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+
+from bench.report.collect import collect, find
+from bench.report.page import page
+from bench.report.pareto import has_curves
+from bench.report.replay import replay_all
+from bench.report.tables import tables
+from bench.runner import silent
+from bench.trials import Progress
+from models.files import write_text
+
+
+def write_report(
+    paths: Iterable[Path], out: Path, *, progress: Progress = silent
+) -> tuple[list[Path], list[str]]:
+    """Make the report of runs and sweeps at `out`; returns all files written, the page first,
+    and remarks on what is missing.
+
+    Beside FILE.html stand FILE-readings.csv and so on; for report.html plain readings.csv.
+    Raises InputError for a path that holds no run, for a damaged run, or if `out` cannot be written.
+    """
+    folders, remarks = find(paths)
+    groups = collect(folders)
+    replayed, failed = replay_all(groups, progress=progress)
+    remarks += [f"no trial of {label} could be done again: {why}" for label, why in failed.items()]
+    prefix = "" if out.stem == "report" else f"{out.stem}-"
+    written = [out]
+    for name, content in tables(groups, replayed).items():
+        written.append(out.with_name(f"{prefix}{name}.csv"))
+        write_text(written[-1], content)
+    with_curves = [group for group in groups if has_curves(group)]
+    for number, group in enumerate(with_curves, start=1):
+        from bench.report.picture import pareto_figure, save
+
+        figure = pareto_figure(group)
+        for kind in ("png", "svg"):
+            written.append(out.with_name(f"{prefix}pareto{'' if number == 1 else f'-{number}'}.{kind}"))
+            save(figure, written[-1])
+    write_text(out, page(groups, replayed, remarks))
+    return written, remarks

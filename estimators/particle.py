@@ -1,0 +1,226 @@
+"""Particle filters (paper, section III-B): as printed, and with random particles injected."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from estimators.base import Estimate, Options, PlaneBelief
+from estimators.filter import MapFilter
+from estimators.likelihood import Evidence
+from estimators.options import FilterOptions
+from estimators.state_kernels import add_cones, draw, weigh
+from estimators.tables import tabulate
+from models.errors import InputError
+from tactsim import transform, wrap_angle
+from tactsim.poses import FloatArray
+
+# The grid on which the paper evaluates the density of eq. 11: mm, mm, rad.
+PARZEN_STEP = np.array([0.5, 0.5, 0.04 * np.pi])
+# Particles lighter than this share of the heaviest are added to the density only if they could
+# decide which node is highest.
+_LIGHT = 1e-4
+
+
+class ParticleOptions(FilterOptions):
+    """Options of the particle filter."""
+
+    particles: int = Field(
+        10_000, ge=1, le=10_000_000, description="n_P, the total over all letters together"
+    )
+    noise_mm: float = Field(1.0, ge=0, le=100, description="sigma of the command update in x and y, mm")
+    noise_rad: float = Field(0.1, ge=0, le=10, description="sigma of the command update in the angle, rad")
+    rho: float = Field(1.0, gt=0, le=3, description="rho of eq. 10, mm and rad")
+
+
+class ParticleFilter(MapFilter):
+    """Particle filter over letter, x, y and angle (paper, eq. 8 to 12), resampled at every reading."""
+
+    options_type: ClassVar[type[Options]] = ParticleOptions
+    options: ParticleOptions
+
+    def __init__(self, options: ParticleOptions) -> None:
+        super().__init__(options)
+        self._evaluated = 0
+
+    def prepare(self) -> None:
+        """Tabulate the likelihood, once for each map cell."""
+        cell = self.options.cell
+        tables = tabulate(self.likelihood, self.labels, (cell, cell), cell)
+        self._nodes = np.ascontiguousarray(tables.values[:, :, 0, 0])
+        self._lattice = np.concatenate([tables.origin, tables.step])
+        self._outside = tables.outside
+
+    def restart(self, rng: np.random.Generator) -> None:
+        """Spread the particles evenly over letters and uniformly over poses."""
+        count = self.options.particles
+        self._rng = rng
+        self._letter = np.arange(count) % len(self.labels)
+        self._state = self._random_states(count)
+        self._weight = np.ones(count)
+        self._fresh = True
+
+    def take(self, evidence: Evidence, sensor_in_robot: FloatArray) -> None:
+        """Resample, then corrupt with noise (command update), then weigh (measurement update).
+
+        The paper resamples last; resampling first in the next reading instead leaves the weighted
+        particles of eq. 9 and 11 for the estimate.
+        """
+        if not self._fresh:
+            self._resample()
+        self._fresh = False
+        chosen = self.options
+        noise = self._rng.standard_normal(self._state.shape)
+        noise[:2] *= chosen.noise_mm
+        noise[2] *= chosen.noise_rad
+        self._state += noise
+        np.clip(self._state[:2], -chosen.reach, chosen.reach, out=self._state[:2])
+        far = evidence.weight @ self._outside[evidence.table]
+        log_weight = far[self._letter]
+        xy = transform(sensor_in_robot, self.taxel_xy)[evidence.taxel]
+        weigh(
+            log_weight, self._state, self._letter, evidence.table, xy, evidence.weight,
+            self._nodes, self._lattice,
+        )  # fmt: skip
+        self._evaluated += len(self._letter)
+        # In proportion to w_t. The heaviest is 1: in logs the weights cannot all be zero.
+        self._log_highest = log_weight.max()
+        self._weight = np.exp(log_weight - self._log_highest)
+
+    def answer(self) -> Estimate:
+        """Sum the weights of each letter (eq. 9); find the mode (eq. 12) within the best letter."""
+        weight = self._weight
+        mass = np.bincount(self._letter, weight, minlength=len(self.labels))
+        best = int(mass.argmax())
+        mine = self._letter == best
+        probabilities = (mass / mass.sum()).tolist()
+        return Estimate(
+            label=self.labels[best],
+            probabilities=dict(zip(self.labels, probabilities, strict=True)),
+            robot_in_object=parzen_mode(self._state.compress(mine, axis=1), weight[mine], self.options.rho),
+        )
+
+    def belief_over_plane(self) -> PlaneBelief:
+        """Count the weighted particles in cells of about 1 mm."""
+        reach = self.options.reach
+        cells = max(1, round(2 * reach))
+        edges = np.linspace(-reach, reach, cells + 1)
+        total = np.zeros((len(self.labels), cells, cells))
+        for k in range(len(self.labels)):
+            mine = self._letter == k
+            x, y = self._state[:2, mine]
+            total[k] = np.histogram2d(y, x, bins=(edges, edges), weights=self._weight[mine])[0]
+        middle = (edges[1:] + edges[:-1]) / 2
+        return PlaneBelief(self.labels, middle, middle, total / total.sum())
+
+    @property
+    def work(self) -> dict[str, Any]:
+        """Count evaluations, a particle in a reading each, since the estimator was made."""
+        return {"likelihood_evaluations": self._evaluated, "skipped": {}}
+
+    def _resample(self) -> None:
+        """Draw n_P particles with replacement, with probability proportional to their weights."""
+        chosen = np.empty(len(self._letter), dtype=np.int64)
+        draw(chosen, self._weight, np.sort(self._rng.random(len(chosen))))
+        self._letter, self._state = self._letter[chosen], self._state.take(chosen, axis=1)
+
+    def _random_states(self, count: int) -> FloatArray:
+        reach = self.options.reach
+        return self._rng.uniform(-1, 1, (3, count)) * [[reach], [reach], [np.pi]]
+
+
+class AugmentedOptions(ParticleOptions):
+    """Options of augmented Monte Carlo localisation."""
+
+    alpha_slow: float = Field(0.05, gt=0, le=1, description="decay of the long-term mean of w")
+    alpha_fast: float = Field(0.5, gt=0, le=1, description="decay of the short-term mean of w")
+
+
+class AugmentedFilter(ParticleFilter):
+    """Augmented MCL (paper, ref. [23]): a particle filter that injects random particles when w falls.
+
+    Each particle is replaced by a random one with probability max(0, 1 - w_fast / w_slow), where w_slow
+    and w_fast follow the mean weight slowly and fast.
+    """
+
+    options_type: ClassVar[type[Options]] = AugmentedOptions
+    options: AugmentedOptions
+
+    def __init__(self, options: AugmentedOptions) -> None:
+        if options.alpha_slow > options.alpha_fast:
+            raise InputError(
+                f"alpha_slow {options.alpha_slow} is above alpha_fast {options.alpha_fast}; "
+                "the slow mean must be the slower one"
+            )
+        super().__init__(options)
+        self._injected = 0
+
+    def restart(self, rng: np.random.Generator) -> None:
+        """Spread the particles and forget the means of the weights."""
+        super().restart(rng)
+        self._log_slow = self._log_fast = -math.inf
+
+    def take(self, evidence: Evidence, sensor_in_robot: FloatArray) -> None:
+        """Update as the particle filter does, then follow the mean weight, in logs."""
+        super().take(evidence, sensor_in_robot)
+        mean = self._log_highest + math.log(self._weight.mean())
+        self._log_slow = _mix(self._log_slow, mean, self.options.alpha_slow)
+        self._log_fast = _mix(self._log_fast, mean, self.options.alpha_fast)
+
+    @property
+    def work(self) -> dict[str, Any]:
+        """Count evaluations, and the random particles injected, since the estimator was made."""
+        return {**super().work, "injected": self._injected}
+
+    def _resample(self) -> None:
+        super()._resample()
+        share = max(0.0, -math.expm1(min(0.0, self._log_fast - self._log_slow)))
+        replaced: NDArray[np.bool_] = self._rng.random(len(self._letter)) < share
+        count = int(replaced.sum())
+        self._letter[replaced] = self._rng.integers(len(self.labels), size=count)
+        self._state[:, replaced] = self._random_states(count)
+        self._injected += count
+
+
+def parzen_mode(state: FloatArray, weight: FloatArray, rho: float = 1.0) -> FloatArray:
+    """Find the pose of highest density (eq. 10 to 12) on the grid of 0.5 mm and 0.04 pi rad.
+
+    state: (3, n) mm, mm, rad. weight: (n,). Light particles are looked at only if all of them together
+    could lift another node above the highest.
+    """
+    heavy = weight > _LIGHT * weight.max()
+    mode, lead = _density_mode(state.compress(heavy, axis=1), weight[heavy], rho)
+    if lead <= weight[~heavy].sum():
+        mode, _ = _density_mode(state, weight, rho)
+    return mode
+
+
+def _density_mode(state: FloatArray, weight: FloatArray, rho: float) -> tuple[FloatArray, float]:
+    """Find the highest node of the density, and how much higher it is than every other."""
+    low = np.floor(state[:2].min(axis=1) / PARZEN_STEP[:2]) * PARZEN_STEP[:2]
+    high = np.ceil(state[:2].max(axis=1) / PARZEN_STEP[:2]) * PARZEN_STEP[:2]
+    columns, rows = np.rint((high - low) / PARZEN_STEP[:2]).astype(int) + 1
+    around, angles = int(rho / PARZEN_STEP[2]) + 1, round(2 * math.pi / PARZEN_STEP[2])
+    density = np.zeros((rows, columns, angles + 2 * around + 1))
+    on_circle = np.stack([state[0], state[1], np.mod(state[2], 2 * np.pi)])
+    add_cones(density, around, on_circle, weight, low, PARZEN_STEP, rho)
+    # What went round the circle at either end belongs to the other.
+    density[:, :, angles : angles + around] += density[:, :, :around]
+    density[:, :, around : 2 * around + 1] += density[:, :, around + angles :]
+    flat = density[:, :, around : around + angles].reshape(-1)
+    first = int(flat.argmax())
+    row, column, angle = np.unravel_index(first, (rows, columns, angles))
+    height, flat[first] = flat[first], 0
+    dx, dy, turn = PARZEN_STEP
+    pose = np.array([low[0] + column * dx, low[1] + row * dy, wrap_angle(angle * turn)])
+    return pose, float(height - flat.max())
+
+
+def _mix(log_mean: float, log_value: float, share: float) -> float:
+    """Move a mean by a share towards a value, both in logs; a mean of nothing has log -inf."""
+    stay = math.log1p(-share) if share < 1 else -math.inf
+    return float(np.logaddexp(stay + log_mean, math.log(share) + log_value))

@@ -1,0 +1,107 @@
+"""The inner loops of filters whose states lie anywhere: particles. Serial, as all kernels."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import float32, float64, int64, uint64, void
+
+from estimators.compiling import Floats, Ints, Reals, compiled
+
+_REALS, _REALS_2D, _REALS_3D = float64[::1], float64[:, ::1], float64[:, :, ::1]
+_INTS, _FLOATS, _FLOATS_4D = int64[::1], float32[::1], float32[:, :, :, ::1]
+
+# States that are looked up together, so that the arithmetic of their places is done in vectors.
+_BATCH = 128
+
+
+@compiled(void(_REALS, _REALS_2D, _INTS, _INTS, _REALS_2D, _FLOATS, _FLOATS_4D, _REALS), ordered=False)
+def weigh(
+    log_weight: Reals, state: Reals, letter: Ints, table: Ints, xy: Reals, weight: Floats, nodes: Floats,
+    lattice: Reals,
+) -> None:  # fmt: skip
+    """Add log p(z | x) of one reading (eq. 7) to the log-weights of states anywhere.
+
+    log_weight: (states,). state: (3, states) T_R^O, letter: (states,). table, xy, weight: the
+    reading's terms, xy (terms, 2) mm in the robot frame. nodes: (tables, letters, rows, columns), less
+    the value outside, hence 0 at the rim. lattice: [x, y] of node (0, 0), then the step in x and y, mm.
+    """
+    _, letters, rows, columns = nodes.shape
+    flat, plane = nodes.reshape(nodes.size), rows * columns
+    cos_x, sin_x, cos_y, sin_y = np.empty(_BATCH), np.empty(_BATCH), np.empty(_BATCH), np.empty(_BATCH)
+    x, y, total = np.empty(_BATCH), np.empty(_BATCH), np.empty(_BATCH, dtype=np.float32)
+    base = np.empty(_BATCH, dtype=np.int64)
+    # Beyond the rim everything is as at the rim: places are moved there instead of being left out.
+    last_column, last_row = columns - 1.000001, rows - 1.000001
+    one, row_above = uint64(1), uint64(columns)
+    for first in range(0, len(log_weight), _BATCH):
+        count = min(_BATCH, len(log_weight) - first)
+        for k in range(count):
+            cos, sin = math.cos(state[2, first + k]), math.sin(state[2, first + k])
+            cos_x[k], sin_x[k], cos_y[k], sin_y[k] = (
+                cos / lattice[2], sin / lattice[2], cos / lattice[3], sin / lattice[3],
+            )  # fmt: skip
+            x[k] = (state[0, first + k] - lattice[0]) / lattice[2]
+            y[k] = (state[1, first + k] - lattice[1]) / lattice[3]
+            base[k], total[k] = letter[first + k] * plane, 0
+        for i in range(len(table)):
+            there_x, there_y, factor, start = xy[i, 0], xy[i, 1], weight[i], table[i] * letters * plane
+            for k in range(uint64(count)):
+                u = min(max(x[k] + cos_x[k] * there_x - sin_x[k] * there_y, 0.0), last_column)
+                v = min(max(y[k] + sin_y[k] * there_x + cos_y[k] * there_y, 0.0), last_row)
+                column, row = int64(u), int64(v)
+                right, above = float32(u - column), float32(v - row)
+                at = uint64(start + base[k] + row * columns + column)
+                below_left, below_right = flat[at], flat[at + one]
+                above_left, above_right = flat[at + row_above], flat[at + row_above + one]
+                lower = below_left + right * (below_right - below_left)
+                upper = above_left + right * (above_right - above_left)
+                total[k] += factor * (lower + above * (upper - lower))
+        for k in range(count):
+            log_weight[first + k] += total[k]
+
+
+@compiled(void(_INTS, _REALS, _REALS))
+def draw(chosen: Ints, weight: Reals, sorted_uniform: Reals) -> None:
+    """Choose indices with probability proportional to their weights, with replacement.
+
+    chosen: (draws,) is overwritten. sorted_uniform: (draws,) ascending in [0, 1).
+    """
+    total = weight.sum()
+    index, reached = 0, weight[0]
+    for i in range(len(chosen)):
+        while reached <= sorted_uniform[i] * total and index < len(weight) - 1:
+            index += 1
+            reached += weight[index]
+        chosen[i] = index
+
+
+@compiled(void(_REALS_3D, int64, _REALS_2D, _REALS, _REALS, _REALS, float64), ordered=False)
+def add_cones(
+    density: Reals, before: int, state: Reals, weight: Reals, corner: Reals, step: Reals, rho: float
+) -> None:
+    """Add the weighted cones (eq. 10, 11) of states to a grid.
+
+    density: (rows, columns, angles), beginning at [x, y] = corner mm and `before` angles ahead of 0,
+    which must be more than rho has steps. state: (3, states), with angles in [0, 2 pi). step: mm, mm,
+    rad. Cones are not folded around the circle. The distance of eq. 10 counts mm and rad alike.
+    """
+    rows, columns, angles = density.shape
+    nodes, square = density.reshape(density.size), step[2] ** 2
+    reach_x, reach_y, reach = rho / step[0], rho / step[1], int64(rho / step[2])
+    turned = np.empty(2 * reach + 2)
+    for i in range(len(weight)):
+        x, y = (state[0, i] - corner[0]) / step[0], (state[1, i] - corner[1]) / step[1]
+        turn, slope = state[2, i] / step[2], weight[i] / rho
+        first = math.ceil(turn - rho / step[2])
+        for k in range(uint64(len(turned))):
+            turned[k] = square * (first - turn + k) ** 2
+        for row in range(max(0, math.ceil(y - reach_y)), min(rows, math.floor(y + reach_y) + 1)):
+            for column in range(max(0, math.ceil(x - reach_x)), min(columns, math.floor(x + reach_x) + 1)):
+                flat = ((column - x) * step[0]) ** 2 + ((row - y) * step[1]) ** 2
+                if flat >= rho**2:
+                    continue
+                at = uint64((row * columns + column) * angles + before + first)
+                for k in range(uint64(len(turned))):
+                    nodes[at + k] += max(0.0, weight[i] - slope * math.sqrt(flat + turned[k]))

@@ -1,0 +1,79 @@
+"""Runs for the tests of the report: small, real, made once."""
+
+import json
+import shutil
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from bench import results, runner
+from bench.config import run_config
+from tactsim import Scan
+
+SCRIPT = "<script>document.title='harmed'</script>"
+IMAGE = '"><img src=x onerror="document.title=1">'
+
+
+@pytest.fixture(scope="session")
+def own_cache(tmp_path_factory):
+    """Keep pressed readings out of the user's cache."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("TACTSIM_CACHE_DIR", str(tmp_path_factory.mktemp("cache")))
+        yield
+
+
+def make_run_in(folder, **words):
+    run, _ = runner.perform(run_config(**({"letters": "AEU", "trials": 4, "readings": 8} | words)))
+    folder.mkdir(parents=True)
+    results.save(run, folder)
+    return folder
+
+
+@pytest.fixture(scope="session")
+def runs(tmp_path_factory, own_cache):
+    """Three runs: two budgets under the paper's protocol, one on readings off the grid."""
+    folder = tmp_path_factory.mktemp("runs")
+    return SimpleNamespace(
+        small=make_run_in(folder / "small", bins=100),
+        large=make_run_in(folder / "large", bins=1000),
+        off_grid=make_run_in(folder / "off-grid", bins=1000, test_poses="random"),
+    )
+
+
+@pytest.fixture(scope="session")
+def hostile_run(tmp_path_factory, own_cache):
+    """Give a run whose every name tries to become markup."""
+    folder = tmp_path_factory.mktemp("hostile")
+    scan = runner.gather(run_config(letters="AU"), jobs=1, cache=True, progress=runner.silent).scan
+    labels = np.where(scan.labels == "A", SCRIPT, IMAGE)
+    Scan(scan.readings, scan.poses, labels, scan.split, scan.taxel_xy).save(folder / "scan.npz")
+    place = make_run_in(
+        folder / "<img src=x onerror=alert(1)>", letters=None, scan=folder / "scan.npz", bins=100
+    )
+    content = json.loads((place / "run.json").read_text())
+    content["description"] = "</script><script>document.title='harmed'</script><!--"
+    content["protocol"] = "<b onmouseover=alert(1)>protocol</b>"
+    content["machine"]["processor"] = "<iframe src=//example.org>"
+    (place / "run.json").write_text(json.dumps(content))
+    return place
+
+
+@pytest.fixture
+def copied(tmp_path):
+    """Copy a run's folder, to be damaged."""
+    return lambda place, name="copy": shutil.copytree(place, tmp_path / name)
+
+
+@pytest.fixture
+def changed(copied):
+    """Copy a run with some of its trials' columns replaced."""
+
+    def change(place, name="copy", **columns):
+        run = results.load(place)
+        folder = copied(place, name)
+        results.save(replace(run, trials=replace(run.trials, **columns)), folder)
+        return folder
+
+    return change

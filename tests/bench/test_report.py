@@ -1,0 +1,333 @@
+"""What a report is made of: which runs belong together, the points, the curves as CSV, the trials again."""
+
+import csv
+import json
+import math
+import re
+from importlib.resources import files
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from made_up import make_run
+
+from bench import results, score
+from bench.config import run_config
+from bench.report import replay
+from bench.report.collect import collect, find, method_name, task_name
+from bench.report.pareto import frontier, points, recognition_seconds
+from bench.report.write import write_report
+from bench.trials import Task
+from estimators.histogram import HistogramFilter
+from models.errors import InputError
+
+
+@pytest.fixture(scope="module")
+def report(runs, tmp_path_factory):
+    out = tmp_path_factory.mktemp("report") / "report.html"
+    written, remarks = write_report([runs.small, runs.large, runs.off_grid], out)
+    assert remarks == []
+    assert all(path.is_file() for path in written)
+    return out
+
+
+def data_of(page):
+    text = page.read_text(encoding="utf-8")
+    return json.loads(re.search(r'<script type="application/json" id="data">(.*?)</script>', text, re.S)[1])
+
+
+def rows_of(path):
+    with path.open(newline="", encoding="utf-8") as stream:
+        return list(csv.DictReader(stream))
+
+
+def test_the_files_stand_beside_the_page(report):
+    assert {path.name for path in report.parent.iterdir()} == {
+        "report.html", "readings.csv", "pareto.csv", "confusion.csv", "recognition.csv", "pareto.png", "pareto.svg",
+    }  # fmt: skip
+
+
+def test_a_report_of_another_name_leaves_the_first_ones_files_alone(runs, report, tmp_path):
+    written, _ = write_report([runs.small], tmp_path / "other.html")
+    assert {path.name for path in written} == {
+        "other.html", "other-readings.csv", "other-pareto.csv", "other-confusion.csv", "other-recognition.csv",
+    }  # fmt: skip
+
+
+def test_the_same_runs_give_the_same_bytes(runs, report, tmp_path):
+    write_report([runs.small, runs.large, runs.off_grid], tmp_path / "report.html")
+    for path in report.parent.iterdir():
+        assert (tmp_path / path.name).read_bytes() == path.read_bytes(), path.name
+
+
+def test_the_page_names_no_other_place(report):
+    text = report.read_text(encoding="utf-8")
+    text = re.sub(r'<script type="text/plain" id="arrays">.*?</script>', "", text, flags=re.S)
+    assert set(re.findall(r"\w+://[^\"'\s)]*", text)) == {
+        "http://www.w3.org/1999/xhtml",
+        "http://www.w3.org/2000/svg",
+    }
+    assert not re.search(r"<(?:link|script|img|iframe)[^>]+(?:src|href)=\"(?!data:)", text)
+
+
+def test_no_script_makes_markup_from_text():
+    for asset in (files("bench") / "report" / "assets").iterdir():
+        assert not re.search(
+            r"innerHTML|outerHTML|insertAdjacent|document\.write|eval\(|Function\(", asset.read_text()
+        )
+
+
+def test_two_protocols_share_no_section(report):
+    data = data_of(report)
+    labels = [[run["folder"] for task in of["tasks"] for run in task["runs"]] for of in data["protocols"]]
+    assert [len(one) for one in labels] == [2, 1]
+    assert [of["name"].split(",")[0] for of in data["protocols"]] == ["test poses same", "test poses random"]
+    for name in ("readings", "pareto", "confusion"):
+        for row in rows_of(report.with_name(f"{name}.csv")):
+            assert ("off-grid" in row["folder"]) == ("random," in row["protocol"])
+
+
+def test_curves_are_those_of_the_summary(runs, report):
+    for place in (runs.small, runs.large):
+        summary = results.load(place).summary
+        rows = [row for row in rows_of(report.with_name("readings.csv")) if row["folder"] == str(place)]
+        assert [int(row["reading"]) for row in rows] == [*range(1, 9)]
+        for name in ("accuracy", "accuracy_low", "accuracy_high", "error_mm", "error_all_mm"):
+            wanted = ["" if value is None else repr(value) for value in summary[name]]
+            assert [row[name] for row in rows] == wanted
+    drawn = {run["folder"]: run for task in data_of(report)["protocols"][0]["tasks"] for run in task["runs"]}
+    assert drawn[str(runs.small)]["accuracy"] == pytest.approx(
+        results.load(runs.small).summary["accuracy"], rel=1e-5
+    )
+
+
+def test_confusion_counts_every_trial_at_every_reading(runs, report):
+    rows = [row for row in rows_of(report.with_name("confusion.csv")) if row["folder"] == str(runs.small)]
+    run = results.load(runs.small)
+    for k in range(run.trials.label.shape[1]):
+        counted = {(r["truth"], r["label"]): int(r["trials"]) for r in rows if int(r["reading"]) == k + 1}
+        pairs = list(zip(run.trials.truth.tolist(), run.trials.label[:, k].tolist(), strict=True))
+        assert counted == {pair: pairs.count(pair) for pair in set(pairs)}
+
+
+def test_confusion_knows_letters_that_are_said_but_never_true(runs, changed, tmp_path):
+    run = results.load(runs.small)
+    label = run.trials.label.astype("<U9")
+    label[0, -1] = "nothing"
+    folder = changed(runs.small, label=label)
+    write_report([folder], tmp_path / "r.html")
+    rows = rows_of(tmp_path / "r-confusion.csv")
+    assert [row["truth"] for row in rows if row["label"] == "nothing"] == [run.trials.truth[0]]
+
+
+def test_time_is_the_median_trials_whole_sequence():
+    trials = make_run(n=3, r=4).trials
+    spent = sum(getattr(trials, name)[:, :2].sum(axis=1) for name in ("update_s", "estimate_s", "propose_s"))
+    assert recognition_seconds(trials, 2) == pytest.approx(sorted(spent)[1])
+
+
+losses = st.one_of(st.none(), st.integers(0, 6).map(float))
+
+
+@given(st.lists(st.tuples(st.integers(0, 6).map(float), losses), max_size=12))
+def test_the_frontier_is_what_nothing_dominates(pairs):
+    costs, values = [cost for cost, _ in pairs], [value for _, value in pairs]
+    on = frontier(costs, values)
+    pairs = [(cost, math.inf if value is None else value) for cost, value in pairs]
+    for one, value, flag in zip(pairs, values, on, strict=True):
+        better = [other for other in pairs if other != one and all(np.less_equal(other, one))]
+        assert flag == (value is not None and not better)
+    if any(value is not None for value in values):
+        assert any(on)
+
+
+def test_points_are_taken_at_the_readings_that_all_runs_have(runs, own_cache, tmp_path, changed):
+    run = results.load(runs.large)
+    wide = [name for name, values in vars(run.trials).items() if values.shape[1:2] == (8,)]
+    short = {name: getattr(run.trials, name)[:, :5] for name in wide}
+    folder = changed(runs.large, **short)
+    (group,) = collect([runs.small, folder])
+    assert group.readings == 5
+    by_folder = {point.entry.folder: point for point in points(group)}
+    point = by_folder[runs.small]
+    assert point.error == results.load(runs.small).summary["error_mm"][4]
+    assert point.low < point.error < point.high
+    assert point.settled == score.settled_by(results.load(runs.small).trials.right[:, :5], 0.95)
+
+
+TASKS = {
+    "defaults": {},
+    "letters A E": {"letters": "AE"},
+    "sensor.noise 4.0": {"noise": 4.0},
+    "seed 3": {"seed": 3},
+    "paper-like": {"world": "paper-like"},
+    "paper-like, press.force 5.0": {"world": "paper-like", "scan_set": {"press": {"force": 5}}},
+}
+
+
+@pytest.mark.parametrize("name", TASKS)
+def test_a_task_is_named_by_what_differs_from_the_defaults(name):
+    run = make_run()
+    words = TASKS[name] | {"trials": 7, "readings": 9, "test_poses": "random", "bins": 100}
+    run.config.clear()
+    run.config.update(run_config(**words).model_dump(mode="json"))
+    assert task_name(run) == name
+
+
+def test_a_method_is_its_options_without_the_budget():
+    run = make_run()
+    run.config["options"] = {"bins": 3, "gamma": "0.3"}
+    assert method_name(run) == "histogram, gamma 0.3"
+
+
+def test_runs_of_one_label_are_told_apart_by_their_folder(runs, copied):
+    (group,) = collect([runs.small, copied(runs.small, "again")])
+    assert [entry.label for entry in group.entries] == [
+        "histogram, 100 bins (small)",
+        "histogram, 100 bins (again)",
+    ]
+
+
+def sweep_folder(tmp_path, copied, places, asked):
+    for name, place in places.items():
+        copied(place, f"sweep/runs/{name}")
+    (tmp_path / "sweep" / "sweep.json").write_text(
+        json.dumps({"schema": 1, "runs": [{"name": n} for n in asked]})
+    )
+    return tmp_path / "sweep"
+
+
+def test_a_sweeps_runs_come_in_its_own_order(runs, copied, tmp_path):
+    place = sweep_folder(tmp_path, copied, {"a": runs.large, "b": runs.small}, ["b", "a"])
+    (place / "runs" / ".c.part").mkdir()  # a run that is being written
+    folders, remarks = find([place, place / "runs" / "a"])
+    assert [folder.name for folder in folders] == ["b", "a"]
+    assert remarks == []
+
+
+def test_a_sweep_that_has_not_ended_is_said(runs, copied, tmp_path):
+    place = sweep_folder(tmp_path, copied, {"a": runs.small}, ["b", "a"])
+    written, remarks = write_report([place], place / "report.html")
+    assert remarks == [f"{place} has not ended: 1 of its 2 runs are there"]
+    assert data_of(written[0])["remarks"] == remarks
+
+
+def test_a_folder_of_runs_is_taken_whole(runs):
+    assert {folder.name for folder in find([runs.small.parent])[0]} == {"small", "large", "off-grid"}
+
+
+DAMAGES = {
+    "nowhere": lambda f: f.rename(f.with_name("moved")),
+    "empty": lambda f: [path.unlink() for path in f.iterdir()],
+    "cut table": lambda f: (f / "trials.csv").write_bytes((f / "trials.csv").read_bytes()[:-40]),
+    "no protocol": lambda f: (f / "run.json").write_text(
+        (f / "run.json").read_text().replace('"protocol"', '"protokoll"')
+    ),
+    "binary": lambda f: (f / "run.json").write_bytes(b"\x00\xff\xfe"),
+    "a file in its place": lambda f: ([p.unlink() for p in f.iterdir()], f.rmdir(), f.write_text("x")),
+}
+
+
+@pytest.mark.parametrize("kind", DAMAGES)
+def test_a_damaged_or_foreign_folder_is_one_line(kind, runs, copied, tmp_path):
+    folder = copied(runs.small)
+    DAMAGES[kind](folder)
+    with pytest.raises(InputError) as caught:
+        write_report([runs.large, folder], tmp_path / "page" / "report.html")
+    assert str(folder) in str(caught.value)
+    assert "\n" not in str(caught.value)
+    assert not (tmp_path / "page").exists()
+
+
+def test_a_foreign_folder_among_a_sweeps_runs_is_named(runs, copied, tmp_path):
+    place = sweep_folder(tmp_path, copied, {"a": runs.small}, ["a"])
+    (place / "runs" / "notes").mkdir()
+    with pytest.raises(InputError, match="notes"):
+        write_report([place], tmp_path / "r.html")
+
+
+def test_a_trial_done_again_is_the_recorded_one(runs):
+    groups = collect([runs.small, runs.large])
+    replayed, failed = replay.replay_all(groups)
+    assert not failed
+    (one,) = replayed
+    assert one.entry.folder == runs.large  # of a method, the largest budget
+    run = one.entry.run
+    for trial in one.recognitions:
+        row = [i for i, key in enumerate(zip(run.trials.truth, run.trials.trial, strict=True))
+               if key == (trial.task.truth, trial.task.trial)]  # fmt: skip
+        assert trial.same
+        assert np.array_equal(trial.robot_in_object, run.trials.pose[row[0]])
+        assert np.array_equal(trial.error, score.errors(run.trials, run.objects)[row[0]])
+        assert trial.probabilities.sum(axis=1) == pytest.approx(1)
+        assert trial.probabilities.max(axis=1) == pytest.approx(run.trials.p_label[row[0]])
+
+
+def test_where_the_estimate_is_drawn_has_the_placement_error(runs):
+    (one,), _ = replay.replay_all(collect([runs.large]))
+    trial = one.recognitions[0]
+    assert score.placement_error(
+        np.zeros(3), trial.estimate_in_object, one.entry.run.objects[trial.task.truth]
+    ) == pytest.approx(trial.error, abs=1e-9)
+
+
+def test_a_trial_that_comes_out_differently_is_marked(runs, changed):
+    run = results.load(runs.large)
+    pose = run.trials.pose + 0.5
+    (one,), _ = replay.replay_all(collect([changed(runs.large, pose=pose)]))
+    assert not any(trial.same for trial in one.recognitions)
+
+
+def test_typical_and_hardest_are_the_median_and_the_last_to_settle(runs, changed):
+    run = results.load(runs.small)
+    n, r = run.trials.label.shape
+    right = np.arange(r)[None, :] >= np.arange(n)[:, None] % 7
+    right[5, :-1] = False
+    label = np.where(right, run.trials.truth[:, None], "?")
+    (group,) = collect([changed(runs.small, label=label)])
+    tasks = replay.trials_to_show(group.entries)
+    assert tasks["hardest"] == Task(run.trials.truth[5], run.trials.trial[5])
+    settled = score.settled_at(right)
+    typical = tasks["typical"]
+    row = [(t, k) for t, k in zip(run.trials.truth, run.trials.trial, strict=True)].index(
+        (typical.truth, typical.trial)
+    )
+    assert settled[row] == np.sort(settled)[(n - 1) // 2]
+
+
+def test_a_report_without_its_readings_says_so_and_shows_the_rest(hostile_run, copied, tmp_path):
+    folder = copied(hostile_run)
+    content = json.loads((folder / "run.json").read_text())
+    content["config"]["scan_file"] = str(tmp_path / "gone.npz")
+    (folder / "run.json").write_text(json.dumps(content))
+    written, remarks = write_report([folder], tmp_path / "r.html")
+    assert len(remarks) == 1
+    assert "gone.npz" in remarks[0]
+    assert data_of(written[0])["protocols"][0]["recognitions"] == []
+
+
+def test_a_configuration_of_another_version_is_shown_but_not_done_again(runs, copied, tmp_path):
+    folder = copied(runs.small)
+    content = json.loads((folder / "run.json").read_text())
+    content["config"]["of_tomorrow"] = 1
+    (folder / "run.json").write_text(json.dumps(content))
+    _, remarks = write_report([folder], tmp_path / "r.html")
+    assert "of_tomorrow" in remarks[0]
+
+
+def test_a_method_without_a_plane_has_none_in_its_data(runs, tmp_path, monkeypatch):
+    monkeypatch.setattr(HistogramFilter, "belief_over_plane", lambda self: None)
+    written, _ = write_report([runs.small], tmp_path / "r.html")
+    assert [trial["plane"] for trial in data_of(written[0])["protocols"][0]["recognitions"]] == [None, None]
+
+
+def test_names_cannot_end_the_data(hostile_run, tmp_path):
+    written, _ = write_report([hostile_run], tmp_path / "r.html")
+    text = written[0].read_text(encoding="utf-8")
+    assert len(re.findall("<script", text)) == 3
+    assert "<iframe" not in text
+    assert "<img" not in text
+    run = data_of(written[0])["protocols"][0]["tasks"][0]["runs"][0]
+    assert run["description"].startswith("</script><script>")
+    assert "<script>" in run["letters"][0]

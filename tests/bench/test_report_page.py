@@ -1,0 +1,294 @@
+"""The report in a real browser: headless Chromium, opened from disk."""
+
+import shutil
+from itertools import pairwise
+
+import pytest
+
+from bench.report.write import write_report
+
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+pytestmark = pytest.mark.skipif(
+    CHROMIUM is None, reason="no Chromium on this machine; Debian: apt-get install chromium"
+)
+ARGUMENTS = (
+    "--headless --no-sandbox --disable-gpu --disable-quic --no-first-run --disable-background-networking "
+    "--disable-component-update --disable-sync"
+)
+
+
+@pytest.fixture(scope="module")
+def context(tmp_path_factory):
+    from playwright.sync_api import sync_playwright
+
+    with sync_playwright() as playwright:
+        context = playwright.chromium.launch_persistent_context(
+            tmp_path_factory.mktemp("profile"), executable_path=CHROMIUM, args=ARGUMENTS.split(" ")
+        )
+        yield context
+        context.close()
+
+
+@pytest.fixture(scope="module")
+def path(runs, tmp_path_factory):
+    out = tmp_path_factory.mktemp("page") / "report.html"
+    write_report([runs.small, runs.large, runs.off_grid], out)
+    return out
+
+
+@pytest.fixture(scope="module")
+def hostile_path(hostile_run, tmp_path_factory):
+    out = tmp_path_factory.mktemp("hostile-page") / "report.html"
+    write_report([hostile_run], out)
+    return out
+
+
+@pytest.fixture
+def open_page(context):
+    """Open a page; at the end of the test nothing may have been logged, thrown or asked of a network."""
+    pages, faults = [], []
+
+    def open_one(path, width=1280, scheme="light", motion="no-preference"):
+        page = context.new_page()
+        pages.append(page)
+        page.set_viewport_size({"width": width, "height": 800})
+        page.emulate_media(color_scheme=scheme, reduced_motion=motion)
+        page.on("console", lambda message: faults.append(message.text))
+        page.on("pageerror", lambda error: faults.append(str(error)))
+        page.on("dialog", lambda dialog: (faults.append(dialog.message), dialog.dismiss()))
+        page.on(
+            "request",
+            lambda request: request.url.startswith(("file:", "data:", "blob:")) or faults.append(request.url),
+        )
+        page.goto(path.as_uri())
+        page.wait_for_selector("html[data-ready]")
+        page.wait_for_selector("svg.plot path.line", state="attached")
+        return page
+
+    yield open_one
+    for page in pages:
+        page.close()
+    assert faults == []
+
+
+PICTURES = """() => ({
+    scene: document.querySelector('svg.scene').outerHTML,
+    tactile: document.querySelector('svg.tactile').outerHTML,
+    letters: document.querySelector('.bars').textContent,
+    history: document.querySelector('svg.history .here').outerHTML,
+    plane: [...document.querySelectorAll('.planes canvas')].map((canvas) => canvas.toDataURL()).join(),
+    status: document.querySelector('.status').textContent,
+})"""
+
+
+def test_a_page_opens_without_a_complaint(open_page, path):
+    page = open_page(path)
+    assert page.title() == "tactsim: 3 runs"
+    assert page.locator("section.protocol").count() == 2
+    for words in ("Headlines", "Run time against error", "Accuracy and error", "Learned maps"):
+        assert page.get_by_role("heading", name=words).count() >= 1
+
+
+def test_the_slider_moves_by_keyboard_and_everything_follows(open_page, path):
+    page = open_page(path)
+    slider = page.locator("section.protocol").first.get_by_role("slider", name="Reading", exact=True)
+    slider.focus()
+    before = page.evaluate(PICTURES)
+    slider.press("ArrowRight")
+    after = page.evaluate(PICTURES)
+    assert slider.input_value() == "2"
+    assert slider.get_attribute("aria-valuetext") == "reading 2 of 8"
+    for name in before:
+        assert before[name] != after[name], name
+    slider.press("ArrowLeft")
+    assert page.evaluate(PICTURES) == before
+    slider.press("End")
+    assert page.evaluate(PICTURES)["status"].startswith("After reading 8")
+
+
+def test_buttons_step_and_play(open_page, path):
+    from playwright.sync_api import expect
+
+    page = open_page(path, motion="reduce")
+    first = page.locator("section.protocol").first
+    first.get_by_role("button", name="Next reading").click()
+    slider = first.get_by_role("slider", name="Reading", exact=True)
+    assert slider.input_value() == "2"
+    first.get_by_role("button", name="Previous reading").press("Enter")
+    assert slider.input_value() == "1"
+    play = first.get_by_role("button", name="Play")
+    play.click()
+    expect(first.locator(".status")).to_contain_text("After reading 3:")
+    first.get_by_role("button", name="Pause").click()
+    assert first.get_by_role("button", name="Play").get_attribute("aria-pressed") == "false"
+
+
+def test_another_trial_can_be_chosen(open_page, path):
+    page = open_page(path)
+    first = page.locator("section.protocol").first
+    before = page.evaluate(PICTURES)
+    first.get_by_label("Trial", exact=True).select_option("hardest")
+    assert page.evaluate(PICTURES)["tactile"] != before["tactile"]
+
+
+def test_curves_can_be_hidden_and_read_by_keyboard(open_page, path):
+    page = open_page(path)
+    first = page.locator("section.protocol").first
+    lines = first.locator("figure.chart").filter(has_text="Share of trials right").locator("path.line")
+    assert lines.count() == 2
+    box = first.get_by_role("checkbox", name="histogram, 100 bins")
+    box.press("Space")
+    assert lines.count() == 1
+    slider = first.get_by_role("slider", name="Values at reading")
+    values = first.get_by_role("region", name="Values at the chosen reading")
+    slider.press("Home")
+    at_one = values.inner_text()
+    slider.press("End")
+    assert values.inner_text() != at_one
+
+
+def test_points_of_the_picture_are_read_out_by_arrow_keys(open_page, path):
+    page = open_page(path)
+    plot = page.get_by_role("group", name="Computing time against placement error")
+    plot.focus()
+    figure = page.locator("figure.chart").filter(has=plot)
+    said = []
+    for _ in range(2):
+        plot.press("ArrowRight")
+        said.append(figure.locator(".readout").inner_text())
+    assert sorted(text.split(":")[0] for text in said) == ["histogram, 1,000 bins", "histogram, 100 bins"]
+    assert all(" ms" in text and " mm" in text for text in said)
+
+
+def test_a_heading_sorts_its_table(open_page, path):
+    page = open_page(path)
+    region = page.get_by_role("region", name="Headline figures of every run").first
+    heading = region.get_by_role("button", name="error after 8, mm")
+    cells = region.locator("tbody td:nth-child(7)")
+    for order in ("ascending", "descending"):
+        heading.press("Enter")
+        errors = [float(text.split("\n")[0]) for text in cells.all_inner_texts()]
+        assert errors == sorted(errors, reverse=order == "descending")
+        assert region.locator(f"th[aria-sort={order}]").inner_text().startswith("error after 8")
+
+
+def test_the_confusion_matrix_follows_its_slider(open_page, path):
+    page = open_page(path)
+    first = page.locator("section.protocol").first
+    first.get_by_label("Runs").select_option(label="histogram, 100 bins")
+    matrix = first.locator("table.confusion")
+    slider = first.get_by_role("slider", name="After reading")
+    seen = []
+    for key in ("End", "Home"):
+        slider.press(key)
+        seen.append(matrix.inner_text())
+        assert sum(int(text) for text in matrix.locator("td").all_inner_texts() if text.isdigit()) == 12
+    assert seen[0] != seen[1]
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize("width", [360, 1280])
+def test_nothing_scrolls_sideways(open_page, path, hostile_path, width, scheme):
+    for place in (path, hostile_path):
+        page = open_page(place, width, scheme)
+        assert page.evaluate("document.documentElement.scrollWidth") == width
+
+
+CONTRAST = """(pairs) => {
+    const probe = document.createElement('span');
+    document.body.append(probe);
+    const light = (name) => {
+        probe.style.color = `var(--${name})`;
+        const rgb = getComputedStyle(probe).color.match(/[\\d.]+/g).slice(0, 3).map((v) => v / 255);
+        const linear = rgb.map((v) => (v <= 0.04045 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4));
+        return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2];
+    };
+    const ratios = pairs.map(([a, b]) => {
+        const [x, y] = [light(a), light(b)].sort((p, q) => q - p);
+        return (x + 0.05) / (y + 0.05);
+    });
+    probe.remove();
+    return ratios;
+}"""
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_text_and_marks_stand_out(open_page, path, scheme):
+    """WCAG 2.2 AA: 4.5 for text, 3 for graphics and focus."""
+    page = open_page(path, scheme=scheme)
+    text = [
+        (name, ground) for name in ("ink", "soft", "accent", "good", "bad") for ground in ("card", "page")
+    ]
+    marks = [(name, "card") for name in (*(f"m{i}" for i in range(8)), "focus")]
+    assert min(page.evaluate(CONTRAST, [*text])) >= 4.5
+    assert min(page.evaluate(CONTRAST, [*marks])) >= 3
+
+
+LIGHTNESS = "Number(getComputedStyle(document.body).backgroundColor.match(/\\d+/)[0])"
+
+
+def test_the_theme_is_the_systems_until_one_is_chosen(open_page, path):
+    page = open_page(path, scheme="dark")
+    assert page.evaluate(LIGHTNESS) < 60
+    dark_map = page.evaluate("document.querySelector('.maps canvas').toDataURL()")
+    page.get_by_label("Theme").select_option("light")
+    assert page.evaluate(LIGHTNESS) > 200
+    assert page.evaluate("document.querySelector('.maps canvas').toDataURL()") != dark_map
+    page.get_by_label("Theme").select_option("")
+    assert page.evaluate(LIGHTNESS) < 60
+    page.emulate_media(color_scheme="light")
+    assert page.evaluate(LIGHTNESS) > 200
+
+
+NAMELESS = """() => {
+    const all = (selector) => [...document.querySelectorAll(selector)];
+    return [
+        ...all('input, select').filter((one) => !one.labels.length),
+        ...all('button').filter((one) => !(one.getAttribute('aria-label') || one.textContent.trim())),
+        ...all('[role=img], [role=group], [role=region]').filter((one) => !one.getAttribute('aria-label')),
+        ...all('canvas, svg').filter((one) => !one.closest('[role], [aria-hidden=true]')),
+        ...all('table').filter((one) => !one.querySelector('th[scope=col]') || !one.querySelector('th[scope=row]')),
+    ].map((one) => one.outerHTML.slice(0, 200));
+}"""
+
+
+def test_everything_has_a_name_and_shows_its_focus(open_page, path):
+    page = open_page(path)
+    nameless = page.evaluate(NAMELESS)
+    assert nameless == []
+    reached = set()
+    for _ in range(40):
+        page.keyboard.press("Tab")
+        name, outline = page.evaluate(
+            "[document.activeElement.tagName, getComputedStyle(document.activeElement).outlineStyle]"
+        )
+        reached.add(name.upper())
+        assert outline != "none", name
+    assert {"A", "SELECT", "BUTTON", "INPUT", "SVG"} <= reached
+
+
+def test_headings_go_down_one_by_one(open_page, path):
+    page = open_page(path)
+    levels = page.evaluate(
+        "[...document.querySelectorAll('h1, h2, h3, h4')].map((one) => Number(one.tagName[1]))"
+    )
+    assert levels[0] == 1
+    assert all(after <= before + 1 for before, after in pairwise(levels))
+
+
+def test_less_motion_is_respected(open_page, path):
+    page = open_page(path, motion="reduce")
+    assert (
+        page.evaluate("getComputedStyle(document.querySelector('.bar-track .fill')).transitionDuration")
+        == "0s"
+    )
+
+
+def test_hostile_names_do_nothing(open_page, hostile_path):
+    page = open_page(hostile_path)
+    assert page.title() == "tactsim: 1 run"
+    assert page.locator("img, iframe").count() == 0
+    assert page.locator("script").count() == 3
+    body = page.inner_text("body")
+    assert "<script>document.title='harmed'</script>" in body
+    assert "<iframe src=//example.org>" in body

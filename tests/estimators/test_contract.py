@@ -1,0 +1,234 @@
+"""What every registered estimator, built in or plugged in, must keep."""
+
+import json
+
+import numpy as np
+import pytest
+from synthetic import draw_trial, make_scan, paper_poses, square_pad
+
+import estimators
+from estimators.registry import load
+from tactsim import InputError, Scan
+
+NAMES = estimators.names()
+POSES = paper_poses(positions=4, angles=6)
+
+
+@pytest.fixture(scope="module")
+def small_scan() -> Scan:
+    return make_scan("EIL", poses=POSES)
+
+
+@pytest.fixture(scope="module", params=NAMES)
+def fitted(request, small_scan):
+    estimator = estimators.create(request.param)
+    estimator.fit(small_scan)
+    return estimator
+
+
+def run(estimator, readings, poses, seed=0):
+    """Run a sequence from a reset; the estimates after each reading, as comparable tuples."""
+    estimator.reset(np.random.default_rng(seed))
+    answers = []
+    for reading, pose in zip(readings, poses, strict=True):
+        estimator.update(reading, pose)
+        answers.append(frozen(estimator.estimate()))
+    return answers
+
+
+def frozen(estimate):
+    return estimate.label, dict(estimate.probabilities), np.asarray(estimate.robot_in_object).tolist()
+
+
+def trial(scan, label="E", count=4, seed=5):
+    return draw_trial(scan, label, count, np.random.default_rng(seed))[:2]
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_calls_out_of_order_are_refused(name, small_scan):
+    readings, poses = trial(small_scan)
+    estimator = estimators.create(name)
+    with pytest.raises(InputError, match="fit"):
+        estimator.reset(np.random.default_rng(0))
+    with pytest.raises(InputError, match="fit"):
+        estimator.update(readings[0], poses[0])
+    with pytest.raises(InputError, match="fit"):
+        estimator.estimate()
+    estimator.fit(small_scan)
+    with pytest.raises(InputError, match="reset"):
+        estimator.update(readings[0], poses[0])
+    with pytest.raises(InputError, match="reset"):
+        estimator.estimate()
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_scan_without_training_readings_is_refused(name, small_scan):
+    with pytest.raises(InputError, match="train"):
+        estimators.create(name).fit(small_scan.where("test"))
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_options_are_described_and_unknown_ones_refused(name):
+    for option, field in load(name).options_type.model_fields.items():
+        assert field.description, option
+    with pytest.raises(InputError, match="no_such_option"):
+        estimators.create(name, no_such_option=1)
+
+
+def test_estimates_are_probabilities_and_poses(fitted, small_scan):
+    fitted.reset(np.random.default_rng(0))
+    for reading, pose in zip(*trial(small_scan), strict=True):
+        estimate = fitted.estimate()  # before the first reading as well
+        assert set(small_scan.letters) <= set(estimate.probabilities)
+        assert estimate.label in estimate.probabilities
+        assert sum(estimate.probabilities.values()) == pytest.approx(1)
+        assert all(0 <= p <= 1 for p in estimate.probabilities.values())
+        assert np.asarray(estimate.robot_in_object).shape == (3,)
+        assert np.isfinite(estimate.robot_in_object).all()
+        fitted.update(reading, pose)
+
+
+@pytest.mark.parametrize(
+    ("spoil", "message"),
+    [
+        (lambda z, p: (np.where(np.arange(len(z)) == 3, np.nan, z), p), "taxel 3"),
+        (lambda z, p: (np.where(np.arange(len(z)) == 0, np.inf, z), p), "taxel 0"),
+        (lambda z, p: (z[:-1], p), "36 taxels"),
+        (lambda z, p: (z.reshape(6, 6), p), "36 taxels"),
+        (lambda z, p: (z, p[:2]), "sensor_in_robot"),
+        (lambda z, p: (z, [p[0], np.nan, p[2]]), "sensor_in_robot"),
+    ],
+)
+def test_a_bad_reading_is_refused_and_leaves_no_trace(fitted, small_scan, spoil, message):
+    readings, poses = trial(small_scan)
+    clean = run(fitted, readings, poses)
+    fitted.reset(np.random.default_rng(0))
+    spoilt = []
+    for reading, pose in zip(readings, poses, strict=True):
+        with pytest.raises(InputError, match=message):
+            fitted.update(*spoil(reading, pose))
+        fitted.update(reading, pose)
+        spoilt.append(frozen(fitted.estimate()))
+    assert spoilt == clean
+
+
+def test_same_seed_same_answer(fitted, small_scan):
+    readings, poses = trial(small_scan)
+    assert run(fitted, readings, poses, seed=3) == run(fitted, readings, poses, seed=3)
+
+
+def test_reset_forgets_and_keeps_the_maps(fitted, small_scan):
+    readings, poses = trial(small_scan, "E")
+    others, other_poses = trial(small_scan, "L", count=7, seed=6)
+    first = run(fitted, readings, poses)
+    run(fitted, others, other_poses, seed=8)
+    assert run(fitted, readings, poses) == first
+
+
+def test_looking_changes_nothing(fitted, small_scan):
+    readings, poses = trial(small_scan)
+    plain = run(fitted, readings, poses)
+    fitted.reset(np.random.default_rng(0))
+    looked = []
+    for reading, pose in zip(readings, poses, strict=True):
+        fitted.update(reading, pose)
+        plane = fitted.belief_over_plane()
+        if plane is not None:
+            assert plane.probability.shape == (len(plane.labels), len(plane.y), len(plane.x))
+            assert plane.probability.sum() == pytest.approx(1)
+        fitted.estimate()
+        looked.append(frozen(fitted.estimate()))
+    assert looked == plain
+
+
+def test_inputs_are_not_written_to(fitted, small_scan):
+    readings, poses = (np.array(a) for a in trial(small_scan))
+    kept = readings.copy(), poses.copy()
+    readings.setflags(write=False)
+    poses.setflags(write=False)
+    run(fitted, readings, poses)
+    assert (readings == kept[0]).all()
+    assert (poses == kept[1]).all()
+
+
+def test_readings_may_come_as_lists_and_as_other_numbers(fitted, small_scan):
+    readings, poses = trial(small_scan)
+    readings = np.round(readings).astype(int)
+    assert run(fitted, readings.tolist(), poses.tolist()) == run(fitted, readings.astype(np.int32), poses)
+
+
+@pytest.mark.parametrize("reading", [0.0, -3.0, 1e6], ids=["zeros", "below zero", "saturated"])
+def test_readings_without_contrast_are_taken(fitted, small_scan, reading):
+    for estimate in run(fitted, np.full((3, 36), reading), np.zeros((3, 3))):
+        assert sum(estimate[1].values()) == pytest.approx(1)
+
+
+def test_a_pose_far_away_is_taken(fitted, small_scan):
+    readings, poses = trial(small_scan)
+    for far in (1e3, 1e12, 1e300):
+        for estimate in run(fitted, readings, poses + [far, -far, 0]):
+            assert sum(estimate[1].values()) == pytest.approx(1)
+
+
+def test_work_is_counted(fitted, small_scan):
+    before = fitted.work["likelihood_evaluations"]
+    run(fitted, *trial(small_scan))
+    assert json.loads(json.dumps(fitted.work)) == fitted.work
+    assert fitted.work["likelihood_evaluations"] > before
+    assert all(count >= 0 for count in fitted.work["skipped"].values())
+
+
+def test_a_proposal_is_a_candidate(fitted, small_scan):
+    readings, poses = trial(small_scan)
+    run(fitted, readings, poses)
+    candidates = poses[:3]
+    try:
+        index = fitted.propose(candidates)
+    except InputError:
+        return  # it explores at random
+    assert index in range(len(candidates))
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_test_readings_teach_nothing(name, small_scan):
+    other = make_scan("EIL", poses=POSES, seed=1)
+    test = small_scan.split == "test"
+    swapped = Scan(
+        np.where(test[:, None], other.readings, small_scan.readings), small_scan.poses, small_scan.labels,
+        small_scan.split, small_scan.taxel_xy,
+    )  # fmt: skip
+    readings, poses = trial(small_scan)
+    ours, theirs = estimators.create(name), estimators.create(name)
+    ours.fit(small_scan)
+    theirs.fit(swapped)
+    assert run(ours, readings, poses) == run(theirs, readings, poses)
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize(
+    "pad", [square_pad(16, 16, 0.7), square_pad(5, 5, 2.3), square_pad(1, 1), square_pad(3, 7) * [1, -1]]
+)
+def test_any_pad_will_do_and_a_new_fit_replaces_the_old(name, pad, small_scan):
+    scan = make_scan("LT", pad, POSES)
+    estimator = estimators.create(name)
+    estimator.fit(small_scan)
+    estimator.fit(scan)
+    for estimate in run(estimator, *trial(scan, "T")):
+        assert set(estimate[1]) >= {"L", "T"}
+        assert "E" not in estimate[1]
+        assert sum(estimate[1].values()) == pytest.approx(1)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_single_object_can_be_localised(name, small_scan):
+    estimator = estimators.create(name)
+    estimator.fit(small_scan.where(label="E"))
+    assert run(estimator, *trial(small_scan))[-1][0] == "E"
+
+
+def test_objects_are_recognised(fitted, small_scan):
+    right = 0
+    for seed in range(6):
+        label = small_scan.letters[seed % 3]
+        right += run(fitted, *trial(small_scan, label, count=12, seed=seed), seed=seed)[-1][0] == label
+    assert right >= 4  # guessing gets there once in ten
