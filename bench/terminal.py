@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from rich.console import Console
+from rich.markup import escape
 from rich.progress import (
     BarColumn,
     MofNCompleteColumn,
@@ -20,7 +21,8 @@ from rich.progress import (
 from rich.table import Table
 
 from bench import trials as protocol
-from bench.results import Run, load
+from bench.report.collect import collect
+from bench.results import Run
 
 STAGES = {"press": "pressing", "map": "mapping", "trials": "trials", "sweep": "trials", "replay": "replaying"}
 ROWS = (1, 2, 3, 5, 7, 9, 10, 12, 15, 20, 25, 30, 40, 46, 50, 60, 80, 100, 150, 192)
@@ -62,34 +64,19 @@ def print_run(run: Run, folder: Path, pictures: list[Path]) -> None:
 
 
 def print_sweep(places: list[Path]) -> None:
-    """Print one line a run, a table for each protocol: results of two protocols share no table."""
-    console = Console()
-    runs = [(place, load(place)) for place in places]
-    for protocol_name in dict.fromkeys(run.about["protocol"] for _, run in runs):
-        table = Table(title=protocol_name, box=None, pad_edge=False, title_justify="left")
+    """Print one line a run, a table for each protocol and task: only what may be compared shares a table."""
+    console = Console(highlight=False)
+    for group in collect(places):
+        console.print(f"[bold]{escape(group.protocol)}[/]; {escape(group.task)}")
+        table = Table(box=None, pad_edge=False)
         table.add_column("run", overflow="fold")
-        for heading in (
-            "letters",
-            "trials",
-            "right @5",
-            "@10",
-            "@end",
-            "all right from",
-            "95 % by",
-            "error mm",
-            "ms",
-        ):
+        for heading in ("right @5", "@10", "@end", "all from", "95 % by", "error mm", "ms"):
             table.add_column(heading, justify="right")
-        for place, run in runs:
-            if run.about["protocol"] != protocol_name:
-                continue
-            summary = run.summary
+        for entry in group.entries:
+            summary, seconds = entry.summary, entry.run.times["seconds"]
             accuracy, error = summary["accuracy"], summary["error_mm"][-1]
-            seconds = run.times["seconds"]
             table.add_row(
-                place.name,
-                str(len(run.about["letters"])),
-                str(len(run.trials.truth)),
+                escape(entry.label),
                 *(f"{accuracy[k - 1]:.3f}" if k <= len(accuracy) else "" for k in (5, 10)),
                 f"{accuracy[-1]:.3f}",
                 str(summary["all_right_from"] or "-"),
