@@ -63,6 +63,22 @@ def make_scan(
     )
 
 
+def placement_error(
+    estimate: NDArray[np.float64], truth: NDArray[np.float64], symmetry: int, inertia_over_mass: float
+) -> float:
+    """Measure the distance (mm, rms over the object) of two placements; paper, ref. [24] and eq. 17 to 20.
+
+    Both are robot_in_object of an object whose centre of mass is its origin. symmetry: order, 0 for a disc.
+    """
+    ours, theirs = invert(estimate), invert(truth)
+    turn = 0.0
+    if symmetry:
+        period = 2 * np.pi / symmetry
+        turn = (ours[2] - theirs[2] + period / 2) % period - period / 2
+    shift = ours[:2] - theirs[:2]
+    return float(np.sqrt(shift @ shift + inertia_over_mass * 2 * (1 - np.cos(turn))))
+
+
 def draw_trial(
     scan: Scan, label: str, count: int, rng: np.random.Generator
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:

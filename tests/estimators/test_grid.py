@@ -1,0 +1,64 @@
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from estimators.grid import StateGrid, state_grid
+from tactsim import InputError
+
+
+@pytest.mark.parametrize(("bins", "split"), [(100, (5, 5, 4)), (1000, (10, 10, 10)), (10_000, (25, 25, 16))])
+def test_table_1_is_split_as_printed(bins, split):
+    grid = state_grid(bins)
+    assert (grid.x, grid.y, grid.angle) == split
+    assert grid.bins == bins
+
+
+@given(st.integers(1, 2_000_000))
+def test_any_other_count_is_nearly_used_and_never_exceeded(bins):
+    grid = state_grid(bins)
+    assert 1 <= grid.bins <= bins
+    assert grid.x == grid.y
+    assert grid.bins > bins - grid.x**2
+
+
+def test_the_split_balances_shift_and_turn():
+    # At the edge of a 25 mm letter, half a bin's turn should move a point about as far as half its width.
+    for bins in (3_000, 50_000, 1_000_000):
+        width, _, turn = state_grid(bins).spacing
+        assert 0.5 < 9 * turn / width < 2
+
+
+@given(st.integers(1, 60), st.integers(1, 60), st.integers(1, 60), st.floats(0.1, 50))
+def test_bins_cover_the_space_in_equal_parts(x, y, angle, reach):
+    grid = StateGrid(x, y, angle, reach)
+    for centres, spacing, size, begin in zip(
+        grid.centres, grid.spacing, (2 * reach, 2 * reach, 2 * math.pi), (-reach, -reach, -math.pi),
+        strict=True,
+    ):  # fmt: skip
+        assert len(centres) * spacing == pytest.approx(size)
+        assert centres[0] == pytest.approx(begin + spacing / 2)
+        assert np.diff(centres) == pytest.approx(spacing)
+
+
+@pytest.mark.parametrize("split", ["16x16x36", "16,16,36", " 16 x 16 x 36 "])
+def test_an_explicit_split_is_taken(split):
+    grid = state_grid(10_000, split)
+    assert (grid.x, grid.y, grid.angle) == (16, 16, 36)
+    assert grid.describe() == "16 x 16 x 36 = 9,216 bins a letter, each 1.25 mm x 1.25 mm x 10 deg"
+
+
+@pytest.mark.parametrize(
+    "split", ["", "16x16", "0x5x5", "axbxc", "-1x5x5", "1.5x2x2", "5000x5000x5000", "5x5x5x5"]
+)
+def test_what_is_no_split_is_refused(split):
+    with pytest.raises(InputError, match="16x16x36"):
+        state_grid(10_000, split)
+
+
+@pytest.mark.parametrize("bins", [0, -5, 10**9])
+def test_impossible_counts_are_refused(bins):
+    with pytest.raises(InputError, match="bins"):
+        state_grid(bins)
