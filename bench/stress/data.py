@@ -14,6 +14,8 @@ from models import InputError, parse_letters
 from tactsim import WORLDS, Pad, Scan, ScanOptions, compose, invert, scan_letters
 from tactsim.poses import FloatArray
 
+# Estimators whose answer depends on what they draw.
+DRAWING = ("particle", "augmented-mcl", "tempered")
 # What an estimator's budget is called, and how much of it a case gives where no other is said.
 BUDGETS = {"bins": 1000, "particles": 1000}
 
