@@ -3,9 +3,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from manifold3d import CrossSection
-from oracle import expected_reading, overlap
 
 import models
+from bench.stress.exact import expected_reading, overlap
 from tactsim import Pad, PressOptions, ScanOptions, SensorOptions
 from tactsim.pressing import ideal_readings
 from tactsim.protocol import grid_poses

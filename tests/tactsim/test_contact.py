@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 from manifold3d import CrossSection
-from oracle import integral
 
 import models
+from bench.stress.exact import integral
 from tactsim import InputError, Pad, PressOptions, ScanOptions, press_letter
 from tactsim.bed import Level, lay_bed
 from tactsim.clip import covers, edges_of

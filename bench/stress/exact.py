@@ -1,26 +1,35 @@
-"""What a press should read, worked out another way: the reference of the accuracy tests.
+"""What a press should read, worked out another way: a reference that is exact for flat, level faces.
 
 Clips the footprint with the whole pad by manifold3d, takes F / area as the pressure, and integrates each
 element's response over the clipped region along its boundary by Gauss quadrature. It shares no code with
 the press: no cells, no moments, no MuJoCo.
 """
 
+from __future__ import annotations
+
 import numpy as np
 from manifold3d import CrossSection
+from numpy.typing import ArrayLike
 from scipy.special import erf
+
+from tactsim import Pad
+from tactsim.poses import FloatArray
 
 _POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(12)
 _LONGEST = 1.0  # mm, of a piece of the boundary: with 12 points exact to 1e-12 for a spread of 0.5 mm
 
 
-def overlap(footprint, pose, pad):
+def overlap(footprint: CrossSection, pose: ArrayLike, pad: Pad) -> CrossSection:
     """Clip the footprint with the pad's surface in the sensor frame: a CrossSection, mm."""
+    x, y, angle = np.asarray(pose, dtype=float)
     left, right, low, high = pad.load_bounds
     surface = CrossSection.square((right - left, high - low)).translate((left, low))
-    return footprint.translate((-pose[0], -pose[1])).rotate(-np.degrees(pose[2])) ^ surface
+    return footprint.translate((-x, -y)).rotate(-np.degrees(angle)) ^ surface
 
 
-def expected_reading(footprint, pose, pad, force=2.0, sigma=1.0):
+def expected_reading(
+    footprint: CrossSection, pose: ArrayLike, pad: Pad, force: float = 2.0, sigma: float = 1.0
+) -> tuple[FloatArray, float]:
     """Return the exact reading (taxels,) kPa of a uniform pressure, and the contact area in mm^2."""
     region = overlap(footprint, pose, pad)
     area = region.area()
@@ -30,7 +39,7 @@ def expected_reading(footprint, pose, pad, force=2.0, sigma=1.0):
     return integral(region, pad, sigma) * (1e3 * force / area / element), area
 
 
-def integral(region, pad, sigma):
+def integral(region: CrossSection, pad: Pad, sigma: float) -> FloatArray:
     """Integrate every element's response over a region: (taxels,) mm^2."""
     starts, ends = [], []
     for contour in region.to_polygons():
@@ -48,12 +57,12 @@ def integral(region, pad, sigma):
     return np.einsum("rp,cp,p->rc", rows, columns, weights).ravel()
 
 
-def _response(x, edges, sigma):
+def _response(x: FloatArray, edges: FloatArray, sigma: float) -> FloatArray:
     z = (edges[..., None] - x) / sigma / np.sqrt(2)
     return (erf(z[:, 1]) - erf(z[:, 0])) / 2
 
 
-def _accumulated(x, edges, sigma):
+def _accumulated(x: FloatArray, edges: FloatArray, sigma: float) -> FloatArray:
     """Integrate `_response` from minus infinity to x."""
     z = (edges[..., None] - x) / sigma
     part = -sigma * (z * (1 + erf(z / np.sqrt(2))) / 2 + np.exp(-z * z / 2) / np.sqrt(2 * np.pi))
