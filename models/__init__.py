@@ -6,7 +6,19 @@ folder stands on this one, the error of a wrong input (`errors`) and whole-or-no
 """
 
 from models.errors import InputError
+from models.export import export
 from models.glyphs import names, parse_letters
 from models.letter import Letter, Part, Rectangle, letter
+from models.shapes import shape
 
-__all__ = ["InputError", "Letter", "Part", "Rectangle", "letter", "names", "parse_letters"]
+__all__ = [
+    "InputError",
+    "Letter",
+    "Part",
+    "Rectangle",
+    "export",
+    "letter",
+    "names",
+    "parse_letters",
+    "shape",
+]

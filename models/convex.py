@@ -31,8 +31,9 @@ _BATCH = 1 << 20  # rays times edges that are intersected at a time
 def convex_pieces(contours: Sequence[FloatArray]) -> list[FloatArray]:
     """Split the region inside `contours` into convex polygons without overlap or gap.
 
-    contours: (k, 2) mm each, simple and disjoint, outer ones counter-clockwise and holes clockwise,
-    with no straight corners. Returns (k, 2) mm arrays, counter-clockwise, without straight corners.
+    contours: (k, 2) mm each, outer ones counter-clockwise and holes clockwise, with no straight corners; they
+    may touch, but gaps and necks are otherwise wider than 1e-6 mm. Returns (k, 2) mm arrays,
+    counter-clockwise, without straight corners.
     """
     graph = _Graph(contours)
     graph.cut_reflex_corners()
@@ -54,6 +55,7 @@ class _Graph:
     """The outline's edges and the cuts made so far, as a planar graph with the region on the left."""
 
     def __init__(self, contours: Sequence[FloatArray]) -> None:
+        contours = _with_touching_corners(contours)
         sizes = np.array([len(contour) for contour in contours])
         first = np.repeat(np.cumsum(sizes) - sizes, sizes)
         place = np.arange(sizes.sum()) - first
@@ -61,15 +63,21 @@ class _Graph:
         before = first + (place - 1) % np.repeat(sizes, sizes)
         xy = np.concatenate(list(contours)).astype(float)
         self.corners = len(xy)
+        self.node = _nodes(xy)  # corner -> the first of the corners at its place; contours may touch
+        xy = xy[self.node]
         self.xy = xy
         self.points: list[tuple[float, float]] = [(x, y) for x, y in xy.tolist()]
         self.edges: list[tuple[int, int]] = list(zip(range(self.corners), following.tolist(), strict=True))
         self.on_edge: dict[int, list[int]] = {}  # edge -> points that cuts have put on it
         self.ends = np.concatenate([xy, xy[following]], axis=1)  # (edges, 4): x, y of both ends; grows
         forward, backward = xy[following] - xy, xy[before] - xy
-        # A direction at a corner is the angle to it, counter-clockwise, from the edge that leaves the corner.
+        # A direction at a corner is the angle to it, counter-clockwise, from the edge that leaves the corner;
+        # the region lies between that edge and the next one, counter-clockwise, that arrives at the same place.
         self.zero = np.arctan2(forward[:, 1], forward[:, 0])
-        self.inside = _turn(np.arctan2(backward[:, 1], backward[:, 0]) - self.zero)
+        arriving = np.arctan2(backward[:, 1], backward[:, 0])
+        self.inside = _turn(arriving - self.zero)
+        for shared in _groups(self.node):
+            self.inside[shared] = _turn(arriving[shared][None] - self.zero[shared][:, None]).min(axis=1)
         self.cuts_at: dict[int, list[float]] = {}  # corner -> directions of its cuts
         self.reflex = set(np.flatnonzero(self.inside > math.pi + _FLAT).tolist())
 
@@ -86,13 +94,13 @@ class _Graph:
                 continue
             origin = np.array([self.points[cut.corner]])
             direction = (np.array(cut.stop) - origin) / cut.length
-            reach, edge = _first_hit(origin, direction, self.ends[self.corners : len(self.edges)])
-            if reach[0] < cut.length - _SAME:
-                if cut.end < 0:  # an extension ends at the first cut that it meets
-                    x, y = (origin + reach[0] * direction)[0].tolist()
-                    self._add(cut.corner, self._put_on_edge((x, y), self.corners + int(edge[0])))
+            reach, edge = _first_hit(origin, direction, self.ends[: len(self.edges)])
+            far = float(reach[0])
+            if far < cut.length - _SAME:  # a cut made since is in the way, and this one can end on it
+                x, y = (origin + far * direction)[0].tolist()
+                cost = _INSERTION * cut.alone * far / cut.length
+                heapq.heappush(queue, _Cut(cost, far, cut.corner, -1, (x, y), cost))
             elif cut.end < 0:
-                _, edge = _first_hit(origin, direction, self.ends[: self.corners])
                 self._add(cut.corner, self._put_on_edge(cut.stop, int(edge[0])))
             else:
                 self._add(cut.corner, cut.end)
@@ -104,7 +112,7 @@ class _Graph:
             between = sorted(
                 self.on_edge.get(index, []), key=lambda p: math.dist(self.points[a], self.points[p])
             )
-            for u, v in pairwise([a, *between, b]):
+            for u, v in pairwise([self._at(a), *between, self._at(b)]):
                 leaving.setdefault(u, []).append(v)
                 if index >= self.corners:  # a cut has the region on both sides
                     leaving.setdefault(v, []).append(u)
@@ -163,15 +171,13 @@ class _Graph:
             far, corner, other = float(length[k]), int(reflex[row[k]]), int(end[k])
             found.append(_Cut(cost, far, corner, other, self.points[other], float(alone[k])))
 
-        # Extensions that stop in the middle of an edge; one that meets a corner is among the cuts above.
+        # Extensions: there are always two, so every corner can be resolved.
         stop = origins + reach[:, None] * rays
-        start, finish = self.ends[edge, :2], self.ends[edge, 2:]
-        gap = np.minimum(np.hypot(*(stop - start).T), np.hypot(*(stop - finish).T))
-        along = np.arctan2(*(finish - start).T[::-1])
+        along = np.arctan2(*(self.ends[edge, 2:] - self.ends[edge, :2]).T[::-1])
         arrival = np.mod(angle - along, math.pi)
         arrival = np.minimum(arrival, math.pi - arrival)
         alone = _INSERTION * reach / _sharpness(np.minimum(sharpest, arrival))
-        for k in (count + np.flatnonzero(gap[count:] >= _SAME)).tolist():
+        for k in range(count, len(rays)):
             x, y = stop[k].tolist()
             cost = float(alone[k])
             found.append(_Cut(cost, float(reach[k]), int(reflex[row[k]]), -1, (x, y), cost))
@@ -192,6 +198,9 @@ class _Graph:
             ends.append(ahead)
         return np.concatenate(rows), np.concatenate(ends)
 
+    def _at(self, point: int) -> int:
+        return int(self.node[point]) if point < self.corners else point
+
     def _angle(self, a: int, b: int) -> float:
         (ax, ay), (bx, by) = self.points[a], self.points[b]
         return math.atan2(by - ay, bx - ax)
@@ -206,18 +215,73 @@ class _Graph:
         return len(self.points) - 1
 
     def _add(self, a: int, b: int) -> None:
+        """Add a cut between two points, and note which reflex corners it resolves."""
         if len(self.edges) == len(self.ends):
             self.ends = np.concatenate([self.ends, np.empty_like(self.ends)])
         self.ends[len(self.edges)] = (*self.points[a], *self.points[b])
-        self.edges.append((a, b))
+        self.edges.append((self._at(a), self._at(b)))
         slack = 2 * (_FLAT + _SAME / math.dist(self.points[a], self.points[b]))
         for corner, end in ((a, b), (b, a)):
             if corner in self.reflex:
+                direction = float(_turn(self._angle(corner, end) - self.zero[corner]))
+                if direction >= self.inside[corner]:
+                    continue  # it arrives at another corner of the same place
                 cuts = self.cuts_at.setdefault(corner, [])
-                cuts.append(float(_turn(self._angle(corner, end) - self.zero[corner])))
+                cuts.append(direction)
                 stops = sorted([0.0, float(self.inside[corner]), *cuts])
                 if max(high - low for low, high in pairwise(stops)) <= math.pi + slack:
                     self.reflex.discard(corner)
+
+
+def _with_touching_corners(contours: Sequence[FloatArray]) -> list[FloatArray]:
+    """Add to each contour the corners of others, or its own, that lie in the middle of its edges."""
+    corners = np.concatenate(list(contours))
+    found = []
+    for contour in contours:
+        along = np.roll(contour, -1, axis=0) - contour
+        length = np.hypot(along[:, 0], along[:, 1])
+        step = max(1, _BATCH // len(corners))
+        edges, places, touching = [], [], []
+        for k in range(0, len(contour), step):
+            unit = along[k : k + step] / length[k : k + step, None]
+            offset = corners[None] - contour[k : k + step, None]
+            place = np.sum(offset * unit[:, None], axis=2)
+            aside = np.abs(offset[..., 0] * unit[:, None, 1] - offset[..., 1] * unit[:, None, 0])
+            edge, corner = np.nonzero(
+                (aside < _SAME) & (place > _SAME) & (place < length[k : k + step, None] - _SAME)
+            )
+            edges.append(edge + k)
+            places.append(place[edge, corner])
+            touching.append(corners[corner])
+        edge, place = np.concatenate(edges), np.concatenate(places)
+        if len(edge):
+            order = np.lexsort((place, edge))
+            contour = np.insert(contour, edge[order] + 1, np.concatenate(touching)[order], axis=0)
+            contour = contour[np.hypot(*(contour - np.roll(contour, 1, axis=0)).T) > _SAME]
+        found.append(contour)
+    return found
+
+
+def _nodes(xy: FloatArray) -> NDArray[np.intp]:
+    """Map each point to the first of the points at its place."""
+    along = xy @ np.array([0.8, 0.6])
+    order = np.argsort(along, kind="stable")
+    node = np.arange(len(xy))
+    for step in range(1, len(xy)):
+        near = along[order[step:]] - along[order[:-step]] < 2 * _SAME
+        if not near.any():
+            break
+        a, b = order[:-step][near], order[step:][near]
+        same = np.hypot(*(xy[a] - xy[b]).T) < _SAME
+        for low, high in zip(np.minimum(a, b)[same], np.maximum(a, b)[same], strict=True):
+            node[high] = min(node[high], node[low])
+    return node
+
+
+def _groups(node: NDArray[np.intp]) -> list[NDArray[np.intp]]:
+    """List the corners that share a place, for each place with more than one."""
+    shared = np.flatnonzero(np.bincount(node) > 1)
+    return [np.flatnonzero(node == first) for first in shared]
 
 
 def _first_hit(

@@ -15,13 +15,14 @@ if TYPE_CHECKING:
 FloatArray = NDArray[np.float64]
 
 TOLERANCE = 0.05  # mm: an outline that moves by less is where it was; a sensor element has 1.8 mm
-_PRIMES = (2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37, 41, 43, 47)
+LARGEST_ORDER = 64  # a turn by less moves an outline hardly more than the tolerance
+_PRIMES = (2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37, 41, 43, 47, 53, 59, 61)
 
 
 def rotational_order(contours: Sequence[FloatArray], tolerance: float = TOLERANCE) -> int | float:
-    """Find the largest n for which a turn by 2 pi / n about the origin leaves the region as it is.
+    """Find the largest n up to LARGEST_ORDER for which turns by 2 pi / n leave the region as it is.
 
-    contours: (k, 2) mm each, the origin at the centre of area. The region counts as unchanged when no
+    contours: (k, 2) mm each; the turns are about the origin, the centre of area. The region counts as unchanged when no
     point of it or of its turned copy lies further than `tolerance` (mm) outside the other. Returns math.inf
     when every contour is a circle round the origin within the tolerance: a fine regular polygon is one.
     """
@@ -33,7 +34,7 @@ def rotational_order(contours: Sequence[FloatArray], tolerance: float = TOLERANC
     grown = region.offset(tolerance)
     order = 1
     for prime in _PRIMES:
-        while _unchanged(region, grown, order * prime):
+        while order * prime <= LARGEST_ORDER and _unchanged(region, grown, order * prime):
             order *= prime
     return order
 
@@ -47,6 +48,8 @@ def _is_circle(contour: FloatArray, tolerance: float) -> bool:
 
 
 def _unchanged(region: CrossSection, grown: CrossSection, order: int) -> bool:
-    degrees = 360 / order
-    # The second difference, turned back, is what of the region lies outside the grown turned copy.
-    return bool((region.rotate(degrees) - grown).is_empty() and (region.rotate(-degrees) - grown).is_empty())
+    """Tell whether every turn by a multiple of 2 pi / order keeps the region inside its grown self."""
+    # Both ways of a turn are tried, as what sticks out of the turned copy, turned back, is the other way's.
+    # All multiples count: a small turn alone moves no point far.
+    turns = (sign * 360 * k / order for k in range(1, order // 2 + 1) for sign in (1, -1))
+    return all((region.rotate(degrees) - grown).is_empty() for degrees in turns)

@@ -1,0 +1,119 @@
+"""A user's own shape: the flat face of a mesh file or the outline of a drawing, raised like a letter."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from models.errors import InputError
+from models.letter import HEIGHT, LARGEST_HEIGHT, Letter, raised
+
+if TYPE_CHECKING:
+    from manifold3d import CrossSection
+
+STAGE = 32.0  # mm a side: a pad of 11.6 mm at positions up to 10.2 mm from the centre reaches 16 mm
+LEAST_AREA = 1.0  # mm^2, a third of one element of the pad
+MOST_CORNERS = 2000  # of the face's outline, once straightened
+DETAIL = 0.01  # mm: what is finer is left out
+MOST_TRACED = 20_000  # corners before that; simplifying takes time that grows with their square
+LARGEST_FILE = 64 << 20  # bytes
+_UNITS = "lengths are mm in .stl and .obj, metres in .glb, and as the drawing says in .svg"
+
+
+def shape(
+    path: str | Path, *, height: float | None = None, name: str | None = None, rounding: float = 0.0
+) -> Letter:
+    """Read a shape of one's own and raise its flat face like a letter.
+
+    path: a watertight mesh in mm, .stl or .obj, or in metres, .glb, whose highest face is flat and looks
+    along +z: that face is pressed; or a drawing, .svg, whose filled outlines are pressed as they are seen.
+    height: thickness in mm; by default the mesh's own, or HEIGHT for a drawing. name: what a scan calls the
+    shape, by default the file's name without its ending. rounding: radius (mm) of the face's edge.
+
+    Raises InputError if the file cannot be read, is damaged or refers to others, if the mesh is not
+    watertight or has no such face, or if the face is too small, too large for the stage or too detailed.
+    """
+    path = Path(path)
+    name = path.stem if name is None else name
+    if not (name.isprintable() and 0 < len(name) <= 40):
+        raise InputError(f"{name!r} is no name for a shape; give one of 1 to 40 printable characters")
+    suffix = path.suffix.lower()
+    if suffix not in (".stl", ".obj", ".glb", ".svg"):
+        raise InputError(
+            f"{path}: shapes are read from .stl, .obj, .glb and .svg files, not {suffix or 'this'}"
+        )
+    content = _read(path)
+    try:
+        if suffix == ".svg":
+            from models.drawing import filled_region
+
+            footprint, thickness = filled_region(content), HEIGHT
+        else:
+            from models.mesh import highest_face
+
+            footprint, thickness = highest_face(content, suffix[1:])
+        _check_detail(footprint.num_vert(), MOST_TRACED)
+        footprint = cleaned(footprint)
+        _check_detail(footprint.num_vert(), MOST_CORNERS)
+        _check_area(footprint.area())
+        if thickness > LARGEST_HEIGHT:
+            raise InputError(
+                f"the mesh is {thickness:.4g} mm thick along z, the most is {LARGEST_HEIGHT:g} ({_UNITS})"
+            )
+        letter = raised(name, footprint, height=thickness if height is None else height, rounding=rounding)
+        _check_reach(np.concatenate(letter.contours))
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from error
+    return letter
+
+
+def cleaned(region: CrossSection) -> CrossSection:
+    """Close gaps and cut off necks and whiskers thinner than DETAIL, and straighten outlines within DETAIL.
+
+    What is left touches itself nowhere, so that it can be cut into parts.
+    """
+    from manifold3d import JoinType
+
+    for step in (DETAIL / 2, -DETAIL, DETAIL / 2):
+        region = region.offset(step, JoinType.Miter, 10.0)
+    return region.simplify(DETAIL)
+
+
+def _read(path: Path) -> bytes:
+    try:
+        size = path.stat().st_size
+        if not path.is_file():
+            raise InputError(
+                f"{path} is not a file; a shape is a mesh (.stl, .obj, .glb) or a drawing (.svg)"
+            )
+        if size > LARGEST_FILE:
+            raise InputError(f"{path} has {size:,} bytes; the most for a shape is {LARGEST_FILE:,}")
+        content = path.read_bytes()
+    except OSError as error:
+        raise InputError(f"cannot read shape {path}: {error.strerror or error}") from error
+    if not content:
+        raise InputError(f"{path} is empty; a shape is a mesh (.stl, .obj, .glb) or a drawing (.svg)")
+    return content
+
+
+def _check_detail(corners: int, most: int) -> None:
+    if corners > most:
+        raise InputError(f"the face's outline has {corners:,} corners, the most is {most:,}: simplify it")
+
+
+def _check_area(area: float) -> None:
+    if area < LEAST_AREA:
+        raise InputError(
+            f"the face to press covers {area:.2g} mm^2, and a pad feels none below {LEAST_AREA:g} mm^2 ({_UNITS})"
+        )
+
+
+def _check_reach(corners: np.ndarray) -> None:
+    reach = np.abs(corners).max(axis=0)
+    if reach.max() > STAGE / 2:
+        raise InputError(
+            f"the face reaches {reach[0]:.4g} mm sideways and {reach[1]:.4g} mm up or down from its centre of "
+            f"area; the poses cover {STAGE / 2:g} mm each way: scale it down ({_UNITS})"
+        )

@@ -1,0 +1,391 @@
+import copy
+import json
+import math
+import os
+import re
+import struct
+
+import numpy as np
+import pytest
+import trimesh
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+import models
+from models.drawing import FLATTENING
+from models.errors import InputError
+from models.shapes import DETAIL
+
+
+def refusal(path, **options):
+    """Return the one line with which a shape is refused."""
+    with pytest.raises(InputError) as error:
+        models.shape(path, **options)
+    message = str(error.value)
+    assert "\n" not in message
+    assert str(path) in message
+    return message.replace(str(path), "")
+
+
+def write_mesh(folder, mesh, kind="stl"):
+    path = folder / f"thing.{kind}"
+    mesh = mesh.copy()
+    if kind == "glb":
+        mesh.apply_scale(1e-3)
+    mesh.export(path)
+    return path
+
+
+def write_svg(folder, body, head='width="30mm" height="30mm" viewBox="0 0 30 30"'):
+    path = folder / "thing.svg"
+    path.write_text(f'<svg xmlns="http://www.w3.org/2000/svg" {head}>{body}</svg>', encoding="utf-8")
+    return path
+
+
+def box(*size, at=(0, 0, 0)):
+    return trimesh.creation.box(size, transform=trimesh.transformations.translation_matrix(at))
+
+
+# --- meshes that are good
+
+
+@pytest.mark.parametrize("kind", ["stl", "obj", "glb"])
+def test_a_box_is_a_rectangle_of_its_thickness(tmp_path, kind):
+    shape = models.shape(write_mesh(tmp_path, box(20, 10, 3, at=(7, -50, 11)), kind))
+    assert shape.name == "thing"
+    assert shape.area == pytest.approx(200, rel=1e-4)
+    assert shape.height == pytest.approx(3, abs=1e-4)
+    assert shape.inertia_over_mass == pytest.approx((20**2 + 10**2) / 12, rel=1e-4)
+    assert [part.rectangle is not None for part in shape.parts] == [True]
+    assert shape.symmetry == 2
+
+
+def test_text_stl_too(tmp_path):
+    path = tmp_path / "thing.stl"
+    path.write_bytes(box(20, 10, 3).export(file_type="stl_ascii").encode())
+    assert models.shape(path).area == pytest.approx(200, rel=1e-6)
+
+
+def test_a_tube_is_a_ring(tmp_path):
+    shape = models.shape(write_mesh(tmp_path, trimesh.creation.annulus(5, 10, 4, sections=128)))
+    assert shape.symmetry == math.inf
+    assert shape.area == pytest.approx(math.pi * 75, rel=0.01)
+
+
+def test_only_the_highest_face_is_pressed(tmp_path):
+    plate = box(40, 40, 2, at=(0, 0, -3)).union(box(12, 8, 6), engine="manifold")
+    shape = models.shape(write_mesh(tmp_path, plate))
+    assert shape.area == pytest.approx(96, rel=1e-4)
+    assert shape.height == pytest.approx(7, abs=1e-4)
+
+
+def test_a_mesh_inside_out_and_one_that_overlaps_itself(tmp_path):
+    inverted = box(10, 10, 4)
+    inverted.invert()
+    assert models.shape(write_mesh(tmp_path, inverted)).area == pytest.approx(100, rel=1e-4)
+    both = trimesh.util.concatenate([box(10, 10, 4), box(10, 10, 4, at=(5, 5, 0))])
+    assert models.shape(write_mesh(tmp_path, both)).area == pytest.approx(175, rel=1e-4)
+
+
+def test_name_height_and_rounding_can_be_given(tmp_path):
+    path = write_mesh(tmp_path, box(20, 10, 3))
+    shape = models.shape(path, name="brick", height=5, rounding=0.5)
+    assert (shape.name, shape.height, shape.rounding) == ("brick", 5.0, 0.5)
+    assert shape.volume < 1000
+    assert "rounding" in refusal(path, rounding=6)
+    assert "height" in refusal(path, height=-1)
+    for name in ("", "a\nb", "x" * 41):
+        with pytest.raises(InputError, match="name"):
+            models.shape(path, name=name)
+
+
+# --- meshes that are not
+
+
+def test_an_open_mesh_says_how_many_edges_are_open(tmp_path):
+    mesh = box(10, 10, 4)
+    mesh.update_faces(np.arange(12) != 3)
+    assert "not watertight: 3 of" in refusal(write_mesh(tmp_path, mesh))
+    touching = trimesh.util.concatenate([box(10, 10, 4), box(10, 10, 4, at=(10, 10, 0))])
+    assert "not watertight: 1 of" in refusal(write_mesh(tmp_path, touching))
+
+
+def test_a_flipped_face_is_named(tmp_path):
+    mesh = box(10, 10, 4)
+    faces = mesh.faces.copy()
+    faces[5] = faces[5][::-1]
+    assert "normals" in refusal(write_mesh(tmp_path, trimesh.Trimesh(mesh.vertices, faces, process=False)))
+
+
+@pytest.mark.parametrize(
+    "mesh",
+    [
+        trimesh.creation.icosphere(3, 8),
+        trimesh.creation.cone(10, 5),
+        box(10, 10, 4).apply_transform(trimesh.transformations.rotation_matrix(0.05, [1, 0, 0])),
+    ],
+    ids=["sphere", "cone", "tilted"],
+)
+def test_without_a_level_face_on_top(tmp_path, mesh):
+    assert "not flat" in refusal(write_mesh(tmp_path, mesh))
+
+
+def test_sizes_that_no_pad_covers_or_feels(tmp_path):
+    assert "reaches 20 mm sideways" in refusal(write_mesh(tmp_path, box(40, 10, 4)))
+    assert models.shape(write_mesh(tmp_path, box(32, 10, 4))).area == pytest.approx(320, rel=1e-4)
+    assert "metres in .glb" in refusal(write_mesh(tmp_path, box(0.02, 0.02, 4)))
+    assert "mm thick" in refusal(write_mesh(tmp_path, box(20, 20, 0.004)))
+    assert "mm from the origin" in refusal(write_mesh(tmp_path, box(1e30, 10, 4)))
+    path = tmp_path / "mm.glb"
+    box(20, 10, 3).export(path)  # in mm, where glTF prescribes metres
+    assert "metres in .glb" in refusal(path)
+
+
+@pytest.mark.parametrize("bad", ["nan", "inf", "-inf", "1e999"])
+def test_corners_that_are_not_numbers(tmp_path, bad):
+    path = write_mesh(tmp_path, box(10, 10, 4), "obj")
+    path.write_text(re.sub(r"-5\.0+", bad, path.read_text(), count=1))
+    assert f" {bad}" in path.read_text()
+    assert "not a finite number" in refusal(path)
+
+
+def test_a_million_faces_are_refused_before_they_are_read(tmp_path):
+    path = tmp_path / "thing.stl"
+    path.write_bytes(bytes(80) + struct.pack("<I", 1_000_000) + bytes(50_000_000))
+    assert "1,000,000 faces" in refusal(path)
+    path = tmp_path / "thing.obj"
+    path.write_bytes(b"v 0 0 0\nv 1 0 0\nv 0 1 0" + b"\nf 1 2 3" * 600_000)
+    assert "600,000 faces" in refusal(path)
+    path = tmp_path / "thing.stl"
+    with path.open("wb") as stream:
+        stream.truncate(1 << 30)
+    assert "the most for a shape" in refusal(path)
+
+
+def test_an_outline_with_too_many_corners(tmp_path):
+    angle = np.linspace(0, 2 * np.pi, 3000, endpoint=False)
+    radius = np.where(np.arange(3000) % 2, 10.0, 12.0)
+    rays = " ".join(
+        f"{15 + r * math.cos(a):.5f},{15 + r * math.sin(a):.5f}" for r, a in zip(radius, angle, strict=True)
+    )
+    assert "corners" in refusal(write_svg(tmp_path, f'<polygon points="{rays}"/>'))
+
+
+@pytest.mark.parametrize("kind", ["stl", "obj", "glb", "svg"])
+def test_files_that_are_cut_short_or_of_another_kind(tmp_path, kind):
+    path = tmp_path / f"thing.{kind}"
+    if kind == "svg":
+        whole = write_svg(tmp_path, '<rect width="20" height="10"/>').read_bytes()
+    else:
+        whole = write_mesh(tmp_path, box(20, 10, 3), kind).read_bytes()
+    for length in (1, 10, 30, 90, len(whole) // 2, len(whole) - 9):
+        path.write_bytes(whole[:length])
+        refusal(path)
+    path.write_bytes(b"")
+    assert "empty" in refusal(path)
+    for content in (b"\x00" * 200, b"hello", b"\xff\xfe" * 60, b"\x89PNG\r\n\x1a\n" + bytes(100)):
+        path.write_bytes(content)
+        refusal(path)
+
+
+def test_paths_that_are_no_files(tmp_path):
+    assert "No such file" in refusal(tmp_path / "missing.stl")
+    (tmp_path / "folder.stl").mkdir()
+    assert "not a file" in refusal(tmp_path / "folder.stl")
+    os.mkfifo(tmp_path / "pipe.stl")
+    assert "not a file" in refusal(tmp_path / "pipe.stl")
+    assert ".stl, .obj, .glb and .svg" in refusal(tmp_path / "thing.step")
+    assert ".stl, .obj, .glb and .svg" in refusal(tmp_path / "thing")
+
+
+TRIANGLE = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], "<f4").tobytes()
+GLTF = {
+    "asset": {"version": "2.0"},
+    "scene": 0,
+    "scenes": [{"nodes": [0]}],
+    "nodes": [{"mesh": 0}],
+    "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}],
+    "accessors": [{"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3"}],
+    "bufferViews": [{"buffer": 0, "byteOffset": 0, "byteLength": 36}],
+    "buffers": [{"byteLength": 36}],
+}
+
+
+def glb(tree):
+    text = tree if isinstance(tree, bytes) else json.dumps(tree).encode()
+    text += b" " * (-len(text) % 4)
+    chunks = struct.pack("<I4s", len(text), b"JSON") + text
+    chunks += struct.pack("<I4s", len(TRIANGLE), b"BIN\0") + TRIANGLE
+    return struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks
+
+
+@pytest.mark.parametrize(
+    ("change", "expected"),
+    [
+        ({"buffers": [{"byteLength": 36, "uri": "../../etc/passwd"}]}, "other files"),
+        ({"images": [{"uri": "https://example.org/a.png"}]}, "other files"),
+        ({"extensionsRequired": ["KHR_draco_mesh_compression"]}, "KHR_draco"),
+        ({"accessors": [{"componentType": 5126, "count": 10**12, "type": "VEC3"}]}, "faces; the most"),
+        ({"accessors": [{"componentType": 5126, "count": 10**5, "type": "VEC3"}]}, "not a whole GLB"),
+        ({"accessors": [{"count": -5}]}, "accessors.0.count"),
+        ({"accessors": 5}, "accessors"),
+        ({"nodes": [{"mesh": 0}] * 100_000}, "faces; the most"),
+        ({"nodes": [{"mesh": 0, "children": [0]}]}, "not watertight"),
+        ({"nodes": [{"mesh": 0, "matrix": [1e300] * 16}]}, ""),
+        ({"meshes": None}, "GLB"),
+    ],
+)
+def test_hostile_glb(tmp_path, change, expected):
+    path = tmp_path / "thing.glb"
+    path.write_bytes(glb({**copy.deepcopy(GLTF), **change}))
+    assert expected in refusal(path)
+
+
+@pytest.mark.parametrize(
+    "text", [b"[[]]", b"[" * 100_000 + b"]" * 100_000, b"{", b"\xff\xff", b'{"nodes": NaN}']
+)
+def test_glb_whose_json_is_none(tmp_path, text):
+    path = tmp_path / "thing.glb"
+    path.write_bytes(glb(text))
+    assert "JSON" in refusal(path) or "GLB" in refusal(path)
+
+
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(data=st.data())
+def test_damaged_files_are_read_or_refused(tmp_path, data):
+    """Whatever a few bytes are changed to, the answer is a shape or one line."""
+    kind = data.draw(st.sampled_from(["stl", "obj", "glb", "svg"]))
+    if kind == "svg":
+        path = write_svg(tmp_path, '<g transform="rotate(20)"><path d="M3 3h9a4 4 0 0 1 3 9q2 3-9 1z"/></g>')
+    else:
+        path = write_mesh(tmp_path, box(20, 10, 3), kind)
+    content = bytearray(path.read_bytes())
+    for _ in range(data.draw(st.integers(1, 6))):
+        content[data.draw(st.integers(0, len(content) - 1))] = data.draw(st.integers(0, 255))
+    path.write_bytes(content)
+    try:
+        shape = models.shape(path)
+    except InputError as error:
+        assert len(str(error).splitlines()) == 1  # noqa: PT017, either end is right
+    else:
+        assert shape.area > 0
+
+
+# --- drawings
+
+
+@pytest.mark.parametrize(
+    ("body", "area"),
+    [
+        ('<rect x="2" y="2" width="20" height="10"/>', 200),
+        ('<rect width="20" height="10" rx="3"/>', 200 - (4 - math.pi) * 9),
+        ('<circle cx="12" cy="12" r="10"/>', 100 * math.pi),
+        ('<ellipse cx="12" cy="12" rx="10" ry="5"/>', 50 * math.pi),
+        ('<polygon points="0,0 20,0 20,20"/>', 200),
+        ('<polyline points="0,0 20,0 20,20"/>', 200),
+        ('<path d="M0 0 C 0 10 20 10 20 0 Z"/>', 120),
+        ('<path d="M0 0 Q 10 20 20 0"/>', 400 / 3),
+        ('<path d="M0 0L20 20L20 0L0 20z"/>', 200),
+        ('<path d="M2 2h20v20h-20zM6 6h12v12h-12z"/>', 400),
+        ('<path fill-rule="evenodd" d="M2 2h20v20h-20zM6 6h12v12h-12z"/>', 400 - 144),
+        ('<g style="fill-rule:evenodd"><path d="M2 2h20v20h-20zM6 6h12v12h-12z"/></g>', 400 - 144),
+        ('<path d="M2 2h20v20h-20zM6 6v12h12v-12z"/>', 400 - 144),
+        (
+            '<g transform="rotate(30)"><g transform="translate(5,1) scale(2 1)"><rect width="5" height="9"/></g></g>',
+            90,
+        ),
+        ('<g transform="skewX(30)"><ellipse rx="8" ry="5" transform="rotate(20)"/></g>', 40 * math.pi),
+        ('<rect width="9" height="9"/><rect width="30" height="30" fill="none" stroke="red"/>', 81),
+        ('<rect width="9" height="9"/><g display="none"><rect width="20" height="20"/></g>', 81),
+        ('<defs><rect width="20" height="20"/></defs><rect width="9" height="9"/><title>it</title>', 81),
+    ],
+)
+def test_drawings(tmp_path, body, area):
+    shape = models.shape(write_svg(tmp_path, body))
+    perimeter = sum(np.hypot(*(np.roll(c, -1, axis=0) - c).T).sum() for c in shape.contours)
+    assert shape.area == pytest.approx(area, abs=(FLATTENING + DETAIL) * perimeter)
+    assert shape.height == models.letter("A").height
+
+
+def test_a_drawing_is_pressed_as_it_is_seen(tmp_path):
+    """SVG's y looks down; an L drawn with its foot at the bottom right must have it there."""
+    shape = models.shape(write_svg(tmp_path, '<path d="M2 2h4v16h8v4h-12z"/>'))
+    corners = shape.contours[0]
+    lower = corners[corners[:, 1] < corners[:, 1].min() + 1]
+    assert np.ptp(lower[:, 0]) == pytest.approx(12, abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("head", "side"),
+    [
+        ("", 10 * 25.4 / 96),
+        ('width="100" height="100"', 10 * 25.4 / 96),
+        ('width="100mm" height="100mm" viewBox="0 0 100 100"', 10),
+        ('width="5cm" height="5cm" viewBox="0 0 50 50"', 10),
+        ('width="1in" viewBox="-3 7 25.4 10"', 10),
+        ('width="50mm" height="20mm" viewBox="0 0 10 10"', 20),
+        ('width="100%" viewBox="0 0 100 100"', 10 * 25.4 / 96),
+    ],
+)
+def test_lengths_of_drawings(tmp_path, head, side):
+    shape = models.shape(write_svg(tmp_path, '<rect width="10" height="10"/>', head))
+    assert math.sqrt(shape.area) == pytest.approx(side, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("body", "expected"),
+    [
+        ("<text>A</text>", "<text>"),
+        ('<defs><rect id="a" width="9" height="9"/></defs><use href="#a"/>', "<use>"),
+        ('<image href="a.png"/>', "<image>"),
+        ('<rect width="20" height="20" clip-path="url(#c)"/>', "clips"),
+        ("<style>.a{fill:none}</style>", "style sheet"),
+        ('<rect width="20" height="20" fill="none"/>', "no filled outline"),
+        ("", "no filled outline"),
+        ('<path d=""/>', "covers 0 mm"),
+        ('<path d="M 0 0 L banana 5 5 Z"/>', "cannot|can be read"),
+        ('<rect width="nan" height="20"/>', "can be read"),
+        ('<rect width="20mm" height="20"/>', "can be read"),
+        ('<rect width="1e308" height="20"/>', "from the drawing's origin"),
+        ('<path d="M0 0L1e300 0L0 1e300z"/>', "from the drawing's origin"),
+        ('<path d="M0 0A1e300 1e300 0 0 1 10 10z"/>', "chords"),
+        ('<rect width="20" height="20" transform="spin(3)"/>', "can be read"),
+        ('<circle r="5" transform="scale(0,0)"/>', "can be read"),
+    ],
+)
+def test_drawings_that_are_refused(tmp_path, body, expected):
+    message = refusal(write_svg(tmp_path, body))
+    assert any(word in message for word in expected.split("|")), message
+
+
+@pytest.mark.parametrize(
+    "head",
+    ['viewBox="0 0 0 0" width="3mm"', 'viewBox="1 2 3"', 'width="3furlong"', 'width="0mm" viewBox="0 0 3 3"'],
+)
+def test_drawings_without_a_scale(tmp_path, head):
+    refusal(write_svg(tmp_path, '<rect width="9" height="9"/>', head))
+
+
+def test_a_scribble_ends_soon(tmp_path):
+    points = np.random.default_rng(0).random((3000, 2)) * 20
+    path = " ".join(f"{x:.3f},{y:.3f}" for x, y in points)
+    assert "corners" in refusal(write_svg(tmp_path, f'<path fill-rule="evenodd" d="M{path}z"/>'))
+
+
+def test_xml_that_is_no_drawing(tmp_path):
+    path = tmp_path / "thing.svg"
+    path.write_text(
+        '<?xml version="1.0"?><!DOCTYPE a [<!ENTITY b "c">]><svg xmlns="http://www.w3.org/2000/svg"/>'
+    )
+    assert "entities" in refusal(path)
+    path.write_text("<html></html>")
+    assert "root" in refusal(path)
+    path.write_text('<svg><rect width="20" height="20"/></svg>')
+    assert 'xmlns="http://www.w3.org/2000/svg"' in refusal(path)
+
+
+def test_islands_and_deep_groups(tmp_path):
+    squares = "".join(f"M{i * 0.8:.1f},{j * 0.8:.1f}h.5v.5h-.5z" for i in range(12) for j in range(12))
+    shape = models.shape(write_svg(tmp_path, "<g>" * 3000 + f'<path d="{squares}"/>' + "</g>" * 3000))
+    assert len(shape.parts) == 144
+    assert shape.area == pytest.approx(36, abs=1e-3)
