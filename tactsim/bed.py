@@ -44,7 +44,7 @@ class Springs(NamedTuple):
     rows: of the bed. position: (n, 3) m in the sensor frame, z along the press: where the letter meets each.
     share: (n,), of the largest spring's area; 1 for a spring without area: nothing may touch it, and if
     anything did, it should be felt. level: (n,) which level of the face, or part, each one carries.
-    area: mm^2, of all. largest: mm^2, of the largest.
+    area: mm^2, of all. largest: mm^2, of the largest. flat: whether all begin at the same gap.
     """
 
     rows: slice
@@ -53,6 +53,7 @@ class Springs(NamedTuple):
     level: NDArray[np.intp]
     area: float
     largest: float
+    flat: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +62,7 @@ class Bed:
 
     level: (contacts,) index of the level (or part) that touches. cell: (contacts,) row * columns +
     column in the grid of cells. centroid: (contacts, 2) mm in the sensor frame. area: (contacts,) mm^2.
-    gap: (contacts,) mm. moments: (contacts, 6) about the cell's centre (`clip.MOMENTS`).
+    gap: (contacts,) mm. moments: (6, contacts) about the cell's centre (`clip.MOMENTS`).
     start: (presses + 1,) where each press's rows begin.
     """
 
@@ -90,10 +91,11 @@ class Bed:
             largest[some] = np.maximum.reduceat(self.area, self.start[:-1][some])
         share = np.divide(self.area, largest[self.press], out=np.ones_like(self.area), where=self.area > 0)
         position = np.column_stack([self.centroid, self.gap]) * MM
+        flat = not self.gap.any()
         rows = [slice(*pair) for pair in pairwise(self.start.tolist())]
         return [
-            Springs(here, position[here], share[here], self.level[here], *areas)
-            for here, *areas in zip(rows, total.tolist(), largest.tolist(), strict=True)
+            Springs(here, position[here], share[here], self.level[here], area, most, flat)
+            for here, area, most in zip(rows, total.tolist(), largest.tolist(), strict=True)
         ]
 
     def repeat(self, times: int) -> Bed:
@@ -104,7 +106,7 @@ class Bed:
             centroid=np.tile(self.centroid, (times, 1)),
             area=np.tile(self.area, times),
             gap=np.tile(self.gap, times),
-            moments=np.tile(self.moments, (times, 1)),
+            moments=np.tile(self.moments, times),
             start=len(self.area) * np.arange(times + 1),
         )
 
@@ -124,28 +126,26 @@ def lay_bed(
     """
     rows, columns = len(y_lines) - 1, len(x_lines) - 1
     object_in_sensor = invert(poses)
-    every = np.empty((len(poses), len(levels), rows * columns, MOMENTS))
+    every = np.empty((MOMENTS, len(poses), len(levels), rows * columns))
     for index, level in enumerate(levels):
         moments = cell_moments(level.edges, object_in_sensor, x_lines, y_lines)
-        every[:, index] = moments.reshape(len(poses), rows * columns, MOMENTS)
-    area = every[..., 0]
+        every[:, :, index] = moments.reshape(MOMENTS, len(poses), rows * columns)
+    area = every[0]
     whole = area.sum(axis=(1, 2), keepdims=True)
     covered = (area > SMALLEST_PART * whole) & (whole > SMALLEST_CONTACT)
-    every[~covered] = 0
-    press, of_level, cell = np.nonzero(covered if skip_empty else np.ones_like(covered))
-    moments = every[press, of_level, cell]
-    area = moments[:, 0]
+    if not skip_empty:
+        every *= covered
+        covered = np.ones_like(covered)
+    press, of_level, cell = np.nonzero(covered)
+    moments = every[:, covered]
+    area = moments[0]
     row, column = np.divmod(cell, columns)
-    centroid = np.stack(
-        [(x_lines[:-1] + x_lines[1:])[column] / 2, (y_lines[:-1] + y_lines[1:])[row] / 2], axis=1
-    )
-    centroid += np.divide(
-        moments[:, 1:3], area[:, None], out=np.zeros_like(centroid), where=area[:, None] > 0
-    )
+    middle = ((x_lines[:-1] + x_lines[1:])[column] / 2, (y_lines[:-1] + y_lines[1:])[row] / 2)
+    offset = np.divide(moments[1:3], area, out=np.zeros((2, len(area))), where=area > 0)
     return Bed(
         level=of_level,
         cell=cell,
-        centroid=centroid,
+        centroid=np.stack(middle + offset, axis=1),
         area=area,
         gap=np.array([level.gap for level in levels])[of_level],
         moments=moments,

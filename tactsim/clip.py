@@ -34,7 +34,7 @@ def cell_moments(
 
     edges: (edges, 2, 2) mm, outer contours counter-clockwise, holes clockwise. poses: (n, 3), the
     outline's frame in the grid's. x_lines (columns + 1,), y_lines (rows + 1,): the grid, mm.
-    Returns (n, rows, columns, 6): area mm^2, first moments mm^3 and second moments mm^4 about each
+    Returns (6, n, rows, columns): area mm^2, first moments mm^3 and second moments mm^4 about each
     cell's centre, in the order above.
     """
     count, rows, columns = len(poses), len(y_lines) - 1, len(x_lines) - 1
@@ -48,71 +48,74 @@ def cell_moments(
         & (np.minimum(x0, x1) < x_lines[-1])
     )
     pose, x0, y0, x1, y1 = pose[near], x0[near], y0[near], x1[near], y1[near]
-    piece, y0, y1, x0, x1 = _cut(y0, y1, x0, x1, y_lines)
-    pose = pose[piece]
-    piece, x0, x1, y0, y1 = _cut(x0, x1, y0, y1, x_lines)
-    pose = pose[piece]
-    # A piece lies in one row and one column, told by its middle; beyond the left border it covers
-    # whole rows, as a piece on that border would.
-    row = np.searchsorted(y_lines, (y0 + y1) / 2) - 1
-    column = np.searchsorted(x_lines, (x0 + x1) / 2) - 1
-    inside = (row >= 0) & (row < rows) & (column < columns)
-    pose, row, column = pose[inside], row[inside], column[inside]
-    x0, y0, x1, y1 = x0[inside], y0[inside], x1[inside], y1[inside]
+    piece, row, y0, y1, x0, x1 = _cut(y0, y1, x0, x1, y_lines)
+    inside = (row >= 0) & (row < rows)
+    pose, row = pose[piece][inside], row[inside]
+    piece, column, x0, x1, y0, y1 = _cut(x0[inside], x1[inside], y0[inside], y1[inside], x_lines)
+    inside = column < columns
+    piece, column = piece[inside], column[inside]
+    pose, row = pose[piece], row[piece]
+    x0, x1, y0, y1 = x0[inside], x1[inside], y0[inside], y1[inside]
+    # What lies left of the grid covers whole rows of it, as a piece on its left border would.
     left = column < 0
     x0[left] = x1[left] = x_lines[0]
     column[left] = 0
 
-    u0, u1 = x0 - (x_lines[column] + x_lines[column + 1]) / 2, x1 - x0
-    v0, v1 = y0 - (y_lines[row] + y_lines[row + 1]) / 2, y1 - y0
-    half = (x_lines[column + 1] - x_lines[column]) / 2
-    moments = np.zeros((MOMENTS, len(row)))  # of the region between a piece and its cell's right side
-    cover = np.zeros((3, len(row)))  # integrals of 1, v, vv along a piece, for the cells further right
+    half_widths = np.diff(x_lines) / 2
+    half, rise = half_widths[column], y1 - y0
+    u0, u1 = x0 - (x_lines[:-1] + half_widths)[column], x1 - x0
+    v0 = y0 - ((y_lines[:-1] + y_lines[1:]) / 2)[row]
+    # Integrals over the region between a piece and its cell's right side, in the order of the moments, and of
+    # v and vv along the piece, for the cells further right.
+    integrals = np.zeros((MOMENTS + 2, len(row)))
     for t in _GAUSS:
-        u, v = u0 + t * u1, v0 + t * v1
-        width, first = half - u, (half * half - u * u) / 2
-        moments += (width, first, width * v, (half**3 - u**3) / 3, first * v, width * v * v)
-        cover += (np.ones_like(v), v, v * v)
-    weight = -v1 / len(_GAUSS)  # a rising edge has the region on its left
-    cells = count * rows * columns
+        u, v = u0 + t * u1, v0 + t * rise
+        width = half - u
+        first, third = (half + u) * width / 2, (half * (half + u) + u * u) * width / 3
+        vv = v * v
+        for total, value in zip(
+            integrals, (width, first, width * v, third, first * v, width * vv, v, vv), strict=True
+        ):
+            total += value
+    integrals *= rise / -len(_GAUSS)  # a rising edge has the region on its left
     cell = (pose * rows + row) * columns + column
-    own = np.stack([np.bincount(cell, weight * m, cells) for m in moments], axis=-1).astype(float)
-    right = np.stack([np.bincount(cell, weight * c, cells) for c in cover], axis=-1)
-    own = own.reshape(count, rows, columns, MOMENTS)
-    right = right.reshape(count, rows, columns, 3)[:, :, :-1].cumsum(axis=2)
-    width = np.diff(x_lines)[1:]
-    own[:, :, 1:, 0] += right[..., 0] * width
-    own[:, :, 1:, 2] += right[..., 1] * width
-    own[:, :, 1:, 3] += right[..., 0] * width**3 / 12
-    own[:, :, 1:, 5] += right[..., 2] * width
-    return own
+    sums = np.empty((len(integrals) + 1, count, rows, columns))
+    for total, values in zip(sums, (*integrals, -rise), strict=True):
+        total[...] = np.bincount(cell, values, count * rows * columns).reshape(total.shape)
+    moments, (along_v, along_vv, along) = sums[:MOMENTS], sums[MOMENTS:, ..., :-1].cumsum(axis=-1)
+    width = 2 * half_widths[1:]
+    moments[0, ..., 1:] += along * width
+    moments[2, ..., 1:] += along_v * width
+    moments[3, ..., 1:] += along * (width**3 / 12)
+    moments[5, ..., 1:] += along_vv * width
+    return moments
 
 
 def _cut(
     a0: FloatArray, a1: FloatArray, b0: FloatArray, b1: FloatArray, lines: FloatArray
-) -> tuple[NDArray[np.intp], FloatArray, FloatArray, FloatArray, FloatArray]:
+) -> tuple[NDArray[np.intp], NDArray[np.intp], FloatArray, FloatArray, FloatArray, FloatArray]:
     """Cut straight pieces (a0, b0)-(a1, b1) where coordinate a crosses a line.
 
-    Returns, for each piece after cutting, which one it came from, and its ends a0, a1, b0, b1.
+    Returns, for each piece after cutting, which one it came from, between which lines it lies (k: beyond
+    line k, -1: before the first), and its ends a0, a1, b0, b1.
     """
-    first, last = np.searchsorted(lines, a0, side="right"), np.searchsorted(lines, a1, side="right")
+    first, last = np.searchsorted(lines, a0, side="right") - 1, np.searchsorted(lines, a1, side="right") - 1
     crossings = np.abs(last - first)
     source = np.repeat(np.arange(len(a0)), crossings + 1)
-    start = np.concatenate([[0], np.cumsum(crossings + 1)])[:-1]
-    order = np.arange(len(source)) - start[source]  # 0 .. crossings along each piece
-    rising = last >= first
-    # The k-th crossed line: upwards first, first + 1, ...; downwards first - 1, first - 2, ...
-    line = np.where(rising[source], first[source] + order, first[source] - 1 - order)
-    is_last = order == crossings[source]
-    a = np.where(is_last, a1[source], lines[np.minimum(np.maximum(line, 0), len(lines) - 1)])
+    begin = np.cumsum(crossings + 1) - (crossings + 1)
+    order = np.arange(len(source)) - begin[source]  # 0 .. crossings along each piece
+    direction = np.where(last >= first, 1, -1)
+    between = first[source] + direction[source] * order
+    # Each piece but the last ends on the line before it: the upper one going up, the lower one going down.
+    ends = begin + crossings
+    a = lines[np.clip(between + (direction[source] > 0), 0, len(lines) - 1)]
     span = a1 - a0
-    part = np.where(is_last, 1.0, (a - a0[source]) / np.where(span == 0, 1.0, span)[source])
-    b = np.where(is_last, b1[source], b0[source] + part * (b1 - b0)[source])
-    begin = order == 0
+    b = b0[source] + (a - a0[source]) * ((b1 - b0) / np.where(span == 0, 1.0, span))[source]
+    a[ends], b[ends] = a1, b1
     a_start, b_start = np.empty_like(a), np.empty_like(b)
     a_start[1:], b_start[1:] = a[:-1], b[:-1]
     a_start[begin], b_start[begin] = a0, b0
-    return source, a_start, a, b_start, b
+    return source, between, a_start, a, b_start, b
 
 
 def covers(contours: Sequence[FloatArray], points: FloatArray) -> NDArray[np.bool_]:

@@ -30,7 +30,7 @@ def rest(stage: Scene, springs: Springs, options: PressOptions) -> FloatArray:
     Raises UnsettledError if they do not.
     """
     area, force, count = springs.area, options.force, len(springs.share)
-    one_step = options.level and not springs.position[:, 2].any()
+    one_step = options.level and springs.flat
     stiffness = force / _DEPTH / area if one_step else options.stiffness
     stage.set_springs(springs, stiffness, step=_step(stiffness * area))
     # A step only knows the springs that touch at its start, so it starts where all do.

@@ -27,7 +27,9 @@ from models.letter import Letter, Part
 from tactsim.bed import MM, Springs
 from tactsim.poses import FloatArray, invert
 
-_RADIUS = 5e-5  # m, of the spheres; less than half a cell, so that none reaches what its cell does not
+# m, of the spheres; less than half a cell, so that none reaches what its cell does not. The letter starts that
+# far behind their centres, so that a sphere stands at its spring's position and touches where the depth is 0.
+_RADIUS = 5e-5
 # Largest impedance over what it lacks to 1. MuJoCo clips impedances at 1e-4 and 0.9999, silently, so a spring
 # may be 1e8 times as stiff as another.
 _RANGE = 0.9999 / (1 - 0.9999)
@@ -118,7 +120,6 @@ class Scene:
         count, setup = len(springs.share), self.setup
         self.model.opt.timestep = step
         self.position[:count] = springs.position
-        self.position[:count, 2] += _RADIUS
         self.position[count:, 2] = _FAR
         if setup.letter is not None:
             self.touched[:count] = self.capacity + springs.level  # parts' geoms follow the spheres
@@ -126,12 +127,10 @@ class Scene:
         # A is an estimate of MuJoCo's that turns impedances into 1 / R and does nothing else. Setting it to
         # what gives the stiffest spring the largest impedance keeps all springs within MuJoCo's limits.
         self.inverse_weight[0] = _RANGE / (stiffness * (springs.largest or 1.0) * unit)
-        impedance = springs.share * _RANGE
+        impedance = (springs.share * _RANGE)[:, None]
         impedance /= 1 + impedance
-        self.solref[:count, 0] = impedance * -k
-        self.solref[:count, 1] = impedance * -b
-        self.solimp[:count, 0] = impedance
-        self.solimp[:count, 1] = impedance
+        np.multiply(impedance, (-k, -b), out=self.solref[:count])
+        self.solimp[:count, :2] = impedance
         if setup.tilt_stiffness is not None:
             self.model.dof_invweight0[1:] = 1 / (setup.tilt_stiffness * MM * unit)  # for an impedance of 1/2
             self.model.eq_solref[:] = -k / 2, -b / 2
@@ -192,7 +191,7 @@ def _compile(setup: Setup, capacity: int) -> Scene:
         <asset>{meshes}</asset>
         <worldbody>
           {spheres}
-          <body name="carriage">
+          <body name="carriage" pos="0 0 {-_RADIUS}">
             <joint name="press" type="slide" axis="0 0 1"/>
             <inertial pos="0 0 0" mass="{half}" diaginertia="{inertia} {inertia} {inertia}"/>
             <body name="gimbal" {gimbal}>
