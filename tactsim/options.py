@@ -11,6 +11,7 @@ from pydantic import BaseModel, ConfigDict, Field, field_validator, model_valida
 
 from tactsim.pad import Pad
 
+_MOST_RESPONSES = 20_000_000  # of elements to cells: 1 GB of them
 _FROZEN = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 Share = Annotated[float, Field(ge=0, le=1)]
 
@@ -121,6 +122,13 @@ class SensorOptions(BaseModel):
         0.7, ge=0, le=1000, description="kPa, the smallest step of a reading (published)"
     )
 
+    @field_validator("resolution")
+    @classmethod
+    def _countable_steps(cls, step: float) -> float:
+        if 0 < step < 1e-6:
+            raise ValueError("steps below 1e-6 kPa are finer than a reading's digits; give 0 for none")
+        return step
+
     @field_validator("psf_sigma")
     @classmethod
     def _sharp_or_smooth(cls, sigma: float) -> float:
@@ -154,6 +162,19 @@ class ScanOptions(BaseModel):
     pad: Pad = Field(default_factory=Pad)
     press: PressOptions = Field(default_factory=PressOptions)
     sensor: SensorOptions = Field(default_factory=SensorOptions)
+
+    @model_validator(mode="after")
+    def _pad_is_workable(self) -> ScanOptions:
+        x_lines, y_lines = self.pad.grid_lines(
+            self.press.cells_per_element, gap_cells=self.sensor.psf_sigma == 0
+        )
+        cells = (len(x_lines) - 1) * (len(y_lines) - 1)
+        if cells * self.pad.taxels > _MOST_RESPONSES:
+            raise ValueError(
+                f"{self.pad.taxels} elements over {cells:,} cells of the bed are {cells * self.pad.taxels:,} "
+                f"responses, more than {_MOST_RESPONSES:,}; choose fewer elements or press.cells_per_element"
+            )
+        return self
 
     @model_validator(mode="after")
     def _dead_taxels_exist(self) -> ScanOptions:

@@ -12,7 +12,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 from models.errors import InputError
 from tactsim.poses import FloatArray
 
-Length = Annotated[float, Field(gt=0, le=1000, allow_inf_nan=False)]
+Length = Annotated[float, Field(ge=1e-3, le=1000, allow_inf_nan=False)]
 
 
 class Pad(BaseModel):

@@ -144,9 +144,9 @@ class Scene:
             forces = forces * np.abs(data.contact.frame[:, 2])
         if len(forces) == count:
             return forces
-        result = np.zeros(count)
+        result = np.zeros(self.capacity)  # a letter that turns over may meet spheres that wait
         result[data.contact.geom[:, 0]] = forces
-        return result
+        return result[:count]
 
 
 def scene(setup: Setup, springs: int) -> Scene:

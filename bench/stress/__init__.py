@@ -13,7 +13,7 @@ from importlib import import_module
 from bench.stress.case import Case, Outcome, run_case, run_cases
 from models.errors import unknown
 
-TOPICS = ("frames", "maps", "likelihood", "filters", "particles", "convergence")
+TOPICS = ("frames", "maps", "likelihood", "filters", "particles", "press", "convergence")
 
 __all__ = ["TOPICS", "Case", "Outcome", "cases", "chosen_cases", "run_case", "run_cases"]
 

@@ -12,10 +12,12 @@ from bench.stress.case import Worst, case
 from bench.stress.data import fitted, hidden, pressed, probabilities
 from bench.stress.likelihood import exact_log_p, one_state
 from bench.stress.maps import exact_log_odds, few
+from bench.stress.press import error
 from estimators.contact import classify
 from estimators.occupancy import learn_maps
-from tactsim import transform
+from tactsim import PressOptions, ScanOptions, SensorOptions, transform
 from tactsim.poses import FloatArray
+from tactsim.protocol import random_poses
 
 
 def slope(sizes: Sequence[float], errors: Sequence[float]) -> float:
@@ -53,7 +55,6 @@ def map_cells(worst: Worst) -> None:
     deviation="slope of the rms error of log p(A) / p(E) after one reading over the cell's size",
     limit=1.7,
     because="second order again, but for log p's bends between No Contact and In Contact",
-    quick=True,
     at_least=True,
 )
 def table_cells(worst: Worst) -> None:
@@ -145,4 +146,30 @@ def bins_in_placement(worst: Worst) -> None:
     worst.see(
         slope([1 / side for side in sides], errors),
         f"mean errors {', '.join(f'{error:.2g} mm' for error in errors)}",
+    )
+
+
+@case(
+    "convergence.bed-cells",
+    varied="1, 2, 4 and 8 cells of the bed along an element, 12 presses of a curved letter",
+    deviation="slope of the rms error of the worst element over the cell's size",
+    limit=3.0,
+    because="the clip is exact, and what an element feels is quadratic in each cell: third order at least",
+    quick=True,
+    at_least=True,
+)
+def bed_cells(worst: Worst) -> None:
+    """Compare presses with the exact reading."""
+    poses = random_poses(np.random.default_rng(3), 12)
+    counts = (1, 2, 4, 8)
+    errors = []
+    for count in counts:
+        options = ScanOptions(
+            press=PressOptions(cells_per_element=count),
+            sensor=SensorOptions(noise=0, resolution=0, psf_sigma=0.5),
+        )
+        errors.append(rms(np.array([error("S", pose, options) for pose in poses])))
+    worst.see(
+        slope([1 / count for count in counts], errors),
+        f"rms errors {', '.join(f'{error:.2g}' for error in errors)}",
     )

@@ -115,6 +115,19 @@ PLANTED = {
     "likelihood.gamma": ("estimators.likelihood.sigmoid", lambda odds: np.exp(odds) / (1 + np.exp(odds))),
     "filters.skipping": ("estimators.histogram._NEGLIGIBLE", 0.1),
     "filters.refused-readings": ("estimators.base.finite", lambda values, name: np.asarray(values)),
+    "particles.mode-of-the-density": (
+        "estimators.particle._density_mode",
+        lambda state, weight, rho: (state.mean(axis=1), math.inf),
+    ),
+    "particles.resampling": (
+        "bench.stress.particles.draw",
+        lambda chosen, weight, _: chosen.fill(weight.argmax()),
+    ),
+    "press.mass-stiffness-step": ("tactsim.scene._RANGE", 1e5),
+    "press.slivers": ("tactsim.bed.SMALLEST_CONTACT", 1.0),
+    "press.aligned-angles": ("tactsim.bed.SMALLEST_PART", 0.01),
+    "press.point-spread": ("tactsim.sensor._QUADRATURE", 2),
+    "convergence.bed-cells": ("tactsim.bed.SMALLEST_PART", 0.01),
     "convergence.map-cells": ("estimators.occupancy._REACH", 1.0),
     "likelihood.classifier-edges": ("bench.stress.likelihood.classify", lambda z: 1 * (np.asarray(z) > 2)),
 }

@@ -182,3 +182,13 @@ def test_a_rounded_letter_cannot_be_pressed_by_its_parts():
 def test_a_pose_that_is_none_is_refused(pose):
     with pytest.raises((InputError, ValueError)):
         press_letter(models.letter("E"), pose)
+
+
+def test_a_letter_that_turns_over_is_refused():
+    # Hinges this soft let it turn until its plane meets the springs of larger beds, which wait far away.
+    pad = Pad(rows=20, columns=20, unread_columns=0, seam=None)
+    options = PressOptions(force=0.01, tilt_x=0.2, tilt_stiffness=1.0)
+    poses = np.array([[0.0, 0.0, 0.4]])
+    bed = lay_bed(levels(models.letter("E"), options), poses, *pad.grid_lines(2, gap_cells=True))
+    with pytest.raises(InputError, match=r"'E' pressed at x = 0 mm, y = 0 mm, 0\.4 rad does not settle"):
+        contact_forces(bed, poses, models.letter("E"), options)

@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
+from pydantic import ValidationError
 
-from tactsim import InputError, Pad
+from tactsim import InputError, Pad, ScanOptions
 
 
 def test_the_default_pad_is_the_paper_s():
@@ -74,3 +75,17 @@ def test_equal_pads_are_equal_after_their_arrays_were_asked_for():
     assert first == second
     assert hash(first) == hash(second)
     assert first != Pad(rows=5)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"pad": {"pitch_x": 1e-300, "element_x": 1e-300}},
+        {"pad": {"rows": 200, "columns": 200}},
+        {"pad": {"rows": 60, "columns": 60}, "press": {"cells_per_element": 16}},
+        {"sensor": {"resolution": 1e-320}},
+    ],
+)
+def test_a_pad_without_a_finite_reading_is_refused_before_memory_is_asked_for(change):
+    with pytest.raises(ValidationError):
+        ScanOptions.model_validate(change)
