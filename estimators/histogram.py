@@ -73,6 +73,7 @@ class HistogramFilter(MapFilter):
         """Make all bins of all letters equally probable."""
         self._history.clear()
         self._belief.upper[:] = 0
+        self._belief.summit[:] = 0
         self._belief.seen[:] = 0
         self._belief.bounded[:] = 0
         self._leader = 0
@@ -159,5 +160,6 @@ def _blank_belief(letters: int, grid: StateGrid, wide: int, tall: int) -> Belief
         upper=np.zeros(blocks),
         seen=np.zeros(blocks, dtype=np.int64),
         bounded=np.zeros(blocks, dtype=np.int64),
+        summit=np.zeros(blocks[:2]),
         size=np.array([grid.y, grid.x, tall, wide]),
     )

@@ -126,8 +126,9 @@ class Belief(NamedTuple):
     -inf where a tile hangs over the grid. upper, seen, bounded: (letters, angles, block rows, block
     columns). No bin of a block is above upper + ceiling[count] after `count` readings. In that bound
     `bounded` readings count with what the tables' maxima over a block allow, the later ones with
-    their ceilings. size: rows and columns of bins, rows and columns of bins in a block. Blocks have
-    whole tiles, or divide one into equal columns.
+    their ceilings. summit: (letters, angles), not below any `upper` there. size: rows and columns of
+    bins, rows and columns of bins in a block. Blocks have whole tiles, or divide one into equal
+    columns.
     """
 
     log_p: Reals
@@ -135,6 +136,7 @@ class Belief(NamedTuple):
     upper: Reals
     seen: Ints
     bounded: Ints
+    summit: Reals
     size: Ints
 
 
@@ -150,7 +152,7 @@ _INTS, _INTS_2D, _INTS_4D = int64[::1], int64[:, ::1], int64[:, :, :, ::1]
 _FLOATS, _FLOATS_2D = float32[::1], float32[:, ::1]
 _SLICES = types.NamedTuple((_FLOATS, _INTS, _REALS), Slices)
 _TERMS = types.NamedTuple((_INTS, _INTS, _REALS_2D, _FLOATS, _REALS_2D, _REALS, _REALS), Terms)
-_BELIEF = types.NamedTuple((_REALS_5D, _REALS_3D, _REALS_4D, _INTS_4D, _INTS_4D, _INTS), Belief)
+_BELIEF = types.NamedTuple((_REALS_5D, _REALS_3D, _REALS_4D, _INTS_4D, _INTS_4D, _REALS_2D, _INTS), Belief)
 
 # A slice further out than this many bins is off the map, and its index might overflow.
 _FAR = 1e9
@@ -196,7 +198,10 @@ def record(
 # ---- evaluating bins
 
 
-@compiled(void(_TERMS, int64, _SLICES, float64, float64, int64, int64, _INTS_2D, _FLOATS_2D, _INTS_2D))
+@compiled(
+    void(_TERMS, int64, _SLICES, float64, float64, int64, int64, _INTS_2D, _FLOATS_2D, _INTS_2D),
+    called_from_python=False,
+)
 def place_terms(
     terms: Terms, reading: int, slices: Slices, cos: float, sin: float, rows: int, columns: int,
     offset: Ints, share: Floats, within: Ints,
@@ -208,41 +213,38 @@ def place_terms(
     of the bins whose nodes are on the lattice. Elsewhere tables are 0.
     """
     letters, phases_y, phases_x = slices.shape[1], slices.shape[2], slices.shape[3]
-    depth, width = slices.shape[4] + 2 * TALL, slices.shape[5] + LANES
+    width, plane = slices.shape[5] + LANES, (slices.shape[4] + 2 * TALL) * (slices.shape[5] + LANES)
+    # To the next node, from the last of a bin's nodes to the first of the next bin's.
+    carry_x, carry_y = 1 - phases_x * plane, width - phases_y * phases_x * plane
     begin = terms.start[reading]
     for i in range(terms.start[reading + 1] - begin):
         x, y = terms.xy[begin + i, 0], terms.xy[begin + i, 1]
         u = (cos * x - sin * y + slices.place[0]) / slices.place[2]
         v = (sin * x + cos * y + slices.place[1]) / slices.place[3]
-        if not (abs(u) < _FAR and abs(v) < _FAR):
-            within[i, :] = 0
-            continue
-        # The node to the left is number `step_x` of the nodes that lie between two bins.
+        u, v = min(max(u, -_FAR), _FAR), min(max(v, -_FAR), _FAR)
         left, below = int64(math.floor(u)), int64(math.floor(v))
+        # The node to the left is number `step_x` of the nodes that lie between two bins.
         u, v = (u - left) * phases_x, (v - below) * phases_y
         step_x, step_y = min(int64(u), phases_x - 1), min(int64(v), phases_y - 1)
-        right_share, above_share = u - step_x, v - step_y
-        next_x, next_y, right, above = step_x + 1, step_y + 1, left, below
-        if next_x == phases_x:
-            next_x, right = 0, left + 1
-        if next_y == phases_y:
-            next_y, above = 0, below + 1
-        within[i, 0], within[i, 1] = max(0, -left), min(columns, slices.shape[5] - right)
-        within[i, 2], within[i, 3] = max(0, -below), min(rows, slices.shape[4] - above)
-        base = terms.kind[begin + i] * letters * phases_y
-        below, above = below + TALL, above + TALL
-        offset[i, 0] = (((base + step_y) * phases_x + step_x) * depth + below) * width + left
-        offset[i, 1] = (((base + step_y) * phases_x + next_x) * depth + below) * width + right
-        offset[i, 2] = (((base + next_y) * phases_x + step_x) * depth + above) * width + left
-        offset[i, 3] = (((base + next_y) * phases_x + next_x) * depth + above) * width + right
-        factor = float64(terms.weight[begin + i])
+        last_x, last_y = int64(step_x + 1 == phases_x), int64(step_y + 1 == phases_y)
+        within[i, 0], within[i, 1] = max(0, -left), min(columns, slices.shape[5] - left - last_x)
+        within[i, 2], within[i, 3] = max(0, -below), min(rows, slices.shape[4] - below - last_y)
+        phase = (terms.kind[begin + i] * letters * phases_y + step_y) * phases_x + step_x
+        node = phase * plane + (below + TALL) * width + left
+        right, above = plane + last_x * carry_x, phases_x * plane + last_y * carry_y
+        offset[i, 0], offset[i, 1] = node, node + right
+        offset[i, 2], offset[i, 3] = node + above, node + above + right
+        factor, right_share, above_share = float64(terms.weight[begin + i]), u - step_x, v - step_y
         share[i, 0] = factor * (1 - above_share) * (1 - right_share)
         share[i, 1] = factor * (1 - above_share) * right_share
         share[i, 2] = factor * above_share * (1 - right_share)
         share[i, 3] = factor * above_share * right_share
 
 
-@compiled(void(_FLOATS, _SLICES, int64, int64, int64, int64, _INTS_2D, _FLOATS_2D, _INTS_2D))
+@compiled(
+    void(_FLOATS, _SLICES, int64, int64, int64, int64, _INTS_2D, _FLOATS_2D, _INTS_2D),
+    called_from_python=False,
+)
 def sum_tile(
     total: Floats, slices: Slices, terms: int, letter: int, row: int, column: int,
     offset: Ints, share: Floats, within: Ints,
@@ -272,7 +274,9 @@ def sum_tile(
     _store(total, 3 * LANES, fourth)
 
 
-@compiled(void(_REALS, _REALS, _FLOATS, float64, int64, int64, _REALS), ordered=False)
+@compiled(
+    void(_REALS, _REALS, _FLOATS, float64, int64, int64, _REALS), ordered=False, called_from_python=False
+)
 def add_tile(
     log_p: Reals, before: Reals, total: Floats, constant: float, first: int, last: int, peak: Reals
 ) -> None:
@@ -300,7 +304,7 @@ def add_tile(
 # ---- the histogram filter
 
 
-@compiled(int64(_BELIEF, _SLICES, _TERMS, _REALS_2D, int64, int64, float64))
+@compiled(int64(_BELIEF, _SLICES, _TERMS, _REALS_2D, int64, int64, float64), called_from_python=False)
 def lower_bounds(
     belief: Belief, slices: Slices, terms: Terms, turns: Reals, count: int, most: int, floor: float
 ) -> int:
@@ -318,6 +322,8 @@ def lower_bounds(
     for angle in range(angles):
         oldest, chosen = count, 0
         for letter in range(letters):
+            if belief.summit[letter, angle] + ceiling[count] <= floor:
+                continue
             for i in range(tile_rows):
                 for j in range(tile_columns):
                     age = count
@@ -357,13 +363,17 @@ def lower_bounds(
                             upper[row, column] += value + terms.constant[reading, letter] + gain
                             bounded[row, column] = reading + 1
                             evaluated += 1
+        for letter in range(letters):
+            if belief.summit[letter, angle] + ceiling[count] > floor:
+                belief.summit[letter, angle] = belief.upper[letter, angle].max()
     return evaluated
 
 
 @compiled(
     types.Tuple((int64, float64, int64))(
         _BELIEF, _SLICES, _TERMS, _REALS_2D, int64, int64, int64, int64, float64, float64, int64
-    )
+    ),
+    called_from_python=False,
 )
 def catch_up(
     belief: Belief, slices: Slices, terms: Terms, turns: Reals, angle: int, only: int,
@@ -383,6 +393,8 @@ def catch_up(
     ceiling = terms.ceiling
     oldest, evaluated, chosen = count, 0, 0
     for letter in range(letters):
+        if belief.summit[letter, angle] + ceiling[count] <= best - margin:
+            continue
         for i in range(block_rows):
             age = count
             for j in range(block_columns):
@@ -498,6 +510,8 @@ def summarise(
     for letter in range(letters):
         mass[letter], mode[letter], highest = 0.0, -1, -np.inf
         for angle in range(angles):
+            if belief.summit[letter, angle] + ceiling[count] <= best - margin:
+                continue
             for i in range(block_rows):
                 for j in range(block_columns):
                     hope = belief.upper[letter, angle, i, j] + ceiling[count]
