@@ -56,6 +56,7 @@ def press_through_time(stage: Scene, springs: Springs, options: PressOptions) ->
         else:
             ramp = min(1.0, (index - touched) * _STEP / options.ramp) if options.ramp else 1.0
             data.qfrc_applied[0] = max(ramp, _TOUCH) * force - _DAMPING * data.qvel[0]
+        stage.check_position()
         mujoco.mj_step(stage.model, data)
         forces = stage.forces(count)
         if touched is None and forces.sum() > touch:

@@ -41,6 +41,7 @@ def rest(stage: Scene, springs: Springs, options: PressOptions) -> FloatArray:
     stage.model.opt.tolerance = 1e-8 if one_step else 0.0
     before: FloatArray | float = np.inf
     for _ in range(_MOST_STEPS):
+        stage.check_position()
         mujoco.mj_step(stage.model, stage.data)
         forces = stage.forces(count)
         balanced = abs(forces.sum() - force) <= _BALANCE * force

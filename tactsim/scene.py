@@ -33,6 +33,7 @@ _RADIUS = 5e-5
 # Largest impedance over what it lacks to 1. MuJoCo clips impedances at 1e-4 and 0.9999, silently, so a spring
 # may be 1e8 times as stiff as another.
 _RANGE = 0.9999 / (1 - 0.9999)
+_STAGE = 0.5  # m, that the letter may move either way; the face is the front of a box of 1 m
 _FAR = 10.0  # m, where spheres wait that a press does not need
 _STATE = mujoco.mjtState.mjSTATE_INTEGRATION  # all that the next step depends on
 
@@ -147,6 +148,14 @@ class Scene:
         result = np.zeros(self.capacity)  # a letter that turns over may meet spheres that wait
         result[data.contact.geom[:, 0]] = forces
         return result[:count]
+
+    def check_position(self) -> None:
+        """Raise UnsettledError if the letter has left the stage: then nothing holds it any more."""
+        depth = self.data.qpos[0]
+        if not abs(depth) < _STAGE:
+            raise UnsettledError(
+                f"the bed does not hold it, it has moved by {depth:.3g} m; the bed or its hinges are too soft"
+            )
 
 
 def scene(setup: Setup, springs: int) -> Scene:

@@ -47,7 +47,7 @@ def contact_map(bed: Bed, forces: FloatArray, pad: Pad, cells_per_element: int, 
         for first in range(0, presses, _BLOCK):
             block = slice(first, first + _BLOCK)
             result[block] += load[block] @ response
-    return _KPA * result
+    return _KPA * np.maximum(result, 0)  # the quadratics overshoot 0 a little where almost nothing is felt
 
 
 @lru_cache(maxsize=4)
