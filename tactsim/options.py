@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
@@ -13,6 +14,7 @@ from tactsim.pad import Pad
 
 _MOST_RESPONSES = 20_000_000  # of elements to cells: 1 GB of them
 _FROZEN = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+_MOST_RESPONSES = 8_000_000  # of elements to cells, 48 bytes each
 Share = Annotated[float, Field(ge=0, le=1)]
 
 
@@ -143,6 +145,7 @@ class ScanOptions(BaseModel):
     model_config = _FROZEN
 
     letters: tuple[str, ...] = Field(("A", "E", "I", "O", "U"), description="names of the letters")
+    shapes: tuple[str, ...] = Field((), description="files of shapes of one's own, pressed after the letters")
     rounding: float = Field(
         0.0, ge=0, le=10, description="mm, radius of the pressed face's edges (assumed sharp)"
     )
@@ -159,9 +162,26 @@ class ScanOptions(BaseModel):
     placement_rad: float = Field(
         0.005, ge=0, le=3.2, description="rad, standard deviation of a press's angle (assumed)"
     )
-    pad: Pad = Field(default_factory=Pad)
+    pad: Pad = Field(default_factory=Pad, description="its measures, or the path of a file that holds them")
     press: PressOptions = Field(default_factory=PressOptions)
     sensor: SensorOptions = Field(default_factory=SensorOptions)
+
+    @field_validator("pad", mode="before")
+    @classmethod
+    def _pad_from_file(cls, pad: object) -> object:
+        return Pad.load(pad) if isinstance(pad, str | Path) else pad
+
+    @model_validator(mode="after")
+    def _fits_memory(self) -> ScanOptions:
+        x_lines, y_lines = self.pad.grid_lines(
+            self.press.cells_per_element, gap_cells=self.sensor.psf_sigma == 0
+        )
+        cells = len(x_lines) * len(y_lines)
+        if cells * self.pad.taxels > _MOST_RESPONSES:
+            raise ValueError(
+                f"{cells:,} cells for {self.pad.taxels:,} elements are too many; take fewer cells_per_element"
+            )
+        return self
 
     @model_validator(mode="after")
     def _pad_is_workable(self) -> ScanOptions:

@@ -43,7 +43,8 @@ def press_letter(
 ) -> Press:
     """Press `letter` at one pose [x, y, theta] (mm, rad), exactly there.
 
-    Of `options` only pad, press and sensor count. `rng` draws gains and noise; without it neither is added.
+    Of `options` only pad, press, sensor and, for the pad's gains, seed count. `rng` draws noise and random
+    elements; without it there are none.
     Raises InputError if the pose is not three finite numbers.
     """
     options = options or ScanOptions()
@@ -52,7 +53,7 @@ def press_letter(
         raise InputError(f"a pose is three numbers [x mm, y mm, theta rad], got {sensor_in_object!r}")
     sensor = options.sensor
     if rng is None:
-        sensor = sensor.model_copy(update={"noise": 0.0, "gain_spread": 0.0, "random_taxels": 0.0})
+        sensor = sensor.model_copy(update={"noise": 0.0, "random_taxels": 0.0})
         rng = np.random.default_rng(0)
     bed = _bed(letter, pose[None], options)
     times = sequence = None
@@ -62,8 +63,7 @@ def press_letter(
         ideal = sequence[-1]
     else:
         ideal = _map(bed, contact_forces(bed, pose[None], letter, options.press), options)[0]
-    gain = gains(options.pad.taxels, sensor, rng)
-    return Press(ideal, sense(ideal[None], sensor, gain, rng)[0], times, sequence)
+    return Press(ideal, sense(ideal[None], sensor, gains(options), rng)[0], times, sequence)
 
 
 def ideal_readings(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import math
 import signal
 from collections import Counter
@@ -22,6 +21,7 @@ from tactsim.options import ScanOptions
 from tactsim.poses import FloatArray, compose
 from tactsim.protocol import grid_poses, random_poses
 from tactsim.scan import SPLITS, Scan
+from tactsim.seeds import stream
 from tactsim.sensor import gains, sense
 
 Progress = Callable[[int, int], None]
@@ -56,12 +56,12 @@ def scan_letters(
 
     Raises InputError for a letter, shape or option that does not exist, and if a press does not settle.
     """
-    letters = _letters(options)
+    letters = letters_of(options)
     batches = [_batch(letter, split, options) for letter in letters for split in SPLITS]
     ideal, work = _ideal(batches, options, jobs, cache, progress)
-    gain = gains(options.pad.taxels, options.sensor, _rng(options.seed, "pad", "gain"))
+    gain = gains(options)
     readings = [
-        sense(values, options.sensor, gain, _rng(options.seed, batch.letter.name, batch.split, "sense"))
+        sense(values, options.sensor, gain, stream(options.seed, batch.letter.name, batch.split, "sense"))
         for batch, values in zip(batches, ideal, strict=True)
     ]
     scan = Scan(
@@ -76,8 +76,13 @@ def scan_letters(
     return scan, {"presses": presses, "skipped": dict(work)}
 
 
-def _letters(options: ScanOptions) -> list[models.Letter]:
+def letters_of(options: ScanOptions) -> list[models.Letter]:
+    """Build the letters and read the shapes that a scan presses, in its order.
+
+    Raises InputError for a letter or shape that does not exist, and if two have the same name.
+    """
     letters = [models.letter(name, rounding=options.rounding) for name in options.letters]
+    letters += [models.shape(path, rounding=options.rounding) for path in options.shapes]
     twice = [name for name, count in Counter(letter.name for letter in letters).items() if count > 1]
     if twice:
         raise InputError(f"two letters or shapes are called {twice[0]!r}; each needs a name of its own")
@@ -89,11 +94,11 @@ def _letters(options: ScanOptions) -> list[models.Letter]:
 def _batch(letter: models.Letter, split: str, options: ScanOptions) -> _Batch:
     stated = grid_poses()
     if split == "test" and options.test_poses == "random":
-        stated = random_poses(_rng(options.seed, letter.name, split, "poses"))
+        stated = random_poses(stream(options.seed, letter.name, split, "poses"))
     spread = (options.placement_mm, options.placement_mm, options.placement_rad)
     if not any(spread):
         return _Batch(letter, split, stated, stated)
-    error = _rng(options.seed, letter.name, split, "placement").standard_normal(stated.shape)
+    error = stream(options.seed, letter.name, split, "placement").standard_normal(stated.shape)
     return _Batch(letter, split, stated, compose(stated, error * spread))
 
 
@@ -195,10 +200,3 @@ def _object(letter: models.Letter) -> dict[str, Any]:
         "area": letter.area,
         "digest": letter.digest,
     }
-
-
-def _rng(seed: int, *purpose: str) -> np.random.Generator:
-    """Make the generator for one purpose: it depends on nothing else that is drawn."""
-    key = hashlib.sha256("\0".join(purpose).encode()).digest()
-    words = np.frombuffer(key, dtype="<u4").tolist()
-    return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=words))

@@ -14,9 +14,10 @@ from itertools import pairwise
 import numpy as np
 
 from tactsim.bed import Bed
-from tactsim.options import SensorOptions
+from tactsim.options import ScanOptions, SensorOptions
 from tactsim.pad import Pad
 from tactsim.poses import FloatArray
+from tactsim.seeds import stream
 
 _erf = np.vectorize(math.erf, otypes=[float])  # a few thousand values: not worth the import of SciPy
 
@@ -123,6 +124,7 @@ def sense(
     return readings
 
 
-def gains(taxels: int, options: SensorOptions, rng: np.random.Generator) -> FloatArray:
-    """Draw each element's relative gain about 1, (taxels,); none is below zero."""
-    return np.maximum(1 + options.gain_spread * rng.standard_normal(taxels), 0)
+def gains(options: ScanOptions) -> FloatArray:
+    """Draw the gains about 1 of the pad that the seed stands for, (taxels,); none is below zero."""
+    rng = stream(options.seed, "pad", "gain")
+    return np.maximum(1 + options.sensor.gain_spread * rng.standard_normal(options.pad.taxels), 0)

@@ -2,7 +2,16 @@ import numpy as np
 import pytest
 
 import models
-from tactsim import WORLDS, PressOptions, ScanOptions, SensorOptions, press_letter, scan_letters
+from tactsim import (
+    WORLDS,
+    InputError,
+    Pad,
+    PressOptions,
+    ScanOptions,
+    SensorOptions,
+    press_letter,
+    scan_letters,
+)
 from tactsim.agreement import classifier_agreement
 
 
@@ -80,3 +89,54 @@ def test_worlds_are_valid_and_worse_data_is_classified_worse():
 def test_a_dead_taxel_that_the_pad_does_not_have_is_refused():
     with pytest.raises(ValueError, match="0 to 35"):
         ScanOptions(sensor=SensorOptions(dead_taxels=(36,)))
+
+
+def test_a_shape_of_one_s_own_is_pressed_like_a_letter(tmp_path):
+    drawing = tmp_path / "bar.svg"
+    drawing.write_text(
+        '<svg xmlns="http://www.w3.org/2000/svg" width="20mm" height="6mm" viewBox="0 0 20 6">'
+        '<rect width="20" height="6"/></svg>'
+    )
+    scan, _ = scan_letters(ScanOptions(letters=("I",), shapes=(str(drawing),)), cache=False)
+    assert scan.letters == ("I", "bar")
+    assert scan.meta["objects"]["bar"]["symmetry"] == 2
+    assert scan.meta["objects"]["bar"]["area"] == pytest.approx(120)
+    assert len(scan) == 768
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        ({"letters": ("AB",)}, "AB"),
+        ({"letters": ("A", "A")}, "'A'"),
+        ({"letters": ()}, "nothing"),
+        ({"shapes": ("none.stl",)}, "none.stl"),
+    ],
+)
+def test_what_cannot_be_pressed_is_said(options, says):
+    with pytest.raises(InputError, match=says):
+        scan_letters(ScanOptions(**options))
+
+
+def test_a_pad_in_a_file_is_pressed(tmp_path):
+    path = tmp_path / "pad.toml"
+    path.write_text(
+        "rows = 3\ncolumns = 5\nno_seam = true\npitch_x = 4.0\nelement_x = 3.5\nunread_columns = 0\n"
+    )
+    scan, _ = scan_letters(ScanOptions(letters=("E",), pad=str(path)), cache=False)
+    assert scan.readings.shape == (384, 15)
+    assert scan.meta["options"]["pad"]["columns"] == 5
+
+
+def test_a_pad_with_too_many_elements_is_refused():
+    with pytest.raises(ValueError, match="cells_per_element"):
+        ScanOptions(pad=Pad(rows=100, columns=100, seam=None))
+
+
+def test_a_pad_s_gains_are_the_same_for_a_scan_and_a_single_press():
+    options = ScanOptions(letters=("E",), **WORLDS["ideal"])
+    spread = options.model_copy(update={"sensor": options.sensor.model_copy(update={"gain_spread": 0.2})})
+    scan, _ = scan_letters(spread)
+    press = press_letter(models.letter("E"), scan.poses[50], spread)
+    assert press.reading == pytest.approx(scan.readings[50], abs=1e-9)
+    assert press.reading != pytest.approx(press.ideal, rel=0.01)

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from tactsim import SensorOptions
+from tactsim import ScanOptions, SensorOptions
 from tactsim.sensor import gains, sense
 
 IDEAL = np.random.default_rng(0).uniform(0, 60, (400, 36))
@@ -10,7 +10,7 @@ OFF = {"noise": 0.0, "resolution": 0.0}
 
 def sensed(ideal=IDEAL, seed=1, **options):
     settings = SensorOptions(**{**OFF, **options})
-    return sense(ideal, settings, gains(36, settings, np.random.default_rng(2)), np.random.default_rng(seed))
+    return sense(ideal, settings, gains(ScanOptions(sensor=settings)), np.random.default_rng(seed))
 
 
 def test_with_everything_off_it_reads_the_pressure():
