@@ -14,7 +14,6 @@ from tactsim.pad import Pad
 
 _MOST_RESPONSES = 20_000_000  # of elements to cells: 1 GB of them
 _FROZEN = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
-_MOST_RESPONSES = 8_000_000  # of elements to cells, 48 bytes each
 Share = Annotated[float, Field(ge=0, le=1)]
 
 
@@ -170,18 +169,6 @@ class ScanOptions(BaseModel):
     @classmethod
     def _pad_from_file(cls, pad: object) -> object:
         return Pad.load(pad) if isinstance(pad, str | Path) else pad
-
-    @model_validator(mode="after")
-    def _fits_memory(self) -> ScanOptions:
-        x_lines, y_lines = self.pad.grid_lines(
-            self.press.cells_per_element, gap_cells=self.sensor.psf_sigma == 0
-        )
-        cells = len(x_lines) * len(y_lines)
-        if cells * self.pad.taxels > _MOST_RESPONSES:
-            raise ValueError(
-                f"{cells:,} cells for {self.pad.taxels:,} elements are too many; take fewer cells_per_element"
-            )
-        return self
 
     @model_validator(mode="after")
     def _pad_is_workable(self) -> ScanOptions:
