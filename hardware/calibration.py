@@ -124,11 +124,13 @@ def take_tare(
             f"something touches the pad: element {worst} reads {tare[worst]:.1f} kPa; take everything off, or "
             f"raise largest_offset_kpa ({device.largest_offset_kpa:g}) in the device file if nothing is there"
         )
+    # From one frame to the next, so that what moves does not hide in its own noise.
+    jitter = np.sqrt((np.diff(values, axis=0) ** 2).mean(axis=0) / 2)
     half = len(values) // 2
     moved = np.abs(values[:half].mean(axis=0) - values[-half:].mean(axis=0))
     # The typical element's noise stands in for one that was quieter by chance than its steps allow.
-    typical = float(np.median(noise[free]))
-    allowed = np.maximum(_MOVED * np.maximum(noise, typical) * np.sqrt(2 / half), _smallest_step(values))
+    typical = float(np.median(jitter[free]))
+    allowed = np.maximum(_MOVED * np.maximum(jitter, typical) * np.sqrt(2 / half), _smallest_step(values))
     leap = max(device.largest_offset_kpa, 2 * _MOVED * typical)
     moving = free[((moved > allowed) | (np.ptp(values, axis=0) > leap))[free]]
     if len(moving):

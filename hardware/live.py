@@ -10,8 +10,7 @@ from dataclasses import dataclass
 from hardware.device import Device
 from hardware.errors import NoReading, SourceError
 from hardware.port import Port, wait_any
-from hardware.recording import Recorder
-from hardware.sources import Source
+from hardware.sources import Log, Source
 from hardware.stream import Stream
 from tactsim.reading import Reading
 
@@ -35,23 +34,23 @@ class _Link:
 class LiveSource(Source):
     """Readings of a pad on one or several ports.
 
-    Everything that is sent, received or lost goes to the `recorder`, if there is one, and through the
-    same `Stream` that a replay uses. clock: s, monotonic.
+    Everything that is sent, received or lost goes to the `log`, if there is one, and through the same
+    `Stream` that a replay uses. clock: s, monotonic.
     """
 
     def __init__(
         self,
         urls: Sequence[str],
         device: Device,
-        recorder: Recorder | None = None,
+        log: Log | None = None,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         """Open all ports. Raises SourceError if there are too few or many, or one cannot be opened."""
         if len(urls) != device.ports:
             raise SourceError(f"{device.name} has {device.ports} ports; {len(urls)} were given")
         self.device, self.pad, self.taxel_xy = device, device.pad, device.pad.taxel_xy
-        self.records_bytes = True
-        self._recorder, self._clock = recorder, clock
+        self.has_bytes = True
+        self._log, self._clock = log, clock
         self._stream = Stream(device)
         self.counters = self._stream.counters
         self._ready: deque[Reading] = deque()
@@ -118,13 +117,13 @@ class LiveSource(Source):
             link.port = None
             self._try_later(link, now, str(error))
             self._stream.lost(number, now)
-            if self._recorder is not None:
-                self._recorder.lost(number, now)
+            if self._log is not None:
+                self._log.lost(number, now)
 
     def _received(self, number: int, data: bytes) -> None:
         now = self._clock()
-        if self._recorder is not None:
-            self._recorder.received(number, data, now)
+        if self._log is not None:
+            self._log.received(number, data, now)
         self._ready.extend(self._stream.received(number, data, now))
 
     def _send(self, number: int, port: Port, data: bytes) -> None:
@@ -132,8 +131,8 @@ class LiveSource(Source):
             return
         now = self._clock()
         port.write(data)
-        if self._recorder is not None:
-            self._recorder.sent(number, data, now)
+        if self._log is not None:
+            self._log.sent(number, data, now)
         self._stream.sent(number, data, now)
 
     def _try_later(self, link: _Link, now: float, trouble: str) -> None:
@@ -177,6 +176,6 @@ class LiveSource(Source):
         )
 
 
-def open_source(places: Sequence[str], device: Device, recorder: Recorder | None) -> Source:
+def open_source(places: Sequence[str], device: Device, log: Log | None) -> Source:
     """Open the ports of a pad."""
-    return LiveSource(places, device, recorder)
+    return LiveSource(places, device, log)

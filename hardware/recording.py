@@ -71,6 +71,11 @@ class Record:
     time: float
     payload: bytes
 
+    @property
+    def size(self) -> int:
+        """Count the bytes that the record takes in the file."""
+        return _HEADER.size + len(self.payload) + _CRC.size
+
     def json(self) -> dict[str, Any]:
         """Parse the payload of a segment, mark or end. Raises InputError if it is no JSON object."""
         try:
@@ -210,20 +215,10 @@ class RecordReader:
         try:
             with self.path.open("rb") as stream:
                 size = os.fstat(stream.fileno()).st_size
-                self._check_start(stream)
+                check_start(stream, self.path)
                 yield from self._records(stream, size)
         except OSError as error:
             raise InputError(f"cannot read recording {self.path}: {error.strerror or error}") from error
-
-    def _check_start(self, stream: BufferedReader) -> None:
-        start = stream.read(_START.size)
-        if len(start) < _START.size or not start.startswith(MAGIC):
-            raise InputError(f"{self.path} is no recording; `bench record --out FILE` makes one")
-        version = _START.unpack(start)[1]
-        if version != VERSION:
-            raise InputError(
-                f"{self.path} has format version {version}; this program reads version {VERSION}"
-            )
 
     def _records(self, stream: BufferedReader, size: int) -> Iterator[Record]:
         at, records, finished = _START.size, 0, False
@@ -233,12 +228,51 @@ class RecordReader:
             if isinstance(record, str):
                 fault = f"record {records} at byte {at:,} {record}"
                 break
-            at += _HEADER.size + len(record.payload) + _CRC.size
+            at += record.size
             records += 1
             finished = record.kind is Kind.END
             self.whole = Whole(at, records, finished, None)
             yield record
         self.whole = Whole(at, records, finished and fault is None, fault)
+
+
+class Tail:
+    """Follow a recording while another program writes it."""
+
+    def __init__(self, path: str | Path) -> None:
+        self._path, self._at = Path(path), 0
+
+    def poll(self) -> list[Record]:
+        """Return the records that have become whole since the last call; none while there is no file."""
+        try:
+            with self._path.open("rb") as stream:
+                size = os.fstat(stream.fileno()).st_size
+                if not self._at and size >= _START.size:
+                    check_start(stream, self._path)
+                    self._at = _START.size
+                stream.seek(self._at)
+                records = []
+                while 0 < self._at < size:
+                    record = _read_record(stream, size - self._at)
+                    if isinstance(record, str):
+                        break
+                    self._at += record.size
+                    records.append(record)
+                return records
+        except FileNotFoundError:
+            return []
+        except OSError as error:
+            raise InputError(f"cannot read recording {self._path}: {error.strerror or error}") from error
+
+
+def check_start(stream: BufferedReader, path: Path) -> None:
+    """Read the start of a recording. Raises InputError if it is none of this version."""
+    start = stream.read(_START.size)
+    if len(start) < _START.size or not start.startswith(MAGIC):
+        raise InputError(f"{path} is no recording; `bench record --out FILE` makes one")
+    version = _START.unpack(start)[1]
+    if version != VERSION:
+        raise InputError(f"{path} has format version {version}; this program reads version {VERSION}")
 
 
 def check_whole(path: str | Path) -> Whole:

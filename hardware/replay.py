@@ -8,13 +8,13 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from hardware.calibration import Calibration
+from hardware.calibration import Calibration, Correction
 from hardware.codecs.pps_csv import CsvFormat, count_elements
 from hardware.counters import Counters
 from hardware.device import Device, checked
 from hardware.errors import SourceEnded, SourceError
-from hardware.recording import Kind, Record, Recorder, RecordReader, Whole
-from hardware.sources import Source
+from hardware.recording import Kind, Record, RecordReader, Whole
+from hardware.sources import Log, Source
 from hardware.stream import Stream
 from models.errors import InputError
 from tactsim.reading import Reading
@@ -23,15 +23,19 @@ _CHUNK = 1 << 16  # bytes
 
 
 class Replay(Source):
-    """The uncorrected readings of a recording, in the order in which they came, and its notes.
+    """The readings of a recording, in the order in which they came, and its notes.
 
-    device, calibration: of the segment that is being read. segments: how many have begun. whole: how
-    the file ended, once it was read through. on_note(kind, content, readings): called for every
-    segment, mark and end with how many readings came before it.
+    corrected: whether by the calibration that was recorded, as they were seen then. device: of the
+    segment that is being read. segments: how many have begun. whole: how the file ended, once it was
+    read through. on_note(kind, content, readings): called for every segment, mark and end with how
+    many readings came before it.
     """
 
     def __init__(
-        self, path: str | Path, on_note: Callable[[Kind, dict[str, Any], int], None] | None = None
+        self,
+        path: str | Path,
+        corrected: bool = True,
+        on_note: Callable[[Kind, dict[str, Any], int], None] | None = None,
     ) -> None:
         """Open a recording and read its first segment.
 
@@ -39,8 +43,11 @@ class Replay(Source):
         """
         self.path = Path(path)
         self.counters = Counters()
-        self.calibration: Calibration | None = None
-        self.segments = 0
+        self.calibrated = False
+        self.segments = self.marks = 0
+        self._first: dict[str, Any] = {}
+        self._corrected = corrected
+        self._correction: Correction | None = None
         self._given = 0  # readings of all segments so far
         self._on_note = on_note
         self._reader = RecordReader(self.path)
@@ -65,6 +72,19 @@ class Replay(Source):
             self._take(record)
         return self._ready.popleft()
 
+    def summary(self) -> list[str]:
+        """Say what the recording is of, as far as it was read."""
+        first = self._first
+        lines = [f"{first.get('device', {}).get('name')} at {first.get('urls')}, {first.get('started')}"]
+        if isinstance(plan := first.get("plan"), dict):
+            lines.append(
+                f"a session of {plan.get('label')!r} ({plan.get('split')}): {self.marks} marks, "
+                f"{len(plan.get('poses', ()))} presses planned"
+            )
+        if self.segments > 1:
+            lines.append(f"{self.segments} segments")
+        return lines
+
     def close(self) -> None:
         """Stop reading the file."""
         self._records = iter(())
@@ -77,6 +97,7 @@ class Replay(Source):
             elif record.kind in (Kind.MARK, Kind.END):
                 self._note(record.kind, record.json())
             elif record.kind is Kind.READING:
+                self.counters.readings += 1
                 self._give([record.reading()])
             elif record.link >= self.device.ports:
                 raise InputError(f"link {record.link} of a device with {self.device.ports}")
@@ -94,15 +115,24 @@ class Replay(Source):
         if self.segments and device.pad != self.pad:
             raise InputError("its segments were recorded with different pads")
         self.device, self.pad = device, device.pad
-        self.taxel_xy = device.pad.taxel_xy
-        calibration = content.get("calibration")
-        self.calibration = (
-            None if calibration is None else checked(Calibration, calibration, "calibration of a segment")
-        )
+        self._correct(content.get("calibration"))
         self._stream = Stream(device)
         self.counters = self._stream.counters
+        self._first = self._first or content
         self.segments += 1
         self._note(Kind.SEGMENT, content)
+
+    def _correct(self, content: Any) -> None:
+        """Correct what follows by the calibration that was recorded with it."""
+        self.calibrated = self._corrected and content is not None
+        self._correction = None
+        if self.calibrated:
+            calibration = checked(Calibration, content, "calibration of a segment")
+            self._correction = Correction(calibration, self.pad)
+        taxel_xy = self.pad.taxel_xy if self._correction is None else self._correction.taxel_xy
+        if self.segments and len(taxel_xy) != len(self.taxel_xy):
+            raise InputError("its segments leave out different elements; `bench replay --scan` can join them")
+        self.taxel_xy = taxel_xy
 
     def _give(self, readings: list[Reading]) -> None:
         for reading in readings:
@@ -110,10 +140,12 @@ class Replay(Source):
                 raise InputError(
                     f"a reading of {len(reading.pressures)} elements; the pad has {self.pad.taxels}"
                 )
-        self._ready.extend(readings)
+        correction = self._correction
+        self._ready.extend(readings if correction is None else map(correction.apply, readings))
         self._given += len(readings)
 
     def _note(self, kind: Kind, content: dict[str, Any]) -> None:
+        self.marks += kind is Kind.MARK
         if self._on_note is not None:
             self._on_note(kind, content, self._given)
 
@@ -160,7 +192,7 @@ class CsvReplay(Source):
         self._file.close()
 
 
-def open_source(places: Sequence[str], device: Device, recorder: Recorder | None) -> Source:
+def open_source(places: Sequence[str], device: Device, log: Log | None) -> Source:
     """Open a recording; one of this program brings its own device along."""
     if len(places) != 1:
         raise SourceError(f"a recording is one file; {len(places)} were given")

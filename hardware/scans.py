@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -18,7 +18,7 @@ from hardware.device import checked, read_small_file
 from hardware.errors import SourceError
 from hardware.recording import Kind, Whole
 from hardware.replay import Replay
-from hardware.session import Plan, Press, parse_press
+from hardware.session import Plan, Press, note, parse_press
 from hardware.sources import Source
 from models.errors import InputError
 from tactsim.pad import Pad
@@ -75,13 +75,13 @@ class _Notes:
             press = parse_press(content, len(self.plan.poses))
             if press.first + press.count > readings:
                 raise InputError(f"mark: press {press.number} names readings that come after it")
-            self.presses[press.number] = press
+            note(self.presses, press)
 
 
 def read_session(path: str | Path) -> SessionRecord:
     """Read the recording of a guided session through. Raises InputError if it is none or makes no sense."""
     notes = _Notes()
-    replay = Replay(path, notes.take)
+    replay = Replay(path, corrected=False, on_note=notes.take)
     readings = sum(1 for _ in replay)
     if notes.plan is None:
         raise SourceError(f"{path} is no recording of a guided session; `bench record --letter` makes one")
@@ -91,11 +91,11 @@ def read_session(path: str | Path) -> SessionRecord:
     )  # fmt: skip
 
 
-def scan_of_sessions(paths: Sequence[str | Path], objects: Mapping[str, Any] | None = None) -> Scan:
+def scan_of_sessions(paths: Sequence[str | Path]) -> Scan:
     """Make one scan of guided sessions: each press is the mean of its readings.
 
-    Elements that one of the calibrations leaves out are left out everywhere. `objects` goes to
-    `meta["objects"]`. Raises InputError if there is no press in them or their pads differ.
+    Elements that one of the calibrations leaves out are left out everywhere. Raises InputError if
+    there is no press in them or their pads differ.
     """
     sessions = [read_session(path) for path in paths]
     pad = sessions[0].pad
@@ -120,8 +120,7 @@ def scan_of_sessions(paths: Sequence[str | Path], objects: Mapping[str, Any] | N
         "source": "recorded",
         "pad": pad.model_dump(mode="json"),
         "recordings": about,
-        "frame_noise_kpa": float(np.median(np.concatenate(spreads))),
-        "objects": {name: facts for name, facts in (objects or {}).items() if name in labels},
+        "frame_noise_kpa": float(np.median(np.concatenate(spreads))) if any(map(len, spreads)) else None,
     }
     return Scan(
         np.array(readings), np.array(poses), np.array(labels), np.array(split), pad.taxel_xy[kept], meta
@@ -131,7 +130,7 @@ def scan_of_sessions(paths: Sequence[str | Path], objects: Mapping[str, Any] | N
 def _means(session: SessionRecord, kept: NDArray[np.bool_]) -> tuple[dict[int, FloatArray], FloatArray]:
     """Average the readings of each press: {number: (kept,) kPa}; and the frames' sd in each element and press."""
     wanted = sorted(
-        (press for press in session.presses.values() if press.count), key=lambda press: press.first
+        (press for press in session.presses.values() if press.what == "taken"), key=lambda press: press.first
     )
     sums = {press.number: np.zeros((2, int(kept.sum()))) for press in wanted}
     corrections = [
@@ -140,7 +139,7 @@ def _means(session: SessionRecord, kept: NDArray[np.bool_]) -> tuple[dict[int, F
     ]
     following, active = iter(wanted), []
     upcoming = next(following, None)
-    for number, reading in enumerate(Replay(session.path)):
+    for number, reading in enumerate(Replay(session.path, corrected=False)):
         while upcoming is not None and upcoming.first <= number:
             active.append(upcoming)
             upcoming = next(following, None)
@@ -153,8 +152,11 @@ def _means(session: SessionRecord, kept: NDArray[np.bool_]) -> tuple[dict[int, F
         active = [press for press in active if number + 1 < press.first + press.count]
     means = {press.number: sums[press.number][0] / press.count for press in wanted}
     spread = [
-        np.sqrt(np.maximum(sums[press.number][1] / press.count - means[press.number] ** 2, 0))
+        np.sqrt(
+            np.maximum(sums[press.number][1] - press.count * means[press.number] ** 2, 0) / (press.count - 1)
+        )
         for press in wanted
+        if press.count > 1
     ]
     return means, np.concatenate(spread) if spread else np.zeros(0)
 
@@ -169,8 +171,8 @@ def _about(session: SessionRecord) -> dict[str, Any]:
         "urls": first.get("urls"),
         "started": first.get("started"),
         "finished": session.whole.finished,
-        "presses": sum(press.count > 0 for press in session.presses.values()),
-        "skipped": [number for number, press in sorted(session.presses.items()) if not press.count],
+        "presses": sum(press.what == "taken" for press in session.presses.values()),
+        "skipped": sorted(press.number for press in session.presses.values() if press.what == "skipped"),
         "frames_a_press": session.plan.frames,
         "calibrated": [
             None if calibration is None else calibration.taken.isoformat()
@@ -182,7 +184,8 @@ def _about(session: SessionRecord) -> dict[str, Any]:
 class Interval(BaseModel):
     """One line of a marks file: what was pressed where, from `first_s` to `last_s` of a recording.
 
-    x_mm, y_mm, theta_rad: sensor_in_object. Times are the device's where it has a clock, else the host's.
+    x_mm, y_mm, theta_rad: sensor_in_object. Times count from the recording's first reading, on the
+    device's clock where it has one, else on the host's.
     """
 
     model_config = STRICT
@@ -204,14 +207,10 @@ def read_intervals(path: str | Path) -> list[Interval]:
     try:
         lines = read_small_file(Path(path), "marks").decode("utf-8-sig").splitlines()
         rows = [
-            checked(
-                Interval,
-                {key.strip(): (value or "").strip() for key, value in row.items()},
-                f"{path}, line {k}",
-            )
-            for k, row in enumerate(csv.DictReader(lines, restkey="more columns than the title has"), start=2)
+            checked(Interval, _words(row), f"{path}, line {number}")
+            for number, row in enumerate(csv.DictReader(lines), start=2)
         ]
-    except (csv.Error, UnicodeDecodeError, AttributeError) as error:
+    except (csv.Error, UnicodeDecodeError) as error:
         raise InputError(f"{path} is no marks file (CSV): {error}") from error
     if not rows:
         raise InputError(
@@ -220,9 +219,13 @@ def read_intervals(path: str | Path) -> list[Interval]:
     return rows
 
 
-def scan_of_intervals(
-    source: Source, intervals: Sequence[Interval], objects: Mapping[str, Any] | None = None
-) -> Scan:
+def _words(row: dict[Any, Any]) -> dict[str, str]:
+    """Strip the words of a line; one that is missing or too many is left for the check to name."""
+    extra = {"more columns than the title": ""} if None in row else {}
+    return {name.strip(): value.strip() for name, value in row.items() if name and value} | extra
+
+
+def scan_of_intervals(source: Source, intervals: Sequence[Interval]) -> Scan:
     """Make a scan of a recording without guidance: the mean of the readings in each interval.
 
     Raises InputError if no reading falls in an interval.
@@ -230,20 +233,18 @@ def scan_of_intervals(
     sums = np.zeros((len(intervals), len(source.taxel_xy)))
     counts = np.zeros(len(intervals), dtype=int)
     first, last = (np.array([getattr(each, name) for each in intervals]) for name in ("first_s", "last_s"))
+    begin: float | None = None
     for reading in source:
         time = reading.host_time if reading.device_time is None else reading.device_time
-        inside = (first <= time) & (time <= last)
+        begin = time if begin is None else begin
+        inside = (first <= time - begin) & (time - begin <= last)
         sums[inside] += reading.pressures
         counts += inside
     if not counts.all():
         empty = intervals[int(np.argmin(counts))]
         raise InputError(f"no reading lies between {empty.first_s:g} and {empty.last_s:g} s ({empty.label})")
     labels = np.array([each.label for each in intervals])
-    meta = {
-        "source": "recorded",
-        "pad": source.pad.model_dump(mode="json"),
-        "objects": {name: facts for name, facts in (objects or {}).items() if name in labels},
-    }
+    meta = {"source": "recorded", "pad": source.pad.model_dump(mode="json")}
     return Scan(
         sums / counts[:, None],
         np.array([(each.x_mm, each.y_mm, each.theta_rad) for each in intervals]),

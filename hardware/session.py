@@ -8,10 +8,10 @@ stopped it, and its scan is computed from the raw bytes again.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from pydantic import BaseModel, Field, model_validator
@@ -25,8 +25,8 @@ from tactsim.poses import FloatArray
 from tactsim.reading import Reading
 
 _LIFTED = 5  # readings without touch after which a press is over
-_STEADY = 0.05  # relative change of the force within the window of a steady press, beyond its noise
-_HELD = 0.15  # relative change of the force during a press beyond which it is taken anew
+_STILL_TOUCHED = 3.0  # s after which a pad that is not free is told of
+_STEADY = 0.05  # relative change of the force that a steady hand makes, beyond the sensor's noise
 
 
 class Plan(BaseModel):
@@ -41,7 +41,7 @@ class Plan(BaseModel):
     split: str = Field("train", pattern="^(train|test)$")
     poses: tuple[tuple[float, float, float], ...] = Field(min_length=1, max_length=100_000)
     frames: int = Field(20, ge=1, le=10_000, description="readings whose mean is a press")
-    window: int = Field(10, ge=2, le=1000, description="readings over which a press must be steady")
+    window: int = Field(10, ge=4, le=1000, description="readings over which a press must be steady")
     touch_kpa: float = Field(2.0, gt=0, description="kPa above which an element is touched")
     least_force: float = Field(
         0.3, ge=0, description="N that a press must have on the elements that are read"
@@ -61,16 +61,18 @@ class Plan(BaseModel):
 
 
 class Press(BaseModel):
-    """A mark of a recording: press `number` of the plan is the mean of `count` readings from `first` on.
+    """A mark of a recording: what was done about press `number` of the plan.
 
-    count is 0 for a press that was skipped. A later mark of the same press replaces an earlier one.
+    taken: it is the mean of `count` readings from `first` on. skipped: it is left out. redo: what was
+    marked before is void, and the press is waited for. Later marks replace earlier ones.
     """
 
     model_config = STRICT
 
     number: int = Field(ge=0)
-    first: int = Field(ge=0)
-    count: int = Field(ge=0, le=10_000)
+    what: Literal["taken", "skipped", "redo"]
+    first: int = Field(0, ge=0)
+    count: int = Field(0, ge=0, le=10_000)
 
 
 class Phase(Enum):
@@ -103,8 +105,6 @@ class Session:
         self._recent: deque[float] = deque(maxlen=self.plan.window)  # forces, N
         self._taken: list[Reading] = []
         self._untouched = 0
-        self._forced = False
-        self._held = 0.0  # N, when the reading of the press began
         self._since: float | None = None  # host time from which the press has been waited for
         self._before: list[int] = []  # presses in the order in which they were recorded, for `redo`
         self.current = next_press(self.presses, len(self.plan.poses))
@@ -128,17 +128,23 @@ class Session:
         now = float(force(reading.pressures, self.pad))
         if self.phase is Phase.LIFT:
             self._untouched = 0 if touched else self._untouched + 1
+            if touched and reading.host_time - self._since > _STILL_TOUCHED:
+                element = int(np.argmax(reading.pressures))
+                self.message = (
+                    f"element {element} still reads {reading.pressures[element]:.1f} kPa; lift everything off, or "
+                    "take a tare"
+                )
             if self._untouched >= _LIFTED:
+                self.message = ""
                 self._begin(Phase.TOUCH)
                 self._since = reading.host_time
         elif self.phase is Phase.TOUCH:
             if touched:
                 self._begin(Phase.STEADY)
-                self.message = ""
         elif self.phase is Phase.STEADY:
             self._settle(now, touched)
         elif self.phase is Phase.TAKING:
-            return self._read(reading, number, now)
+            return self._read(reading, number)
         patience = self.plan.patience
         waits = self.phase in (Phase.TOUCH, Phase.STEADY)
         if waits and patience is not None and reading.host_time - self._since > patience:
@@ -150,22 +156,25 @@ class Session:
         if self.phase is not Phase.DONE:
             self._begin(Phase.TAKING)
             self.message = ""
-            self._forced = True
 
-    def skip(self, number: int) -> Press | None:
-        """Leave out the current press; returns what to mark. `number`: of the next reading."""
+    def skip(self) -> Press | None:
+        """Leave out the current press; returns what to mark."""
         if self.phase is Phase.DONE:
             return None
-        return self._finish(Press(number=self.current, first=number, count=0), Phase.TOUCH)
+        return self._finish(Press(number=self.current, what="skipped"))
 
-    def redo(self) -> None:
-        """Go back to the press before, to record it anew."""
-        if self._before:
-            self.current = self._before.pop()
-        elif self.current > 0:
-            self.current -= 1
-        self.message = f"again press {self.current + 1}"
+    def redo(self) -> Press | None:
+        """Go back to the press before, to record it anew; returns what to mark."""
+        number = self._before.pop() if self._before else max(self.presses, default=-1)
+        if number < 0:
+            return None
+        mark = Press(number=number, what="redo")
+        note(self.presses, mark)
+        self.current = next_press(self.presses, len(self.plan.poses))
         self._begin(Phase.LIFT)
+        self._since = None
+        self.message = f"again press {number + 1}"
+        return mark
 
     def _begin(self, phase: Phase) -> None:
         done = self.current >= len(self.plan.poses)
@@ -173,7 +182,6 @@ class Session:
         self._recent.clear()
         self._taken = []
         self._untouched = 0
-        self._forced = False
 
     def _settle(self, now: float, touched: bool) -> None:
         if not touched:
@@ -182,12 +190,8 @@ class Session:
         self._recent.append(now)
         if len(self._recent) < self.plan.window:
             return
-        forces = np.array(self._recent)
-        half = len(forces) // 2
-        mean = float(forces.mean())
-        noise = float(np.sqrt(np.mean(np.diff(forces) ** 2) / 2))  # of one reading; a slow rise is not in it
-        change = abs(float(forces[:half].mean() - forces[-half:].mean()))
-        if change > _STEADY * mean + 3 * noise * np.sqrt(2 / half):
+        mean = float(np.mean(self._recent))
+        if self._moves(self._recent):
             self.message = ""
         elif mean < self.plan.least_force:
             self.message = f"{mean:.2f} N is too little; press with {self.plan.least_force:g} N or more"
@@ -197,33 +201,47 @@ class Session:
             self.message = ""
             self._begin(Phase.TAKING)
 
-    def _read(self, reading: Reading, number: int, now: float) -> Press | None:
+    def _read(self, reading: Reading, number: int) -> Press | None:
         self._taken.append(reading)
-        self._recent.append(now)
-        first = number - len(self._taken) + 1
-        if not self._forced and len(self._recent) == self.plan.window:
-            # Windows, not single readings: noise on all elements adds up in the force.
-            mean = float(np.mean(self._recent))
-            if len(self._taken) == self.plan.window:
-                self._held = mean
-            elif abs(mean - self._held) > _HELD * max(self._held, self.plan.least_force):
-                self._begin(Phase.STEADY)
-                self.message = "it moved; hold it still"
-                return None
         if len(self._taken) < self.plan.frames:
             return None
-        self.image = np.mean([each.pressures for each in self._taken], axis=0)
-        press = Press(number=self.current, first=first, count=len(self._taken))
-        return self._finish(press, Phase.TOUCH if self._forced else Phase.LIFT)
+        pressures = np.array([each.pressures for each in self._taken])
+        if self._moves(force(pressures, self.pad)):
+            self._begin(Phase.STEADY)
+            self.message = "it moved; hold it still"
+            return None
+        self.image = pressures.mean(axis=0)
+        first = number - len(self._taken) + 1
+        return self._finish(Press(number=self.current, what="taken", first=first, count=len(self._taken)))
 
-    def _finish(self, press: Press, phase: Phase) -> Press:
-        self.presses[press.number] = press
+    def _moves(self, values: Sequence[float] | FloatArray) -> bool:
+        """Tell whether forces (n,) N rise or fall by more than their noise explains and a hand cannot help."""
+        forces = np.asarray(values)
+        half = len(forces) // 2
+        if not half:
+            return False
+        change = abs(float(forces[:half].mean() - forces[-half:].mean()))
+        # Noise of one reading; second differences leave a rise out, which is what is looked for.
+        noise = float(np.sqrt(np.mean(np.diff(forces, 2) ** 2) / 6)) if len(forces) > 2 else 0.0
+        allowed = _STEADY * max(float(forces.mean()), self.plan.least_force)
+        return change > allowed + 3 * noise * np.sqrt(2 / half)
+
+    def _finish(self, press: Press) -> Press:
+        note(self.presses, press)
         self._before.append(press.number)
         self.current = next_press(self.presses, len(self.plan.poses))
         self.message = ""
-        self._begin(phase)
+        self._begin(Phase.LIFT)
         self._since = None
         return press
+
+
+def note(presses: dict[int, Press], mark: Press) -> None:
+    """Enter a mark among the presses that are done, by number."""
+    if mark.what == "redo":
+        presses.pop(mark.number, None)
+    else:
+        presses[mark.number] = mark
 
 
 def next_press(presses: Mapping[int, Press], total: int) -> int:

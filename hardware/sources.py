@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
 from types import TracebackType
-from typing import Any
+from typing import Any, Protocol
 
 from hardware.calibration import Calibration, Correction
 from hardware.counters import Counters
@@ -29,17 +29,32 @@ BUILT_IN: dict[str, tuple[str, str]] = {
 }
 
 
+class Log(Protocol):
+    """What is told of everything that a link says and is told; a `Recorder` is one."""
+
+    def received(self, link: int, data: bytes, time: float) -> None:
+        """Note bytes that came at `time`, s."""
+
+    def sent(self, link: int, data: bytes, time: float) -> None:
+        """Note bytes that were sent."""
+
+    def lost(self, link: int, time: float) -> None:
+        """Note that the link was lost."""
+
+
 class Source(ABC):
     """A stream of readings of one pad. Close it, or use it in a `with`; iterate to read till its end.
 
     pad: the geometry. taxel_xy: (taxels, 2) mm, where the elements lie that its readings hold.
-    counters: what happened so far. records_bytes: whether it writes the `Recorder` it was given itself.
+    counters: what happened so far. calibrated: whether its readings are corrected already. has_bytes:
+    whether it tells the `Log` it was given what its links say.
     """
 
     pad: Pad
     taxel_xy: FloatArray
     counters: Counters
-    records_bytes: bool = False
+    calibrated: bool = False
+    has_bytes: bool = False
 
     @abstractmethod
     def read(self, timeout: float | None = None) -> Reading:
@@ -70,7 +85,7 @@ class Source(ABC):
         self.close()
 
 
-Opener = Callable[[Sequence[str], Device, "Recorder | None"], Source]
+Opener = Callable[[Sequence[str], Device, "Log | None"], Source]
 
 
 class Corrected(Source):
@@ -80,7 +95,7 @@ class Corrected(Source):
         self._inner, self._correction = inner, Correction(calibration, inner.pad)
         self.pad, self.counters = inner.pad, inner.counters
         self.taxel_xy = self._correction.taxel_xy
-        self.records_bytes = inner.records_bytes
+        self.calibrated, self.has_bytes = True, inner.has_bytes
 
     def read(self, timeout: float | None = None) -> Reading:
         """Return the next reading, corrected; see `Source.read`."""
@@ -97,7 +112,7 @@ class Recorded(Source):
     def __init__(self, inner: Source, recorder: Recorder) -> None:
         self._inner, self._recorder = inner, recorder
         self.pad, self.taxel_xy, self.counters = inner.pad, inner.taxel_xy, inner.counters
-        self.records_bytes = True
+        self.calibrated, self.has_bytes = inner.calibrated, True
 
     def read(self, timeout: float | None = None) -> Reading:
         """Return the next reading after it was recorded; see `Source.read`."""
@@ -123,9 +138,11 @@ def open_source(
     places: Sequence[str],
     device: Device,
     calibration: Calibration | None = None,
-    recorder: Recorder | None = None,
+    log: Log | None = None,
 ) -> Source:
     """Open the source at `places`, as many as the device has ports.
+
+    A `log` that is a `Recorder` gets the readings of a source that has no bytes.
 
     A place is a port (/dev/ttyUSB0, COM3, socket://HOST:PORT and whatever else pyserial opens),
     `recording:FILE`, or `NAME:...` for the source NAME of an installed package. Raises InputError if
@@ -143,10 +160,12 @@ def open_source(
         raise unknown("source", name, names())
     else:
         opener = _load(BUILT_IN["port"][0])
-    source = opener(places, device, recorder)
+    source = opener(places, device, log)
     try:
-        if recorder is not None and not source.records_bytes:
-            source = Recorded(source, recorder)
+        if isinstance(log, Recorder) and not source.has_bytes:
+            source = Recorded(source, log)
+        if calibration is not None and source.calibrated:
+            raise SourceError(f"{places[0]} was recorded with a calibration of its own; give none")
         return source if calibration is None else Corrected(source, calibration)
     except InputError:
         source.close()

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-
 from models.errors import InputError
+from tactsim.finite import finite
 from tactsim.poses import FloatArray
 
 
@@ -18,7 +17,7 @@ class Reading:
     computer that read it; only differences have a meaning. device_time: s on the device's own clock,
     its wraps undone, or None if it has none. index: the device's frame counter as it was sent, or None.
 
-    Raises InputError if a pressure is not a finite number.
+    Raises InputError if a pressure is not a finite number of a sensible size.
     """
 
     pressures: FloatArray
@@ -27,11 +26,8 @@ class Reading:
     index: int | None = None
 
     def __post_init__(self) -> None:
-        pressures = np.asarray(self.pressures, dtype=np.float64)
+        pressures = finite(self.pressures, "reading")
         if pressures.ndim != 1:
             raise InputError(f"a reading has shape {pressures.shape}; it is one pressure an element")
-        if not np.isfinite(pressures).all():
-            taxel = int(np.argmin(np.isfinite(pressures)))
-            raise InputError(f"element {taxel} of a reading is {pressures[taxel]}, no finite pressure")
         pressures.setflags(write=False)
         object.__setattr__(self, "pressures", pressures)

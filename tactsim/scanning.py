@@ -185,12 +185,12 @@ def _seconds_per_press(options: ScanOptions) -> float:
 def _meta(options: ScanOptions, letters: Sequence[models.Letter]) -> dict[str, Any]:
     return {
         "options": options.model_dump(mode="json"),
-        "objects": {letter.name: _object(letter) for letter in letters},
+        "objects": {letter.name: object_facts(letter) for letter in letters},
         "versions": cached.versions(),
     }
 
 
-def _object(letter: models.Letter) -> dict[str, Any]:
+def object_facts(letter: models.Letter) -> dict[str, Any]:
     """Say of a letter what scores need: symmetry (0 for a disc), centre mm, inertia over mass mm^2."""
     return {
         "symmetry": 0 if math.isinf(letter.symmetry) else int(letter.symmetry),

@@ -8,7 +8,20 @@ from typing import NoReturn
 import typer
 from typer.exceptions import Abort, TyperException
 
-from bench.cli import compare, report, run, scan, stress, sweep
+from bench.cli import (
+    compare,
+    devices,
+    emulate,
+    probe,
+    record,
+    replay,
+    report,
+    run,
+    scan,
+    stress,
+    sweep,
+    tare,
+)
 from bench.cli import list as list_verb
 from models.errors import InputError
 
@@ -30,6 +43,12 @@ verbs = {
     "compare": compare,
     "list": list_verb,
     "stress": stress,
+    "devices": devices,
+    "probe": probe,
+    "tare": tare,
+    "record": record,
+    "replay": replay,
+    "emulate": emulate,
 }
 for name, verb in verbs.items():
     app.command(name=name)(verb.command)

@@ -15,14 +15,14 @@ _LONGEST_BURST = 200  # bytes
 class Faults:
     """How often what goes wrong.
 
-    drop, flip: probability that a byte is lost, or changed. cut: that a frame breaks off in its
+    drop, flip: probability that a byte is lost, or changed. torn: that a frame breaks off in its
     middle. garbage: that a burst of random bytes comes before a frame. drift: kPa a second that all
     elements gain. disconnect: s after which the line is cut, again and again; 0 for never.
     """
 
     drop: float = 0.0
     flip: float = 0.0
-    cut: float = 0.0
+    torn: float = 0.0
     garbage: float = 0.0
     drift: float = 0.0
     disconnect: float = 0.0
@@ -33,7 +33,7 @@ class Faults:
 
     def spoil(self, message: bytes, rng: np.random.Generator) -> bytes:
         """Return what arrives of one frame."""
-        if self.cut and rng.random() < self.cut:
+        if self.torn and rng.random() < self.torn:
             message = message[: rng.integers(len(message))]
         if self.flip:
             data = np.frombuffer(message, np.uint8).copy()

@@ -75,7 +75,7 @@ def test_the_file_is_what_the_documentation_says(tmp_path):
 
 
 @pytest.mark.parametrize("on", ["pty", "tcp"])
-@pytest.mark.parametrize("faults", [Faults(), Faults(drop=0.002, flip=0.002, cut=0.02, garbage=0.05)])
+@pytest.mark.parametrize("faults", [Faults(), Faults(drop=0.002, flip=0.002, torn=0.02, garbage=0.05)])
 def test_replay_gives_bit_equal_readings(tmp_path, paper_pad, emulated_pad, on, faults):
     with serving(emulated_pad, on=on, faults=faults) as url, Recorder(tmp_path / "a") as recorder:
         recorder.segment(segment(paper_pad), 0.0)
@@ -287,5 +287,5 @@ def test_lines_of_a_csv_that_are_damaged_are_left_out(tmp_path):
 def test_marks_are_json_objects(tmp_path):
     small_recording(tmp_path / "a", small_device())
     notes = []
-    list(Replay(tmp_path / "a", lambda kind, content, readings: notes.append((kind, readings))))
+    list(Replay(tmp_path / "a", on_note=lambda kind, content, readings: notes.append((kind, readings))))
     assert notes == [(Kind.SEGMENT, 0), (Kind.MARK, 21), (Kind.END, 21)]

@@ -1,0 +1,198 @@
+"""The verbs of the real pad as a user calls them, on an emulated pad behind a real pty or TCP port."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tactsim import Scan
+
+BENCH = Path(sys.executable).parent / "bench"
+ENVIRONMENT = os.environ | {"COLUMNS": "110", "NO_COLOR": "1"}
+
+
+@pytest.fixture
+def bench(tmp_path):
+    def call(*words, **options):
+        return subprocess.run(
+            [BENCH, *map(str, words)], cwd=tmp_path, env=ENVIRONMENT, text=True, capture_output=True,
+            timeout=120, check=False, stdin=subprocess.DEVNULL, **options,
+        )  # fmt: skip
+
+    return call
+
+
+@contextmanager
+def emulated(folder, *words):
+    """Run `bench emulate`; gives the name that it prints."""
+    process = subprocess.Popen(
+        [BENCH, "emulate", *map(str, words)], cwd=folder, env=ENVIRONMENT, text=True, stdout=subprocess.PIPE
+    )
+    try:
+        yield process.stdout.readline().strip()
+    finally:
+        process.send_signal(signal.SIGINT)
+        assert process.wait(10) == 130
+
+
+def right(result):
+    assert result.returncode == 0, result.stderr
+    return result.stdout
+
+
+def refused(result, *parts):
+    assert result.returncode == 2, result.stderr
+    lines = [line for line in result.stderr.splitlines() if line.startswith("bench")]
+    assert len(lines) == 1, result.stderr
+    assert "Traceback" not in result.stderr
+    for part in parts:
+        assert part in lines[0]
+
+
+def test_devices_are_listed(bench):
+    out = right(bench("devices"))
+    for word in ("ports", "sources", "recording", "simulated", "codecs", "Time [ms]", "singletact-5x5"):
+        assert word in out
+    found = json.loads(right(bench("devices", "--json")))
+    assert {"ports", "sources", "codecs", "device_files"} == set(found)
+
+
+@pytest.mark.parametrize("on", ["pty:pad", "tcp"])
+def test_a_pad_is_probed(bench, tmp_path, on):
+    with emulated(tmp_path, "--port", on, "--letter", "A", "--hold", "1000", "--lift", "0.1") as name:
+        found = json.loads(right(bench("probe", "--port", name, "--seconds", "0.5", "--json")))
+        shown = right(bench("probe", "--port", name, "--seconds", "0.3"))
+    assert found["taxels"] == 36
+    assert 50 < found["readings_per_s"] < 150
+    assert found["counters"]["garbage_bytes"] == 0
+    assert 0.2 < found["force_n"] < 2.0
+    assert "36 elements" in shown
+
+
+def test_a_probe_of_something_else_shows_its_bytes(bench, tmp_path):
+    with emulated(tmp_path, "--port", "pty:pad") as name:
+        result = bench("probe", "--port", name, "--device", "singletact-5x5")
+    refused(result, "no whole frame of 'SingleTact 5x5 array'", "baud rate")
+    assert "aa 55" in result.stderr
+
+
+def test_a_letter_is_recorded_from_tare_to_scan(bench, tmp_path):
+    with emulated(tmp_path, "--port", "pty:pad", "--follow", "A.tactrec", "--rate", "200", "--lift", "0.2"):
+        assert "36 elements" in right(bench("tare", "--port", "pad", "--out", "cal.toml"))
+        words = [
+            "record", "--port", "pad", "--letter", "A", "--calibration", "cal.toml", "--out", "A.npz",
+            "--poses", "random:5", "--frames", "10", "--patience", "1",
+        ]  # fmt: skip
+        session = subprocess.Popen([BENCH, *words], cwd=tmp_path, env=ENVIRONMENT, stdin=subprocess.DEVNULL)
+        until = time.monotonic() + 60
+        while time.monotonic() < until and not _marks(tmp_path):
+            time.sleep(0.2)
+        session.send_signal(signal.SIGKILL)
+        session.wait(10)
+        assert not (tmp_path / "A.npz").exists()
+        refused(bench(*words), "A.tactrec exists", "--resume")
+        refused(bench(*words, "--resume", "--letter", "B"), "is a session of 'A'")
+        out = right(bench(*words, "--resume"))
+    assert "5 readings of A in A.npz" in out
+    scan = Scan.load(tmp_path / "A.npz")
+    assert scan.readings.shape == (5, 36)
+    assert scan.meta["objects"]["A"]["symmetry"] == 1
+    pressed = _pressed(scan.poses)
+    assert np.sqrt(((scan.readings - pressed) ** 2).mean()) < 2.0
+    assert pressed.max() > 20
+    again = right(bench("replay", "A.tactrec", "--scan", "again.npz", "--csv", "readings.csv"))
+    assert "finished" in again
+    assert "2 segments" in again
+    assert Scan.load(tmp_path / "again.npz").digest == scan.digest
+    assert (tmp_path / "readings.csv").read_text().startswith("s,host_s,device_s,index,element_0")
+
+
+def _marks(folder):
+    """Tell whether two presses are in the recording that is being written."""
+    from hardware.recording import Kind, Tail
+
+    records = Tail(folder / "A.tactrec").poll()
+    return sum(record.kind is Kind.MARK for record in records) >= 2
+
+
+def _pressed(poses):
+    import models
+    from tactsim import press_letter
+
+    return np.array([press_letter(models.letter("A"), pose).ideal for pose in poses])
+
+
+def test_all_that_a_pad_says_is_recorded(bench, tmp_path):
+    with emulated(tmp_path, "--port", "tcp") as name:
+        assert "readings in a.tactrec" in right(
+            bench("record", "--port", name, "--out", "a.tactrec", "--seconds", "0.5")
+        )
+    assert "finished" in right(bench("replay", "a.tactrec"))
+    refused(bench("replay", "a.tactrec", "--scan", "a.npz"), "no recording of a guided session")
+
+
+def test_faults_are_emulated_and_survived(bench, tmp_path):
+    faults = [
+        "--drop",
+        "0.001",
+        "--flip",
+        "0.001",
+        "--torn",
+        "0.05",
+        "--garbage",
+        "0.1",
+        "--disconnect",
+        "0.7",
+    ]
+    with emulated(tmp_path, "--port", "pty:pad", *faults) as name:
+        found = json.loads(right(bench("probe", "--port", name, "--seconds", "2", "--json")))
+    assert found["counters"]["garbage_bytes"] > 0
+    assert found["counters"]["reconnects"] >= 1
+    assert found["readings"] > 20
+
+
+def test_a_large_array_is_cut_into_touches(bench, tmp_path):
+    rng = np.random.default_rng(0)
+    (tmp_path / "array.toml").write_text(
+        'name = "16x16"\n[codec]\nkind = "pps-csv"\nelements = 256\n'
+        "[pad]\nrows = 16\ncolumns = 16\nno_seam = true\nunread_columns = 0\n"
+    )
+    rows = [", ".join(["Time [ms]", *(f"Elem{k}" for k in range(256))])]
+    rows += [", ".join(map(str, [100 * k, *rng.uniform(0, 50, 256).round(2)])) for k in range(4)]
+    (tmp_path / "array.csv").write_text("\n".join(rows) + "\n")
+    (tmp_path / "marks.csv").write_text(
+        "label,split,x_mm,y_mm,theta_rad,first_s,last_s\nA,train,0,0,0,0,0.1\nA,test,1,0,0.5,0.2,0.3\n"
+    )
+    words = ["replay", "array.csv", "--device", "array.toml", "--marks", "marks.csv", "--cut", "5x5"]
+    refused(bench(*words), "name it with --scan")
+    assert "288 readings of A, 25 taxels" in right(bench(*words, "--scan", "touches.npz"))
+    assert Scan.load(tmp_path / "touches.npz").readings.shape == (288, 25)
+
+
+@pytest.mark.parametrize(
+    ("words", "parts"),
+    [
+        (["probe", "--port", "/dev/nothing"], ["there is no such port", "bench devices"]),
+        (["probe", "--port", "x", "--device", "emulatd"], ["unknown device 'emulatd'", "'emulated'"]),
+        (["probe", "--port", "x", "--device", "no.toml"], ["cannot read device file no.toml"]),
+        (["tare", "--port", "simulated:A", "--out", "t.toml"], ["something touches the pad"]),
+        (["tare", "--port", "x", "--out", "t.toml", "--load", "5"], ["gains need both"]),
+        (["record", "--port", "x", "--out", "a.npz", "--letter", "A", "--force", "3"], ["LEAST:MOST"]),
+        (["record", "--port", "x", "--out", "a.npz", "--letter", "A", "--force", "3:2"], ["must be below"]),
+        (["record", "--port", "x", "--out", "a.npz", "--letter", "A", "--poses", "many"], ["random:N"]),
+        (["record", "--port", "x", "--out", "a.npz", "--letter", "A", "--resume"], ["cannot read recording"]),
+        (["replay", "nothing.tactrec"], ["cannot read recording nothing.tactrec"]),
+        (["emulate", "--port", "com"], ["say pty, pty:LINK, tcp"]),
+        (["emulate", "--port", "tcp:x"], ["tcp:[HOST:]PORT"]),
+        (["emulate", "--letter", "?"], ["unknown letter"]),
+    ],
+)
+def test_mistakes_end_in_one_line(bench, tmp_path, words, parts):
+    refused(bench(*words), *parts)

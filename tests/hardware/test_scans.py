@@ -1,0 +1,108 @@
+import numpy as np
+import pytest
+from made_pads import csv_device, small_device
+
+from hardware.recording import Recorder
+from hardware.replay import CsvReplay, Replay
+from hardware.scans import cut, read_intervals, scan_of_intervals
+from tactsim import InputError, Pad, Scan, transform
+from tactsim.reading import Reading
+
+
+def array_scan(rows=16, columns=16, **pad):
+    """A large even array that feels a smooth field of the object's frame, at two poses."""
+    pad = Pad(rows=rows, columns=columns, seam=None, unread_columns=0, **pad)
+    poses = np.array([[0.0, 0.0, 0.0], [3.0, -2.0, 0.7]])
+    points = transform(poses, pad.taxel_xy)
+    return Scan(field(points), poses, np.array(["A", "B"]), np.array(["train", "test"]), pad.taxel_xy)
+
+
+def field(points):
+    return 50 + 3 * points[..., 0] + 20 * np.sin(points[..., 1] / 5)
+
+
+@pytest.mark.parametrize(
+    ("window", "stride", "count"), [((5, 5), 1, 144), ((5, 5), 3, 16), ((16, 16), 1, 1), ((1, 2), 15, 2)]
+)
+def test_each_cut_feels_the_same_place_of_the_object(window, stride, count):
+    scan = array_scan()
+    touches = cut(scan, *window, stride)
+    assert touches.readings.shape == (2 * count, window[0] * window[1])
+    assert np.allclose(touches.taxel_xy.mean(axis=0), 0)
+    assert np.allclose(touches.readings, field(transform(touches.poses, touches.taxel_xy)))
+    assert (touches.labels == "A").sum() == (touches.split == "train").sum() == count
+
+
+@pytest.mark.parametrize("window", [(17, 5), (0, 5), (5, -1)])
+def test_a_window_that_does_not_fit_is_refused(window):
+    with pytest.raises(InputError, match="cannot be cut from 16x16"):
+        cut(array_scan(), *window)
+
+
+def test_a_pad_with_a_seam_or_a_masked_element_is_not_cut():
+    seamed = Pad()
+    with pytest.raises(InputError, match="not evenly spaced"):
+        cut(
+            Scan(np.zeros((1, 36)), np.zeros((1, 3)), np.array(["A"]), np.array(["train"]), seamed.taxel_xy),
+            3,
+            3,
+        )
+    xy = np.delete(array_scan().taxel_xy, 7, axis=0)
+    with pytest.raises(InputError, match="no whole grid"):
+        cut(Scan(np.zeros((1, 255)), np.zeros((1, 3)), np.array(["A"]), np.array(["train"]), xy), 3, 3)
+
+
+MARKS = """label,split,x_mm,y_mm,theta_rad,first_s,last_s
+A,train,1.0,2.0,0.5,0.09,0.31
+B,test,0,0,0,0.34,0.36
+"""
+
+
+def test_other_peoples_recordings_become_scans_by_their_marks(tmp_path):
+    lines = ["Time [ms]," + ",".join(f"Elem{k}" for k in range(6))]
+    lines += [",".join(map(str, [50 * k, *(k + np.arange(6))])) for k in range(20)]
+    (tmp_path / "a.csv").write_text("\n".join(lines) + "\n")
+    (tmp_path / "marks.csv").write_text(MARKS)
+    scan = scan_of_intervals(
+        CsvReplay(tmp_path / "a.csv", csv_device()), read_intervals(tmp_path / "marks.csv")
+    )
+    assert np.array_equal(scan.readings, [4 + np.arange(6), 7 + np.arange(6)])
+    assert scan.poses.tolist() == [[1.0, 2.0, 0.5], [0.0, 0.0, 0.0]]
+    assert scan.labels.tolist() == ["A", "B"]
+    assert scan.split.tolist() == ["train", "test"]
+
+
+def test_marks_count_on_the_hosts_clock_where_the_device_has_none(tmp_path):
+    with Recorder(tmp_path / "a") as recorder:
+        recorder.segment({"device": small_device().as_json()}, 0.0)
+        for k in range(20):
+            recorder.reading(Reading(np.full(6, float(k)), 64 + k / 20))
+    (tmp_path / "marks.csv").write_text(MARKS)
+    scan = scan_of_intervals(Replay(tmp_path / "a"), read_intervals(tmp_path / "marks.csv"))
+    assert scan.readings[:, 0].tolist() == [4.0, 7.0]
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        ("", "has no marks"),
+        ("label,split\n", "has no marks"),
+        ("label,split,x_mm,y_mm,theta_rad,first_s,last_s\nA,train,a,0,0,0,1\n", "line 2: x_mm"),
+        ("label,split,x_mm,y_mm,theta_rad,first_s,last_s\nA,dev,0,0,0,0,1\n", "line 2: split"),
+        ("label,split,x_mm,y_mm,theta_rad,first_s,last_s\nA,train,nan,0,0,0,1\n", "line 2: x_mm"),
+        ("label,split,x_mm,y_mm,theta_rad,first_s,last_s\nA,train,0,0,0,0\n", "line 2: last_s"),
+        ("label,split,x_mm,y_mm,theta_rad,first_s,last_s\nA,train,0,0,0,0,1,2\n", "line 2: more columns"),
+    ],
+)
+def test_marks_that_make_no_sense_are_refused_with_their_line(tmp_path, content, message):
+    (tmp_path / "marks.csv").write_text(content)
+    with pytest.raises(InputError, match=message):
+        read_intervals(tmp_path / "marks.csv")
+
+
+def test_an_interval_without_readings_is_refused(tmp_path):
+    (tmp_path / "a.csv").write_text("Time [ms],Elem0,Elem1,Elem2,Elem3,Elem4,Elem5\n0,1,2,3,4,5,6\n")
+    (tmp_path / "marks.csv").write_text(MARKS)
+    source = CsvReplay(tmp_path / "a.csv", csv_device())
+    with pytest.raises(InputError, match=r"no reading lies between 0.09 and 0.31 s \(A\)"):
+        scan_of_intervals(source, read_intervals(tmp_path / "marks.csv"))

@@ -1,0 +1,285 @@
+import numpy as np
+import pytest
+from made_pads import small_device
+
+from hardware.calibration import Calibration, force
+from hardware.emulator.pressing import Follower, Pressing, by_the_clock
+from hardware.recording import Recorder
+from hardware.scans import read_session, scan_of_sessions
+from hardware.session import Phase, Plan, Press, Session, next_press
+from tactsim import InputError
+from tactsim.reading import Reading
+
+POSES = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.5), (0.0, 2.0, 1.0), (1.0, 1.0, 0.0))
+
+
+@pytest.fixture
+def pad():
+    return small_device(pad={"rows": 2, "columns": 3, "no_seam": True}).pad
+
+
+def plan(**changes):
+    return Plan.model_validate({"label": "A", "poses": POSES, "frames": 6, "window": 4} | changes)
+
+
+def table(count=4):
+    """Presses of 100 to 400 kPa, each on other elements: 1 to 5 N."""
+    return np.array([np.roll([100.0 * (k + 1), 150, 200, 0, 0, 50], k) for k in range(count)])
+
+
+class Hand:
+    """Presses what the session asks for, and reads it at 100 Hz with noise."""
+
+    def __init__(self, session, rows, seed=0, noise=0.1):
+        self.session, self.rows, self.noise = session, list(rows), noise
+        self.rng = np.random.default_rng(seed)
+        self.number, self.now = 0, 0.0
+        self.pressing = Pressing(6, self.wanted, ramp=0.05)
+        self.lifted_until = 0.0
+
+    def wanted(self, now):
+        if self.session.phase is Phase.LIFT or self.session.current >= len(self.rows):
+            return None
+        return self.rows[self.session.current]
+
+    def reading(self):
+        self.now += 0.01
+        values = self.pressing(self.now) + self.noise * self.rng.standard_normal(6)
+        return Reading(values, self.now)
+
+    def steps(self, count):
+        taken = []
+        for _ in range(count):
+            reading = self.reading()
+            press = self.session.take(reading, self.number)
+            self.number += 1
+            taken += [press] if press else []
+        return taken
+
+
+def test_a_session_goes_through_all_presses(pad):
+    session = Session(plan(), pad)
+    taken = Hand(session, table()).steps(400)
+    assert [press.number for press in taken] == [0, 1, 2, 3]
+    assert all((press.what, press.count) == ("taken", 6) for press in taken)
+    assert session.phase is Phase.DONE
+    assert np.abs(session.image - table()[3]).max() < 0.5
+
+
+def test_only_a_steady_press_is_taken(pad):
+    session = Session(plan(), pad)
+    hand = Hand(session, table())
+    hand.rows[0] = table()[0]
+    hand.pressing = lambda now: (50 + 60 * np.sin(30 * now)) * np.ones(6)  # comes and goes
+    assert hand.steps(300) == []
+    assert session.current == 0
+
+
+def test_a_press_that_moves_while_it_is_read_is_read_anew(pad):
+    session = Session(plan(frames=40), pad)
+    hand = Hand(session, table())
+    while session.phase is not Phase.TAKING:
+        hand.steps(1)
+    hand.steps(15)
+    harder = 2 * hand.rows[0]
+    hand.pressing = lambda now: harder
+    messages = set()
+    for _ in range(30):
+        assert hand.steps(1) == []
+        messages.add(session.message)
+    assert "it moved; hold it still" in messages
+
+
+@pytest.mark.parametrize(
+    ("scale", "message"), [(0.01, "too little; press with 0.3 N"), (50, "too much; press with 20 N")]
+)
+def test_a_press_with_the_wrong_force_is_not_taken(pad, scale, message):
+    session = Session(plan(touch_kpa=0.5), pad)
+    hand = Hand(session, scale * table(), noise=0.01)
+    assert hand.steps(100) == []
+    assert message in session.message
+
+
+def test_a_press_on_nothing_can_be_taken_as_it_is(pad):
+    """A hole of the letter can lie over the pad: nothing touches, and that is the reading."""
+    session = Session(plan(), pad)
+    hand = Hand(session, [np.zeros(6), *table()[1:]])
+    assert hand.steps(100) == []
+    session.take_anyway()
+    (press,) = hand.steps(6)
+    assert (press.number, press.what) == (0, "taken")
+    assert np.abs(session.image).max() < 0.5
+
+
+def test_a_machine_that_presses_needs_no_key(pad):
+    session = Session(plan(patience=0.3), pad)
+    hand = Hand(session, [np.zeros(6), table()[1], 0.02 * table()[2], table()[3]])
+    assert [press.number for press in hand.steps(800)] == [0, 1, 2, 3]
+
+
+def test_the_same_press_is_never_taken_for_two_poses(pad):
+    session = Session(plan(), pad)
+    hand = Hand(session, table())
+    row = table()[0]
+    hand.pressing = Pressing(6, lambda now: row if now > 0.2 else None)
+    assert [press.number for press in hand.steps(600)] == [0]
+    assert "still reads" in session.message
+
+
+def test_skip_and_redo(pad):
+    session = Session(plan(), pad)
+    hand = Hand(session, table())
+    while not (taken := hand.steps(1)):
+        pass
+    assert session.skip() == Press(number=1, what="skipped")
+    assert session.current == 2
+    assert session.redo() == Press(number=1, what="redo")
+    assert session.current == 1
+    assert session.redo() == Press(number=0, what="redo")
+    assert session.current == 0
+    assert session.redo() is None
+    assert [press.number for press in hand.steps(500)] == [0, 1, 2, 3]
+    assert taken[0].number == 0
+
+
+def test_a_session_that_is_resumed_asks_for_what_is_missing(pad):
+    done = {0: Press(number=0, what="taken", count=6), 2: Press(number=2, what="skipped")}
+    session = Session(plan(), pad, done)
+    assert session.current == 1
+    assert [press.number for press in Hand(session, table()).steps(300)] == [1, 3]
+    assert next_press(session.presses, 4) == 4
+
+
+def record(path, pad, script, calibrations=(None,)):
+    """Record a session in as many sittings as `calibrations`, stopping each after `script` steps."""
+    device = small_device(pad=pad.model_dump())
+    for sitting, calibration in enumerate(calibrations):
+        presses, first = {}, 0
+        if sitting:
+            before = read_session(path)
+            presses, first = before.presses, before.readings
+        session = Session(plan(), pad, presses)
+        hand = Hand(session, table(), seed=sitting)
+        hand.number = first
+        with Recorder(path, append=sitting > 0) as recorder:
+            written = None if calibration is None else calibration.model_dump(mode="json")
+            recorder.segment(
+                {"device": device.as_json(), "calibration": written, "plan": plan().model_dump(mode="json")},
+                0.0,
+            )
+            for _ in range(script[sitting]):
+                reading = hand.reading()
+                recorder.reading(reading)
+                press = session.take(reading, hand.number)
+                hand.number += 1
+                if press:
+                    recorder.mark(press.model_dump(), hand.now)
+            recorder.end({}, hand.now)
+
+
+def tared(zero, **changes):
+    return Calibration.model_validate(
+        {
+            "device": "small", "port": "p", "taken": "2026-01-01T00:00:00Z", "frames": 50,
+            "tare": (zero,) * 6, "noise": (0.1,) * 6, "gain": (1.0,) * 6,
+        }
+        | changes
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("stop", [1, 30, 50, 77, 120])
+def test_a_stopped_and_resumed_session_makes_the_whole_scan(tmp_path, pad, stop):
+    record(tmp_path / "a", pad, [stop, 400], [None, None])
+    scan = scan_of_sessions([tmp_path / "a"])
+    assert len(scan) == 4
+    assert np.abs(scan.readings - table()).max() < 0.5
+    assert np.array_equal(scan.poses, POSES)
+    assert set(scan.split) == {"train"}
+    assert scan.meta["recordings"][0]["finished"]
+    assert scan.meta["frame_noise_kpa"] == pytest.approx(0.1, rel=0.4)
+
+
+def test_each_sittings_calibration_holds_for_its_own_presses(tmp_path, pad):
+    record(tmp_path / "a", pad, [80, 400], [tared(0.0), tared(7.0, stuck=(3,))])
+    scan = scan_of_sessions([tmp_path / "a"])
+    kept = [0, 1, 2, 4, 5]
+    assert np.array_equal(scan.taxel_xy, pad.taxel_xy[kept])
+    offsets = np.median(table()[:, kept] - scan.readings, axis=1)
+    first = [press.number for press in read_session(tmp_path / "a").presses.values() if press.first < 80]
+    assert 0 < len(first) < 4
+    assert np.allclose(offsets, [0.0 if number in first else 7.0 for number in range(4)], atol=0.2)
+
+
+def test_a_session_cut_off_in_a_press_loses_that_press_only(tmp_path, pad):
+    path = tmp_path / "a"
+    record(path, pad, [100])
+    assert len(read_session(path).presses) == 4
+    whole = path.read_bytes()
+    path.write_bytes(whole[: int(len(whole) * 0.6)])
+    done = read_session(path)
+    assert 0 < len(done.presses) < 4
+    assert not done.whole.finished
+    assert np.abs(scan_of_sessions([path]).readings - table()[: len(done.presses)]).max() < 0.5
+
+
+def test_sessions_of_two_letters_make_one_scan(tmp_path, pad):
+    record(tmp_path / "a", pad, [400])
+    record(tmp_path / "b", pad, [400])
+    assert len(scan_of_sessions([tmp_path / "a", tmp_path / "b"])) == 8
+
+
+def test_a_recording_without_a_plan_is_no_session(tmp_path):
+    with Recorder(tmp_path / "a") as recorder:
+        recorder.segment({"device": small_device().as_json()}, 0.0)
+    with pytest.raises(InputError, match="no recording of a guided session"):
+        read_session(tmp_path / "a")
+
+
+@pytest.mark.parametrize(
+    ("mark", "message"),
+    [
+        ({"number": 4, "what": "taken"}, "press 4 of a session with 4"),
+        ({"number": 0, "what": "taken", "first": 5, "count": 6}, "come after it"),
+        ({"number": 0}, "what: Field required"),
+        ({"number": 0, "what": "taken", "count": 10**9}, "count"),
+    ],
+)
+def test_marks_that_make_no_sense_are_refused(tmp_path, mark, message):
+    with Recorder(tmp_path / "a") as recorder:
+        recorder.segment({"device": small_device().as_json(), "plan": plan().model_dump(mode="json")}, 0.0)
+        recorder.mark(mark, 0.0)
+    with pytest.raises(InputError, match=message):
+        read_session(tmp_path / "a")
+
+
+def test_an_emulated_hand_follows_the_recording(tmp_path, pad):
+    follower = Follower(tmp_path / "a", lambda plan: table(len(plan.poses)), hold=1.0, lift=0.3)
+    assert follower(0.0) is None  # there is no recording yet
+    with Recorder(tmp_path / "a") as recorder:
+        recorder.segment({"device": small_device().as_json(), "plan": plan().model_dump(mode="json")}, 0.0)
+        assert follower(1.0) is None  # lifts first
+        assert np.array_equal(follower(1.5), table()[0])
+        assert follower(2.4) is None  # not taken: lifts and tries again
+        assert np.array_equal(follower(2.8), table()[0])
+        marks = [(0, "taken", 1), (1, "skipped", 2), (1, "redo", 1), (1, "taken", 2)]
+        for now, (number, what, expected) in enumerate(marks, start=10):
+            recorder.mark({"number": number, "what": what}, 0.0)
+            assert follower(now) is None
+            assert np.array_equal(follower(now + 0.5), table()[expected])
+
+
+def test_presses_by_the_clock():
+    wanted = by_the_clock(table(2), hold=1.0, lift=0.5)
+    assert wanted(0.2) is None
+    assert [wanted(t)[0] for t in (0.6, 1.4, 2.1, 3.6)] == [100.0, 100.0, 50.0, 100.0]
+
+
+def test_a_press_grows_and_fades(pad):
+    row = table()[0]
+    pressing = Pressing(6, lambda now: row if 1.0 <= now < 2.0 else None, ramp=0.1)
+    force_at = {round(now, 2): float(force(pressing(now), pad)) for now in np.arange(0, 3, 0.01)}
+    full = float(force(row, pad))
+    assert force_at[0.9] == 0.0
+    assert 0 < force_at[1.05] < full
+    assert force_at[1.5] == pytest.approx(full)
+    assert force_at[2.2] == 0.0
