@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass, fields
 from multiprocessing import get_context
-from time import perf_counter
+from time import process_time
 from typing import Any, Literal
 
 import numpy as np
@@ -41,7 +41,7 @@ class Trials:
     reading: (n, r) which of the letter's test readings was taken. label: (n, r) the estimate (eq. 9,
     14). p_truth, p_label: (n, r) probabilities given to the true and to the estimated letter. pose:
     (n, r, 3) estimated robot_in_object. evaluations: (n, r) likelihood evaluations of that update.
-    update_s, estimate_s, propose_s: (n, r) seconds.
+    update_s, estimate_s, propose_s: (n, r) seconds of processor time.
     """
 
     truth: NDArray[np.str_]
@@ -117,7 +117,8 @@ def run_trial(
 
     `test` holds the letter's test readings only. Readings come in random order without replacement,
     or, with explore="information", as the estimator proposes. observe(estimate) is called after each
-    reading, outside the times that are taken.
+    reading, outside the times that are taken. Times are this process's processor time: what other
+    programs do on the machine meanwhile would otherwise be measured too.
     """
     rng = generator(seed, task, 0)
     true_pose = draw_true_pose(rng)
@@ -135,17 +136,17 @@ def run_trial(
     before = int(estimator.work["likelihood_evaluations"])
     for k in range(readings):
         if explore == "information":
-            start = perf_counter()
+            start = process_time()
             chosen = estimator.propose(sensor_in_robot[left])
-            propose_s[k] = perf_counter() - start
+            propose_s[k] = process_time() - start
             taken[k], left = left[chosen], np.delete(left, chosen)
         else:
             taken[k] = order[k]
-        start = perf_counter()
+        start = process_time()
         estimator.update(test.readings[taken[k]], sensor_in_robot[taken[k]])
-        updated = perf_counter()
+        updated = process_time()
         estimate = estimator.estimate()
-        numbers["estimate_s"][k] = perf_counter() - updated
+        numbers["estimate_s"][k] = process_time() - updated
         numbers["update_s"][k] = updated - start
         label.append(estimate.label)
         numbers["p_truth"][k] = estimate.probabilities.get(task.truth, 0.0)

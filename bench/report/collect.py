@@ -11,12 +11,14 @@ import re
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from bench.config import BUDGETS, RunConfig
 from bench.results import Run, load, read_json
 from bench.score import summarise
+from estimators.registry import load as load_estimator
 from models.errors import InputError
 from tactsim import WORLDS
 
@@ -154,20 +156,37 @@ def _entries(runs: Sequence[tuple[Path, Run]]) -> list[Entry]:
 
 def budget(run: Run) -> Budget | None:
     """Say how much the estimator of a run was allowed to compute, where its options say so."""
-    for option in BUDGETS:
-        value = run.config["options"].get(option)
-        if value is not None:
-            counts = [int(digits) for digits in re.findall(r"\d{1,9}", str(value))]
-            text = f"{counts[0]:,}" if len(counts) == 1 else str(value)
-            return Budget(option, text, math.prod(counts))
+    given, defaults = run.config["options"], _defaults(run.config["estimator"])
+    for options in (given, defaults):
+        for option in BUDGETS:
+            value = options.get(option)
+            if value is not None:
+                counts = [int(digits) for digits in re.findall(r"\d{1,9}", str(value))]
+                text = f"{counts[0]:,}" if len(counts) == 1 else str(value)
+                return Budget(option, text, math.prod(counts))
     return None
 
 
 def method_name(run: Run) -> str:
-    """Name the estimator with those of its options that are no budget."""
-    options = run.config["options"]
-    words = [f"{name} {value}" for name, value in options.items() if name not in BUDGETS]
-    return ", ".join([run.config["estimator"], *words])
+    """Name the estimator with those of its options that are no budget and no default."""
+    name, options = run.config["estimator"], run.config["options"]
+    defaults = _defaults(name)
+    words = [
+        f"{option} {value}"
+        for option, value in options.items()
+        if option not in BUDGETS and (option not in defaults or str(value) != str(defaults[option]))
+    ]
+    return ", ".join([name, *words])
+
+
+@lru_cache
+def _defaults(estimator: str) -> dict[str, Any]:
+    """Give the default options of an estimator; none if it is not installed here."""
+    try:
+        fields = load_estimator(estimator).options_type.model_fields
+    except InputError:
+        return {}
+    return {name: field.get_default(call_default_factory=True) for name, field in fields.items()}
 
 
 def task_name(run: Run) -> str:

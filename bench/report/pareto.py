@@ -33,7 +33,7 @@ class Point:
 
 
 def recognition_seconds(trials: Trials, readings: int) -> float:
-    """Compute what a recognition costs: the median over the trials of the seconds of its readings.
+    """Compute what a recognition costs: the median over the trials of the processor time of its readings.
 
     Updates, estimates (one after each reading) and proposals are counted; pressing, mapping and the
     tables made once are not.

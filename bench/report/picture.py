@@ -40,7 +40,7 @@ def pareto_figure(group: Group) -> Figure:
         mine = [point for point in found if point.entry.method == method]
         colour = COLOURS[number % len(COLOURS)]
         style = {
-            "color": colour, "marker": MARKERS[number % len(MARKERS)], "ms": 6, "lw": 1.5, "label": method,
+            "color": colour, "marker": MARKERS[number % len(MARKERS)], "ms": 6, "lw": 1.4, "label": method,
         }  # fmt: skip
         placed = [point for point in mine if point.error is not None]
         left.plot([1e3 * p.seconds for p in placed], [p.error for p in placed], **style)
@@ -48,10 +48,11 @@ def pareto_figure(group: Group) -> Figure:
             left.plot([1e3 * p.seconds] * 2, [p.low, p.high], color=colour, lw=0.8)
         right.plot([1e3 * p.seconds for p in mine], [p.settled or late for p in mine], **style)
         for p in mine:
-            if p.entry.budget:
-                for axes, height in ((left, p.error), (right, p.settled or late)):
-                    if height is not None:
-                        _note(axes, p, height, colour)
+            ends = p in (mine[0], mine[-1])
+            if p.error is not None and (ends or p.error_frontier):
+                _note(left, p, p.error, colour)
+            if p.settled is not None and (ends or p.settled_frontier):
+                _note(right, p, p.settled, colour)
     _frontier(left, [(p.seconds, p.error) for p in found if p.error_frontier and p.error is not None])
     _frontier(right, [(p.seconds, p.settled) for p in found if p.settled_frontier and p.settled is not None])
 
@@ -68,8 +69,10 @@ def pareto_figure(group: Group) -> Figure:
     )
     right.yaxis.set_minor_locator(NullLocator())
     for axes in (left, right):
-        axes.set(xscale="log", xlabel=f"computing time of a recognition of {group.readings} readings, ms")
+        axes.set(xscale="log", xlabel=f"processor time of a recognition of {group.readings} readings, ms")
+        axes.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
         axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        axes.xaxis.set_minor_formatter(NullFormatter())
         axes.grid(which="major", lw=0.4, alpha=0.6)
         axes.spines[["top", "right"]].set_visible(False)
         axes.margins(0.08)
@@ -98,8 +101,9 @@ def _frontier(axes: Axes, corners: list[tuple[float, float]]) -> None:
 
 
 def _note(axes: Axes, point: Point, height: float, colour: str) -> None:
+    """Write the budget beside a mark."""
     if point.entry.budget:
         axes.annotate(
-            point.entry.budget.text, (1e3 * point.seconds, height), xytext=(5, 5),
-            textcoords="offset points", fontsize=7, color=colour,
+            point.entry.budget.text, (1e3 * point.seconds, height), xytext=(6, 5),
+            textcoords="offset points", fontsize=8, color=colour,
         )  # fmt: skip

@@ -15,7 +15,7 @@ from made_up import make_run
 from bench import results, score
 from bench.config import run_config
 from bench.report import replay
-from bench.report.collect import collect, find, method_name, task_name
+from bench.report.collect import budget, collect, find, method_name, task_name
 from bench.report.pareto import frontier, points, recognition_seconds
 from bench.report.write import write_report
 from bench.trials import Task
@@ -175,10 +175,15 @@ def test_a_task_is_named_by_what_differs_from_the_defaults(name):
     assert task_name(run) == name
 
 
-def test_a_method_is_its_options_without_the_budget():
+def test_a_method_is_its_options_without_budget_and_defaults():
     run = make_run()
-    run.config["options"] = {"bins": 3, "gamma": "0.3"}
-    assert method_name(run) == "histogram, gamma 0.3"
+    assert (method_name(run), budget(run)) == ("histogram", ("bins", "10,000", 10_000))
+    run.config["options"] = {"bins": 3, "gamma": "0.3", "likelihood": "paper"}
+    assert (method_name(run), budget(run)) == ("histogram, gamma 0.3", ("bins", "3", 3))
+    run.config["options"] = {"split": "4x5x6"}
+    assert budget(run) == ("split", "4x5x6", 120)
+    run.config.update(estimator="of another package", options={"depth": 3})
+    assert (method_name(run), budget(run)) == ("of another package, depth 3", None)
 
 
 def test_runs_of_one_label_are_told_apart_by_their_folder(runs, copied):

@@ -32,7 +32,7 @@ function scale(kind, low, high, from, to) {
 }
 
 function ticksOf(kind, low, high, most) {
-  if (kind === "log") {
+  if (kind === "log" && high > 3 * low) {
     for (const steps of [[1, 2, 3, 5, 7], [1, 2, 5], [1, 3], [1]]) {
       const ticks = [];
       for (let power = Math.floor(Math.log10(low)) - 1; power <= Math.ceil(Math.log10(high)); power++) {

@@ -104,7 +104,7 @@ function readingsSection(task) {
 
 function paretoSection(task, methods) {
   const points = task.pareto.map((point) => ({ ...point, of: task.runs[point.run], ms: 1e3 * point.seconds }));
-  const xName = "computing time of a recognition, ms";
+  const xName = "processor time of a recognition, ms";
   const words = (point) =>
     `${point.of.label}: ${plain(point.ms)} ms; error ${fixed(point.error, 2)} mm; 95 % settled by ${point.settled ?? `later than ${task.readings}`}`;
   const placed = points.filter((point) => point.error !== null);
@@ -137,7 +137,7 @@ function paretoSection(task, methods) {
       h("tr", {}, h("th", { scope: "row" }, swatch(point.of.method), point.of.label), h("td", {}, plain(point.ms)), h("td", {}, fixed(point.error, 2)),
         h("td", {}, yes(point.errorFrontier)), h("td", {}, String(point.settled ?? MISSING)), h("td", {}, yes(point.settledFrontier))))));
   return section("Run time against error",
-    h("p", { class: "lead" }, `Each mark is a run, each line a method over its budget. Time is the median over the trials of what all updates and estimates of ${task.readings} readings take, ` +
+    h("p", { class: "lead" }, `Each mark is a run, each line a method over its budget. Time is the median over the trials of the processor time that all updates and estimates of ${task.readings} readings take, ` +
       `mapping not counted; bars are the 95 % interval of the mean. No other run is at once as fast and as good as a run on the frontier. Measured on ${task.machine}.`),
     legend,
     h("div", { class: "two" }, left, right),

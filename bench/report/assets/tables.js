@@ -23,7 +23,7 @@ function headlineTable(task) {
     best: Math.max,
   });
   const columns = [
-    { heading: "run", value: (run) => run.label, cell: (run) => [swatch(run.method), run.label, h("small", { class: "about" }, run.description)] },
+    { heading: "run", value: (run) => run.label, cell: (run) => [swatch(run.method), run.label, h("small", { class: "about", title: run.description }, run.description)] },
     { heading: "trials", value: (run) => run.trials, cell: (run) => [String(run.trials), h("small", {}, `${run.letters.length} letters`)] },
     ...[5, 10].filter((k) => k < last).map(share),
     share(last),
