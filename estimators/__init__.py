@@ -5,7 +5,16 @@ they share. Does not live here: physics, files, scores. Of `tactsim` it sees onl
 (`Scan`, poses).
 """
 
-from estimators.base import Estimate, Estimator, Options, PlaneBelief
+from estimators.base import Estimate, Estimator, Options, PlaneBelief, check_order, check_reading
 from estimators.registry import create, names
 
-__all__ = ["Estimate", "Estimator", "Options", "PlaneBelief", "create", "names"]
+__all__ = [
+    "Estimate",
+    "Estimator",
+    "Options",
+    "PlaneBelief",
+    "check_order",
+    "check_reading",
+    "create",
+    "names",
+]

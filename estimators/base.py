@@ -101,6 +101,12 @@ class Estimator(ABC):
         return {"likelihood_evaluations": 0, "skipped": {}}
 
 
+def check_order(done: bool, first: str, call: str) -> None:
+    """Raise InputError if `call` came before `first` was done."""
+    if not done:
+        raise InputError(f"an estimator was asked to {call} before {first} was called")
+
+
 def check_reading(
     reading: ArrayLike, sensor_in_robot: ArrayLike, taxels: int
 ) -> tuple[FloatArray, FloatArray]:

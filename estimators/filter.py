@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from estimators import likelihood
-from estimators.base import Estimate, Estimator, Options, check_reading
+from estimators.base import Estimate, Estimator, Options, check_order, check_reading
 from estimators.likelihood import Evidence, Likelihood
 from estimators.occupancy import OccupancyMap, learn_maps
 from estimators.options import FilterOptions
-from tactsim import InputError, Scan
+from tactsim import Scan
 from tactsim.poses import FloatArray
 
 
@@ -49,8 +49,7 @@ class MapFilter(Estimator):
 
     def reset(self, rng: np.random.Generator) -> None:
         """Forget the sequence: every state of every letter is equally probable again."""
-        if not self.maps:
-            raise InputError(f"{type(self).__name__}: call fit before reset; there are no maps yet")
+        check_order(bool(self.maps), "fit", "reset")
         self.restart(rng)
         self._started = True
 
@@ -85,6 +84,4 @@ class MapFilter(Estimator):
         """Make the estimate."""
 
     def _check_started(self, call: str) -> None:
-        if not self._started:
-            missing = "reset" if self.maps else "fit and reset"
-            raise InputError(f"{type(self).__name__}: call {missing} before {call}")
+        check_order(self._started, "reset" if self.maps else "fit", call)

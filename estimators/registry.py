@@ -82,12 +82,17 @@ def _plug_ins() -> tuple[EntryPoint, ...]:
 
 
 def _load_plug_in(point: EntryPoint) -> type[Estimator]:
+    origin = f"plug-in {point.name!r} ({point.value})"
     try:
         chosen = point.load()
-    except Exception as error:  # whatever a stranger's module raises when it is imported
-        raise InputError(f"plug-in {point.name!r} ({point.value}) is broken: {error}") from error
+    except (Exception, SystemExit) as error:  # whatever a stranger's module raises when it is imported
+        said = next(iter(str(error).splitlines()), "")
+        raise InputError(f"{origin} is broken: {type(error).__name__}: {said}") from error
     if not (isinstance(chosen, type) and issubclass(chosen, Estimator)):
-        raise InputError(f"plug-in {point.name!r} ({point.value}) is no subclass of estimators.Estimator")
+        raise InputError(f"{origin} is no subclass of estimators.Estimator")
+    missing = ", ".join(sorted(chosen.__abstractmethods__))
+    if missing:
+        raise InputError(f"{origin} does not define {missing}")
     return chosen
 
 

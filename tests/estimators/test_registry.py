@@ -1,9 +1,115 @@
+import subprocess
+import sys
+
 import pytest
+from plugging import install_plug_in
 
 import estimators
+from estimators.registry import BUILT_IN, listing, load
 from tactsim import InputError
+
+GOOD = """
+from estimators import Estimator
+class Unfinished(Estimator):
+    def fit(self, scan): ...
+class Good(Estimator):
+    '''Does nothing well.
+
+    And more.
+    '''
+    def fit(self, scan): ...
+    def reset(self, rng): ...
+    def update(self, reading, sensor_in_robot): ...
+    def estimate(self): ...
+"""
+
+
+@pytest.fixture
+def site(tmp_path):
+    (tmp_path / "good_estimators.py").write_text(GOOD)
+    (tmp_path / "broken_estimators.py").write_text("import a_package_that_nobody_has")
+    (tmp_path / "exiting_estimators.py").write_text("raise SystemExit(3)")
+    return tmp_path
 
 
 def test_an_unknown_estimator_is_named_with_the_known_ones():
     with pytest.raises(InputError, match="unknown estimator 'kalmann'"):
         estimators.create("kalmann")
+
+
+def test_a_misspelt_name_gets_a_hint():
+    with pytest.raises(InputError, match="did you mean 'histogram'"):
+        estimators.create("histogramm")
+
+
+@pytest.mark.parametrize(
+    ("option", "message"),
+    [
+        ({"bin": 5}, "unknown option 'bin': did you mean 'bins'"),
+        ({"gamma": 2}, "option gamma"),
+        ({"bins": "x"}, "bins"),
+    ],
+)
+def test_a_wrong_option_is_named(option, message):
+    with pytest.raises(InputError, match=message):
+        estimators.create("histogram", **option)
+
+
+@pytest.mark.parametrize("name", BUILT_IN)
+def test_every_built_in_is_made_listed_and_documented(name, request):
+    assert isinstance(estimators.create(name), load(name))
+    row = next(row for row in listing() if row.name == name)
+    assert row.status == "built in"
+    assert row.summary
+    text = (request.config.rootpath / "docs" / "estimators.md").read_text()
+    assert f"`{name}`" in text
+    for option in load(name).options_type.model_fields:
+        assert f"`{option}`" in text, option
+
+
+def test_a_plug_in_is_found_made_and_listed(site, monkeypatch):
+    install_plug_in(site, monkeypatch, good="good_estimators:Good")
+    assert "good" in estimators.names()
+    assert type(estimators.create("good")).__name__ == "Good"
+    row = next(row for row in listing() if row.name == "good")
+    assert (row.summary, row.status) == ("Does nothing well.", "from plugged")
+    with pytest.raises(InputError, match="unknown option 'x'"):
+        estimators.create("good", x=1)
+
+
+@pytest.mark.parametrize(
+    ("point", "said"),
+    [
+        ("broken_estimators:Any", "a_package_that_nobody_has"),
+        ("no_such_module:Any", "no_such_module"),
+        ("good_estimators:Missing", "Missing"),
+        ("good_estimators:GOOD", "broken"),
+        ("json:dumps", "no subclass of estimators.Estimator"),
+        ("exiting_estimators:Any", "broken"),
+        ("good_estimators:Unfinished", "does not define estimate, reset, update"),
+    ],
+)
+def test_a_broken_plug_in_is_a_status_and_hurts_nobody_else(site, monkeypatch, point, said):
+    install_plug_in(site, monkeypatch, bad=point, good="good_estimators:Good")
+    rows = {row.name: row for row in listing()}
+    assert said in rows["bad"].status
+    assert "\n" not in rows["bad"].status
+    assert rows["good"].status == "from plugged"
+    assert estimators.create("histogram", bins=10).grid.bins == 10
+    with pytest.raises(InputError, match="plug-in 'bad'"):
+        estimators.create("bad")
+
+
+def test_a_plug_in_does_not_replace_a_built_in(site, monkeypatch):
+    install_plug_in(site, monkeypatch, histogram="good_estimators:Good")
+    assert type(estimators.create("histogram")).__name__ == "HistogramFilter"
+    assert estimators.names().count("histogram") == 1
+    statuses = [row.status for row in listing() if row.name == "histogram"]
+    assert statuses == ["built in", "hidden by the built-in of that name"]
+
+
+def test_listing_compiles_and_imports_nothing_heavy():
+    heavy = "{'numba', 'scipy', 'mujoco'}"
+    code = f"import sys, estimators.registry as r; r.listing(); print(sorted({heavy} & set(sys.modules)))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
