@@ -79,6 +79,7 @@ class Bed:
         """Index of each contact's press, (contacts,)."""
         return np.repeat(np.arange(len(self.start) - 1), np.diff(self.start))
 
+    @cached_property
     def springs(self) -> list[Springs]:
         """Describe the springs of each press."""
         presses = len(self.start) - 1

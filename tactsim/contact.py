@@ -21,7 +21,7 @@ def contact_forces(bed: Bed, poses: FloatArray, letter: models.Letter, options: 
     """
     forces = np.zeros(len(bed.area))
     setup = _setup(letter, options, MASS)
-    for springs, pose in zip(bed.springs(), poses, strict=True):
+    for springs, pose in zip(bed.springs, poses, strict=True):
         if options.skip.no_contact and not springs.area:
             continue
         if options.dynamics == "full" and springs.area:

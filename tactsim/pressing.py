@@ -17,7 +17,8 @@ from tactsim.finite import finite
 from tactsim.options import ScanOptions
 from tactsim.poses import FloatArray
 from tactsim.scene import UNREAD_STAGES
-from tactsim.sensor import contact_map, gains, sense
+from tactsim.sensor import gains, sense
+from tactsim.spread import contact_map
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,7 +59,7 @@ def press_letter(
     bed = _bed(letter, pose[None], options)
     times = sequence = None
     if options.press.dynamics == "full" and bed.area.any():
-        history = contact_history(bed.springs()[0], pose, letter, options.press)
+        history = contact_history(bed.springs[0], pose, letter, options.press)
         times, sequence = history.times, _map(bed.repeat(len(history.times)), history.forces.ravel(), options)
         ideal = sequence[-1]
     else:
@@ -81,15 +82,15 @@ def ideal_readings(
 def _work(bed: Bed, letter: models.Letter, options: ScanOptions) -> Counter[str]:
     """Count presses and what each skip left out of them."""
     skip = options.press.skip
-    touching = np.unique(bed.press[bed.area > 0])
-    untouched = len(bed.start) - 1 - len(touching)
-    pressed = len(touching) + (0 if skip.no_contact else untouched)
+    touching = sum(springs.area > 0 for springs in bed.springs)
+    untouched = len(bed.springs) - touching
+    pressed = touching + (0 if skip.no_contact else untouched)
     x_lines, y_lines = _lines(options)
     cells = (len(x_lines) - 1) * (len(y_lines) - 1) * len(levels(letter, options.press))
     return Counter(
         presses=pressed,
         no_contact=untouched if skip.no_contact else 0,
-        cells=len(touching) * cells - len(bed.area) if skip.cells else 0,
+        cells=touching * cells - len(bed.area) if skip.cells else 0,
         parts=pressed * len(letter.parts) if skip.parts else 0,
         stages=pressed * len(UNREAD_STAGES) if skip.stages else 0,
     )

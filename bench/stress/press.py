@@ -70,7 +70,7 @@ def mass_stiffness_step(worst: Worst) -> None:
     pose = np.array([[1.0, 2.0, 0.3]])
     letter, press = models.letter("E"), PressOptions()
     bed = lay_bed(levels(letter, press), pose, *Pad().grid_lines(2))
-    (springs,) = bed.springs()
+    (springs,) = bed.springs
     wanted = FORCE * bed.area / bed.area.sum()
     usual = (0.01, 1e5, 1e-2)  # kg, N/m per mm^2, s
     settings = [

@@ -126,7 +126,7 @@ PLANTED = {
     "press.mass-stiffness-step": ("tactsim.scene._RANGE", 1e5),
     "press.slivers": ("tactsim.bed.SMALLEST_CONTACT", 1.0),
     "press.aligned-angles": ("tactsim.bed.SMALLEST_PART", 0.01),
-    "press.point-spread": ("tactsim.sensor._QUADRATURE", 2),
+    "press.point-spread": ("tactsim.spread._QUADRATURE", 2),
     "convergence.bed-cells": ("tactsim.bed.SMALLEST_PART", 0.01),
     "convergence.map-cells": ("estimators.occupancy._REACH", 1.0),
     "likelihood.classifier-edges": ("bench.stress.likelihood.classify", lambda z: 1 * (np.asarray(z) > 2)),

@@ -49,7 +49,7 @@ def ways_to_press(name: str) -> dict[str, tuple[Callable[[], object], int]]:
         plain = lay_bed(levels(letter, press), few, *lines, skip_empty=press.skip.cells)
         scenes = [
             (compile_plain(letter, pose, springs), len(springs.share))
-            for pose, springs in zip(few, plain.springs(), strict=True)
+            for pose, springs in zip(few, plain.springs, strict=True)
         ]
         ways[way] = (
             lambda scenes=scenes: [press_plain(*scene, options.press.force) for scene in scenes],

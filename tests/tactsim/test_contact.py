@@ -14,7 +14,7 @@ from tactsim.face import levels
 from tactsim.options import Skips
 from tactsim.pressing import ideal_readings
 from tactsim.protocol import grid_poses
-from tactsim.sensor import contact_map
+from tactsim.spread import contact_map
 
 PAD = Pad()
 

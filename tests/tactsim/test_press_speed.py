@@ -16,7 +16,7 @@ def test_the_plain_scene_ends_where_the_press_does():
     """Else it would be no plain scene of the same bed: its forces are the shares of the covered areas."""
     letter, poses = models.letter("E"), grid_poses()[[16, 90]]
     bed = lay_bed(levels(letter, COVERED), poses, *Pad().grid_lines(2))
-    for springs, pose in zip(bed.springs(), poses, strict=True):
+    for springs, pose in zip(bed.springs, poses, strict=True):
         forces, _ = press_plain(compile_plain(letter, pose, springs), len(springs.share), 2.0)
         area = bed.area[springs.rows]
         assert forces == pytest.approx(2.0 * area / area.sum(), abs=2e-3 * np.max(2.0 * area / area.sum()))
