@@ -29,7 +29,7 @@ def sensing(
     The device's own steps come with its codec, so the sensor's resolution is left out.
     """
     sensor = options.sensor.model_copy(update={"resolution": 0.0, "drift": 0.0, "hysteresis": 0.0})
-    gain = gains(options.pad.taxels, sensor, rng)
+    gain = gains(options)
     return lambda now: sense(pressures(now)[None], sensor, gain, rng)[0]
 
 

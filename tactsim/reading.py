@@ -26,7 +26,7 @@ class Reading:
     index: int | None = None
 
     def __post_init__(self) -> None:
-        pressures = finite(self.pressures, "reading")
+        pressures = finite(self.pressures, "reading").copy()  # a driver may use its array again
         if pressures.ndim != 1:
             raise InputError(f"a reading has shape {pressures.shape}; it is one pressure an element")
         pressures.setflags(write=False)

@@ -5,7 +5,6 @@ A title line `Time [ms], Elem0, Elem1, ...`, then one line a frame: `0, 0.11, 0.
 
 from __future__ import annotations
 
-import math
 from typing import Literal
 
 import numpy as np
@@ -13,6 +12,7 @@ from pydantic import Field
 
 from hardware.codecs.base import Codec, CodecFormat, Frame
 from hardware.errors import CodecError
+from tactsim.finite import LARGEST
 from tactsim.poses import FloatArray
 
 _KPA = {"kPa": 1.0, "psi": 6.894757293168361, "Pa": 1e-3}  # 1 psi = 1 lbf/in^2
@@ -82,7 +82,7 @@ class CsvCodec(Codec[Frame]):
             numbers = [float(field) for field in fields]
         except ValueError:
             return None
-        if not all(map(math.isfinite, numbers)):
+        if not all(abs(number) <= LARGEST for number in numbers):  # false for NaN too
             return None
         return Frame(np.array(numbers[1:]), ticks=numbers[0])
 

@@ -277,7 +277,7 @@ def test_a_csv_of_another_pad_is_refused(tmp_path):
 
 
 def test_lines_of_a_csv_that_are_damaged_are_left_out(tmp_path):
-    text = "Time [ms], Elem0, Elem1\n0, 1, 2\n10, 1\n20, x, 2\n30, nan, 2\n40, 5, 6\n50, 1e999, 0\n60, 7"
+    text = "Time [ms], Elem0, Elem1\n0, 1, 2\n10, 1\n20, x, 2\n30, nan, 2\n40, 5, 6\n50, 1e999, 0\n55, 1e300, 0\n60, 7"
     (tmp_path / "a.csv").write_text(text)
     source = CsvReplay(tmp_path / "a.csv", csv_device(2))
     assert [reading.pressures.tolist() for reading in source] == [[1, 2], [5, 6]]
