@@ -12,6 +12,7 @@ import hashlib
 import itertools
 import json
 import os
+import shutil
 import tomllib
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -155,6 +156,7 @@ def perform(
     with _locked(folder):
         _claim(folder, names, configs)
         places = [folder / "runs" / name for name in names]
+        _tidy(folder, [place.name for place in places if (place / "run.json").exists()])
         todo = {
             name: config
             for name, config, place in zip(names, configs, places, strict=True)
@@ -284,6 +286,15 @@ def _write_run(folder: Path, name: str, config: RunConfig, gathered: Gathered, p
         results.save(run, inside)
     for part in parts:
         _part_path(folder, part).unlink(missing_ok=True)
+
+
+def _tidy(folder: Path, done: Sequence[str]) -> None:
+    """Remove what a sweep that was killed left: parts of runs that are whole, files half-written."""
+    for path in [*folder.glob("runs/.*.part"), *folder.glob("parts/.*.part")]:
+        shutil.rmtree(path) if path.is_dir() else path.unlink()
+    for name in done:
+        for path in folder.glob(f"parts/{name}.*.npz"):
+            path.unlink()
 
 
 def _part_path(folder: Path, part: Part) -> Path:

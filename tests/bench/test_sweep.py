@@ -155,6 +155,24 @@ def test_a_part_that_was_damaged_is_done_again(tmp_path, environment):
     assert contents(tmp_path / "again") == contents(tmp_path / "whole")
 
 
+def test_what_a_killed_sweep_left_behind_is_removed(tmp_path, environment):
+    (tmp_path / "s.toml").write_text(SMALL)
+    finish(start(tmp_path, environment, "s.toml", "--out", "out", "--jobs", "1"))
+    kept = contents(tmp_path / "out")
+    run = next((tmp_path / "out" / "runs").iterdir())
+    left = [
+        tmp_path / "out" / "parts" / f"{run.name}.00001.npz",
+        tmp_path / "out" / "parts" / f".{run.name}.00000.npz.abc.part",
+        tmp_path / "out" / "runs" / f".{run.name}.xyz.part" / "run.json",
+    ]
+    left[2].parent.mkdir()
+    for path in left:
+        path.write_bytes(b"left")
+    finish(start(tmp_path, environment, "s.toml", "--out", "out", "--jobs", "1"))
+    assert not any(path.exists() for path in left)
+    assert contents(tmp_path / "out") == kept
+
+
 def test_a_folder_in_use_or_of_another_sweep_is_refused(tmp_path, environment):
     (tmp_path / "s.toml").write_text(SMALL)
     (tmp_path / "other.toml").write_text(SMALL.replace("trials = 30", "trials = 1"))
