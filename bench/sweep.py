@@ -30,6 +30,7 @@ import numpy as np
 
 from bench import results
 from bench.config import BUDGETS, RunConfig, run_config
+from bench.machine import versions
 from bench.runner import Gathered, finished_run, gather, protocol_of
 from bench.trials import Progress, Protocol, Task, Trials, check_readings, run_chunk, unflatten_work
 from estimators import create
@@ -292,8 +293,8 @@ def _tidy(folder: Path, done: Sequence[str]) -> None:
     """Remove what a sweep that was killed left: parts of runs that are whole, files half-written."""
     for path in [*folder.glob("runs/.*.part"), *folder.glob("parts/.*.part")]:
         shutil.rmtree(path) if path.is_dir() else path.unlink()
-    for name in done:
-        for path in folder.glob(f"parts/{name}.*.npz"):
+    for path in folder.glob("parts/*.npz"):
+        if path.name.rsplit(".", 2)[0] in done:
             path.unlink()
 
 
@@ -307,20 +308,25 @@ def _save_part(folder: Path, part: Part, trials: Trials, work: Mapping[str, int]
     np.savez(content, allow_pickle=False, work=np.array(json.dumps(work)), **arrays)
     body = content.getvalue()
     with replacing(_part_path(folder, part)) as stream:
-        stream.write(hashlib.sha256(body).digest() + body)
+        stream.write(_seal(body) + body)
 
 
 def _load_part(folder: Path, part: Part) -> tuple[Trials, dict[str, int]] | None:
-    """Read a finished part; None if there is none or it is not what was written."""
+    """Read a finished part; None if there is none, or it is not what this version wrote."""
     try:
         content = _part_path(folder, part).read_bytes()
     except OSError:
         return None
-    if hashlib.sha256(content[32:]).digest() != content[:32]:
+    if _seal(content[32:]) != content[:32]:
         return None
     with np.load(BytesIO(content[32:]), allow_pickle=False) as arrays:
         trials = Trials(**{field.name: arrays[field.name] for field in fields(Trials)})
         return trials, json.loads(str(arrays["work"]))
+
+
+def _seal(body: bytes) -> bytes:
+    """Hash a part with the versions that made it, so that no run mixes the trials of two versions."""
+    return hashlib.sha256(json.dumps(versions(), sort_keys=True).encode() + body).digest()
 
 
 def _names(configs: Sequence[RunConfig]) -> list[str]:

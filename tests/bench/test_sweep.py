@@ -155,6 +155,21 @@ def test_a_part_that_was_damaged_is_done_again(tmp_path, environment):
     assert contents(tmp_path / "again") == contents(tmp_path / "whole")
 
 
+def test_a_part_of_another_version_is_done_again(tmp_path, monkeypatch):
+    monkeypatch.setenv("TACTSIM_CACHE_DIR", str(tmp_path / "cache"))
+    (tmp_path / "s.toml").write_text(SMALL)
+    _, (config, *_) = sweep.read(str(tmp_path / "s.toml"))
+    (name,) = sweep._names([config])
+    (part, *_) = sweep._parts(name, ("I",), config)
+    run, _ = perform(config)
+    for versions, found in (("0.0", False), (None, True)):
+        if versions:
+            monkeypatch.setattr(sweep, "versions", lambda: {"tactsim": "0.0"})
+        sweep._save_part(tmp_path, part, run.trials, {})
+        monkeypatch.undo()
+        assert (sweep._load_part(tmp_path, part) is not None) == found
+
+
 def test_what_a_killed_sweep_left_behind_is_removed(tmp_path, environment):
     (tmp_path / "s.toml").write_text(SMALL)
     finish(start(tmp_path, environment, "s.toml", "--out", "out", "--jobs", "1"))
