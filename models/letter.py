@@ -107,7 +107,7 @@ class Letter:
             flat = inset(self.contours, self.rounding)
             edge = strips(self.contours, self.rounding, self.height)
         prisms = [_prism(outline, self.height) for outline in convex_pieces(flat)]
-        return (*prisms, *(Part(outline, vertices) for outline, vertices in edge))
+        return tuple(_part(outline, vertices) for outline, vertices in (*prisms, *edge))
 
     @cached_property
     def symmetry(self) -> int | float:
@@ -204,9 +204,16 @@ def raised(name: str, footprint: CrossSection, *, height: float = HEIGHT, roundi
     return Letter(name, tuple(contours), float(height), float(rounding))
 
 
-def _prism(outline: FloatArray, height: float) -> Part:
+def _prism(outline: FloatArray, height: float) -> tuple[FloatArray, FloatArray]:
+    """Give the outline and the corners of a prism that stands on z = 0."""
     levels = [np.column_stack([outline, np.full(len(outline), z)]) for z in (0.0, height)]
-    return Part(outline, np.concatenate(levels))
+    return outline, np.concatenate(levels)
+
+
+def _part(outline: FloatArray, vertices: FloatArray) -> Part:
+    for array in (outline, vertices):
+        array.setflags(write=False)  # letters are cached and shared
+    return Part(outline, vertices)
 
 
 def _moments(contours: list[FloatArray] | tuple[FloatArray, ...]) -> tuple[float, FloatArray, FloatArray]:

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
 MOST_FACES = 500_000
 FLATNESS = 0.01  # mm below the highest point that still belong to the face
+LEVEL_SHARE = 0.5  # of the section there that must be level
 LARGEST = 1e4  # mm: no coordinate of a thing that a pad could feel is larger
 _SCALE = {"stl": 1.0, "obj": 1.0, "glb": 1000.0}  # to mm; glTF prescribes metres
 
@@ -56,7 +57,8 @@ def highest_face(content: bytes, kind: str) -> tuple[CrossSection, float]:
     flat = (corners[:, :, 2] >= top - FLATNESS).all(axis=1)
     sides = corners[flat, 1:, :2] - corners[flat, :1, :2]
     upward = float(np.abs(sides[:, 0, 0] * sides[:, 1, 1] - sides[:, 0, 1] * sides[:, 1, 0]).sum() / 2)
-    if upward < 0.95 * face.area():
+    # The rim of a rounded or bevelled edge belongs to the section and is not level; a dome has hardly more.
+    if upward < LEVEL_SHARE * face.area():
         raise InputError(
             "what is highest (largest z) is not flat: of the mesh's section just below the top only "
             f"{100 * upward / face.area():.0f} % is a level face; turn the face to press towards +z"

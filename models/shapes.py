@@ -72,13 +72,15 @@ def shape(
 def cleaned(region: CrossSection) -> CrossSection:
     """Close gaps and cut off necks and whiskers thinner than DETAIL, and straighten outlines within DETAIL.
 
-    What is left touches itself nowhere, so that it can be cut into parts.
+    What is left has no slivers and touches itself nowhere, so that it can be cut into parts.
     """
-    from manifold3d import JoinType
+    from manifold3d import CrossSection, JoinType
 
-    for step in (DETAIL / 2, -DETAIL, DETAIL / 2):
+    # The last step parts corners that touch: all else would come back just as it was.
+    for step in (DETAIL / 2, -DETAIL, DETAIL / 2, -1e-5):
         region = region.offset(step, JoinType.Miter, 10.0)
-    return region.simplify(DETAIL)
+    # Straightened contours can cross or shrink to a line; made anew they do not.
+    return CrossSection(region.simplify(DETAIL).to_polygons())
 
 
 def _read(path: Path) -> bytes:

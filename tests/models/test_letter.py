@@ -1,11 +1,14 @@
 import math
 import pickle
+import subprocess
+import sys
 
 import numpy as np
 import pytest
 
 import models
 from models.errors import InputError
+from models.letter import Letter
 
 
 def polygon_area(outline):
@@ -24,34 +27,27 @@ def test_the_solid_is_watertight_and_prismatic(letter):
 
 
 def test_the_centre_of_area_is_the_origin(letter):
-    assert np.linalg.norm(models.letter(letter.name).footprint.area() - letter.area) < 1e-9
-    whole = sum(polygon_area(part.outline) * _centroid(part.outline) for part in letter.parts)
+    whole = sum(polygon_area(part.outline) * centroid(part.outline) for part in letter.parts)
     assert np.linalg.norm(whole) / letter.area < 1e-7
 
 
-def _centroid(outline):
+def centroid(outline):
     x, y = outline.T
     cross = x * np.roll(y, -1) - y * np.roll(x, -1)
     return np.array([cross @ (x + np.roll(x, -1)), cross @ (y + np.roll(y, -1))]) / (3 * cross.sum())
 
 
 def test_parts_are_convex_and_tile_the_footprint(letter):
-    from manifold3d import CrossSection, OpType
+    from manifold3d import CrossSection
 
-    for part in letter.parts:
+    sections = [CrossSection([part.outline]) for part in letter.parts]
+    for k, (part, section) in enumerate(zip(letter.parts, sections, strict=True)):
         along = np.roll(part.outline, -1, axis=0) - part.outline
         after = np.roll(along, -1, axis=0)
         assert (along[:, 0] * after[:, 1] - along[:, 1] * after[:, 0] > 0).all()
+        assert (section - letter.footprint).area() < 1e-6
+        assert sum((section ^ other).area() for other in sections[:k]) < 1e-6
     assert sum(polygon_area(part.outline) for part in letter.parts) == pytest.approx(letter.area, abs=1e-7)
-    sections = [CrossSection([part.outline]) for part in letter.parts]
-    union = CrossSection.batch_boolean(sections, OpType.Add)
-    assert (union - letter.footprint).area() < 1e-6
-    assert (letter.footprint - union).area() < 1e-6
-
-
-def test_symmetry_is_found_from_the_shape():
-    found = {name: models.letter(name).symmetry for name in "AEIOU"}
-    assert found == {"A": 1, "E": 1, "I": 2, "O": math.inf, "U": 1}
 
 
 def test_the_bar_has_the_moments_of_a_rectangle():
@@ -70,3 +66,85 @@ def test_letters_pickle(letter):
 def test_an_unknown_letter_is_named():
     with pytest.raises(InputError, match="unknown letter 'ß'"):
         models.letter("ß")
+
+
+def test_letters_are_cached_and_cannot_be_written():
+    letter = models.letter("A")
+    assert models.letter("A") is letter
+    for array in (*letter.contours, letter.parts[0].outline, letter.parts[0].vertices):
+        with pytest.raises(ValueError, match="read-only"):
+            array[0] = 0
+
+
+def test_the_digest_is_of_the_geometry_alone(tmp_path):
+    letter = models.letter("A")
+    again = pickle.loads(pickle.dumps(letter))
+    assert again.digest == letter.digest
+    assert Letter("other", letter.contours, letter.height).digest == letter.digest
+    others = [models.letter("A", height=3), models.letter("A", rounding=0.2), models.letter("V")]
+    moved = Letter("A", (letter.contours[0] + 1e-8, *letter.contours[1:]), letter.height)
+    assert len({letter.digest, moved.digest, *(other.digest for other in others)}) == 5
+
+
+def test_letters_are_told_apart_by_shape_and_name():
+    assert models.letter("A") != models.letter("V")
+    assert models.letter("A") != models.letter("A", height=3)
+    assert len({models.letter("A"), pickle.loads(pickle.dumps(models.letter("A"))), models.letter("E")}) == 2
+
+
+def test_the_ring_has_the_moments_of_a_polygon_ring():
+    ring = models.letter("O")
+    outer, inner = (len(contour) for contour in ring.contours)
+
+    def regular(sides, radius):
+        """Area and second moment about the centre of a regular polygon (closed form)."""
+        step = 2 * math.pi / sides
+        area = sides / 2 * radius**2 * math.sin(step)
+        return area, area * radius**2 * (2 + math.cos(step)) / 6
+
+    (a, m), (b, n) = regular(outer, 12.5), regular(inner, 8.0)
+    assert ring.area == pytest.approx(a - b, rel=1e-7)
+    assert ring.inertia_over_mass == pytest.approx((m - n) / (a - b), rel=1e-7)
+    assert ring.area == pytest.approx(math.pi * (12.5**2 - 8**2), rel=3e-3)
+    assert ring.mass == pytest.approx(ring.area * 4.0 * 1.05e-6, rel=1e-9)  # kg: 1,050 kg / m^3, 4 mm
+
+
+def test_moments_agree_with_a_sum_over_parts(letter):
+    """Parallel axes: the parts' own moments and their distances make up the whole."""
+    total = 0.0
+    for part in letter.parts:
+        x, y = part.outline.T
+        cross = x * np.roll(y, -1) - y * np.roll(x, -1)
+        for u in (x, y):
+            v = np.roll(u, -1)
+            total += float(cross @ (u * u + u * v + v * v)) / 12
+    assert letter.inertia_over_mass == pytest.approx(total / letter.area, rel=1e-7)
+
+
+def test_rectangles_are_their_outlines(letter):
+    for part in letter.parts:
+        if part.rectangle is None:
+            continue
+        centre, (a, b), angle = part.rectangle
+        along, across = (
+            np.array([math.cos(angle), math.sin(angle)]),
+            np.array([-math.sin(angle), math.cos(angle)]),
+        )
+        corners = [
+            np.array(centre) + s * a * along + t * b * across for s, t in ((-1, -1), (1, -1), (1, 1), (-1, 1))
+        ]
+        gaps = np.linalg.norm(part.outline[:, None] - np.array(corners)[None], axis=2).min(axis=1)
+        assert gaps.max() < 1e-6
+    assert all(part.rectangle is not None for part in models.letter("E").parts)
+
+
+def test_the_radius_is_the_farthest_corner(letter):
+    corners = np.concatenate([part.outline for part in letter.parts])
+    assert letter.radius == pytest.approx(np.hypot(*corners.T).max())
+
+
+def test_importing_models_is_light():
+    heavy = "manifold3d trimesh pydantic scipy matplotlib svgpathtools mujoco"
+    code = f"import sys, models; print([name for name in '{heavy}'.split() if name in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
