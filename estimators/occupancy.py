@@ -13,10 +13,9 @@ from estimators.contact import CONTACT, NO_CONTACT, classify
 from tactsim import InputError, Scan, transform
 from tactsim.poses import FloatArray
 
-# Where G' has fallen to exp(-32) of its peak a reading says nothing: maps end there, at the prior.
-_REACH = 4.0  # in sigmas
+_NOTHING = 1e-8  # log-odds of one element that are left out
 _MOST_CELLS = 50_000_000  # of all maps together: 400 MB
-_MOST_AT_ONCE = 4_000_000  # cells that are stamped in one piece
+_AT_ONCE = 200_000  # cells that are stamped in one piece: what a cache holds
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,8 +89,9 @@ def learn_maps(
     if len(train) == 0:
         raise InputError("the scan has no readings with split 'train' to learn maps from")
     centres = transform(train.poses, train.taxel_xy)
-    low = np.floor((centres.min(axis=(0, 1)) - _REACH * sigma) / cell)
-    high = np.ceil((centres.max(axis=(0, 1)) + _REACH * sigma) / cell)
+    reach = _reach(sigma, prior)
+    low = np.floor((centres.min(axis=(0, 1)) - reach) / cell)
+    high = np.ceil((centres.max(axis=(0, 1)) + reach) / cell)
     spans = high - low + 1
     if spans.prod() * len(train.letters) > _MOST_CELLS:
         raise InputError(
@@ -106,18 +106,24 @@ def learn_maps(
         evidence = np.zeros((rows, columns))
         for kind in (CONTACT, NO_CONTACT):
             touched = centres[mine][classes[mine] == kind] / cell - low
-            at_once = max(1, int(_MOST_AT_ONCE / (2 * _REACH * sigma / cell + 2) ** 2))
+            stamp = (2 * reach / cell + 2) ** 2
+            at_once = math.ceil(max(_AT_ONCE, evidence.size) / stamp)
             for first in range(0, len(touched), at_once):
                 _stamp(evidence, touched[first : first + at_once], kind, sigma / cell, peak, prior)
         maps[label] = OccupancyMap(low * cell, cell, log_odds(prior) + evidence, prior)
     return maps
 
 
+def _reach(sigma: float, prior: float) -> float:
+    """Say how far from an element, in the unit of sigma, it still says something: maps end there."""
+    return sigma * math.sqrt(-math.log(_NOTHING * min(prior, 1 - prior)) / 2)
+
+
 def _stamp(
     evidence: FloatArray, centres: FloatArray, kind: int, sigma: float, peak: float, prior: float
 ) -> None:
     """Add the log-odds that elements at `centres` (n, 2) give to the cells around them, all in cells."""
-    reach = math.ceil(_REACH * sigma)
+    reach = math.ceil(_reach(sigma, prior))
     around = np.arange(-reach + 1, reach + 1)
     nearest = np.floor(centres).astype(np.intp)
     rest = centres - nearest

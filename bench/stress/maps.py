@@ -98,7 +98,7 @@ def peak_near_one(worst: Worst) -> None:
     varied="p(m) from 1e-6 to 1 - 1e-6; 0, 1 and beyond",
     deviation="log-odds from the exact sum, relative; a prior of 0 or 1 taken",
     limit=1e-6,
-    because="beyond a map's reach G' is exp(-32): 1e-8 in the odds of each of a hundred elements",
+    because="an element is left out where it adds less than 1e-8, and a hundred of them may be",
     quick=True,
 )
 def prior_near_zero_and_one(worst: Worst) -> None:

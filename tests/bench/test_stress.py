@@ -110,7 +110,7 @@ PLANTED = {
     "frames.wrap": ("bench.stress.frames.wrap_angle", lambda angle: np.asarray(angle)),
     "frames.symmetric-objects": ("bench.score.fold_angle", lambda angle, order: wrap_angle(angle)),
     "frames.error-at-the-seam": ("bench.score.invert", lambda pose: -np.asarray(pose)),
-    "maps.peak-near-one": ("estimators.occupancy._REACH", 1.0),
+    "maps.peak-near-one": ("estimators.occupancy._NOTHING", 0.5),
     "likelihood.float32-tables": ("estimators.likelihood.sigmoid", lambda odds: 0.999 * sigmoid(odds)),
     "likelihood.gamma": ("estimators.likelihood.sigmoid", lambda odds: np.exp(odds) / (1 + np.exp(odds))),
     "filters.skipping": ("estimators.histogram._NEGLIGIBLE", 0.1),
@@ -128,7 +128,7 @@ PLANTED = {
     "press.aligned-angles": ("tactsim.bed.SMALLEST_PART", 0.01),
     "press.point-spread": ("tactsim.spread._QUADRATURE", 2),
     "convergence.bed-cells": ("tactsim.bed.SMALLEST_PART", 0.01),
-    "convergence.map-cells": ("estimators.occupancy._REACH", 1.0),
+    "convergence.map-cells": ("estimators.occupancy._NOTHING", 0.5),
     "likelihood.classifier-edges": ("bench.stress.likelihood.classify", lambda z: 1 * (np.asarray(z) > 2)),
 }
 
