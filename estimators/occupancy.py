@@ -13,7 +13,7 @@ from estimators.contact import CONTACT, NO_CONTACT, classify
 from tactsim import InputError, Scan, transform
 from tactsim.poses import FloatArray
 
-_NOTHING = 1e-8  # log-odds of one element that are left out
+_NOTHING = 1e-12  # log-odds of one element that are left out
 _MOST_CELLS = 50_000_000  # of all maps together: 400 MB
 _AT_ONCE = 200_000  # cells that are stamped in one piece: what a cache holds
 
