@@ -106,16 +106,7 @@ class ParticleFilter(MapFilter):
 
     def belief_over_plane(self) -> PlaneBelief:
         """Count the weighted particles in cells of about 1 mm."""
-        reach = self.options.reach
-        cells = max(1, round(2 * reach))
-        edges = np.linspace(-reach, reach, cells + 1)
-        total = np.zeros((len(self.labels), cells, cells))
-        for k in range(len(self.labels)):
-            mine = self._letter == k
-            x, y = self._state[:2, mine]
-            total[k] = np.histogram2d(y, x, bins=(edges, edges), weights=self._weight[mine])[0]
-        middle = (edges[1:] + edges[:-1]) / 2
-        return PlaneBelief(self.labels, middle, middle, total / total.sum())
+        return plane_histogram(self.labels, self._letter, self._state, self._weight, self.options.reach)
 
     @property
     def work(self) -> dict[str, Any]:
@@ -184,6 +175,21 @@ class AugmentedFilter(ParticleFilter):
         self._letter[replaced] = self._rng.integers(len(self.labels), size=count)
         self._state[:, replaced] = self._random_states(count)
         self._injected += count
+
+
+def plane_histogram(
+    labels: tuple[str, ...], letter: NDArray[np.int64], state: FloatArray, weight: FloatArray, reach: float
+) -> PlaneBelief:
+    """Sum the weights (n,) of particles, letter (n,), state (3, n), in cells of about 1 mm."""
+    cells = max(1, round(2 * reach))
+    edges = np.linspace(-reach, reach, cells + 1)
+    total = np.zeros((len(labels), cells, cells))
+    for k in range(len(labels)):
+        mine = letter == k
+        x, y = state[:2, mine]
+        total[k] = np.histogram2d(y, x, bins=(edges, edges), weights=weight[mine])[0]
+    middle = (edges[1:] + edges[:-1]) / 2
+    return PlaneBelief(labels, middle, middle, total / total.sum())
 
 
 def parzen_mode(state: FloatArray, weight: FloatArray, rho: float = 1.0) -> FloatArray:

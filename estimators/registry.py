@@ -20,6 +20,10 @@ BUILT_IN: dict[str, tuple[str, str]] = {
     "histogram": ("estimators.histogram:HistogramFilter", "histogram filter, the paper's eq. 13 to 16"),
     "particle": ("estimators.particle:ParticleFilter", "particle filter, the paper's eq. 8 to 12"),
     "augmented-mcl": ("estimators.particle:AugmentedFilter", "particle filter that injects random particles"),
+    "tempered": (
+        "estimators.tempered:TemperedFilter",
+        "particles, a population a letter, moved by their spread",
+    ),
 }
 
 
