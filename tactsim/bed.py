@@ -44,7 +44,7 @@ class Springs(NamedTuple):
     rows: of the bed. position: (n, 3) m in the sensor frame, z along the press: where the letter meets each.
     share: (n,), of the largest spring's area; 1 for a spring without area: nothing may touch it, and if
     anything did, it should be felt. level: (n,) which level of the face, or part, each one carries.
-    area: mm^2, of all. largest: mm^2, of the largest. flat: whether all begin at the same gap.
+    area: mm^2, of all. largest: mm^2, of the largest. flat: whether all springs of the bed are without a gap.
     """
 
     rows: slice
@@ -83,9 +83,8 @@ class Bed:
     def springs(self) -> list[Springs]:
         """Describe the springs of each press."""
         presses = len(self.start) - 1
-        total = np.bincount(
-            self.press, self.area, presses
-        )  # one by one, so that springs without area do nothing
+        # Added one by one, springs without area do not change a bit of the sum.
+        total = np.bincount(self.press, self.area, presses)
         largest = np.zeros(presses)
         some = np.diff(self.start) > 0
         if some.any():

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 import models
 from models.errors import InputError
-from tactsim.bed import Bed, lay_bed
+from tactsim.bed import Bed, Level, lay_bed
 from tactsim.contact import contact_forces, contact_history
 from tactsim.face import levels
 from tactsim.finite import finite
@@ -56,7 +56,7 @@ def press_letter(
     if rng is None:
         sensor = sensor.model_copy(update={"noise": 0.0, "random_taxels": 0.0})
         rng = np.random.default_rng(0)
-    bed = _bed(letter, pose[None], options)
+    bed = _bed(levels(letter, options.press), pose[None], options)
     times = sequence = None
     if options.press.dynamics == "full" and bed.area.any():
         history = contact_history(bed.springs[0], pose, letter, options.press)
@@ -74,19 +74,20 @@ def ideal_readings(
 
     Returns (n, taxels) kPa without imperfections, and the work: presses, and what was skipped by reason.
     """
-    bed = _bed(letter, poses, options)
+    face = levels(letter, options.press)
+    bed = _bed(face, poses, options)
     forces = contact_forces(bed, poses, letter, options.press)
-    return _map(bed, forces, options), _work(bed, letter, options)
+    return _map(bed, forces, options), _work(bed, face, letter, options)
 
 
-def _work(bed: Bed, letter: models.Letter, options: ScanOptions) -> Counter[str]:
+def _work(bed: Bed, face: list[Level], letter: models.Letter, options: ScanOptions) -> Counter[str]:
     """Count presses and what each skip left out of them."""
     skip = options.press.skip
     touching = sum(springs.area > 0 for springs in bed.springs)
     untouched = len(bed.springs) - touching
     pressed = touching + (0 if skip.no_contact else untouched)
     x_lines, y_lines = _lines(options)
-    cells = (len(x_lines) - 1) * (len(y_lines) - 1) * len(levels(letter, options.press))
+    cells = (len(x_lines) - 1) * (len(y_lines) - 1) * len(face)
     return Counter(
         presses=pressed,
         no_contact=untouched if skip.no_contact else 0,
@@ -96,10 +97,8 @@ def _work(bed: Bed, letter: models.Letter, options: ScanOptions) -> Counter[str]
     )
 
 
-def _bed(letter: models.Letter, poses: FloatArray, options: ScanOptions) -> Bed:
-    return lay_bed(
-        levels(letter, options.press), poses, *_lines(options), skip_empty=options.press.skip.cells
-    )
+def _bed(face: list[Level], poses: FloatArray, options: ScanOptions) -> Bed:
+    return lay_bed(face, poses, *_lines(options), skip_empty=options.press.skip.cells)
 
 
 def _lines(options: ScanOptions) -> tuple[FloatArray, FloatArray]:

@@ -140,13 +140,14 @@ class Scene:
     def forces(self, count: int) -> FloatArray:
         """Read the force along the pad's normal, N, of the first `count` springs."""
         data = self.data
-        forces = data.efc_force[data.ne :]
-        if self.setup.tilt_stiffness is not None or self.setup.tilt != (0.0, 0.0):
-            forces = forces * np.abs(data.contact.frame[:, 2])
-        if len(forces) == count:
-            return forces
+        oblique = self.setup.tilt_stiffness is not None or self.setup.tilt != (0.0, 0.0)
+        if len(data.efc_force) == data.ncon == count and not oblique:
+            return data.efc_force.copy()  # all springs touch, in their order
+        contact = data.contact
+        row = contact.efc_address
+        carrying = row >= 0
         result = np.zeros(self.capacity)  # a letter that turns over may meet spheres that wait
-        result[data.contact.geom[:, 0]] = forces
+        result[contact.geom[carrying, 0]] = data.efc_force[row[carrying]] * np.abs(contact.frame[carrying, 2])
         return result[:count]
 
     def check_position(self) -> None:
