@@ -39,7 +39,8 @@ def test_effective_share_and_mean_are_what_they_are_called():
 
 
 def test_the_evidence_of_one_reading_is_the_mean_likelihood_over_the_prior(scan):
-    estimator = fitted(scan, particles=30_000)
+    # A classifier that often fails makes a likelihood without needles, which plain sampling can integrate.
+    estimator = fitted(scan, particles=30_000, likelihood="paper", gamma=0.8)
     readings, poses, *_ = draw_trial(scan, "E", 1, np.random.default_rng(3))
     ratios = []
     for seed in range(6):
@@ -58,8 +59,8 @@ def test_the_evidence_of_one_reading_is_the_mean_likelihood_over_the_prior(scan)
         log_p = tables[evidence.table, :, np.arange(len(evidence.table))].sum(axis=0)
         mean[label] = _log_mean_exp(log_p)
     expected = [mean["I"] - mean["E"], mean["L"] - mean["E"]]
-    # one run is off by about half a nat; six runs average to a fifth
-    assert np.mean(ratios, axis=0) == pytest.approx(expected, abs=0.6)
+    assert np.mean(ratios, axis=0) == pytest.approx(expected, abs=0.1)
+    assert np.std(ratios, axis=0).max() < 0.2
 
 
 def test_skipping_changes_no_answer(scan):
