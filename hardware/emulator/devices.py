@@ -54,6 +54,10 @@ class Emulated(ABC):
     def say(self, now: float) -> list[bytes]:
         """Return what the device has said until `now`, frame by frame."""
 
+    @abstractmethod
+    def unheard(self, now: float) -> None:
+        """Let what was said until `now` be lost: no host listens."""
+
     def values(self, wiring: np.ndarray, frame: int) -> FloatArray:
         """Measure one part at frame number `frame`: (elements,) in the device's units."""
         pad = self._pressures(frame / self.rate)
@@ -89,14 +93,18 @@ class EmulatedFields(Emulated):
         if not self._started:
             return []
         if self._codec.format.request:
-            asked, self._asked = self._asked, 0
-            return [content for _ in range(asked) for content in self._next_frame()]
+            asked, self._asked, self._frame = self._asked, 0, int(now * self.rate)
+            return list(self._next_frame()) * asked
         latest = int(now * self.rate)
         self._frame = max(self._frame, latest - int(_BEHIND * self.rate))
         said: list[bytes] = []
         while self._frame <= latest:
             said += self._next_frame()
         return said
+
+    def unheard(self, now: float) -> None:
+        """Lose the frames that were measured since."""
+        self._frame, self._asked = max(self._frame, int(now * self.rate) + 1), 0
 
     def _next_frame(self) -> Iterator[bytes]:
         frame, self._frame = self._frame, self._frame + 1
@@ -112,14 +120,16 @@ class EmulatedCsv(EmulatedFields):
 
     def __init__(self, device: Device, pressures: Pressures, rate: float, link: int = 0) -> None:
         Emulated.__init__(self, device, pressures, rate, link)
-        self._frame = 0
+        self._frame = self._asked = 0
+        self._titled = False
 
     def hear(self, data: bytes, now: float) -> None:
         """Ignore the host."""
 
     def say(self, now: float) -> list[bytes]:
         """Write the lines until `now`, the title first."""
-        said = [self._codec.title()] if self._frame == 0 else []
+        said = [] if self._titled else [self._codec.title()]
+        self._titled = True
         while self._frame <= int(now * self.rate):
             _, wiring = self._parts[0]
             ticks = 1e3 * self._frame / self.rate
@@ -174,6 +184,10 @@ class EmulatedSingleTact(Emulated):
         due = [content for when, content in self._answers if when <= now]
         self._answers = [answer for answer in self._answers if answer[0] > now]
         return due
+
+    def unheard(self, now: float) -> None:
+        """Lose the answers that were due."""
+        self._answers.clear()
 
     def _answer(self, request: bytes, now: float) -> None:
         address, number, command, register, count = (request[k] for k in (4, 6, 7, 8, 9))

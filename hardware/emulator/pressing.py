@@ -15,6 +15,7 @@ from tactsim.poses import FloatArray
 
 Wanted = Callable[[float], "FloatArray | None"]
 
+_RETRY = 2.0  # s that a hand waits before it tries a press again
 _LOOK = 0.05  # s between looks at a recording that is followed
 
 
@@ -61,8 +62,9 @@ def by_the_clock(table: FloatArray, hold: float, lift: float) -> Wanted:
 class Follower:
     """Press what a guided session waits for, told by its recording while that grows.
 
-    press(plan): the pressures (n, taxels) kPa of the plan's presses. A press that the session does not
-    take within `hold` s is lifted for `lift` s and tried again.
+    press(plan): the pressures (n, taxels) kPa of the plan's presses. The pad is free for `lift` s before
+    each. A press that the session does not take within `hold` s is lifted and tried again, after long
+    enough that a session which lags behind cannot take it for the next one.
     """
 
     def __init__(
@@ -87,14 +89,15 @@ class Follower:
             current = next_press(self._presses, len(self._rows))
             if current != self._current:
                 self._current, self._since = current, now
-        if self._current >= len(self._rows) or (now - self._since) % (self._hold + self._lift) < self._lift:
+        if self._current >= len(self._rows) or now - self._since < self._lift:
             return None
-        return self._rows[self._current]
+        held = (now - self._since - self._lift) % (self._hold + max(self._lift, _RETRY))
+        return self._rows[self._current] if held < self._hold else None
 
     def _begin(self, content: object) -> None:
         if content is None:
             raise InputError("the recording that is followed is no guided session: it has no plan")
         plan = checked(Plan, content, "plan")
+        self._current = -1  # a session that is taken up again finds the pad free
         if plan != self._plan:
-            self._plan, self._current = plan, -1
-            self._rows = list(self._press(plan))
+            self._plan, self._rows = plan, list(self._press(plan))

@@ -29,6 +29,10 @@ class _Clock:
     def __init__(self) -> None:
         self._start: float | None = None
 
+    @property
+    def started(self) -> bool:
+        return self._start is not None
+
     def start(self) -> None:
         if self._start is None:
             self._start = time.monotonic()
@@ -168,6 +172,8 @@ def _talk(
     while not stop.is_set():
         if not line.connected():
             pending = b""
+            if clock.started:
+                device.unheard(clock.now())
             stop.wait(_NAP)
             continue
         clock.start()

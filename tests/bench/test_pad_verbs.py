@@ -88,7 +88,7 @@ def test_a_letter_is_recorded_from_tare_to_scan(bench, tmp_path):
         assert "36 elements" in right(bench("tare", "--port", "pad", "--out", "cal.toml"))
         words = [
             "record", "--port", "pad", "--letter", "A", "--calibration", "cal.toml", "--out", "A.npz",
-            "--poses", "random:5", "--frames", "10", "--patience", "1",
+            "--poses", "random:5", "--frames", "10",
         ]  # fmt: skip
         session = subprocess.Popen([BENCH, *words], cwd=tmp_path, env=ENVIRONMENT, stdin=subprocess.DEVNULL)
         until = time.monotonic() + 60

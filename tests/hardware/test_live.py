@@ -5,7 +5,7 @@ import time
 
 import numpy as np
 import pytest
-from made_pads import ramp, serving, singletact, small_device
+from made_pads import csv_device, ramp, serving, singletact, small_device
 
 from hardware.codecs.base import Frame
 from hardware.emulator import Faults, emulate
@@ -13,6 +13,7 @@ from hardware.emulator.devices import EmulatedSingleTact
 from hardware.errors import NoReading, SourceError
 from hardware.live import LiveSource
 from hardware.port import Port
+from hardware.recording import Kind, Recorder, RecordReader
 
 
 @pytest.fixture
@@ -252,3 +253,37 @@ def test_the_time_a_device_takes_to_start_is_not_held_against_it(pty):
 def test_the_number_of_ports_must_fit(paper_pad):
     with pytest.raises(SourceError, match="has 1 ports; 2 were given"):
         LiveSource(["a", "b"], paper_pad)
+
+
+def test_a_device_that_must_be_told_to_speak_is_told_after_every_reconnection(tmp_path):
+    device = small_device(codec={"start": "53 54"})
+    emulated = emulate(device, ramp(device), rate=100.0)
+    with (
+        serving(emulated, faults=Faults(disconnect=0.3), link=tmp_path / "pad") as url,
+        Recorder(tmp_path / "a") as recorder,
+        LiveSource([url], device, recorder) as source,
+    ):
+        assert len([source.read(5.0) for _ in range(60)]) == 60
+        reconnects = source.counters.reconnects
+    sent = [record.payload for record in RecordReader(tmp_path / "a") if record.kind is Kind.SENT]
+    assert reconnects >= 1
+    assert sent == [b"ST"] * (reconnects + 1)
+
+
+def test_a_device_that_answers_is_asked_for_every_frame():
+    device = small_device(codec={"request": "3F"})
+    with serving(emulate(device, ramp(device), rate=1000.0)) as url, LiveSource([url], device) as source:
+        readings = [source.read() for _ in range(50)]
+    assert source.counters.timeouts == 0
+    assert len({reading.index for reading in readings}) == 50
+
+
+def test_lines_are_read_live():
+    device = csv_device()
+    with (
+        serving(emulate(device, ramp(device), rate=100.0), on="tcp") as url,
+        LiveSource([url], device) as source,
+    ):
+        readings = [source.read() for _ in range(20)]
+    assert np.allclose(np.diff([reading.device_time for reading in readings]), 0.01)
+    assert np.allclose(readings[5].pressures, ramp(device)(readings[5].device_time), atol=1e-6)
