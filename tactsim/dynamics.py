@@ -39,7 +39,9 @@ def press_through_time(stage: Scene, springs: Springs, options: PressOptions) ->
     Raises UnsettledError if they have not at the time limit.
     """
     force, count = options.force, len(springs.share)
-    stage.set_springs(springs, options.stiffness, step=_STEP, relaxation=options.relaxation)
+    stage.set_springs(
+        springs, options.stiffness_over(springs.area), step=_STEP, relaxation=options.relaxation
+    )
     stage.reset(stage.depth_of_touch(springs).min() - options.clearance * MM)
     stage.model.opt.tolerance = 1e-10
     data = stage.data

@@ -31,7 +31,7 @@ def rest(stage: Scene, springs: Springs, options: PressOptions) -> FloatArray:
     """
     area, force, count = springs.area, options.force, len(springs.share)
     one_step = options.level and springs.flat
-    stiffness = force / _DEPTH / area if one_step else options.stiffness
+    stiffness = force / _DEPTH / area if one_step else options.stiffness_over(area)
     stage.set_springs(springs, stiffness, step=_step(stiffness * area))
     # A step only knows the springs that touch at its start, so it starts where all do.
     front = 0.0 if one_step else stage.depth_of_touch(springs).max()

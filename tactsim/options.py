@@ -56,6 +56,9 @@ class PressOptions(BaseModel):
         le=1e6,
         description="kPa per mm of the pad's layer, which a flat, level face does not feel (assumed)",
     )
+    thickness: float = Field(
+        1.0, ge=1e-3, le=100, description="mm of the pad's layer, past which it gives no more way (assumed)"
+    )
     tilt_x: float = Field(0.0, ge=-0.2, le=0.2, description="rad about the pad's x between letter and pad")
     tilt_y: float = Field(0.0, ge=-0.2, le=0.2, description="rad about the pad's y between letter and pad")
     tilt_stiffness: float | None = Field(
@@ -87,6 +90,13 @@ class PressOptions(BaseModel):
     )
     frame_rate: float = Field(200.0, gt=0, le=1e4, description="images a second; full dynamics (assumed)")
     skip: Skips = Field(default_factory=Skips)
+
+    def stiffness_over(self, area: float) -> float:
+        """Give the layer's stiffness, kPa/mm, under a contact of `area` mm^2.
+
+        Where the force would press the layer by more than its thickness, it is as stiff as it takes to stop there.
+        """
+        return max(self.stiffness, 1e3 * self.force / (area * self.thickness))
 
     @property
     def level(self) -> bool:

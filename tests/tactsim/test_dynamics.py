@@ -32,6 +32,7 @@ def test_it_ends_where_the_equilibrium_is(name):
         {"ramp": 0.0, "approach_speed": 50.0},
         {"clearance": 0.0},
         {"moving_mass": 5.0},
+        {"force": 1000.0, "thickness": 0.2},
     ],
 )
 def test_it_does_whatever_the_press_is_like(press):
@@ -82,3 +83,12 @@ def test_a_scan_can_be_taken_with_full_dynamics():
     usual, _ = scan_letters(options.model_copy(update={"press": PressOptions()}), cache=False)
     assert work["presses"] > 100
     assert np.abs(scan.readings - usual.readings).max() <= 0.7 + 5e-3 * usual.readings.max()
+
+
+def test_a_sliver_stops_where_the_layer_ends():
+    """0.01 mm of I touch: springs without an end would let it sink by 30 mm, and settle for seconds."""
+    half = np.concatenate(models.letter("I").contours).max(axis=0)
+    pose = [half[0] + 7.7 - 0.01, 0.0, 0.0]
+    still, moving = both("I", pose)
+    assert moving.ideal == pytest.approx(still.ideal, abs=5e-3 * still.ideal.max())
+    assert moving.times[-1] < 1.0
