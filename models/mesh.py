@@ -33,7 +33,6 @@ def highest_face(content: bytes, kind: str) -> tuple[CrossSection, float]:
 
     _check_claims(content, kind)
     mesh = _load(content, kind)
-    mesh.merge_vertices(merge_tex=True, merge_norm=True)
     if not mesh.is_watertight:
         pairs, counts = np.unique(mesh.edges_sorted, axis=0, return_counts=True)
         raise InputError(
@@ -74,13 +73,23 @@ def _load(content: bytes, kind: str) -> Trimesh:
             warnings.simplefilter("ignore")
             # No resolver: nothing but these bytes is read. No processing: it would hide what is not finite.
             mesh = trimesh.load_mesh(BytesIO(content), file_type=kind, process=False)
-        mesh.apply_scale(_SCALE[kind])
+            mesh.apply_scale(_SCALE[kind])
+            _check_corners(mesh)
+            mesh.merge_vertices(merge_tex=True, merge_norm=True)
+    except InputError:
+        raise
     except Exception as error:
         # A parser fed with a stranger's bytes raises whatever comes; each of them means the same to the user.
         reason = " ".join(f"{type(error).__name__}: {error}".split())
         raise InputError(f"not a whole {kind.upper()} file: {reason}") from error
+    return mesh
+
+
+def _check_corners(mesh: Trimesh) -> None:
     if not len(mesh.faces):
         raise InputError("there is no face in it")
+    if not 0 <= mesh.faces.min() <= mesh.faces.max() < len(mesh.vertices):
+        raise InputError("a face names a corner that is not there")
     if not np.isfinite(mesh.vertices).all():
         raise InputError("a corner of the mesh is not a finite number")
     if np.abs(mesh.vertices).max() > LARGEST:
@@ -88,7 +97,6 @@ def _load(content: bytes, kind: str) -> Trimesh:
             f"a corner of the mesh is {np.abs(mesh.vertices).max():.3g} mm from the origin; "
             f"the most is {LARGEST:g} mm (lengths are mm in .stl and .obj, metres in .glb)"
         )
-    return mesh
 
 
 def _check_claims(content: bytes, kind: str) -> None:

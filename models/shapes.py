@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from models.errors import InputError
 from models.letter import HEIGHT, LARGEST_HEIGHT, Letter, raised
@@ -13,10 +14,13 @@ from models.letter import HEIGHT, LARGEST_HEIGHT, Letter, raised
 if TYPE_CHECKING:
     from manifold3d import CrossSection
 
+FloatArray = NDArray[np.float64]
+
 STAGE = 32.0  # mm a side: a pad of 11.6 mm at positions up to 10.2 mm from the centre reaches 16 mm
 LEAST_AREA = 1.0  # mm^2, a third of one element of the pad
 MOST_CORNERS = 2000  # of the face's outline, once straightened
 DETAIL = 0.01  # mm: what is finer is left out
+TOUCHING = 1e-5  # mm: corners and edges nearer than this are moved apart by twice as much
 MOST_TRACED = 20_000  # corners before that; simplifying takes time that grows with their square
 LARGEST_FILE = 64 << 20  # bytes
 _UNITS = "lengths are mm in .stl and .obj, metres in .glb, and as the drawing says in .svg"
@@ -76,11 +80,31 @@ def cleaned(region: CrossSection) -> CrossSection:
     """
     from manifold3d import CrossSection, JoinType
 
-    # The last step parts corners that touch: all else would come back just as it was.
-    for step in (DETAIL / 2, -DETAIL, DETAIL / 2, -1e-5):
+    for step in (DETAIL / 2, -DETAIL, DETAIL / 2):
         region = region.offset(step, JoinType.Miter, 10.0)
     # Straightened contours can cross or shrink to a line; made anew they do not.
-    return CrossSection(region.simplify(DETAIL).to_polygons())
+    region = CrossSection(region.simplify(DETAIL).to_polygons())
+    if 0 < region.num_vert() <= MOST_CORNERS and _touches_itself(region.to_polygons()):
+        region = region.offset(-TOUCHING, JoinType.Miter, 10.0)
+    return region
+
+
+def _touches_itself(contours: list[FloatArray]) -> bool:
+    """Tell whether a corner lies nearer than TOUCHING to an edge that is not its own."""
+    corners = np.concatenate(contours)
+    along = np.concatenate([np.roll(contour, -1, axis=0) - contour for contour in contours])
+    place = np.arange(len(corners))
+    before = np.concatenate(
+        [np.roll(own, 1) for own in np.split(place, np.cumsum([*map(len, contours)])[:-1])]
+    )
+    for index, corner in enumerate(corners):
+        offset = corner - corners
+        nearest = np.clip(np.sum(offset * along, axis=1) / np.sum(along**2, axis=1), 0, 1)[:, None] * along
+        near = np.hypot(*(offset - nearest).T) < TOUCHING
+        near[[index, before[index]]] = False
+        if near.any():
+            return True
+    return False
 
 
 def _read(path: Path) -> bytes:
