@@ -92,3 +92,10 @@ def test_a_sliver_stops_where_the_layer_ends():
     still, moving = both("I", pose)
     assert moving.ideal == pytest.approx(still.ideal, abs=5e-3 * still.ideal.max())
     assert moving.times[-1] < 1.0
+
+
+def test_a_worker_s_unsettled_press_is_reported_too(monkeypatch):
+    monkeypatch.setattr("tactsim.scanning._WORTH_A_WORKER", 1e-3)
+    options = ScanOptions(letters=("E",), press=PressOptions(dynamics="full", time_limit=0.05))
+    with pytest.raises(UnsettledError, match=r"'E'.*time_limit"):
+        scan_letters(options, jobs=2, cache=False)
