@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from concurrent.futures import BrokenExecutor
 from typing import NoReturn
 
 import typer
@@ -25,7 +26,7 @@ from bench.cli import (
 from bench.cli import list as list_verb
 from models.errors import InputError
 
-INTERRUPTED = 130
+FAILED, WRONG_INPUT, INTERRUPTED = 1, 2, 130
 
 app = typer.Typer(
     name="bench",
@@ -60,19 +61,27 @@ def run_app() -> NoReturn:
         status = app(standalone_mode=False, prog_name="bench")
     except InputError as error:
         fail(str(error))
+    except MemoryError as error:
+        fail(f"not enough memory: {error}; ask for fewer bins, particles, letters or elements")
+    except BrokenExecutor:
+        fail(
+            "a worker process died, killed or out of memory; nothing half-written was kept; "
+            "start again, perhaps with fewer --jobs",
+            FAILED,
+        )
     except TyperException as error:
         fail(error.format_message())
     except (KeyboardInterrupt, Abort):
         status = INTERRUPTED
     except BrokenPipeError:  # `bench list | head`: nobody reads on
         sys.stderr.close()
-        sys.exit(1)
+        sys.exit(FAILED)
     if status == INTERRUPTED:
         print("bench: interrupted; nothing half-written was kept", file=sys.stderr)
     sys.exit(status if isinstance(status, int) else 0)
 
 
-def fail(message: str) -> NoReturn:
-    """Say what the user should mend, in one line, and exit with status 2."""
+def fail(message: str, status: int = WRONG_INPUT) -> NoReturn:
+    """Say in one line what went wrong and what would be right, and exit."""
     print(f"bench: {' '.join(message.split())}", file=sys.stderr)
-    sys.exit(2)
+    sys.exit(status)

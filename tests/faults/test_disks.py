@@ -1,0 +1,134 @@
+"""A disk that is full or read-only: one line, nothing half-written, and all is well once there is room."""
+
+import shutil
+import subprocess
+
+import pytest
+from conftest import BENCH
+
+# A file system of one's own in a namespace of one's own: nothing is left mounted, whatever happens.
+IN_NAMESPACE = ["unshare", "--user", "--map-root-user", "--mount", "sh", "-eu", "-c"]
+
+
+def can_mount():
+    if shutil.which("unshare") is None:
+        return False
+    words = [*IN_NAMESPACE, "mount -t tmpfs tmpfs /mnt && mount -o remount,ro /mnt"]
+    return subprocess.run(words, capture_output=True, check=False).returncode == 0
+
+
+pytestmark = pytest.mark.skipif(not can_mount(), reason="may not mount a file system in a namespace")
+
+
+def on_small_disk(bench, script, size):
+    """Run a script with $BENCH in a folder that has a tmpfs of `size` at `disk`; returns what it printed."""
+    (bench.folder / "disk").mkdir(exist_ok=True)
+    result = subprocess.run(
+        [*IN_NAMESPACE, f"mount -t tmpfs -o size={size} tmpfs disk\n{script}"],
+        cwd=bench.folder, env=bench.environment | {"BENCH": str(BENCH)}, text=True, capture_output=True,
+        timeout=240, check=False,
+    )  # fmt: skip
+    assert result.returncode == 0, result.stderr
+    assert "Traceback" not in result.stderr, result.stderr
+    return result
+
+
+SMALL = "--letters IO --trials 2 --readings 3 --bins 100"
+
+
+def test_a_scan_that_does_not_fit_leaves_what_was_there(bench, scan_file):
+    shutil.copy(scan_file, bench.folder / "good.npz")
+    result = on_small_disk(
+        bench,
+        """
+        cp good.npz disk/out.npz
+        cat /dev/zero > disk/filler 2> /dev/null || true
+        if $BENCH scan --letters AEIOU --out disk/out.npz; then exit 9; else echo status $?; fi
+        cmp good.npz disk/out.npz && ls -A disk
+        rm disk/filler
+        mount -o remount,size=20m disk
+        $BENCH scan --letters AEIOU --out disk/out.npz && ls -A disk
+        """,
+        size="400k",
+    )
+    assert "status 2" in result.stdout
+    assert "No space left" in result.stderr
+    lines = result.stdout.split()
+    assert lines[2:4] == ["filler", "out.npz"], "the old file stands and no other is left"
+    assert lines[-1] == "out.npz"
+
+
+def test_a_run_that_does_not_fit_leaves_no_folder(bench, scan_file):
+    result = on_small_disk(
+        bench,
+        f"""
+        if $BENCH run --scan {scan_file} {SMALL} --out disk/run; then exit 9; else echo status $?; fi
+        ls -A disk
+        mount -o remount,size=20m disk
+        $BENCH run --scan {scan_file} {SMALL} --out disk/run > /dev/null && ls -A disk
+        """,
+        size="40k",
+    )
+    assert result.stdout.split() == ["status", "2", "run"]
+    assert "No space left" in result.stderr
+
+
+def test_a_sweep_on_a_full_disk_goes_on_when_there_is_room(bench, scan_file):
+    (bench.folder / "s.toml").write_text(
+        f'[defaults]\nscan = "{scan_file}"\ntrials = 100\nreadings = 3\n'
+        '[[run]]\nestimator = "histogram"\nbins = [100, 200, 300]\n'
+    )
+    result = on_small_disk(
+        bench,
+        """
+        if $BENCH sweep s.toml --jobs 1 --out disk/sweep; then exit 9; else echo status $?; fi
+        ls disk/sweep/runs 2>/dev/null | wc -l
+        mount -o remount,size=20m disk
+        $BENCH sweep s.toml --jobs 1 --out disk/sweep > /dev/null
+        $BENCH sweep s.toml --jobs 1 --out whole > /dev/null
+        for run in whole/runs/*; do cmp $run/trials.csv disk/sweep/runs/${run##*/}/trials.csv; done
+        ls -A disk/sweep/parts | wc -l
+        """,
+        size="150k",
+    )
+    assert "No space left" in result.stderr
+    status, code, before, left = result.stdout.split()
+    assert (status, code, left) == ("status", "2", "0")
+    assert int(before) < 3
+
+
+def test_a_cache_on_a_full_or_read_only_disk_is_done_without(bench):
+    bench.environment["TACTSIM_CACHE_DIR"] = "disk"
+    result = on_small_disk(
+        bench,
+        """
+        $BENCH scan --letters IO --out full.npz > /dev/null && ls -A disk
+        mount -o remount,size=10m,ro disk
+        $BENCH scan --letters IO --out read-only.npz > /dev/null && ls -A disk
+        mount -o remount,rw disk
+        $BENCH scan --letters IO --out kept.npz > /dev/null && ls disk | wc -l
+        """,
+        size="20k",
+    )
+    assert result.stdout.split() == ["4"]
+    contents = {(bench.folder / name).read_bytes() for name in ("full.npz", "read-only.npz", "kept.npz")}
+    assert len(contents) == 1
+
+
+@pytest.mark.parametrize(
+    "words",
+    [f"run {SMALL} --out disk/run", "scan --letters I --out disk/new/out.npz", "sweep quick --out disk/sweep"],
+)
+def test_a_read_only_folder_is_said_before_the_work(bench, words):
+    result = on_small_disk(
+        bench,
+        f"""
+        mount -o remount,ro disk
+        if $BENCH {words}; then exit 9; else echo status $?; fi
+        """,
+        size="1m",
+    )
+    assert result.stdout.split() == ["status", "2"]
+    (line,) = (line for line in result.stderr.splitlines() if line.startswith("bench:"))
+    assert "disk" in line
+    assert "pressing" not in result.stderr
