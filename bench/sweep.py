@@ -16,13 +16,12 @@ import shutil
 import tomllib
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
+from concurrent.futures import Executor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, fields
 from importlib.resources import files
 from io import BytesIO
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
@@ -37,6 +36,7 @@ from estimators import create
 from models.errors import unknown
 from models.files import new_folder, replacing, write_text
 from tactsim import InputError
+from tactsim.workers import worker_processes
 
 TRIALS_A_PART = 20  # what a kill can cost: at most this many trials a worker
 ATTEMPTS = 3  # how often trials are sent out again when a worker dies over them
@@ -215,7 +215,7 @@ def dask_pool(address: str) -> Pool:
 
 
 def _local(jobs: int) -> Pool:
-    return lambda: ProcessPoolExecutor(jobs, mp_context=get_context("spawn"))
+    return lambda: worker_processes(jobs)
 
 
 def _work_off(

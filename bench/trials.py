@@ -6,9 +6,8 @@ import json
 import zlib
 from collections import Counter, OrderedDict
 from collections.abc import Callable, Iterable, Mapping
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import as_completed
 from dataclasses import dataclass, fields
-from multiprocessing import get_context
 from time import process_time
 from typing import Any, Literal
 
@@ -18,6 +17,7 @@ from numpy.typing import NDArray
 from estimators import Estimate, Estimator, create
 from tactsim import InputError, Scan, compose, invert
 from tactsim.poses import FloatArray
+from tactsim.workers import worker_processes
 
 TRANSLATION_MM = 10.0  # T_R^O is uniform in [-10, 10] mm and on the circle (section IV)
 
@@ -198,20 +198,16 @@ def run_trials(
     parts: list[Trials | None] = [None] * len(chunks)
     work: Counter[str] = Counter()
     done = 0
-    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
+    with worker_processes(jobs) as pool:
         futures = {
             pool.submit(run_chunk, protocol, [tasks[i] for i in chunk]): place
             for place, chunk in enumerate(chunks)
         }
-        try:
-            for future in as_completed(futures):
-                parts[futures[future]], part_work = future.result()
-                work.update(part_work)
-                done += len(chunks[futures[future]])
-                progress("trials", done, len(tasks))
-        except BaseException:
-            pool.shutdown(wait=False, cancel_futures=True)
-            raise
+        for future in as_completed(futures):
+            parts[futures[future]], part_work = future.result()
+            work.update(part_work)
+            done += len(chunks[futures[future]])
+            progress("trials", done, len(tasks))
     return Trials.joined(part for part in parts if part is not None), unflatten_work(work)
 
 

@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 import math
-import signal
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
-from multiprocessing import get_context
 from typing import Any
 
 import numpy as np
@@ -23,6 +20,7 @@ from tactsim.protocol import grid_poses, random_poses
 from tactsim.scan import SPLITS, Scan
 from tactsim.seeds import stream
 from tactsim.sensor import gains, sense
+from tactsim.workers import worker_processes
 
 Progress = Callable[[int, int], None]
 
@@ -163,16 +161,8 @@ def _workers(jobs: int, seconds: float) -> Iterator[Callable[..., Iterator[Any]]
     if workers < 2:
         yield map
         return
-    executor = ProcessPoolExecutor(workers, mp_context=get_context("spawn"), initializer=_leave_interrupts)
-    try:
+    with worker_processes(workers) as executor:
         yield executor.map
-    finally:
-        executor.shutdown(cancel_futures=True)
-
-
-def _leave_interrupts() -> None:
-    """Let the parent alone answer to Ctrl-C; it stops the workers."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 def _seconds_per_press(options: ScanOptions) -> float:

@@ -117,7 +117,11 @@ def test_a_cache_on_a_full_or_read_only_disk_is_done_without(bench):
 
 @pytest.mark.parametrize(
     "words",
-    [f"run {SMALL} --out disk/run", "scan --letters I --out disk/new/out.npz", "sweep quick --out disk/sweep"],
+    [
+        f"run {SMALL} --out disk/run",
+        "scan --letters I --out disk/new/out.npz",
+        "sweep quick --out disk/sweep",
+    ],
 )
 def test_a_read_only_folder_is_said_before_the_work(bench, words):
     result = on_small_disk(

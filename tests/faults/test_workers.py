@@ -29,7 +29,7 @@ def kill_one_worker(process, wait=0.0):
     os.kill(workers_of(process)[0], signal.SIGKILL)
 
 
-@pytest.mark.parametrize("wait", [0.0, 2.0])
+@pytest.mark.parametrize("wait", [0.0, pytest.param(2.0, marks=pytest.mark.slow)])
 def test_a_run_whose_worker_dies_says_so_and_leaves_nothing(bench, wait):
     words = ["run", "--letters", "IO", "--trials", "2000", "--readings", "30", "--out", "out"]
     process = bench.start(*words, "--jobs", "2")
