@@ -1,3 +1,5 @@
+from concurrent.futures import ThreadPoolExecutor
+
 import numpy as np
 import pytest
 
@@ -99,3 +101,15 @@ def test_a_worker_s_unsettled_press_is_reported_too(monkeypatch):
     options = ScanOptions(letters=("E",), press=PressOptions(dynamics="full", time_limit=0.05))
     with pytest.raises(UnsettledError, match=r"'E'.*time_limit"):
         scan_letters(options, jobs=2, cache=False)
+
+
+def test_a_press_that_failed_leaves_nothing_behind():
+    """The same scene serves the next press: it must be as if compiled anew, bit for bit."""
+    letter, pose = models.letter("E"), [0.0, 3.4, 0.2]
+    tilted = {"dynamics": "full", "tilt_x": 0.01, "tilt_stiffness": 3000.0}
+    with pytest.raises(UnsettledError):
+        press_letter(letter, pose, ScanOptions(press=PressOptions(time_limit=0.04, **tilted)))
+    used = press_letter(letter, pose, ScanOptions(press=PressOptions(**tilted)))
+    with ThreadPoolExecutor(1) as other:  # another thread has scenes of its own
+        fresh = other.submit(press_letter, letter, pose, ScanOptions(press=PressOptions(**tilted))).result()
+    assert np.array_equal(used.sequence, fresh.sequence)
