@@ -91,7 +91,8 @@ class Estimator(ABC):
     def belief_over_plane(self) -> PlaneBelief | None:
         """Show how the belief lies over the plane, for a person to look at; None if it cannot be shown.
 
-        It changes nothing: the estimates that follow are the same with and without the call.
+        The cells are the same throughout a sequence. It changes nothing: the estimates that follow are
+        the same with and without the call.
         """
         return None
 

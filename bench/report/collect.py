@@ -224,4 +224,18 @@ def _flat(values: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
 
 
 def _word(value: Any) -> str:
-    return " ".join(map(str, value)) if isinstance(value, list) else str(value)
+    if not isinstance(value, list):
+        return str(value)
+    words = list(map(str, value))
+    return _ranges(words) if all(len(word) == 1 for word in words) else " ".join(words)
+
+
+def _ranges(letters: Sequence[str]) -> str:
+    """Write letters as one types them: AEIOU, A-Z0-9."""
+    parts: list[list[str]] = []
+    for letter in letters:
+        if parts and ord(letter) == ord(parts[-1][-1]) + 1:
+            parts[-1].append(letter)
+        else:
+            parts.append([letter])
+    return "".join(f"{part[0]}-{part[-1]}" if len(part) > 2 else "".join(part) for part in parts)

@@ -158,7 +158,8 @@ def test_points_are_taken_at_the_readings_that_all_runs_have(runs, own_cache, tm
 
 TASKS = {
     "defaults": {},
-    "letters A E": {"letters": "AE"},
+    "letters AE": {"letters": "AE"},
+    "letters A-Z0-9": {"letters": "A-Z0-9"},
     "sensor.noise 4.0": {"noise": 4.0},
     "seed 3": {"seed": 3},
     "paper-like": {"world": "paper-like"},

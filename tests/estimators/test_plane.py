@@ -35,6 +35,22 @@ def test_a_plane_says_of_each_letter_what_the_estimate_says(name, count, scan):
 
 
 @pytest.mark.parametrize("name", estimators.names())
+def test_the_cells_stay_where_they_are(name, scan):
+    estimator, readings, poses = begun(name, scan, 1)
+    before = estimator.belief_over_plane()
+    if before is None:
+        pytest.skip(f"{name} shows no plane")
+    for reading, pose in zip(readings, poses, strict=True):
+        estimator.update(reading, pose)
+    after = estimator.belief_over_plane()
+    assert (before.labels, before.x.tolist(), before.y.tolist()) == (
+        after.labels,
+        after.x.tolist(),
+        after.y.tolist(),
+    )
+
+
+@pytest.mark.parametrize("name", estimators.names())
 def test_looking_changes_nothing(name, scan):
     answers = []
     for look in (False, True):

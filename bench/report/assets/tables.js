@@ -131,7 +131,7 @@ function confusionTable(run, reading) {
   const head = h("tr", {}, h("th", { scope: "col" }, "true \\ said"), letters.map((label) => h("th", { scope: "col" }, label)));
   return scrolling(
     `Confusion matrix of ${run.label} after ${reading} readings`,
-    h("table", { class: "confusion" }, h("caption", {}, swatch(run.method), run.label),
+    h("table", { class: n > 12 ? "confusion large" : "confusion" }, h("caption", {}, swatch(run.method), run.label),
       h("thead", {}, head), h("tbody", {}, rows)),
   );
 }
