@@ -1,4 +1,4 @@
-"""The picture of time against error, as a file for a README, a paper or a slide."""
+"""The pictures of a report as files, for a README, a paper or a slide."""
 
 from __future__ import annotations
 
@@ -6,16 +6,21 @@ from io import BytesIO
 from pathlib import Path
 
 import matplotlib as mpl
+import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.figure import Figure
-from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, NullFormatter, NullLocator
+from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, MaxNLocator, NullFormatter, NullLocator
 
 from bench.report.collect import Group
 from bench.report.pareto import Point, machine_line, points
+from bench.report.tables import error_band
 from models.files import write_bytes
 
 # One colour and one marker a method, in order; the page uses the same.
 COLOURS = ("#1f6fb2", "#c8501c", "#0b8a63", "#7b4fb3", "#b8407f", "#9a7400", "#0f8a94", "#5f6670")
+DASHES = ("-", (0, (5, 3)), (0, (1.5, 2)), (0, (6, 2, 1.5, 2)), (0, (1, 2)))
+CROWD = 12  # runs beyond which curves would hide each other: then only each method's largest budget is drawn
 MARKERS = ("o", "s", "D", "^", "v", "P", "h", "X")
 
 
@@ -57,9 +62,7 @@ def pareto_figure(group: Group) -> Figure:
     _frontier(right, [(p.seconds, p.settled) for p in found if p.settled_frontier and p.settled is not None])
 
     left.set(yscale="log", ylabel=f"placement error after {group.readings} readings, mm")
-    left.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
-    left.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-    left.yaxis.set_minor_formatter(NullFormatter())
+    _plain_log(left.yaxis)
     ticks = [tick for tick in (1, 2, 3, 4, 5, 7, 10, 15, 20, 30, 40, 60, 100) if tick <= group.readings]
     never = any(point.settled is None for point in found)
     right.set(yscale="log", ylabel="readings until 95 % of the trials are and stay right")
@@ -70,26 +73,75 @@ def pareto_figure(group: Group) -> Figure:
     right.yaxis.set_minor_locator(NullLocator())
     for axes in (left, right):
         axes.set(xscale="log", xlabel=f"processor time of a recognition of {group.readings} readings, ms")
-        axes.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
-        axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-        axes.xaxis.set_minor_formatter(NullFormatter())
+        _plain_log(axes.xaxis)
         axes.grid(which="major", lw=0.4, alpha=0.6)
         axes.spines[["top", "right"]].set_visible(False)
         axes.margins(0.08)
-    handles, labels = left.get_legend_handles_labels()
-    figure.legend(
-        handles, labels, loc="outside upper center", ncols=min(4, len(labels)), frameon=False, fontsize=9
-    )
-    trials = len(found[0].entry.run.trials.truth)
-    letters = len(found[0].entry.run.about["letters"])
-    task = "" if group.task == "defaults" else f"{group.task}; "
-    figure.supxlabel(
-        f"{task}{letters} letters, {trials} trials a point, {group.protocol}. "
+    _legend(figure, left)
+    _caption(
+        figure,
+        group,
         "Thick grey: the frontier. Bars: 95 % interval of the mean.\n"
         f"Time: median over the trials, on {machine_line(group.entries)}.",
-        fontsize=8, color="#444444",
-    )  # fmt: skip
+    )
     return figure
+
+
+def readings_figure(group: Group) -> Figure:
+    """Draw accuracy and error of all runs against readings seen, with bands: the paper's figures 6 and 7."""
+    figure = Figure(figsize=(10, 4.6), layout="constrained", facecolor="white")
+    left, right = figure.subplots(1, 2)
+    for number, method in enumerate(group.methods):
+        mine = [entry for entry in group.entries if entry.method == method]
+        budgets = 1 if len(group.entries) > CROWD else len(DASHES)
+        for rank, entry in enumerate(mine[::-1][:budgets]):  # the largest budget is the solid line
+            style = {"color": COLOURS[number % len(COLOURS)], "lw": 1.5, "label": entry.label}
+            style["ls"] = DASHES[rank]
+            seen, summary = np.arange(1, entry.readings + 1), entry.summary
+            error, low, high = (
+                np.array(curve, dtype=float) for curve in (summary["error_mm"], *error_band(summary))
+            )
+            for axes, curve, below, above in (
+                (left, summary["accuracy"], summary["accuracy_low"], summary["accuracy_high"]),
+                (right, error, low, high),
+            ):
+                axes.fill_between(seen, below, above, color=style["color"], alpha=0.1, lw=0)
+                axes.plot(seen, curve, **style)
+    left.set(ylim=(0, 1.02), ylabel="share of trials right")
+    right.set(yscale="log", ylabel="placement error, mm")
+    _plain_log(right.yaxis)
+    for axes in (left, right):
+        axes.xaxis.set_major_locator(MaxNLocator(integer=True, steps=[1, 2, 5, 10]))
+        axes.set(xlim=(1, max(2, *(entry.readings for entry in group.entries))), xlabel="readings seen")
+        axes.grid(which="major", lw=0.4, alpha=0.6)
+        axes.spines[["top", "right"]].set_visible(False)
+    _legend(figure, left)
+    _caption(figure, group, "Error where the letter is right. Bands: 95 % intervals.")
+    return figure
+
+
+def _plain_log(axis: Axis) -> None:
+    axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axis.set_minor_formatter(NullFormatter())
+
+
+def _legend(figure: Figure, axes: Axes) -> None:
+    handles, labels = axes.get_legend_handles_labels()
+    columns = min(3 if max(map(len, labels)) > 24 else 4, len(labels))
+    figure.legend(handles, labels, loc="outside upper center", ncols=columns, frameon=False, fontsize=9)
+
+
+def _caption(figure: Figure, group: Group, text: str) -> None:
+    counts = sorted({len(entry.run.trials.truth) for entry in group.entries})
+    trials = f"{counts[0]}" if len(counts) == 1 else f"{counts[0]} to {counts[-1]}"
+    letters = len(group.entries[0].run.about["letters"])
+    task = "" if group.task == "defaults" else f"{group.task}; "
+    figure.supxlabel(
+        f"{task}{letters} letters, {trials} trials a run, {group.protocol}. {text}",
+        fontsize=8,
+        color="#444444",
+    )
 
 
 def _frontier(axes: Axes, corners: list[tuple[float, float]]) -> None:

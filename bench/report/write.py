@@ -35,11 +35,13 @@ def write_report(
         write_text(written[-1], content)
     with_curves = [group for group in groups if has_curves(group)]
     for number, group in enumerate(with_curves, start=1):
-        from bench.report.picture import pareto_figure, save
+        from bench.report.picture import pareto_figure, readings_figure, save
 
-        figure = pareto_figure(group)
-        for kind in ("png", "svg"):
-            written.append(out.with_name(f"{prefix}pareto{'' if number == 1 else f'-{number}'}.{kind}"))
-            save(figure, written[-1])
+        for name, draw in (("pareto", pareto_figure), ("readings", readings_figure)):
+            figure = draw(group)
+            for kind in ("png", "svg"):
+                place = out.with_name(f"{prefix}{name}{'' if number == 1 else f'-{number}'}.{kind}")
+                save(figure, place)
+                written.append(place)
     write_text(out, page(groups, replayed, remarks))
     return written, remarks

@@ -45,6 +45,7 @@ def rows_of(path):
 def test_the_files_stand_beside_the_page(report):
     assert {path.name for path in report.parent.iterdir()} == {
         "report.html", "readings.csv", "pareto.csv", "confusion.csv", "recognition.csv", "pareto.png", "pareto.svg",
+        "readings.png", "readings.svg",
     }  # fmt: skip
 
 
