@@ -44,7 +44,8 @@ class History:
     def append(self, evidence: Evidence, sensor_in_robot: FloatArray) -> None:
         """Add the terms of a reading taken at a pose [mm, mm, rad].
 
-        Raises ValueError if the likelihood gave a weight that is negative or not finite.
+        Raises ValueError if the likelihood named a table or taxel that does not exist, or gave a weight that
+        is negative or not finite.
         """
         count, tables = len(evidence.table), self._tables
         self._make_room(count)
@@ -52,7 +53,7 @@ class History:
             self.terms, self._readings, evidence.table, evidence.taxel, evidence.weight, self._taxel_xy,
             sensor_in_robot, tables.outside, tables.lowest, tables.highest,
         ):  # fmt: skip
-            raise ValueError("a likelihood gave a term a weight that is negative or not finite")
+            evidence.check(len(tables.highest), len(self._taxel_xy))
         self._readings += 1
         self.most = max(self.most, count)
 

@@ -156,8 +156,8 @@ _BELIEF = types.NamedTuple((_REALS_5D, _REALS_3D, _REALS_4D, _INTS_4D, _INTS_4D,
 
 # A slice further out than this many bins is off the map, and its index might overflow.
 _FAR = 1e9
-# How far rounding may move a sum of float32, relative to the largest value of its tables.
-_ROUNDING = 1e-6
+# How far one operation in float32 may be off, relative to its result.
+_ROUNDING = 2.0**-23
 
 
 # ---- taking readings in
@@ -170,8 +170,8 @@ def record(
 ) -> bool:  # fmt: skip
     """Append a reading's evidence, taken at the pose sensor_in_robot; the arrays must have room.
 
-    outside, lowest, highest: as in `Tables`. Returns False, and appends nothing, if a weight is
-    negative or not finite.
+    outside, lowest, highest: as in `Tables`. Returns False, and appends nothing, if a table or taxel
+    does not exist or a weight is negative or not finite.
     """
     begin = terms.start[reading]
     cos, sin = math.cos(pose[2]), math.sin(pose[2])
@@ -179,18 +179,19 @@ def record(
     most = slack = 0.0
     for i in range(len(table)):
         kind, factor = table[i], float64(weight[i])
-        if not 0 <= factor < np.inf:
+        if not (0 <= kind < len(highest) and 0 <= taxel[i] < len(taxel_xy) and 0 <= factor < np.inf):
             return False
         x, y = taxel_xy[taxel[i], 0], taxel_xy[taxel[i], 1]
         terms.kind[begin + i], terms.weight[begin + i] = kind, factor
         terms.xy[begin + i, 0] = pose[0] + cos * x - sin * y
         terms.xy[begin + i, 1] = pose[1] + sin * x + cos * y
         most += factor * highest[kind]
-        slack += _ROUNDING * factor * max(abs(lowest[kind]), abs(highest[kind]))
+        slack += factor * max(abs(lowest[kind]), abs(highest[kind]))
         for letter in range(outside.shape[1]):
             terms.constant[reading, letter] += factor * outside[kind, letter]
-    terms.slack[reading] = slack
-    terms.ceiling[reading + 1] = terms.ceiling[reading] + most + slack
+    # Each of the additions may be off by that share of what the sum can have reached.
+    terms.slack[reading] = slack * _ROUNDING * (len(table) + 4)
+    terms.ceiling[reading + 1] = terms.ceiling[reading] + most + terms.slack[reading]
     terms.start[reading + 1] = begin + len(table)
     return True
 
@@ -446,7 +447,8 @@ def catch_up(
                             here, before, total, terms.constant[reading, letter],
                             max(0, begin - column), min(LANES, end - column), peak[tile],
                         )  # fmt: skip
-                evaluated += (min(rows, (i + 1) * tall) - i * tall) * (min(columns, end) - begin)
+                height = min(rows, (i + 1) * tall) - i * tall
+                evaluated += height * (min(columns, last * wide) - j * wide)
                 for k in range(j, last):
                     highest = -np.inf
                     for column in range(k * wide, min(columns, (k + 1) * wide)):

@@ -27,12 +27,20 @@ from tactsim.poses import FloatArray
 class Evidence:
     """One reading as terms: log p(z | x) = sum of weight * table value at the taxel, over the terms.
 
-    table, taxel: (terms,) indices. weight: (terms,) factor of the table's value, 1 for a class.
+    table, taxel: (terms,) indices. weight: (terms,) factor of the table's value, not negative; 1 for a class.
     """
 
     table: NDArray[np.int64]
     taxel: NDArray[np.int64]
     weight: NDArray[np.float32]
+
+    def check(self, tables: int, taxels: int) -> None:
+        """Raise ValueError if a term names a table or taxel beyond these counts, or has an odd weight."""
+        for name, indices, count in (("table", self.table, tables), ("taxel", self.taxel, taxels)):
+            if len(indices) and not 0 <= indices.min() <= indices.max() < count:
+                raise ValueError(f"a likelihood named a {name} that does not exist, of {count}")
+        if not ((self.weight >= 0) & (self.weight < np.inf)).all():
+            raise ValueError("a likelihood gave a weight that is negative or not finite")
 
 
 class Likelihood(ABC):

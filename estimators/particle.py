@@ -73,6 +73,7 @@ class ParticleFilter(MapFilter):
         if not self._fresh:
             self._resample()
         self._fresh = False
+        evidence.check(len(self._nodes), len(self.taxel_xy))
         chosen = self.options
         noise = self._rng.standard_normal(self._state.shape)
         noise[:2] *= chosen.noise_mm

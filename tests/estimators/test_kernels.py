@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from synthetic import make_scan, paper_poses
@@ -44,3 +46,19 @@ def test_skipped_blocks_are_never_above_their_bound(scan):
             bound = lazy._belief.upper + lazy._history.terms.ceiling[count]
             spread = bound.repeat(tall, axis=2).repeat(wide, axis=3)[:, :, :20, :20]
             assert (full.log_belief() <= spread + 1e-9).all()
+
+
+@pytest.mark.parametrize("name", ["histogram", "particle"])
+@pytest.mark.parametrize(
+    ("field", "value"), [("table", 2), ("table", -1), ("taxel", 36), ("weight", -1.0), ("weight", np.nan)]
+)
+def test_a_likelihood_that_names_what_does_not_exist_is_stopped(name, field, value):
+    scan = make_scan("EI", poses=paper_poses(2, 2))
+    filter = estimators.create(name)
+    filter.fit(scan)
+    filter.reset(np.random.default_rng(0))
+    sound = filter.likelihood.evidence(scan.readings[0])
+    faulty = getattr(sound, field).copy()
+    faulty[3] = value
+    with pytest.raises(ValueError, match="a likelihood"):
+        filter.take(replace(sound, **{field: faulty}), np.zeros(3))
