@@ -48,6 +48,7 @@ $(READY): requirements.lock pyproject.toml
 	@$(PYTHON) -m venv $(VENV)
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -r requirements.lock
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -e .
+	@$(BIN)/python -c 'import estimators.kernels, estimators.state_kernels'  # compiles them, once
 	@touch $@
 
 lock: $(READY)   ## pin the newest versions that pyproject.toml allows
