@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, Literal, TypeVar
@@ -96,11 +97,10 @@ def scan_options(
 ) -> ScanOptions:
     """Build the scan's options: a world, changed by `noise`, changed by `scan_set`.
 
+    world: the name of a ready-made one, or a TOML file of options, as `bench validate` writes.
     noise: "off" for the ideal world's exact pad, or the standard deviation in kPa. Raises InputError.
     """
-    if world not in WORLDS:
-        raise unknown("world", world, WORLDS)
-    values = WORLDS[world]
+    values = _world(world)
     if noise == "off":
         values = merged(values, WORLDS["ideal"])
     elif noise is not None:
@@ -112,6 +112,19 @@ def scan_options(
     if letters is not None:
         values = merged(values, {"letters": parse_letters(letters)})
     return checked(ScanOptions, merged(values, scan_set or {}), "scan")
+
+
+def _world(name: str) -> Mapping[str, Any]:
+    if not name.endswith(".toml"):
+        if name not in WORLDS:
+            raise unknown("world", name, [*WORLDS, "FILE.toml"])
+        return WORLDS[name]
+    try:
+        return tomllib.loads(Path(name).read_text(encoding="utf-8"))
+    except OSError as error:
+        raise InputError(f"cannot read world {name}: {error.strerror or error}") from error
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
+        raise InputError(f"world {name} is not TOML: {error}") from error
 
 
 def merged(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:

@@ -15,6 +15,7 @@ from bench.trials import Progress, Protocol, Task, Trials, check_readings, run_t
 from estimators import Estimator, create
 from models.errors import unknown
 from tactsim import InputError, Scan, scan_letters
+from tactsim.scan import train_on
 
 
 def silent(stage: str, done: int, total: int) -> None:
@@ -75,9 +76,7 @@ def gather(config: RunConfig, *, jobs: int, cache: bool, progress: Progress) -> 
     else:
         scan = Scan.load(config.scan_file)
     if config.train_file is not None:
-        train = Scan.load(config.train_file)
-        meta = {**scan.meta, "train": dict(train.meta)}
-        scan = train.where("train").joined(scan.where("test"), meta)
+        scan = train_on(Scan.load(config.train_file), scan)
     letters = config.letters or scan.letters
     if not letters:
         raise InputError(f"{config.scan_file} holds no readings")

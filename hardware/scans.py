@@ -290,24 +290,6 @@ def cut(scan: Scan, rows: int, columns: int, stride: int = 1) -> Scan:
     )
 
 
-def common_elements(first: Scan, second: Scan) -> tuple[Scan, Scan]:
-    """Keep the elements that two scans of one pad have in common, in the first one's order.
-
-    Raises InputError if there are none.
-    """
-    apart = np.abs(first.taxel_xy[:, None] - second.taxel_xy[None]).max(axis=-1)
-    of_first, of_second = np.nonzero(apart < 1e-3)  # mm
-    if not len(of_first):
-        raise InputError("the two scans have no element at the same place: their pads differ")
-    return _with_elements(first, of_first), _with_elements(second, of_second)
-
-
-def _with_elements(scan: Scan, elements: NDArray[np.int64]) -> Scan:
-    return Scan(
-        scan.readings[:, elements], scan.poses, scan.labels, scan.split, scan.taxel_xy[elements], scan.meta
-    )
-
-
 def _grid(taxel_xy: FloatArray) -> NDArray[np.int64]:
     """Arrange elements in rows (along +y) and columns (along +x). Raises InputError if they are no whole grid."""
     x, y = (np.unique(np.round(taxel_xy[:, axis], 4), return_inverse=True) for axis in (0, 1))

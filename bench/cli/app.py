@@ -22,6 +22,7 @@ from bench.cli import (
     stress,
     sweep,
     tare,
+    validate,
 )
 from bench.cli import list as list_verb
 from models.errors import InputError
@@ -50,6 +51,7 @@ verbs = {
     "record": record,
     "replay": replay,
     "emulate": emulate,
+    "validate": validate,
 }
 for name, verb in verbs.items():
     app.command(name=name)(verb.command)

@@ -22,7 +22,11 @@ Shape = Annotated[
     ),
 ]
 World = Annotated[
-    str, typer.Option(help="How good the data are: default, or paper-like (placement error, random classes).")
+    str,
+    typer.Option(
+        help="How good the data are: default, paper-like (placement error, random classes), or a file of "
+        "`bench validate`."
+    ),
 ]
 Noise = Annotated[
     str | None,

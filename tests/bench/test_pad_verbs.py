@@ -196,3 +196,57 @@ def test_a_large_array_is_cut_into_touches(bench, tmp_path):
 )
 def test_mistakes_end_in_one_line(bench, tmp_path, words, parts):
     refused(bench(*words), *parts)
+
+
+def test_a_simulation_is_validated_and_brought_nearer(bench, tmp_path):
+    """The recording is another simulation, whose parameters are known and have to be found."""
+    right(bench("scan", "--letters", "E", "--out", "simulated.npz"))
+    truth = {"sensor.psf_sigma": 1.4, "sensor.noise": 3, "press.force": 2.5, "placement_mm": 0.5}
+    changes = [word for name, value in truth.items() for word in ("--scan-set", f"{name}={value}")]
+    right(bench("scan", "--letters", "E", "--seed", "5", "--out", "whole.npz", *changes))
+    whole = Scan.load(tmp_path / "whole.npz")
+    Scan(  # as a recording with a dead element would be
+        np.delete(whole.readings, 17, axis=1), whole.poses, whole.labels, whole.split,
+        np.delete(whole.taxel_xy, 17, axis=0), {"source": "recorded"},
+    ).save(tmp_path / "recorded.npz")  # fmt: skip
+    words = ["validate", "--recorded", "recorded.npz", "--trials", "1", "--set", "bins=1000"]
+    out = right(bench(*words, "--simulated", "simulated.npz", "--out", "result"))
+    for word in ("rms kPa", "point spread", "eq. 3", "simulated -> recorded", "recorded -> recorded"):
+        assert word in out
+    before = json.loads((tmp_path / "result" / "validation.json").read_text())
+    assert before["fit"]["psf_sigma"] == pytest.approx(1.4, abs=0.03)
+    assert before["fit"]["noise"] == pytest.approx(3.0, abs=0.3)
+    assert before["parameters"]["press"]["force"] == pytest.approx(2.5, rel=0.02)
+    assert before["fit"]["placement_mm"] == pytest.approx(0.5, rel=0.15)
+    assert before["after"]["rms"] < before["before"]["rms"]
+    right(bench("scan", "--letters", "E", "--world", "result/world.toml", "--out", "nearer.npz"))
+    after = json.loads(right(bench(*words, "--simulated", "nearer.npz", "--json")))
+    assert after["before"]["rms"] < before["before"]["rms"]
+    assert after["fit"]["gain"] == pytest.approx(1.0, abs=0.02)
+    assert after["class_agreement"] > before["class_agreement"] - 0.02
+    train_on_one = [
+        "run",
+        "--scan",
+        "recorded.npz",
+        "--train-scan",
+        "nearer.npz",
+        "--trials",
+        "1",
+        "--readings",
+        "4",
+    ]
+    assert "accuracy" in right(bench(*train_on_one, "--bins", "1000", "--out", "run"))
+
+
+def test_scans_that_cannot_be_compared_are_refused(bench, tmp_path):
+    right(bench("scan", "--letters", "A", "--out", "a.npz"))
+    scan = Scan.load(tmp_path / "a.npz")
+    Scan(scan.readings, scan.poses, np.full(len(scan), "Z"), scan.split, scan.taxel_xy).save(
+        tmp_path / "z.npz"
+    )
+    Scan(scan.readings, scan.poses, scan.labels, scan.split, scan.taxel_xy + 1).save(tmp_path / "moved.npz")
+    words = ["validate", "--simulated"]
+    refused(bench(*words, "a.npz", "--recorded", "z.npz"), "'Z' was recorded but not simulated")
+    refused(bench(*words, "a.npz", "--recorded", "moved.npz"), "the pads differ")
+    refused(bench(*words, "z.npz", "--recorded", "a.npz"), "does not say how it was made")
+    refused(bench("scan", "--out", "b.npz", "--world", "nothing.toml"), "cannot read world nothing.toml")

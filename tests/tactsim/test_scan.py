@@ -203,3 +203,25 @@ def test_any_flipped_byte_gives_the_scan_or_a_refusal(scan, tmp_path):
         except InputError:
             continue
         assert np.array_equal(again.readings, scan.readings)
+
+
+def test_training_on_one_scan_and_testing_on_another_uses_what_both_have(scan):
+    from tactsim.scan import train_on
+
+    masked = Scan(
+        scan.readings[:, [0, 2, 3]] + 1,
+        scan.poses,
+        scan.labels,
+        np.full(6, "train"),
+        scan.taxel_xy[[0, 2, 3]],
+    )  # a recording of one split, with an element masked
+    both = train_on(scan, masked)
+    assert both.readings.shape == (3 + 6, 3)
+    assert np.array_equal(both.where("train").readings, scan.where("train").readings[:, [0, 2, 3]])
+    assert np.array_equal(both.where("test").readings, masked.readings)
+    assert np.array_equal(
+        train_on(masked, scan).where("test").readings, scan.where("test").readings[:, [0, 2, 3]]
+    )
+    far = Scan(scan.readings, scan.poses, scan.labels, scan.split, scan.taxel_xy + 100)
+    with pytest.raises(InputError, match="no element at the same place"):
+        train_on(scan, far)

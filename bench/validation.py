@@ -1,0 +1,204 @@
+"""Validate the simulation against a recording: readings, sensor parameters, classes, recognition."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bench.config import RunConfig, checked
+from bench.runner import perform
+from bench.trials import Progress
+from estimators.contact import classify
+from hardware.validation import SensorFit, TaxelError, class_agreement, fit_sensor, taxel_error
+from models import Letter
+from tactsim import InputError, Scan, ScanOptions
+from tactsim.poses import FloatArray, compose
+from tactsim.pressing import ideal_readings
+from tactsim.scan import train_on
+from tactsim.scanning import letters_of
+from tactsim.sensor import gains, sense
+
+CLASSES = ("no contact", "in contact", "unknown")
+
+
+@dataclass(frozen=True, eq=False)
+class Validation:
+    """What a comparison of a simulated and a recorded scan says.
+
+    before, after: errors with the simulation's own parameters and with the fitted ones. classes: the
+    share of elements that eq. 3 puts in the same class, recorded against simulated readings, and
+    simulated against simulated with other noise, which is as good as it can get; and the counts, rows
+    recorded. recognition: final accuracy and error by "trained on -> tested on".
+    """
+
+    readings: int
+    letters: tuple[str, ...]
+    elements: int
+    before: TaxelError
+    after: TaxelError
+    fit: SensorFit
+    class_agreement: float
+    class_ceiling: float
+    class_counts: NDArray[np.int64]
+    recognition: dict[str, dict[str, Any]]
+    parameters: dict[str, Any]
+
+
+class _Simulator:
+    """Predicts what the simulated pad reads at the poses of a recorded scan."""
+
+    def __init__(self, simulated: Scan, recorded: Scan) -> None:
+        stated = simulated.meta.get("options")
+        if not isinstance(stated, dict):
+            raise InputError("the simulated scan does not say how it was made; make it with `bench scan`")
+        self.options = checked(ScanOptions, stated, "simulated scan")
+        self._letters = {letter.name: letter for letter in letters_of(self.options)}
+        unknown = [name for name in recorded.letters if name not in self._letters]
+        if unknown:
+            raise InputError(
+                f"{unknown[0]!r} was recorded but not simulated; press it with `bench scan --letters` or --shape"
+            )
+        self._recorded = recorded
+        pad = self.options.pad.taxel_xy
+        apart = np.abs(recorded.taxel_xy[:, None] - pad[None]).max(axis=-1)
+        if apart.min(axis=1).max() > 1e-3:
+            raise InputError(
+                "the recorded elements are not where the simulated pad has them: the pads differ"
+            )
+        self.elements = apart.argmin(axis=1)
+
+    def __call__(self, sigma: float, errors: FloatArray) -> FloatArray:
+        """Predict readings without imperfections; see `hardware.validation.Predict`."""
+        sensor = self.options.sensor.model_copy(update={"psf_sigma": sigma})
+        options = self.options.model_copy(update={"sensor": sensor})
+        poses = compose(self._recorded.poses, errors)
+        ideal = np.empty((len(poses), options.pad.taxels))
+        for name in self._recorded.letters:
+            rows = self._recorded.labels == name
+            letter: Letter = self._letters[name]
+            ideal[rows] = ideal_readings(letter, poses[rows], options)[0]
+        return ideal[:, self.elements]
+
+    def noisy(self, seed: int) -> FloatArray:
+        """Draw readings at the recorded poses with all that the simulation's options add."""
+        rng = np.random.default_rng(seed)
+        options = self.options
+        spread = (options.placement_mm, options.placement_mm, options.placement_rad)
+        errors = rng.standard_normal((len(self._recorded), 3)) * spread
+        ideal = np.zeros((len(errors), options.pad.taxels))
+        ideal[:, self.elements] = self(options.sensor.psf_sigma, errors)
+        return sense(ideal, options.sensor, gains(options), rng)[:, self.elements]
+
+
+def validate(
+    simulated: Scan,
+    recorded: Scan,
+    *,
+    estimator: str = "histogram",
+    options: dict[str, Any] | None = None,
+    trials: int = 10,
+    seed: int = 0,
+    progress: Progress,
+) -> Validation:
+    """Compare a recorded scan with a simulated one that says how it was made.
+
+    The readings are compared at the recorded poses, which the simulated scan need not have. Raises
+    InputError if the recorded letters or elements are not in the simulation.
+    """
+    simulator = _Simulator(simulated, recorded)
+    nothing = np.zeros((len(recorded), 3))
+    own = simulator.options.sensor.psf_sigma
+    before = taxel_error(recorded.readings, simulator(own, nothing))
+    fit = fit_sensor(recorded.readings, simulator)
+    fitted = fit.gain * fit.gain_per_element * simulator(fit.psf_sigma, fit.placement)
+    one, other = (classify(simulator.noisy(seed + k)) for k in range(2))
+    agreement, counts = class_agreement(classify(recorded.readings), one, len(CLASSES))
+    ceiling, _ = class_agreement(one, other, len(CLASSES))
+    return Validation(
+        readings=len(recorded),
+        letters=recorded.letters,
+        elements=len(recorded.taxel_xy),
+        before=before,
+        after=taxel_error(recorded.readings, fitted),
+        fit=fit,
+        class_agreement=agreement,
+        class_ceiling=ceiling,
+        class_counts=counts,
+        recognition=_recognition(simulated, recorded, estimator, options or {}, trials, seed, progress),
+        parameters=_parameters(simulator.options, fit),
+    )
+
+
+def _recognition(
+    simulated: Scan,
+    recorded: Scan,
+    estimator: str,
+    options: dict[str, Any],
+    trials: int,
+    seed: int,
+    progress: Progress,
+) -> dict[str, dict[str, Any]]:
+    """Train on either and test on either, on the recorded letters and elements."""
+    sides = {"simulated": simulated.of_letters(recorded.letters), "recorded": recorded}
+    results = {}
+    with TemporaryDirectory() as folder:
+        for trained, train in sides.items():
+            for tested, test in sides.items():
+                if trained == tested and not (len(train.where("train")) and len(train.where("test"))):
+                    continue  # training and testing on the same readings would say nothing
+                scan = train_on(train, test)
+                fewest = min(len(scan.where("test", letter)) for letter in scan.letters)
+                path = Path(folder) / f"{trained}-{tested}.npz"
+                scan.save(path)
+                config = RunConfig(
+                    estimator=estimator, options=options, trials=trials, readings=min(20, fewest), seed=seed,
+                    scan_file=path,
+                )  # fmt: skip
+                run, _ = perform(config, progress=progress)
+                results[f"{trained} -> {tested}"] = {
+                    "readings": config.readings,
+                    "trials": len(run.trials.truth),
+                    "accuracy_at_5": run.summary["accuracy"][min(5, config.readings) - 1],
+                    "accuracy": run.summary["accuracy"][-1],
+                    "error_mm": run.summary["error_mm"][-1],
+                }
+    return results
+
+
+def _parameters(options: ScanOptions, fit: SensorFit) -> dict[str, Any]:
+    """Say what to change in a scan's options so that it reads as the recorded pad does.
+
+    Gain and force cannot be told apart by readings alone, so the force takes both. A recorded press is
+    a mean of frames, so what is left of the sensor's steps is in its noise.
+    """
+    return {
+        "placement_mm": round(fit.placement_mm, 4),
+        "placement_rad": round(fit.placement_rad, 5),
+        "press": {"force": round(options.press.force * fit.gain, 5)},
+        "sensor": {
+            "psf_sigma": round(fit.psf_sigma, 4),
+            "noise": round(fit.noise, 4),
+            "gain_spread": round(fit.gain_spread, 5),
+            "resolution": 0.0,
+        },
+    }
+
+
+def as_json(result: Validation) -> dict[str, Any]:
+    """Put a validation into JSON's types."""
+
+    def plain(value: Any) -> Any:
+        if isinstance(value, dict):
+            return {key: plain(inner) for key, inner in value.items()}
+        if isinstance(value, np.ndarray | tuple | list):
+            return [plain(inner) for inner in value]
+        if isinstance(value, float | np.floating):
+            return float(value) if np.isfinite(value) else None
+        return int(value) if isinstance(value, np.integer) else value
+
+    return {key: plain(value) for key, value in asdict(result).items()}

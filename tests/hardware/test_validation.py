@@ -1,0 +1,87 @@
+import numpy as np
+import pytest
+
+from hardware.validation import class_agreement, fit_sensor, taxel_error
+from tactsim import InputError, Pad, transform
+
+
+class Bumps:
+    """A world in closed form: an object of Gaussian bumps, which a point spread only makes wider."""
+
+    def __init__(self, rng, presses=60):
+        self.bumps = rng.uniform(-12, 12, (40, 2))
+        self.width = 1.5  # mm
+        self.poses = np.column_stack([rng.uniform(-8, 8, (presses, 2)), rng.uniform(0, 6.28, presses)])
+        self.taxel_xy = Pad().taxel_xy
+
+    def __call__(self, sigma, errors):
+        from tactsim import compose
+
+        points = transform(compose(self.poses, errors), self.taxel_xy)
+        square = ((points[:, :, None] - self.bumps) ** 2).sum(axis=-1)
+        width = self.width**2 + sigma**2
+        return 40 / width * np.exp(-square / (2 * width)).sum(axis=-1)
+
+
+@pytest.fixture
+def rng():
+    return np.random.default_rng(3)
+
+
+def test_known_parameters_are_found_again(rng):
+    world = Bumps(rng)
+    errors = rng.standard_normal((60, 3)) * [0.4, 0.4, 0.03] + [0.5, -0.3, 0.05]
+    gains = 1 + 0.05 * rng.standard_normal(36)
+    recorded = 1.3 * gains * world(0.8, errors) + 0.3 * rng.standard_normal((60, 36))
+    fit = fit_sensor(recorded, world)
+    assert fit.psf_sigma == pytest.approx(0.8, abs=0.05)
+    assert fit.psf_sigma_error < 0.05
+    assert fit.gain == pytest.approx(1.3 * gains.mean(), rel=0.03)
+    assert np.corrcoef(fit.gain_per_element, gains)[0, 1] > 0.9
+    assert fit.offset == pytest.approx([0.5, -0.3, 0.05], abs=0.15)
+    assert fit.placement_mm == pytest.approx(0.4, rel=0.25)
+    assert fit.placement_rad == pytest.approx(0.03, rel=0.4)
+    assert fit.misfit == pytest.approx(0.3, rel=0.25)
+
+
+def test_a_perfect_recording_of_the_simulation_needs_no_change(rng):
+    world = Bumps(rng)
+    fit = fit_sensor(world(1.2, np.zeros((60, 3))), world)
+    assert fit.psf_sigma == pytest.approx(1.2, abs=2e-3)
+    assert fit.gain == pytest.approx(1.0, abs=1e-3)
+    assert fit.placement_mm < 0.01
+    assert fit.noise < 0.05
+
+
+def test_readings_that_follow_nothing_are_refused(rng):
+    world = Bumps(rng)
+    with pytest.raises(InputError, match="do not follow the simulated ones"):
+        fit_sensor(-world(1.0, np.zeros((60, 3))), world)
+
+
+def test_noise_is_what_untouched_elements_say(rng):
+    def half(sigma, errors):
+        values = np.zeros((200, 10))
+        values[:, 5:] = np.linspace(20, 60, 200)[:, None]
+        return values
+
+    recorded = half(1.0, None) + 1.7 * rng.standard_normal((200, 10))
+    assert fit_sensor(recorded, half).noise == pytest.approx(1.7, rel=0.1)
+
+
+def test_errors_are_counted_by_hand():
+    predicted = np.array([[10.0, 0.0], [0.0, 30.0]])
+    recorded = predicted + np.array([[3.0, 0.0], [0.0, -1.0]])
+    error = taxel_error(recorded, predicted)
+    assert error.rms == pytest.approx(np.sqrt(10 / 4))
+    assert error.bias == pytest.approx(0.5)
+    assert error.relative == pytest.approx(np.sqrt(2.5) / 20)  # touched: 10 and 30
+    assert error.per_element == pytest.approx([np.sqrt(4.5), np.sqrt(0.5)])
+    assert error.per_press == pytest.approx([np.sqrt(4.5), np.sqrt(0.5)])
+    assert error.correlation == pytest.approx(np.corrcoef(recorded.ravel(), predicted.ravel())[0, 1])
+
+
+def test_classes_are_compared_element_by_element():
+    share, counts = class_agreement([[0, 1, 2], [1, 1, 0]], [[0, 2, 2], [1, 0, 0]], 3)
+    assert share == pytest.approx(4 / 6)
+    assert counts.tolist() == [[2, 0, 0], [1, 1, 1], [0, 0, 1]]
