@@ -116,7 +116,8 @@ class _Graph:
                 if (u, v) == first:
                     break
             found.append(_without_straight_corners(self.points.rows[face]))
-        return found
+        # Where cuts and corners nearly line up, a face can be thinner than what counts as the same point.
+        return [outline for outline in found if not _is_sliver(outline)]
 
     def _next(self, u: int, v: int, ends: list[int]) -> int:
         """Choose where the face on the left of u -> v goes on: along the first edge clockwise from v -> u."""
@@ -284,3 +285,10 @@ def _without_straight_corners(outline: FloatArray) -> FloatArray:
     before, after = outline - np.roll(outline, 1, axis=0), np.roll(outline, -1, axis=0) - outline
     cross = before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]
     return outline[np.abs(cross) > 1e-8 * np.hypot(*(before + after).T)]
+
+
+def _is_sliver(outline: FloatArray) -> bool:
+    """Tell whether a convex outline is thinner than _SAME."""
+    x, y = outline.T
+    area = 0.5 * float(x @ np.roll(y, -1) - y @ np.roll(x, -1))
+    return 2 * area < _SAME * float(np.hypot(*(np.roll(outline, -1, axis=0) - outline).T).sum())
