@@ -85,7 +85,7 @@ def cleaned(region: CrossSection) -> CrossSection:
     # Straightened contours can cross or shrink to a line; made anew they do not.
     region = CrossSection(region.simplify(DETAIL).to_polygons())
     if 0 < region.num_vert() <= MOST_CORNERS and _touches_itself(region.to_polygons()):
-        region = region.offset(-TOUCHING, JoinType.Miter, 10.0)
+        region = region.offset(-TOUCHING, JoinType.Miter, 10.0).simplify(TOUCHING / 10)
     return region
 
 

@@ -2,7 +2,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given, note, settings
 from hypothesis import strategies as st
 from manifold3d import CrossSection
 
@@ -111,5 +111,6 @@ def regions(draw):
 @settings(max_examples=150, deadline=None)
 @given(regions())
 def test_any_region_is_tiled(region):
+    note([contour.tolist() for contour in region.to_polygons()])
     if not region.is_empty():
         check_tiling(region)
