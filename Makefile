@@ -9,7 +9,11 @@ MEASURE    := $(BIN)/python -m pytest -q -m benchmark tests/bench/bench_regressi
               --benchmark-timer=time.process_time --benchmark-json=$(MEASURED)
 REGRESSION := $(BIN)/python -m bench.regression
 
-.PHONY: run test check setup lock test-slow bench-check bench-baseline clean help
+# What `make mutants` is given, such as MUTANTS="--all tactsim/clip.py".
+MUTANTS ?=
+MUTATION := tests/mutants/requirements.lock
+
+.PHONY: run test check setup lock test-slow mutants bench-check bench-baseline clean help
 
 help:            ## list these commands
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 18
@@ -28,6 +32,13 @@ check: $(READY)  ## lint, types and import directions
 
 test-slow: $(READY)  ## the longer tests
 	@$(BIN)/python -m pytest -m slow
+
+mutants: $(READY) $(VENV)/.mutation  ## break formulas in a copy; which breaks do tests notice? an hour
+	@nice $(BIN)/python tests/mutants/mutate.py $(MUTANTS)
+
+$(VENV)/.mutation: $(MUTATION) | $(READY)
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -r $(MUTATION)
+	@touch $@
 
 bench-check: $(READY)  ## compare times (as ratios) and errors with results/baseline.json
 	@$(MEASURE)-1.json
@@ -51,11 +62,13 @@ $(READY): requirements.lock pyproject.toml
 	@$(BIN)/python -c 'import estimators.kernels, estimators.state_kernels'  # compiles them, once
 	@touch $@
 
+PIN := $(BIN)/uv pip compile --universal --python-version 3.11 --generate-hashes --no-emit-index-url \
+       --no-annotate --upgrade --quiet --custom-compile-command "make lock"
+
 lock: $(READY)   ## pin the newest versions that pyproject.toml allows
 	@$(BIN)/python -m pip install --quiet uv
-	@$(BIN)/uv pip compile pyproject.toml --all-extras --group dev --universal --python-version 3.11 \
-	  --generate-hashes --no-emit-index-url --no-annotate --upgrade --quiet \
-	  --custom-compile-command "make lock" --output-file requirements.lock
+	@$(PIN) pyproject.toml --all-extras --group dev --output-file requirements.lock
+	@$(PIN) --group mutation --constraint requirements.lock --output-file $(MUTATION)
 
 clean:           ## remove .venv and what tools left behind
 	rm -rf $(VENV) .pytest_cache .mypy_cache .ruff_cache .hypothesis .benchmarks build *.egg-info

@@ -1,0 +1,200 @@
+"""Mutate the formulas of tactsim/ and estimators/ and tell which mutants their tests notice (docs/mutants.md).
+
+Run as `make mutants`. All happens in a copy of the working tree; results are kept in .venv/mutants, so that an
+interrupted run goes on, and a mutant is tried again only after the code or its tests have changed.
+"""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import os
+import random
+import shlex
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+import tomllib
+from pathlib import Path
+from typing import NamedTuple
+
+from cosmic_ray.commands import execute
+from cosmic_ray.config import ConfigDict
+from cosmic_ray.work_db import WorkDB, use_db
+from cosmic_ray.work_item import WorkResult
+from mutations import mutants_of
+
+from bench.score import wilson
+
+HERE = Path(__file__).resolve().parent
+ROOT = HERE.parents[1]
+RESULTS = ROOT / ".venv" / "mutants"
+AIM = 0.8
+
+
+class Tried(NamedTuple):
+    """What became of a module's mutants: `possible` is how many there are, `results` those that were tried."""
+
+    module: str
+    possible: int
+    results: list[WorkResult]
+
+    @property
+    def killed(self) -> int:
+        """Count the mutants that a test noticed, by failing or by never ending."""
+        return sum(result.is_killed for result in self.results)
+
+
+def main() -> int:
+    """Try the mutants that the command line names; 1 if fewer than AIM of them are killed."""
+    chosen = _arguments()
+    tests = _tests_of_files()
+    if unknown := set(chosen.modules) - set(tests):
+        sys.exit(f"{min(unknown)} is not in tests/mutants/modules.toml, or left out there")
+    RESULTS.mkdir(exist_ok=True)
+    with tempfile.TemporaryDirectory(prefix="mutants-") as folder:
+        copy = Path(folder) / "tree"
+        _copy_tree(copy)
+        os.chdir(copy)  # Cosmic Ray takes paths from here
+        os.environ |= _environment(Path(folder), copy)
+        compile_kernels = "import estimators.kernels, estimators.state_kernels"
+        subprocess.run([sys.executable, "-c", compile_kernels], check=True)
+        done = []
+        print(
+            "| module | mutants | tried | killed | of these timed out | survived | share | 95 % |\n|"
+            + "---|" * 8
+        )
+        for module in chosen.modules or tests:
+            done.append(_try_module(module, tests[module], chosen))
+            print(_row(done[-1]), flush=True)
+    total = Tried("all", sum(one.possible for one in done), [r for one in done for r in one.results])
+    print(_row(total), end="\n\n")
+    for one in done:
+        for result in one.results:
+            if not result.is_killed:
+                print(_changed(one.module, result))
+    return int(total.killed < AIM * len(total.results))
+
+
+def _arguments() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(prog="mutate.py", description=__doc__)
+    parser.add_argument("modules", nargs="*", help="such as tactsim/clip.py; all if none is named")
+    parser.add_argument("--sample", type=int, default=25, help="mutants drawn from each module (25)")
+    parser.add_argument("--all", action="store_true", help="try every mutant instead of a sample: many hours")
+    parser.add_argument("--seed", type=int, default=0, help="of the sample (0)")
+    return parser.parse_args()
+
+
+def _tests_of_files() -> dict[str, list[str]]:
+    """Read which tests are tried on the mutants of which file, and check that no file is forgotten."""
+    listed = tomllib.loads((HERE / "modules.toml").read_text(encoding="utf-8"))
+    left_out = listed.pop("left_out")
+    tests = {
+        f"{package}/{module}.py": paths
+        for package, modules in listed.items()
+        for module, paths in modules.items()
+    }
+    there = {str(path.relative_to(ROOT)) for package in listed for path in (ROOT / package).glob("*.py")}
+    if forgotten := there - set(tests) - set(left_out):
+        sys.exit(f"{min(forgotten)} is missing in tests/mutants/modules.toml")
+    return tests
+
+
+def _copy_tree(target: Path) -> None:
+    """Copy what Git tracks or would track; times are kept, so that what is compiled stays valid."""
+    listed = ["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"]
+    names = subprocess.run(listed, cwd=ROOT, check=True, capture_output=True, text=True).stdout
+    for name in filter(None, names.split("\0")):
+        if (ROOT / name).is_file():
+            (target / name).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy2(ROOT / name, target / name)
+
+
+def _environment(folder: Path, copy: Path) -> dict[str, str]:
+    """Let tests import the copy and keep nothing outside the temporary folder."""
+    return {
+        "PYTHONPATH": os.pathsep.join([str(copy), str(copy / "tests" / "mutants")]),
+        "NUMBA_CACHE_DIR": str(folder / "numba"),
+        "TACTSIM_CACHE_DIR": str(folder / "readings"),
+        "OPENBLAS_NUM_THREADS": "1",
+    }
+
+
+def _try_module(module: str, tests: list[str], chosen: argparse.Namespace) -> Tried:
+    """Try a sample of a module's mutants, or all, but for those whose result is known."""
+    mutants = mutants_of(Path(module))
+    wanted = mutants
+    if not chosen.all and len(mutants) > chosen.sample:
+        wanted = random.Random(f"{chosen.seed} {module}").sample(mutants, chosen.sample)
+    session = RESULTS / f"{module.replace('/', '.')}-{_digest(tests)}.sqlite"
+    with use_db(session, WorkDB.Mode.create) as work:
+        results = dict(work.results)
+        # Of an interrupted run, what is neither known nor wanted must not be tried either.
+        known = [item for item in work.work_items if item.job_id in results]
+        missing = [item for item in wanted if item.job_id not in results]
+        if missing:
+            kept = [(item, results[item.job_id]) for item in known]
+            work.clear()
+            work.add_work_items([*(item for item, _ in kept), *missing])
+            for item, result in kept:
+                work.set_result(item.job_id, result)
+            execute(work, _settings(tests))
+        results = dict(work.results)
+    return Tried(module, len(mutants), [results[item.job_id] for item in wanted])
+
+
+def _digest(tests: list[str]) -> str:
+    """Name what results depend on: all code, these tests and what they share, and what mutants there are."""
+    content = hashlib.sha256()
+    code = [path for package in ("models", "tactsim", "estimators") for path in Path(package).glob("*.py")]
+    own = [Path("tests", name) for name in tests]
+    shared = [
+        path for place in own for path in place.parent.glob("*.py") if not path.name.startswith("test_")
+    ]
+    choice = [Path("tests/mutants/mutations.py"), Path("tests/mutants/same_examples.py")]
+    for path in sorted({*code, *shared, *own, *choice}):
+        content.update(f"{path}\0{len(path.read_bytes())}\0".encode() + path.read_bytes())
+    return content.hexdigest()[:12]
+
+
+def _settings(tests: list[str]) -> ConfigDict:
+    """Configure Cosmic Ray, after the tests have passed without a mutation."""
+    command = f"{sys.executable} -m pytest -q -x -p no:cacheprovider -p no:xdist -p same_examples "
+    command += " ".join(f"tests/{name}" for name in tests)
+    begin = time.monotonic()
+    run = subprocess.run(shlex.split(command), capture_output=True, text=True)
+    seconds = time.monotonic() - begin
+    if run.returncode:
+        sys.exit(f"the tests fail without a mutation:\n{run.stdout}{run.stderr}")
+    return ConfigDict(
+        {
+            "test-command": command,
+            "timeout": 20 + 3 * seconds,
+            "distributor": ConfigDict({"name": "local"}),
+        }
+    )
+
+
+def _row(one: Tried) -> str:
+    count = len(one.results)
+    low, high = wilson(one.killed, count)
+    interval = f"{100 * low:.0f} to {100 * high:.0f} %" if count < one.possible else "all tried"
+    late = sum(result.output == "timeout" for result in one.results)
+    return (
+        f"| {one.module} | {one.possible} | {count} | {one.killed} | {late} | {count - one.killed} "
+        f"| {100 * one.killed / count:.0f} % | {interval} |"
+    )
+
+
+def _changed(module: str, result: WorkResult) -> str:
+    """Show what a surviving mutant changes: the line's number, and the lines before and after."""
+    lines = (result.diff or "").splitlines()
+    place = next((line.split()[1].split(",")[0] for line in lines if line.startswith("@@")), "")
+    changed = [line for line in lines if line[:1] in "+-" and line[:3] not in ("---", "+++")]
+    return f"{module} after line {place.lstrip('-')}\n  " + "\n  ".join(changed)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
