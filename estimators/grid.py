@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from models.errors import InputError
 from tactsim.poses import FloatArray
@@ -44,6 +45,31 @@ class StateGrid:
         x = np.arange(0.5, self.x) * dx - self.reach
         y = np.arange(0.5, self.y) * dy - self.reach
         return x, y, np.arange(0.5, self.angle) * da - np.pi
+
+    def halved(self, times: int) -> StateGrid:
+        """Halve the bins in x, y and angle, so many times."""
+        return replace(self, x=self.x << times, y=self.y << times, angle=self.angle << times)
+
+    def places(self, bins: NDArray[np.int64]) -> tuple[NDArray[np.int64], ...]:
+        """Split flat indices (n,) into (letters, angles, rows, columns): these four, (n,) each."""
+        rest, column = np.divmod(bins, self.x)
+        rest, row = np.divmod(rest, self.y)
+        letter, angle = np.divmod(rest, self.angle)
+        return letter, angle, row, column
+
+    def states(self, bins: NDArray[np.int64]) -> tuple[NDArray[np.int64], FloatArray]:
+        """Give letter (n,) and T_R^O (3, n), mm, mm, rad, of the centres of bins, given as in `places`."""
+        letter, angle, row, column = self.places(bins)
+        dx, dy, da = self.spacing
+        half = np.array([[self.reach], [self.reach], [np.pi]])
+        return letter, (np.stack([column, row, angle]) + 0.5) * [[dx], [dy], [da]] - half
+
+    def halves(self, bins: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Give the eight bins (n, 8) of `halved(1)` in each bin (n,), all given as in `places`."""
+        letter, angle, row, column = (place[:, None] for place in self.places(bins))
+        part = np.arange(8)
+        angles = 2 * (letter * self.angle + angle) + (part >> 2)
+        return (angles * 2 * self.y + 2 * row + (part >> 1 & 1)) * 2 * self.x + 2 * column + (part & 1)
 
     def describe(self) -> str:
         """Say the split in one line."""

@@ -530,3 +530,31 @@ def summarise(
                                 if value > highest:
                                     highest = value
                                     mode[letter] = (angle * rows + row) * columns + column
+
+
+@compiled(int64(_BELIEF, float64, int64, float64, _INTS, _REALS))
+def pick(belief: Belief, ceiling: float, count: int, least: float, flat: Ints, log_p: Reals) -> int:
+    """List the bins, up to date after `count` readings, whose log-belief is at least `least`.
+
+    ceiling: `Terms.ceiling` after so many readings. Fills flat, index into (letters, angles, rows,
+    columns), and log_p, both (bins of all letters,), from the start; returns how many there are.
+    """
+    letters, angles, block_rows, block_columns = belief.seen.shape
+    rows, columns, tall, wide = belief.size[0], belief.size[1], belief.size[2], belief.size[3]
+    found = 0
+    for letter in range(letters):
+        for angle in range(angles):
+            for i in range(block_rows):
+                for j in range(block_columns):
+                    hope = belief.upper[letter, angle, i, j] + ceiling
+                    if belief.seen[letter, angle, i, j] != count or hope < least:
+                        continue
+                    for row in range(i * tall, min(rows, (i + 1) * tall)):
+                        tiles = belief.log_p[letter, angle, row // TALL]
+                        for column in range(j * wide, min(columns, (j + 1) * wide)):
+                            value = tiles[column // LANES, row % TALL * LANES + column % LANES]
+                            if value >= least:
+                                flat[found] = ((letter * angles + angle) * rows + row) * columns + column
+                                log_p[found] = value
+                                found += 1
+    return found

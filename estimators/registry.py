@@ -24,6 +24,10 @@ BUILT_IN: dict[str, tuple[str, str]] = {
         "estimators.tempered:TemperedFilter",
         "particles, a population a letter, moved by their spread",
     ),
+    "refined": (
+        "estimators.refined:RefinedFilter",
+        "coarse-to-fine histogram: the best bins are halved again",
+    ),
 }
 
 

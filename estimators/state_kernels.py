@@ -16,50 +16,78 @@ _INTS, _FLOATS, _FLOATS_4D = int64[::1], float32[::1], float32[:, :, :, ::1]
 _BATCH = 128
 
 
-@compiled(void(_REALS, _REALS_2D, _INTS, _INTS, _REALS_2D, _FLOATS, _FLOATS_4D, _REALS), ordered=False)
-def weigh(
-    log_weight: Reals, state: Reals, letter: Ints, table: Ints, xy: Reals, weight: Floats, nodes: Floats,
-    lattice: Reals,
+@compiled(
+    void(
+        _REALS, _REALS_2D, _INTS, _INTS, _INTS, _REALS_2D, _FLOATS, _REALS_2D, int64, int64, _FLOATS_4D,
+        _REALS,
+    ),
+    ordered=False,
+)  # fmt: skip
+def replay(
+    log_p: Reals, state: Reals, letter: Ints, start: Ints, table: Ints, xy: Reals, weight: Floats,
+    constant: Reals, first: int, last: int, nodes: Floats, lattice: Reals,
 ) -> None:  # fmt: skip
-    """Add log p(z | x) of one reading (eq. 7) to the log-weights of states anywhere.
+    """Add log p(z | x) (eq. 7) of readings first, ..., last - 1 to the log-beliefs of states anywhere.
 
-    log_weight: (states,). state: (3, states) T_R^O, letter: (states,). table, xy, weight: the
-    reading's terms, xy (terms, 2) mm in the robot frame. nodes: (tables, letters, rows, columns), less
-    the value outside, hence 0 at the rim. lattice: [x, y] of node (0, 0), then the step in x and y, mm.
+    log_p: (states,). state: (3, states) T_R^O, letter: (states,). start, table, xy, weight, constant: as
+    `start`, `kind` and so on in `estimators.history.History`. nodes: (tables, letters, rows, columns),
+    less the value outside, hence 0 at the rim. lattice: [x, y] of node (0, 0), then the step in x and y,
+    mm. A state's readings are added one by one, in order: it does not matter in how many calls.
     """
     _, letters, rows, columns = nodes.shape
     flat, plane = nodes.reshape(nodes.size), rows * columns
     cos_x, sin_x, cos_y, sin_y = np.empty(_BATCH), np.empty(_BATCH), np.empty(_BATCH), np.empty(_BATCH)
     x, y, total = np.empty(_BATCH), np.empty(_BATCH), np.empty(_BATCH, dtype=np.float32)
-    base = np.empty(_BATCH, dtype=np.int64)
+    base, at = np.empty(_BATCH, dtype=np.int64), np.empty(_BATCH, dtype=np.int64)
+    right, above = np.empty(_BATCH, dtype=np.float32), np.empty(_BATCH, dtype=np.float32)
     # Beyond the rim everything is as at the rim: places are moved there instead of being left out.
     last_column, last_row = columns - 1.000001, rows - 1.000001
     one, row_above = uint64(1), uint64(columns)
-    for first in range(0, len(log_weight), _BATCH):
-        count = min(_BATCH, len(log_weight) - first)
+    for begin in range(0, len(log_p), _BATCH):
+        count = min(_BATCH, len(log_p) - begin)
         for k in range(count):
-            cos, sin = math.cos(state[2, first + k]), math.sin(state[2, first + k])
+            cos, sin = math.cos(state[2, begin + k]), math.sin(state[2, begin + k])
             cos_x[k], sin_x[k], cos_y[k], sin_y[k] = (
                 cos / lattice[2], sin / lattice[2], cos / lattice[3], sin / lattice[3],
             )  # fmt: skip
-            x[k] = (state[0, first + k] - lattice[0]) / lattice[2]
-            y[k] = (state[1, first + k] - lattice[1]) / lattice[3]
-            base[k], total[k] = letter[first + k] * plane, 0
-        for i in range(len(table)):
-            there_x, there_y, factor, start = xy[i, 0], xy[i, 1], weight[i], table[i] * letters * plane
-            for k in range(uint64(count)):
-                u = min(max(x[k] + cos_x[k] * there_x - sin_x[k] * there_y, 0.0), last_column)
-                v = min(max(y[k] + sin_y[k] * there_x + cos_y[k] * there_y, 0.0), last_row)
-                column, row = int64(u), int64(v)
-                right, above = float32(u - column), float32(v - row)
-                at = uint64(start + base[k] + row * columns + column)
-                below_left, below_right = flat[at], flat[at + one]
-                above_left, above_right = flat[at + row_above], flat[at + row_above + one]
-                lower = below_left + right * (below_right - below_left)
-                upper = above_left + right * (above_right - above_left)
-                total[k] += factor * (lower + above * (upper - lower))
-        for k in range(count):
-            log_weight[first + k] += total[k]
+            x[k] = (state[0, begin + k] - lattice[0]) / lattice[2]
+            y[k] = (state[1, begin + k] - lattice[1]) / lattice[3]
+            base[k] = letter[begin + k] * plane
+        for reading in range(first, last):
+            total[:count] = 0
+            for i in range(start[reading], start[reading + 1]):
+                there_x, there_y, factor = xy[i, 0], xy[i, 1], weight[i]
+                tables = table[i] * letters * plane
+                # Two loops, because places are computed in vectors and values are not loaded in vectors.
+                for k in range(uint64(count)):
+                    u = min(max(x[k] + cos_x[k] * there_x - sin_x[k] * there_y, 0.0), last_column)
+                    v = min(max(y[k] + sin_y[k] * there_x + cos_y[k] * there_y, 0.0), last_row)
+                    column, row = int64(u), int64(v)
+                    right[k], above[k] = float32(u - column), float32(v - row)
+                    at[k] = tables + base[k] + row * columns + column
+                for k in range(uint64(count)):
+                    corner = uint64(at[k])
+                    below_left, below_right = flat[corner], flat[corner + one]
+                    above_left, above_right = flat[corner + row_above], flat[corner + row_above + one]
+                    lower = below_left + right[k] * (below_right - below_left)
+                    upper = above_left + right[k] * (above_right - above_left)
+                    total[k] += factor * (lower + above[k] * (upper - lower))
+            for k in range(count):
+                log_p[begin + k] += constant[reading, letter[begin + k]] + total[k]
+
+
+@compiled(void(_REALS, _REALS_2D, _INTS, _INTS, _REALS_2D, _FLOATS, _FLOATS_4D, _REALS))
+def weigh(
+    log_weight: Reals, state: Reals, letter: Ints, table: Ints, xy: Reals, weight: Floats, nodes: Floats,
+    lattice: Reals,
+) -> None:  # fmt: skip
+    """Add log p(z | x) of one reading (eq. 7), less what a state far away gets, to log-weights (states,).
+
+    table, xy, weight: the reading's terms, xy (terms, 2) mm in the robot frame. The rest as in `replay`.
+    """
+    constant = np.zeros((1, nodes.shape[1]))
+    start = np.array([0, len(table)])
+    replay(log_weight, state, letter, start, table, xy, weight, constant, 0, 1, nodes, lattice)
 
 
 @compiled(void(_INTS, _REALS, _REALS))

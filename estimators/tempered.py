@@ -14,9 +14,10 @@ from estimators.filter import MapFilter
 from estimators.likelihood import Evidence
 from estimators.options import FilterOptions
 from estimators.particle import plane_histogram
+from estimators.placement import mean_around
 from estimators.state_kernels import weigh
 from estimators.tables import tabulate
-from tactsim import invert, transform, wrap_angle
+from tactsim import transform, wrap_angle
 from tactsim.poses import FloatArray
 
 # A move reaches this far, in differences between two other particles of the letter; drawn for each
@@ -24,9 +25,6 @@ from tactsim.poses import FloatArray
 _STRIDES = np.array([0.1, 0.5, 1.0])
 # And a little noise on top, so that a population of copies can spread again: mm, mm, rad.
 _JITTER = np.array([[0.02], [0.02], [0.002]])
-# The estimate is the mean of what lies this near the best particle, mm in the metric of the placement
-# error for a radius of gyration of 8 mm; only the choice of the neighbourhood depends on it.
-_NEAR, _GYRATION = 1.0, 8.0
 _BISECTIONS = 20
 # A letter this many nats behind the best is weighed, not moved: it would have to be misjudged by as much.
 _HOPELESS = 60.0
@@ -130,10 +128,11 @@ class TemperedFilter(MapFilter):
         probability = np.exp(log_p - log_p.max())
         probability /= probability.sum()
         best = int(probability.argmax())
+        one = self._populations[best]
         return Estimate(
             label=self.labels[best],
             probabilities=dict(zip(self.labels, probability.tolist(), strict=True)),
-            robot_in_object=_local_mean(self._populations[best]),
+            robot_in_object=mean_around(one.state, one.rest, int(one.log_p.argmax())),
         )
 
     def belief_over_plane(self) -> PlaneBelief:
@@ -221,19 +220,6 @@ class TemperedFilter(MapFilter):
         accepted = within & likelier
         one.state = np.where(accepted, proposed, one.state)
         one.log_p = np.where(accepted, log_p, one.log_p)
-
-
-def _local_mean(one: _Population) -> FloatArray:
-    """Average the object's placement over the particles near the most probable one: robot_in_object."""
-    placed = invert(one.state.T)
-    best = placed[one.log_p.argmax()]
-    turn = wrap_angle(placed[:, 2] - best[2])
-    away = ((placed[:, :2] - best[:2]) ** 2).sum(axis=1) + (_GYRATION * turn) ** 2
-    weight = np.where(away <= _NEAR**2, np.exp(one.rest - one.rest.max()), 0.0)
-    # The best particle's own weight may underflow beside a heavier one elsewhere.
-    weight[one.log_p.argmax()] += np.finfo(float).tiny
-    weight /= weight.sum()
-    return invert(np.append(weight @ placed[:, :2], best[2] + weight @ turn))
 
 
 def _effective(log_weight: FloatArray) -> float:

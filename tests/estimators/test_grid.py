@@ -62,3 +62,19 @@ def test_what_is_no_split_is_refused(split):
 def test_impossible_counts_are_refused(bins):
     with pytest.raises(InputError, match="bins"):
         state_grid(bins)
+
+
+def test_bins_and_their_halves_cover_the_same_places():
+    grid = StateGrid(3, 4, 5, reach=7.0)
+    bins = np.arange(2 * grid.bins)
+    letter, state = grid.states(bins)
+    x, y, angle = grid.centres
+    place = np.unravel_index(bins, (2, 5, 4, 3))
+    assert (letter == place[0]).all()
+    assert state == pytest.approx(np.stack([x[place[3]], y[place[2]], angle[place[1]]]))
+    halves = grid.halves(bins)
+    assert sorted(halves.ravel()) == list(range(8 * len(bins)))
+    inner_letter, inner = grid.halved(1).states(halves.ravel())
+    assert (inner_letter.reshape(-1, 8) == letter[:, None]).all()
+    away = np.abs(inner.reshape(3, -1, 8) - state[:, :, None])
+    assert away == pytest.approx(np.broadcast_to(np.array(grid.spacing)[:, None, None] / 4, away.shape))
