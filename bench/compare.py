@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from bench.results import Run
-from bench.score import errors
+from bench.score import all_right_from, errors, settled_95
 from tactsim import InputError
 from tactsim.poses import FloatArray
 
@@ -56,8 +56,9 @@ def compare(base: Run, new: Run) -> list[Difference]:
         rows.append(
             Difference(f"accuracy @{reading}", float(pair[0].mean()), float(pair[1].mean()), p=mcnemar(*pair))
         )
-    for name in ("all_right_from", "settled_95"):
-        rows.append(Difference(name.replace("_", " "), base.summary[name], new.summary[name]))
+    for metric in (all_right_from, settled_95):
+        first, then = (metric(run.trials, run.objects) for run in (base, new))
+        rows.append(Difference(metric.__name__.replace("_", " "), first, then))
     before, after = (1e3 * float((run.trials.update_s + run.trials.estimate_s).mean()) for run in (base, new))
     rows.append(Difference("ms a reading", before, after))
     return rows

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any, Literal, TypeVar
+from typing import Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field
 
 from models import parse_letters
+from models.checking import checked
+from models.documents import read_toml
 from models.errors import unknown
 from tactsim import WORLDS, InputError, ScanOptions
-
-Model = TypeVar("Model", bound=BaseModel)
 
 # Options of estimators that say how much may be computed; the others say how.
 BUDGETS = ("bins", "split", "particles")
@@ -119,12 +118,7 @@ def _world(name: str) -> Mapping[str, Any]:
         if name not in WORLDS:
             raise unknown("world", name, [*WORLDS, "FILE.toml"])
         return WORLDS[name]
-    try:
-        return tomllib.loads(Path(name).read_text(encoding="utf-8"))
-    except OSError as error:
-        raise InputError(f"cannot read world {name}: {error.strerror or error}") from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
-        raise InputError(f"world {name} is not TOML: {error}") from error
+    return read_toml(name, "world")
 
 
 def merged(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
@@ -136,21 +130,6 @@ def merged(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any
             merged(inner, value) if isinstance(inner, Mapping) and isinstance(value, Mapping) else value
         )
     return result
-
-
-def checked(model: type[Model], values: Mapping[str, Any], what: str) -> Model:
-    """Build a configuration from values that a user typed or a file held.
-
-    Raises InputError with one line that names the first wrong value.
-    """
-    try:
-        return model.model_validate(values)
-    except ValidationError as error:
-        fault = error.errors()[0]
-        place = ".".join(str(part) for part in fault["loc"])
-        if fault["type"] == "extra_forbidden":
-            raise unknown(f"{what} option", place, _names(model)) from None
-        raise InputError(f"{what}: {place or 'options'}: {fault['msg']}, got {fault['input']!r}") from None
 
 
 def key_values(pairs: Iterable[str], option: str) -> dict[str, Any]:
@@ -174,15 +153,3 @@ def key_values(pairs: Iterable[str], option: str) -> dict[str, Any]:
             raise InputError(f"{option} {pair!r}: {last!r} is a group of options")
         inner[last] = None if value.strip().lower() == "none" else value.strip()
     return result
-
-
-def _names(model: type[BaseModel], prefix: str = "") -> list[str]:
-    """List a configuration's options, nested ones by dotted names."""
-    names = []
-    for name, field in model.model_fields.items():
-        inner = field.annotation
-        if isinstance(inner, type) and issubclass(inner, BaseModel):
-            names += _names(inner, f"{prefix}{name}.")
-        else:
-            names.append(prefix + name)
-    return names

@@ -108,7 +108,7 @@ class _Screen:
         session, total = self._session, len(self._session.plan.poses)
         if self._live is None:
             if session.message and session.message != self._said:
-                self._console.print(session.message, highlight=False, markup=False)
+                self._console.print(session.message)
             self._said = session.message
             return
         if session.phase is Phase.DONE:
@@ -141,7 +141,7 @@ class _Screen:
         line = f"press {press.number + 1} of {len(self._session.plan.poses)}: {press.what}"
         if press.what == "taken" and self._session.image is not None:
             line += f", {float(force(self._session.image, self._session.pad)):.2f} N"
-        self._console.print(line, highlight=False)
+        self._console.print(line)
 
 
 @contextmanager

@@ -9,15 +9,18 @@ Errors have no noise: the same seed gives the same error, within 1e-9.
 
 from __future__ import annotations
 
-import json
 import sys
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from pydantic import BaseModel, ConfigDict
+
 from bench.machine import machine, versions
 from bench.results import to_json
+from models.checking import checked
+from models.documents import read_json
 from models.errors import InputError
 from models.files import write_text
 
@@ -26,6 +29,28 @@ SAME_ERROR = 1e-9  # how far a figure may move, relative to its size or to 1
 SCHEMA = 1
 
 Figures = dict[str, dict[str, Any]]  # benchmark: {"ratio": ..., "figures": {name: value}}
+
+
+class _Strict(BaseModel):
+    model_config = ConfigDict(strict=True)
+
+
+class _Benchmark(_Strict):
+    ratio: float
+    figures: dict[str, float]
+
+
+class _Baseline(_Strict):
+    benchmarks: dict[str, _Benchmark]
+
+
+class _Entry(_Strict):
+    name: str
+    extra_info: dict[str, float]
+
+
+class _Measured(_Strict):
+    benchmarks: list[_Entry]
 
 
 @dataclass(frozen=True)
@@ -41,14 +66,14 @@ class Finding:
 
 def measured(path: str | Path) -> Figures:
     """Read what the suites wrote with --benchmark-json. Raises InputError if it is no such file."""
-    content = _read(path)
-    try:
-        found: Figures = {}
-        for entry in content["benchmarks"]:
-            figures = dict(entry["extra_info"])
-            found[entry["name"]] = {"ratio": float(figures.pop("ratio")), "figures": figures}
-    except (KeyError, TypeError, ValueError) as error:
-        raise InputError(f"{path} is no result of the benchmark suites: {error!r}") from error
+    content = read_json(path, "benchmark result")
+    checked(_Measured, content, str(path))
+    found: Figures = {}
+    for entry in content["benchmarks"]:
+        figures = dict(entry["extra_info"])
+        if "ratio" not in figures:
+            raise InputError(f"{path} is no result of the benchmark suites: {entry['name']} has no ratio")
+        found[entry["name"]] = {"ratio": float(figures.pop("ratio")), "figures": figures}
     return found
 
 
@@ -64,9 +89,10 @@ def least(results: Iterable[Figures]) -> Figures:
 
 def baseline(path: str | Path) -> Figures:
     """Read a baseline. Raises InputError if it is none."""
-    content = _read(path)
-    if content.get("schema") != SCHEMA or not isinstance(content.get("benchmarks"), dict):
+    content = read_json(path, "baseline")
+    if content.get("schema") != SCHEMA:
         raise InputError(f"{path} is no baseline of schema {SCHEMA}; make one with `make bench-baseline`")
+    checked(_Baseline, content, str(path))
     return content["benchmarks"]
 
 
@@ -130,18 +156,6 @@ def main(words: list[str]) -> int:
         f"{len(bad)} of {len(findings)} figures are worse than the baseline" if bad else "no figure is worse"
     )
     return 1 if bad else 0
-
-
-def _read(path: str | Path) -> dict[str, Any]:
-    try:
-        content = json.loads(Path(path).read_bytes())
-    except OSError as error:
-        raise InputError(f"cannot read {path}: {error.strerror or error}") from error
-    except (ValueError, RecursionError) as error:
-        raise InputError(f"{path} is not whole JSON: {error}") from error
-    if not isinstance(content, dict):
-        raise InputError(f"{path} holds no JSON object")
-    return content
 
 
 if __name__ == "__main__":

@@ -11,14 +11,22 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, ValidationError
+from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict
 
 from bench.score import Properties
 from bench.trials import Trials
+from models.checking import checked
+from models.documents import read_json, read_text
+from models.errors import short
 from models.files import write_text
 from tactsim import InputError
+from tactsim.finite import finite
+from tactsim.poses import FloatArray
+from tactsim.scan import is_label
 
 SCHEMA = 1
+_LARGEST_TABLE = 1 << 30  # bytes
 # trials.csv: one row per trial and reading, the same on every machine for the same seed.
 COLUMNS = (
     "truth", "trial", "reading_number", "reading", "label", "p_truth", "p_label", "x", "y", "theta",
@@ -46,7 +54,7 @@ class Run:
 
 
 class _Strict(BaseModel):
-    model_config = ConfigDict(strict=True, allow_inf_nan=False)
+    model_config = ConfigDict(strict=True)
 
 
 class _Config(_Strict):
@@ -66,6 +74,7 @@ class _About(_Strict):
     """What every reader of a run asks of run.json."""
 
     config: _Config
+    objects: dict[str, Any]
     protocol: str
     description: str
     letters: list[str]
@@ -73,6 +82,13 @@ class _About(_Strict):
     scan: dict[str, Any]
     versions: dict[str, str]
     machine: _Machine
+
+
+class _Times(_Strict):
+    """What every reader of a run asks of times.json."""
+
+    seconds: dict[str, float]
+    work: dict[str, Any]
 
 
 def save(run: Run, folder: Path) -> None:
@@ -99,53 +115,31 @@ def load(path: str | Path) -> Run:
     folder = Path(path)
     if not (folder / "run.json").is_file():
         raise InputError(f"{folder} is not the folder of a run: it has no run.json")
-    about = read_json(folder / "run.json")
+    about = read_json(folder / "run.json", "file of a run")
     if about.pop("schema", None) != SCHEMA:
         raise InputError(f"{folder / 'run.json'}: unknown schema; this version reads schema {SCHEMA}")
-    times = read_json(folder / "times.json")
     try:
-        _About.model_validate(about)
-        objects = {label: _properties(of) for label, of in about.pop("objects").items()}
-        config = about.pop("config")
+        checked(_About, about, "run.json")
+        times = read_json(folder / "times.json", "file of a run")
+        checked(_Times, times, "times.json")
+        objects = {
+            label: Properties.stated(of, f"run.json: objects.{label}")
+            for label, of in about.pop("objects").items()
+        }
         trials = _trials(
             _read_table(folder / "trials.csv", COLUMNS), _read_table(folder / "times.csv", TIME_COLUMNS)
         )
-        work = times.pop("work")
-    except ValidationError as error:
-        fault = error.errors()[0]
-        place = ".".join(map(str, fault["loc"]))
-        raise InputError(f"{folder} is not a whole run: run.json: {place}: {fault['msg']}") from error
-    except (AttributeError, KeyError, TypeError, ValueError) as error:
-        raise InputError(f"{folder} is not a whole run: {type(error).__name__}: {error}") from error
-    if not set(trials.truth.tolist()) <= set(objects):
-        raise InputError(f"{folder} is not a whole run: run.json: objects: a letter of trials.csv is missing")
-    return Run(config, about, objects, work, trials, read_json(folder / "summary.json"), times)
-
-
-def _properties(of: dict[str, Any]) -> Properties:
-    x, y = of["centre"]
-    properties = Properties(int(of["symmetry"]), (float(x), float(y)), float(of["inertia_over_mass"]))
-    if not np.isfinite([*properties.centre, properties.inertia_over_mass]).all():
-        raise ValueError("an object's properties are not finite")
-    return properties
+        if not set(trials.truth.tolist()) <= set(objects):
+            raise InputError("run.json: objects: a letter of trials.csv is missing")
+        summary = read_json(folder / "summary.json", "file of a run")
+    except InputError as error:
+        raise InputError(f"{folder} is not a whole run: {error}") from error
+    return Run(about.pop("config"), about, objects, times.pop("work"), trials, summary, times)
 
 
 def to_json(value: Any) -> str:
     """Write JSON with sorted keys, a line an entry; refuses NaN and infinity."""
     return json.dumps(value, indent=1, sort_keys=True, allow_nan=False, default=str) + "\n"
-
-
-def read_json(path: Path) -> dict[str, Any]:
-    """Read a JSON object from a file. Raises InputError if it cannot be read or holds no object."""
-    try:
-        value = json.loads(path.read_bytes())
-    except OSError as error:
-        raise InputError(f"cannot read {path}: {error.strerror or error}") from error
-    except (ValueError, RecursionError) as error:
-        raise InputError(f"{path} is not whole JSON: {error}") from error
-    if not isinstance(value, dict):
-        raise InputError(f"{path} holds no JSON object")
-    return value
 
 
 def _table(columns: tuple[str, ...], trials: Trials) -> str:
@@ -175,10 +169,7 @@ def _table(columns: tuple[str, ...], trials: Trials) -> str:
 
 def _read_table(path: Path, columns: tuple[str, ...]) -> dict[str, list[str]]:
     try:
-        with path.open(newline="", encoding="utf-8") as stream:
-            header, *rows = csv.reader(stream)
-    except OSError as error:
-        raise InputError(f"cannot read {path}: {error.strerror or error}") from error
+        header, *rows = csv.reader(io.StringIO(read_text(path, "table of a run", _LARGEST_TABLE), newline=""))
     except (ValueError, csv.Error) as error:
         raise InputError(f"{path} is not a whole table: {error}") from error
     if tuple(header) != columns or not rows or any(len(row) != len(columns) for row in rows):
@@ -187,31 +178,49 @@ def _read_table(path: Path, columns: tuple[str, ...]) -> dict[str, list[str]]:
 
 
 def _trials(table: Mapping[str, list[str]], times: Mapping[str, list[str]]) -> Trials:
-    readings = max(int(number) for number in table["reading_number"])
-    if [int(number) for number in table["reading_number"]] != [*range(1, readings + 1)] * (
-        len(table["truth"]) // readings
-    ) or len(times["truth"]) != len(table["truth"]):
-        raise ValueError("rows are missing")
+    number = _integers(table, "reading_number")
+    readings = int(number.max())
+    trials, left = divmod(len(number), max(readings, 1))
+    if left or not np.array_equal(number, np.tile(np.arange(1, readings + 1), trials)):
+        raise InputError("trials.csv: rows are missing")
+    if any(times[name] != table[name] for name in ("truth", "trial", "reading_number")):
+        raise InputError("times.csv does not have the rows of trials.csv")
 
-    def wide(values: list[str], kind: type) -> Any:
-        array: np.ndarray = np.array(values, dtype=kind).reshape(-1, readings)
-        if kind is float and not np.isfinite(array).all():
-            raise ValueError("a number is not finite")
-        return array
-
-    def once(values: list[str], kind: type) -> Any:
-        return wide(values, kind)[:, 0]
+    def floats(of: Mapping[str, list[str]], name: str) -> FloatArray:
+        return _floats(of, name).reshape(trials, readings)
 
     return Trials(
-        truth=once(table["truth"], str),
-        trial=once(table["trial"], np.int64),
+        truth=_labels(table, "truth")[::readings],
+        trial=_integers(table, "trial")[::readings],
         true_pose=np.stack(
-            [once(table[name], float) for name in ("true_x", "true_y", "true_theta")], axis=-1
+            [floats(table, name)[:, 0] for name in ("true_x", "true_y", "true_theta")], axis=-1
         ),
-        reading=wide(table["reading"], np.int64),
-        label=wide(table["label"], str),
-        pose=np.stack([wide(table[name], float) for name in ("x", "y", "theta")], axis=-1),
-        evaluations=wide(table["evaluations"], np.int64),
-        **{name: wide(table[name], float) for name in ("p_truth", "p_label")},
-        **{name: wide(times[name], float) for name in ("update_s", "estimate_s", "propose_s")},
+        reading=_integers(table, "reading").reshape(trials, readings),
+        label=_labels(table, "label").reshape(trials, readings),
+        pose=np.stack([floats(table, name) for name in ("x", "y", "theta")], axis=-1),
+        evaluations=_integers(table, "evaluations").reshape(trials, readings),
+        **{name: floats(table, name) for name in ("p_truth", "p_label")},
+        **{name: floats(times, name) for name in ("update_s", "estimate_s", "propose_s")},
     )
+
+
+def _integers(table: Mapping[str, list[str]], name: str) -> NDArray[np.int64]:
+    try:
+        return np.array(table[name], dtype=np.int64)
+    except (ValueError, OverflowError) as error:
+        raise InputError(f"the column {name} holds what is no whole number of 64 bits") from error
+
+
+def _floats(table: Mapping[str, list[str]], name: str) -> FloatArray:
+    try:
+        values = np.array(table[name], dtype=np.float64)
+    except ValueError as error:
+        raise InputError(f"the column {name} holds what is no number") from error
+    return finite(values, f"the column {name}")
+
+
+def _labels(table: Mapping[str, list[str]], name: str) -> NDArray[np.str_]:
+    for label in dict.fromkeys(table[name]):
+        if not is_label(label):
+            raise InputError(f"{name}: {short(label)} is empty, too long or not printable")
+    return np.array(table[name])

@@ -8,15 +8,20 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from pydantic import BaseModel, Field
 
 from bench.trials import Trials
+from models.checking import checked
+from models.errors import short
 from tactsim import InputError, Scan, invert, transform, wrap_angle
+from tactsim.finite import LARGEST
 from tactsim.poses import FloatArray
 
+_Length = Annotated[float, Field(ge=-LARGEST, le=LARGEST)]
 Z_95 = 1.959963984540054  # standard normal quantile of a two-sided 95 % interval
 
 
@@ -32,6 +37,18 @@ class Properties:
     centre: tuple[float, float]
     inertia_over_mass: float
 
+    @classmethod
+    def stated(cls, values: Any, where: str) -> Properties:
+        """Take the properties from a file's JSON. Raises InputError that begins with `where`."""
+        stated = checked(_Stated, values, where)
+        return cls(stated.symmetry, stated.centre, stated.inertia_over_mass)
+
+
+class _Stated(BaseModel):
+    symmetry: int = Field(ge=0, le=1000)
+    centre: tuple[_Length, _Length] = (0.0, 0.0)
+    inertia_over_mass: float = Field(gt=0, le=LARGEST)
+
 
 def properties(scan: Scan) -> dict[str, Properties]:
     """Take the objects' properties from the scan, or estimate them from its training readings.
@@ -40,23 +57,14 @@ def properties(scan: Scan) -> dict[str, Properties]:
     felt, stand for the mass (the paper estimates them from its maps), and no symmetry is assumed.
     """
     known = scan.meta.get("objects", {})
+    if not isinstance(known, dict):
+        raise InputError(f"scan: meta.objects must be a table, got {short(known)}")
     return {
-        label: _stated(label, known[label])
+        label: Properties.stated(known[label], f"scan: meta.objects.{label}")
         if label in known
         else _felt(scan.where("train", label), scan.where(label=label))
         for label in scan.letters
     }
-
-
-def _stated(label: str, values: Any) -> Properties:
-    try:
-        x, y = values.get("centre", (0.0, 0.0))
-        stated = Properties(int(values["symmetry"]), (float(x), float(y)), float(values["inertia_over_mass"]))
-    except (AttributeError, KeyError, TypeError, ValueError) as error:
-        raise InputError(f"scan: meta.objects.{label} lacks or garbles {error}") from error
-    if stated.symmetry < 0 or not stated.inertia_over_mass > 0 or not np.isfinite(stated.centre).all():
-        raise InputError(f"scan: meta.objects.{label} is out of bounds: {stated}")
-    return stated
 
 
 def _felt(train: Scan, all_readings: Scan) -> Properties:

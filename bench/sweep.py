@@ -13,7 +13,6 @@ import itertools
 import json
 import os
 import shutil
-import tomllib
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor, as_completed
@@ -33,9 +32,11 @@ from bench.machine import versions
 from bench.runner import Gathered, finished_run, gather, protocol_of
 from bench.trials import Progress, Protocol, Task, Trials, check_readings, run_chunk, unflatten_work
 from estimators import create
+from models.documents import LARGE, parse_json, parse_toml, read_text, read_toml
 from models.errors import unknown
-from models.files import new_folder, replacing, write_text
+from models.files import new_folder, read_bytes, replacing, write_text
 from tactsim import InputError
+from tactsim.npz import read_npz
 from tactsim.workers import worker_processes
 
 TRIALS_A_PART = 20  # what a kill can cost: at most this many trials a worker
@@ -65,17 +66,11 @@ def read(source: str) -> tuple[str, list[RunConfig]]:
     path = Path(source)
     suite = files("bench") / "suites" / f"{source}.toml"
     if not path.exists() and source in suites():
-        content, name = suite.read_text(encoding="utf-8"), source
-    elif path.is_file():
-        content, name = _read_text(path), path.stem
+        table, name = parse_toml(suite.read_bytes(), f"suite {source}"), source
     elif path.suffix or path.exists():
-        raise InputError(f"cannot read sweep {source}: there is no such file")
+        table, name = read_toml(path, "sweep"), path.stem
     else:
         raise unknown("suite (nor is it a file)", source, suites())
-    try:
-        table = tomllib.loads(content)
-    except (tomllib.TOMLDecodeError, RecursionError) as error:
-        raise InputError(f"sweep {source} is not TOML: {error}") from error
     return name, expand(table, f"sweep {source}")
 
 
@@ -314,14 +309,17 @@ def _save_part(folder: Path, part: Part, trials: Trials, work: Mapping[str, int]
 def _load_part(folder: Path, part: Part) -> tuple[Trials, dict[str, int]] | None:
     """Read a finished part; None if there is none, or it is not what this version wrote."""
     try:
-        content = _part_path(folder, part).read_bytes()
-    except OSError:
+        content = read_bytes(_part_path(folder, part), LARGE)
+    except InputError:
         return None
     if _seal(content[32:]) != content[:32]:
         return None
-    with np.load(BytesIO(content[32:]), allow_pickle=False) as arrays:
-        trials = Trials(**{field.name: arrays[field.name] for field in fields(Trials)})
-        return trials, json.loads(str(arrays["work"]))
+    try:
+        arrays = read_npz(BytesIO(content[32:]), ("work", *(field.name for field in fields(Trials))))
+        work = parse_json(str(arrays.pop("work")), "work")
+    except InputError:
+        return None
+    return Trials(**arrays), work
 
 
 def _seal(body: bytes) -> bytes:
@@ -357,14 +355,9 @@ def _claim(folder: Path, names: Sequence[str], configs: Sequence[RunConfig]) -> 
         }
     )
     path = folder / "sweep.json"
-    try:
-        standing = path.read_text(encoding="utf-8")
-    except FileNotFoundError:
+    if not path.exists():
         write_text(path, content)
-        return
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"cannot read {path}: {error}") from error
-    if standing != content:
+    elif read_text(path, "sweep's list of runs", LARGE) != content:
         raise InputError(
             f"{folder} holds another sweep (its sweep.json asks for other runs); name another folder with --out"
         )
@@ -390,12 +383,3 @@ def _locked(folder: Path) -> Iterator[None]:
         yield
     finally:
         os.close(descriptor)
-
-
-def _read_text(path: Path) -> str:
-    try:
-        return path.read_text(encoding="utf-8")
-    except OSError as error:
-        raise InputError(f"cannot read sweep {path}: {error.strerror or error}") from error
-    except UnicodeDecodeError as error:
-        raise InputError(f"sweep {path} is not text: {error}") from error

@@ -7,8 +7,6 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from rich.console import Console
-from rich.markup import escape
 from rich.progress import (
     BarColumn,
     MofNCompleteColumn,
@@ -21,6 +19,7 @@ from rich.progress import (
 from rich.table import Table
 
 from bench import trials as protocol
+from bench.console import plain_console
 from bench.report.collect import collect
 from bench.results import Run
 
@@ -31,7 +30,7 @@ ROWS = (1, 2, 3, 5, 7, 9, 10, 12, 15, 20, 25, 30, 40, 46, 50, 60, 80, 100, 150, 
 @contextmanager
 def progress_bars() -> Iterator[protocol.Progress]:
     """Show a bar with the time left for every stage that is reported, on standard error."""
-    console = Console(stderr=True)
+    console = plain_console(stderr=True)
     bars: dict[str, TaskID] = {}
     columns = (
         TextColumn("{task.description:10}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(),
@@ -49,40 +48,42 @@ def progress_bars() -> Iterator[protocol.Progress]:
 
 def print_run(run: Run, folder: Path, pictures: list[Path]) -> None:
     """Print the table over the reading count, the headline figures, the times and the places."""
-    console = Console(soft_wrap=False)
+    console = plain_console()
     config, about, summary = run.config, run.about, run.summary
+    console.print(config["estimator"], style="bold", end=" ")
     console.print(
-        f"[bold]{config['estimator']}[/] {about['description']}\n"
+        f"{about['description']}\n"
         f"{' '.join(about['letters'])}: {config['trials']} trials each, {about['protocol']}, seed {config['seed']}"
     )
     console.print(_table(summary, run.trials.label.shape[1]))
     for line in headlines(run):
-        console.print(line, highlight=False)
-    console.print(f"results  {folder}", highlight=False)
+        console.print(line)
+    console.print(f"results  {folder}")
     for picture in pictures:
-        console.print(f"picture  {picture}", highlight=False)
+        console.print(f"picture  {picture}")
 
 
 def print_sweep(places: list[Path]) -> None:
     """Print one line a run, a table for each protocol and task: only what may be compared shares a table."""
-    console = Console(highlight=False)
+    console = plain_console()
     for group in collect(places):
-        console.print(f"[bold]{escape(group.protocol)}[/]; {escape(group.task)}")
+        console.print(group.protocol, style="bold", end="; ")
+        console.print(group.task)
         table = Table(box=None, pad_edge=False)
         table.add_column("run", overflow="fold")
         for heading in ("right @5", "@10", "@end", "all from", "95 % by", "error mm", "ms"):
             table.add_column(heading, justify="right")
         for entry in group.entries:
-            summary, seconds = entry.summary, entry.run.times["seconds"]
+            summary, trials = entry.summary, entry.run.trials
             accuracy, error = summary["accuracy"], summary["error_mm"][-1]
             table.add_row(
-                escape(entry.label),
+                entry.label,
                 *(f"{accuracy[k - 1]:.3f}" if k <= len(accuracy) else "" for k in (5, 10)),
                 f"{accuracy[-1]:.3f}",
                 str(summary["all_right_from"] or "-"),
                 str(summary["settled_95"] or "-"),
                 "-" if error is None else f"{error:.2f}",
-                f"{1e3 * (seconds['update_per_reading'] + seconds['estimate_per_reading']):.3f}",
+                f"{1e3 * float((trials.update_s + trials.estimate_s).mean()):.3f}",
             )
         console.print(table)
 

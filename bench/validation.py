@@ -10,12 +10,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bench.config import RunConfig, checked
+from bench.config import RunConfig
 from bench.runner import perform
 from bench.trials import Progress
 from estimators.contact import classify
 from hardware.validation import SensorFit, TaxelError, class_agreement, fit_sensor, taxel_error
 from models import Letter
+from models.checking import checked
 from tactsim import InputError, Scan, ScanOptions
 from tactsim.poses import FloatArray, compose
 from tactsim.pressing import ideal_readings

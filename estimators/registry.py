@@ -7,9 +7,8 @@ from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any
 
-from pydantic import ValidationError
-
 from estimators.base import Estimator
+from models.checking import checked
 from models.errors import InputError, unknown
 
 GROUP = "tactsim.estimators"
@@ -52,10 +51,7 @@ def create(name: str, **options: Any) -> Estimator:
     its bounds.
     """
     chosen = load(name)
-    try:
-        return chosen(chosen.options_type(**options))
-    except ValidationError as error:
-        raise InputError(f"estimator {name}: {_first_fault(error, chosen)}") from None
+    return chosen(checked(chosen.options_type, options, f"estimator {name}"))
 
 
 def load(name: str) -> type[Estimator]:
@@ -102,11 +98,3 @@ def _load_plug_in(point: EntryPoint) -> type[Estimator]:
     if missing:
         raise InputError(f"{origin} does not define {missing}")
     return chosen
-
-
-def _first_fault(error: ValidationError, chosen: type[Estimator]) -> str:
-    fault = error.errors()[0]
-    option = ".".join(str(part) for part in fault["loc"]) or "options"
-    if fault["type"] == "extra_forbidden":
-        return str(unknown("option", option, chosen.options_type.model_fields))
-    return f"option {option}: {fault['msg']}, got {fault['input']!r}"

@@ -11,7 +11,9 @@ from numpy.typing import ArrayLike, NDArray
 from pydantic import BaseModel, Field, model_validator
 
 from hardware.codecs.base import STRICT
-from hardware.device import Device, checked, parse_toml, read_small_file
+from hardware.device import Device
+from models.checking import checked
+from models.documents import read_toml
 from models.errors import InputError
 from models.files import write_bytes
 from tactsim.pad import Pad
@@ -71,8 +73,7 @@ class Calibration(BaseModel):
     @classmethod
     def load(cls, path: str | Path) -> Calibration:
         """Read a calibration file. Raises InputError with the first value that is wrong."""
-        content = read_small_file(Path(path), "calibration")
-        return checked(cls, parse_toml(content, str(path)), str(path))
+        return checked(cls, read_toml(path, "calibration"), f"calibration {path}")
 
 
 class Correction:

@@ -2,23 +2,21 @@
 
 from __future__ import annotations
 
-import tomllib
 from importlib.resources import files
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, Field, ValidationError, model_validator
+from pydantic import BaseModel, Field, model_validator
 
 from hardware.codecs import Format
 from hardware.codecs.base import STRICT
-from models.errors import InputError, unknown
+from models.checking import checked
+from models.documents import parse_toml, read_toml
+from models.errors import unknown
 from tactsim.pad import Pad
 
-Model = TypeVar("Model", bound=BaseModel)
-
-_LARGEST_FILE = 1 << 20  # bytes
 UNREAD = -1
 
 
@@ -125,41 +123,6 @@ def load_device(name: str | Path) -> Device:
     if path.suffix != ".toml":
         if str(name) not in built_in_devices():
             raise unknown("device", str(name), (*built_in_devices(), "FILE.toml"))
-        return parse_device((files("hardware") / "devices" / f"{name}.toml").read_bytes(), f"device {name}")
-    return parse_device(read_small_file(path, "device file"), str(path))
-
-
-def parse_device(content: bytes, what: str) -> Device:
-    """Check the content of a device file. Raises InputError that begins with `what`."""
-    return checked(Device, parse_toml(content, what), what)
-
-
-def read_small_file(path: Path, what: str) -> bytes:
-    """Read a file of at most 1 MiB. Raises InputError if it cannot be read or is larger."""
-    try:
-        with path.open("rb") as stream:
-            content = stream.read(_LARGEST_FILE + 1)
-    except OSError as error:
-        raise InputError(f"cannot read {what} {path}: {error.strerror or error}") from error
-    if len(content) > _LARGEST_FILE:
-        raise InputError(f"{what} {path} has more than {_LARGEST_FILE:,} bytes")
-    return content
-
-
-def parse_toml(content: bytes, what: str) -> dict[str, Any]:
-    """Parse TOML. Raises InputError that begins with `what`."""
-    try:
-        return tomllib.loads(content.decode("utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
-        raise InputError(f"{what} is not TOML: {error}") from error
-
-
-def checked(model: type[Model], values: Any, what: str) -> Model:
-    """Check values that were read from a file. Raises InputError with the first that is wrong."""
-    try:
-        return model.model_validate(values)
-    except ValidationError as error:
-        fault = error.errors()[0]
-        place = ".".join(str(part) for part in fault["loc"])
-        message = fault["msg"].removeprefix("Value error, ")
-        raise InputError(f"{what}: {place + ': ' if place else ''}{message}") from None
+        content = (files("hardware") / "devices" / f"{name}.toml").read_bytes()
+        return checked(Device, parse_toml(content, f"device {name}"), f"device {name}")
+    return checked(Device, read_toml(path, "device file"), f"device file {path}")

@@ -36,7 +36,9 @@ from typing import Any
 
 import numpy as np
 
+from models.documents import parse_json
 from models.errors import InputError
+from models.files import open_regular
 from tactsim.reading import Reading
 
 MAGIC = b"\x89TACTREC\r\n\x1a\n"
@@ -78,13 +80,7 @@ class Record:
 
     def json(self) -> dict[str, Any]:
         """Parse the payload of a segment, mark or end. Raises InputError if it is no JSON object."""
-        try:
-            content = json.loads(self.payload)
-        except (ValueError, RecursionError) as error:
-            raise InputError(f"a record {self.kind.name.lower()} holds no JSON: {error}") from error
-        if not isinstance(content, dict):
-            raise InputError(f"a record {self.kind.name.lower()} holds no JSON object")
-        return content
+        return parse_json(self.payload, f"a record {self.kind.name.lower()}")
 
     def reading(self) -> Reading:
         """Unpack the payload of a reading. Raises InputError if it holds no whole reading."""
@@ -213,12 +209,14 @@ class RecordReader:
     def __iter__(self) -> Iterator[Record]:
         """Give the whole records. Raises InputError if the file cannot be read or is no recording."""
         try:
-            with self.path.open("rb") as stream:
+            with open_regular(self.path) as stream:
                 size = os.fstat(stream.fileno()).st_size
-                check_start(stream, self.path)
+                check_start(stream)
                 yield from self._records(stream, size)
         except OSError as error:
             raise InputError(f"cannot read recording {self.path}: {error.strerror or error}") from error
+        except InputError as error:
+            raise InputError(f"cannot read recording {self.path}: {error}") from error
 
     def _records(self, stream: BufferedReader, size: int) -> Iterator[Record]:
         at, records, finished = _START.size, 0, False
@@ -244,11 +242,13 @@ class Tail:
 
     def poll(self) -> list[Record]:
         """Return the records that have become whole since the last call; none while there is no file."""
+        if not self._path.exists():
+            return []
         try:
-            with self._path.open("rb") as stream:
+            with open_regular(self._path) as stream:
                 size = os.fstat(stream.fileno()).st_size
                 if not self._at and size >= _START.size:
-                    check_start(stream, self._path)
+                    check_start(stream)
                     self._at = _START.size
                 stream.seek(self._at)
                 records = []
@@ -259,20 +259,20 @@ class Tail:
                     self._at += record.size
                     records.append(record)
                 return records
-        except FileNotFoundError:
-            return []
         except OSError as error:
             raise InputError(f"cannot read recording {self._path}: {error.strerror or error}") from error
+        except InputError as error:
+            raise InputError(f"cannot read recording {self._path}: {error}") from error
 
 
-def check_start(stream: BufferedReader, path: Path) -> None:
-    """Read the start of a recording. Raises InputError if it is none of this version."""
+def check_start(stream: BufferedReader) -> None:
+    """Read the start of a recording. Raises InputError, which does not say the path, if it is none of this version."""
     start = stream.read(_START.size)
     if len(start) < _START.size or not start.startswith(MAGIC):
-        raise InputError(f"{path} is no recording; `bench record --out FILE` makes one")
+        raise InputError("it is no recording; `bench record --out FILE` makes one")
     version = _START.unpack(start)[1]
     if version != VERSION:
-        raise InputError(f"{path} has format version {version}; this program reads version {VERSION}")
+        raise InputError(f"it has format version {version}; this program reads version {VERSION}")
 
 
 def check_whole(path: str | Path) -> Whole:

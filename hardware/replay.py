@@ -11,12 +11,14 @@ from typing import Any
 from hardware.calibration import Calibration, Correction
 from hardware.codecs.pps_csv import CsvFormat, count_elements
 from hardware.counters import Counters
-from hardware.device import Device, checked
+from hardware.device import Device
 from hardware.errors import SourceEnded, SourceError
 from hardware.recording import Kind, Record, RecordReader, Whole
 from hardware.sources import Log, Source
 from hardware.stream import Stream
+from models.checking import checked
 from models.errors import InputError
+from models.files import open_regular
 from tactsim.reading import Reading
 
 _CHUNK = 1 << 16  # bytes
@@ -160,14 +162,15 @@ class CsvReplay(Source):
         if not isinstance(device.codec, CsvFormat):
             raise SourceError(f"{self.path}: reading it needs a device file with the codec kind 'pps-csv'")
         try:
-            self._file = self.path.open("rb")
+            self._file = open_regular(self.path)
+        except InputError as error:
+            raise SourceError(f"cannot read recording {self.path}: {error}") from error
+        try:
             elements = count_elements(self._file.readline(_CHUNK))
             self._file.seek(0)
-        except OSError as error:
-            raise SourceError(f"cannot read {self.path}: {error.strerror or error}") from error
         except InputError as error:
             self._file.close()
-            raise SourceError(f"{self.path}: {error}") from error
+            raise SourceError(f"cannot read recording {self.path}: {error}") from error
         if elements != device.codec.elements:
             self._file.close()
             raise SourceError(

@@ -14,12 +14,13 @@ from pydantic import BaseModel, Field
 
 from hardware.calibration import Calibration, Correction
 from hardware.codecs.base import STRICT
-from hardware.device import checked, read_small_file
 from hardware.errors import SourceError
 from hardware.recording import Kind, Whole
 from hardware.replay import Replay
 from hardware.session import Plan, Press, note, parse_press
 from hardware.sources import Source
+from models.checking import checked
+from models.documents import read_text
 from models.errors import InputError
 from tactsim.pad import Pad
 from tactsim.poses import FloatArray, compose
@@ -204,13 +205,13 @@ def read_intervals(path: str | Path) -> list[Interval]:
 
     Raises InputError with the line that is wrong.
     """
+    lines = read_text(path, "marks").removeprefix("\ufeff").splitlines()
     try:
-        lines = read_small_file(Path(path), "marks").decode("utf-8-sig").splitlines()
         rows = [
             checked(Interval, _words(row), f"{path}, line {number}")
             for number, row in enumerate(csv.DictReader(lines), start=2)
         ]
-    except (csv.Error, UnicodeDecodeError) as error:
+    except csv.Error as error:
         raise InputError(f"{path} is no marks file (CSV): {error}") from error
     if not rows:
         raise InputError(

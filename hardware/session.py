@@ -14,15 +14,16 @@ from enum import Enum
 from typing import Any, Literal
 
 import numpy as np
-from pydantic import BaseModel, Field, model_validator
+from pydantic import BaseModel, Field, field_validator, model_validator
 
 from hardware.calibration import force
 from hardware.codecs.base import STRICT
-from hardware.device import checked
+from models.checking import checked
 from models.errors import InputError
 from tactsim.pad import Pad
 from tactsim.poses import FloatArray
 from tactsim.reading import Reading
+from tactsim.scan import is_label
 
 _LIFTED = 5  # readings without touch after which a press is over
 _STILL_TOUCHED = 3.0  # s after which a pad that is not free is told of
@@ -50,6 +51,13 @@ class Plan(BaseModel):
     patience: float | None = Field(
         None, gt=0, description="s after which a press is taken as it is; None: wait for a person to say so"
     )
+
+    @field_validator("label")
+    @classmethod
+    def _can_be_a_label(cls, label: str) -> str:
+        if not is_label(label):
+            raise ValueError("a letter's name has 1 to 100 printable characters")
+        return label
 
     @model_validator(mode="after")
     def _ordered(self) -> Plan:

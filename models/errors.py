@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import difflib
+import reprlib
 from collections.abc import Iterable
+from typing import Any
 
 
 class InputError(ValueError):
@@ -14,9 +16,32 @@ class InputError(ValueError):
     """
 
 
+_LONGEST = 100  # characters of a name that could have been meant for one that there is
+_SHORT = reprlib.Repr()
+_SHORT.maxlevel = 2
+_SHORT.maxtuple = _SHORT.maxlist = _SHORT.maxdict = 4
+_SHORT.maxstring = _SHORT.maxother = 80
+
+
+def short(value: Any) -> str:
+    """Write a value that a stranger chose so that it fits into a line: whatever is long is cut."""
+    try:
+        return _SHORT.repr(value)
+    except ValueError:  # Python writes no integer of more than 4,300 digits
+        return "a number of thousands of digits"
+
+
+def printable(text: str) -> str:
+    """Write what is not printable as an escape, newlines apart: a stranger's text must not steer a terminal."""
+    return "".join(
+        sign if sign.isprintable() or sign == "\n" else sign.encode("unicode_escape").decode()
+        for sign in text
+    )
+
+
 def unknown(what: str, name: str, known: Iterable[str]) -> InputError:
     """Build the error for a name that is not among the known ones, with the nearest one if any."""
     names = sorted(known)
-    close = difflib.get_close_matches(name, names, n=1)
+    close = difflib.get_close_matches(name[:_LONGEST], names, n=1)
     hint = f"did you mean {close[0]!r}? " if close else ""
-    return InputError(f"unknown {what} {name!r}: {hint}known are {', '.join(names)}")
+    return InputError(f"unknown {what} {short(name)}: {hint}known are {', '.join(names)}")

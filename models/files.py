@@ -1,12 +1,14 @@
-"""Write a file or a folder whole or not at all; read what nobody vouches for."""
+"""Write a file or a folder whole or not at all; open for reading what nobody vouches for."""
 
 from __future__ import annotations
 
 import os
 import shutil
+import stat
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from io import BufferedReader
 from pathlib import Path
 from typing import IO
 
@@ -74,19 +76,33 @@ def write_text(path: str | Path, content: str) -> None:
     write_bytes(path, content.encode("utf-8"))
 
 
-@contextmanager
-def opened(path: str | Path) -> Iterator[IO[bytes]]:
-    """Open a regular file for reading; no device or pipe, which might never end.
+def open_regular(path: str | Path) -> BufferedReader:
+    """Open a regular file for reading; no folder, device or pipe, which might never begin or end.
 
-    Raises InputError, which does not say the path, if it cannot be opened or read.
+    Raises InputError, which does not say the path, if it is none or cannot be opened.
     """
+    # Without O_NONBLOCK, opening a pipe that nobody writes to would wait for ever.
+    flags = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
     try:
-        if Path(path).exists() and not Path(path).is_file():
-            raise InputError("it is not a regular file")
-        with Path(path).open("rb") as stream:
-            yield stream
+        descriptor = os.open(path, flags)
     except OSError as error:
-        raise InputError(f"it cannot be read: {error.strerror or error}") from error
+        raise InputError(error.strerror or str(error)) from error
+    except ValueError as error:  # a NUL in it
+        raise InputError(f"it is no path: {error}") from error
+    if not stat.S_ISREG(os.fstat(descriptor).st_mode):
+        os.close(descriptor)
+        raise InputError("it is not a regular file")
+    return os.fdopen(descriptor, "rb")
+
+
+@contextmanager
+def opened(path: str | Path) -> Iterator[BufferedReader]:
+    """Open a regular file for as long as the block lasts. Raises InputError as `open_regular`."""
+    with open_regular(path) as stream:
+        try:
+            yield stream
+        except OSError as error:
+            raise InputError(error.strerror or str(error)) from error
 
 
 def read_bytes(path: str | Path, most: int) -> bytes:

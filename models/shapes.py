@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.errors import InputError
+from models.files import read_bytes
 from models.letter import HEIGHT, LARGEST_HEIGHT, Letter, raised
 
 if TYPE_CHECKING:
@@ -109,18 +110,13 @@ def _touches_itself(contours: list[FloatArray]) -> bool:
 
 def _read(path: Path) -> bytes:
     try:
-        size = path.stat().st_size
-        if not path.is_file():
-            raise InputError(
-                f"{path} is not a file; a shape is a mesh (.stl, .obj, .glb) or a drawing (.svg)"
-            )
-        if size > LARGEST_FILE:
-            raise InputError(f"{path} has {size:,} bytes; the most for a shape is {LARGEST_FILE:,}")
-        content = path.read_bytes()
-    except OSError as error:
-        raise InputError(f"cannot read shape {path}: {error.strerror or error}") from error
+        content = read_bytes(path, LARGEST_FILE)
+    except InputError as error:
+        raise InputError(f"cannot read shape {path}: {error}") from error
     if not content:
-        raise InputError(f"{path} is empty; a shape is a mesh (.stl, .obj, .glb) or a drawing (.svg)")
+        raise InputError(
+            f"shape {path}: it is empty; a shape is a mesh (.stl, .obj, .glb) or a drawing (.svg)"
+        )
     return content
 
 

@@ -9,24 +9,25 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 import os
 from contextlib import suppress
 from functools import lru_cache
 from importlib.metadata import version
-from io import BytesIO
 from pathlib import Path
 
 import numpy as np
 
 import models
 from models.errors import InputError
-from models.files import write_bytes
+from models.files import read_bytes, write_bytes
 from tactsim.options import ScanOptions
 from tactsim.poses import FloatArray
 
 FOLDER_VARIABLE = "TACTSIM_CACHE_DIR"
 MOST_FILES = 2000  # of some 55 kB; the ones longest unused are removed beyond
-_MAGIC = b"tactsim readings 1\n"
+_MAGIC = b"tactsim readings 2\n"
+_LARGEST = 1 << 28  # bytes of a file
 
 
 def folder() -> Path:
@@ -60,23 +61,20 @@ def load(key: str, shape: tuple[int, int]) -> FloatArray | None:
     """Read the readings stored under `key`, or None if there are none, or not whole, or not those."""
     path = _path(key)
     try:
-        content = path.read_bytes()
+        content = read_bytes(path, _LARGEST)
         os.utime(path)
-    except OSError:
+    except (InputError, OSError):
         return None
     head = _MAGIC + bytes.fromhex(key)
     body = content[len(head) + 32 :]
     if content[: len(head)] != head or content[len(head) : len(head) + 32] != hashlib.sha256(body).digest():
         return None
-    readings = np.load(BytesIO(body), allow_pickle=False)
-    return readings if readings.shape == shape and readings.dtype == np.float64 else None
+    return np.frombuffer(body, "<f8").reshape(shape).copy() if len(body) == 8 * math.prod(shape) else None
 
 
 def store(key: str, readings: FloatArray) -> None:
     """Keep readings under `key`. A folder that cannot be written is no fault: nothing is kept then."""
-    body = BytesIO()
-    np.save(body, readings, allow_pickle=False)
-    content = body.getvalue()
+    content = np.ascontiguousarray(readings, "<f8").tobytes()
     with suppress(InputError):
         write_bytes(_path(key), _MAGIC + bytes.fromhex(key) + hashlib.sha256(content).digest() + content)
 

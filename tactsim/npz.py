@@ -5,6 +5,8 @@ from __future__ import annotations
 import zipfile
 import zlib
 from collections.abc import Iterable
+from contextlib import nullcontext
+from io import BytesIO
 from pathlib import Path
 from typing import IO, Any
 
@@ -20,22 +22,20 @@ _HEADERS = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.r
 _ENCRYPTED = 1  # bit of a member's flags
 
 
-def read_npz(path: str | Path, names: Iterable[str]) -> dict[str, NDArray[Any]]:
-    """Read the named arrays, numbers or strings of at most two dimensions; other members are left alone.
+def read_npz(source: str | Path | BytesIO, names: Iterable[str]) -> dict[str, NDArray[Any]]:
+    """Read the named arrays, numbers or strings of at most three dimensions; other members are left alone.
 
     A claimed size is refused before any memory is asked for. Raises InputError, which does not say the
     path, if the file is no whole .npz, lacks an array or holds one of another kind.
     """
-    with opened(path) as stream:
+    with nullcontext(source) if isinstance(source, BytesIO) else opened(source) as stream:
         try:
             with zipfile.ZipFile(stream) as archive:
                 return _members(archive, tuple(names))
         except InputError:
             raise
-        except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError) as error:
-            raise InputError(f"it is not a whole .npz file: {error}") from error
-        except ValueError as error:  # a header that is none, a name that is not UTF-8
-            raise InputError(f"it is not an .npz file of arrays: {error}") from error
+        except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, ValueError) as error:
+            raise InputError(f"it is not a whole .npz file: {error}") from error  # or a name is not UTF-8
 
 
 def _members(archive: zipfile.ZipFile, names: tuple[str, ...]) -> dict[str, NDArray[Any]]:
@@ -62,11 +62,14 @@ def _members(archive: zipfile.ZipFile, names: tuple[str, ...]) -> dict[str, NDAr
 
 
 def _array(member: IO[bytes], name: str) -> NDArray[Any]:
-    version = np.lib.format.read_magic(member)
-    if version not in _HEADERS:
-        raise InputError(f"array {name!r} has the unknown format version {version}")
-    shape, fortran, dtype = _HEADERS[version](member)
-    if dtype.kind not in "fiuU" or len(shape) > 2 or min(shape, default=0) < 0:
+    try:
+        shape, fortran, dtype = _HEADERS[np.lib.format.read_magic(member)](member)
+    except (zipfile.BadZipFile, zlib.error, EOFError, OSError):
+        raise
+    except Exception as error:
+        # NumPy reads a header by Python's own tokenizer and parser, which raise whatever comes.
+        raise InputError(f"array {name!r} has no header that NumPy writes") from error
+    if dtype.kind not in "fiuU" or len(shape) > 3 or min(shape, default=0) < 0:
         raise InputError(f"array {name!r} holds {dtype} of shape {shape}, no numbers or names")
     size = dtype.itemsize * int(np.prod([int(n) for n in shape], dtype=object))
     if size > LARGEST:

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import tomllib
 from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-from models.errors import InputError
+from models.checking import checked
+from models.documents import read_toml
 from tactsim.poses import FloatArray
 
 Length = Annotated[float, Field(ge=1e-3, le=1000, allow_inf_nan=False)]
@@ -65,20 +65,7 @@ class Pad(BaseModel):
 
         Raises InputError if the file cannot be read or a value is unknown or out of range.
         """
-        try:
-            content = tomllib.loads(Path(path).read_text(encoding="utf-8"))
-        except OSError as error:
-            raise InputError(f"cannot read pad {path}: {error.strerror or error}") from error
-        except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-            raise InputError(f"pad {path} is not TOML: {error}") from error
-        try:
-            return cls.model_validate(content)
-        except ValidationError as error:
-            first = error.errors()[0]
-            where = ".".join(str(part) for part in first["loc"]) or "its numbers"
-            raise InputError(
-                f"pad {path}: {where}: {first['msg']}; the fields are {', '.join(cls.model_fields)}"
-            ) from error
+        return checked(cls, read_toml(path, "pad"), f"pad {path}")
 
     @property
     def taxels(self) -> int:

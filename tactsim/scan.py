@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from models.documents import parse_json
 from models.errors import InputError
 from models.files import replacing
 from tactsim.finite import finite
@@ -62,7 +63,7 @@ class Scan:
         if not taxels:
             raise InputError("scan: readings have no taxels")
         for label in self.letters:
-            if not (label.isprintable() and 0 < len(label) <= _LONGEST_NAME):
+            if not is_label(label):
                 raise InputError(
                     f"scan: the label {label[:_LONGEST_NAME]!r} is empty, too long or not printable"
                 )
@@ -182,6 +183,11 @@ def train_on(train: Scan, test: Scan) -> Scan:
     return halves[0].joined(halves[1], {**test.meta, "train": dict(train.meta)})
 
 
+def is_label(name: str) -> bool:
+    """Tell whether an object may be called so: 1 to 100 printable characters."""
+    return name.isprintable() and 0 < len(name) <= _LONGEST_NAME
+
+
 def _numbers(name: str, values: Any) -> FloatArray:
     array = np.asarray(values)
     if array.dtype.kind not in "fiu" or array.ndim != 2:
@@ -205,10 +211,6 @@ def _names(name: str, values: Any) -> NDArray[np.str_]:
 
 
 def _meta(array: NDArray[Any]) -> dict[str, Any]:
-    try:
-        meta = json.loads(str(array[()]))
-    except (ValueError, RecursionError) as error:
-        raise InputError(f"scan: meta is not JSON: {error}") from None
-    if not isinstance(meta, dict):
-        raise InputError("scan: meta is not a JSON object")
-    return meta
+    if array.shape != () or array.dtype.kind != "U":
+        raise InputError(f"scan: meta must be a text, got {array.dtype} {array.shape}")
+    return parse_json(str(_names("meta", array)), "scan: meta")

@@ -13,10 +13,10 @@ def command(
     new: Annotated[Path, typer.Argument(help="The folder of the run that is to be judged.")],
 ) -> None:
     """Compare two runs on the same trials; exit status 1 if NEW is worse beyond the interval."""
-    from rich.console import Console
     from rich.table import Table
 
     from bench.compare import compare
+    from bench.console import plain_console
     from bench.results import load
 
     differences = compare(load(base), load(new))
@@ -33,10 +33,10 @@ def command(
             "" if row.p is None else f"{row.p:.3g}",
             row.verdict,
         )
-    Console().print(table)
+    plain_console().print(table)
     worse = [row.name for row in differences if row.verdict == "worse"]
     if worse:
-        typer.echo(f"worse: {', '.join(worse)}")
+        plain_console().print(f"worse: {', '.join(worse)}")
         raise typer.Exit(1)
 
 

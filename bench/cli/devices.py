@@ -13,21 +13,21 @@ def command(as_json: pads.AsJson = False) -> None:
     """List ports, sources of readings, codecs and device files, each with its status."""
     import json
 
-    from rich.console import Console
-    from rich.markup import escape
     from rich.table import Table
+
+    from bench.console import plain_console
 
     found = _found()
     if as_json:
         typer.echo(json.dumps(found, indent=1))
         return
-    console = Console()
+    console = plain_console()
     for heading, rows in found.items():
         table = Table(title=heading.replace("_", " "), title_justify="left", box=None, pad_edge=False)
         for column in ("name", "what", "status"):
             table.add_column(column, overflow="fold")
         for row in rows:
-            table.add_row(*(escape(row[column]) for column in ("name", "what", "status")))
+            table.add_row(*(row[column] for column in ("name", "what", "status")))
         if not rows:
             table.add_row("none found", "", "")
         console.print(table)

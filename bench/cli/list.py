@@ -22,9 +22,9 @@ def command(
     ] = None,
 ) -> None:
     """List estimators with their options, letters, worlds, the scan's options, metrics and suites."""
-    from rich.console import Console
     from rich.table import Table
 
+    from bench.console import plain_console
     from models.errors import unknown
 
     sections: dict[str, Callable[[], list[Row]]] = {
@@ -37,7 +37,7 @@ def command(
     }
     if what is not None and what not in sections:
         raise unknown("list", what, sections)
-    console = Console(highlight=False, markup=False)
+    console = plain_console()
     for name, rows in sections.items():
         if what in (None, name):
             console.print(name, style="bold")

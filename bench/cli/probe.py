@@ -21,8 +21,8 @@ def command(
     import time
 
     import numpy as np
-    from rich.console import Console
 
+    from bench.console import plain_console
     from hardware.calibration import force
     from hardware.drawing import tactile_image
     from hardware.errors import NoReading, SourceEnded
@@ -64,7 +64,7 @@ def command(
     if as_json:
         typer.echo(json.dumps(answer))
         return
-    console = Console(highlight=False)
+    console = plain_console()
     rate = f"{answer['readings_per_s']:.1f} a second" if span > 0 else "one"
     console.print(f"{described.name}: {values.shape[1]} elements, {len(readings):,} readings, {rate}")
     console.print(pads.counters_line(counters))

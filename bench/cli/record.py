@@ -75,8 +75,8 @@ def command(
         "touch_kpa": max(described.touch_kpa, _TOUCH * noise), "least_force": least, "most_force": most,
         "patience": patience,
     }  # fmt: skip
-    from hardware.device import checked
     from hardware.session import Plan
+    from models.checking import checked
 
     _record_session(
         port, out, described, correction, checked(Plan, plan, "session"), resume, seen == "behind"
@@ -94,8 +94,7 @@ def _record_session(
 ) -> None:
     import time
 
-    from rich.console import Console
-
+    from bench.console import plain_console
     from bench.guide import lead
     from bench.places import check_new_file
     from hardware.recording import SUFFIX, Recorder
@@ -117,7 +116,7 @@ def _record_session(
         if before.pad != device.pad:
             raise InputError(f"{journal} was recorded with another pad than {device.name!r}")
         plan, presses, first = before.plan, before.presses, before.readings
-    console = Console()
+    console = plain_console()
     with Recorder(journal, append=resume) as recorder:
         recorder.segment(
             pads.segment(device, port, calibration, plan=plan.model_dump(mode="json")), time.monotonic()
@@ -127,19 +126,16 @@ def _record_session(
             session = Session(plan, device.pad, presses)
             done = lead(session, source, recorder, first, _shape(plan.label), from_behind, console)
             recorder.end(source.counters.as_dict(), time.monotonic())
-    console.print(pads.counters_line(source.counters.as_dict()), highlight=False)
+    console.print(pads.counters_line(source.counters.as_dict()))
     if not done:
         console.print(
             f"{len(session.presses)} of {len(plan.poses)} presses are in {journal}; the same command with --resume "
             "goes on",
-            highlight=False,
         )
         return
     scan = pads.with_letters(scan_of_sessions([journal]))
     scan.save(out)
-    console.print(
-        f"{len(scan)} readings of {plan.label} in {out}; the bytes are in {journal}", highlight=False
-    )
+    console.print(f"{len(scan)} readings of {plan.label} in {out}; the bytes are in {journal}")
 
 
 def _record_all(
@@ -147,8 +143,7 @@ def _record_all(
 ) -> None:
     import time
 
-    from rich.console import Console
-
+    from bench.console import plain_console
     from hardware.errors import SourceEnded
     from hardware.recording import Recorder
     from hardware.sources import open_source
@@ -166,7 +161,7 @@ def _record_all(
             except (KeyboardInterrupt, SourceEnded):
                 pass
             recorder.end(source.counters.as_dict(), time.monotonic())
-    console = Console(highlight=False)
+    console = plain_console()
     console.print(f"{count:,} readings in {out}\n{pads.counters_line(source.counters.as_dict())}")
 
 

@@ -45,8 +45,7 @@ def command(
     calibration: pads.CalibrationFile = None,
 ) -> None:
     """Read recordings again, bit for bit: show what they hold, make a scan or a table of them."""
-    from rich.console import Console
-
+    from bench.console import plain_console
     from bench.places import check_new_file
     from hardware.scans import cut as cut_scan
     from hardware.scans import read_intervals, scan_of_intervals, scan_of_sessions
@@ -62,7 +61,7 @@ def command(
         raise InputError("--marks and --cut make a scan: name it with --scan")
     described, correction = pads.load(device, calibration)
     window = None if cut is None else _window(cut)
-    console = Console(highlight=False)
+    console = plain_console()
 
     def opened(path: Path) -> Source:
         return open_source([f"recording:{path}"], described, correction)

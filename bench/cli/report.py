@@ -23,7 +23,7 @@ def command(
     from bench.places import RESULTS, check_new_file
     from bench.report.write import write_report
     from bench.terminal import progress_bars
-    from models.errors import InputError
+    from models.errors import InputError, printable
 
     target = out or (runs[0] if len(runs) == 1 else RESULTS) / "report.html"
     if target.suffix != ".html":
@@ -32,6 +32,6 @@ def command(
     with progress_bars() as progress:
         written, remarks = write_report(runs, target, progress=progress)
     for kind, path in zip(["report", *["beside"] * (len(written) - 1)], written, strict=True):
-        typer.echo(f"{kind}  {path}")
+        typer.echo(printable(f"{kind}  {path}"))
     for remark in remarks:
-        typer.echo(f"remark  {remark}", err=True)
+        typer.echo(printable(f"remark  {remark}"), err=True)

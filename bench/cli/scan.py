@@ -23,9 +23,8 @@ def command(
     cache: shared.Cache = True,
 ) -> None:
     """Press the letters at 192 poses, twice (training and test), and write the readings."""
-    from rich.console import Console
-
     from bench.config import key_values, scan_options
+    from bench.console import plain_console
     from bench.places import check_new_file
     from bench.terminal import progress_bars
     from tactsim import scan_letters
@@ -46,8 +45,7 @@ def command(
         )
     scan.save(out)
     skipped = ", ".join(f"{name.replace('_', ' ')} {n:,}" for name, n in work["skipped"].items() if n)
-    Console().print(
+    plain_console().print(
         f"{len(scan):,} readings of {' '.join(scan.letters)}, {scan.readings.shape[1]} taxels, in {out}\n"
         f"presses {work['presses']:,}" + (f"; skipped: {skipped}" if skipped else ""),
-        highlight=False,
     )

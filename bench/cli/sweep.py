@@ -34,9 +34,8 @@ def command(
     ] = None,
 ) -> None:
     """Do many runs; stopped at any moment and started again, it goes on where it was."""
-    from rich.console import Console
-
     from bench import sweep
+    from bench.console import plain_console
     from bench.machine import cores
     from bench.places import SWEEPS
     from bench.terminal import print_sweep, progress_bars
@@ -53,4 +52,4 @@ def command(
             progress=progress,
         )
     print_sweep(places)
-    Console().print(f"results  {folder}", highlight=False)
+    plain_console().print(f"results  {folder}")

@@ -29,8 +29,7 @@ def command(
     ] = None,
 ) -> None:
     """Calibrate a pad: nothing may touch it, or, with --load, an even load must lie on it."""
-    from rich.console import Console
-
+    from bench.console import plain_console
     from bench.places import check_new_file
     from hardware.calibration import take_tare, with_gain
     from hardware.sources import open_source
@@ -50,7 +49,7 @@ def command(
         else with_gain(tare, readings, pressure)
     )
     result.save(out)
-    console = Console(highlight=False)
+    console = plain_console()
     low, high = min(result.tare), max(result.tare)
     console.print(
         f"{len(result.tare)} elements: zero {low:.2f} to {high:.2f} kPa, from {result.frames} frames"

@@ -64,12 +64,12 @@ def command(
 
 
 def _show(result: Validation, out: Path | None) -> None:
-    from rich.console import Console
     from rich.table import Table
 
+    from bench.console import plain_console
     from bench.validation import CLASSES
 
-    console = Console(highlight=False)
+    console = plain_console()
     fit = result.fit
     console.print(
         f"{result.readings:,} recorded readings of {' '.join(result.letters)}, {result.elements} elements"

@@ -16,9 +16,10 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from bench.config import BUDGETS, RunConfig
-from bench.results import Run, load, read_json
+from bench.results import Run, load
 from bench.score import summarise
 from estimators.registry import load as load_estimator
+from models.documents import read_json
 from models.errors import InputError
 from tactsim import WORLDS
 
@@ -115,8 +116,9 @@ def _runs_of(path: Path) -> list[Path]:
 
 
 def _sweep_order(path: Path) -> dict[str, int]:
+    content = read_json(path / "sweep.json", "sweep's list of runs")
     try:
-        return {str(run["name"]): number for number, run in enumerate(read_json(path / "sweep.json")["runs"])}
+        return {str(run["name"]): number for number, run in enumerate(content["runs"])}
     except (KeyError, TypeError) as error:
         raise InputError(f"{path / 'sweep.json'} lists no runs: {type(error).__name__}: {error}") from error
 
@@ -161,7 +163,8 @@ def budget(run: Run) -> Budget | None:
         for option in BUDGETS:
             value = options.get(option)
             if value is not None:
-                counts = [int(digits) for digits in re.findall(r"\d{1,9}", str(value))]
+                # Of another version's words at most these, so that their product is a number of a sensible size.
+                counts = [int(digits) for digits in re.findall(r"\d{1,9}", str(value))[:3]]
                 text = f"{counts[0]:,}" if len(counts) == 1 else str(value)
                 return Budget(option, text, math.prod(counts))
     return None

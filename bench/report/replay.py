@@ -7,13 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bench.config import RunConfig, checked
+from bench.config import RunConfig
 from bench.report.collect import Entry, Group
 from bench.runner import gather, silent
 from bench.score import errors, settled_at
 from bench.trials import Progress, Task, Trials, check_readings, run_trial
 from estimators import Estimate, Estimator, PlaneBelief, create
 from estimators.occupancy import OccupancyMap
+from models.checking import checked
 from models.errors import InputError
 from tactsim import Scan, compose, invert
 from tactsim.poses import FloatArray

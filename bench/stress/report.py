@@ -6,17 +6,16 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from rich.console import Console
-from rich.markup import escape
 from rich.table import Table
 
+from bench.console import plain_console
 from bench.machine import machine, versions
 from bench.stress.case import Outcome
 
 
 def print_outcomes(outcomes: Sequence[Outcome]) -> None:
     """Print the table, then for every failed case where it failed and why its limit is what it is."""
-    console = Console()
+    console = plain_console()
     table = Table(box=None, pad_edge=False)
     for heading in ("case", "varied", "deviation"):
         table.add_column(heading, overflow="fold")
@@ -25,9 +24,9 @@ def print_outcomes(outcomes: Sequence[Outcome]) -> None:
     for outcome in outcomes:
         case = outcome.case
         table.add_row(
-            escape(case.name),
-            escape(case.varied),
-            escape(case.deviation),
+            case.name,
+            case.varied,
+            case.deviation,
             f"{outcome.worst:.2g}",
             f"{'>=' if case.at_least else '<='} {case.limit:g}",
             verdict(outcome),
@@ -37,12 +36,10 @@ def print_outcomes(outcomes: Sequence[Outcome]) -> None:
         if not outcome.passed:
             console.print(
                 f"{outcome.case.name}: {outcome.at}; the limit: {outcome.case.because}",
-                markup=False,
-                highlight=False,
             )
     failed = sum(not outcome.passed for outcome in outcomes)
     seconds = sum(outcome.seconds for outcome in outcomes)
-    console.print(f"{len(outcomes)} cases in {seconds:.0f} s, {failed or 'none'} failed", highlight=False)
+    console.print(f"{len(outcomes)} cases in {seconds:.0f} s, {failed or 'none'} failed")
 
 
 def public(outcomes: Sequence[Outcome]) -> dict[str, Any]:

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
-from hardware.device import checked
 from hardware.recording import Kind, Tail
 from hardware.session import Plan, Press, next_press, note, parse_press
+from models.checking import checked
 from models.errors import InputError
 from tactsim.poses import FloatArray
 

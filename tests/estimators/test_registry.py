@@ -46,7 +46,7 @@ def test_a_misspelt_name_gets_a_hint():
     ("option", "message"),
     [
         ({"bin": 5}, "unknown option 'bin': did you mean 'bins'"),
-        ({"gamma": 2}, "option gamma"),
+        ({"gamma": 2}, "estimator histogram: gamma"),
         ({"bins": "x"}, "bins"),
     ],
 )

@@ -98,6 +98,9 @@ def kill_again_and_again(bench, name, kills, seed):
             done = sum(1 for _ in (out / "runs").glob("[!.]*"))
             assert done >= reported
             reported = done
+            if done == 2:  # nothing is left to be killed: begin anew
+                out.rename(bench.folder / f"done{number}")
+                reported = 0
         elif out.is_dir():
             out.rename(bench.folder / f"done{number}")
         else:

@@ -141,7 +141,7 @@ def test_counts_become_pressures_and_back():
 )
 def test_a_layout_that_makes_no_sense_is_refused_with_the_reason(layout, message):
     with pytest.raises(InputError, match=message):
-        from hardware.device import checked
+        from models.checking import checked
 
         checked(FieldsFormat, {"kind": "fields", "kpa_per_count": 1.0, "layout": layout}, "x")
 

@@ -167,7 +167,7 @@ def test_a_million_faces_are_refused_before_they_are_read(tmp_path):
     path = tmp_path / "thing.stl"
     with path.open("wb") as stream:
         stream.truncate(1 << 30)
-    assert "the most for a shape" in refusal(path)
+    assert "larger than 67,108,864 bytes" in refusal(path)
 
 
 def test_an_outline_with_too_many_corners(tmp_path):
@@ -199,9 +199,9 @@ def test_files_that_are_cut_short_or_of_another_kind(tmp_path, kind):
 def test_paths_that_are_no_files(tmp_path):
     assert "No such file" in refusal(tmp_path / "missing.stl")
     (tmp_path / "folder.stl").mkdir()
-    assert "not a file" in refusal(tmp_path / "folder.stl")
+    assert "not a regular file" in refusal(tmp_path / "folder.stl")
     os.mkfifo(tmp_path / "pipe.stl")
-    assert "not a file" in refusal(tmp_path / "pipe.stl")
+    assert "not a regular file" in refusal(tmp_path / "pipe.stl")
     assert ".stl, .obj, .glb and .svg" in refusal(tmp_path / "thing.step")
     assert ".stl, .obj, .glb and .svg" in refusal(tmp_path / "thing")
 

@@ -1,0 +1,467 @@
+"""Every kind of file that is read, damaged and made hostile: it works or is refused in one line; nothing else."""
+
+import hashlib
+import io
+import json
+import os
+import zipfile
+import zlib
+from pathlib import Path
+
+import numpy as np
+import pytest
+import tomli_w
+import trimesh
+from hostile import damaged, swapped
+
+import models
+from bench import regression, results, sweep
+from bench.compare import compare
+from bench.config import run_config, scan_options
+from bench.report.collect import collect, find
+from bench.report.page import page
+from bench.report.tables import tables
+from bench.runner import perform
+from bench.score import properties
+from estimators import create
+from hardware.calibration import Calibration, Correction
+from hardware.device import Device, load_device
+from hardware.recording import Kind, Recorder, RecordReader
+from hardware.replay import CsvReplay, Replay
+from hardware.scans import read_intervals, scan_of_sessions
+from hardware.stream import Stream
+from models.errors import InputError
+from tactsim import Pad, Scan, ScanOptions, cache
+from tactsim.reading import Reading
+
+GOOD = {}  # kind: the content of a good file, made once
+CASES = 40
+MANY = 1000
+
+
+@pytest.fixture(scope="module")
+def run_folder(tmp_path_factory):
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("TACTSIM_CACHE_DIR", str(tmp_path_factory.mktemp("cache")))
+        run, _ = perform(run_config(letters="IO", trials=3, readings=4, bins=100))
+    folder = tmp_path_factory.mktemp("run") / "run"
+    folder.mkdir()
+    results.save(run, folder)
+    (folder / "sweep.json").write_text(json.dumps({"schema": 1, "runs": [{"name": "run", "config": {}}]}))
+    return folder
+
+
+@pytest.fixture(scope="module")
+def small_scan():
+    rng = np.random.default_rng(0)
+    labels, split = np.repeat(["I", "O"], 6), np.tile(["train", "test"], 6)
+    objects = {"I": {"symmetry": 2, "centre": [0.0, 0.0], "inertia_over_mass": 50.0}}
+    meta = {"objects": objects, "options": ScanOptions().model_dump(mode="json")}
+    return Scan(rng.random((12, 36)) * 50, rng.normal(size=(12, 3)), labels, split, Pad().taxel_xy, meta)
+
+
+# ---- for each kind of file: a good one, and all that reads it
+
+
+def toml_of(values):
+    return tomli_w.dumps(values).encode()
+
+
+def mesh(kind):
+    body = trimesh.creation.box((0.012, 0.008, 0.004) if kind == "glb" else (12, 8, 4))
+    content = trimesh.Scene(body).export(file_type=kind) if kind == "glb" else body.export(file_type=kind)
+    return content.encode() if isinstance(content, str) else content
+
+
+SVG = b"""<?xml version="1.0"?><svg xmlns="http://www.w3.org/2000/svg" width="30mm" height="30mm" viewBox="0 0 30 30">
+<style>.a{fill:red}</style><g transform="translate(5 5) rotate(10)" fill-rule="evenodd"><path class="a"
+d="M0 0 h10 v10 h-10 z M3 3 C 4 2 6 2 7 3 A 2 2 0 0 1 7 7 Q 5 8 3 7 Z"/><circle cx="15" cy="4" r="3"/>
+<rect x="0" y="12" width="4" height="3" rx="1"/><polygon points="10,12 14,12 12,16"/></g></svg>"""
+DEVICE = {
+    "name": "small", "deadline": 2.0, "pad": {"rows": 2, "columns": 3, "no_seam": True, "unread_columns": 0},
+    "codec": {"kind": "fields", "kpa_per_count": 0.5, "zero": 100.0, "request": "01", "layout": [
+        {"is": "header", "bytes": "AA 55"}, {"is": "length", "of": "after"}, {"is": "index", "size": 2},
+        {"is": "clock", "size": 2, "tick_s": 0.001}, {"is": "elements", "count": 6, "bits": 12},
+        {"is": "checksum", "kind": "crc16-modbus"}, {"is": "footer", "bytes": "0D 0A"}]},
+    "part": [{"port": 0, "elements": [0, 1, 2, 3, 4, 5]}],
+}  # fmt: skip
+CALIBRATION = {
+    "device": "small", "port": "p", "taken": "2026-01-01T00:00:00Z", "frames": 50, "tare": [1.0] * 6,
+    "noise": [0.1] * 6, "gain": [1.0] * 6, "dead": [1], "stuck": [2],
+}  # fmt: skip
+PLAN = {"label": "I", "poses": [[0.0, 0.0, 0.0], [1.0, 1.0, 0.5]], "frames": 3}
+WORLD = {"placement_mm": 0.2, "press": {"force": 3.0}, "sensor": {"noise": 1.5, "psf_sigma": 0.8}}
+SWEEP = {
+    "defaults": {"letters": "IO", "trials": 4, "set": {"gamma": 0.2}, "scan_set": {"press": {"force": 2.0}}},
+    "run": [{"estimator": "histogram", "bins": [100, 1000]}, {"estimator": "particle", "particles": 9, "seed": [0, 1]}],
+}  # fmt: skip
+MARKS = b"label,split,x_mm,y_mm,theta_rad,first_s,last_s\nI,train,0,0,0,0,0.2\nO,test,1,2,0.5,0.3,0.5\n"
+CSV = b"Time [ms],Elem0,Elem1,Elem2,Elem3,Elem4,Elem5\n" + b"".join(
+    b"%d,1,2,3,4,5,6\n" % (10 * k) for k in range(60)
+)
+BASELINE = {"schema": 1, "benchmarks": {"a": {"ratio": 1.5, "figures": {"error_mm": 0.3, "right": 1}}}}
+MEASURED = {"benchmarks": [{"name": "a", "extra_info": {"ratio": 1.4, "error_mm": 0.3, "right": 1}}]}
+
+
+def read_world(path):
+    scan_options(world=str(path))
+
+
+def read_pad(path):
+    assert Pad.load(path).taxel_xy.shape[1] == 2
+    scan_options(scan_set={"pad": str(path)})
+
+
+def read_sweep(path):
+    for config in sweep.read(str(path))[1]:
+        create(config.estimator, **config.options)
+
+
+def read_device(path):
+    device = load_device(str(path))
+    stream = Stream(device)
+    rng = np.random.default_rng(0)
+    stream.request(0, 0.0)
+    stream.received(0, rng.bytes(3000), 0.1)
+    stream.received(0, bytes.fromhex("aa55") * 1000, 0.2)
+
+
+def read_calibration(path):
+    pad = Pad(rows=2, columns=3, seam=None)
+    Correction(Calibration.load(path), pad).apply(Reading(np.zeros(6), 0.0))
+
+
+def csv_device():
+    return Device.model_validate(
+        {"name": "csv", "codec": {"kind": "pps-csv", "elements": 6}, "pad": DEVICE["pad"]}
+    )
+
+
+def read_marks(path):
+    read_intervals(path)
+
+
+def read_csv(path):
+    for _ in CsvReplay(path, csv_device()):
+        pass
+
+
+def read_recording(path):
+    for _ in Replay(path):
+        pass
+    scan_of_sessions([path])
+
+
+def read_scan(path):
+    scan = Scan.load(path)
+    properties(scan)
+    assert len(scan.digest) == 64
+    scan.where("train")
+
+
+def read_shape(path):
+    models.shape(path)
+
+
+def read_run(path):
+    groups = collect(find([path.parent])[0])
+    run = groups[0].entries[0].run
+    compare(GOOD["good run"], run)
+    compare(run, run)
+    page(groups, [], [])
+    tables(groups, [])
+
+
+def read_baseline(path):
+    regression.check(regression.baseline(path), {"a": {"ratio": 1.4, "figures": {"error_mm": 0.3}}})
+
+
+def read_measured(path):
+    regression.check(BASELINE["benchmarks"], regression.least([regression.measured(path)]))
+
+
+def recording(path):
+    device = dict(DEVICE, codec={k: v for k, v in DEVICE["codec"].items() if k != "request"})
+    with Recorder(path) as recorder:
+        recorder.segment({"device": device, "calibration": CALIBRATION, "plan": PLAN, "urls": ["p"]}, 0.0)
+        for k in range(20):
+            recorder.reading(Reading(np.arange(6.0) + k, 0.1 * k))
+        recorder.received(0, b"\xaa\x55" * 20, 2.5)
+        recorder.sent(0, b"\x01", 2.6)
+        recorder.lost(0, 2.7)
+        recorder.mark({"number": 0, "what": "taken", "first": 2, "count": 3}, 3.0)
+        recorder.mark({"number": 1, "what": "taken", "first": 9, "count": 3}, 3.1)
+        recorder.end({"readings": 20}, 4.0)
+    return path.read_bytes()
+
+
+TEXTS = {
+    "world.toml": (WORLD, read_world),
+    "pad.toml": ({"rows": 4, "columns": 4, "pitch_x": 2.0, "no_seam": True}, read_pad),
+    "sweep.toml": (SWEEP, read_sweep),
+    "device.toml": (DEVICE, read_device),
+    "calibration.toml": (CALIBRATION, read_calibration),
+    "baseline.json": (BASELINE, read_baseline),
+    "measured.json": (MEASURED, read_measured),
+}
+FILES = {
+    "marks.csv": (lambda folder: MARKS, read_marks),
+    "vendor.csv": (lambda folder: CSV, read_csv),
+    "recording.tactrec": (lambda folder: recording(folder / "made.tactrec"), read_recording),
+    "thing.stl": (lambda folder: mesh("stl"), read_shape),
+    "text.stl": (lambda folder: mesh("stl_ascii"), read_shape),
+    "thing.obj": (lambda folder: mesh("obj"), read_shape),
+    "thing.glb": (lambda folder: mesh("glb"), read_shape),
+    "thing.svg": (lambda folder: SVG, read_shape),
+}
+OF_A_RUN = ("run.json", "summary.json", "times.json", "trials.csv", "times.csv", "sweep.json")
+
+
+def holds_or_refuses(read, path, content, how):
+    """Check that a content is read, or refused in one line of a sensible length."""
+    path.write_bytes(content)
+    try:
+        read(path)
+    except InputError as error:
+        assert "\n" not in str(error), how  # noqa: PT017
+        assert len(str(error)) < 3000, how  # noqa: PT017
+        return False
+    return True
+
+
+def try_all(name, read, path, content, count):
+    """Damage a file `count` times; a fault names the seed that shows it again."""
+    assert holds_or_refuses(read, path, content, "the good one")
+    for seed in range(count):
+        bad = damaged(content, np.random.default_rng([zlib.crc32(name.encode()), seed]))
+        try:
+            holds_or_refuses(read, path, bad, f"seed {seed}")
+        except Exception as error:
+            error.add_note(f"{name}, seed {seed}: {bad[:300]!r}")
+            raise
+    path.write_bytes(content)
+
+
+def how_many(count):
+    return [count, pytest.param(MANY, marks=pytest.mark.slow)]
+
+
+@pytest.mark.parametrize("count", how_many(CASES))
+@pytest.mark.parametrize("name", [*TEXTS, *FILES])
+def test_a_damaged_file_is_read_or_refused_in_one_line(name, count, tmp_path):
+    if name in TEXTS:
+        values, read = TEXTS[name]
+        content = toml_of(values) if name.endswith(".toml") else json.dumps(values, indent=1).encode()
+    else:
+        make, read = FILES[name]
+        content = make(tmp_path)
+    try_all(name, read, tmp_path / name, content, count)
+
+
+@pytest.mark.parametrize("count", how_many(CASES))
+@pytest.mark.parametrize("name", TEXTS)
+def test_a_swapped_value_is_read_or_refused_in_one_line(name, count, tmp_path):
+    values, read = TEXTS[name]
+    for seed in range(count):
+        bad = swapped(values, np.random.default_rng(seed))
+        if name.endswith(".toml"):
+            try:
+                content = toml_of(bad)
+            except (TypeError, AttributeError, ValueError):  # TOML has no null, and a file is a table
+                continue
+        else:
+            content = json.dumps(bad).encode()
+        try:
+            holds_or_refuses(read, tmp_path / name, content, f"seed {seed}")
+        except Exception as error:
+            error.add_note(f"{name}, seed {seed}: {content[:300]!r}")
+            raise
+
+
+@pytest.fixture
+def copied_run(run_folder, tmp_path):
+    GOOD["good run"] = results.load(run_folder)
+    folder = tmp_path / "sweep" / "runs" / "run"
+    folder.mkdir(parents=True)
+    for path in run_folder.iterdir():
+        (folder / path.name).write_bytes(path.read_bytes())
+    return folder
+
+
+@pytest.mark.parametrize("count", how_many(CASES))
+@pytest.mark.parametrize("name", OF_A_RUN)
+def test_a_damaged_run_is_shown_or_refused_in_one_line(name, count, copied_run):
+    try_all(name, read_run, copied_run / name, (copied_run / name).read_bytes(), count)
+
+
+@pytest.mark.parametrize("count", how_many(CASES))
+@pytest.mark.parametrize("name", [name for name in OF_A_RUN if name.endswith("json")])
+def test_a_run_with_a_swapped_value_is_shown_or_refused_in_one_line(name, count, copied_run):
+    values = json.loads((copied_run / name).read_text())
+    for seed in range(2 * count):
+        content = json.dumps(swapped(values, np.random.default_rng(seed))).encode()
+        try:
+            holds_or_refuses(read_run, copied_run / name, content, f"seed {seed}")
+        except Exception as error:
+            error.add_note(f"{name}, seed {seed}: {content[:300]!r}")
+            raise
+
+
+# ---- files whose parts have checksums: damaged inside, and sealed again
+
+
+@pytest.mark.parametrize("count", how_many(CASES))
+def test_a_recording_with_hostile_records_is_read_or_refused(count, tmp_path):
+    recording(tmp_path / "good.tactrec")
+    records = list(RecordReader(tmp_path / "good.tactrec"))
+    for seed in range(count):
+        rng = np.random.default_rng(seed)
+        path = tmp_path / f"{seed}.tactrec"
+        which = rng.integers(len(records))
+        with Recorder(path) as recorder:
+            for number, record in enumerate(records):
+                payload = record.payload
+                if number == which or (record.kind is Kind.SEGMENT and rng.random() < 0.5):
+                    if payload[:1] == b"{" and rng.random() < 0.7:
+                        payload = json.dumps(swapped(json.loads(payload), rng)).encode()
+                    elif payload:
+                        payload = damaged(payload, rng)
+                recorder._append(record.kind, record.link, record.time, payload)
+        try:
+            holds_or_refuses(read_recording, path, path.read_bytes(), f"seed {seed}")
+        except Exception as error:
+            error.add_note(f"seed {seed}")
+            raise
+
+
+def npy(shape, dtype, body=b"", version=1):
+    """Write an array's file by hand, with whatever a header may claim."""
+    header = f"{{'descr': {dtype!r}, 'fortran_order': False, 'shape': {shape!r}, }}".encode()
+    size = len(header).to_bytes(2 if version == 1 else 4, "little")
+    return b"\x93NUMPY" + bytes([version, 0]) + size + header + body
+
+
+ARRAYS = {
+    "10^12 rows": npy((10**12, 36), "<f8"),
+    "10^30 rows": npy((10**30, 36), "<f8"),
+    "a negative shape": npy((-1, 36), "<f8"),
+    "wide names": npy((10**6,), "<U1000000"),
+    "objects": npy((3,), "|O", b"cos\nsystem\n(S'touch harmed'\ntR."),
+    "a record": npy((3,), [("a", "<f8")]),
+    "four dimensions": npy((1, 1, 1, 1), "<f8", bytes(8)),
+    "a huge header": b"\x93NUMPY\x02\x00" + (2**31).to_bytes(4, "little") + b"{" * 1000,
+    "deep header": b"\x93NUMPY\x02\x00" + (20_000).to_bytes(4, "little") + b"(" * 20_000,
+    "code in the header": npy("__import__('os').system('touch harmed')", "<f8").replace(b'"', b""),
+    "no header": b"",
+    "not an array": b"x" * 1000,
+    "a pickle": b"\x80\x04cos\nsystem\n(S'touch harmed'\ntR.",
+    "infinite": npy((12, 36), "<f8", np.full((12, 36), np.inf).tobytes()),
+    "complex": npy((12, 36), "<c16", bytes(12 * 36 * 16)),
+    "times": npy((12,), "<M8[s]", bytes(96)),
+    "no text": npy((12,), "<U1", b"\xff\xff\xff\xff" * 12),
+    "surrogates": npy((12,), "<U1", b"\x00\xd8\x00\x00" * 12),
+    "empty": npy((0, 36), "<f8"),
+    "scalar": npy((), "<f8", bytes(8)),
+    "bytes": npy((12,), "|S5", bytes(60)),
+    "control codes": npy((12,), "<U1", b"\x1b\x00\x00\x00" * 12),
+}
+
+
+@pytest.mark.parametrize("kind", ARRAYS)
+def test_hostile_arrays_in_a_scan_are_refused(kind, small_scan, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    small_scan.save("good.npz")
+    with zipfile.ZipFile("good.npz") as archive:
+        members = {name: archive.read(name) for name in archive.namelist()}
+    for name in members:
+        for method in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
+            with zipfile.ZipFile("bad.npz", "w", method) as archive:
+                for other, content in members.items():
+                    archive.writestr(other, ARRAYS[kind] if other == name else content)
+            with pytest.raises(InputError) as caught:
+                read_scan("bad.npz")
+            assert "\n" not in str(caught.value)
+    assert not Path("harmed").exists()
+
+
+@pytest.mark.parametrize("count", how_many(CASES))
+def test_a_damaged_scan_is_read_or_refused_in_one_line(count, small_scan, tmp_path):
+    small_scan.save(tmp_path / "good.npz")
+    try_all("scan", read_scan, tmp_path / "a.npz", (tmp_path / "good.npz").read_bytes(), count)
+    with zipfile.ZipFile(tmp_path / "good.npz") as archive:
+        members = {name: archive.read(name) for name in archive.namelist()}
+    for seed in range(count):
+        rng = np.random.default_rng(seed)
+        chosen = list(members)[rng.integers(len(members))]
+        content = io.BytesIO()
+        with zipfile.ZipFile(content, "w") as archive:
+            for name, member in members.items():
+                archive.writestr(name, damaged(member, rng) if name == chosen else member)
+        holds_or_refuses(read_scan, tmp_path / "a.npz", content.getvalue(), f"{chosen}, seed {seed}")
+
+
+def test_a_scan_whose_meta_is_hostile_is_read_or_refused(small_scan, tmp_path):
+    good = json.loads(json.dumps(small_scan.meta))
+    for seed in range(CASES):
+        meta = swapped(good, np.random.default_rng(seed))
+        arrays = {
+            name: getattr(small_scan, name) for name in ("readings", "poses", "labels", "split", "taxel_xy")
+        }
+        text = json.dumps(meta)
+        np.savez(tmp_path / "a.npz", meta=np.array(text), **arrays)
+        try:
+            read_scan(tmp_path / "a.npz")
+        except InputError as error:
+            assert "\n" not in str(error)  # noqa: PT017
+
+
+@pytest.mark.parametrize("kind", ARRAYS)
+def test_a_cache_file_or_part_of_a_sweep_that_was_sealed_by_an_enemy_is_not_used(kind, tmp_path, monkeypatch):
+    monkeypatch.setenv("TACTSIM_CACHE_DIR", str(tmp_path))
+    key = "ab" * 32
+    body = ARRAYS[kind]
+    content = b"tactsim readings 2\n" + bytes.fromhex(key) + hashlib.sha256(body).digest() + body
+    (tmp_path / f"{key[:40]}.readings").write_bytes(content)
+    assert cache.load(key, (192, 36)) is None
+    part = sweep.Part("run", 0, ())
+    (tmp_path / "parts").mkdir()
+    archive = io.BytesIO()
+    with zipfile.ZipFile(archive, "w") as stream:
+        for name in ("work", "truth", "pose"):
+            stream.writestr(f"{name}.npy", body)
+    sealed = sweep._seal(archive.getvalue()) + archive.getvalue()
+    sweep._part_path(tmp_path, part).write_bytes(sealed)
+    assert sweep._load_part(tmp_path, part) is None
+
+
+# ---- what is no file
+
+
+READERS = {
+    **{name: read for name, (_, read) in {**TEXTS, **FILES}.items()},
+    "scan.npz": read_scan,
+}
+
+
+@pytest.mark.parametrize("name", READERS)
+def test_pipes_folders_devices_and_nothing_are_refused_at_once(name, tmp_path):
+    read, path = READERS[name], tmp_path / name
+    os.mkfifo(path)
+    (tmp_path / "folder").mkdir()
+    (tmp_path / "folder" / name).mkdir()
+    (tmp_path / "zeros").mkdir()
+    (tmp_path / "zeros" / name).symlink_to("/dev/zero")
+    for place in (path, tmp_path / "folder" / name, tmp_path / "zeros" / name, tmp_path / "none" / name):
+        with pytest.raises(InputError) as caught:
+            read(place)
+        assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("name", OF_A_RUN)
+def test_a_pipe_in_a_runs_folder_is_refused_at_once(name, copied_run):
+    (copied_run / name).unlink()
+    os.mkfifo(copied_run / name)
+    with pytest.raises(InputError):
+        results.load(copied_run)
+        find([copied_run])
+        raise InputError("sweep.json is no file of a run")
