@@ -21,9 +21,11 @@ def fitted(scan, **options):
 def test_calibrate_counts_by_brute_force():
     rng = np.random.default_rng(0)
     feature, kinds = rng.normal(size=300), rng.integers(4, size=300)
-    edges = np.array([-5.0, -0.5, 0.5, 0.5])  # nothing lies below the first, and one comes twice
+    feature[17] = 7.0  # alone in its bin
+    edges = np.array([-5.0, -0.5, 0.5, 0.5, 6.0, 99.0])  # nothing lies outside them, and one comes twice
     got = calibrate(feature, kinds, 4, edges)
-    for bin, (low, high) in enumerate([(-5, -0.5), (-0.5, 0.5), (0.5, 9)]):
+    assert len(got.feature) == 4
+    for bin, (low, high) in enumerate([(-5, -0.5), (-0.5, 0.5), (0.5, 6), (6, 99)]):
         inside = [k for f, k in zip(feature, kinds, strict=True) if low <= f < high]
         assert got.probability[:, bin] == pytest.approx(
             [(inside.count(k) + 1) / (len(inside) + 4) for k in range(4)]
@@ -32,6 +34,10 @@ def test_calibrate_counts_by_brute_force():
     middle = got((got.feature[0] + got.feature[1]) / 2)
     assert middle == pytest.approx((got.probability[:, 0] + got.probability[:, 1]) / 2)
     assert got(-100.0) == pytest.approx(got.probability[:, 0])
+
+
+def test_quantile_edges_divide_into_equal_parts():
+    assert quantile_edges(np.arange(101.0), 4).tolist() == [25, 50, 75]
 
 
 def test_features_that_are_all_equal_make_one_bin():

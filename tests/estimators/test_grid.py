@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from estimators.grid import StateGrid, state_grid
+from estimators.grid import StateGrid, _mean_square, state_grid
 from tactsim import InputError
 
 
@@ -31,6 +31,17 @@ def test_the_split_balances_shift_and_turn():
         assert 0.5 < 9 * turn / width < 2
 
 
+@pytest.mark.parametrize("split", [(5, 5, 4), (20, 7, 3), (3, 40, 50), (1, 1, 1)])
+def test_the_mean_square_is_that_of_a_ring_s_points_by_brute_force(split):
+    # A point 9 mm from the centre, the state uniform in a bin; the bin's centroid holds it unmoved.
+    grid = StateGrid(*split)
+    middle = (np.arange(200) + 0.5) / 200 - 0.5
+    dx, dy, turn = (middle * size for size in grid.spacing)
+    shift = (dx**2).mean() + (dy**2).mean()
+    turned = np.mean(np.abs(9 * np.exp(1j * turn) - 9) ** 2)
+    assert _mean_square(grid) == pytest.approx(shift + turned, rel=1e-4)
+
+
 @given(st.integers(1, 60), st.integers(1, 60), st.integers(1, 60), st.floats(0.1, 50))
 def test_bins_cover_the_space_in_equal_parts(x, y, angle, reach):
     grid = StateGrid(x, y, angle, reach)
@@ -43,11 +54,11 @@ def test_bins_cover_the_space_in_equal_parts(x, y, angle, reach):
         assert np.diff(centres) == pytest.approx(spacing)
 
 
-@pytest.mark.parametrize("split", ["16x16x36", "16,16,36", " 16 x 16 x 36 "])
+@pytest.mark.parametrize("split", ["16x20x36", "16,20,36", " 16 x 20 x 36 "])
 def test_an_explicit_split_is_taken(split):
     grid = state_grid(10_000, split)
-    assert (grid.x, grid.y, grid.angle) == (16, 16, 36)
-    assert grid.describe() == "16 x 16 x 36 = 9,216 bins a letter, each 1.25 mm x 1.25 mm x 10 deg"
+    assert (grid.x, grid.y, grid.angle) == (16, 20, 36)
+    assert grid.describe() == "16 x 20 x 36 = 11,520 bins a letter, each 1.25 mm x 1 mm x 10 deg"
 
 
 @pytest.mark.parametrize(

@@ -39,6 +39,28 @@ def test_an_element_is_stamped_where_its_pose_puts_it():
     assert chart.origin + chart.cell * np.array([column, row]) == pytest.approx([2.0, 2.0])
 
 
+@pytest.mark.parametrize("apart", [(30.0, 0.0), (0.0, 30.0)])
+def test_a_map_that_is_longer_than_wide_shows_both_ends_alike(apart):
+    alone = learn_maps(one_reading(10.0))["X"]
+    pair = learn_maps(one_reading([10.0, 10.0], taxel_xy=[[0.0, 0.0], apart]))["X"]
+    near = np.array([[0, 0], [0.7, 0.2], [-0.3, 1.1], [3, -3]])
+    assert pair.log_odds_at(near) == pytest.approx(alone.log_odds_at(near), abs=1e-6)
+    assert pair.log_odds_at(near + apart) == pytest.approx(alone.log_odds_at(near), abs=1e-6)
+
+
+@pytest.mark.parametrize("prior", [0.01, 0.5, 0.99])
+def test_a_map_reaches_as_far_as_an_element_says_anything(prior):
+    # Where eq. 5 and 6 have fallen to 1e-12, and in whole cells not a cell further than that.
+    def said(away):
+        g = 0.9 * math.exp(-2 * away**2)
+        return max(g * (1 - prior) / prior, g * prior / (1 - prior))
+
+    left, right, bottom, top = learn_maps(one_reading(10.0), prior=prior, cell=0.1)["X"].extent
+    assert (left, bottom) == (pytest.approx(-right), pytest.approx(-top))
+    assert max(said(-left), said(right), said(-bottom), said(top)) < 3e-12
+    assert min(said(-left - 0.2), said(right - 0.2), said(-bottom - 0.2), said(top - 0.2)) > 1e-13
+
+
 def test_the_order_of_readings_does_not_matter():
     scan = make_scan("E", poses=paper_poses(3, 4))
     shuffled = np.random.default_rng(0).permutation(len(scan))

@@ -31,6 +31,7 @@ from bench.score import wilson
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[1]
 RESULTS = ROOT / ".venv" / "mutants"
+LISTED = tomllib.loads((HERE / "modules.toml").read_text(encoding="utf-8"))
 AIM = 0.8
 
 
@@ -88,16 +89,16 @@ def _arguments() -> argparse.Namespace:
 
 
 def _tests_of_files() -> dict[str, list[str]]:
-    """Read which tests are tried on the mutants of which file, and check that no file is forgotten."""
-    listed = tomllib.loads((HERE / "modules.toml").read_text(encoding="utf-8"))
-    left_out = listed.pop("left_out")
+    """List which tests are tried on the mutants of which file; exit if a file is forgotten."""
     tests = {
         f"{package}/{module}.py": paths
-        for package, modules in listed.items()
+        for package, modules in LISTED["files"].items()
         for module, paths in modules.items()
     }
-    there = {str(path.relative_to(ROOT)) for package in listed for path in (ROOT / package).glob("*.py")}
-    if forgotten := there - set(tests) - set(left_out):
+    there = {
+        str(path.relative_to(ROOT)) for package in LISTED["files"] for path in (ROOT / package).glob("*.py")
+    }
+    if forgotten := there - set(tests) - set(LISTED["left_out"]):
         sys.exit(f"{min(forgotten)} is missing in tests/mutants/modules.toml")
     return tests
 
@@ -147,7 +148,7 @@ def _try_module(module: str, tests: list[str], chosen: argparse.Namespace) -> Tr
 
 def _digest(tests: list[str]) -> str:
     """Name what results depend on: all code, these tests and what they share, and what mutants there are."""
-    content = hashlib.sha256()
+    content = hashlib.sha256(repr((tests, LISTED["deselected"])).encode())
     code = [path for package in ("models", "tactsim", "estimators") for path in Path(package).glob("*.py")]
     own = [Path("tests", name) for name in tests]
     shared = [
@@ -163,6 +164,7 @@ def _settings(tests: list[str]) -> ConfigDict:
     """Configure Cosmic Ray, after the tests have passed without a mutation."""
     command = f"{sys.executable} -m pytest -q -x -p no:cacheprovider -p no:xdist -p same_examples "
     command += " ".join(f"tests/{name}" for name in tests)
+    command += "".join(f" --deselect tests/{name}" for name in LISTED["deselected"])
     begin = time.monotonic()
     run = subprocess.run(shlex.split(command), capture_output=True, text=True)
     seconds = time.monotonic() - begin
