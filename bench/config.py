@@ -30,6 +30,7 @@ class RunConfig(BaseModel):
     estimator: str = "histogram"
     options: dict[str, Any] = Field(default_factory=dict, description="the estimator's options")
     letters: tuple[str, ...] | None = Field(None, description="which take part; None: all there are")
+    hold_out: tuple[str, ...] = Field((), description="of them, those that are not trained on")
     trials: int = Field(10, ge=1, le=1_000_000, description="trials for each letter")
     readings: int = Field(60, ge=1, description="readings a trial, without replacement")
     explore: Literal["random", "information"] = "random"
@@ -49,6 +50,7 @@ class RunWords(BaseModel):
     particles: int | None = None
     set: dict[str, Any] = {}
     letters: str | None = None
+    hold_out: str | None = None
     shapes: tuple[Path, ...] = ()
     trials: int = 10
     readings: int = 60
@@ -74,6 +76,7 @@ class RunWords(BaseModel):
             "estimator": self.estimator, "options": options, "trials": self.trials,
             "readings": self.readings, "explore": self.explore, "seed": self.seed, "scan": pressed,
             "letters": parse_letters(self.letters) if self.letters and self.scan else None,
+            "hold_out": tuple((self.hold_out or "").replace(",", " ").split()),
             "scan_file": self.scan, "train_file": self.train_scan,
         }  # fmt: skip
         return checked(RunConfig, values, "run")

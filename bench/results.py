@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -62,6 +62,7 @@ class _Config(_Strict):
 
     estimator: str
     options: dict[str, Any]
+    hold_out: list[str] = []
 
 
 class _Machine(_Strict):
@@ -127,7 +128,9 @@ def load(path: str | Path) -> Run:
             for label, of in about.pop("objects").items()
         }
         trials = _trials(
-            _read_table(folder / "trials.csv", COLUMNS), _read_table(folder / "times.csv", TIME_COLUMNS)
+            _read_table(folder / "trials.csv", COLUMNS),
+            _read_table(folder / "times.csv", TIME_COLUMNS),
+            about["config"].get("hold_out", []),
         )
         if not set(trials.truth.tolist()) <= set(objects):
             raise InputError("run.json: objects: a letter of trials.csv is missing")
@@ -177,7 +180,9 @@ def _read_table(path: Path, columns: tuple[str, ...]) -> dict[str, list[str]]:
     return {name: list(values) for name, values in zip(columns, zip(*rows, strict=True), strict=True)}
 
 
-def _trials(table: Mapping[str, list[str]], times: Mapping[str, list[str]]) -> Trials:
+def _trials(
+    table: Mapping[str, list[str]], times: Mapping[str, list[str]], hold_out: Sequence[str]
+) -> Trials:
     number = _integers(table, "reading_number")
     readings = int(number.max())
     trials, left = divmod(len(number), max(readings, 1))
@@ -189,8 +194,10 @@ def _trials(table: Mapping[str, list[str]], times: Mapping[str, list[str]]) -> T
     def floats(of: Mapping[str, list[str]], name: str) -> FloatArray:
         return _floats(of, name).reshape(trials, readings)
 
+    truth = _labels(table, "truth")[::readings]
     return Trials(
-        truth=_labels(table, "truth")[::readings],
+        truth=truth,
+        known=~np.isin(truth, list(hold_out)),
         trial=_integers(table, "trial")[::readings],
         true_pose=np.stack(
             [floats(table, name)[:, 0] for name in ("true_x", "true_y", "true_theta")], axis=-1

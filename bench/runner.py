@@ -46,7 +46,7 @@ def perform(
     start = perf_counter()
     estimator = create(config.estimator, **config.options)  # a wrong option is said before the work
     gathered = gather(config, jobs=jobs, cache=cache, progress=progress)
-    check_readings(gathered.scan, gathered.letters, config.readings)
+    check_readings(gathered.scan, gathered.letters, config.readings, config.hold_out)
 
     fitting = perf_counter()
     progress("map", 0, 1)
@@ -83,7 +83,13 @@ def gather(config: RunConfig, *, jobs: int, cache: bool, progress: Progress) -> 
     for letter in letters:
         if letter not in scan.letters:
             raise unknown("letter of the scan", letter, scan.letters)
-    return Gathered(scan.of_letters(letters), letters, work, perf_counter() - start)
+    for letter in config.hold_out:
+        if letter not in letters:
+            raise unknown("letter to hold out", letter, letters)
+    if set(letters) <= set(config.hold_out):
+        raise InputError("--hold-out leaves no letter to train on")
+    scan = scan.of_letters(letters).untrained(config.hold_out)
+    return Gathered(scan, letters, work, perf_counter() - start)
 
 
 def protocol_of(config: RunConfig, scan: Scan) -> Protocol:
@@ -162,4 +168,5 @@ def _protocol_name(config: RunConfig) -> str:
     """Name what may share a table: results of different protocols are never put side by side."""
     poses = "from a file" if config.scan_file else config.scan.test_poses
     order = "random order" if config.explore == "random" else "order chosen by information"
-    return f"test poses {poses}, {order}"
+    held_out = f", {' '.join(config.hold_out)} held out" if config.hold_out else ""
+    return f"test poses {poses}, {order}{held_out}"

@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from pydantic import BaseModel, Field
 
 from bench.trials import Trials
+from estimators import NONE
 from models.checking import checked
 from models.errors import short
 from tactsim import InputError, Scan, invert, transform, wrap_angle
@@ -153,18 +154,18 @@ def accuracy_high(trials: Trials, objects: Mapping[str, Properties]) -> Curve:
 
 
 def error_mm(trials: Trials, objects: Mapping[str, Properties]) -> Curve:
-    """Mean placement error of the trials whose letter is right (as the paper averages it)."""
-    return _mean(errors(trials, objects), trials.right)
+    """Mean placement error of the trials whose letter is known and right (as the paper averages it)."""
+    return _mean(errors(trials, objects), _named(trials))
 
 
 def error_all_mm(trials: Trials, objects: Mapping[str, Properties]) -> Curve:
-    """Mean placement error over all trials, the wrong letters included."""
-    return errors(trials, objects).mean(axis=0)
+    """Mean placement error over all trials of known letters, the wrong estimates included."""
+    return errors(trials, objects)[trials.known].mean(axis=0)
 
 
 def error_standard_error_mm(trials: Trials, objects: Mapping[str, Properties]) -> Curve:
     """Give the standard error of `error_mm`."""
-    values, right = errors(trials, objects), trials.right
+    values, right = errors(trials, objects), _named(trials)
     count = right.sum(axis=0)
     squares = np.asarray(_mean(values**2, right), dtype=float)
     means = np.asarray(_mean(values, right), dtype=float)
@@ -173,13 +174,23 @@ def error_standard_error_mm(trials: Trials, objects: Mapping[str, Properties]) -
 
 
 def negative_log_likelihood(trials: Trials, objects: Mapping[str, Properties]) -> Curve:
-    """Mean of -log p(true letter), in nats; p is floored at the smallest normal float."""
+    """Mean of -log p(right label), in nats; p is floored at the smallest normal float."""
     return -np.log(np.clip(trials.p_truth, np.finfo(float).tiny, None)).mean(axis=0)
 
 
 def calibration_gap(trials: Trials, objects: Mapping[str, Properties]) -> Curve:
     """Mean stated probability of the estimate minus its accuracy: above 0 is overconfident."""
     return trials.p_label.mean(axis=0) - trials.right.mean(axis=0)
+
+
+def refused_known(trials: Trials, objects: Mapping[str, Properties]) -> Curve:
+    """Share of the trials of known letters that are taken for none of them."""
+    return (trials.label[trials.known] == NONE).mean(axis=0)
+
+
+def refused_unknown(trials: Trials, objects: Mapping[str, Properties]) -> Curve:
+    """Share of the trials of held-out letters that are taken for none of the known ones; None without such trials."""
+    return _mean((trials.label == NONE).astype(float), ~trials.known[:, None] & np.ones_like(trials.right))
 
 
 def evaluations(trials: Trials, objects: Mapping[str, Properties]) -> Curve:
@@ -221,7 +232,7 @@ CURVES: dict[str, Metric] = {
     metric.__name__: metric
     for metric in (
         accuracy, accuracy_low, accuracy_high, error_mm, error_standard_error_mm, error_all_mm,
-        negative_log_likelihood, calibration_gap, evaluations,
+        negative_log_likelihood, calibration_gap, refused_known, refused_unknown, evaluations,
     )
 }  # fmt: skip
 HEADLINES: dict[str, Metric] = {
@@ -235,6 +246,11 @@ def summarise(trials: Trials, objects: Mapping[str, Properties]) -> dict[str, An
     return {
         name: value.tolist() if isinstance(value, np.ndarray) else value for name, value in summary.items()
     }
+
+
+def _named(trials: Trials) -> NDArray[np.bool_]:
+    """Tell for (n, r) whether the true letter is known, and named."""
+    return trials.right & trials.known[:, None]
 
 
 def _mean(values: FloatArray, chosen: NDArray[np.bool_]) -> Curve:

@@ -102,10 +102,16 @@ def headlines(run: Run) -> list[str]:
             f"error at reading {readings}: {summary['error_mm'][-1]:.2f} mm where the letter is right, "
             f"{summary['error_all_mm'][-1]:.2f} mm over all trials"
         )
+    if run.config.get("hold_out"):
+        lines.append(
+            f"taken for none of the known letters at reading {readings}: {summary['refused_unknown'][-1]:.1%} of the "
+            f"trials of {', '.join(run.config['hold_out'])}, {summary['refused_known'][-1]:.1%} of the others"
+        )
     if run.about["classifier_agreement"] is not None:
         lines.append(
             f"eq. 3 is right for {100 * run.about['classifier_agreement']:.1f} % of the decided elements"
         )
+    propose = seconds.get("propose_per_reading", 0)
     lines.append(
         "time  "
         + ", ".join(
@@ -115,6 +121,7 @@ def headlines(run: Run) -> list[str]:
         )
         + f"; update {1e3 * seconds['update_per_reading']:.3f} ms, "
         f"estimate {1e3 * seconds['estimate_per_reading']:.3f} ms a reading"
+        + (f", choice of it {1e3 * propose:.1f} ms" if propose else "")
     )
     done = ", ".join(
         f"{name.replace('_', ' ')} {count:,}" for name, count in work.items() if name != "skipped"

@@ -14,7 +14,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from estimators import Estimate, Estimator, create
+from estimators import NONE, Estimate, Estimator, create
 from tactsim import InputError, Scan, compose, invert
 from tactsim.poses import FloatArray
 from tactsim.workers import worker_processes
@@ -37,14 +37,16 @@ class Task:
 class Trials:
     """What was estimated after every reading of n trials of r readings: the raw result of a run.
 
-    truth: (n,) letters. trial: (n,) number within the letter. true_pose: (n, 3) robot_in_object.
+    truth: (n,) letters. known: (n,) whether the estimator was trained on that letter; if not, NONE is the right
+    label. trial: (n,) number within the letter. true_pose: (n, 3) robot_in_object.
     reading: (n, r) which of the letter's test readings was taken. label: (n, r) the estimate (eq. 9,
-    14). p_truth, p_label: (n, r) probabilities given to the true and to the estimated letter. pose:
+    14). p_truth, p_label: (n, r) probabilities given to the right and to the estimated label. pose:
     (n, r, 3) estimated robot_in_object. evaluations: (n, r) likelihood evaluations of that update.
     update_s, estimate_s, propose_s: (n, r) seconds of processor time.
     """
 
     truth: NDArray[np.str_]
+    known: NDArray[np.bool_]
     trial: NDArray[np.int64]
     true_pose: FloatArray
     reading: NDArray[np.int64]
@@ -59,8 +61,8 @@ class Trials:
 
     @property
     def right(self) -> NDArray[np.bool_]:
-        """Tell for (n, r) whether the estimated letter is the true one."""
-        return self.label == self.truth[:, None]
+        """Tell for (n, r) whether the estimated letter is the true one, or NONE where that is not known."""
+        return self.label == np.where(self.known, self.truth, NONE)[:, None]
 
     @classmethod
     def joined(cls, parts: Iterable[Trials]) -> Trials:
@@ -89,10 +91,10 @@ def generator(seed: int, task: Task, stream: int) -> np.random.Generator:
     return np.random.default_rng([seed, zlib.crc32(task.truth.encode()), task.trial, stream])
 
 
-def check_readings(scan: Scan, letters: Iterable[str], readings: int) -> None:
-    """Raise InputError unless every letter has training readings and `readings` test readings."""
+def check_readings(scan: Scan, letters: Iterable[str], readings: int, hold_out: Iterable[str] = ()) -> None:
+    """Raise InputError unless every letter has `readings` test readings and, if not held out, training readings."""
     for letter in letters:
-        for split in ("train", "test"):
+        for split in ("test",) if letter in hold_out else ("train", "test"):
             if not len(scan.where(split, letter)):
                 raise InputError(f"the scan has no {split} readings of letter {letter!r}")
         count = len(scan.where("test", letter))
@@ -110,15 +112,17 @@ def run_trial(
     *,
     readings: int,
     seed: int,
+    known: bool = True,
     explore: Explore = "random",
     observe: Callable[[Estimate], None] | None = None,
 ) -> Trials:
     """Recognise one hidden object: present `readings` of its test readings, estimate after each.
 
-    `test` holds the letter's test readings only. Readings come in random order without replacement,
-    or, with explore="information", as the estimator proposes. observe(estimate) is called after each
-    reading, outside the times that are taken. Times are this process's processor time: what other
-    programs do on the machine meanwhile would otherwise be measured too.
+    `test` holds the letter's test readings only; `known` tells whether the estimator was trained on it.
+    Readings come in random order without replacement, or, with explore="information", as the estimator
+    proposes. observe(estimate) is called after each reading, outside the times that are taken. Times are
+    this process's processor time: what other programs do on the machine meanwhile would otherwise be
+    measured too.
     """
     rng = generator(seed, task, 0)
     true_pose = draw_true_pose(rng)
@@ -127,7 +131,7 @@ def run_trial(
     estimator.reset(generator(seed, task, 1))
 
     left = np.arange(len(test))
-    label = []
+    right, label = task.truth if known else NONE, []
     taken = np.empty(readings, dtype=np.int64)
     numbers = {name: np.empty(readings) for name in ("p_truth", "p_label", "update_s", "estimate_s")}
     propose_s = np.zeros(readings)
@@ -149,7 +153,7 @@ def run_trial(
         numbers["estimate_s"][k] = process_time() - updated
         numbers["update_s"][k] = updated - start
         label.append(estimate.label)
-        numbers["p_truth"][k] = estimate.probabilities.get(task.truth, 0.0)
+        numbers["p_truth"][k] = estimate.probabilities.get(right, 0.0)
         numbers["p_label"][k] = estimate.probabilities[estimate.label]
         pose[k] = estimate.robot_in_object
         after = int(estimator.work["likelihood_evaluations"])
@@ -159,7 +163,7 @@ def run_trial(
     if not (np.isfinite(pose).all() and np.isfinite(numbers["p_truth"]).all()):
         raise ArithmeticError(f"the estimate of letter {task.truth!r}, trial {task.trial}, is not finite")
     return Trials(
-        truth=np.array([task.truth]), trial=np.array([task.trial]), true_pose=true_pose[None],
+        truth=np.array([task.truth]), known=np.array([known]), trial=np.array([task.trial]), true_pose=true_pose[None],
         reading=taken[None], label=np.array([label]), pose=pose[None], evaluations=evaluations[None],
         propose_s=propose_s[None], **{name: values[None] for name, values in numbers.items()},
     )  # fmt: skip
@@ -215,6 +219,7 @@ def _run_here(
     protocol: Protocol, estimator: Estimator, tasks: list[Task], report: Callable[[int], None]
 ) -> tuple[Trials, dict[str, Any]]:
     tests = {truth: protocol.scan.where("test", truth) for truth in {task.truth for task in tasks}}
+    known = protocol.scan.where("train").letters
     before = Counter(flatten_work(estimator.work))
     parts = []
     for number, task in enumerate(tasks, start=1):
@@ -222,6 +227,7 @@ def _run_here(
             run_trial(
                 estimator, tests[task.truth], task,
                 readings=protocol.readings, seed=protocol.seed, explore=protocol.explore,
+                known=task.truth in known,
             )
         )  # fmt: skip
         report(number)

@@ -15,6 +15,8 @@ from tactsim import InputError, Scan
 from tactsim.finite import finite
 from tactsim.poses import FloatArray
 
+NONE = "none"  # the label of an object that is none of the known letters
+
 
 class Options(BaseModel):
     """Options of an estimator: named, typed, bounded, with the paper's symbol in the description."""
@@ -26,8 +28,9 @@ class Options(BaseModel):
 class Estimate:
     """What an estimator holds to be true after the readings so far.
 
-    label: the most probable letter (eq. 9, 14). probabilities: p(letter), summing to 1.
-    robot_in_object: [x, y, theta] mm, rad: the most probable T_R^O within that letter.
+    label: the most probable letter (eq. 9, 14), or NONE. probabilities: p(letter), summing to 1, with NONE
+    among them if the estimator considers that. robot_in_object: [x, y, theta] mm, rad: the most probable
+    T_R^O within the most probable letter.
     """
 
     label: str
@@ -121,3 +124,14 @@ def check_reading(
     if pose.shape != (3,):
         raise InputError(f"sensor_in_robot has shape {pose.shape}; it is [x, y, theta]")
     return finite(values, "reading"), finite(pose, "sensor_in_robot")
+
+
+def check_candidates(candidates: Sequence[FloatArray] | FloatArray) -> FloatArray:
+    """Return sensor_in_robot poses to choose from as a finite array (n, 3), n from 1.
+
+    Raises InputError if there are none, a pose has another length or a number is not finite.
+    """
+    poses = np.array(candidates, dtype=float)
+    if poses.ndim != 2 or poses.shape[1] != 3 or not len(poses):
+        raise InputError(f"candidates have shape {poses.shape}; they are one or more [x, y, theta]")
+    return finite(poses, "candidates")

@@ -27,19 +27,22 @@ class CalibratedLikelihood(Likelihood):
 
     def fit(self, scan: Scan, maps: Mapping[str, OccupancyMap]) -> None:
         """Count classes at the training elements, each against the map without itself."""
-        chosen = self.options
-        self.maps = maps
-        odds, kinds = [], []
-        for label, chart in maps.items():
-            train = scan.where("train", label)
-            classes = classify(train.readings, chosen.threshold, chosen.ratio)
-            xy = transform(train.poses, train.taxel_xy)
-            own = own_log_odds(chart, xy, classes, chosen.sigma, chosen.peak)
-            odds.append((chart.log_odds_at(xy) - own).ravel())
-            kinds.append(classes.ravel())
-        seen = np.concatenate(odds)
-        edges = quantile_edges(seen, chosen.quantiles)
-        self.calibration = calibrate(seen, np.concatenate(kinds), _CLASSES, edges)
+        self.maps, self._train = maps, scan.where("train")
+        odds, kinds = zip(*(self.left_out(label) for label in maps), strict=True)
+        seen = np.concatenate(odds).ravel()
+        edges = quantile_edges(seen, self.options.quantiles)
+        self.calibration = calibrate(seen, np.concatenate(kinds).ravel(), _CLASSES, edges)
+
+    def left_out(self, label: str) -> tuple[FloatArray, NDArray[np.int8]]:
+        """Look a letter's training elements up in a map without themselves: log-odds and classes (n, taxels)."""
+        train, chart = self._train.where(label=label), self.maps[label]
+        xy, classes = transform(train.poses, train.taxel_xy), self.classes(train.readings)
+        own = own_log_odds(chart, xy, classes, self.options.sigma, self.options.peak)
+        return chart.log_odds_at(xy) - own, classes
+
+    def classes(self, readings: ArrayLike) -> NDArray[np.int8]:
+        """Classify the elements of readings (..., taxels) kPa, with the T and ratio of the options."""
+        return classify(readings, self.options.threshold, self.options.ratio)
 
     @property
     def extent(self) -> tuple[FloatArray, FloatArray]:
@@ -52,7 +55,7 @@ class CalibratedLikelihood(Likelihood):
 
     def evidence(self, reading: FloatArray) -> Evidence:
         """Classify the elements; each is a term, an Unknown one too."""
-        classes = classify(reading, self.options.threshold, self.options.ratio).astype(np.int64)
+        classes = self.classes(reading).astype(np.int64)
         return Evidence(classes, np.arange(len(classes)), np.ones(len(classes), dtype=np.float32))
 
 

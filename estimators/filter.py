@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from estimators import likelihood
-from estimators.base import Estimate, Estimator, Options, check_order, check_reading
+from estimators.base import Estimate, Estimator, Options, check_candidates, check_order, check_reading
+from estimators.calibrated import CalibratedLikelihood
+from estimators.information import STATES, Planner
 from estimators.likelihood import Evidence, Likelihood
 from estimators.occupancy import OccupancyMap, learn_maps
 from estimators.options import FilterOptions
@@ -32,6 +34,7 @@ class MapFilter(Estimator):
         self.likelihood: Likelihood = likelihood.create(options)
         self.labels: tuple[str, ...] = ()
         self.maps: Mapping[str, OccupancyMap] = {}
+        self._planner: Planner | None = None
         self._started = False
 
     def fit(self, scan: Scan) -> None:
@@ -45,12 +48,15 @@ class MapFilter(Estimator):
         self.labels = tuple(self.maps)
         self.taxel_xy = scan.taxel_xy
         self.likelihood.fit(scan, self.maps)
+        self._train, self._planner = scan.where("train"), None
         self.prepare()
 
     def reset(self, rng: np.random.Generator) -> None:
         """Forget the sequence: every state of every letter is equally probable again."""
         check_order(bool(self.maps), "fit", "reset")
         self.restart(rng)
+        # A stream of its own: what is proposed does not depend on how, nor the estimates on whether.
+        self._planning = rng.spawn(1)[0]
         self._started = True
 
     def update(self, reading: ArrayLike, sensor_in_robot: ArrayLike) -> None:
@@ -66,6 +72,27 @@ class MapFilter(Estimator):
         """Give the letter's probabilities, and the mode of T_R^O within the most probable letter."""
         self._check_started("estimate")
         return self.answer()
+
+    def propose(self, candidates: Sequence[FloatArray] | FloatArray) -> int:
+        """Choose the index of the sensor_in_robot pose (n, 3) whose reading should say most about the state."""
+        self._check_started("propose")
+        poses = check_candidates(candidates)
+        if self._planner is None:
+            self._planner = Planner(self.calibrated(), self.taxel_xy)
+        letter, state = self.draw_states(STATES, self._planning)
+        return self._planner.choose(poses, letter, state, self._planning)
+
+    def calibrated(self) -> CalibratedLikelihood:
+        """Give the calibrated model of the same readings: the filter's own, or one learned for the purpose."""
+        if isinstance(self.likelihood, CalibratedLikelihood):
+            return self.likelihood
+        model = CalibratedLikelihood(self.options)
+        model.fit(self._train, self.maps)
+        return model
+
+    @abstractmethod
+    def draw_states(self, count: int, rng: np.random.Generator) -> tuple[NDArray[np.int64], FloatArray]:
+        """Draw states from the belief, equally probable: indices of letters (count,), T_R^O (3, count)."""
 
     @abstractmethod
     def prepare(self) -> None:

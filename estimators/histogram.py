@@ -6,6 +6,7 @@ import math
 from typing import Any, ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field
 
 from estimators.base import Estimate, Options, PlaneBelief
@@ -15,6 +16,7 @@ from estimators.history import History
 from estimators.kernels import LANES, TALL, Belief, Slices, advance, slices_of, summarise
 from estimators.likelihood import Evidence
 from estimators.options import FilterOptions
+from estimators.resampling import systematic
 from estimators.tables import Tables, pooled, tabulate
 from tactsim.poses import FloatArray
 
@@ -117,6 +119,15 @@ class HistogramFilter(MapFilter):
         rows, columns, tall, wide = belief.size
         current = (belief.seen == count).repeat(tall, axis=2).repeat(wide, axis=3)[:, :, :rows, :columns]
         return np.where(current, bins[:, :, :rows, :columns] if count else 0.0, -np.inf)
+
+    def draw_states(self, count: int, rng: np.random.Generator) -> tuple[NDArray[np.int64], FloatArray]:
+        """Draw bins by their belief, and a place in each."""
+        log_p, grid = self.log_belief(), self.grid
+        chosen = systematic(np.exp(log_p - log_p.max()).ravel(), count, rng)
+        letter, angle, row, column = np.unravel_index(chosen, log_p.shape)
+        x, y, theta = self._centres
+        within = rng.uniform(-0.5, 0.5, (3, count)) * np.array(grid.spacing)[:, None]
+        return letter.copy(), np.stack([x[column], y[row], theta[angle]]) + within
 
     def belief_over_plane(self) -> PlaneBelief:
         """Sum the belief over the angle."""

@@ -13,6 +13,7 @@ from estimators.base import Estimate, Options, PlaneBelief
 from estimators.filter import MapFilter
 from estimators.likelihood import Evidence
 from estimators.options import FilterOptions
+from estimators.resampling import systematic
 from estimators.state_kernels import add_cones, draw, weigh
 from estimators.tables import tabulate
 from models.errors import InputError
@@ -104,6 +105,11 @@ class ParticleFilter(MapFilter):
             probabilities=dict(zip(self.labels, probabilities, strict=True)),
             robot_in_object=parzen_mode(self._state.compress(mine, axis=1), weight[mine], self.options.rho),
         )
+
+    def draw_states(self, count: int, rng: np.random.Generator) -> tuple[NDArray[np.int64], FloatArray]:
+        """Draw particles by their weights."""
+        chosen = systematic(self._weight, count, rng)
+        return self._letter[chosen], self._state.take(chosen, axis=1)
 
     def belief_over_plane(self) -> PlaneBelief:
         """Count the weighted particles in cells of about 1 mm."""

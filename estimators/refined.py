@@ -15,7 +15,9 @@ from estimators.grid import StateGrid
 from estimators.histogram import HistogramFilter, HistogramOptions
 from estimators.kernels import pick
 from estimators.likelihood import Evidence
+from estimators.open_set import OpenSetFilter, OpenSetOptions
 from estimators.placement import mean_around
+from estimators.resampling import systematic
 from estimators.state_kernels import replay
 from tactsim.poses import FloatArray
 
@@ -25,7 +27,7 @@ _NEGLIGIBLE = 40.0
 _ROUNDING = 1e-6
 
 
-class RefinedOptions(HistogramOptions):
+class RefinedOptions(HistogramOptions, OpenSetOptions):
     """Options of the coarse-to-fine histogram filter."""
 
     likelihood: str = Field("calibrated", description="the measurement model: paper, calibrated")
@@ -63,7 +65,7 @@ class _Leaves:
         return self.log_p + self.log_volume
 
 
-class RefinedFilter(HistogramFilter):
+class RefinedFilter(OpenSetFilter, HistogramFilter):
     """Histogram filter over coarse bins, the best of which are split into smaller and smaller cells.
 
     After every reading the `cells` best of all bins, whichever letter's, are halved in x, y and angle, the
@@ -145,6 +147,20 @@ class RefinedFilter(HistogramFilter):
         """
         letter, state, log_weight, _ = self._states()
         return letter, state, log_weight - math.log(np.exp(log_weight).sum())
+
+    def draw_states(self, count: int, rng: np.random.Generator) -> tuple[NDArray[np.int64], FloatArray]:
+        """Draw cells, large and small, by what they hold, and a place in each."""
+        log_weight = np.concatenate([leaves.log_weight for leaves in self._leaves])
+        chosen = systematic(np.exp(log_weight - log_weight.max()), count, rng)
+        parts, end = [], 0
+        for leaves in self._leaves:
+            begin, end = end, end + len(leaves.cell)
+            first, last = np.searchsorted(chosen, [begin, end])
+            letter, state = leaves.grid.states(leaves.cell[chosen[first:last] - begin])
+            within = rng.uniform(-0.5, 0.5, state.shape) * np.array(leaves.grid.spacing)[:, None]
+            parts.append((letter, state + within))
+        letter, state = (np.concatenate(part, axis=-1) for part in zip(*parts, strict=True))
+        return letter, state
 
     def belief_over_plane(self) -> PlaneBelief:
         """Sum the belief of each coarse bin and over the angle."""

@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from estimators.base import Estimate, Options, PlaneBelief
-from estimators.filter import MapFilter
 from estimators.likelihood import Evidence
-from estimators.options import FilterOptions
+from estimators.open_set import OpenSetFilter, OpenSetOptions
 from estimators.particle import plane_histogram
 from estimators.placement import mean_around
+from estimators.resampling import systematic
 from estimators.state_kernels import weigh
 from estimators.tables import tabulate
 from tactsim import transform, wrap_angle
@@ -30,7 +30,7 @@ _BISECTIONS = 20
 _HOPELESS = 60.0
 
 
-class TemperedOptions(FilterOptions):
+class TemperedOptions(OpenSetOptions):
     """Options of the tempered particle filter."""
 
     likelihood: str = Field("calibrated", description="the measurement model: paper, calibrated")
@@ -70,7 +70,7 @@ class _Population:
         return self.log_evidence + _log_mean_exp(self.rest)
 
 
-class TemperedFilter(MapFilter):
+class TemperedFilter(OpenSetFilter):
     """Sequential Monte Carlo on a static state, adaptively tempered (Chopin 2002; Del Moral et al. 2006).
 
     After every reading b is set as near 1 as leaves `survivors` of the letter's population effective. A
@@ -135,15 +135,23 @@ class TemperedFilter(MapFilter):
             robot_in_object=mean_around(one.state, one.rest, int(one.log_p.argmax())),
         )
 
+    def draw_states(self, count: int, rng: np.random.Generator) -> tuple[NDArray[np.int64], FloatArray]:
+        """Draw particles by their weights and their letters' evidence."""
+        letter, state, weight = self._everything()
+        chosen = systematic(weight, count, rng)
+        return letter[chosen], state.take(chosen, axis=1)
+
     def belief_over_plane(self) -> PlaneBelief:
         """Count the weighted particles in cells of about 1 mm."""
+        return plane_histogram(self.labels, *self._everything(), self.options.reach)
+
+    def _everything(self) -> tuple[NDArray[np.int64], FloatArray, FloatArray]:
+        """Put all populations together: letter (n,), state (3, n), weight (n,), the heaviest 1."""
         log_weight = np.concatenate([one.log_evidence + one.rest for one in self._populations])
-        return plane_histogram(
-            self.labels,
+        return (
             np.repeat(np.arange(len(self.labels)), self._each),
             np.concatenate([population.state for population in self._populations], axis=1),
             np.exp(log_weight - log_weight.max()),
-            self.options.reach,
         )
 
     @property
@@ -198,9 +206,7 @@ class TemperedFilter(MapFilter):
 
     def _resample(self, one: _Population) -> None:
         """Draw a population anew from itself, systematically: equal weights afterwards."""
-        reached = np.cumsum(np.exp(one.log_weight))
-        ladder = (np.arange(self._each) + one.rng.random()) / self._each * reached[-1]
-        chosen = np.minimum(np.searchsorted(reached, ladder, side="right"), self._each - 1)
+        chosen = systematic(np.exp(one.log_weight), self._each, one.rng)
         one.state, one.log_p = one.state.take(chosen, axis=1), one.log_p[chosen]
         one.log_weight = np.zeros(self._each)
 

@@ -106,6 +106,10 @@ class Scan:
         """Select the readings of these letters, in their order."""
         return self._chosen(np.isin(self.labels, list(letters)))
 
+    def untrained(self, letters: Iterable[str]) -> Scan:
+        """Leave out the training readings of these letters, so that they are unknown objects."""
+        return self._chosen((self.split != "train") | ~np.isin(self.labels, list(letters)))
+
     def joined(self, other: Scan, meta: Mapping[str, Any]) -> Scan:
         """Append another scan of the same pad; the result says `meta`.
 

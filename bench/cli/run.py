@@ -35,6 +35,13 @@ def command(
     ] = None,
     letters: shared.Letters = None,
     shape: shared.Shape = None,
+    hold_out: Annotated[
+        str | None,
+        typer.Option(
+            help="Letters to try without training on them, A,E: right is 'none' (see `--set unknown`).",
+            show_default=False,
+        ),
+    ] = None,
     trials: Annotated[int, typer.Option(help="Trials for each letter.")] = 10,
     readings: Annotated[int, typer.Option(help="Readings a trial, without replacement.")] = 60,
     test_poses: shared.TestPoses = "same",
@@ -75,6 +82,7 @@ def command(
         particles=particles,
         set=key_values(settings or (), "--set"),
         letters=letters,
+        hold_out=hold_out,
         shapes=shape or (),
         trials=trials,
         readings=readings,
@@ -125,7 +133,7 @@ def save_with_pictures(run: Run, estimator: Estimator, folder: Path) -> list[Pat
 def public(run: Run) -> dict[str, Any]:
     """Put a run into the one flat object that `--json` prints."""
     config, about = run.config, run.about
-    asked = ("estimator", "trials", "readings", "seed", "explore")
+    asked = ("estimator", "trials", "readings", "seed", "explore", "hold_out")
     found = ("letters", "options", "description", "protocol", "classifier_agreement", "versions", "machine")
     return {
         **run.summary,

@@ -116,11 +116,11 @@ def replay_all(
 
 def _replay(entry: Entry, tasks: Mapping[str, Task], scans: dict[str, Scan]) -> Replayed:
     config = checked(RunConfig, entry.run.config, "run")
-    source = config.model_dump_json(include={"scan", "scan_file", "train_file", "letters"})
+    source = config.model_dump_json(include={"scan", "scan_file", "train_file", "letters", "hold_out"})
     if source not in scans:
         scans[source] = gather(config, jobs=1, cache=True, progress=silent).scan
     scan = scans[source]
-    check_readings(scan, sorted({task.truth for task in tasks.values()}), entry.readings)
+    check_readings(scan, sorted({task.truth for task in tasks.values()}), entry.readings, config.hold_out)
     estimator = create(config.estimator, **config.options)
     estimator.fit(scan)
     recognitions = tuple(
@@ -143,8 +143,9 @@ def _recognise(
             beliefs.append(belief)
 
     trial = run_trial(
-        estimator, test, task, readings=entry.readings, seed=config.seed, explore=config.explore, observe=keep
-    )
+        estimator, test, task, readings=entry.readings, seed=config.seed,
+        known=task.truth not in config.hold_out, explore=config.explore, observe=keep,
+    )  # fmt: skip
     true_pose, pose = trial.true_pose[0], trial.pose[0]
     labels = tuple(estimates[0].probabilities)
     return Recognition(

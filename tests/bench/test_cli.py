@@ -107,6 +107,37 @@ def test_a_scan_is_written_and_run_from_its_file(bench, tmp_path, scan_file):
         assert json.loads(pressed.stdout)[key] == json.loads(result.stdout)[key]
 
 
+def test_a_letter_held_out_is_tried_as_none_and_marks_the_protocol(bench, tmp_path):
+    words = [
+        "--letters",
+        "AEO",
+        "--hold-out",
+        "O",
+        "--estimator",
+        "tempered",
+        "--particles",
+        "600",
+        "--out",
+        "here",
+    ]
+    run = bench("run", *words, "--set", "unknown=0.2", "--trials", "2", "--readings", "8", "--json")
+    answer = json.loads(run.stdout)
+    assert answer["hold_out"] == ["O"]
+    assert "O held out" in answer["protocol"]
+    assert len(answer["refused_unknown"]) == len(answer["refused_known"]) == 8
+    assert set(answer["confusion"]) == {"A", "E", "O"}
+    assert "O" not in {label for row in answer["confusion"].values() for label in row}
+    assert bench("report", "here").returncode == 0
+    assert bench("compare", "here", "here").returncode == 0
+
+
+def test_a_chosen_order_marks_the_protocol_and_is_timed(bench):
+    run = bench("run", *SMALL, "--letters", "AE", "--explore", "information", "--json")
+    answer = json.loads(run.stdout)
+    assert "chosen by information" in answer["protocol"]
+    assert answer["seconds"]["propose_per_reading"] > 0
+
+
 def test_training_and_test_readings_may_come_from_two_files(bench, scan_file, tmp_path):
     bench("scan", "--out", "other.npz", "--letters", "AO", "--seed", "7")
     result = bench("run", *SMALL, "--train-scan", scan_file, "--scan", "other.npz", "--json")
@@ -155,6 +186,8 @@ BAD = {
     "scan out is a folder": (["scan", "--out", "full"], ["full"]),
     "verb": (["rum"], ["rum"]),
     "no sweep": (["sweep", "nowhere"], ["nowhere", "paper"]),
+    "held out": (["run", "--letters", "AE", "--hold-out", "Q"], ["hold out", "'Q'", "A, E"]),
+    "all held out": (["run", "--letters", "AE", "--hold-out", "A,E"], ["--hold-out", "train"]),
     "list": (["list", "weather"], ["weather", "estimators"]),
 }
 

@@ -20,7 +20,7 @@ def run_with(right_share, error, seed, n=300, r=6):
     pose[..., 0] += error * rng.uniform(0.5, 1.5, size=(n, r))
     many = {name: np.zeros((n, r)) for name in ("p_truth", "p_label", "update_s", "estimate_s", "propose_s")}
     trials = replace(
-        trials, truth=np.full(n, "A"), trial=np.arange(n), true_pose=true_pose, pose=pose,
+        trials, truth=np.full(n, "A"), known=np.ones(n, dtype=bool), trial=np.arange(n), true_pose=true_pose, pose=pose,
         label=np.where(right, "A", "E"), reading=np.zeros((n, r), int), evaluations=np.zeros((n, r), int), **many,
     )  # fmt: skip
     return replace(base, trials=trials, summary=summarise(trials, base.objects), about={"protocol": "same"})

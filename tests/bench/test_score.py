@@ -1,4 +1,5 @@
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -33,8 +34,8 @@ def make_trials(label, truth="A", pose_error=0.0):
     estimated = invert(compose([pose_error, 0.0, 0.0], invert(true_pose)))
     zeros = np.zeros((n, r))
     return Trials(
-        truth=np.full(n, truth), trial=np.arange(n), true_pose=true_pose, reading=zeros.astype(int),
-        label=label, p_truth=np.full((n, r), 0.5), p_label=np.full((n, r), 0.75),
+        truth=np.full(n, truth), known=np.ones(n, dtype=bool), trial=np.arange(n), true_pose=true_pose,
+        reading=zeros.astype(int), label=label, p_truth=np.full((n, r), 0.5), p_label=np.full((n, r), 0.75),
         pose=np.repeat(estimated[:, None], r, axis=1), evaluations=zeros.astype(int),
         update_s=zeros, estimate_s=zeros, propose_s=zeros,
     )  # fmt: skip
@@ -136,6 +137,20 @@ def test_the_summary_of_a_small_run_by_hand():
 def test_the_error_of_no_right_letter_is_none_and_not_a_number():
     summary = summarise(make_trials([["E", "A"]]), {"A": PLAIN})
     assert summary["error_mm"] == [None, pytest.approx(0, abs=1e-9)]
+
+
+def test_held_out_letters_have_refusals_and_no_placement():
+    labels = [["A", "none"], ["none", "A"], ["A", "none"], ["none", "none"]]
+    trials = replace(make_trials(labels, pose_error=2.0), known=np.array([True, True, False, False]))
+    summary = summarise(trials, {"A": PLAIN})
+    assert summary["accuracy"] == pytest.approx([0.5, 0.75])
+    assert summary["refused_known"] == pytest.approx([0.5, 0.5])
+    assert summary["refused_unknown"] == pytest.approx([0.5, 1.0])
+    assert summary["error_mm"] == pytest.approx([2.0, 2.0])
+    moved = replace(trials, pose=trials.pose + np.where(trials.known, 0, 50)[:, None, None])
+    for name in ("error_mm", "error_all_mm", "error_standard_error_mm"):
+        assert summarise(moved, {"A": PLAIN})[name] == summary[name]
+    assert summarise(make_trials(labels), {"A": PLAIN})["refused_unknown"] == [None, None]
 
 
 def test_every_metric_says_what_it_is():

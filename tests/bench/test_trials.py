@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -14,7 +16,7 @@ from bench.trials import (
     run_trials,
     unflatten_work,
 )
-from estimators import Estimate, Estimator, Options
+from estimators import NONE, Estimate, Estimator, Options
 from tactsim import InputError, Scan, compose
 
 LETTERS = "AEIOU"
@@ -192,3 +194,26 @@ def test_trials_are_joined_in_the_order_given():
     scan = make_scan()
     a, b = (trials_of(Witness(Options()), scan.of_letters(letter), count=2) for letter in "AE")
     assert Trials.joined([a, b]).truth.tolist() == ["A", "A", "E", "E"]
+
+
+class Refusing(Witness):
+    """Says "none" to every third reading, and has learned what it may."""
+
+    def estimate(self):
+        known = super().estimate()
+        refused = len(self.seen) % 3 == 0
+        return replace(known, label=NONE, probabilities={NONE: 1.0}) if refused else known
+
+
+def test_a_letter_that_was_held_out_is_right_when_it_is_refused():
+    scan = make_scan()
+    refusing = Refusing(Options())
+    refusing.fit(scan)
+    tasks = [Task(letter, trial) for letter in LETTERS for trial in range(2)]
+    protocol = Protocol("none", {}, scan.untrained(LETTERS[:1]), 6, 0)
+    trials = run_trials(protocol, refusing, tasks, progress=silent)[0]
+    held_out = trials.truth == LETTERS[0]
+    assert np.array_equal(trials.known, ~held_out)
+    assert (trials.right[held_out] == [False, False, True] * 2).all()
+    assert (trials.p_truth[held_out] == [0, 0, 1, 0, 0, 1]).all()
+    assert (trials.right[~held_out] == [True, True, False] * 2).all()
