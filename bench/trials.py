@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import zlib
 from collections import Counter, OrderedDict
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import as_completed
 from dataclasses import dataclass, fields
 from time import process_time
@@ -15,6 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimators import NONE, Estimate, Estimator, create
+from estimators.base import check_estimate
+from models.errors import short
 from tactsim import InputError, Scan, compose, invert
 from tactsim.poses import FloatArray
 from tactsim.workers import worker_processes
@@ -110,19 +112,21 @@ def run_trial(
     test: Scan,
     task: Task,
     *,
+    letters: Sequence[str],
     readings: int,
     seed: int,
-    known: bool = True,
     explore: Explore = "random",
     observe: Callable[[Estimate], None] | None = None,
 ) -> Trials:
     """Recognise one hidden object: present `readings` of its test readings, estimate after each.
 
-    `test` holds the letter's test readings only; `known` tells whether the estimator was trained on it.
+    `test` holds the letter's test readings only; `letters` are those that the estimator was trained on.
     Readings come in random order without replacement, or, with explore="information", as the estimator
     proposes. observe(estimate) is called after each reading, outside the times that are taken. Times are
     this process's processor time: what other programs do on the machine meanwhile would otherwise be
     measured too.
+
+    Raises InputError that names the estimator if it answers what is no estimate or no proposal.
     """
     rng = generator(seed, task, 0)
     true_pose = draw_true_pose(rng)
@@ -131,18 +135,23 @@ def run_trial(
     estimator.reset(generator(seed, task, 1))
 
     left = np.arange(len(test))
+    known = task.truth in letters
     right, label = task.truth if known else NONE, []
     taken = np.empty(readings, dtype=np.int64)
     numbers = {name: np.empty(readings) for name in ("p_truth", "p_label", "update_s", "estimate_s")}
     propose_s = np.zeros(readings)
     evaluations = np.empty(readings, dtype=np.int64)
     pose = np.empty((readings, 3))
-    before = int(estimator.work["likelihood_evaluations"])
+    before = _evaluations(estimator)
     for k in range(readings):
         if explore == "information":
             start = process_time()
             chosen = estimator.propose(sensor_in_robot[left])
             propose_s[k] = process_time() - start
+            if not (isinstance(chosen, int | np.integer) and 0 <= chosen < len(left)):
+                raise InputError(
+                    f"the estimator {type(estimator).__name__} is broken: it proposed {short(chosen)} of {len(left)}"
+                )
             taken[k], left = left[chosen], np.delete(left, chosen)
         else:
             taken[k] = order[k]
@@ -152,21 +161,24 @@ def run_trial(
         estimate = estimator.estimate()
         numbers["estimate_s"][k] = process_time() - updated
         numbers["update_s"][k] = updated - start
+        check_estimate(estimate, estimator, (*letters, NONE))
         label.append(estimate.label)
         numbers["p_truth"][k] = estimate.probabilities.get(right, 0.0)
         numbers["p_label"][k] = estimate.probabilities[estimate.label]
         pose[k] = estimate.robot_in_object
-        after = int(estimator.work["likelihood_evaluations"])
+        after = _evaluations(estimator)
         evaluations[k], before = after - before, after
         if observe is not None:
             observe(estimate)
-    if not (np.isfinite(pose).all() and np.isfinite(numbers["p_truth"]).all()):
-        raise ArithmeticError(f"the estimate of letter {task.truth!r}, trial {task.trial}, is not finite")
     return Trials(
         truth=np.array([task.truth]), known=np.array([known]), trial=np.array([task.trial]), true_pose=true_pose[None],
         reading=taken[None], label=np.array([label]), pose=pose[None], evaluations=evaluations[None],
         propose_s=propose_s[None], **{name: values[None] for name, values in numbers.items()},
     )  # fmt: skip
+
+
+def _evaluations(estimator: Estimator) -> int:
+    return flatten_work(estimator.work).get("likelihood_evaluations", 0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -219,15 +231,14 @@ def _run_here(
     protocol: Protocol, estimator: Estimator, tasks: list[Task], report: Callable[[int], None]
 ) -> tuple[Trials, dict[str, Any]]:
     tests = {truth: protocol.scan.where("test", truth) for truth in {task.truth for task in tasks}}
-    known = protocol.scan.where("train").letters
+    letters = protocol.scan.where("train").letters
     before = Counter(flatten_work(estimator.work))
     parts = []
     for number, task in enumerate(tasks, start=1):
         parts.append(
             run_trial(
-                estimator, tests[task.truth], task,
+                estimator, tests[task.truth], task, letters=letters,
                 readings=protocol.readings, seed=protocol.seed, explore=protocol.explore,
-                known=task.truth in known,
             )
         )  # fmt: skip
         report(number)
@@ -263,8 +274,13 @@ def _fitted(protocol: Protocol) -> Estimator:
 
 def flatten_work(work: Mapping[str, Any]) -> dict[str, int]:
     """Turn {"presses": 3, "skipped": {"cached": 1}} into {"presses": 3, "skipped.cached": 1}."""
-    flat = {name: int(count) for name, count in work.items() if name != "skipped"}
-    return flat | {f"skipped.{name}": int(count) for name, count in work.get("skipped", {}).items()}
+    try:
+        flat = {name: int(count) for name, count in work.items() if name != "skipped"}
+        return flat | {f"skipped.{name}": int(count) for name, count in work.get("skipped", {}).items()}
+    except (AttributeError, TypeError, ValueError, OverflowError) as error:
+        raise InputError(
+            f"an estimator's work is {short(work)}; it must be counts and `skipped`, a table of counts"
+        ) from error
 
 
 def unflatten_work(flat: Mapping[str, int]) -> dict[str, Any]:

@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 from pydantic import BaseModel, ConfigDict
 
+from models.errors import short
 from tactsim import InputError, Scan
-from tactsim.finite import finite
+from tactsim.finite import LARGEST, finite
 from tactsim.poses import FloatArray
 
 NONE = "none"  # the label of an object that is none of the known letters
@@ -103,6 +104,39 @@ class Estimator(ABC):
     def work(self) -> dict[str, Any]:
         """Count what was done since `fit`: `likelihood_evaluations` and `skipped` {reason: count}."""
         return {"likelihood_evaluations": 0, "skipped": {}}
+
+
+def check_estimate(estimate: Any, estimator: Estimator, letters: Sequence[str]) -> None:
+    """Raise InputError that names the estimator's class unless it made an estimate over some of `letters`.
+
+    Probabilities are finite, not negative and sum to 1 within 1e-6; the pose is finite.
+    """
+    fault = _fault_of_estimate(estimate, letters)
+    if fault is not None:
+        kind = type(estimator)
+        raise InputError(
+            f"the estimator {kind.__module__}.{kind.__qualname__} is broken: its estimate {fault}"
+        )
+
+
+def _fault_of_estimate(estimate: Any, letters: Sequence[str]) -> str | None:
+    if not (isinstance(estimate, Estimate) and isinstance(estimate.probabilities, Mapping)):
+        return f"is {short(estimate)}, no Estimate with a table of probabilities"
+    strange = [label for label in (estimate.label, *estimate.probabilities) if label not in letters]
+    if strange:
+        return f"names {short(strange[0])}, which is no letter that it was fitted to"
+    if estimate.label not in estimate.probabilities:
+        return f"gives its own letter {estimate.label} no probability"
+    try:
+        p = np.array(list(estimate.probabilities.values()), dtype=float)
+        pose = np.asarray(estimate.robot_in_object, dtype=float)
+    except (TypeError, ValueError, OverflowError):
+        return "holds what is no number"
+    if not (p.ndim == 1 and (p >= 0).all() and abs(p.sum() - 1) <= 1e-6):  # false for NaN too
+        return f"has probabilities {short(p.tolist())}, which are negative or do not sum to 1"
+    if pose.shape != (3,) or not (np.abs(pose) <= LARGEST).all():
+        return f"has the pose {short(pose.tolist())}, which is no finite [x, y, theta]"
+    return None
 
 
 def check_order(done: bool, first: str, call: str) -> None:

@@ -68,6 +68,13 @@ class OccupancyMap:
         )
 
 
+def maps_of(estimator: object) -> Mapping[str, OccupancyMap]:
+    """Give the maps that an estimator has learned, its attribute `maps`; none if it has no such maps."""
+    maps = getattr(estimator, "maps", None)
+    known = isinstance(maps, Mapping) and all(isinstance(chart, OccupancyMap) for chart in maps.values())
+    return maps if known and maps is not None else {}
+
+
 def learn_maps(
     scan: Scan,
     *,

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from importlib import import_module
-from importlib.metadata import EntryPoint, entry_points
 from typing import Any
 
-from estimators.base import Estimator
+from estimators.base import Estimator, Options
+from models import plug_ins
 from models.checking import checked
-from models.errors import InputError, unknown
+from models.errors import unknown
+from models.plug_ins import Listed
 
 GROUP = "tactsim.estimators"
 
@@ -30,18 +30,9 @@ BUILT_IN: dict[str, tuple[str, str]] = {
 }
 
 
-@dataclass(frozen=True)
-class Listed:
-    """One line of `bench list`: a name, where it comes from, and whether it can be used."""
-
-    name: str
-    summary: str
-    status: str
-
-
 def names() -> tuple[str, ...]:
     """List every estimator that `create` knows, the built-in ones first."""
-    return (*BUILT_IN, *(point.name for point in _plug_ins() if point.name not in BUILT_IN))
+    return (*BUILT_IN, *(point.name for point in plug_ins.plug_ins(GROUP) if point.name not in BUILT_IN))
 
 
 def create(name: str, **options: Any) -> Estimator:
@@ -59,42 +50,23 @@ def load(name: str) -> type[Estimator]:
     if name in BUILT_IN:
         module, attribute = BUILT_IN[name][0].split(":")
         return getattr(import_module(module), attribute)
-    for point in _plug_ins():
+    for point in plug_ins.plug_ins(GROUP):
         if point.name == name:
-            return _load_plug_in(point)
+            return plug_ins.load_plug_in(point, _fault)
     raise unknown("estimator", name, names())
 
 
 def listing() -> list[Listed]:
     """Describe every estimator; a plug-in that cannot be loaded is a status, not a crash."""
-    rows = [Listed(name, summary, "built in") for name, (_, summary) in BUILT_IN.items()]
-    for point in _plug_ins():
-        origin = point.dist.name if point.dist else point.value
-        if point.name in BUILT_IN:
-            rows.append(Listed(point.name, f"from {origin}", "hidden by the built-in of that name"))
-            continue
-        try:
-            summary = (_load_plug_in(point).__doc__ or "").strip().partition("\n")[0]
-            rows.append(Listed(point.name, summary, f"from {origin}"))
-        except InputError as error:
-            rows.append(Listed(point.name, f"from {origin}", str(error)))
-    return rows
+    return plug_ins.listing(GROUP, BUILT_IN, _fault)
 
 
-def _plug_ins() -> tuple[EntryPoint, ...]:
-    return tuple(sorted(entry_points(group=GROUP), key=lambda point: point.name))
-
-
-def _load_plug_in(point: EntryPoint) -> type[Estimator]:
-    origin = f"plug-in {point.name!r} ({point.value})"
-    try:
-        chosen = point.load()
-    except (Exception, SystemExit) as error:  # whatever a stranger's module raises when it is imported
-        said = next(iter(str(error).splitlines()), "")
-        raise InputError(f"{origin} is broken: {type(error).__name__}: {said}") from error
+def _fault(chosen: Any) -> str | None:
     if not (isinstance(chosen, type) and issubclass(chosen, Estimator)):
-        raise InputError(f"{origin} is no subclass of estimators.Estimator")
+        return "is no subclass of estimators.Estimator"
     missing = ", ".join(sorted(chosen.__abstractmethods__))
     if missing:
-        raise InputError(f"{origin} does not define {missing}")
-    return chosen
+        return f"does not define {missing}"
+    if not (isinstance(chosen.options_type, type) and issubclass(chosen.options_type, Options)):
+        return "has options_type that is no subclass of estimators.Options"
+    return None

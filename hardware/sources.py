@@ -4,18 +4,20 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 from importlib import import_module
-from importlib.metadata import EntryPoint, entry_points
 from types import TracebackType
 from typing import Any, Protocol
+
+import numpy as np
 
 from hardware.calibration import Calibration, Correction
 from hardware.counters import Counters
 from hardware.device import Device
 from hardware.errors import SourceEnded, SourceError
 from hardware.recording import Recorder
-from models.errors import InputError, unknown
+from models import plug_ins
+from models.errors import InputError, short, unknown
+from models.plug_ins import Listed
 from tactsim.pad import Pad
 from tactsim.poses import FloatArray
 from tactsim.reading import Reading
@@ -125,15 +127,6 @@ class Recorded(Source):
         self._inner.close()
 
 
-@dataclass(frozen=True)
-class Listed:
-    """One line of `bench devices`: a source's name, what it is, and whether it can be used."""
-
-    name: str
-    summary: str
-    status: str
-
-
 def open_source(
     places: Sequence[str],
     device: Device,
@@ -149,18 +142,21 @@ def open_source(
     there is none or it cannot be opened.
     """
     name, _, rest = places[0].partition(":") if places else ("", "", "")
-    plug_ins = {point.name: point for point in _plug_ins()}
+    added = {point.name: point for point in plug_ins.plug_ins(GROUP)}
     if name in BUILT_IN:
         opener: Opener = _load(BUILT_IN[name][0])
         places = [rest, *places[1:]]
-    elif name in plug_ins:
-        opener = _load_plug_in(plug_ins[name])
+    elif name in added:
+        opener = plug_ins.load_plug_in(added[name], _fault)
         places = [rest, *places[1:]]
     elif rest and not rest.startswith("//") and name.isidentifier() and len(name) > 1:
         raise unknown("source", name, names())
     else:
         opener = _load(BUILT_IN["port"][0])
     source = opener(places, device, log)
+    if name in added and name not in BUILT_IN:
+        _check_source(source, name)
+        source = _Checked(source, name)
     try:
         if isinstance(log, Recorder) and not source.has_bytes:
             source = Recorded(source, log)
@@ -174,27 +170,12 @@ def open_source(
 
 def names() -> tuple[str, ...]:
     """List every source that `open_source` knows."""
-    return (*BUILT_IN, *(point.name for point in _plug_ins() if point.name not in BUILT_IN))
+    return (*BUILT_IN, *(point.name for point in plug_ins.plug_ins(GROUP) if point.name not in BUILT_IN))
 
 
 def listing() -> list[Listed]:
     """Describe every source; a plug-in that cannot be loaded is a status, not a crash."""
-    rows = [Listed(name, summary, "built in") for name, (_, summary) in BUILT_IN.items()]
-    for point in _plug_ins():
-        origin = point.dist.name if point.dist else point.value
-        if point.name in BUILT_IN:
-            rows.append(Listed(point.name, f"from {origin}", "hidden by the built-in of that name"))
-            continue
-        try:
-            summary = (_load_plug_in(point).__doc__ or "").strip().partition("\n")[0]
-            rows.append(Listed(point.name, summary, f"from {origin}"))
-        except InputError as error:
-            rows.append(Listed(point.name, f"from {origin}", str(error)))
-    return rows
-
-
-def _plug_ins() -> tuple[EntryPoint, ...]:
-    return tuple(sorted(entry_points(group=GROUP), key=lambda point: point.name))
+    return plug_ins.listing(GROUP, BUILT_IN, _fault)
 
 
 def _load(where: str) -> Any:
@@ -202,11 +183,36 @@ def _load(where: str) -> Any:
     return getattr(import_module(module), attribute)
 
 
-def _load_plug_in(point: EntryPoint) -> Opener:
-    try:
-        opener = point.load()
-    except Exception as error:  # whatever a stranger's module raises when it is imported
-        raise SourceError(f"plug-in {point.name!r} ({point.value}) is broken: {error}") from error
-    if not callable(opener):
-        raise SourceError(f"plug-in {point.name!r} ({point.value}) is no function that opens a source")
-    return opener
+def _fault(opener: Any) -> str | None:
+    return None if callable(opener) else "is no function that opens a source"
+
+
+def _check_source(source: Any, name: str) -> None:
+    """Raise SourceError unless a plug-in has opened what a source must be."""
+    if not isinstance(source, Source):
+        raise SourceError(f"plug-in {name!r} opened {short(source)}, which is no hardware.sources.Source")
+    for attribute, kind in (("pad", Pad), ("taxel_xy", np.ndarray), ("counters", Counters)):
+        if not isinstance(getattr(source, attribute, None), kind):
+            raise SourceError(f"plug-in {name!r} opened a source without `{attribute}`, a {kind.__name__}")
+
+
+class _Checked(Source):
+    """A plug-in's source; what it gives out is a reading of its pad, or the plug-in is named."""
+
+    def __init__(self, inner: Source, name: str) -> None:
+        self._inner, self._name = inner, name
+        self.pad, self.taxel_xy, self.counters = inner.pad, inner.taxel_xy, inner.counters
+        self.calibrated, self.has_bytes = inner.calibrated, inner.has_bytes
+
+    def read(self, timeout: float | None = None) -> Reading:
+        """Return the next reading; see `Source.read`."""
+        reading = self._inner.read(timeout)
+        if not isinstance(reading, Reading) or reading.pressures.shape != (len(self.taxel_xy),):
+            raise SourceError(
+                f"plug-in {self._name!r} gave {short(reading)}, which is no Reading of {len(self.taxel_xy)} elements"
+            )
+        return reading
+
+    def close(self) -> None:
+        """Close the plug-in's source."""
+        self._inner.close()

@@ -7,6 +7,8 @@ import reprlib
 from collections.abc import Iterable
 from typing import Any
 
+_LONGEST_LINE = 2000  # characters
+
 
 class InputError(ValueError):
     """Say in one line what is wrong, where, and what would be right.
@@ -14,6 +16,11 @@ class InputError(ValueError):
     The command line prints the message without a traceback and exits with status 2; any other
     exception is a bug and keeps its traceback.
     """
+
+    def __str__(self) -> str:
+        """Give the message, cut where what a file holds has made it too long to be read."""
+        message = super().__str__()
+        return message if len(message) <= _LONGEST_LINE else f"{message[:_LONGEST_LINE]} ..."
 
 
 _LONGEST = 100  # characters of a name that could have been meant for one that there is

@@ -69,7 +69,7 @@ def _array(member: IO[bytes], name: str) -> NDArray[Any]:
     except Exception as error:
         # NumPy reads a header by Python's own tokenizer and parser, which raise whatever comes.
         raise InputError(f"array {name!r} has no header that NumPy writes") from error
-    if dtype.kind not in "fiuU" or len(shape) > 3 or min(shape, default=0) < 0:
+    if dtype.kind not in "bfiuU" or len(shape) > 3 or min(shape, default=0) < 0:
         raise InputError(f"array {name!r} holds {dtype} of shape {shape}, no numbers or names")
     size = dtype.itemsize * int(np.prod([int(n) for n in shape], dtype=object))
     if size > LARGEST:

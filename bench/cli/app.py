@@ -28,7 +28,6 @@ from bench.cli import list as list_verb
 from models.errors import InputError, printable
 
 FAILED, WRONG_INPUT, INTERRUPTED = 1, 2, 130
-_LONGEST = 2000  # characters of a message, whatever a file made it hold
 
 app = typer.Typer(
     name="bench",
@@ -86,5 +85,5 @@ def run_app() -> NoReturn:
 
 def fail(message: str, status: int = WRONG_INPUT) -> NoReturn:
     """Say in one line what went wrong and what would be right, and exit."""
-    print(f"bench: {printable(' '.join(message.split()))[:_LONGEST]}", file=sys.stderr)
+    print(f"bench: {printable(' '.join(message.split()))}", file=sys.stderr)
     sys.exit(status)

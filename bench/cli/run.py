@@ -119,12 +119,13 @@ def save_with_pictures(run: Run, estimator: Estimator, folder: Path) -> list[Pat
     """Write the run's folder, pictures included, whole or not at all; returns the pictures' paths."""
     from bench import results
     from bench.figures import maps_figure, readings_figure, save_figure
+    from estimators.occupancy import maps_of
     from models.files import new_folder
 
     with new_folder(folder) as inside:
         results.save(run, inside)
         pictures = [save_figure(readings_figure(run), inside / "readings.png")]
-        maps = getattr(estimator, "maps", None)
+        maps = maps_of(estimator)
         if maps:
             pictures.append(save_figure(maps_figure(maps), inside / "maps.png"))
     return [folder / picture.name for picture in pictures]

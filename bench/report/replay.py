@@ -13,7 +13,7 @@ from bench.runner import gather, silent
 from bench.score import errors, settled_at
 from bench.trials import Progress, Task, Trials, check_readings, run_trial
 from estimators import Estimate, Estimator, PlaneBelief, create
-from estimators.occupancy import OccupancyMap
+from estimators.occupancy import OccupancyMap, maps_of
 from models.checking import checked
 from models.errors import InputError
 from tactsim import Scan, compose, invert
@@ -126,7 +126,7 @@ def _replay(entry: Entry, tasks: Mapping[str, Task], scans: dict[str, Scan]) -> 
     recognitions = tuple(
         _recognise(entry, estimator, scan, config, task, kind) for kind, task in tasks.items()
     )
-    return Replayed(entry, scan, getattr(estimator, "maps", {}), recognitions)
+    return Replayed(entry, scan, maps_of(estimator), recognitions)
 
 
 def _recognise(
@@ -143,8 +143,8 @@ def _recognise(
             beliefs.append(belief)
 
     trial = run_trial(
-        estimator, test, task, readings=entry.readings, seed=config.seed,
-        known=task.truth not in config.hold_out, explore=config.explore, observe=keep,
+        estimator, test, task, letters=scan.where("train").letters, readings=entry.readings,
+        seed=config.seed, explore=config.explore, observe=keep,
     )  # fmt: skip
     true_pose, pose = trial.true_pose[0], trial.pose[0]
     labels = tuple(estimates[0].probabilities)

@@ -117,7 +117,7 @@ def test_readings_are_the_letters_own_test_readings_without_replacement():
     scan = make_scan()
     witness = Witness(Options())
     witness.fit(scan)
-    run_trial(witness, scan.where("test", "I"), Task("I", 4), readings=20, seed=3)
+    run_trial(witness, scan.where("test", "I"), Task("I", 4), letters=scan.letters, readings=20, seed=3)
     letters, indices = np.array([reading for reading, _ in witness.seen]).T
     assert set(letters) == {2}
     assert sorted(indices) == list(range(20, 40))
@@ -157,7 +157,13 @@ def test_a_proposing_estimator_chooses_among_the_readings_that_are_left():
     witness = Witness(Options())
     witness.fit(scan)
     trial = run_trial(
-        witness, scan.where("test", "A"), Task("A", 0), readings=5, seed=0, explore="information"
+        witness,
+        scan.where("test", "A"),
+        Task("A", 0),
+        letters=scan.letters,
+        readings=5,
+        seed=0,
+        explore="information",
     )
     assert trial.reading[0].tolist() == [19, 18, 17, 16, 15]
 
@@ -181,13 +187,69 @@ def test_readings_that_are_not_there_are_refused(readings, letters, message):
 
 
 class Broken(Blind):
+    """Answer what a test says, whatever is felt."""
+
+    answer = proposal = counts = None
+
     def estimate(self):
-        return Estimate("A", {"A": np.nan}, np.zeros(3))
+        return self.answer
+
+    def propose(self, candidates):
+        return self.proposal
+
+    @property
+    def work(self):
+        return {"skipped": {}} if self.counts is None else self.counts
 
 
-def test_an_estimate_that_is_not_finite_is_never_scored():
-    with pytest.raises(ArithmeticError, match="not finite"):
-        trials_of(Broken(Options()), make_scan(), count=1)
+EVEN = dict.fromkeys(LETTERS, 0.2)
+ANSWERS = {
+    "none": (None, "no Estimate"),
+    "no table": (Estimate("A", [1.0], np.zeros(3)), "no Estimate"),
+    "nan": (Estimate("A", EVEN | {"A": np.nan}, np.zeros(3)), "do not sum to 1"),
+    "twice": (Estimate("A", dict.fromkeys(LETTERS, 0.4), np.zeros(3)), "do not sum to 1"),
+    "negative": (Estimate("A", EVEN | {"A": 0.5, "E": -0.1}, np.zeros(3)), "negative"),
+    "words": (Estimate("A", EVEN | {"A": "likely"}, np.zeros(3)), "no number"),
+    "huge": (Estimate("A", EVEN | {"A": 10**400}, np.zeros(3)), "no number"),
+    "wrong label": (Estimate("X", EVEN, np.zeros(3)), "names 'X'"),
+    "no label": (Estimate(None, EVEN, np.zeros(3)), "names None"),
+    "a label too many": (Estimate("A", EVEN | {"X": 0.0}, np.zeros(3)), "names 'X'"),
+    "no probability": (Estimate("A", {"E": 1.0}, np.zeros(3)), "no probability"),
+    "nan pose": (Estimate("A", EVEN, np.array([0.0, np.nan, 0.0])), "no finite"),
+    "far pose": (Estimate("A", EVEN, np.array([0.0, 1e300, 0.0])), "no finite"),
+    "short pose": (Estimate("A", EVEN, np.zeros(2)), "no finite"),
+    "no pose": (Estimate("A", EVEN, None), "no "),
+}
+
+
+@pytest.mark.parametrize("kind", ANSWERS)
+def test_an_answer_that_is_no_estimate_names_the_estimator(kind):
+    broken = Broken(Options())
+    broken.answer, said = ANSWERS[kind]
+    with pytest.raises(InputError, match=r"estimator test_trials\.Broken is broken") as caught:
+        trials_of(broken, make_scan(), count=1)
+    assert said in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("proposal", [None, -1, 20, 0.0, "first", np.nan])
+def test_a_proposal_that_is_none_names_the_estimator(proposal):
+    scan, broken = make_scan(), Broken(Options())
+    broken.fit(scan)
+    broken.answer, broken.proposal = Estimate("A", EVEN, np.zeros(3)), proposal
+    with pytest.raises(InputError, match="Broken is broken: it proposed"):
+        run_trial(
+            broken, scan.where("test", "A"), Task("A", 0),
+            letters=scan.letters, readings=2, seed=0, explore="information",
+        )  # fmt: skip
+
+
+@pytest.mark.parametrize("counts", [3, [], {"likelihood_evaluations": "many"}, {"skipped": 3}, {"a": np.nan}])
+def test_counts_that_are_none_are_refused(counts):
+    broken = Broken(Options())
+    broken.answer, broken.counts = Estimate("A", EVEN, np.zeros(3)), counts
+    with pytest.raises(InputError, match="an estimator's work is"):
+        trials_of(broken, make_scan(), count=1)
 
 
 def test_trials_are_joined_in_the_order_given():
@@ -197,10 +259,12 @@ def test_trials_are_joined_in_the_order_given():
 
 
 class Refusing(Witness):
-    """Says "none" to every third reading, and has learned what it may."""
+    """Says "none" to every third reading, and takes the letter that it was not fitted to for another."""
 
     def estimate(self):
         known = super().estimate()
+        if known.label == LETTERS[0]:
+            known = replace(known, label=LETTERS[1], probabilities={LETTERS[1]: 1.0})
         refused = len(self.seen) % 3 == 0
         return replace(known, label=NONE, probabilities={NONE: 1.0}) if refused else known
 

@@ -14,6 +14,7 @@ from hardware.errors import SourceEnded, SourceError
 from hardware.recording import Recorder, RecordReader
 from hardware.replay import Replay
 from hardware.sources import Source, open_source
+from models import plug_ins
 from tactsim import InputError
 from tactsim.reading import Reading
 
@@ -49,9 +50,9 @@ class Point:
 @pytest.fixture
 def plug_in(monkeypatch):
     """Pretend that a package with a source is installed, beside those that are."""
-    real = sources.entry_points
+    real = plug_ins.entry_points
     points = [Point()]
-    monkeypatch.setattr(sources, "entry_points", lambda group: [*real(group=group), *points])
+    monkeypatch.setattr(plug_ins, "entry_points", lambda group: [*real(group=group), *points])
     return points
 
 

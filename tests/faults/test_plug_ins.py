@@ -1,0 +1,142 @@
+"""Plug-ins that are broken in every way, installed as a user's are: a status in a list, or one sentence."""
+
+import json
+
+import pytest
+from conftest import refused
+
+MODULES = {
+    "raising": "raise RuntimeError('first line\\nsecond line')",
+    "exiting": "import sys; sys.exit(3)",
+    "recursing": "def f(): f()\nf()",
+    "misspelt": "def f(:",
+    "printing": "raise ValueError('\\x1b[31m[bold]red')",
+    "lacking": "import a_package_that_nobody_has",
+    "wrong": "Thing = 3\nBare = object\ndef function(): ...",
+    "halves": """
+from estimators import Estimator
+class Unfinished(Estimator):
+    def fit(self, scan): ...
+class Whole(Estimator):
+    __doc__ = 5
+    options_type = dict
+    def fit(self, scan): ...
+    def reset(self, rng): ...
+    def update(self, reading, sensor_in_robot): ...
+    def estimate(self): ...
+""",
+    "guessing": """
+import numpy as np
+from estimators import Estimate, Estimator
+class Guessing(Estimator):
+    '''Guess; a subclass says how.'''
+    maps = ["no map"]
+    def fit(self, scan): self.letters = scan.letters
+    def reset(self, rng): ...
+    def update(self, reading, sensor_in_robot): ...
+    def estimate(self):
+        even = dict.fromkeys(self.letters, 1 / len(self.letters))
+        return Estimate(self.letters[0], even, np.zeros(3))
+class Nan(Guessing):
+    def estimate(self): return Estimate("I", {"I": float("nan")}, np.zeros(3))
+class Nothing(Guessing):
+    def estimate(self): return None
+class Faulty(Guessing):
+    def update(self, reading, sensor_in_robot): raise KeyError("a bug of the plug-in's")
+""",
+    "sources": """
+from hardware.counters import Counters
+from hardware.sources import Source
+class Bad(Source):
+    def __init__(self, device, value):
+        self.pad, self.taxel_xy, self.counters, self.value = device.pad, device.pad.taxel_xy, Counters(), value
+    def read(self, timeout=None): return self.value
+    def close(self): ...
+def nothing(places, device, log): return None
+def bare(places, device, log):
+    source = Bad(device, None)
+    del source.counters
+    return source
+def silent(places, device, log): return Bad(device, None)
+def short(places, device, log):
+    from tactsim.reading import Reading
+    return Bad(device, Reading([1.0, 2.0], 0.0))
+""",
+}
+BROKEN = [
+    "raising:X", "exiting:X", "recursing:X", "misspelt:X", "printing:X", "lacking:X", "nowhere:X", "wrong:Missing",
+    "wrong:Thing",
+]  # fmt: skip
+ESTIMATORS = [*BROKEN, "wrong:Bare", "wrong:function", "halves:Unfinished", "halves:Whole"]
+WORKING = ["guessing:Guessing", "guessing:Nan", "guessing:Nothing", "guessing:Faulty"]
+SOURCES = ["sources:nothing", "sources:bare", "sources:silent", "sources:short"]
+
+
+@pytest.fixture
+def plugged(bench):
+    """Install a package with all of them; its entry points are called bad0, bad1 ... and as their functions."""
+    site = bench.folder / "site"
+    metadata = site / "plugged-1.0.dist-info"
+    metadata.mkdir(parents=True)
+    for name, code in MODULES.items():
+        (site / f"{name}.py").write_text(code)
+    lines = ["[tactsim.estimators]"]
+    lines += [f"bad{number} = {point}" for number, point in enumerate(ESTIMATORS)]
+    lines += [f"{point.partition(':')[2].lower()} = {point}" for point in WORKING]
+    lines += ["[tactsim.sources]"]
+    lines += [f"bad{number} = {point}" for number, point in enumerate(BROKEN)]
+    lines += [f"{point.partition(':')[2]} = {point}" for point in SOURCES]
+    (metadata / "METADATA").write_text("Metadata-Version: 2.1\nName: plugged\nVersion: 1.0\n")
+    (metadata / "entry_points.txt").write_text("\n".join(lines) + "\n")
+    bench.environment |= {"PYTHONPATH": str(site), "COLUMNS": "400"}
+    return bench
+
+
+def test_every_broken_plug_in_is_a_status(plugged):
+    result = plugged("list", "estimators")
+    assert result.returncode == 0, result.stderr
+    assert result.stderr == ""
+    assert "\x1b" not in result.stdout
+    for number in range(len(ESTIMATORS)):
+        assert f"bad{number} " in result.stdout
+    for said in ("is broken: SystemExit", "does not define", "options_type", "RecursionError", "histogram"):
+        assert said in result.stdout, said
+    result = plugged("devices", "--json")
+    assert result.returncode == 0, result.stderr
+    status = {row["name"]: row["status"] for row in json.loads(result.stdout)["sources"]}
+    for number in range(len(BROKEN)):
+        assert f"plug-in 'bad{number}'" in status[f"bad{number}"]
+    assert status["simulated"] == "from tactsim"
+
+
+RUN = ["run", "--letters", "IO", "--trials", "1", "--readings", "2", "--out", "out"]
+
+
+def test_a_plug_in_that_answers_nonsense_is_named_in_one_line(plugged, scan_file):
+    for name, said in {
+        "nan": "guessing.Nan is broken",
+        "nothing": "guessing.Nothing is broken",
+        "bad1": "plug-in 'bad1'",
+    }.items():
+        refused(plugged(*RUN, "--scan", scan_file, "--estimator", name), said)
+        assert not (plugged.folder / "out").exists()
+    result = plugged(*RUN, "--scan", scan_file, "--estimator", "faulty")
+    assert result.returncode == 1
+    assert "guessing.py" in result.stderr, "an exception of its own keeps its traceback, for its author"
+    assert not (plugged.folder / "out").exists()
+    assert plugged(*RUN, "--scan", scan_file, "--estimator", "guessing").returncode == 0
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("nothing", "no hardware.sources.Source"),
+        ("bare", "without `counters`"),
+        ("silent", "no Reading of 36"),
+        ("short", "no Reading of 36"),
+        ("bad0", "RuntimeError: first line"),
+        ("bad1", "SystemExit"),
+    ],
+)
+def test_a_source_that_is_none_is_named_in_one_line(plugged, name, said):
+    refused(plugged("probe", "--port", f"{name}:x", "--seconds", "0.1"), f"plug-in '{name}'", said)
