@@ -2,6 +2,7 @@
 
 import csv
 import os
+import shutil
 import signal
 import socket
 import subprocess
@@ -29,9 +30,9 @@ seed = [0, 1]
 """
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def environment(tmp_path_factory):
-    cache = tmp_path_factory.getbasetemp() / "sweep-cache"
+    cache = tmp_path_factory.mktemp("sweep-cache")
     return os.environ | {"TACTSIM_CACHE_DIR": str(cache), "COLUMNS": "120", "NO_COLOR": "1"}
 
 
@@ -46,6 +47,15 @@ def finish(process):
     output, errors = process.communicate(timeout=240)
     assert process.returncode == 0, errors
     return output
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory, environment):
+    """Finish the small sweep once, undisturbed; tests compare with it or copy it."""
+    folder = tmp_path_factory.mktemp("sweep")
+    (folder / "s.toml").write_text(SMALL)
+    finish(start(folder, environment, "s.toml", "--out", "whole", "--jobs", "1"))
+    return folder / "whole"
 
 
 def contents(folder):
@@ -127,9 +137,8 @@ def test_a_sweep_gives_what_single_runs_give(tmp_path, environment, monkeypatch)
         assert (places[0] / name).read_bytes() == (tmp_path / "single" / name).read_bytes()
 
 
-def test_a_sweep_killed_again_and_again_ends_with_the_same_bytes(tmp_path, environment):
+def test_a_sweep_killed_again_and_again_ends_with_the_same_bytes(tmp_path, environment, whole):
     (tmp_path / "s.toml").write_text(SMALL)
-    finish(start(tmp_path, environment, "s.toml", "--out", "whole", "--jobs", "1"))
     kills = 0
     for wait in (1.2, 1.9, 2.4, 2.9):
         process = start(tmp_path, environment, "s.toml", "--out", "killed", "--jobs", "1")
@@ -141,18 +150,17 @@ def test_a_sweep_killed_again_and_again_ends_with_the_same_bytes(tmp_path, envir
             kills += 1
     assert kills >= 2
     finish(start(tmp_path, environment, "s.toml", "--out", "killed", "--jobs", "2"))
-    assert contents(tmp_path / "killed") == contents(tmp_path / "whole")
+    assert contents(tmp_path / "killed") == contents(whole)
 
 
-def test_a_part_that_was_damaged_is_done_again(tmp_path, environment):
+def test_a_part_that_was_damaged_is_done_again(tmp_path, environment, whole):
     (tmp_path / "s.toml").write_text(SMALL)
-    finish(start(tmp_path, environment, "s.toml", "--out", "whole", "--jobs", "1"))
     parts = tmp_path / "again" / "parts"
     parts.mkdir(parents=True)
-    for place in (tmp_path / "whole" / "runs").iterdir():
+    for place in (whole / "runs").iterdir():
         (parts / f"{place.name}.00000.npz").write_bytes(b"no part at all")
     finish(start(tmp_path, environment, "s.toml", "--out", "again", "--jobs", "1"))
-    assert contents(tmp_path / "again") == contents(tmp_path / "whole")
+    assert contents(tmp_path / "again") == contents(whole)
 
 
 def test_a_part_of_another_version_is_done_again(tmp_path, monkeypatch):
@@ -170,9 +178,9 @@ def test_a_part_of_another_version_is_done_again(tmp_path, monkeypatch):
         assert (sweep._load_part(tmp_path, part) is not None) == found
 
 
-def test_what_a_killed_sweep_left_behind_is_removed(tmp_path, environment):
+def test_what_a_killed_sweep_left_behind_is_removed(tmp_path, environment, whole):
     (tmp_path / "s.toml").write_text(SMALL)
-    finish(start(tmp_path, environment, "s.toml", "--out", "out", "--jobs", "1"))
+    shutil.copytree(whole, tmp_path / "out")
     kept = contents(tmp_path / "out")
     run = next((tmp_path / "out" / "runs").iterdir())
     left = [
