@@ -126,9 +126,8 @@ def _environment(folder: Path, copy: Path) -> dict[str, str]:
 def _try_module(module: str, tests: list[str], chosen: argparse.Namespace) -> Tried:
     """Try a sample of a module's mutants, or all, but for those whose result is known."""
     mutants = mutants_of(Path(module))
-    wanted = mutants
-    if not chosen.all and len(mutants) > chosen.sample:
-        wanted = random.Random(f"{chosen.seed} {module}").sample(mutants, chosen.sample)
+    random.Random(f"{chosen.seed} {module}").shuffle(mutants)  # a larger sample holds the smaller one
+    wanted = mutants if chosen.all else mutants[: chosen.sample]
     session = RESULTS / f"{module.replace('/', '.')}-{_digest(tests)}.sqlite"
     with use_db(session, WorkDB.Mode.create) as work:
         results = dict(work.results)

@@ -16,6 +16,7 @@ LEAST_AREA = 4.0  # mm^2; presses that touch less are judged apart
 def compare(name, options, poses):
     letter = models.letter(name)
     readings, _ = ideal_readings(letter, poses, options)
+    assert readings.min() >= 0
     expected, areas = zip(
         *(
             expected_reading(

@@ -38,10 +38,18 @@ def test_saturation_is_the_most_that_is_read():
 
 
 def test_gains_spread_and_stay():
-    readings = sensed(gain_spread=0.1)
-    gain = readings / IDEAL
-    assert gain == pytest.approx(np.broadcast_to(gain[0], gain.shape))
-    assert 0.05 < gain[0].std() < 0.2
+    gain = gains(ScanOptions(sensor=SensorOptions(gain_spread=0.1)))
+    assert 0.05 < gain.std() < 0.2
+    assert sensed(gain_spread=0.1) == pytest.approx(IDEAL * gain)
+
+
+def test_gains_lie_about_1_and_none_is_below_zero():
+    sensor = SensorOptions(gain_spread=1.0)
+    gain = np.concatenate([gains(ScanOptions(seed=seed, sensor=sensor)) for seed in range(40)])
+    # Shares of a normal distribution, within five standard deviations.
+    assert gain.min() == 0
+    for limit, share in ((0, 0.1587), (0.5, 0.3085), (1, 0.5), (2, 0.8413)):
+        assert (gain <= limit).mean() == pytest.approx(share, abs=2.5 / np.sqrt(len(gain)))
 
 
 def test_hysteresis_keeps_a_share_of_the_last_reading():
@@ -68,6 +76,15 @@ def test_random_taxels_are_as_many_as_asked_for_and_half_of_them_look_like_conta
     assert changed.mean() == pytest.approx(0.2, abs=0.01)
     largest = IDEAL.max(axis=1, keepdims=True)
     assert (readings > 0.3 * largest)[changed].mean() == pytest.approx(0.5, abs=0.03)
+
+
+def test_random_taxels_of_a_reading_without_pressure_are_zero():
+    below = sensed(np.zeros((50, 36)), random_taxels=0.5, drift=-0.01)
+    assert ((below == 0) | (below < -0.005)).all()
+    assert 0.4 < (below == 0).mean() < 0.6
+    faint = sensed(np.full((50, 36), 0.1), random_taxels=0.5)
+    assert faint.max() == 0.1
+    assert 0.4 < (faint < 0.06).mean() < 0.6
 
 
 def test_an_effect_does_not_change_what_another_draws():
