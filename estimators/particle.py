@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from typing import Any, ClassVar
 
 import numpy as np
@@ -25,6 +26,10 @@ PARZEN_STEP = np.array([0.5, 0.5, 0.04 * np.pi])
 # Particles lighter than this share of the heaviest are added to the density only if they could
 # decide which node is highest.
 _LIGHT = 1e-4
+# Nodes along a side of the tiles in which the density is worked out, 64 mm: the paper's poses fit into one.
+_TILE = 128
+# Cells along a side of a picture of the belief, whatever `reach` is.
+_MOST_CELLS = 200
 
 
 class ParticleOptions(FilterOptions):
@@ -187,8 +192,8 @@ class AugmentedFilter(ParticleFilter):
 def plane_histogram(
     labels: tuple[str, ...], letter: NDArray[np.int64], state: FloatArray, weight: FloatArray, reach: float
 ) -> PlaneBelief:
-    """Sum the weights (n,) of particles, letter (n,), state (3, n), in cells of about 1 mm."""
-    cells = max(1, round(2 * reach))
+    """Sum the weights (n,) of particles, letter (n,), state (3, n), in cells of about 1 mm, larger if they are many."""
+    cells = min(max(1, round(2 * reach)), _MOST_CELLS)
     edges = np.linspace(-reach, reach, cells + 1)
     total = np.zeros((len(labels), cells, cells))
     for k in range(len(labels)):
@@ -216,21 +221,68 @@ def _density_mode(state: FloatArray, weight: FloatArray, rho: float) -> tuple[Fl
     """Find the highest node of the density, and how much higher it is than every other."""
     low = np.floor(state[:2].min(axis=1) / PARZEN_STEP[:2]) * PARZEN_STEP[:2]
     high = np.ceil(state[:2].max(axis=1) / PARZEN_STEP[:2]) * PARZEN_STEP[:2]
-    columns, rows = np.rint((high - low) / PARZEN_STEP[:2]).astype(int) + 1
-    around, angles = int(rho / PARZEN_STEP[2]) + 1, round(2 * math.pi / PARZEN_STEP[2])
-    density = np.zeros((rows, columns, angles + 2 * around + 1))
+    columns, rows = (np.rint((high - low) / PARZEN_STEP[:2]).astype(int) + 1).tolist()
     on_circle = np.stack([state[0], state[1], np.mod(state[2], 2 * np.pi)])
+    best, second = (-1.0, (0, 0, 0)), 0.0
+    for row, column, near in _tiles(on_circle, low, rows, columns, rho):
+        density = _density(
+            on_circle.take(near, axis=1) if near is not None else on_circle,
+            weight[near] if near is not None else weight,
+            low + PARZEN_STEP[:2] * [column, row],
+            (min(rows - row, _TILE), min(columns - column, _TILE)), rho,
+        )  # fmt: skip
+        flat = density.reshape(-1)
+        first = int(flat.argmax())
+        inside = np.unravel_index(first, density.shape)
+        height, flat[first] = float(flat[first]), 0
+        place = (row + int(inside[0]), column + int(inside[1]), int(inside[2]))
+        second = max(second, float(flat.max()), min(height, best[0]))
+        if height > best[0] or (height == best[0] and place < best[1]):
+            best = (height, place)
+    height, (row, column, angle) = best
+    dx, dy, turn = PARZEN_STEP
+    return np.array([low[0] + column * dx, low[1] + row * dy, wrap_angle(angle * turn)]), height - second
+
+
+def _tiles(
+    state: FloatArray, low: FloatArray, rows: int, columns: int, rho: float
+) -> Iterator[tuple[int, int, NDArray[np.intp] | None]]:
+    """Cut a plane of rows x columns nodes into tiles, and leave out those that no cone reaches.
+
+    state: (3, n). low: [x, y] mm of the first node. Gives each tile's first row and column and the indices,
+    ascending, of the states whose cones may reach it; None for all of them, where one tile does.
+    """
+    if max(rows, columns) <= _TILE:
+        yield 0, 0, None
+        return
+    nodes = (state[:2] - low[:, None]) / PARZEN_STEP[:2, None]
+    reach = rho / PARZEN_STEP[0] + 1  # at most 7 nodes, so that a cone reaches two tiles each way
+    edges = [np.clip((nodes + side) // _TILE, 0, None).astype(np.int64) for side in (-reach, reach)]
+    across = columns // _TILE + 2
+    tile = np.concatenate([edges[i][1] * across + edges[j][0] for i in (0, 1) for j in (0, 1)])
+    owner = np.tile(np.arange(state.shape[1]), 4)
+    order = np.lexsort((owner, tile))
+    tile, owner = tile[order], owner[order]
+    again = np.zeros(len(tile), dtype=bool)
+    again[1:] = (tile[1:] == tile[:-1]) & (owner[1:] == owner[:-1])
+    tile, owner = tile[~again], owner[~again]
+    for near in np.split(np.arange(len(tile)), np.flatnonzero(np.diff(tile)) + 1):
+        row, column = divmod(int(tile[near[0]]), across)
+        if row * _TILE < rows and column * _TILE < columns:
+            yield row * _TILE, column * _TILE, owner[near]
+
+
+def _density(
+    on_circle: FloatArray, weight: FloatArray, low: FloatArray, size: tuple[int, int], rho: float
+) -> FloatArray:
+    """Sum the cones of states (3, n) at the nodes of a tile: (rows, columns, angles)."""
+    around, angles = int(rho / PARZEN_STEP[2]) + 1, round(2 * math.pi / PARZEN_STEP[2])
+    density = np.zeros((*size, angles + 2 * around + 1))
     add_cones(density, around, on_circle, weight, low, PARZEN_STEP, rho)
     # What went round the circle at either end belongs to the other.
     density[:, :, angles : angles + around] += density[:, :, :around]
     density[:, :, around : 2 * around + 1] += density[:, :, around + angles :]
-    flat = density[:, :, around : around + angles].reshape(-1)
-    first = int(flat.argmax())
-    row, column, angle = np.unravel_index(first, (rows, columns, angles))
-    height, flat[first] = flat[first], 0
-    dx, dy, turn = PARZEN_STEP
-    pose = np.array([low[0] + column * dx, low[1] + row * dy, wrap_angle(angle * turn)])
-    return pose, float(height - flat.max())
+    return np.ascontiguousarray(density[:, :, around : around + angles])
 
 
 def _mix(log_mean: float, log_value: float, share: float) -> float:

@@ -1,4 +1,5 @@
 import math
+import tracemalloc
 
 import numpy as np
 import pytest
@@ -6,6 +7,7 @@ import reference
 from synthetic import draw_trial, make_scan, paper_poses
 
 import estimators
+from estimators import particle
 from estimators.particle import PARZEN_STEP, parzen_mode
 from estimators.state_kernels import draw
 from tactsim import InputError, invert, wrap_angle
@@ -38,6 +40,41 @@ def test_mode_is_the_highest_node_by_brute_force(rho, light):
     mode = parzen_mode(np.ascontiguousarray(states.T), weights, rho)
     assert parzen([mode], states, weights, rho) == pytest.approx(heights.max())
     assert np.rint(mode / PARZEN_STEP) * PARZEN_STEP == pytest.approx(mode)
+
+
+def test_tiles_find_the_same_mode(monkeypatch):
+    rng = np.random.default_rng(11)
+    for trial in range(40):
+        count = int(rng.integers(1, 60))
+        states = rng.uniform(-1, 1, (3, count)) * [[12.0], [25.0], [7.0]]
+        weights = 10.0 ** -rng.uniform(0, 6, count)
+        if trial % 3 == 0:  # equally high nodes in several tiles: the first counts
+            states[:, count // 2 :] = states[:, : count - count // 2] + [[16.0], [8.0], [0.0]]
+            weights[:] = 1.0
+        rho = float(rng.choice([0.3, 1.0, 3.0]))
+        monkeypatch.setattr(particle, "_TILE", 1000)
+        mode, lead = particle._density_mode(states, weights, rho)
+        for tile in (8, 16, 33):
+            if rho / PARZEN_STEP[0] + 1 <= tile / 2:
+                monkeypatch.setattr(particle, "_TILE", tile)
+                again, lead_again = particle._density_mode(states, weights, rho)
+                assert lead_again == pytest.approx(lead, abs=1e-12)
+                if lead > 1e-9:  # of equally high nodes rounding decides
+                    assert again.tolist() == mode.tolist()
+
+
+@pytest.mark.parametrize("name", ["particle", "augmented-mcl"])
+def test_a_reach_of_a_metre_takes_no_more_memory_than_particles_do(name, scan):
+    filter = estimators.create(name, particles=300, reach=1000.0)
+    filter.fit(scan)
+    filter.reset(np.random.default_rng(0))
+    tracemalloc.start()
+    for _ in range(2):
+        filter.update(np.zeros(36), [500.0, 0, 0])
+        assert np.isfinite(filter.estimate().robot_in_object).all()
+        filter.belief_over_plane()
+    assert tracemalloc.get_traced_memory()[1] < 200e6
+    tracemalloc.stop()
 
 
 def test_particles_of_no_weight_can_still_be_the_only_ones():
