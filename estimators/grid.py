@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,31 +46,6 @@ class StateGrid:
         y = np.arange(0.5, self.y) * dy - self.reach
         return x, y, np.arange(0.5, self.angle) * da - np.pi
 
-    def halved(self, times: int) -> StateGrid:
-        """Halve the bins in x, y and angle, so many times."""
-        return replace(self, x=self.x << times, y=self.y << times, angle=self.angle << times)
-
-    def places(self, bins: NDArray[np.int64]) -> tuple[NDArray[np.int64], ...]:
-        """Split flat indices (n,) into (letters, angles, rows, columns): these four, (n,) each."""
-        rest, column = np.divmod(bins, self.x)
-        rest, row = np.divmod(rest, self.y)
-        letter, angle = np.divmod(rest, self.angle)
-        return letter, angle, row, column
-
-    def states(self, bins: NDArray[np.int64]) -> tuple[NDArray[np.int64], FloatArray]:
-        """Give letter (n,) and T_R^O (3, n), mm, mm, rad, of the centres of bins, given as in `places`."""
-        letter, angle, row, column = self.places(bins)
-        dx, dy, da = self.spacing
-        half = np.array([[self.reach], [self.reach], [np.pi]])
-        return letter, (np.stack([column, row, angle]) + 0.5) * [[dx], [dy], [da]] - half
-
-    def halves(self, bins: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Give the eight bins (n, 8) of `halved(1)` in each bin (n,), all given as in `places`."""
-        letter, angle, row, column = (place[:, None] for place in self.places(bins))
-        part = np.arange(8)
-        angles = 2 * (letter * self.angle + angle) + (part >> 2)
-        return (angles * 2 * self.y + 2 * row + (part >> 1 & 1)) * 2 * self.x + 2 * column + (part & 1)
-
     def describe(self) -> str:
         """Say the split in one line."""
         dx, dy, da = self.spacing
@@ -78,6 +53,47 @@ class StateGrid:
             f"{self.x} x {self.y} x {self.angle} = {self.bins:,} bins a letter, "
             f"each {dx:.3g} mm x {dy:.3g} mm x {math.degrees(da):.3g} deg"
         )
+
+
+@dataclass(frozen=True, eq=False)
+class Cells:
+    """Cells of different sizes: bins of a grid that were halved in x, y and angle, some more often than others.
+
+    times: (n,) how often. index: (n,) flat, into the (letters, angles, rows, columns) of the grid so halved.
+    """
+
+    grid: StateGrid
+    times: NDArray[np.int64]
+    index: NDArray[np.int64]
+
+    @property
+    def letter(self) -> NDArray[np.int64]:
+        """Give the number of each cell's letter (n,)."""
+        return self.index // (self.grid.bins << 3 * self.times)
+
+    @property
+    def size(self) -> FloatArray:
+        """Give each cell's size in x, y and angle (3, n), mm, mm, rad."""
+        return np.array(self.grid.spacing)[:, None] * 0.5**self.times
+
+    def bins(self) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
+        """Find the angle, row and column (n,) of the grid's bin in which each cell lies."""
+        angle, row, column = self._place()
+        return angle >> self.times, row >> self.times, column >> self.times
+
+    def states(self) -> FloatArray:
+        """Give T_R^O (3, n), mm, mm, rad, of the cells' centroids."""
+        angle, row, column = self._place()
+        half = np.array([[self.grid.reach], [self.grid.reach], [np.pi]])
+        return (np.stack([column, row, angle]) + 0.5) * self.size - half
+
+    def __getitem__(self, chosen: NDArray[np.intp]) -> Cells:
+        return Cells(self.grid, self.times[chosen], self.index[chosen])
+
+    def _place(self) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
+        rest, column = np.divmod(self.index, self.grid.x << self.times)
+        rest, row = np.divmod(rest, self.grid.y << self.times)
+        return rest % (self.grid.angle << self.times), row, column
 
 
 def state_grid(bins: int, split: str | None = None, reach: float = 10.0) -> StateGrid:

@@ -16,15 +16,16 @@ def mean_around(state: FloatArray, log_weight: FloatArray, mode: int) -> FloatAr
     """Average the object's placement over the states near the one of index `mode`: robot_in_object (3,).
 
     state: (3, n) T_R^O mm, mm, rad of one letter. log_weight: (n,). Placements, not states, are averaged,
-    because a turn moves the state of the same placement; and only near ones, because a symmetric letter has
-    others, turned, that are as probable.
+    because a turn moves the state of the same placement. The angle's mean leaves out what is turned away,
+    because a symmetric letter has copies that are as probable; the position's mean does not, because they
+    say as much about where the letter is, and for an O all angles do.
     """
     placed = invert(state.T)
     best = placed[mode]
     turn = wrap_angle(placed[:, 2] - best[2])
-    away = ((placed[:, :2] - best[:2]) ** 2).sum(axis=1) + (_GYRATION * turn) ** 2
-    weight = np.where(away <= _NEAR**2, np.exp(log_weight - log_weight.max()), 0.0)
+    away = ((placed[:, :2] - best[:2]) ** 2).sum(axis=1)
     # The mode's own weight may underflow beside a heavier state elsewhere.
-    weight[mode] += np.finfo(float).tiny
-    weight /= weight.sum()
-    return invert(np.append(weight @ placed[:, :2], best[2] + weight @ turn))
+    weight = np.maximum(np.exp(log_weight - log_weight.max()), np.finfo(float).tiny)
+    here = np.where(away <= _NEAR**2, weight, 0.0)
+    alike = np.where(away + (_GYRATION * turn) ** 2 <= _NEAR**2, weight, 0.0)
+    return invert(np.append(here @ placed[:, :2] / here.sum(), best[2] + alike @ turn / alike.sum()))

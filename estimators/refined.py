@@ -11,18 +11,18 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from estimators.base import Estimate, Options, PlaneBelief
-from estimators.grid import StateGrid
+from estimators.grid import Cells
 from estimators.histogram import HistogramFilter, HistogramOptions
 from estimators.kernels import pick
 from estimators.likelihood import Evidence
 from estimators.open_set import OpenSetFilter, OpenSetOptions
 from estimators.placement import mean_around
 from estimators.resampling import systematic
-from estimators.state_kernels import replay
+from estimators.state_kernels import replay_halves
 from tactsim.poses import FloatArray
 
-# Bins this many nats below the best bin are left out, unless they are split.
-_NEGLIGIBLE = 40.0
+# Cells this many nats below the heaviest are left out of sums; of means of poses, sooner.
+_NEGLIGIBLE, _NEGLIGIBLE_IN_MEAN = 30.0, 20.0
 # Nats that rounding may move the highest log-belief of a block of bins.
 _ROUNDING = 1e-6
 
@@ -35,7 +35,7 @@ class RefinedOptions(HistogramOptions, OpenSetOptions):
     split: str | None = Field(
         None, description="coarse bins in x, y and angle such as 16x16x36, instead of bins"
     )
-    cells: int = Field(200, ge=1, le=100_000, description="how many of the best cells are halved, each time")
+    cells: int = Field(100, ge=1, le=100_000, description="how many of the best cells are halved, each time")
     halvings: int = Field(3, ge=0, le=8, description="how many times cells are halved in x, y and angle")
     skip: bool = Field(
         True, description="replay only the new reading in cells halved before; the answer is the same"
@@ -44,25 +44,17 @@ class RefinedOptions(HistogramOptions, OpenSetOptions):
 
 @dataclass(frozen=True, eq=False)
 class _Halved:
-    """The cells that were halved once more: `cell` (n,) flat and ascending, log_p (n, 8) of their halves."""
+    """Cells that were halved once more: `cell` (n,) ascending; `half`, log_p (n, 8): what they were halved into.
+
+    Cells and halves are flat indices into the grid of their size.
+    """
 
     cell: NDArray[np.int64]
+    half: NDArray[np.int64]
     log_p: FloatArray
 
 
-@dataclass(frozen=True, eq=False)
-class _Leaves:
-    """The cells of one size that were not halved: flat index into the grid (n,) and log-belief (n,)."""
-
-    grid: StateGrid
-    cell: NDArray[np.int64]
-    log_p: FloatArray
-    log_volume: float
-
-    @property
-    def log_weight(self) -> FloatArray:
-        """Log of what a cell holds of the belief, (n,), not normalised."""
-        return self.log_p + self.log_volume
+_Leaves = tuple[NDArray[np.int64], FloatArray]  # cells of one size and their log-beliefs, (n,) each
 
 
 class RefinedFilter(OpenSetFilter, HistogramFilter):
@@ -82,12 +74,11 @@ class RefinedFilter(OpenSetFilter, HistogramFilter):
 
     def __init__(self, options: RefinedOptions) -> None:
         super().__init__(options)
-        self._grids = [self.grid.halved(times) for times in range(options.halvings + 1)]
         self._unreplayed = 0
 
     def describe(self) -> str:
         """Say how the state space is split, in one line."""
-        dx, dy, da = self._grids[-1].spacing
+        dx, dy, da = (gap / 2**self.options.halvings for gap in self.grid.spacing)
         return (
             f"{self.grid.describe()}; the {self.options.cells} best halved {self.options.halvings} times, "
             f"to {dx:.2g} mm x {dy:.2g} mm x {math.degrees(da):.2g} deg"
@@ -102,8 +93,10 @@ class RefinedFilter(OpenSetFilter, HistogramFilter):
         nodes = self.tables.values.transpose(0, 1, 4, 2, 5, 3)
         self._nodes = nodes.reshape(kinds, letters, rows * phases_y, columns * phases_x)
         self._lattice = np.concatenate([self.tables.origin, self.tables.step])
+        self._counts = np.array([self.grid.x, self.grid.y, self.grid.angle])
+        self._spacing = np.array(self.grid.spacing)
         every = np.arange(letters * self.grid.bins)
-        self._prior = _Leaves(self.grid, every, np.zeros(len(every)), 0.0)
+        self._prior: _Leaves = every, np.zeros(len(every))
         self._picked = np.empty_like(every), np.empty(len(every))
 
     def restart(self, rng: np.random.Generator) -> None:
@@ -117,27 +110,30 @@ class RefinedFilter(OpenSetFilter, HistogramFilter):
         super().take(evidence, sensor_in_robot)
         before, self._halved, self._leaves = self._halved, [], []
         cell, log_p = self._best_bins()
-        for times, grid in enumerate(self._grids[:-1]):
+        for times in range(self.options.halvings):
             chosen = _highest(log_p, self.options.cells)
             rest = np.ones(len(cell), dtype=bool)
             rest[chosen] = False
-            self._leaves.append(_Leaves(grid, cell[rest], log_p[rest], -times * math.log(8)))
+            self._leaves.append((cell[rest], log_p[rest]))
             halved = self._halve(times, np.sort(cell[chosen]), before[times] if before else None)
             self._halved.append(halved)
-            cell, log_p = grid.halves(halved.cell).ravel(), halved.log_p.ravel()
-        self._leaves.append(_Leaves(self._grids[-1], cell, log_p, -self.options.halvings * math.log(8)))
+            cell, log_p = halved.half.ravel(), halved.log_p.ravel()
+        self._leaves.append((cell, log_p))
 
     def answer(self) -> Estimate:
         """Sum the belief of each letter (eq. 14); average the placement around the best letter's mode."""
-        letter, state, log_weight, log_p = self._states()
+        cells, log_weight = self._belief_in_cells()
+        letter = cells.letter
         mass = np.bincount(letter, np.exp(log_weight), minlength=len(self.labels))
         best = int(mass.argmax())
         mine = np.flatnonzero(letter == best)
+        mine = mine[log_weight[mine] > log_weight[mine].max() - _NEGLIGIBLE_IN_MEAN]
+        log_p = log_weight[mine] + math.log(8) * cells.times[mine]
         probabilities = (mass / mass.sum()).tolist()
         return Estimate(
             label=self.labels[best],
             probabilities=dict(zip(self.labels, probabilities, strict=True)),
-            robot_in_object=mean_around(state[:, mine], log_weight[mine], int(log_p[mine].argmax())),
+            robot_in_object=mean_around(cells[mine].states(), log_weight[mine], int(log_p.argmax())),
         )
 
     def weighted_states(self) -> tuple[NDArray[np.int64], FloatArray, FloatArray]:
@@ -145,36 +141,25 @@ class RefinedFilter(OpenSetFilter, HistogramFilter):
 
         They are the middles of the cells, large and small, that hold the belief; the weights sum to 1.
         """
-        letter, state, log_weight, _ = self._states()
-        return letter, state, log_weight - math.log(np.exp(log_weight).sum())
+        cells, log_weight = self._belief_in_cells()
+        return cells.letter, cells.states(), log_weight - math.log(np.exp(log_weight).sum())
 
     def draw_states(self, count: int, rng: np.random.Generator) -> tuple[NDArray[np.int64], FloatArray]:
         """Draw cells, large and small, by what they hold, and a place in each."""
-        log_weight = np.concatenate([leaves.log_weight for leaves in self._leaves])
-        chosen = systematic(np.exp(log_weight - log_weight.max()), count, rng)
-        parts, end = [], 0
-        for leaves in self._leaves:
-            begin, end = end, end + len(leaves.cell)
-            first, last = np.searchsorted(chosen, [begin, end])
-            letter, state = leaves.grid.states(leaves.cell[chosen[first:last] - begin])
-            within = rng.uniform(-0.5, 0.5, state.shape) * np.array(leaves.grid.spacing)[:, None]
-            parts.append((letter, state + within))
-        letter, state = (np.concatenate(part, axis=-1) for part in zip(*parts, strict=True))
-        return letter, state
+        cells, log_weight = self._belief_in_cells()
+        chosen = cells[systematic(np.exp(log_weight), count, rng)]
+        within = rng.uniform(-0.5, 0.5, (3, count))
+        return chosen.letter, chosen.states() + within * chosen.size
 
     def belief_over_plane(self) -> PlaneBelief:
         """Sum the belief of each coarse bin and over the angle."""
-        grid = self.grid
-        probability = np.zeros(len(self.labels) * grid.y * grid.x)
-        highest = max(leaves.log_weight.max(initial=-math.inf) for leaves in self._leaves)
-        for times, leaves in enumerate(self._leaves):
-            letter, _, row, column = leaves.grid.places(leaves.cell)
-            place = (letter * grid.y + (row >> times)) * grid.x + (column >> times)
-            weight = np.exp(leaves.log_weight - highest)
-            probability += np.bincount(place, weight, minlength=len(probability))
-        probability = probability.reshape(len(self.labels), grid.y, grid.x) / probability.sum()
-        x, y, _ = grid.centres
-        return PlaneBelief(self.labels, x, y, probability)
+        cells, log_weight = self._belief_in_cells()
+        _, row, column = cells.bins()
+        shape = len(self.labels), self.grid.y, self.grid.x
+        place = np.ravel_multi_index((cells.letter, row, column), shape)
+        probability = np.bincount(place, np.exp(log_weight), minlength=math.prod(shape)).reshape(shape)
+        x, y, _ = self.grid.centres
+        return PlaneBelief(self.labels, x, y, probability / probability.sum())
 
     @property
     def work(self) -> dict[str, Any]:
@@ -195,44 +180,44 @@ class RefinedFilter(OpenSetFilter, HistogramFilter):
         return cell[:found].copy(), log_p[:found].copy()
 
     def _halve(self, times: int, cell: NDArray[np.int64], before: _Halved | None) -> _Halved:
-        """Evaluate the halves of cells (n,) that were halved `times` before, whole history."""
+        """Evaluate the halves of cells (n,), themselves halved `times` before, over the whole history."""
         count = len(self._history)
-        halves = self._grids[times].halves(cell)
-        log_p = np.zeros(halves.shape)
+        halved = _Halved(cell, np.empty((len(cell), 8), dtype=np.int64), np.zeros((len(cell), 8)))
         new = np.ones(len(cell), dtype=bool)
         if before is not None and self.options.skip:
             place = np.minimum(np.searchsorted(before.cell, cell), len(before.cell) - 1)
             new = before.cell[place] != cell
-            old = ~new
-            log_p[old] = self._replay(times + 1, halves[old], before.log_p[place[old]], count - 1)
-            self._unreplayed += int(old.sum()) * 8 * (count - 1)
-        log_p[new] = self._replay(times + 1, halves[new], log_p[new], 0)
-        return _Halved(cell, log_p)
+            old = np.flatnonzero(~new)
+            halved.log_p[old] = before.log_p[place[old]]
+            self._replay(times, halved, old, count - 1)
+            self._unreplayed += 8 * len(old) * (count - 1)
+        self._replay(times, halved, np.flatnonzero(new), 0)
+        return halved
 
-    def _replay(self, times: int, cell: NDArray[np.int64], log_p: FloatArray, first: int) -> FloatArray:
-        """Add the readings from `first` on to the log-beliefs of cells (n, 8); returns them."""
-        letter, state = self._grids[times].states(cell.ravel())
-        count, total = len(self._history), log_p.ravel()
-        terms = self._history.terms
-        replay(
-            total, state, letter, terms.start, terms.kind, terms.xy, terms.weight, terms.constant,
-            first, count, self._nodes, self._lattice,
+    def _replay(self, times: int, halved: _Halved, which: NDArray[np.intp], first: int) -> None:
+        """Add the readings from `first` on to the log-beliefs of the halves of some cells."""
+        terms, count = self._history.terms, len(self._history)
+        replay_halves(
+            halved.half, halved.log_p, halved.cell, which, self._counts << times, self._spacing / 2**times,
+            terms.start, terms.kind, terms.xy, terms.weight, terms.constant, first, count, self._nodes,
+            self._lattice,
         )  # fmt: skip
-        self._evaluated += total.size * (count - first)
-        return total.reshape(log_p.shape)
+        self._evaluated += 8 * len(which) * (count - first)
 
-    def _states(self) -> tuple[NDArray[np.int64], FloatArray, FloatArray, FloatArray]:
-        """Give letter, state, log-weight (below 0) and log-belief of the leaves that are not negligible."""
-        highest = max(leaves.log_weight.max(initial=-math.inf) for leaves in self._leaves)
-        parts = []
-        for leaves in self._leaves:
-            log_weight = leaves.log_weight - highest
-            heavy = np.flatnonzero(log_weight > -_NEGLIGIBLE)
-            parts.append((*leaves.grid.states(leaves.cell[heavy]), log_weight[heavy], leaves.log_p[heavy]))
-        letter, state, log_weight, log_p = (
-            np.concatenate(part, axis=-1) for part in zip(*parts, strict=True)
-        )
-        return letter, state, log_weight, log_p
+    def _belief_in_cells(self) -> tuple[Cells, FloatArray]:
+        """Give the cells that were not split and are not negligible, and the log of what they hold, up to 0."""
+        volume = -math.log(8) * np.arange(len(self._leaves))
+        tops = [log_p.max(initial=-math.inf) for _, log_p in self._leaves]
+        highest = (volume + tops).max()
+        times, index, log_weight = [], [], []
+        for depth, (cell, log_p) in enumerate(self._leaves):
+            held = log_p + (volume[depth] - highest)
+            heavy = np.flatnonzero(held > -_NEGLIGIBLE)
+            times.append(np.full(len(heavy), depth))
+            index.append(cell[heavy])
+            log_weight.append(held[heavy])
+        cells = Cells(self.grid, np.concatenate(times), np.concatenate(index))
+        return cells, np.concatenate(log_weight)
 
 
 def _highest(values: FloatArray, count: int) -> NDArray[np.intp]:

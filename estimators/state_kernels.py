@@ -10,7 +10,8 @@ from numba import float32, float64, int64, uint64, void
 from estimators.compiling import Floats, Ints, Reals, compiled
 
 _REALS, _REALS_2D, _REALS_3D = float64[::1], float64[:, ::1], float64[:, :, ::1]
-_INTS, _FLOATS, _FLOATS_4D = int64[::1], float32[::1], float32[:, :, :, ::1]
+_INTS, _INTS_2D = int64[::1], int64[:, ::1]
+_FLOATS, _FLOATS_4D = float32[::1], float32[:, :, :, ::1]
 
 # States that are looked up together, so that the arithmetic of their places is done in vectors.
 _BATCH = 128
@@ -74,6 +75,43 @@ def replay(
                     total[k] += factor * (lower + above[k] * (upper - lower))
             for k in range(count):
                 log_p[begin + k] += constant[reading, letter[begin + k]] + total[k]
+
+
+@compiled(
+    void(
+        _INTS_2D, _REALS_2D, _INTS, _INTS, _INTS, _REALS, _INTS, _INTS, _REALS_2D, _FLOATS, _REALS_2D, int64,
+        int64, _FLOATS_4D, _REALS,
+    )
+)  # fmt: skip
+def replay_halves(
+    half: Ints, log_p: Reals, cell: Ints, which: Ints, counts: Ints, spacing: Reals, start: Ints, table: Ints,
+    xy: Reals, weight: Floats, constant: Reals, first: int, last: int, nodes: Floats, lattice: Reals,
+) -> None:  # fmt: skip
+    """Find the eight halves of cells of a grid, and add readings first, ..., last - 1 to their log-beliefs.
+
+    half, log_p: (cells, 8), overwritten and added to in the rows `which`. cell: (cells,), flat index into
+    (letters, angles, rows, columns), as that of the halves. counts: columns, rows, angles. spacing: in
+    x, y and angle, mm, mm, rad; the grid is centred at 0. The rest as in `replay`.
+    """
+    columns, rows, angles = 2 * counts[0], 2 * counts[1], 2 * counts[2]
+    dx, dy, da = spacing[0] / 2, spacing[1] / 2, spacing[2] / 2
+    total, state = np.empty(8 * len(which)), np.empty((3, 8 * len(which)))
+    letters = np.empty(8 * len(which), dtype=np.int64)
+    for i in range(len(which)):
+        rest, column = divmod(cell[which[i]], counts[0])
+        rest, row = divmod(rest, counts[1])
+        letter, angle = divmod(rest, counts[2])
+        for part in range(8):
+            x, y, turn = 2 * column + (part & 1), 2 * row + (part >> 1 & 1), 2 * angle + (part >> 2)
+            half[which[i], part] = ((letter * angles + turn) * rows + y) * columns + x
+            k = 8 * i + part
+            state[0, k], state[1, k] = (x + 0.5 - columns / 2) * dx, (y + 0.5 - rows / 2) * dy
+            state[2, k], letters[k] = (turn + 0.5 - angles / 2) * da, letter
+            total[k] = log_p[which[i], part]
+    replay(total, state, letters, start, table, xy, weight, constant, first, last, nodes, lattice)
+    for i in range(len(which)):
+        for part in range(8):
+            log_p[which[i], part] = total[8 * i + part]
 
 
 @compiled(void(_REALS, _REALS_2D, _INTS, _INTS, _REALS_2D, _FLOATS, _FLOATS_4D, _REALS))

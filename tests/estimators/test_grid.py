@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from estimators.grid import StateGrid, _mean_square, state_grid
+from estimators.grid import Cells, StateGrid, _mean_square, state_grid
 from tactsim import InputError
 
 
@@ -75,17 +75,19 @@ def test_impossible_counts_are_refused(bins):
         state_grid(bins)
 
 
-def test_bins_and_their_halves_cover_the_same_places():
+def test_cells_lie_where_the_grid_divided_as_often_has_its_bins():
     grid = StateGrid(3, 4, 5, reach=7.0)
-    bins = np.arange(2 * grid.bins)
-    letter, state = grid.states(bins)
-    x, y, angle = grid.centres
-    place = np.unravel_index(bins, (2, 5, 4, 3))
-    assert (letter == place[0]).all()
-    assert state == pytest.approx(np.stack([x[place[3]], y[place[2]], angle[place[1]]]))
-    halves = grid.halves(bins)
-    assert sorted(halves.ravel()) == list(range(8 * len(bins)))
-    inner_letter, inner = grid.halved(1).states(halves.ravel())
-    assert (inner_letter.reshape(-1, 8) == letter[:, None]).all()
-    away = np.abs(inner.reshape(3, -1, 8) - state[:, :, None])
-    assert away == pytest.approx(np.broadcast_to(np.array(grid.spacing)[:, None, None] / 4, away.shape))
+    for times in range(3):
+        fine = StateGrid(3 << times, 4 << times, 5 << times, reach=7.0)
+        index = np.arange(2 * fine.bins)
+        cells = Cells(grid, np.full(len(index), times), index)
+        letter, angle, row, column = np.unravel_index(index, (2, fine.angle, fine.y, fine.x))
+        x, y, theta = fine.centres
+        assert (cells.letter == letter).all()
+        assert cells.states() == pytest.approx(np.stack([x[column], y[row], theta[angle]]))
+        for inner, outer in zip((angle, row, column), cells.bins(), strict=True):
+            assert (inner >> times == outer).all()
+    mixed = Cells(grid, np.array([0, 2]), np.array([17, 3000]))
+    apart = [Cells(grid, np.array([times]), np.array([k])).states() for times, k in ((0, 17), (2, 3000))]
+    assert mixed.states() == pytest.approx(np.hstack(apart))
+    assert mixed[np.array([1])].states() == pytest.approx(apart[1])
