@@ -51,6 +51,16 @@ def test_a_press_does_not_depend_on_the_ones_before():
         assert np.array_equal(first, again)
 
 
+def test_a_sliver_is_laid_out_beside_a_full_press_as_alone():
+    letter, options = models.letter("I"), ScanOptions()
+    edge = np.concatenate(letter.contours)[:, 0].max() - options.pad.load_bounds[0]
+    poses = np.array([[edge - 1e-7, 0, 0], [0, 0, 0]])
+    grid = options.pad.grid_lines(2)
+    alone, both = (lay_bed(levels(letter, options.press), poses[:n], *grid) for n in (1, 2))
+    assert 1e-7 < alone.area.sum() < 1e-5
+    assert alone.area.tolist() == both.area[: both.start[1]].tolist()
+
+
 def test_a_rigid_sphere_presses_as_on_independent_springs():
     """Winkler: F = pi R k d^2 and p(r) = k (d - r^2 / 2R), on and off the middle of the pad."""
     radius, stiffness, force = 50.0, 1.0, 2.0  # mm, N/mm^3, N
