@@ -57,6 +57,12 @@ def test_no_angle_is_wrapped_to_plus_pi(turns):
         assert -np.pi <= wrap_angle(angle) < np.pi
 
 
+@pytest.mark.parametrize("angle", [np.pi, -np.pi, 3.0, 9.0, -40.0])
+def test_products_and_inverses_have_their_angle_in_one_turn(angle):
+    for pose in (invert([1.0, 2.0, angle]), compose([1.0, 2.0, angle], [3.0, 4.0, 0.5])):
+        assert -np.pi <= pose[2] < np.pi
+
+
 def test_poses_broadcast():
     many = np.arange(12.0).reshape(4, 3)
     one = np.array([1.0, 2.0, 0.3])

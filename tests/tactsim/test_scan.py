@@ -80,8 +80,10 @@ def test_scans_of_different_pads_are_not_joined(scan):
 
 
 def test_the_arrays_cannot_be_changed_by_accident(scan):
-    with pytest.raises(ValueError, match="read-only"):
-        scan.readings[0, 0] = 1
+    for name in ("readings", "poses", "labels", "split", "taxel_xy"):
+        array = getattr(scan, name)
+        with pytest.raises(ValueError, match="read-only"):
+            array[0] = array[-1]
 
 
 @pytest.mark.parametrize(
