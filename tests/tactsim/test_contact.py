@@ -167,6 +167,19 @@ def test_a_rounded_edge_nears_the_sharp_one_as_its_radius_vanishes():
     assert change[2].max() < 5e-3
 
 
+def test_a_level_of_a_rounded_edge_lies_at_its_mean_gap():
+    """A quarter circle of radius r stands r - sqrt(r^2 - s^2) behind the front, s mm outside the flat."""
+    radius = 0.7
+    flat, *rounded = levels(models.letter("I", rounding=radius), PressOptions())
+    assert flat.gap == 0
+    reach = [np.abs(level.edges[..., 0]).max() for level in (flat, *rounded)]  # the outer side of each
+    assert reach[-1] - reach[0] == pytest.approx(radius, abs=1e-6)
+    for level, inner, outer in zip(rounded, reach[:-1], reach[1:], strict=True):
+        middle = np.linspace(inner, outer, 2001)[:-1] + (outer - inner) / 4000 - reach[0]
+        gap = radius - np.sqrt(np.maximum(radius**2 - middle**2, 0))
+        assert level.gap == pytest.approx(gap.mean(), abs=1e-4 * radius)
+
+
 def test_a_rounded_edge_is_finely_enough_cut(monkeypatch):
     poses, options = grid_poses()[::24], ScanOptions()
     letter = models.letter("E", rounding=0.5)
