@@ -5,6 +5,7 @@ import pytest
 
 import models
 from tactsim import PressOptions, ScanOptions, press_letter, scan_letters
+from tactsim.pressing import ideal_readings
 from tactsim.protocol import grid_poses
 from tactsim.scene import UnsettledError
 
@@ -85,6 +86,14 @@ def test_a_scan_can_be_taken_with_full_dynamics():
     usual, _ = scan_letters(options.model_copy(update={"press": PressOptions()}), cache=False)
     assert work["presses"] > 100
     assert np.abs(scan.readings - usual.readings).max() <= 0.7 + 5e-3 * usual.readings.max()
+
+
+def test_a_scan_takes_the_last_image_of_each_press():
+    letter, options = models.letter("I"), ScanOptions(press=PressOptions(dynamics="full"))
+    poses = np.array([[0.0, 0.0, 0.3], [-3.4, 3.4, 0.0]])
+    readings, _ = ideal_readings(letter, poses, options)
+    for reading, pose in zip(readings, poses, strict=True):
+        assert reading == pytest.approx(press_letter(letter, pose, options).ideal, rel=1e-12)
 
 
 def test_a_sliver_stops_where_the_layer_ends():
