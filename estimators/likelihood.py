@@ -107,6 +107,7 @@ class PaperLikelihood(Likelihood):
 LIKELIHOODS = {
     "paper": "estimators.likelihood:PaperLikelihood",
     "calibrated": "estimators.calibrated:CalibratedLikelihood",
+    "force": "estimators.force:ForceLikelihood",
 }
 
 

@@ -30,7 +30,7 @@ _ROUNDING = 1e-6
 class RefinedOptions(HistogramOptions, OpenSetOptions):
     """Options of the coarse-to-fine histogram filter."""
 
-    likelihood: str = Field("calibrated", description="the measurement model: paper, calibrated")
+    likelihood: str = Field("calibrated", description="the measurement model: paper, calibrated, force")
     bins: int = Field(5_000, description="coarse bins per letter; Table I's counts split as printed")
     split: str | None = Field(
         None, description="coarse bins in x, y and angle such as 16x16x36, instead of bins"

@@ -27,6 +27,10 @@ BUILT_IN: dict[str, tuple[str, str]] = {
         "estimators.refined:RefinedFilter",
         "coarse-to-fine histogram: the best bins are halved again",
     ),
+    "force-mosaic": (
+        "estimators.force_mosaic:ForceMosaicFilter",
+        "coarse-to-fine on predicted pressures instead of classes",
+    ),
 }
 
 

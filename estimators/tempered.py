@@ -33,7 +33,7 @@ _HOPELESS = 60.0
 class TemperedOptions(OpenSetOptions):
     """Options of the tempered particle filter."""
 
-    likelihood: str = Field("calibrated", description="the measurement model: paper, calibrated")
+    likelihood: str = Field("calibrated", description="the measurement model: paper, calibrated, force")
     particles: int = Field(
         10_000, ge=1, le=10_000_000, description="n_P over all letters together; each has an equal part"
     )

@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import erf
 
+from estimators import Estimator
 from tactsim import Scan, compose, invert, transform
 
 # Bars as (centre x, centre y, half length x, half length y) mm, axis-aligned and disjoint.
@@ -87,3 +88,24 @@ def draw_trial(
     truth = np.array([*rng.uniform(-10, 10, 2), rng.uniform(-np.pi, np.pi)])
     chosen = rng.permutation(len(mine))[:count]
     return mine.readings[chosen], compose(invert(truth), mine.poses[chosen]), truth
+
+
+def scores(
+    scan: Scan, estimator: Estimator, trials: int, last: int
+) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
+    """Right (trials a letter x letters, readings), and the error in mm, over trials by the paper's protocol."""
+    right, off = [], []
+    for trial in range(trials):
+        for label in scan.letters:
+            rng = np.random.default_rng((trial, ord(label)))
+            info = scan.meta["objects"][label]
+            readings, poses, truth = draw_trial(scan, label, last, rng)
+            estimator.reset(rng)
+            for reading, pose in zip(readings, poses, strict=True):
+                estimator.update(reading, pose)
+                got = estimator.estimate()
+                right.append(got.label == label)
+                off.append(
+                    placement_error(got.robot_in_object, truth, info["symmetry"], info["inertia_over_mass"])
+                )
+    return np.reshape(right, (-1, last)), np.reshape(off, (-1, last))

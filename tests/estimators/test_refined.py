@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import reference
-from synthetic import draw_trial, make_scan, paper_poses, placement_error
+from synthetic import draw_trial, make_scan, paper_poses, placement_error, scores
 
 import estimators
 from estimators.grid import StateGrid
@@ -224,25 +224,6 @@ def test_hidden_letters_are_found_and_placed(small):
         errors.append(placement_error(got.robot_in_object, truth, 2 if letter == "I" else 1, 60.0))
     assert np.mean(errors) < 0.5
     assert max(errors) < 1.5
-
-
-def scores(scan, estimator, trials, last):
-    """Right (trials a letter x letters, readings), and the error in mm, over trials by the paper's protocol."""
-    right, off = [], []
-    for trial in range(trials):
-        for label in scan.letters:
-            rng = np.random.default_rng((trial, ord(label)))
-            info = scan.meta["objects"][label]
-            readings, poses, truth = draw_trial(scan, label, last, rng)
-            estimator.reset(rng)
-            for reading, pose in zip(readings, poses, strict=True):
-                estimator.update(reading, pose)
-                got = estimator.estimate()
-                right.append(got.label == label)
-                off.append(
-                    placement_error(got.robot_in_object, truth, info["symmetry"], info["inertia_over_mass"])
-                )
-    return np.reshape(right, (-1, last)), np.reshape(off, (-1, last))
 
 
 @pytest.mark.slow
