@@ -23,8 +23,10 @@ LARGEST = 1e4  # mm: no coordinate of a thing that a pad could feel is larger
 _SCALE = {"stl": 1.0, "obj": 1.0, "glb": 1000.0}  # to mm; glTF prescribes metres
 
 
-def highest_face(content: bytes, kind: str) -> tuple[CrossSection, float]:
+def highest_face(content: bytes, kind: str, most_corners: int) -> tuple[CrossSection, float]:
     """Read a mesh of `kind` "stl", "obj" or "glb": the outline of its highest face and its thickness, mm.
+
+    most_corners: of the outline before it is united; bodies that overlap have more than what is seen.
 
     Raises InputError if the file is damaged, too large or refers to other files, if the mesh is not
     watertight, or if what is highest is not a flat face.
@@ -50,6 +52,12 @@ def highest_face(content: bytes, kind: str) -> tuple[CrossSection, float]:
     if not top - bottom > 2 * FLATNESS:
         raise InputError(
             f"the mesh is only {top - bottom:.2g} mm thick along z (lengths are mm in .stl and .obj, metres in .glb)"
+        )
+    heights = mesh.vertices[:, 2][mesh.faces]
+    traced = np.count_nonzero((heights.min(axis=1) < top - FLATNESS) & (heights.max(axis=1) > top - FLATNESS))
+    if traced > most_corners:
+        raise InputError(
+            f"the face's outline has {traced:,} corners, the most is {most_corners:,}: simplify it"
         )
     face = solid.slice(top - FLATNESS)
     corners = mesh.vertices[triangles.astype(np.intp)]

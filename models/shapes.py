@@ -22,7 +22,7 @@ LEAST_AREA = 1.0  # mm^2, a third of one element of the pad
 MOST_CORNERS = 2000  # of the face's outline, once straightened
 DETAIL = 0.01  # mm: what is finer is left out
 TOUCHING = 1e-5  # mm: corners and edges nearer than this are moved apart by twice as much
-MOST_TRACED = 20_000  # corners before that; simplifying takes time that grows with their square
+MOST_TRACED = 20_000  # corners before that; tracing and simplifying take time that grows with their square
 LARGEST_FILE = 64 << 20  # bytes
 _UNITS = "lengths are mm in .stl and .obj, metres in .glb, and as the drawing says in .svg"
 
@@ -58,7 +58,7 @@ def shape(
         else:
             from models.mesh import highest_face
 
-            footprint, thickness = highest_face(content, suffix[1:])
+            footprint, thickness = highest_face(content, suffix[1:], MOST_TRACED)
         _check_detail(footprint.num_vert(), MOST_TRACED)
         footprint = cleaned(footprint)
         _check_detail(footprint.num_vert(), MOST_CORNERS)

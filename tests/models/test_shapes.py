@@ -170,6 +170,57 @@ def test_a_million_faces_are_refused_before_they_are_read(tmp_path):
     assert "larger than 67,108,864 bytes" in refusal(path)
 
 
+def ball(rings, top=8.0):
+    """Divide a sphere of 8 mm, cut flat at the height `top`, into about 4 rings^2 faces, as a binary STL has them."""
+    turn = np.linspace(0, 2 * np.pi, 2 * rings, endpoint=False)
+    tilt = np.linspace(0, np.pi, rings + 1)[1:-1, None]
+    side = np.stack(
+        [np.sin(tilt) * np.cos(turn), np.sin(tilt) * np.sin(turn), np.cos(tilt) + 0 * turn], axis=-1
+    )
+    corners = 8 * np.concatenate([[[0, 0, 1]], side.reshape(-1, 3), [[0, 0, -1]]])
+    corners[:, 2] = np.minimum(corners[:, 2], top)
+    grid = 1 + np.arange(len(side) * len(turn)).reshape(len(side), -1)
+    a, b, right = grid[:-1].ravel(), grid[1:].ravel(), np.roll(grid, -1, axis=1)
+    c, d = right[:-1].ravel(), right[1:].ravel()
+    caps = [(0 * grid[0], grid[0], right[0]), (0 * grid[-1] + len(corners) - 1, right[-1], grid[-1])]
+    faces = np.concatenate([np.stack(three, axis=-1) for three in [(a, b, d), (a, d, c), *caps]])
+    records = np.zeros(len(faces), [("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("more", "<u2")])
+    records["corners"] = corners[faces]
+    return bytes(80) + struct.pack("<I", len(faces)) + records.tobytes()
+
+
+def heap(count):
+    """Lay boxes over one another, all as high."""
+    rng = np.random.default_rng(0)
+    body = trimesh.creation.box((6, 4, 4))
+    angle, shift = rng.uniform(0, 7, count), rng.uniform(-3, 3, (count, 2))
+    x, y, z = body.vertices.T
+    turned = np.stack([np.outer(np.cos(angle), x) - np.outer(np.sin(angle), y) + shift[:, :1],
+                       np.outer(np.sin(angle), x) + np.outer(np.cos(angle), y) + shift[:, 1:],
+                       np.tile(z, (count, 1))], axis=-1)  # fmt: skip
+    faces = (body.faces[None] + 8 * np.arange(count)[:, None, None]).reshape(-1, 3)
+    return trimesh.Trimesh(turned.reshape(-1, 3), faces, process=False)
+
+
+def test_a_ball_of_a_million_faces_and_a_heap_of_boxes_are_refused_soon(tmp_path):
+    path = tmp_path / "ball.stl"
+    path.write_bytes(ball(500))
+    assert "998,000 faces" in refusal(path)
+    path.write_bytes(ball(150))
+    assert "a pad feels none below" in refusal(path)
+    heap(20_000).export(path)
+    assert "160,000 corners" in refusal(path)
+
+
+@pytest.mark.slow
+def test_meshes_just_small_enough_are_pressed(tmp_path):
+    path = tmp_path / "ball.stl"
+    path.write_bytes(ball(350, top=3.0))
+    assert models.shape(path).area == pytest.approx(math.pi * (8**2 - 3**2), rel=0.02)
+    heap(2000).export(path)
+    assert 100 < models.shape(path).area < 200
+
+
 def test_an_outline_with_too_many_corners(tmp_path):
     angle = np.linspace(0, 2 * np.pi, 3000, endpoint=False)
     radius = np.where(np.arange(3000) % 2, 10.0, 12.0)
