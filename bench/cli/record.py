@@ -97,7 +97,7 @@ def _record_session(
     from bench.console import plain_console
     from bench.guide import lead
     from bench.places import check_new_file
-    from hardware.recording import SUFFIX, Recorder
+    from hardware.recording import SUFFIX, Recorder, check_whole
     from hardware.scans import read_session, scan_of_sessions
     from hardware.session import Session
     from hardware.sources import open_source
@@ -106,7 +106,7 @@ def _record_session(
     check_new_file(out)
     journal = out.with_suffix(SUFFIX)
     presses, first = {}, 0
-    if resume:
+    if resume and check_whole(journal).records:  # else it was killed before it had begun
         before = read_session(journal)
         if before.plan.poses != plan.poses or before.plan.label != plan.label:
             raise InputError(

@@ -6,10 +6,14 @@ import signal
 import subprocess
 import time
 
+import numpy as np
 import pytest
 
 from bench import results
+from hardware.device import load_device
+from hardware.recording import Kind, Recorder, RecordReader, check_whole
 from tactsim import Scan
+from tactsim.reading import Reading
 
 SWEEP = """
 [defaults]
@@ -121,3 +125,68 @@ def test_killed_again_and_again_it_ends_with_the_same_bytes(bench, name):
 @pytest.mark.parametrize("name", COMMANDS)
 def test_killed_at_many_moments_it_ends_with_the_same_bytes(bench, name):
     kill_again_and_again(bench, name, kills=20, seed=2)
+
+
+@pytest.mark.parametrize("kills", [3, pytest.param(20, marks=pytest.mark.slow)])
+def test_a_recording_killed_again_and_again_loses_nothing(bench, kills):
+    presses = 2 * kills
+    words = [
+        "record", "--port", "pad", "--letter", "I", "--out", "I.npz", "--frames", "5", "--poses", f"random:{presses}",
+        "--patience", "1", "--calibration", "cal.toml",
+    ]  # fmt: skip
+    journal, out = bench.folder / "I.tactrec", bench.folder / "I.npz"
+    pad = ["--port", "pty:pad", "--follow", "I.tactrec", "--rate", "200", "--hold", "0.5", "--lift", "0.05"]
+    emulator = bench.start("emulate", *pad)
+    try:
+        emulator.stdout.readline()
+        assert bench("tare", "--port", "pad", "--out", "cal.toml").returncode == 0
+        chance = random.Random(3)
+        kept, marks = b"", 0
+        for _ in range(kills):
+            resume = ["--resume"] if journal.exists() else []
+            process = bench.start(*words, *resume)
+            kill_at(process, 2.0 + chance.uniform(0, 2), bench.folder, while_writing=False)
+            if out.exists():
+                break
+            if journal.exists():
+                content = journal.read_bytes()
+                assert content.startswith(kept), "what was recorded once stays"
+                kept = content[: check_whole(journal).whole_bytes]
+                done = sum(record.kind is Kind.MARK for record in RecordReader(journal))
+                assert done >= marks
+                marks = done
+        if not out.exists():
+            result = bench(*words, *(["--resume"] if journal.exists() else []))
+            assert result.returncode == 0, result.stderr
+    finally:
+        os.killpg(emulator.pid, signal.SIGKILL)
+        emulator.communicate(timeout=30)
+    assert len(Scan.load(out)) == presses
+    assert check_whole(journal).finished
+    again = bench("replay", "I.tactrec", "--scan", "again.npz")
+    assert again.returncode == 0, again.stderr
+    assert Scan.load(bench.folder / "again.npz").digest == Scan.load(out).digest
+
+
+def test_a_recording_killed_before_it_began_is_begun_again(bench):
+    (bench.folder / "I.tactrec").write_bytes(b"\x89TACTREC\r\n\x1a\n" + b"\x01\x00")
+    with Recorder(bench.folder / "quiet.tactrec") as recorder:
+        recorder.segment({"device": load_device("emulated").as_json()}, 0.0)
+        for k in range(100):
+            recorder.reading(Reading(np.zeros(36), 0.01 * k))
+    words = [
+        "record",
+        "--letter",
+        "I",
+        "--out",
+        "I.npz",
+        "--frames",
+        "2",
+        "--poses",
+        "random:1",
+        "--patience",
+        "0.1",
+    ]
+    result = bench(*words, "--resume", "--port", "recording:quiet.tactrec")
+    assert result.returncode == 0, result.stderr
+    assert len(Scan.load(bench.folder / "I.npz")) == 1
