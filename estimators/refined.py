@@ -171,8 +171,9 @@ class RefinedFilter(OpenSetFilter, HistogramFilter):
         count = len(self._history)
         ceiling = float(self._history.terms.ceiling[count])
         highest = self._belief.upper.ravel() + ceiling
-        # Each of the best blocks has a bin as high as itself: that many bins are not lower.
-        place = max(0, len(highest) - self.options.cells)
+        # Each of the best blocks has a bin as high as itself: that many bins are not lower. The first
+        # that is not split is wanted, too.
+        place = max(0, len(highest) - self.options.cells - 1)
         enough = np.partition(highest, place)[place] if place else -math.inf
         least = min(enough, highest.max() - _NEGLIGIBLE) - _ROUNDING
         cell, log_p = self._picked
@@ -184,7 +185,7 @@ class RefinedFilter(OpenSetFilter, HistogramFilter):
         count = len(self._history)
         halved = _Halved(cell, np.empty((len(cell), 8), dtype=np.int64), np.zeros((len(cell), 8)))
         new = np.ones(len(cell), dtype=bool)
-        if before is not None and self.options.skip:
+        if before is not None and len(before.cell) and self.options.skip:
             place = np.minimum(np.searchsorted(before.cell, cell), len(before.cell) - 1)
             new = before.cell[place] != cell
             old = np.flatnonzero(~new)
@@ -221,7 +222,12 @@ class RefinedFilter(OpenSetFilter, HistogramFilter):
 
 
 def _highest(values: FloatArray, count: int) -> NDArray[np.intp]:
-    """Give the indices of the `count` highest values (n,), or of all if there are fewer."""
+    """Give the indices of the `count` highest values (n,), or of all if there are fewer.
+
+    Where the last of them are as high as others, which are not among them, they are left out, too: of
+    letters that look alike none may be preferred.
+    """
     if count >= len(values):
         return np.arange(len(values))
-    return np.argpartition(values, len(values) - count)[len(values) - count :]
+    next_one = len(values) - count - 1
+    return np.flatnonzero(values > np.partition(values, next_one)[next_one])

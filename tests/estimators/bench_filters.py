@@ -91,6 +91,28 @@ def test_particles_beside_their_own_likelihood(vowels, benchmark, name, monkeypa
     benchmark.pedantic(filter.update, (readings[0], poses[0]), rounds=20)
 
 
+def recognise(filter, rng, readings, poses):
+    filter.reset(rng)
+    for reading, pose in zip(readings, poses, strict=True):
+        filter.update(reading, pose)
+        filter.estimate()
+
+
+def test_refined_beside_tempered(vowels, benchmark):
+    refined, tempered = estimators.create("refined"), estimators.create("tempered", particles=10_000)
+    for filter in (refined, tempered):
+        filter.fit(vowels)
+    ours, theirs = [], []
+    for rng, readings, poses in trials(vowels, 10):
+        ours.append(seconds(recognise, refined, rng, readings[:20], poses[:20]) / 20)
+        theirs.append(seconds(recognise, tempered, rng, readings[:20], poses[:20]) / 20)
+    ratio = float(np.median(theirs) / np.median(ours))
+    benchmark.extra_info["ratio"] = ratio
+    print(f"\nrefined {1e3 * np.median(ours):.1f} ms a reading; tempered takes {ratio:.1f} times as long")
+    assert ratio >= 2.5
+    benchmark.pedantic(recognise, (refined, rng, readings, poses), rounds=3)
+
+
 def with_particles(gather, letters):
     """One step of the package `particles` (0.4): bootstrap filter on the same states and likelihood."""
     package = pytest.importorskip("particles")

@@ -139,6 +139,21 @@ def test_keeping_what_was_replayed_changes_no_answer(small, options):
     assert lazy.work["skipped"]["replays"] > 0
 
 
+@pytest.mark.parametrize("cells", [1, 7, 100])
+def test_of_letters_that_look_alike_none_is_preferred(small, cells):
+    one = small.where(label="E")
+    twins = Scan(
+        np.tile(one.readings, (3, 1)), np.tile(one.poses, (3, 1)), np.repeat(list("EFG"), len(one)),
+        np.tile(one.split, 3), one.taxel_xy,
+    )  # fmt: skip
+    estimator = fitted(twins, cells=cells, bins=1000)
+    readings, poses, _ = draw_trial(small, "E", 6, np.random.default_rng(3))
+    for shown in (readings, np.zeros_like(readings)):
+        for count in range(7):
+            got = updated(estimator, shown[:count], poses[:count]).estimate()
+            assert list(got.probabilities.values()) == pytest.approx([1 / 3] * 3, abs=1e-9)
+
+
 def test_estimates_that_are_left_out_change_nothing_later(small):
     estimator = fitted(small)
     readings, poses, _ = draw_trial(small, "E", 8, np.random.default_rng(7))
