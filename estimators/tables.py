@@ -49,18 +49,23 @@ def tabulate(
     ]
     axes = [low[i] + step[i] * np.arange(counts[i]) for i in (0, 1)]
     xy = np.stack(np.meshgrid(*axes), axis=-1)
-    sampled = np.stack([likelihood.log_tables(label, xy) for label in labels], axis=1)
     outside = np.stack([likelihood.log_tables(label, high + 1e6) for label in labels], axis=1)
-    if not (np.isfinite(sampled).all() and np.isfinite(outside).all()):
-        raise ValueError(f"likelihood {type(likelihood).__name__} gives a value that is not finite")
-    values = (sampled - outside[:, :, None, None]).astype(np.float32)
+    values = np.empty((*outside.shape, *xy.shape[:2]), dtype=np.float32)
+    lowest, highest = outside.min(axis=1), outside.max(axis=1)
+    for number, label in enumerate(labels):  # float64 for one letter at a time
+        sampled = likelihood.log_tables(label, xy)
+        if not (np.isfinite(sampled).all() and np.isfinite(outside[:, number]).all()):
+            raise ValueError(f"likelihood {type(likelihood).__name__} gives a value that is not finite")
+        values[:, number] = sampled - outside[:, number, None, None]
+        lowest = np.minimum(lowest, sampled.min(axis=(1, 2)))
+        highest = np.maximum(highest, sampled.max(axis=(1, 2)))
     return Tables(
         values=_by_phase(values, phases[1], phases[0]),
         origin=low,
         step=step,
         outside=outside,
-        lowest=np.minimum(sampled.min(axis=(1, 2, 3)), outside.min(axis=1)),
-        highest=np.maximum(sampled.max(axis=(1, 2, 3)), outside.max(axis=1)),
+        lowest=lowest,
+        highest=highest,
     )
 
 

@@ -153,8 +153,8 @@ def test_any_reading_is_finite_evidence(model, reading):
 
 @pytest.mark.parametrize("value", [0.0, -4.0, 500.0])
 def test_training_readings_without_contrast_are_taken(quiet, value):
-    same = Scan(np.full_like(quiet.readings, value), quiet.poses, quiet.labels, quiet.split, quiet.taxel_xy)
-    model = fitted(same)
+    few = make_scan("E", poses=paper_poses(2, 3))
+    model = fitted(Scan(np.full_like(few.readings, value), few.poses, few.labels, few.split, few.taxel_xy))
     assert np.isfinite(model.log_tables("E", np.random.default_rng(0).uniform(-20, 20, (100, 2)))).all()
     assert np.isfinite(told(model, "E", np.zeros((36, 2)), quiet.readings[0]))
 
