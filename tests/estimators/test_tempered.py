@@ -74,6 +74,7 @@ def test_skipping_changes_no_answer(scan):
             for label, p in one.probabilities.items():
                 assert p == pytest.approx(other.probabilities[label], abs=1e-6)
     assert quick.work["skipped"]["moves"] > 0
+    assert quick.work["skipped"]["moves"] % 300 == 0  # whole populations, once for each reading replayed
     assert full.work["skipped"]["moves"] == 0
     assert quick.work["likelihood_evaluations"] < full.work["likelihood_evaluations"]
 
