@@ -25,3 +25,10 @@ def test_the_first_draw_is_uniform():
     weight = np.array([1.0, 3.0])
     first = [systematic(weight, 1, np.random.default_rng(seed))[0] for seed in range(2000)]
     assert abs(np.mean(first) - 0.75) < 4 * np.sqrt(0.75 * 0.25 / 2000)
+
+
+def test_a_draw_that_rounds_up_to_the_whole_stays_within():
+    # Of the smallest number there is, any share above a half is rounded up to the whole.
+    smallest = np.array([0.0, 5e-324])
+    for seed in range(20):
+        assert systematic(smallest, 3, np.random.default_rng(seed)).max() <= 1

@@ -1,5 +1,6 @@
 """Contact forces against closed forms and brute force: balance, foundations, tilt, rounded edges."""
 
+import mujoco
 import numpy as np
 import pytest
 from manifold3d import CrossSection
@@ -25,7 +26,7 @@ def press(name, poses, options, rounding=0.0):
     return bed, contact_forces(bed, poses, letter, options)
 
 
-@pytest.mark.parametrize("force", [0.01, 2.0, 100.0])
+@pytest.mark.parametrize("force", [0.001, 2.0, 100.0])
 def test_contacts_balance_the_force(force):
     poses = grid_poses()
     bed, forces = press("A", poses, PressOptions(force=force))
@@ -124,6 +125,20 @@ def test_a_rigidly_tilted_face_presses_one_side(tilt_x, tilt_y):
             ours = forces[(bed.centroid * (sign_x, sign_y) > 0).all(axis=1)].sum()
             theirs = load[(points * (sign_x, sign_y) > 0).all(axis=1)].sum()
             assert ours == pytest.approx(theirs, abs=0.01)
+
+
+@pytest.mark.parametrize("force", [0.001, 2.0])
+def test_a_level_press_is_found_in_one_step_of_newton_s_method(force, monkeypatch):
+    steps = []
+
+    def count(model, data, step=mujoco.mj_step):
+        steps.append(data.time)
+        step(model, data)
+
+    monkeypatch.setattr(mujoco, "mj_step", count)
+    poses = grid_poses()[60:70]
+    press("E", poses, PressOptions(force=force))
+    assert len(steps) == len(poses)
 
 
 def test_hinges_give_way_until_they_balance_the_contact():
