@@ -14,6 +14,8 @@ from typing import IO
 
 from models.errors import InputError
 
+_PIECE = 1 << 20  # bytes
+
 
 @contextmanager
 def replacing(path: str | Path) -> Iterator[IO[bytes]]:
@@ -107,11 +109,14 @@ def opened(path: str | Path) -> Iterator[BufferedReader]:
 
 def read_bytes(path: str | Path, most: int) -> bytes:
     """Read a regular file of at most `most` bytes. Raises InputError, as `opened`, also if it is larger."""
+    pieces, size = [], 0
     with opened(path) as stream:
-        content = stream.read(most + 1)
-    if len(content) > most:
-        raise InputError(f"it is larger than {most:,} bytes")
-    return content
+        while piece := stream.read(_PIECE):  # in one piece, room would be made for the most that is allowed
+            pieces.append(piece)
+            size += len(piece)
+            if size > most:
+                raise InputError(f"it is larger than {most:,} bytes")
+    return b"".join(pieces)
 
 
 def _unwritable(target: Path, error: OSError) -> InputError:
