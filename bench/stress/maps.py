@@ -158,7 +158,7 @@ def order_of_readings(worst: Worst) -> None:
 @case(
     "maps.without-information",
     varied="training readings that are all Unknown, all zero or all alike, for every estimator",
-    deviation="probabilities from equal ones (histogram), or from a sum of 1",
+    deviation="probabilities from equal ones (but of particles), or from a sum of 1",
     limit=1e-6,
     because="the letters' maps are the same, so no reading may tell them apart",
     quick=True,
@@ -177,8 +177,7 @@ def without_information(worst: Worst) -> None:
                 estimator.update(reading, pose)
             estimate = estimator.estimate()
             worst.see(flaw(estimate), f"{name}, all {what}")
-            # Populations wander by chance; and where cells tie, only some letters' are split.
-            if name not in (*DRAWING, "refined", "force-mosaic"):
+            if name not in DRAWING:  # whose populations wander by chance
                 worst.see(np.abs(probabilities(estimate) - 1 / 3), f"{name}, all {what}")
 
 
