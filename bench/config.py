@@ -27,7 +27,7 @@ class RunConfig(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
-    estimator: str = "histogram"
+    estimator: str = "refined"
     options: dict[str, Any] = Field(default_factory=dict, description="the estimator's options")
     letters: tuple[str, ...] | None = Field(None, description="which take part; None: all there are")
     hold_out: tuple[str, ...] = Field((), description="of them, those that are not trained on")
@@ -45,7 +45,7 @@ class RunWords(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    estimator: str = "histogram"
+    estimator: str = "refined"
     bins: int | None = None
     particles: int | None = None
     set: dict[str, Any] = {}

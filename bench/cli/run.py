@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def command(
-    estimator: Annotated[str, typer.Option(help="Which one; `bench list` names them.")] = "histogram",
+    estimator: Annotated[str, typer.Option(help="Which one; `bench list` names them.")] = "refined",
     bins: Annotated[
         int | None,
         typer.Option(

@@ -7,6 +7,7 @@ from synthetic import draw_trial, make_scan, paper_poses, placement_error, score
 
 import estimators
 from estimators.grid import StateGrid
+from estimators.refined import _highest
 from tactsim import InputError, Scan, ScanOptions, scan_letters
 
 COARSE = paper_poses(positions=3, angles=4)
@@ -258,3 +259,12 @@ def test_all_capitals_and_digits_are_told_apart():
     scan = scan_letters(ScanOptions(letters=letters), cache=False)[0]
     right, _ = scores(scan, fitted(scan), trials=14, last=6)
     assert right[:, 5].mean() >= 0.97
+
+
+def test_of_equal_cells_all_are_halved_or_none():
+    values = np.array([3.0, 1.0, 3.0, 5.0, 3.0, 0.0])
+    assert _highest(values, 1).tolist() == [3]
+    assert _highest(values, 2).tolist() == [3]
+    assert _highest(values, 4).tolist() == [0, 2, 3, 4]
+    assert _highest(values, 6).tolist() == _highest(values, 9).tolist() == [0, 1, 2, 3, 4, 5]
+    assert _highest(np.zeros(5), 3).tolist() == []
