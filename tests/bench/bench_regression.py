@@ -83,7 +83,9 @@ def test_trial(benchmark, against_reference, scan, name):
     estimator = create(name)
     estimator.fit(scan)
     test = scan.where("test", "A")
-    trial = against_reference(lambda: run_trial(estimator, test, Task("A", 0), readings=READINGS, seed=0))
+    trial = against_reference(
+        lambda: run_trial(estimator, test, Task("A", 0), letters=estimator.labels, readings=READINGS, seed=0)
+    )
     errors = score.errors(trial, score.properties(scan))[0]
     benchmark.extra_info["error_mm"] = float(errors[-1])
     benchmark.extra_info["mean_p_truth"] = float(trial.p_truth.mean())
