@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, Literal
@@ -133,6 +134,11 @@ def merged(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any
             merged(inner, value) if isinstance(inner, Mapping) and isinstance(value, Mapping) else value
         )
     return result
+
+
+def whole_number(text: str) -> int | None:
+    """Read a count of at most nine digits; None if `text` is none."""
+    return int(text) if re.fullmatch(r"[0-9]{1,9}", text) else None
 
 
 def key_values(pairs: Iterable[str], option: str) -> dict[str, Any]:

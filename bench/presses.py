@@ -9,6 +9,7 @@ import numpy as np
 import models
 from hardware.device import Device
 from tactsim import InputError, ScanOptions
+from tactsim.finite import LARGEST
 from tactsim.poses import FloatArray, compose
 from tactsim.pressing import ideal_readings
 from tactsim.sensor import gains, sense
@@ -39,7 +40,7 @@ def parse_pose(text: str) -> FloatArray:
         pose = np.array([float(word) for word in text.split(",")])
     except ValueError:
         pose = np.zeros(0)
-    if pose.shape != (3,) or not np.isfinite(pose).all():
+    if pose.shape != (3,) or not (np.abs(pose) <= LARGEST).all():
         raise InputError(f"a pose is written x,y,theta in mm and rad, like 3.4,-3.4,0.52, not {text!r}")
     return pose
 

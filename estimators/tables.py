@@ -10,7 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimators.likelihood import Likelihood
+from models.errors import InputError
 from tactsim.poses import FloatArray
+
+_MOST_NODES = 50_000_000  # of all letters: 400 MB a table while they are made
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,7 +41,7 @@ def tabulate(
     """Sample a fitted likelihood where states with the given spacing in x and y (mm) can read it.
 
     The spacing is divided into the smallest whole number of steps that are at most `finest` mm.
-    Raises ValueError if a value is not finite.
+    Raises ValueError if a value is not finite, InputError for more than 50 million nodes.
     """
     low, high = likelihood.extent
     phases = [max(1, math.ceil(gap / finest - 1e-9)) for gap in spacing]
@@ -47,6 +50,12 @@ def tabulate(
     counts = [
         math.ceil((math.ceil((high[i] - low[i]) / step[i]) + 2) / phases[i]) * phases[i] for i in (0, 1)
     ]
+    if counts[0] * counts[1] * len(labels) > _MOST_NODES:
+        raise InputError(
+            f"tables of {len(labels)} letters over {high[0] - low[0]:.3g} x {high[1] - low[1]:.3g} mm, for states "
+            f"{spacing[0]:.3g} x {spacing[1]:.3g} mm apart, would have more than {_MOST_NODES:,} nodes; choose "
+            "another reach, larger cells or another number of bins"
+        )
     axes = [low[i] + step[i] * np.arange(counts[i]) for i in (0, 1)]
     xy = np.stack(np.meshgrid(*axes), axis=-1)
     outside = np.stack([likelihood.log_tables(label, high + 1e6) for label in labels], axis=1)

@@ -62,6 +62,8 @@ def command(
     from hardware.emulator.pressing import Pressing
     from models.errors import InputError
 
+    if not np.isfinite([hold, lift, rate, drift, disconnect]).all():
+        raise InputError("--hold, --lift, --rate, --drift and --disconnect take finite numbers")
     described = load_device(device)
     if described.ports > 1:
         raise InputError(f"{described.name} has {described.ports} ports; only pads on one port are emulated")
@@ -103,6 +105,7 @@ def _wanted(
 
 
 def _serve(port: str, emulated: Emulated, faults: Faults, rng: np.random.Generator) -> None:
+    from bench.config import whole_number
     from hardware.emulator import serve_pty, serve_tcp
     from models.errors import InputError
 
@@ -113,9 +116,10 @@ def _serve(port: str, emulated: Emulated, faults: Faults, rng: np.random.Generat
     if kind == "pty":
         serve_pty(emulated, faults, rng, link=Path(place) if place else None, ready=ready)
     elif kind == "tcp":
-        host, _, number = place.rpartition(":")
-        if place and not number.isdigit():
+        host, _, word = place.rpartition(":")
+        number = whole_number(word) if place else 0
+        if number is None:
             raise InputError(f"--port {port!r}: write it as tcp:[HOST:]PORT")
-        serve_tcp(emulated, faults, rng, host=host or "127.0.0.1", port=int(number or 0), ready=ready)
+        serve_tcp(emulated, faults, rng, host=host or "127.0.0.1", port=number, ready=ready)
     else:
         raise InputError(f"--port {port!r}: say pty, pty:LINK, tcp or tcp:[HOST:]PORT")

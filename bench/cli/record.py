@@ -185,15 +185,17 @@ def _force(text: str) -> tuple[float, float]:
 def _poses(text: str, seed: int) -> list[tuple[float, ...]]:
     import numpy as np
 
+    from bench.config import whole_number
     from models.errors import InputError
     from tactsim.protocol import grid_poses, random_poses
 
     if text == "grid":
         return [tuple(pose) for pose in grid_poses().tolist()]
-    kind, _, count = text.partition(":")
-    if kind != "random" or not count.isdigit() or not 1 <= int(count) <= 100_000:
+    kind, _, number = text.partition(":")
+    count = whole_number(number)
+    if kind != "random" or count is None or not 1 <= count <= 100_000:
         raise InputError(f"--poses {text!r}: say grid, or random:N for N poses off the grid")
-    return [tuple(pose) for pose in random_poses(np.random.default_rng(seed), int(count)).tolist()]
+    return [tuple(pose) for pose in random_poses(np.random.default_rng(seed), count).tolist()]
 
 
 def _shape(label: str) -> Covers | None:

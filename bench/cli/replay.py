@@ -126,9 +126,10 @@ def _write_csv(source: Source, path: Path) -> None:
 
 def _window(text: str) -> tuple[int, int]:
     """Read a window written as ROWSxCOLUMNS."""
+    from bench.config import whole_number
     from models.errors import InputError
 
-    rows, x, columns = text.partition("x")
-    if not (x and rows.isdigit() and columns.isdigit()):
+    rows, columns = (whole_number(word) for word in text.partition("x")[::2])
+    if rows is None or columns is None:
         raise InputError(f"--cut {text!r}: write it as ROWSxCOLUMNS, like 5x5")
-    return int(rows), int(columns)
+    return rows, columns

@@ -14,7 +14,9 @@ def command(
     port: pads.Port,
     out: Annotated[Path, typer.Option(help="The calibration file to write, .toml.")],
     device: pads.DeviceName = "emulated",
-    frames: Annotated[int, typer.Option(min=40, help="Frames that the zero is the median of.")] = 100,
+    frames: Annotated[
+        int, typer.Option(min=40, max=100_000, help="Frames that the zero is the median of.")
+    ] = 100,
     calibration: Annotated[
         Path | None,
         typer.Option(help="With --load: the tare that the gains are added to.", show_default=False),
