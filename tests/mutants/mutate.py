@@ -23,7 +23,7 @@ from typing import NamedTuple
 from cosmic_ray.commands import execute
 from cosmic_ray.config import ConfigDict
 from cosmic_ray.work_db import WorkDB, use_db
-from cosmic_ray.work_item import WorkResult
+from cosmic_ray.work_item import TestOutcome, WorkResult
 from mutations import mutants_of
 
 from bench.score import wilson
@@ -142,7 +142,10 @@ def _try_module(module: str, tests: list[str], chosen: argparse.Namespace) -> Tr
                 work.set_result(item.job_id, result)
             execute(work, _settings(tests))
         results = dict(work.results)
-    return Tried(module, len(mutants), [results[item.job_id] for item in wanted])
+    made = (
+        results[item.job_id] for item in wanted
+    )  # but for what Cosmic Ray cannot write, such as `except a.b`
+    return Tried(module, len(mutants), [one for one in made if one.test_outcome != TestOutcome.INCOMPETENT])
 
 
 def _digest(tests: list[str]) -> str:

@@ -68,4 +68,5 @@ def test_poses_broadcast():
     one = np.array([1.0, 2.0, 0.3])
     assert np.allclose(compose(one, many), [compose(one, pose) for pose in many])
     assert np.allclose(compose(many, one), [compose(pose, one) for pose in many])
+    assert np.allclose(invert(many), [invert(pose) for pose in many])
     assert transform(many, np.zeros((7, 2))).shape == (4, 7, 2)

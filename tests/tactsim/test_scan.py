@@ -67,6 +67,11 @@ def test_letters_are_selected_in_the_order_of_the_readings(scan):
     assert np.array_equal(scan.of_letters(["E", "A"]).readings, scan.readings)
 
 
+def test_untrained_letters_keep_their_test_readings_only(scan):
+    assert np.array_equal(scan.untrained(["A"]).readings, scan.readings[[1, 2, 3, 5]])
+    assert np.array_equal(scan.untrained([]).readings, scan.readings)
+
+
 def test_training_and_test_readings_of_two_scans_become_one(scan):
     both = scan.where("train").joined(scan.where("test"), meta={"from": "two"})
     assert np.array_equal(both.readings, np.concatenate([scan.readings[::2], scan.readings[1::2]]))
