@@ -57,14 +57,21 @@ class HistogramFilter(MapFilter):
         self.tables = tabulate(self.likelihood, self.labels, grid.spacing[:2], self.options.cell)
         self._bins = self._slices(self.tables, 1, 1)
         wide, tall = _block(grid)
-        self._blocks = self._slices(pooled(self.tables, wide, tall), wide, tall)
+        # Without bounds the kernels do not look at the blocks' tables.
+        bounds = self._slices(pooled(self.tables, wide, tall), wide, tall) if self._leaves_bins else None
+        self._blocks = bounds or self._bins
         self._belief = _blank_belief(letters, grid, wide, tall)
         self._centres = grid.centres
         angle = self._centres[2]
         self._turns = np.column_stack([np.cos(angle), np.sin(angle)])
-        self._margin = math.log(letters * grid.bins / _NEGLIGIBLE) if self.options.skip else math.inf
+        self._margin = math.log(letters * grid.bins / _NEGLIGIBLE) if self._leaves_bins else math.inf
         self._history = History(self.tables, self.taxel_xy)
         self._leader = 0
+
+    @property
+    def _leaves_bins(self) -> bool:
+        """Tell whether bins are left alone that cannot matter."""
+        return self.options.skip
 
     def _slices(self, tables: Tables, wide: int, tall: int) -> Slices:
         dx, dy, _ = self.grid.spacing

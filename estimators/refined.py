@@ -84,11 +84,14 @@ class RefinedFilter(OpenSetFilter, HistogramFilter):
             f"to {dx:.2g} mm x {dy:.2g} mm x {math.degrees(da):.2g} deg"
         )
 
+    @property
+    def _leaves_bins(self) -> bool:
+        """Leave no bin alone: ranking needs them all."""
+        return False
+
     def prepare(self) -> None:
         """Tabulate the likelihood; bring the same nodes in an order for cells that lie anywhere."""
         super().prepare()
-        # Ranking needs all bins, so none is left alone.
-        self._margin = math.inf
         kinds, letters, phases_y, phases_x, rows, columns = self.tables.values.shape
         nodes = self.tables.values.transpose(0, 1, 4, 2, 5, 3)
         self._nodes = nodes.reshape(kinds, letters, rows * phases_y, columns * phases_x)
