@@ -33,7 +33,7 @@ check: $(READY)  ## lint, types and import directions
 test-slow: $(READY)  ## the longer tests
 	@$(BIN)/python -m pytest -m slow
 
-mutants: $(READY) $(VENV)/.mutation  ## break formulas in a copy; which breaks do tests notice? an hour
+mutants: $(READY) $(VENV)/.mutation  ## break formulas in a copy: do the tests notice? an hour or two
 	@nice $(BIN)/python tests/mutants/mutate.py $(MUTANTS)
 
 $(VENV)/.mutation: $(MUTATION) | $(READY)

@@ -64,6 +64,12 @@ def test_the_image_sequence_runs_from_nothing_to_the_reading():
     assert press.times[np.argmax(total > 0.9 * total[-1])] == pytest.approx(0.065, abs=0.02)
 
 
+@pytest.mark.parametrize(("rate", "apart"), [(10_000.0, 0.0005), (1000.0, 0.001)])
+def test_images_come_as_often_as_asked_for_but_once_a_step_at_most(rate, apart):
+    _, press = both("I", [0.0, 0.0, 0.3], frame_rate=rate)
+    assert np.diff(press.times[:-1]) == pytest.approx(apart)
+
+
 def test_a_press_that_does_not_settle_is_reported():
     options = ScanOptions(letters=("E",), press=PressOptions(dynamics="full", time_limit=0.05))
     with pytest.raises(UnsettledError, match=r"'E'.*time_limit"):
