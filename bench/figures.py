@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Mapping
 from io import BytesIO
 from pathlib import Path
@@ -65,11 +66,11 @@ def readings_figure(run: Run) -> Figure:
     right.legend(frameon=False, loc="upper right")
     for axes in (left, right):
         axes.spines[["top", "right"]].set_visible(False)
-    figure.suptitle(
-        f"{run.config['estimator']}, {run.about['description']}\n"
+    title = [
+        f"{run.config['estimator']}, {run.about['description']}",
         f"{len(run.trials.truth)} trials, {run.about['protocol']}",
-        fontsize=10,
-    )
+    ]
+    figure.suptitle("\n".join(textwrap.fill(line, 110) for line in title), fontsize=10)
     return figure
 
 

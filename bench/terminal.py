@@ -106,6 +106,7 @@ def headlines(run: Run) -> list[str]:
         lines.append(
             f"taken for none of the known letters at reading {readings}: {summary['refused_unknown'][-1]:.1%} of the "
             f"trials of {', '.join(run.config['hold_out'])}, {summary['refused_known'][-1]:.1%} of the others"
+            + ("" if run.about["options"].get("unknown") else "; `--set unknown=0.5` lets `refined` say so")
         )
     if run.about["classifier_agreement"] is not None:
         lines.append(

@@ -62,9 +62,14 @@ class Trials:
     propose_s: FloatArray
 
     @property
+    def answer(self) -> NDArray[np.str_]:
+        """Give the right labels (n,): the true letters, or NONE where they are not known."""
+        return np.where(self.known, self.truth, NONE)
+
+    @property
     def right(self) -> NDArray[np.bool_]:
-        """Tell for (n, r) whether the estimated letter is the true one, or NONE where that is not known."""
-        return self.label == np.where(self.known, self.truth, NONE)[:, None]
+        """Tell for (n, r) whether the estimated label is the right one."""
+        return self.label == self.answer[:, None]
 
     @classmethod
     def joined(cls, parts: Iterable[Trials]) -> Trials:

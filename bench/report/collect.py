@@ -216,7 +216,7 @@ def task_name(run: Run) -> str:
 
 
 # What belongs to the estimator, to how often it is tried, or to the protocol.
-_NO_TASK = ("estimator", "options", "trials", "readings", "explore")
+_NO_TASK = ("estimator", "options", "trials", "readings", "explore", "hold_out")
 
 
 def _flat(values: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:

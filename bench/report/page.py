@@ -154,6 +154,7 @@ def _run(entry: Entry, methods: Sequence[str], arrays: Arrays) -> dict[str, Any]
     low, high = error_band(summary)
     letters, counts = confusion_counts(entry)
     trials = run.trials
+    answers = dict(zip(trials.truth.tolist(), trials.answer.tolist(), strict=True))
     return {
         "label": entry.label,
         "folder": str(entry.folder),
@@ -176,7 +177,11 @@ def _run(entry: Entry, methods: Sequence[str], arrays: Arrays) -> dict[str, Any]
         "settled50": summary["settled_50"],
         "msPerReading": _short(1e3 * float((trials.update_s + trials.estimate_s + trials.propose_s).mean())),
         "evaluations": _short(float(trials.evaluations.mean())),
-        "confusion": {"letters": letters, "counts": arrays.add(counts, "u2")},
+        "confusion": {
+            "letters": letters,
+            "right": [letters.index(answers.get(letter, letter)) for letter in letters],
+            "counts": arrays.add(counts, "u2"),
+        },
     }
 
 
@@ -198,6 +203,7 @@ def _recognition(trial: Recognition, of: Replayed, arrays: Arrays) -> dict[str, 
         "run": trial.entry.label,
         "kind": trial.kind,
         "truth": trial.task.truth,
+        "answer": trial.answer,
         "trial": trial.task.trial,
         "same": trial.same,
         "labels": list(trial.labels),

@@ -26,14 +26,15 @@ MOST = 8  # runs of a protocol that are done again, one for each method
 class Recognition:
     """One trial of a run, reading by reading, n readings.
 
-    kind: why this trial. same: whether it came out as the run has it. pressures: (n, taxels) kPa.
-    sensor_in_object: (n, 3). estimate_in_object: (n, 3), where the estimate puts the object, in the
-    frame in which it truly lies. probabilities: (n, letters). robot_in_object: (n, 3) estimated.
-    plane: one belief a reading, or None if the estimator shows none.
+    answer: the right label. kind: why this trial. same: whether it came out as the run has it.
+    pressures: (n, taxels) kPa. sensor_in_object: (n, 3). estimate_in_object: (n, 3), where the estimate
+    puts the object, in the frame in which it truly lies. probabilities: (n, labels). robot_in_object:
+    (n, 3) estimated. plane: one belief a reading, or None if the estimator shows none.
     """
 
     entry: Entry
     task: Task
+    answer: str
     kind: str
     same: bool
     labels: tuple[str, ...]
@@ -149,8 +150,8 @@ def _recognise(
     true_pose, pose = trial.true_pose[0], trial.pose[0]
     labels = tuple(estimates[0].probabilities)
     return Recognition(
-        entry=entry, task=task, kind=kind, same=_same(trial, entry.run.trials), labels=labels,
-        label=trial.label[0].tolist(),
+        entry=entry, task=task, answer=str(trial.answer[0]), kind=kind, same=_same(trial, entry.run.trials),
+        labels=labels, label=trial.label[0].tolist(),
         pressures=test.readings[trial.reading[0]],
         sensor_in_object=test.poses[trial.reading[0]],
         estimate_in_object=compose(true_pose, invert(pose)),

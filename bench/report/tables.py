@@ -53,9 +53,13 @@ def error_band(summary: Mapping[str, Any]) -> tuple[list[float | None], list[flo
 
 
 def confusion_counts(entry: Entry) -> tuple[list[str], NDArray[np.int64]]:
-    """Count (readings, letters, letters) trials by true letter and estimate; gives the letters too."""
+    """Count (readings, labels, labels) trials by true letter and estimate; gives the labels too.
+
+    They are the true letters, then all others that are said or right.
+    """
     trials = entry.run.trials
-    letters = list(dict.fromkeys([*trials.truth.tolist(), *np.unique(trials.label).tolist()]))
+    others = np.union1d(trials.label, trials.answer)
+    letters = list(dict.fromkeys([*trials.truth.tolist(), *others.tolist()]))
     place = {letter: i for i, letter in enumerate(letters)}
     truth = np.array([place[letter] for letter in trials.truth.tolist()])
     label = np.searchsorted(np.sort(letters), trials.label)

@@ -44,6 +44,13 @@ def runs(tmp_path_factory, own_cache):
 
 
 @pytest.fixture(scope="session")
+def open_set_run(tmp_path_factory, own_cache):
+    """Give a run in which U was held out and may be refused."""
+    words = {"estimator": "refined", "set": {"unknown": 0.5}, "bins": 1000, "hold_out": "U", "readings": 10}
+    return make_run_in(tmp_path_factory.mktemp("open") / "set", **words)
+
+
+@pytest.fixture(scope="session")
 def hostile_run(tmp_path_factory, own_cache):
     """Give a run whose every name tries to become markup."""
     folder = tmp_path_factory.mktemp("hostile")

@@ -17,6 +17,7 @@ from bench.config import run_config
 from bench.report import replay
 from bench.report.collect import budget, collect, find, method_name, task_name
 from bench.report.pareto import frontier, points, recognition_seconds
+from bench.report.tables import confusion_counts
 from bench.report.write import write_report
 from bench.trials import Task
 from estimators.histogram import HistogramFilter
@@ -338,3 +339,15 @@ def test_names_cannot_end_the_data(hostile_run, tmp_path):
     run = data_of(written[0])["protocols"][0]["tasks"][0]["runs"][0]
     assert run["description"].startswith("</script><script>")
     assert "<script>" in run["letters"][0]
+
+
+def test_a_letter_held_out_is_right_when_it_is_refused(open_set_run):
+    groups = collect([open_set_run])
+    (entry,) = groups[0].entries
+    labels, counts = confusion_counts(entry)
+    assert labels == ["A", "E", "U", "none"]
+    assert counts.sum() == entry.run.trials.label.size
+    (replayed,), _ = replay.replay_all(groups)
+    answers = {(trial.task.truth, trial.answer) for trial in replayed.recognitions}
+    assert answers <= {("A", "A"), ("E", "E"), ("U", "none")}
+    assert all(trial.same for trial in replayed.recognitions)

@@ -8,7 +8,7 @@ function lettersToShow(trial) {
   if (n <= SHOWN_LETTERS) return trial.labels.map((_, i) => i);
   const p = array(trial.probabilities);
   const most = trial.labels.map((label, i) => {
-    let high = label === trial.truth ? 2 : 0;
+    let high = label === trial.answer ? 2 : 0;
     for (let k = 0; k < trial.estimate.length; k++) high = Math.max(high, p[k * n + i]);
     return high;
   });
@@ -111,9 +111,9 @@ function recognitionView(protocol) {
     const at = trial.labels.indexOf(said);
     const p = at < 0 ? null : row(trial.probabilities, k)[at];
     status.textContent =
-      `After reading ${reading}: it says ${said} (p = ${fixed(p, 3)}), which is ${said === trial.truth ? "right" : `wrong: it is ${trial.truth}`}; ` +
-      `placed ${fixed(array(trial.error)[k], 2)} mm off.`;
-    status.classList.toggle("bad", said !== trial.truth);
+      `After reading ${reading}: it says ${said} (p = ${fixed(p, 3)}), which is ${said === trial.answer ? "right" : `wrong: it is ${trial.truth}`}; ` +
+      (trial.answer === trial.truth ? `placed ${fixed(array(trial.error)[k], 2)} mm off.` : `${trial.truth} was held out of the training.`);
+    status.classList.toggle("bad", said !== trial.answer);
   }
 
   function taxelRects(values, most, inset) {
@@ -147,7 +147,7 @@ function recognitionView(protocol) {
     const now = s("g", { class: "now", transform: poseTransform(row(trial.sensor, k)) }, taxelRects(row(trial.pressures, k), pressureScale(), 0.06));
     parts.push(now, pad(k, "current"));
     const guess = outlines[trial.estimate[k]];
-    if (guess) parts.push(s("path", { class: trial.estimate[k] === trial.truth ? "ghost" : "ghost bad", d: outlinePath(guess, row(trial.ghost, k)) }));
+    if (guess) parts.push(s("path", { class: trial.estimate[k] === trial.answer ? "ghost" : "ghost bad", d: outlinePath(guess, row(trial.ghost, k)) }));
     scene.replaceChildren(...parts);
   }
 
@@ -172,7 +172,7 @@ function recognitionView(protocol) {
       ...lettersToShow(trial).map((i, place) => {
         const fill = h("span", { class: `fill m${place % MARKS}` });
         fill.style.setProperty("width", `${(100 * p[i]).toFixed(2)}%`);
-        const isTrue = trial.labels[i] === trial.truth;
+        const isTrue = trial.labels[i] === trial.answer;
         return h("div", { class: "bar-row" },
           h("span", { class: "bar-name" }, trial.labels[i], isTrue && h("span", { class: "tag" }, "true")),
           h("span", { class: "bar-track" }, fill),

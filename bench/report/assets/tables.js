@@ -115,7 +115,7 @@ function conditionsTable(protocol) {
 
 // The confusion matrix of a run after a number of readings.
 function confusionTable(run, reading) {
-  const { letters, counts } = run.confusion;
+  const { letters, right, counts } = run.confusion;
   const all = row(counts, reading - 1);
   const n = letters.length;
   const rows = letters.map((truth, i) => {
@@ -123,7 +123,7 @@ function confusionTable(run, reading) {
     const total = mine.reduce((sum, count) => sum + count, 0);
     if (!total) return null;
     return h("tr", {}, h("th", { scope: "row" }, truth), mine.map((count, j) => {
-      const cell = h("td", { class: i === j ? "right" : count ? "wrong" : "none" }, count ? String(count) : "·");
+      const cell = h("td", { class: j === right[i] ? "right" : count ? "wrong" : "none" }, count ? String(count) : "·");
       cell.style.setProperty("--share", (count / total).toFixed(3));
       return cell;
     }));
