@@ -22,8 +22,7 @@ def test_chosen_readings_name_the_letter_within_five(estimator):
 
 def test_letters_that_were_held_out_are_refused_within_ten_readings():
     runs = [
-        run(estimator="refined", set={"unknown": 0.5}, hold_out=letter, readings=12)
-        for letter in "AEIOU"
+        run(estimator="refined", set={"unknown": 0.5}, hold_out=letter, readings=12) for letter in "AEIOU"
     ]
     assert np.mean([one.summary["refused_unknown"][9] for one in runs]) >= 0.95
     assert max(one.summary["refused_known"][9] for one in runs) <= 0.02
