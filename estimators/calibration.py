@@ -41,7 +41,8 @@ def calibrate(
     place = np.searchsorted(edges, feature, side="right")
     total = np.bincount(place, minlength=len(edges) + 1)
     sums = np.bincount(place, feature, minlength=len(edges) + 1)
-    pairs = np.bincount(kinds * len(total) + place, minlength=classes * len(total))
+    # Classes come in 8 bits, which do not hold that many pairs.
+    pairs = np.bincount(kinds.astype(np.int64) * len(total) + place, minlength=classes * len(total))
     used = total > 0
     count = pairs.reshape(classes, -1)[:, used] + _UNSEEN
     return Calibration(sums[used] / total[used], count / count.sum(axis=0))

@@ -40,6 +40,16 @@ def test_quantile_edges_divide_into_equal_parts():
     assert quantile_edges(np.arange(101.0), 4).tolist() == [25, 50, 75]
 
 
+@pytest.mark.parametrize("bins", [43, 64, 127, 128, 1000])
+def test_any_number_of_bins_is_counted_however_narrow_the_classes_are(bins):
+    rng = np.random.default_rng(bins)
+    feature, kinds = rng.normal(size=20_000), rng.integers(3, size=20_000)
+    edges = quantile_edges(feature, bins)
+    wide, narrow = (calibrate(feature, kinds.astype(kind), 3, edges) for kind in (np.int64, np.int8))
+    assert np.array_equal(narrow.probability, wide.probability)
+    assert narrow.probability.shape == (3, bins)
+
+
 def test_features_that_are_all_equal_make_one_bin():
     got = calibrate(np.zeros(5), np.array([0, 0, 1, 2, 0]), 3, quantile_edges(np.zeros(5), 16))
     assert got(3.0) == pytest.approx([4 / 8, 2 / 8, 2 / 8])
