@@ -36,8 +36,8 @@ def compare(base: Run, new: Run) -> list[Difference]:
     """Compare two runs of one protocol trial by trial.
 
     Gated, with paired bootstrap intervals at 97.5 % each: the share of readings after which the letter
-    is right, over all trials, and the placement error after the last reading where both letters are
-    right. Reported: accuracy with McNemar's exact test at some readings, readings to settle, time.
+    is right, over all trials, and the placement error after the last reading where both have named
+    the letter. Reported: accuracy with McNemar's exact test at some readings, readings to settle, time.
 
     Raises InputError if the runs do not have the same trials.
     """
@@ -47,7 +47,7 @@ def compare(base: Run, new: Run) -> list[Difference]:
     readings = base_right.shape[1]
     right = _paired("share of readings right", base_right.mean(axis=1), new_right.mean(axis=1), rng, +1)
     rows = [right]
-    both = base_right[:, -1] & new_right[:, -1]
+    both = base.trials.named[:, -1] & new.trials.named[:, -1]
     if both.any():
         base_error, new_error = (errors(run.trials, run.objects)[both, -1] for run in (base, new))
         rows.append(_paired(f"error mm @{readings}", base_error, new_error, rng, -1))
@@ -59,7 +59,7 @@ def compare(base: Run, new: Run) -> list[Difference]:
     for metric in (all_right_from, settled_95):
         first, then = (metric(run.trials, run.objects) for run in (base, new))
         rows.append(Difference(metric.__name__.replace("_", " "), first, then))
-    before, after = (1e3 * float((run.trials.update_s + run.trials.estimate_s).mean()) for run in (base, new))
+    before, after = (1e3 * float(run.trials.seconds.mean()) for run in (base, new))
     rows.append(Difference("ms a reading", before, after))
     return rows
 

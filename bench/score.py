@@ -155,7 +155,7 @@ def accuracy_high(trials: Trials, objects: Mapping[str, Properties]) -> Curve:
 
 def error_mm(trials: Trials, objects: Mapping[str, Properties]) -> Curve:
     """Mean placement error of the trials whose letter is known and right (as the paper averages it)."""
-    return _mean(errors(trials, objects), _named(trials))
+    return _mean(errors(trials, objects), trials.named)
 
 
 def error_all_mm(trials: Trials, objects: Mapping[str, Properties]) -> Curve:
@@ -165,7 +165,7 @@ def error_all_mm(trials: Trials, objects: Mapping[str, Properties]) -> Curve:
 
 def error_standard_error_mm(trials: Trials, objects: Mapping[str, Properties]) -> Curve:
     """Give the standard error of `error_mm`."""
-    values, right = errors(trials, objects), _named(trials)
+    values, right = errors(trials, objects), trials.named
     count = right.sum(axis=0)
     squares = np.asarray(_mean(values**2, right), dtype=float)
     means = np.asarray(_mean(values, right), dtype=float)
@@ -246,11 +246,6 @@ def summarise(trials: Trials, objects: Mapping[str, Properties]) -> dict[str, An
     return {
         name: value.tolist() if isinstance(value, np.ndarray) else value for name, value in summary.items()
     }
-
-
-def _named(trials: Trials) -> NDArray[np.bool_]:
-    """Tell for (n, r) whether the true letter is known, and named."""
-    return trials.right & trials.known[:, None]
 
 
 def _mean(values: FloatArray, chosen: NDArray[np.bool_]) -> Curve:

@@ -71,6 +71,16 @@ class Trials:
         """Tell for (n, r) whether the estimated label is the right one."""
         return self.label == self.answer[:, None]
 
+    @property
+    def named(self) -> NDArray[np.bool_]:
+        """Tell for (n, r) whether the true letter is known, and named: only then is there a placement to be off."""
+        return self.right & self.known[:, None]
+
+    @property
+    def seconds(self) -> FloatArray:
+        """Give what each reading took (n, r): its choice, the update and the estimate."""
+        return self.update_s + self.estimate_s + self.propose_s
+
     @classmethod
     def joined(cls, parts: Iterable[Trials]) -> Trials:
         """Put trials together in the order given."""

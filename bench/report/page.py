@@ -175,7 +175,7 @@ def _run(entry: Entry, methods: Sequence[str], arrays: Arrays) -> dict[str, Any]
         "allRightFrom": summary["all_right_from"],
         "settled95": summary["settled_95"],
         "settled50": summary["settled_50"],
-        "msPerReading": _short(1e3 * float((trials.update_s + trials.estimate_s + trials.propose_s).mean())),
+        "msPerReading": _short(1e3 * float(trials.seconds.mean())),
         "evaluations": _short(float(trials.evaluations.mean())),
         "confusion": {
             "letters": letters,

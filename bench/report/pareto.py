@@ -38,8 +38,7 @@ def recognition_seconds(trials: Trials, readings: int) -> float:
     Updates, estimates (one after each reading) and proposals are counted; pressing, mapping and the
     tables made once are not.
     """
-    spent = trials.update_s + trials.estimate_s + trials.propose_s
-    return float(np.median(spent[:, :readings].sum(axis=1)))
+    return float(np.median(trials.seconds[:, :readings].sum(axis=1)))
 
 
 def points(group: Group) -> list[Point]:

@@ -6,6 +6,7 @@ from made_up import make_run
 
 from bench.compare import compare, mcnemar, paired_interval
 from bench.score import summarise
+from estimators import NONE
 from tactsim import InputError
 
 
@@ -45,6 +46,29 @@ def test_worse_accuracy_and_worse_error_are_both_seen():
     assert verdicts(base, run_with(0.8, 1.0, seed=1)) == ["worse", "same"]
     assert verdicts(base, run_with(0.9, 1.1, seed=1)) == ["same", "worse"]
     assert verdicts(base, run_with(0.97, 0.8, seed=1)) == ["better", "better"]
+
+
+def test_the_placement_of_what_is_rightly_refused_is_not_compared():
+    base, new = run_with(0.9, 1.0, seed=0), run_with(0.9, 1.0, seed=1)
+    held_out = np.arange(len(base.trials.truth)) % 3 == 0
+
+    def refusing(run, away):
+        trials = run.trials
+        moved = trials.pose + np.where(held_out, away, 0)[:, None, None]
+        label = np.where(held_out[:, None], NONE, trials.label)
+        return replace(run, trials=replace(trials, known=~held_out, label=label, pose=moved))
+
+    near, far = (
+        {row.name: row for row in compare(refusing(base, 0), refusing(new, away))} for away in (0, 50)
+    )
+    assert far["error mm @6"] == near["error mm @6"]
+
+
+def test_the_time_of_a_reading_holds_its_choice():
+    base = run_with(0.9, 1.0, seed=0)
+    spent = {name: np.full((300, 6), 0.001) for name in ("update_s", "estimate_s", "propose_s")}
+    times = compare(base, replace(base, trials=replace(base.trials, **spent)))[-1]
+    assert (times.name, times.base, times.new) == ("ms a reading", 0, pytest.approx(3))
 
 
 def test_mcnemar_has_the_binomials_value():
