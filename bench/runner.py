@@ -12,7 +12,7 @@ from bench.machine import machine, peak_memory_mb, versions
 from bench.results import Run
 from bench.score import properties, summarise
 from bench.trials import Progress, Protocol, Task, Trials, check_readings, run_trials
-from estimators import Estimator, create
+from estimators import NONE, Estimator, create
 from models.errors import unknown
 from tactsim import InputError, Scan, scan_letters
 from tactsim.scan import train_on
@@ -65,7 +65,8 @@ def perform(
 def gather(config: RunConfig, *, jobs: int, cache: bool, progress: Progress) -> Gathered:
     """Get the readings of a run from the press or from files.
 
-    Raises InputError if a named letter is not among the readings or two files do not fit together.
+    Raises InputError if a named letter is not among the readings, a letter is called NONE or two files do
+    not fit together.
     """
     start = perf_counter()
     work: dict[str, Any] = {"presses": 0, "skipped": {}}
@@ -80,6 +81,8 @@ def gather(config: RunConfig, *, jobs: int, cache: bool, progress: Progress) -> 
     letters = config.letters or scan.letters
     if not letters:
         raise InputError(f"{config.scan_file} holds no readings")
+    if NONE in letters:
+        raise InputError(f"a letter is called {NONE!r}, which means none of the known letters; rename it")
     for letter in letters:
         if letter not in scan.letters:
             raise unknown("letter of the scan", letter, scan.letters)

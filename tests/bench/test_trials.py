@@ -3,6 +3,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from bench.config import run_config
+from bench.runner import gather, silent
 from bench.score import wilson
 from bench.trials import (
     Protocol,
@@ -83,10 +85,6 @@ class Witness(Estimator):
     @property
     def work(self):
         return {"likelihood_evaluations": self.evaluated, "skipped": {"nothing": 1}}
-
-
-def silent(stage, done, total):
-    pass
 
 
 def trials_of(estimator, scan, count, readings=20, seed=0):
@@ -281,3 +279,16 @@ def test_a_letter_that_was_held_out_is_right_when_it_is_refused():
     assert (trials.right[held_out] == [False, False, True] * 2).all()
     assert (trials.p_truth[held_out] == [0, 0, 1, 0, 0, 1]).all()
     assert (trials.right[~held_out] == [True, True, False] * 2).all()
+
+
+@pytest.mark.parametrize("hold_out", [None, "A"])
+def test_a_letter_whose_name_means_no_known_letter_is_refused(tmp_path, hold_out):
+    scan = make_scan(letters="AE")
+    labels = np.where(scan.labels == "E", NONE, scan.labels.astype("U4"))
+    Scan(scan.readings, scan.poses, labels, scan.split, scan.taxel_xy).save(tmp_path / "scan.npz")
+    config = run_config(scan=tmp_path / "scan.npz", hold_out=hold_out)
+    with pytest.raises(InputError, match="called 'none'"):
+        gather(config, jobs=1, cache=False, progress=silent)
+    assert gather(
+        config.model_copy(update={"letters": ("A",), "hold_out": ()}), jobs=1, cache=False, progress=silent
+    ).letters == ("A",)
