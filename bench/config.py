@@ -40,6 +40,11 @@ class RunConfig(BaseModel):
     scan_file: Path | None = None
     train_file: Path | None = None
 
+    @property
+    def source(self) -> str:
+        """Name the readings: runs with the same source share them."""
+        return self.model_dump_json(include={"scan", "scan_file", "train_file", "letters", "hold_out"})
+
 
 class RunWords(BaseModel):
     """The words in which a run is asked for: the long options of `bench run`, and the keys of a sweep file."""

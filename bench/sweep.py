@@ -257,7 +257,7 @@ def _gather_all(
     found: dict[str, Gathered] = {}
     by_source: dict[str, Gathered] = {}
     for name, config in configs.items():
-        source = config.model_dump_json(include={"scan", "scan_file", "train_file", "letters", "hold_out"})
+        source = config.source
         if source not in by_source:
             by_source[source] = gather(config, jobs=jobs, cache=cache, progress=progress)
         found[name] = by_source[source]

@@ -102,7 +102,7 @@ class Estimator(ABC):
 
     @property
     def work(self) -> dict[str, Any]:
-        """Count what was done since `fit`: `likelihood_evaluations` and `skipped` {reason: count}."""
+        """Count what was done since the estimator was made: `likelihood_evaluations` and `skipped` {reason: count}."""
         return {"likelihood_evaluations": 0, "skipped": {}}
 
 

@@ -55,8 +55,8 @@ class Planner:
         """Estimate the expected information (nats) of a reading at each candidate: (n,).
 
         candidates: (n, 3) sensor_in_robot. letter: (states,), state: (3, states) T_R^O, equally probable.
-        The estimate is between 0 and log(states). All candidates meet the same random numbers, which makes
-        their order more certain than their values.
+        The estimate is at most log(states), and may fall a little below 0 by the chance of what is drawn. All
+        candidates meet the same random numbers, which makes their order more certain than their values.
         """
         letter, state = np.ascontiguousarray(letter), np.ascontiguousarray(state)
         drawn = np.arange(0, len(letter), max(1, len(letter) // _DRAWN))

@@ -117,7 +117,7 @@ def replay_all(
 
 def _replay(entry: Entry, tasks: Mapping[str, Task], scans: dict[str, Scan]) -> Replayed:
     config = checked(RunConfig, entry.run.config, "run")
-    source = config.model_dump_json(include={"scan", "scan_file", "train_file", "letters", "hold_out"})
+    source = config.source
     if source not in scans:
         scans[source] = gather(config, jobs=1, cache=True, progress=silent).scan
     scan = scans[source]
