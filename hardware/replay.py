@@ -79,9 +79,10 @@ class Replay(Source):
         first = self._first
         lines = [f"{first.get('device', {}).get('name')} at {first.get('urls')}, {first.get('started')}"]
         if isinstance(plan := first.get("plan"), dict):
+            poses = plan.get("poses")
             lines.append(
                 f"a session of {plan.get('label')!r} ({plan.get('split')}): {self.marks} marks, "
-                f"{len(plan.get('poses', ()))} presses planned"
+                f"{len(poses) if isinstance(poses, list) else 0} presses planned"
             )
         if self.segments > 1:
             lines.append(f"{self.segments} segments")

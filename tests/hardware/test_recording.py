@@ -289,3 +289,14 @@ def test_marks_are_json_objects(tmp_path):
     notes = []
     list(Replay(tmp_path / "a", on_note=lambda kind, content, readings: notes.append((kind, readings))))
     assert notes == [(Kind.SEGMENT, 0), (Kind.MARK, 21), (Kind.END, 21)]
+
+
+@pytest.mark.parametrize(
+    "plan", [{"poses": 5}, {"poses": None}, {"label": [], "split": {}, "poses": {}}, {}, [1]]
+)
+def test_a_recording_with_a_strange_plan_can_be_summed_up(tmp_path, plan):
+    path = tmp_path / "one.tactrec"
+    with Recorder(path) as recorder:
+        recorder.segment({**segment(small_device()), "plan": plan}, 0.0)
+    with Replay(path) as replay:
+        assert "planned" not in "".join(replay.summary()) or "0 presses planned" in replay.summary()[1]
