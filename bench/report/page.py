@@ -36,7 +36,7 @@ class Arrays:
         self._content = bytearray()
 
     def add(self, values: ArrayLike, kind: str) -> dict[str, Any]:
-        """Append an array as "u1", "i1", "u2" or "f4"; returns where it is."""
+        """Append an array as "u1", "i1", "u4" or "f4"; returns where it is."""
         array = np.ascontiguousarray(values, dtype=f"<{kind}")
         self._content += b"\0" * (-len(self._content) % 4)
         place = {"at": len(self._content), "kind": kind, "shape": list(array.shape)}
@@ -180,7 +180,7 @@ def _run(entry: Entry, methods: Sequence[str], arrays: Arrays) -> dict[str, Any]
         "confusion": {
             "letters": letters,
             "right": [letters.index(answers.get(letter, letter)) for letter in letters],
-            "counts": arrays.add(counts, "u2"),
+            "counts": arrays.add(counts, "u4"),
         },
     }
 

@@ -1,9 +1,12 @@
 """What a report is made of: which runs belong together, the points, the curves as CSV, the trials again."""
 
+import base64
 import csv
 import json
 import math
 import re
+import zlib
+from dataclasses import fields, replace
 from importlib.resources import files
 
 import numpy as np
@@ -19,7 +22,7 @@ from bench.report.collect import budget, collect, find, method_name, task_name
 from bench.report.pareto import frontier, points, recognition_seconds
 from bench.report.tables import confusion_counts
 from bench.report.write import write_report
-from bench.trials import Task
+from bench.trials import Task, Trials
 from estimators.histogram import HistogramFilter
 from models.errors import InputError
 
@@ -339,6 +342,20 @@ def test_names_cannot_end_the_data(hostile_run, tmp_path):
     run = data_of(written[0])["protocols"][0]["tasks"][0]["runs"][0]
     assert run["description"].startswith("</script><script>")
     assert "<script>" in run["letters"][0]
+
+
+def test_counts_of_very_many_trials_are_shown_as_they_are(tmp_path):
+    run = make_run(n=1, r=1)
+    arrays = {field.name: getattr(run.trials, field.name) for field in fields(run.trials)}
+    many = Trials(**{name: np.repeat(values, 70_000, axis=0) for name, values in arrays.items()})
+    many.trial[:] = np.arange(70_000)
+    results.save(replace(run, trials=many), tmp_path / "run")
+    written, _ = write_report([tmp_path / "run"], tmp_path / "report.html")
+    place = data_of(written[0])["protocols"][0]["tasks"][0]["runs"][0]["confusion"]["counts"]
+    text = re.search(r'id="arrays">(.*?)</script>', written[0].read_text(encoding="utf-8"), re.S)[1]
+    content = zlib.decompress(base64.b64decode(text))
+    counts = np.frombuffer(content, f"<{place['kind']}", math.prod(place["shape"]), place["at"])
+    assert counts.max() == 70_000
 
 
 def test_a_letter_held_out_is_right_when_it_is_refused(open_set_run):

@@ -2,7 +2,7 @@
 
 const data = JSON.parse(document.getElementById("data").textContent);
 
-const KINDS = { u1: Uint8Array, i1: Int8Array, u2: Uint16Array, f4: Float32Array };
+const KINDS = { u1: Uint8Array, i1: Int8Array, u4: Uint32Array, f4: Float32Array };
 let bytes = new ArrayBuffer(0);
 
 // Decompress the block of arrays; `array` reads from it afterwards.
