@@ -15,8 +15,8 @@ from models.documents import read_toml
 from models.errors import unknown
 from tactsim import WORLDS, InputError, ScanOptions
 
-# Options of estimators that say how much may be computed; the others say how.
-BUDGETS = ("bins", "split", "particles")
+# Options of estimators that say how much may be computed, before those that they replace; the others say how.
+BUDGETS = ("split", "bins", "particles")
 
 
 class RunConfig(BaseModel):
@@ -82,7 +82,7 @@ class RunWords(BaseModel):
             "estimator": self.estimator, "options": options, "trials": self.trials,
             "readings": self.readings, "explore": self.explore, "seed": self.seed, "scan": pressed,
             "letters": parse_letters(self.letters) if self.letters and self.scan else None,
-            "hold_out": tuple((self.hold_out or "").replace(",", " ").split()),
+            "hold_out": tuple(sorted(set((self.hold_out or "").replace(",", " ").split()))),
             "scan_file": self.scan, "train_file": self.train_scan,
         }  # fmt: skip
         return checked(RunConfig, values, "run")

@@ -188,6 +188,8 @@ def test_a_method_is_its_options_without_budget_and_defaults():
     assert (method_name(run), budget(run)) == ("histogram, gamma 0.3", ("bins", "3", 3))
     run.config["options"] = {"split": "4x5x6"}
     assert budget(run) == ("split", "4x5x6", 120)
+    run.config["options"] = {"bins": 3, "split": "4x5x6"}  # the bins are not used
+    assert budget(run) == ("split", "4x5x6", 120)
     run.config.update(estimator="of another package", options={"depth": 3})
     assert (method_name(run), budget(run)) == ("of another package, depth 3", None)
 

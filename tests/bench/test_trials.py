@@ -292,3 +292,7 @@ def test_a_letter_whose_name_means_no_known_letter_is_refused(tmp_path, hold_out
     assert gather(
         config.model_copy(update={"letters": ("A",), "hold_out": ()}), jobs=1, cache=False, progress=silent
     ).letters == ("A",)
+
+
+def test_letters_are_held_out_once_and_in_one_order():
+    assert run_config(hold_out="O,A,O").hold_out == run_config(hold_out="A O").hold_out == ("A", "O")
