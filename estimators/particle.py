@@ -15,7 +15,7 @@ from estimators.filter import MapFilter
 from estimators.likelihood import Evidence
 from estimators.options import FilterOptions
 from estimators.resampling import systematic
-from estimators.state_kernels import add_cones, draw, weigh
+from estimators.state_kernels import add_cones, draw, sum_cones, weigh
 from estimators.tables import tabulate
 from models.errors import InputError
 from tactsim import transform, wrap_angle
@@ -26,6 +26,8 @@ PARZEN_STEP = np.array([0.5, 0.5, 0.04 * np.pi])
 # Particles lighter than this share of the heaviest are added to the density only if they could
 # decide which node is highest.
 _LIGHT = 1e-4
+# By how much a sum of cones in float32 may be off, relative to itself: ten times what was seen.
+_ROUNDING = 1e-4
 # Nodes along a side of the tiles in which the density is worked out, 64 mm: the paper's poses fit into one.
 _TILE = 128
 # Cells along a side of a picture of the belief, whatever `reach` is.
@@ -128,7 +130,7 @@ class ParticleFilter(MapFilter):
     def _resample(self) -> None:
         """Draw n_P particles with replacement, with probability proportional to their weights."""
         chosen = np.empty(len(self._letter), dtype=np.int64)
-        draw(chosen, self._weight, np.sort(self._rng.random(len(chosen))))
+        draw(chosen, self._weight, self._rng.random(len(chosen)))
         self._letter, self._state = self._letter[chosen], self._state.take(chosen, axis=1)
 
     def _random_states(self, count: int) -> FloatArray:
@@ -210,7 +212,8 @@ def parzen_mode(state: FloatArray, weight: FloatArray, rho: float = 1.0) -> Floa
     state: (3, n) mm, mm, rad. weight: (n,). Light particles are looked at only if all of them together
     could lift another node above the highest.
     """
-    heavy = weight > _LIGHT * weight.max()
+    weight = weight / weight.max()  # of a size for float32
+    heavy = weight > _LIGHT
     mode, lead = _density_mode(state.compress(heavy, axis=1), weight[heavy], rho)
     if lead <= weight[~heavy].sum():
         mode, _ = _density_mode(state, weight, rho)
@@ -218,7 +221,7 @@ def parzen_mode(state: FloatArray, weight: FloatArray, rho: float = 1.0) -> Floa
 
 
 def _density_mode(state: FloatArray, weight: FloatArray, rho: float) -> tuple[FloatArray, float]:
-    """Find the highest node of the density, and how much higher it is than every other."""
+    """Find the highest node of the density, and how much higher it is, at least, than every other."""
     low = np.floor(state[:2].min(axis=1) / PARZEN_STEP[:2]) * PARZEN_STEP[:2]
     high = np.ceil(state[:2].max(axis=1) / PARZEN_STEP[:2]) * PARZEN_STEP[:2]
     columns, rows = (np.rint((high - low) / PARZEN_STEP[:2]).astype(int) + 1).tolist()
@@ -232,11 +235,16 @@ def _density_mode(state: FloatArray, weight: FloatArray, rho: float) -> tuple[Fl
             (min(rows - row, _TILE), min(columns - column, _TILE)), rho,
         )  # fmt: skip
         flat = density.reshape(-1)
-        first = int(flat.argmax())
-        inside = np.unravel_index(first, density.shape)
-        height, flat[first] = float(flat[first]), 0
-        place = (row + int(inside[0]), column + int(inside[1]), int(inside[2]))
-        second = max(second, float(flat.max()), min(height, best[0]))
+        # The grid is summed in float32; the nodes that may be the highest are summed again.
+        close = np.flatnonzero(flat >= flat.max() * (1 - _ROUNDING))
+        inside = np.stack(np.unravel_index(close, density.shape), axis=-1) + [row, column, 0]
+        node = np.ascontiguousarray(inside[:, [1, 0, 2]] * PARZEN_STEP + [*low, 0])
+        heights = np.empty(len(close))
+        sum_cones(heights, node, on_circle, weight, rho)
+        first = int(heights.argmax())
+        height, flat[close[first]] = float(heights[first]), 0
+        place = tuple(inside[first].tolist())
+        second = max(second, float(flat.max()) * (1 + _ROUNDING), min(height, best[0]))
         if height > best[0] or (height == best[0] and place < best[1]):
             best = (height, place)
     height, (row, column, angle) = best
@@ -277,7 +285,7 @@ def _density(
 ) -> FloatArray:
     """Sum the cones of states (3, n) at the nodes of a tile: (rows, columns, angles)."""
     around, angles = int(rho / PARZEN_STEP[2]) + 1, round(2 * math.pi / PARZEN_STEP[2])
-    density = np.zeros((*size, angles + 2 * around + 1))
+    density = np.zeros((*size, angles + 2 * around + 1), dtype=np.float32)
     add_cones(density, around, on_circle, weight, low, PARZEN_STEP, rho)
     # What went round the circle at either end belongs to the other.
     density[:, :, angles : angles + around] += density[:, :, :around]

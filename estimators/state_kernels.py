@@ -128,24 +128,46 @@ def weigh(
     replay(log_weight, state, letter, start, table, xy, weight, constant, 0, 1, nodes, lattice)
 
 
-@compiled(void(_INTS, _REALS, _REALS))
-def draw(chosen: Ints, weight: Reals, sorted_uniform: Reals) -> None:
-    """Choose indices with probability proportional to their weights, with replacement.
+@compiled(void(_REALS))
+def sort_uniform(values: Reals) -> None:
+    """Sort numbers that are uniform in [0, 1), in place: into as many buckets, which are then put in order."""
+    count = len(values)
+    place, unsorted = np.zeros(count + 1, dtype=np.int64), values.copy()
+    for value in unsorted:
+        place[int64(value * count) + 1] += 1
+    for bucket in range(count):
+        place[bucket + 1] += place[bucket]
+    for value in unsorted:
+        bucket = int64(value * count)
+        values[place[bucket]] = value
+        place[bucket] += 1
+    for i in range(1, count):
+        value, k = values[i], i
+        while k > 0 and values[k - 1] > value:
+            values[k] = values[k - 1]
+            k -= 1
+        values[k] = value
 
-    chosen: (draws,) is overwritten. sorted_uniform: (draws,) ascending in [0, 1).
+
+@compiled(void(_INTS, _REALS, _REALS))
+def draw(chosen: Ints, weight: Reals, uniform: Reals) -> None:
+    """Choose indices with probability proportional to their weights, with replacement; ascending.
+
+    chosen: (draws,) is overwritten. uniform: (draws,) in [0, 1), is sorted.
     """
+    sort_uniform(uniform)
     total = weight.sum()
     index, reached = 0, weight[0]
     for i in range(len(chosen)):
-        while reached <= sorted_uniform[i] * total and index < len(weight) - 1:
+        while reached <= uniform[i] * total and index < len(weight) - 1:
             index += 1
             reached += weight[index]
         chosen[i] = index
 
 
-@compiled(void(_REALS_3D, int64, _REALS_2D, _REALS, _REALS, _REALS, float64), ordered=False)
+@compiled(void(float32[:, :, ::1], int64, _REALS_2D, _REALS, _REALS, _REALS, float64), ordered=False)
 def add_cones(
-    density: Reals, before: int, state: Reals, weight: Reals, corner: Reals, step: Reals, rho: float
+    density: Floats, before: int, state: Reals, weight: Reals, corner: Reals, step: Reals, rho: float
 ) -> None:
     """Add the weighted cones (eq. 10, 11) of states to a grid.
 
@@ -156,18 +178,34 @@ def add_cones(
     rows, columns, angles = density.shape
     nodes, square = density.reshape(density.size), step[2] ** 2
     reach_x, reach_y, reach = rho / step[0], rho / step[1], int64(rho / step[2])
-    turned = np.empty(2 * reach + 2)
+    turned, nothing = np.empty(2 * reach + 2, dtype=np.float32), float32(0)
     for i in range(len(weight)):
         x, y = (state[0, i] - corner[0]) / step[0], (state[1, i] - corner[1]) / step[1]
-        turn, slope = state[2, i] / step[2], weight[i] / rho
+        turn, height, slope = state[2, i] / step[2], float32(weight[i]), float32(weight[i] / rho)
         first = math.ceil(turn - rho / step[2])
         for k in range(uint64(len(turned))):
             turned[k] = square * (first - turn + k) ** 2
         for row in range(max(0, math.ceil(y - reach_y)), min(rows, math.floor(y + reach_y) + 1)):
             for column in range(max(0, math.ceil(x - reach_x)), min(columns, math.floor(x + reach_x) + 1)):
-                flat = ((column - x) * step[0]) ** 2 + ((row - y) * step[1]) ** 2
+                flat = float32(((column - x) * step[0]) ** 2 + ((row - y) * step[1]) ** 2)
                 if flat >= rho**2:
                     continue
                 at = uint64((row * columns + column) * angles + before + first)
                 for k in range(uint64(len(turned))):
-                    nodes[at + k] += max(0.0, weight[i] - slope * math.sqrt(flat + turned[k]))
+                    nodes[at + k] += max(nothing, height - slope * math.sqrt(flat + turned[k]))
+
+
+@compiled(void(_REALS, _REALS_2D, _REALS_2D, _REALS, float64))
+def sum_cones(density: Reals, node: Reals, state: Reals, weight: Reals, rho: float) -> None:
+    """Sum the weighted cones (eq. 10, 11) of states at single nodes, around the circle.
+
+    density: (nodes,) is overwritten. node: (nodes, 3), state: (3, states) mm, mm, rad, angles in [0, 2 pi).
+    """
+    for m in range(len(density)):
+        density[m] = 0
+        for i in range(len(weight)):
+            turn = abs(state[2, i] - node[m, 2])
+            turn = min(turn, 2 * math.pi - turn)
+            square = (state[0, i] - node[m, 0]) ** 2 + (state[1, i] - node[m, 1]) ** 2 + turn**2
+            if square < rho**2:
+                density[m] += weight[i] * (1 - math.sqrt(square) / rho)

@@ -58,7 +58,8 @@ def test_tiles_find_the_same_mode(monkeypatch):
             if rho / PARZEN_STEP[0] + 1 <= tile / 2:
                 monkeypatch.setattr(particle, "_TILE", tile)
                 again, lead_again = particle._density_mode(states, weights, rho)
-                assert lead_again == pytest.approx(lead, abs=1e-12)
+                # Of nodes summed in float32.
+                assert lead_again == pytest.approx(lead, abs=3e-4 * weights.sum())
                 if lead > 1e-9:  # of equally high nodes rounding decides
                     assert again.tolist() == mode.tolist()
 
@@ -86,7 +87,8 @@ def test_draws_are_in_proportion_to_the_weights():
     rng = np.random.default_rng(0)
     weights = np.array([0.0, 3.0, 1.0, 0.0, 6.0, 0.0])
     chosen = np.empty(100_000, dtype=np.int64)
-    draw(chosen, weights, np.sort(rng.random(len(chosen))))
+    draw(chosen, weights, rng.random(len(chosen)))
+    assert (np.diff(chosen) >= 0).all()
     shares = np.bincount(chosen, minlength=6) / len(chosen)
     # Five standard deviations of a binomial share.
     assert shares == pytest.approx(weights / 10, abs=5 * 0.5 / math.sqrt(len(chosen)))
