@@ -71,6 +71,37 @@ def test_a_reading_is_foreseen_as_the_model_says(model, fine, scan):
         assert log_p[row] == pytest.approx(expected, rel=2e-2, abs=0.3)
 
 
+@pytest.mark.parametrize(("x", "y"), [(400, 3), (-400, 3), (3, 400), (3, -400), (3, -21.3)])
+def test_far_off_the_letter_it_is_foreseen_as_outside(model, fine, x, y):
+    letter, state = np.zeros(2, dtype=np.int64), np.array([[x, x], [y, y], [0.3, 0.3]], dtype=float)
+    log_p = np.empty((1, 2), dtype=np.float32)
+    pose, chance = np.zeros(3), np.full((1, 36, 3), [[[0.0, 1e6, 0.0]]], dtype=np.float32)
+    foresee(log_p, pose, np.array([0]), letter, state, fine._taxel_xy, fine._nodes, fine._lattice, chance)
+    felt = model.log_tables("E", transform(state[:, 0], fine._taxel_xy))[1]  # In Contact throughout
+    assert log_p == pytest.approx(np.full((1, 2), felt.sum()), rel=1e-2)
+
+
+def test_bins_are_drawn_with_a_place_inside_them(scan):
+    estimator = estimators.create("histogram", split="4x5x6")
+    estimator.fit(scan)
+    estimator.reset(np.random.default_rng(0))
+    _, state = estimator.draw_states(6000, np.random.default_rng(1))
+    reach = np.array([[10.0], [10.0], [np.pi]])
+    assert (np.abs(state) <= reach).all()
+    # Before the first reading the whole space is uniform: five standard errors of the mean and the variance.
+    assert np.abs(state.mean(axis=1) / reach[:, 0]) == pytest.approx(np.zeros(3), abs=5 * 0.58 / 6000**0.5)
+    assert (state / reach).var(axis=1) == pytest.approx(np.full(3, 1 / 3), abs=0.02)
+
+
+@pytest.mark.parametrize("likelihood", ["paper", "calibrated", "force"])
+def test_readings_are_foreseen_with_the_calibrated_model_whatever_the_filters_own(scan, likelihood):
+    estimator = estimators.create("histogram", likelihood=likelihood, bins=100)
+    estimator.fit(scan)
+    model = estimator.calibrated()
+    assert isinstance(model, CalibratedLikelihood)
+    assert (model is estimator.likelihood) == (likelihood == "calibrated")
+
+
 def test_classes_are_drawn_as_often_as_the_model_says(model, fine):
     rng = np.random.default_rng(2)
     times, pose = 4000, np.array([1.0, 2.0, 0.3])
