@@ -113,3 +113,16 @@ def test_listing_compiles_and_imports_nothing_heavy():
     code = f"import sys, estimators.registry as r; r.listing(); print(sorted({heavy} & set(sys.modules)))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
+
+
+def test_options_that_are_not_the_estimators_kind_are_a_status(tmp_path, monkeypatch):
+    (tmp_path / "odd.py").write_text(
+        "from estimators import Estimator\n"
+        "class Odd(Estimator):\n"
+        "    options_type = dict\n"
+        "    fit = reset = update = estimate = lambda *args: None\n"
+    )
+    install_plug_in(tmp_path, monkeypatch, odd="odd:Odd")
+    assert "options_type" in {row.name: row.status for row in listing()}["odd"]
+    with pytest.raises(InputError, match="options_type"):
+        load("odd")
