@@ -26,7 +26,7 @@ PARZEN_STEP = np.array([0.5, 0.5, 0.04 * np.pi])
 # Particles lighter than this share of the heaviest are added to the density only if they could
 # decide which node is highest.
 _LIGHT = 1e-4
-# By how much a sum of cones in float32 may be off, relative to itself: ten times what was seen.
+# By how much a sum of cones in float32 may be off, relative to itself: thirty times what was seen.
 _ROUNDING = 1e-4
 # Nodes along a side of the tiles in which the density is worked out, 64 mm: the paper's poses fit into one.
 _TILE = 128
@@ -228,19 +228,18 @@ def _density_mode(state: FloatArray, weight: FloatArray, rho: float) -> tuple[Fl
     on_circle = np.stack([state[0], state[1], np.mod(state[2], 2 * np.pi)])
     best, second = (-1.0, (0, 0, 0)), 0.0
     for row, column, near in _tiles(on_circle, low, rows, columns, rho):
-        density = _density(
-            on_circle.take(near, axis=1) if near is not None else on_circle,
-            weight[near] if near is not None else weight,
-            low + PARZEN_STEP[:2] * [column, row],
-            (min(rows - row, _TILE), min(columns - column, _TILE)), rho,
-        )  # fmt: skip
+        states, weights = (
+            (on_circle, weight) if near is None else (on_circle.take(near, axis=1), weight[near])
+        )
+        size = min(rows - row, _TILE), min(columns - column, _TILE)
+        density = _density(states, weights, low + PARZEN_STEP[:2] * [column, row], size, rho)
         flat = density.reshape(-1)
         # The grid is summed in float32; the nodes that may be the highest are summed again.
         close = np.flatnonzero(flat >= flat.max() * (1 - _ROUNDING))
         inside = np.stack(np.unravel_index(close, density.shape), axis=-1) + [row, column, 0]
         node = np.ascontiguousarray(inside[:, [1, 0, 2]] * PARZEN_STEP + [*low, 0])
         heights = np.empty(len(close))
-        sum_cones(heights, node, on_circle, weight, rho)
+        sum_cones(heights, node, states, weights, rho)
         first = int(heights.argmax())
         height, flat[close[first]] = float(heights[first]), 0
         place = tuple(inside[first].tolist())
