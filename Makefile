@@ -7,9 +7,9 @@ READY  := $(VENV)/.ready
 MEASURED   := $(VENV)/benchmark
 MEASURE    := $(BIN)/python -m pytest -q -m benchmark tests/bench/bench_regression.py \
               --benchmark-timer=time.process_time --benchmark-json=$(MEASURED)
-REGRESSION := $(BIN)/python -m bench.regression
+REGRESSION := $(BIN)/python -m tactsim.bench.regression
 
-# What `make mutants` is given, such as MUTANTS="--all tactsim/clip.py".
+# What `make mutants` is given, such as MUTANTS="--all tactsim/press/clip.py".
 MUTANTS ?=
 MUTATION := tests/mutants/requirements.lock
 
@@ -59,7 +59,7 @@ $(READY): requirements.lock pyproject.toml
 	@$(PYTHON) -m venv $(VENV)
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -r requirements.lock
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -e .
-	@$(BIN)/python -c 'import estimators.information, estimators.kernels, estimators.state_kernels'  # compiles them, once
+	@$(BIN)/python -c 'import tactsim.estimators.filters.information, tactsim.estimators.field.kernels, tactsim.estimators.field.state_kernels'  # compiles them, once
 	@touch $@
 
 PIN := $(BIN)/uv pip compile --universal --python-version 3.11 --generate-hashes --no-emit-index-url \

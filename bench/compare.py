@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bench.results import Run
-from bench.score import all_right_from, errors, settled_95
-from tactsim import InputError
-from tactsim.poses import FloatArray
+from tactsim.bench.results import Run
+from tactsim.bench.score import all_right_from, errors, settled_95
+from tactsim.core import InputError
+from tactsim.core.poses import FloatArray
 
 DRAWS = 4000  # bootstrap resamples of the trials
 LEVEL = 0.975  # of each of the two gated intervals, so that both hold together at 95 %

@@ -9,11 +9,12 @@ from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from models import parse_letters
-from models.checking import checked
-from models.documents import read_toml
-from models.errors import unknown
-from tactsim import WORLDS, InputError, ScanOptions
+from tactsim.core import InputError
+from tactsim.core.checking import checked
+from tactsim.core.documents import read_toml
+from tactsim.core.errors import unknown
+from tactsim.models import parse_letters
+from tactsim.press import WORLDS, ScanOptions
 
 # Options of estimators that say how much may be computed, before those that they replace; the others say how.
 BUDGETS = ("split", "bins", "particles")

@@ -7,7 +7,7 @@ from typing import Any
 from rich.console import Console
 from rich.text import Text
 
-from models.errors import printable
+from tactsim.core.errors import printable
 
 
 class _PlainConsole(Console):

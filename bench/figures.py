@@ -12,8 +12,8 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
 
-from bench.results import Run
-from models.files import write_bytes
+from tactsim.bench.results import Run
+from tactsim.core.files import write_bytes
 
 BLUE, ORANGE, GREY = "#3366aa", "#cc6633", "#666666"
 

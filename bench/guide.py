@@ -14,13 +14,13 @@ from rich.console import Console, Group
 from rich.live import Live
 from rich.text import Text
 
-from hardware.calibration import force
-from hardware.drawing import Covers, placement, tactile_image, where
-from hardware.errors import NoReading, SourceEnded
-from hardware.recording import Recorder
-from hardware.session import Phase, Press, Session
-from hardware.sources import Source
-from tactsim.poses import FloatArray
+from tactsim.core.poses import FloatArray
+from tactsim.hardware.calibration import force
+from tactsim.hardware.errors import NoReading, SourceEnded
+from tactsim.hardware.recording import Recorder
+from tactsim.hardware.session import Phase, Press, Session
+from tactsim.hardware.sources import Source
+from tactsim.hardware.terminal_pictures import Covers, placement, tactile_image, where
 
 KEYS = "space take it as it is   r redo the one before   s skip   q stop (goes on later with --resume)"
 _REDRAW = 0.1  # s

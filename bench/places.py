@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from datetime import datetime
 from pathlib import Path
 
-from tactsim import InputError
+from tactsim.core import InputError
 
 RESULTS = Path("results")
 RUNS = RESULTS / "runs"

@@ -6,13 +6,14 @@ from collections.abc import Callable
 
 import numpy as np
 
-import models
-from hardware.device import Device
-from tactsim import InputError, ScanOptions
-from tactsim.finite import LARGEST
-from tactsim.poses import FloatArray, compose
-from tactsim.pressing import ideal_readings
-from tactsim.sensor import gains, sense
+from tactsim import models
+from tactsim.core import InputError
+from tactsim.core.finite import LARGEST
+from tactsim.core.poses import FloatArray, compose
+from tactsim.hardware.device import Device
+from tactsim.press import ScanOptions
+from tactsim.press.pressing import ideal_readings
+from tactsim.press.sensor import gains, sense
 
 
 def press_table(label: str, poses: FloatArray, options: ScanOptions, rng: np.random.Generator) -> FloatArray:

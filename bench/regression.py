@@ -1,7 +1,7 @@
 """Keep times and errors from getting worse unseen: compare a benchmark's result with the baseline.
 
 `make bench-check` runs tests/bench/bench_regression.py under pytest-benchmark and calls
-`python -m bench.regression check BASELINE RESULTS...`; `make bench-baseline` renews the baseline.
+`python -m tactsim.bench.regression check BASELINE RESULTS...`; `make bench-baseline` renews the baseline.
 Machines are noisy and differ, so a time is kept as its ratio to a fixed NumPy reference that was
 measured in the same rounds; a ratio may rise by a quarter, and of several results the least counts.
 Errors have no noise: the same seed gives the same error, within 1e-9.
@@ -17,12 +17,12 @@ from typing import Any
 
 from pydantic import BaseModel, ConfigDict
 
-from bench.machine import machine, versions
-from bench.results import to_json
-from models.checking import checked
-from models.documents import read_json
-from models.errors import InputError
-from models.files import write_text
+from tactsim.bench.machine import machine, versions
+from tactsim.bench.results import to_json
+from tactsim.core.checking import checked
+from tactsim.core.documents import read_json
+from tactsim.core.errors import InputError
+from tactsim.core.files import write_text
 
 TRIP_WIRE = 1.25  # how far a ratio of times may rise
 SAME_ERROR = 1e-9  # how far a figure may move, relative to its size or to 1
@@ -135,7 +135,7 @@ def _figures(name: str, base: Mapping[str, Any], new: Mapping[str, Any]) -> list
 def main(words: list[str]) -> int:
     """Run `check BASELINE RESULTS...` or `write BASELINE RESULTS...`; returns the exit status."""
     if len(words) < 3 or words[0] not in ("check", "write"):
-        print("usage: python -m bench.regression check|write BASELINE RESULTS...", file=sys.stderr)
+        print("usage: python -m tactsim.bench.regression check|write BASELINE RESULTS...", file=sys.stderr)
         return 2
     try:
         found = least(measured(path) for path in words[2:])
@@ -144,7 +144,7 @@ def main(words: list[str]) -> int:
             return 0
         findings = check(baseline(words[1]), found)
     except InputError as error:
-        print(f"bench.regression: {error}", file=sys.stderr)
+        print(f"tactsim.bench.regression: {error}", file=sys.stderr)
         return 2
     for finding in findings:
         values = " -> ".join(

@@ -14,16 +14,16 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict
 
-from bench.score import Properties
-from bench.trials import Trials
-from models.checking import checked
-from models.documents import read_json, read_text
-from models.errors import short
-from models.files import write_text
-from tactsim import InputError
-from tactsim.finite import finite
-from tactsim.poses import FloatArray
-from tactsim.scan import is_label
+from tactsim.bench.score import Properties
+from tactsim.bench.trials import Trials
+from tactsim.core import InputError
+from tactsim.core.checking import checked
+from tactsim.core.documents import read_json, read_text
+from tactsim.core.errors import short
+from tactsim.core.files import write_text
+from tactsim.core.finite import finite
+from tactsim.core.poses import FloatArray
+from tactsim.core.scan import is_label
 
 SCHEMA = 1
 _LARGEST_TABLE = 1 << 30  # bytes

@@ -7,15 +7,16 @@ from datetime import UTC, datetime
 from time import perf_counter
 from typing import Any
 
-from bench.config import RunConfig
-from bench.machine import machine, peak_memory_mb, versions
-from bench.results import Run
-from bench.score import properties, summarise
-from bench.trials import Progress, Protocol, Task, Trials, check_readings, run_trials
-from estimators import NONE, Estimator, create
-from models.errors import unknown
-from tactsim import InputError, Scan, scan_letters
-from tactsim.scan import train_on
+from tactsim.bench.config import RunConfig
+from tactsim.bench.machine import machine, peak_memory_mb, versions
+from tactsim.bench.results import Run
+from tactsim.bench.score import properties, summarise
+from tactsim.bench.trials import Progress, Protocol, Task, Trials, check_readings, run_trials
+from tactsim.core import InputError, Scan
+from tactsim.core.errors import unknown
+from tactsim.core.scan import train_on
+from tactsim.estimators import NONE, Estimator, create
+from tactsim.press import scan_letters
 
 
 def silent(stage: str, done: int, total: int) -> None:
@@ -153,9 +154,9 @@ def eq3_agreement(scan: Scan) -> float | None:
 
     The training readings are judged, each element by whether its centre lies on the letter.
     """
-    from estimators.contact import CONTACT, NO_CONTACT, classify
-    from models import letter, names
-    from tactsim.agreement import classifier_agreement
+    from tactsim.bench.agreement import classifier_agreement
+    from tactsim.estimators.likelihoods.classifier import CONTACT, NO_CONTACT, classify
+    from tactsim.models import letter, names
 
     if not set(scan.letters) <= set(names()):
         return None

@@ -14,13 +14,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pydantic import BaseModel, Field
 
-from bench.trials import Trials
-from estimators import NONE
-from models.checking import checked
-from models.errors import short
-from tactsim import InputError, Scan, invert, transform, wrap_angle
-from tactsim.finite import LARGEST
-from tactsim.poses import FloatArray
+from tactsim.bench.trials import Trials
+from tactsim.core import InputError, Scan, invert, transform, wrap_angle
+from tactsim.core.checking import checked
+from tactsim.core.errors import short
+from tactsim.core.finite import LARGEST
+from tactsim.core.poses import FloatArray
+from tactsim.estimators import NONE
 
 _Length = Annotated[float, Field(ge=-LARGEST, le=LARGEST)]
 Z_95 = 1.959963984540054  # standard normal quantile of a two-sided 95 % interval

@@ -7,13 +7,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from bench.presses import parse_pose, press_table, scan_options_for, sensing
-from hardware.counters import Counters
-from hardware.device import Device
-from hardware.errors import SourceError
-from hardware.sources import Log, Source
-from tactsim import ScanOptions
-from tactsim.reading import Reading
+from tactsim.bench.presses import parse_pose, press_table, scan_options_for, sensing
+from tactsim.core.reading import Reading
+from tactsim.hardware.counters import Counters
+from tactsim.hardware.device import Device
+from tactsim.hardware.errors import SourceError
+from tactsim.hardware.sources import Log, Source
+from tactsim.press import ScanOptions
 
 _RATE = 100.0  # readings a second of device time; they are given out as fast as they are asked for
 

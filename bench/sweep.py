@@ -26,18 +26,18 @@ from typing import Any
 
 import numpy as np
 
-from bench import results
-from bench.config import BUDGETS, RunConfig, run_config
-from bench.machine import versions
-from bench.runner import Gathered, finished_run, gather, protocol_of
-from bench.trials import Progress, Protocol, Task, Trials, check_readings, run_chunk, unflatten_work
-from estimators import create
-from models.documents import LARGE, parse_json, parse_toml, read_text, read_toml
-from models.errors import unknown
-from models.files import new_folder, read_bytes, replacing, write_text
-from tactsim import InputError
-from tactsim.npz import read_npz
-from tactsim.workers import worker_processes
+from tactsim.bench import results
+from tactsim.bench.config import BUDGETS, RunConfig, run_config
+from tactsim.bench.machine import versions
+from tactsim.bench.runner import Gathered, finished_run, gather, protocol_of
+from tactsim.bench.trials import Progress, Protocol, Task, Trials, check_readings, run_chunk, unflatten_work
+from tactsim.core import InputError
+from tactsim.core.documents import LARGE, parse_json, parse_toml, read_text, read_toml
+from tactsim.core.errors import unknown
+from tactsim.core.files import new_folder, read_bytes, replacing, write_text
+from tactsim.core.npz import read_npz
+from tactsim.core.workers import worker_processes
+from tactsim.estimators import create
 
 TRIALS_A_PART = 20  # what a kill can cost: at most this many trials a worker
 ATTEMPTS = 3  # how often trials are sent out again when a worker dies over them
@@ -64,7 +64,7 @@ def read(source: str) -> tuple[str, list[RunConfig]]:
     Raises InputError if the file cannot be read, a key is unknown or a value is wrong.
     """
     path = Path(source)
-    suite = files("bench") / "suites" / f"{source}.toml"
+    suite = files("tactsim.bench") / "suites" / f"{source}.toml"
     if not path.exists() and source in suites():
         table, name = parse_toml(suite.read_bytes(), f"suite {source}"), source
     elif path.suffix or path.exists():
@@ -79,7 +79,7 @@ def suites() -> tuple[str, ...]:
     return tuple(
         sorted(
             entry.name.removesuffix(".toml")
-            for entry in (files("bench") / "suites").iterdir()
+            for entry in (files("tactsim.bench") / "suites").iterdir()
             if entry.name.endswith(".toml")
         )
     )

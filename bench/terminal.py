@@ -18,10 +18,10 @@ from rich.progress import (
 )
 from rich.table import Table
 
-from bench import trials as protocol
-from bench.console import plain_console
-from bench.report.collect import collect
-from bench.results import Run
+from tactsim.bench import trials as protocol
+from tactsim.bench.console import plain_console
+from tactsim.bench.report.collect import collect
+from tactsim.bench.results import Run
 
 STAGES = {"press": "pressing", "map": "mapping", "trials": "trials", "sweep": "trials", "replay": "replaying"}
 ROWS = (1, 2, 3, 5, 7, 9, 10, 12, 15, 20, 25, 30, 40, 46, 50, 60, 80, 100, 150, 192)

@@ -14,12 +14,12 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from estimators import NONE, Estimate, Estimator, create
-from estimators.base import check_estimate
-from models.errors import short
-from tactsim import InputError, Scan, compose, invert
-from tactsim.poses import FloatArray
-from tactsim.workers import worker_processes
+from tactsim.core import InputError, Scan, compose, invert
+from tactsim.core.errors import short
+from tactsim.core.poses import FloatArray
+from tactsim.core.workers import worker_processes
+from tactsim.estimators import NONE, Estimate, Estimator, create
+from tactsim.estimators.estimator import check_estimate
 
 TRANSLATION_MM = 10.0  # T_R^O is uniform in [-10, 10] mm and on the circle (section IV)
 

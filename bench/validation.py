@@ -10,19 +10,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bench.config import RunConfig
-from bench.runner import perform
-from bench.trials import Progress
-from estimators.contact import classify
-from hardware.validation import SensorFit, TaxelError, class_agreement, fit_sensor, taxel_error
-from models import Letter
-from models.checking import checked
-from tactsim import InputError, Scan, ScanOptions
-from tactsim.poses import FloatArray, compose
-from tactsim.pressing import ideal_readings
-from tactsim.scan import train_on
-from tactsim.scanning import letters_of
-from tactsim.sensor import gains, sense
+from tactsim.bench.config import RunConfig
+from tactsim.bench.runner import perform
+from tactsim.bench.trials import Progress
+from tactsim.core import InputError, Scan
+from tactsim.core.checking import checked
+from tactsim.core.poses import FloatArray, compose
+from tactsim.core.scan import train_on
+from tactsim.estimators.likelihoods.classifier import classify
+from tactsim.hardware.sensor_fit import SensorFit, TaxelError, class_agreement, fit_sensor, taxel_error
+from tactsim.models import Letter
+from tactsim.press import ScanOptions
+from tactsim.press.pressing import ideal_readings
+from tactsim.press.scanning import letters_of
+from tactsim.press.sensor import gains, sense
 
 CLASSES = ("no contact", "in contact", "unknown")
 
@@ -74,7 +75,7 @@ class _Simulator:
         self.elements = apart.argmin(axis=1)
 
     def __call__(self, sigma: float, errors: FloatArray) -> FloatArray:
-        """Predict readings without imperfections; see `hardware.validation.Predict`."""
+        """Predict readings without imperfections; see `tactsim.hardware.sensor_fit.Predict`."""
         sensor = self.options.sensor.model_copy(update={"psf_sigma": sigma})
         options = self.options.model_copy(update={"sensor": sensor})
         poses = compose(self._recorded.poses, errors)

@@ -5,8 +5,16 @@ they share. Does not live here: physics, files, scores. Of `tactsim` it sees onl
 (`Scan`, poses).
 """
 
-from estimators.base import NONE, Estimate, Estimator, Options, PlaneBelief, check_order, check_reading
-from estimators.registry import create, names
+from tactsim.estimators.estimator import (
+    NONE,
+    Estimate,
+    Estimator,
+    Options,
+    PlaneBelief,
+    check_order,
+    check_reading,
+)
+from tactsim.estimators.registry import create, names
 
 __all__ = [
     "NONE",

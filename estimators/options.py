@@ -6,7 +6,7 @@ from typing import Literal
 
 from pydantic import Field, model_validator
 
-from estimators.base import Options
+from tactsim.estimators.estimator import Options
 
 
 class MapOptions(Options):

@@ -5,30 +5,39 @@ from __future__ import annotations
 from importlib import import_module
 from typing import Any
 
-from estimators.base import Estimator, Options
-from models import plug_ins
-from models.checking import checked
-from models.errors import unknown
-from models.plug_ins import Listed
+from tactsim.core import plug_ins
+from tactsim.core.checking import checked
+from tactsim.core.errors import unknown
+from tactsim.core.plug_ins import Listed
+from tactsim.estimators.estimator import Estimator, Options
 
 GROUP = "tactsim.estimators"
 
 # name: (where its class is, what it is), in the order in which `bench list` shows them. Nothing is
 # imported before its name is asked for.
 BUILT_IN: dict[str, tuple[str, str]] = {
-    "histogram": ("estimators.histogram:HistogramFilter", "histogram filter, the paper's eq. 13 to 16"),
-    "particle": ("estimators.particle:ParticleFilter", "particle filter, the paper's eq. 8 to 12"),
-    "augmented-mcl": ("estimators.particle:AugmentedFilter", "particle filter that injects random particles"),
+    "histogram": (
+        "tactsim.estimators.filters.histogram:HistogramFilter",
+        "histogram filter, the paper's eq. 13 to 16",
+    ),
+    "particle": (
+        "tactsim.estimators.filters.particle:ParticleFilter",
+        "particle filter, the paper's eq. 8 to 12",
+    ),
+    "augmented-mcl": (
+        "tactsim.estimators.filters.particle:AugmentedFilter",
+        "particle filter that injects random particles",
+    ),
     "tempered": (
-        "estimators.tempered:TemperedFilter",
+        "tactsim.estimators.filters.tempered:TemperedFilter",
         "particles, a population a letter, moved by their spread",
     ),
     "refined": (
-        "estimators.refined:RefinedFilter",
+        "tactsim.estimators.filters.refined:RefinedFilter",
         "coarse-to-fine histogram: the best bins are halved again",
     ),
     "force-mosaic": (
-        "estimators.force_mosaic:ForceMosaicFilter",
+        "tactsim.estimators.filters.force_mosaic:ForceMosaicFilter",
         "coarse-to-fine on predicted pressures instead of classes",
     ),
 }

@@ -10,15 +10,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pydantic import BaseModel, Field, model_validator
 
-from hardware.codecs.base import STRICT
-from hardware.device import Device
-from models.checking import checked
-from models.documents import read_toml
-from models.errors import InputError
-from models.files import write_bytes
-from tactsim.pad import Pad
-from tactsim.poses import FloatArray
-from tactsim.reading import Reading
+from tactsim.core.checking import checked
+from tactsim.core.documents import read_toml
+from tactsim.core.errors import InputError
+from tactsim.core.files import write_bytes
+from tactsim.core.pad import Pad
+from tactsim.core.poses import FloatArray
+from tactsim.core.reading import Reading
+from tactsim.hardware.codecs.codec import STRICT
+from tactsim.hardware.device import Device
 
 LEAST_FRAMES = 40
 _MOVED = 5.0  # noise standard deviations by which the two halves of a tare may differ

@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, Field, model_validator
 
-from hardware.codecs import Format
-from hardware.codecs.base import STRICT
-from models.checking import checked
-from models.documents import parse_toml, read_toml
-from models.errors import unknown
-from tactsim.pad import Pad
+from tactsim.core.checking import checked
+from tactsim.core.documents import parse_toml, read_toml
+from tactsim.core.errors import unknown
+from tactsim.core.pad import Pad
+from tactsim.hardware.codecs import Format
+from tactsim.hardware.codecs.codec import STRICT
 
 UNREAD = -1
 
@@ -110,7 +110,7 @@ class Device(BaseModel):
 
 def built_in_devices() -> tuple[str, ...]:
     """List the device files that come with the project."""
-    folder = files("hardware") / "devices"
+    folder = files("tactsim.hardware") / "devices"
     return tuple(sorted(entry.name[:-5] for entry in folder.iterdir() if entry.name.endswith(".toml")))
 
 
@@ -123,6 +123,6 @@ def load_device(name: str | Path) -> Device:
     if path.suffix != ".toml":
         if str(name) not in built_in_devices():
             raise unknown("device", str(name), (*built_in_devices(), "FILE.toml"))
-        content = (files("hardware") / "devices" / f"{name}.toml").read_bytes()
+        content = (files("tactsim.hardware") / "devices" / f"{name}.toml").read_bytes()
         return checked(Device, parse_toml(content, f"device {name}"), f"device {name}")
     return checked(Device, read_toml(path, "device file"), f"device file {path}")

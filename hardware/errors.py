@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from models.errors import InputError
+from tactsim.core.errors import InputError
 
 
 class CodecError(InputError):

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Generic
 
-from hardware.codecs.base import Codec, Packet
-from hardware.counters import Counters
-from hardware.errors import CodecError
+from tactsim.hardware.codecs.codec import Codec, Packet
+from tactsim.hardware.counters import Counters
+from tactsim.hardware.errors import CodecError
 
 
 class Framer(Generic[Packet]):

@@ -7,12 +7,12 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from hardware.device import Device
-from hardware.errors import NoReading, SourceError
-from hardware.port import Port, wait_any
-from hardware.sources import Log, Source
-from hardware.stream import Stream
-from tactsim.reading import Reading
+from tactsim.core.reading import Reading
+from tactsim.hardware.device import Device
+from tactsim.hardware.errors import NoReading, SourceError
+from tactsim.hardware.port import Port, wait_any
+from tactsim.hardware.sources import Log, Source
+from tactsim.hardware.stream import Stream
 
 _FIRST_RETRY, _LAST_RETRY = 0.1, 5.0  # s between attempts to open a lost port; each is twice the last
 _NAP = 0.05  # s after which links are looked at again: questions that are overdue, ports to reopen

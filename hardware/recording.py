@@ -36,10 +36,10 @@ from typing import Any
 
 import numpy as np
 
-from models.documents import parse_json
-from models.errors import InputError
-from models.files import open_regular
-from tactsim.reading import Reading
+from tactsim.core.documents import parse_json
+from tactsim.core.errors import InputError
+from tactsim.core.files import open_regular
+from tactsim.core.reading import Reading
 
 MAGIC = b"\x89TACTREC\r\n\x1a\n"
 VERSION = 1

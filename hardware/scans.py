@@ -12,19 +12,19 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, Field
 
-from hardware.calibration import Calibration, Correction
-from hardware.codecs.base import STRICT
-from hardware.errors import SourceError
-from hardware.recording import Kind, Whole
-from hardware.replay import Replay
-from hardware.session import Plan, Press, note, parse_press
-from hardware.sources import Source
-from models.checking import checked
-from models.documents import read_text
-from models.errors import InputError
-from tactsim.pad import Pad
-from tactsim.poses import FloatArray, compose
-from tactsim.scan import Scan
+from tactsim.core.checking import checked
+from tactsim.core.documents import read_text
+from tactsim.core.errors import InputError
+from tactsim.core.pad import Pad
+from tactsim.core.poses import FloatArray, compose
+from tactsim.core.scan import Scan
+from tactsim.hardware.calibration import Calibration, Correction
+from tactsim.hardware.codecs.codec import STRICT
+from tactsim.hardware.errors import SourceError
+from tactsim.hardware.recorded import Replay
+from tactsim.hardware.recording import Kind, Whole
+from tactsim.hardware.session import Plan, Press, note, parse_press
+from tactsim.hardware.sources import Source
 
 
 @dataclass

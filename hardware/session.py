@@ -16,14 +16,14 @@ from typing import Any, Literal
 import numpy as np
 from pydantic import BaseModel, Field, field_validator, model_validator
 
-from hardware.calibration import force
-from hardware.codecs.base import STRICT
-from models.checking import checked
-from models.errors import InputError
-from tactsim.pad import Pad
-from tactsim.poses import FloatArray
-from tactsim.reading import Reading
-from tactsim.scan import is_label
+from tactsim.core.checking import checked
+from tactsim.core.errors import InputError
+from tactsim.core.pad import Pad
+from tactsim.core.poses import FloatArray
+from tactsim.core.reading import Reading
+from tactsim.core.scan import is_label
+from tactsim.hardware.calibration import force
+from tactsim.hardware.codecs.codec import STRICT
 
 _LIFTED = 5  # readings without touch after which a press is over
 _STILL_TOUCHED = 3.0  # s after which a pad that is not free is told of

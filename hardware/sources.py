@@ -10,24 +10,27 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from hardware.calibration import Calibration, Correction
-from hardware.counters import Counters
-from hardware.device import Device
-from hardware.errors import SourceEnded, SourceError
-from hardware.recording import Recorder
-from models import plug_ins
-from models.errors import InputError, short, unknown
-from models.plug_ins import Listed
-from tactsim.pad import Pad
-from tactsim.poses import FloatArray
-from tactsim.reading import Reading
+from tactsim.core import plug_ins
+from tactsim.core.errors import InputError, short, unknown
+from tactsim.core.pad import Pad
+from tactsim.core.plug_ins import Listed
+from tactsim.core.poses import FloatArray
+from tactsim.core.reading import Reading
+from tactsim.hardware.calibration import Calibration, Correction
+from tactsim.hardware.counters import Counters
+from tactsim.hardware.device import Device
+from tactsim.hardware.errors import SourceEnded, SourceError
+from tactsim.hardware.recording import Recorder
 
 GROUP = "tactsim.sources"
 
 # name: (where its opener is, what it is). Nothing is imported before its name is asked for.
 BUILT_IN: dict[str, tuple[str, str]] = {
-    "port": ("hardware.live:open_source", "a sensor on a serial port, a pty or a socket"),
-    "recording": ("hardware.replay:open_source", "a recording of this program, or of the PPS tool (.csv)"),
+    "port": ("tactsim.hardware.live:open_source", "a sensor on a serial port, a pty or a socket"),
+    "recording": (
+        "tactsim.hardware.recorded:open_source",
+        "a recording of this program, or of the PPS tool (.csv)",
+    ),
 }
 
 
@@ -190,7 +193,9 @@ def _fault(opener: Any) -> str | None:
 def _check_source(source: Any, name: str) -> None:
     """Raise SourceError unless a plug-in has opened what a source must be."""
     if not isinstance(source, Source):
-        raise SourceError(f"plug-in {name!r} opened {short(source)}, which is no hardware.sources.Source")
+        raise SourceError(
+            f"plug-in {name!r} opened {short(source)}, which is no tactsim.hardware.sources.Source"
+        )
     for attribute, kind in (("pad", Pad), ("taxel_xy", np.ndarray), ("counters", Counters)):
         if not isinstance(getattr(source, attribute, None), kind):
             raise SourceError(f"plug-in {name!r} opened a source without `{attribute}`, a {kind.__name__}")

@@ -6,13 +6,13 @@ from typing import Any
 
 import numpy as np
 
-from hardware.clock import DeviceClock
-from hardware.codecs.base import Dialogue, Frame
-from hardware.counters import Counters
-from hardware.device import UNREAD, Device
-from hardware.framing import Framer
-from tactsim.poses import FloatArray
-from tactsim.reading import Reading
+from tactsim.core.poses import FloatArray
+from tactsim.core.reading import Reading
+from tactsim.hardware.clock import DeviceClock
+from tactsim.hardware.codecs.codec import Dialogue, Frame
+from tactsim.hardware.counters import Counters
+from tactsim.hardware.device import UNREAD, Device
+from tactsim.hardware.framing import Framer
 
 
 class Stream:

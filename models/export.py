@@ -8,9 +8,9 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from models.errors import InputError
-from models.files import write_bytes
-from models.letter import DENSITY, Letter
+from tactsim.core.errors import InputError
+from tactsim.core.files import write_bytes
+from tactsim.models.letter import DENSITY, Letter
 
 
 def export(letter: Letter, path: str | Path) -> None:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from models.errors import InputError, unknown
+from tactsim.core.errors import InputError, unknown
 
 if TYPE_CHECKING:
     from manifold3d import CrossSection

@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from models.convex import convex_pieces
-from models.errors import InputError, unknown
-from models.rounding import inset, rounded_solid, strips
-from models.symmetry import rotational_order
+from tactsim.core.errors import InputError, unknown
+from tactsim.models.convex import convex_pieces
+from tactsim.models.rounding import inset, rounded_solid, strips
+from tactsim.models.symmetry import rotational_order
 
 if TYPE_CHECKING:
     from manifold3d import CrossSection, Manifold
@@ -170,7 +170,7 @@ def letter(name: str, *, height: float = HEIGHT, rounding: float = 0.0) -> Lette
     rounding: radius (mm) of the pressed face's edge. Raises InputError for a name that is not in the
     catalogue, a height that is not positive, or a radius that the height or the strokes do not carry.
     """
-    from models.glyphs import GLYPHS
+    from tactsim.models.glyphs import GLYPHS
 
     if name not in GLYPHS:
         raise unknown("letter", name, GLYPHS)

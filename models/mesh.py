@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from pydantic import BaseModel, Field, ValidationError
 
-from models.errors import InputError
+from tactsim.core.errors import InputError
 
 if TYPE_CHECKING:
     from manifold3d import CrossSection

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from models.errors import InputError
+from tactsim.core.errors import InputError
 
 if TYPE_CHECKING:
     from manifold3d import Manifold

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from models.errors import InputError
-from models.files import read_bytes
-from models.letter import HEIGHT, LARGEST_HEIGHT, Letter, raised
+from tactsim.core.errors import InputError
+from tactsim.core.files import read_bytes
+from tactsim.models.letter import HEIGHT, LARGEST_HEIGHT, Letter, raised
 
 if TYPE_CHECKING:
     from manifold3d import CrossSection
@@ -52,11 +52,11 @@ def shape(
     content = _read(path)
     try:
         if suffix == ".svg":
-            from models.drawing import filled_region
+            from tactsim.models.svg import filled_region
 
             footprint, thickness = filled_region(content), HEIGHT
         else:
-            from models.mesh import highest_face
+            from tactsim.models.mesh import highest_face
 
             footprint, thickness = highest_face(content, suffix[1:], MOST_TRACED)
         _check_detail(footprint.num_vert(), MOST_TRACED)

@@ -1,35 +1,38 @@
-"""The simulated tactile pad, and the data types that simulated and real pads share.
+"""A harness for comparing ways to recognise an object by touch; what is imported is this package alone.
 
-Lives here: poses, the pad's geometry, the press in MuJoCo, the sensor model, the 192-reading scan
-and `Scan`, the file that holds it. Does not live here: what is learned from readings (estimators),
-how it is scored (bench), or how a real pad is read (hardware).
-
-What needs pydantic, MuJoCo or a letter is imported when it is first used.
+Rooms, each importing only those before it: `core`, `models`, `press`, `estimators` and `hardware`, `bench`.
 """
 
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from models.errors import InputError
-from tactsim.poses import compose, invert, transform, wrap_angle
-from tactsim.scan import Scan
-
 if TYPE_CHECKING:
-    from tactsim.options import WORLDS, PressOptions, ScanOptions, SensorOptions
-    from tactsim.pad import Pad
-    from tactsim.pressing import Press, press_letter
-    from tactsim.scanning import scan_letters
+    from tactsim.core import InputError, Pad, Scan, compose, invert, transform, wrap_angle
+    from tactsim.estimators import create
+    from tactsim.press import (
+        WORLDS,
+        Press,
+        PressOptions,
+        ScanOptions,
+        SensorOptions,
+        press_letter,
+        scan_letters,
+    )
 
-_LATER = {
-    "Pad": "pad",
-    "PressOptions": "options",
-    "ScanOptions": "options",
-    "SensorOptions": "options",
-    "WORLDS": "options",
-    "Press": "pressing",
-    "press_letter": "pressing",
-    "scan_letters": "scanning",
+_ROOMS = {
+    "core": ("InputError", "Pad", "Scan", "compose", "invert", "transform", "wrap_angle"),
+    "press": (
+        "WORLDS",
+        "Press",
+        "PressOptions",
+        "ScanOptions",
+        "SensorOptions",
+        "press_letter",
+        "scan_letters",
+    ),
+    "estimators": ("create",),
 }
+_HOME = {name: room for room, names in _ROOMS.items() for name in names}
 
 __all__ = [
     "WORLDS",
@@ -41,6 +44,7 @@ __all__ = [
     "ScanOptions",
     "SensorOptions",
     "compose",
+    "create",
     "invert",
     "press_letter",
     "scan_letters",
@@ -50,6 +54,6 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
-    if name not in _LATER:
+    if name not in _HOME:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(f"{__name__}.{_LATER[name]}"), name)
+    return getattr(import_module(f"{__name__}.{_HOME[name]}"), name)

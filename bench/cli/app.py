@@ -9,23 +9,21 @@ from typing import NoReturn
 import typer
 from typer.exceptions import Abort, TyperException
 
-from bench.cli import (
-    compare,
-    devices,
-    emulate,
-    probe,
-    record,
-    replay,
-    report,
-    run,
-    scan,
-    stress,
-    sweep,
-    tare,
-    validate,
-)
-from bench.cli import list as list_verb
-from models.errors import InputError, printable
+from tactsim.bench.cli import cmd_compare as compare
+from tactsim.bench.cli import cmd_devices as devices
+from tactsim.bench.cli import cmd_emulate as emulate
+from tactsim.bench.cli import cmd_list as list_verb
+from tactsim.bench.cli import cmd_probe as probe
+from tactsim.bench.cli import cmd_record as record
+from tactsim.bench.cli import cmd_replay as replay
+from tactsim.bench.cli import cmd_report as report
+from tactsim.bench.cli import cmd_run as run
+from tactsim.bench.cli import cmd_scan as scan
+from tactsim.bench.cli import cmd_stress as stress
+from tactsim.bench.cli import cmd_sweep as sweep
+from tactsim.bench.cli import cmd_tare as tare
+from tactsim.bench.cli import cmd_validate as validate
+from tactsim.core.errors import InputError, printable
 
 FAILED, WRONG_INPUT, INTERRUPTED = 1, 2, 130
 

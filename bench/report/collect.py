@@ -15,13 +15,13 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from bench.config import BUDGETS, RunConfig
-from bench.results import Run, load
-from bench.score import summarise
-from estimators.registry import load as load_estimator
-from models.documents import read_json
-from models.errors import InputError
-from tactsim import WORLDS
+from tactsim.bench.config import BUDGETS, RunConfig
+from tactsim.bench.results import Run, load
+from tactsim.bench.score import summarise
+from tactsim.core.documents import read_json
+from tactsim.core.errors import InputError
+from tactsim.estimators.registry import load as load_estimator
+from tactsim.press import WORLDS
 
 
 class Budget(NamedTuple):

@@ -6,10 +6,10 @@ from collections.abc import Mapping
 
 import numpy as np
 
-import models
-from estimators.occupancy import OccupancyMap
-from tactsim import Scan
-from tactsim.poses import FloatArray
+from tactsim import models
+from tactsim.core import Scan
+from tactsim.core.poses import FloatArray
+from tactsim.estimators.likelihoods.occupancy import OccupancyMap
 
 
 def outline(label: str, scan: Scan, maps: Mapping[str, OccupancyMap]) -> tuple[list[FloatArray], str]:

@@ -19,12 +19,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from bench.report.collect import Entry, Group
-from bench.report.outlines import outline, taxel_size
-from bench.report.pareto import has_curves, machine_line, points
-from bench.report.replay import Recognition, Replayed
-from bench.report.tables import confusion_counts, error_band
-from estimators.occupancy import OccupancyMap, log_odds
+from tactsim.bench.report.collect import Entry, Group
+from tactsim.bench.report.curves import confusion_counts, error_band
+from tactsim.bench.report.outlines import outline, taxel_size
+from tactsim.bench.report.pareto import has_curves, machine_line, points
+from tactsim.bench.report.recognition import Recognition, Replayed
+from tactsim.estimators.likelihoods.occupancy import OccupancyMap, log_odds
 
 SCRIPTS = ("base.js", "charts.js", "tables.js", "recognition.js", "main.js")
 
@@ -62,7 +62,7 @@ def page(groups: Sequence[Group], replayed: Sequence[Replayed], remarks: Sequenc
             for name in dict.fromkeys(group.protocol for group in groups)
         ],
     }
-    assets = files("bench") / "report" / "assets"
+    assets = files("tactsim.bench") / "report" / "assets"
     script = "\n".join((assets / name).read_text(encoding="utf-8") for name in SCRIPTS)
     script = f'"use strict";\n(() => {{\n{script}}})();\n'
     style = (assets / "page.css").read_text(encoding="utf-8")

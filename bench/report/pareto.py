@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bench.report.collect import Entry, Group
-from bench.score import Z_95, settled_by
-from bench.trials import Trials
+from tactsim.bench.report.collect import Entry, Group
+from tactsim.bench.score import Z_95, settled_by
+from tactsim.bench.trials import Trials
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,10 +12,10 @@ from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, MaxNLocator, NullFormatter, NullLocator
 
-from bench.report.collect import Group
-from bench.report.pareto import Point, machine_line, points
-from bench.report.tables import error_band
-from models.files import write_bytes
+from tactsim.bench.report.collect import Group
+from tactsim.bench.report.curves import error_band
+from tactsim.bench.report.pareto import Point, machine_line, points
+from tactsim.core.files import write_bytes
 
 # One colour and one marker a method, in order; the page uses the same.
 COLOURS = ("#1f6fb2", "#c8501c", "#0b8a63", "#7b4fb3", "#b8407f", "#9a7400", "#0f8a94", "#5f6670")

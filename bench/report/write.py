@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterable
 from pathlib import Path
 
-from bench.report.collect import collect, find
-from bench.report.page import page
-from bench.report.pareto import has_curves
-from bench.report.replay import replay_all
-from bench.report.tables import tables
-from bench.runner import silent
-from bench.trials import Progress
-from models.files import write_text
+from tactsim.bench.report.collect import collect, find
+from tactsim.bench.report.curves import tables
+from tactsim.bench.report.page import page
+from tactsim.bench.report.pareto import has_curves
+from tactsim.bench.report.recognition import replay_all
+from tactsim.bench.runner import silent
+from tactsim.bench.trials import Progress
+from tactsim.core.files import write_text
 
 
 def write_report(
@@ -35,7 +35,7 @@ def write_report(
         write_text(written[-1], content)
     with_curves = [group for group in groups if has_curves(group)]
     for number, group in enumerate(with_curves, start=1):
-        from bench.report.picture import pareto_figure, readings_figure, save
+        from tactsim.bench.report.picture import pareto_figure, readings_figure, save
 
         for name, draw in (("pareto", pareto_figure), ("readings", readings_figure)):
             figure = draw(group)

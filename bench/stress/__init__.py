@@ -10,8 +10,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from importlib import import_module
 
-from bench.stress.case import Case, Outcome, run_case, run_cases
-from models.errors import unknown
+from tactsim.bench.stress.case import Case, Outcome, run_case, run_cases
+from tactsim.core.errors import unknown
 
 TOPICS = ("frames", "maps", "likelihood", "filters", "particles", "press", "convergence")
 
@@ -23,7 +23,7 @@ def cases() -> list[Case]:
     return [
         value
         for topic in TOPICS
-        for value in vars(import_module(f"bench.stress.{topic}")).values()
+        for value in vars(import_module(f"tactsim.bench.stress.{topic}_cases")).values()
         if isinstance(value, Case)
     ]
 

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from models.errors import InputError
+from tactsim.core.errors import InputError
 
 QUICK = "quick"
 

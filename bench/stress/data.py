@@ -7,12 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from bench.trials import draw_true_pose
-from estimators import Estimate, Estimator, create, names
-from estimators.registry import load
-from models import InputError, parse_letters
-from tactsim import WORLDS, Pad, Scan, ScanOptions, compose, invert, scan_letters
-from tactsim.poses import FloatArray
+from tactsim.bench.trials import draw_true_pose
+from tactsim.core import InputError, Pad, Scan, compose, invert
+from tactsim.core.poses import FloatArray
+from tactsim.estimators import Estimate, Estimator, create, names
+from tactsim.estimators.registry import load
+from tactsim.models import parse_letters
+from tactsim.press import WORLDS, ScanOptions, scan_letters
 
 # Estimators whose answer depends on what they draw.
 DRAWING = ("particle", "augmented-mcl", "tempered")

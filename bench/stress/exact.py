@@ -12,8 +12,8 @@ from manifold3d import CrossSection
 from numpy.typing import ArrayLike
 from scipy.special import erf
 
-from tactsim import Pad
-from tactsim.poses import FloatArray
+from tactsim.core import Pad
+from tactsim.core.poses import FloatArray
 
 _POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(12)
 _LONGEST = 1.0  # mm, of a piece of the boundary: with 12 points exact to 1e-12 for a spread of 0.5 mm

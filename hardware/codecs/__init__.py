@@ -9,9 +9,9 @@ from typing import Annotated
 
 from pydantic import Field
 
-from hardware.codecs.fields import FieldsFormat
-from hardware.codecs.pps_csv import CsvFormat
-from hardware.codecs.singletact import SingleTactFormat
+from tactsim.hardware.codecs.fields import FieldsFormat
+from tactsim.hardware.codecs.pps_csv import CsvFormat
+from tactsim.hardware.codecs.singletact import SingleTactFormat
 
 Format = Annotated[FieldsFormat | SingleTactFormat | CsvFormat, Field(discriminator="kind")]
 KINDS = {

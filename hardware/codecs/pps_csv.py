@@ -10,10 +10,10 @@ from typing import Literal
 import numpy as np
 from pydantic import Field
 
-from hardware.codecs.base import Codec, CodecFormat, Frame
-from hardware.errors import CodecError
-from tactsim.finite import LARGEST
-from tactsim.poses import FloatArray
+from tactsim.core.finite import LARGEST
+from tactsim.core.poses import FloatArray
+from tactsim.hardware.codecs.codec import Codec, CodecFormat, Frame
+from tactsim.hardware.errors import CodecError
 
 _KPA = {"kPa": 1.0, "psi": 6.894757293168361, "Pa": 1e-3}  # 1 psi = 1 lbf/in^2
 _TITLE = b"Time"

@@ -18,10 +18,10 @@ from typing import ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
-from hardware.codecs.base import PATIENCE, Codec, CodecFormat, Dialogue, Frame
-from hardware.counters import Counters
-from hardware.errors import CodecError
-from tactsim.poses import FloatArray
+from tactsim.core.poses import FloatArray
+from tactsim.hardware.codecs.codec import PATIENCE, Codec, CodecFormat, Dialogue, Frame
+from tactsim.hardware.counters import Counters
+from tactsim.hardware.errors import CodecError
 
 HEADERS = (b"\xff\xff\xff\xff", b"\xaa\xaa\xaa\xaa")
 FOOTER = b"\xfe\xfe\xfe\xfe"

@@ -3,8 +3,8 @@
 What presses on it is a function from time to pressures that the caller brings; nothing here knows physics.
 """
 
-from hardware.emulator.devices import Emulated, emulate
-from hardware.emulator.faults import Faults
-from hardware.emulator.serve import serve_pty, serve_tcp
+from tactsim.hardware.emulator.emulated import Emulated, emulate
+from tactsim.hardware.emulator.faults import Faults
+from tactsim.hardware.emulator.serve import serve_pty, serve_tcp
 
 __all__ = ["Emulated", "Faults", "emulate", "serve_pty", "serve_tcp"]

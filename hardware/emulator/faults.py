@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hardware.emulator.devices import Pressures
+from tactsim.hardware.emulator.emulated import Pressures
 
 _LONGEST_BURST = 200  # bytes
 

@@ -13,9 +13,9 @@ from threading import Event
 
 import numpy as np
 
-from hardware.emulator.devices import Emulated
-from hardware.emulator.faults import Faults
-from models.errors import InputError
+from tactsim.core.errors import InputError
+from tactsim.hardware.emulator.emulated import Emulated
+from tactsim.hardware.emulator.faults import Faults
 
 Ready = Callable[[str], None]
 

@@ -8,13 +8,13 @@ from time import process_time
 import numpy as np
 import pytest
 
-from bench import score
-from bench.config import run_config
-from bench.runner import perform
-from bench.trials import Task, run_trial
-from estimators import create
-from estimators.registry import BUILT_IN
-from tactsim import ScanOptions, scan_letters
+from tactsim.bench import score
+from tactsim.bench.config import run_config
+from tactsim.bench.runner import perform
+from tactsim.bench.trials import Task, run_trial
+from tactsim.estimators import create
+from tactsim.estimators.registry import BUILT_IN
+from tactsim.press import ScanOptions, scan_letters
 
 pytestmark = pytest.mark.benchmark
 READINGS = 30

@@ -8,9 +8,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from bench import results, runner
-from bench.config import run_config
-from tactsim import Scan
+from tactsim.bench import results, runner
+from tactsim.bench.config import run_config
+from tactsim.core import Scan
 
 SCRIPT = "<script>document.title='harmed'</script>"
 IMAGE = '"><img src=x onerror="document.title=1">'

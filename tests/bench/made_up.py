@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from bench.results import Run
-from bench.score import Properties, summarise
-from bench.trials import Trials
+from tactsim.bench.results import Run
+from tactsim.bench.score import Properties, summarise
+from tactsim.bench.trials import Trials
 
 
 def make_run(n=3, r=4, seed=0):

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from made_up import make_run
 
-from bench.compare import compare, mcnemar, paired_interval
-from bench.score import summarise
-from estimators import NONE
-from tactsim import InputError
+from tactsim.bench.compare import compare, mcnemar, paired_interval
+from tactsim.bench.score import summarise
+from tactsim.core import InputError
+from tactsim.estimators import NONE
 
 
 def run_with(right_share, error, seed, n=300, r=6):

@@ -2,7 +2,7 @@ import io
 
 from rich.table import Table
 
-from bench.console import plain_console
+from tactsim.bench.console import plain_console
 
 EVIL = "[bold red]x[/] [/nothing] \x1b]0;title\x07 \x1b[2J :smile: \u202e"
 

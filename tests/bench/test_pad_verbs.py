@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tactsim import Scan
+from tactsim.core import Scan
 
 BENCH = Path(sys.executable).parent / "bench"
 ENVIRONMENT = os.environ | {"COLUMNS": "110", "NO_COLOR": "1"}
@@ -116,15 +116,15 @@ def test_a_letter_is_recorded_from_tare_to_scan(bench, tmp_path):
 
 def _marks(folder):
     """Tell whether two presses are in the recording that is being written."""
-    from hardware.recording import Kind, Tail
+    from tactsim.hardware.recording import Kind, Tail
 
     records = Tail(folder / "A.tactrec").poll()
     return sum(record.kind is Kind.MARK for record in records) >= 2
 
 
 def _pressed(poses):
-    import models
-    from tactsim import press_letter
+    from tactsim import models
+    from tactsim.press import press_letter
 
     return np.array([press_letter(models.letter("A"), pose).ideal for pose in poses])
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from bench.config import run_config
-from bench.runner import perform
+from tactsim.bench.config import run_config
+from tactsim.bench.runner import perform
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("own_cache")]
 

@@ -8,12 +8,12 @@ from pathlib import Path
 
 import pytest
 
-from bench import regression
-from bench.regression import check, least, measured, write_baseline
+from tactsim.bench import regression
+from tactsim.bench.regression import check, least, measured, write_baseline
 
 ROOT = Path(__file__).resolve().parents[2]
 PLANTED_SLOWNESS = """
-import estimators.histogram as module
+import tactsim.estimators.filters.histogram as module
 once = module.HistogramFilter.fit
 def twice(self, scan):
     once(self, scan)
@@ -21,7 +21,7 @@ def twice(self, scan):
 module.HistogramFilter.fit = twice
 """
 PLANTED_ERROR = """
-import bench.score as module
+import tactsim.bench.score as module
 right = module.placement_error
 module.placement_error = lambda *words: 1.05 * right(*words)
 """

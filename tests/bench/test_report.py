@@ -15,16 +15,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 from made_up import make_run
 
-from bench import results, score
-from bench.config import run_config
-from bench.report import replay
-from bench.report.collect import budget, collect, find, method_name, task_name
-from bench.report.pareto import frontier, points, recognition_seconds
-from bench.report.tables import confusion_counts
-from bench.report.write import write_report
-from bench.trials import Task, Trials
-from estimators.histogram import HistogramFilter
-from models.errors import InputError
+from tactsim.bench import results, score
+from tactsim.bench.config import run_config
+from tactsim.bench.report import recognition as replay
+from tactsim.bench.report.collect import budget, collect, find, method_name, task_name
+from tactsim.bench.report.curves import confusion_counts
+from tactsim.bench.report.pareto import frontier, points, recognition_seconds
+from tactsim.bench.report.write import write_report
+from tactsim.bench.trials import Task, Trials
+from tactsim.core.errors import InputError
+from tactsim.estimators.filters.histogram import HistogramFilter
 
 
 @pytest.fixture(scope="module")
@@ -77,7 +77,7 @@ def test_the_page_names_no_other_place(report):
 
 
 def test_no_script_makes_markup_from_text():
-    for asset in (files("bench") / "report" / "assets").iterdir():
+    for asset in (files("tactsim.bench") / "report" / "assets").iterdir():
         assert not re.search(
             r"innerHTML|outerHTML|insertAdjacent|document\.write|eval\(|Function\(", asset.read_text()
         )

@@ -5,7 +5,7 @@ from itertools import pairwise
 
 import pytest
 
-from bench.report.write import write_report
+from tactsim.bench.report.write import write_report
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 pytestmark = pytest.mark.skipif(

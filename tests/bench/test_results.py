@@ -12,11 +12,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from made_up import make_run
 
-from bench import results
-from bench.results import load, save
-from bench.score import summarise
-from bench.trials import Trials
-from tactsim import InputError
+from tactsim.bench import results
+from tactsim.bench.results import load, save
+from tactsim.bench.score import summarise
+from tactsim.bench.trials import Trials
+from tactsim.core import InputError
 
 
 def test_what_is_saved_is_loaded_to_the_bit(tmp_path):
@@ -46,7 +46,7 @@ def test_the_same_run_gives_the_same_bytes(tmp_path):
 
 def test_the_tables_have_the_columns_that_are_written_down(tmp_path):
     save(make_run(), tmp_path)
-    text = (Path(results.__file__).parents[1] / "results" / "README.md").read_text(encoding="utf-8")
+    text = (Path(__file__).parents[2] / "results" / "README.md").read_text(encoding="utf-8")
     for name in ("trials.csv", "times.csv"):
         with (tmp_path / name).open(newline="") as stream:
             header, *rows = csv.reader(stream)
@@ -124,7 +124,7 @@ def test_the_lines_that_the_readme_shows_read_a_run(tmp_path):
 
     run = make_run()
     save(run, tmp_path)
-    text = (Path(results.__file__).parents[1] / "results" / "README.md").read_text(encoding="utf-8")
+    text = (Path(__file__).parents[2] / "results" / "README.md").read_text(encoding="utf-8")
     block = re.search("```python\n(.*?)```", text, re.S)[1].replace("RUN", str(tmp_path))
     lines = [ast.unparse(statement) for statement in ast.parse(block).body]
     assert [line.partition(".")[0] for line in lines] == ["pandas", "polars", "duckdb"]

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from bench.score import (
+from tactsim.bench.score import (
     CURVES,
     HEADLINES,
     Properties,
@@ -19,8 +19,8 @@ from bench.score import (
     summarise,
     wilson,
 )
-from bench.trials import Trials
-from tactsim import InputError, Scan, compose, invert
+from tactsim.bench.trials import Trials
+from tactsim.core import InputError, Scan, compose, invert
 
 PLAIN = Properties(symmetry=1, centre=(0.0, 0.0), inertia_over_mass=60.0)
 pose = arrays(float, 3, elements=st.floats(-20, 20))

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from bench.cli.app import app
-from bench.stress import TOPICS, cases, chosen_cases, run_case
-from bench.stress.case import Worst, case, refused
-from estimators.occupancy import sigmoid
-from models.errors import InputError
-from tactsim import wrap_angle
+from tactsim.bench.cli.app import app
+from tactsim.bench.stress import TOPICS, cases, chosen_cases, run_case
+from tactsim.bench.stress.case import Worst, case, refused
+from tactsim.core import wrap_angle
+from tactsim.core.errors import InputError
+from tactsim.estimators.likelihoods.occupancy import sigmoid
 
 EVERY = cases()
 QUICK = chosen_cases(tags=["quick"])
@@ -108,29 +108,41 @@ def test_other_case(chosen):
 
 # For each a fault in the code under it: what is replaced, and by what.
 PLANTED = {
-    "frames.wrap": ("bench.stress.frames.wrap_angle", lambda angle: np.asarray(angle)),
-    "frames.symmetric-objects": ("bench.score.fold_angle", lambda angle, order: wrap_angle(angle)),
-    "frames.error-at-the-seam": ("bench.score.invert", lambda pose: -np.asarray(pose)),
-    "maps.peak-near-one": ("estimators.occupancy._NOTHING", 0.5),
-    "likelihood.float32-tables": ("estimators.likelihood.sigmoid", lambda odds: 0.999 * sigmoid(odds)),
-    "likelihood.gamma": ("estimators.likelihood.sigmoid", lambda odds: np.exp(odds) / (1 + np.exp(odds))),
-    "filters.skipping": ("estimators.histogram._NEGLIGIBLE", 0.1),
-    "filters.refused-readings": ("estimators.base.finite", lambda values, name: np.asarray(values)),
+    "frames.wrap": ("tactsim.bench.stress.frames_cases.wrap_angle", lambda angle: np.asarray(angle)),
+    "frames.symmetric-objects": ("tactsim.bench.score.fold_angle", lambda angle, order: wrap_angle(angle)),
+    "frames.error-at-the-seam": ("tactsim.bench.score.invert", lambda pose: -np.asarray(pose)),
+    "maps.peak-near-one": ("tactsim.estimators.likelihoods.occupancy._NOTHING", 0.5),
+    "likelihood.float32-tables": (
+        "tactsim.estimators.likelihoods.likelihood.sigmoid",
+        lambda odds: 0.999 * sigmoid(odds),
+    ),
+    "likelihood.gamma": (
+        "tactsim.estimators.likelihoods.likelihood.sigmoid",
+        lambda odds: np.exp(odds) / (1 + np.exp(odds)),
+    ),
+    "filters.skipping": ("tactsim.estimators.filters.histogram._NEGLIGIBLE", 0.1),
+    "filters.refused-readings": (
+        "tactsim.estimators.estimator.finite",
+        lambda values, name: np.asarray(values),
+    ),
     "particles.mode-of-the-density": (
-        "estimators.particle._density_mode",
+        "tactsim.estimators.filters.particle._density_mode",
         lambda state, weight, rho: (state.mean(axis=1), math.inf),
     ),
     "particles.resampling": (
-        "bench.stress.particles.draw",
+        "tactsim.bench.stress.particles_cases.draw",
         lambda chosen, weight, _: chosen.fill(weight.argmax()),
     ),
-    "press.mass-stiffness-step": ("tactsim.scene._RANGE", 1e5),
-    "press.slivers": ("tactsim.bed.SMALLEST_CONTACT", 1.0),
-    "press.aligned-angles": ("tactsim.bed.SMALLEST_PART", 0.01),
-    "press.point-spread": ("tactsim.spread._QUADRATURE", 2),
-    "convergence.bed-cells": ("tactsim.bed.SMALLEST_PART", 0.01),
-    "convergence.map-cells": ("estimators.occupancy._NOTHING", 0.5),
-    "likelihood.classifier-edges": ("bench.stress.likelihood.classify", lambda z: 1 * (np.asarray(z) > 2)),
+    "press.mass-stiffness-step": ("tactsim.press.scene._RANGE", 1e5),
+    "press.slivers": ("tactsim.press.bed.SMALLEST_CONTACT", 1.0),
+    "press.aligned-angles": ("tactsim.press.bed.SMALLEST_PART", 0.01),
+    "press.point-spread": ("tactsim.press.spread._QUADRATURE", 2),
+    "convergence.bed-cells": ("tactsim.press.bed.SMALLEST_PART", 0.01),
+    "convergence.map-cells": ("tactsim.estimators.likelihoods.occupancy._NOTHING", 0.5),
+    "likelihood.classifier-edges": (
+        "tactsim.bench.stress.likelihood_cases.classify",
+        lambda z: 1 * (np.asarray(z) > 2),
+    ),
 }
 
 
@@ -155,7 +167,9 @@ def test_the_command_prints_a_table_or_json_and_says_by_its_status_whether_all_p
     assert only["verdict"] == "passes"
     assert {"versions", "machine"} <= set(answer)
 
-    monkeypatch.setattr("bench.stress.frames.wrap_angle", lambda angle: np.full(np.shape(angle), np.nan))
+    monkeypatch.setattr(
+        "tactsim.bench.stress.frames_cases.wrap_angle", lambda angle: np.full(np.shape(angle), np.nan)
+    )
     bad = CliRunner().invoke(app, ["stress", "--case", "frames.wrap", "--case", "frames.chain"])
     assert bad.exit_code == 1
     assert "FAILS" in bad.stdout

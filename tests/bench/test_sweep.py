@@ -12,9 +12,9 @@ from pathlib import Path
 
 import pytest
 
-from bench import results, sweep
-from bench.runner import perform, silent
-from tactsim import InputError
+from tactsim.bench import results, sweep
+from tactsim.bench.runner import perform, silent
+from tactsim.core import InputError
 
 BENCH = Path(sys.executable).parent / "bench"
 SMALL = """
@@ -110,7 +110,7 @@ def test_a_wrong_file_is_refused_in_one_line(tmp_path, content, message):
 
 
 def test_every_suite_can_be_read_and_names_known_estimators():
-    from estimators import create
+    from tactsim.estimators import create
 
     assert {"quick", "paper"} <= set(sweep.suites())
     for suite in sweep.suites():

@@ -3,10 +3,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bench.config import run_config
-from bench.runner import gather, silent
-from bench.score import wilson
-from bench.trials import (
+from tactsim.bench.config import run_config
+from tactsim.bench.runner import gather, silent
+from tactsim.bench.score import wilson
+from tactsim.bench.trials import (
     Protocol,
     Task,
     Trials,
@@ -18,8 +18,8 @@ from bench.trials import (
     run_trials,
     unflatten_work,
 )
-from estimators import NONE, Estimate, Estimator, Options
-from tactsim import InputError, Scan, compose
+from tactsim.core import InputError, Scan, compose
+from tactsim.estimators import NONE, Estimate, Estimator, Options
 
 LETTERS = "AEIOU"
 

@@ -19,8 +19,8 @@ from typing import NamedTuple
 import pytest
 import typer
 
-from bench import sweep
-from bench.cli.app import app
+from tactsim.bench import sweep
+from tactsim.bench.cli.app import app
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = sorted(
@@ -174,7 +174,9 @@ def smaller(arguments, folder):
         source = rest[0]
         name = Path(source).stem
         content = (
-            folder / source if source.endswith(".toml") else files("bench") / "suites" / f"{source}.toml"
+            folder / source
+            if source.endswith(".toml")
+            else files("tactsim.bench") / "suites" / f"{source}.toml"
         )
         table = tomllib.loads(content.read_text(encoding="utf-8"))
         lines = ["[defaults]", *map(first, ({"letters": "AE"} | table.get("defaults", {}) | few()).items())]

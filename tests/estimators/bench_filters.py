@@ -12,9 +12,9 @@ import pytest
 from rivals import Gather, GatherTables, MapCoordinates
 from synthetic import draw_trial
 
-import estimators
-from estimators import particle
-from estimators.grid import state_grid
+from tactsim import estimators
+from tactsim.estimators.filters import particle
+from tactsim.estimators.filters.grid import state_grid
 
 pytestmark = pytest.mark.benchmark
 READINGS = 30

@@ -1,7 +1,8 @@
 import pytest
 from synthetic import make_scan
 
-from tactsim import Scan, ScanOptions, scan_letters
+from tactsim.core import Scan
+from tactsim.press import ScanOptions, scan_letters
 
 
 @pytest.fixture(scope="session")

@@ -3,7 +3,7 @@
 import numpy as np
 from reference import CONTACT, NO_CONTACT, classify, place
 
-from estimators.occupancy import OccupancyMap
+from tactsim.estimators.likelihoods.occupancy import OccupancyMap
 
 
 def maps(

@@ -8,8 +8,8 @@ import numpy as np
 from scipy.ndimage import map_coordinates
 from scipy.special import expit
 
-from estimators.contact import CONTACT, UNKNOWN, classify
-from tactsim import transform
+from tactsim.core import transform
+from tactsim.estimators.likelihoods.classifier import CONTACT, UNKNOWN, classify
 
 GAMMA, PRIOR = 0.1, 0.2
 

@@ -4,8 +4,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import erf
 
-from estimators import Estimator
-from tactsim import Scan, compose, invert, transform
+from tactsim.core import Scan, compose, invert, transform
+from tactsim.estimators import Estimator
 
 # Bars as (centre x, centre y, half length x, half length y) mm, axis-aligned and disjoint.
 SHAPES = {

@@ -9,10 +9,10 @@ import pytest
 from plugging import install_plug_in
 from synthetic import draw_trial, make_scan, paper_poses, square_pad
 
-import estimators
-from estimators import Estimator
-from estimators.registry import load
-from tactsim import InputError, Scan
+from tactsim import estimators
+from tactsim.core import InputError, Scan
+from tactsim.estimators import Estimator
+from tactsim.estimators.registry import load
 
 NAMES = (*estimators.names(), "nearest")  # the last from docs/estimators.md, as a stranger would install it
 POSES = paper_poses(positions=4, angles=6)

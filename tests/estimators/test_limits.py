@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from synthetic import make_scan, paper_poses
 
-import estimators
-from estimators.base import check_reading
-from estimators.occupancy import learn_maps
-from tactsim import InputError, Scan
+from tactsim import estimators
+from tactsim.core import InputError, Scan
+from tactsim.estimators.estimator import check_reading
+from tactsim.estimators.likelihoods.occupancy import learn_maps
 
 
 @pytest.mark.parametrize(

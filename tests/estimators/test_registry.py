@@ -4,9 +4,9 @@ import sys
 import pytest
 from plugging import install_plug_in
 
-import estimators
-from estimators.registry import BUILT_IN, listing, load
-from tactsim import InputError
+from tactsim import estimators
+from tactsim.core import InputError
+from tactsim.estimators.registry import BUILT_IN, listing, load
 
 GOOD = """
 from estimators import Estimator
@@ -110,7 +110,7 @@ def test_a_plug_in_does_not_replace_a_built_in(site, monkeypatch):
 
 def test_listing_compiles_and_imports_nothing_heavy():
     heavy = "{'numba', 'scipy', 'mujoco'}"
-    code = f"import sys, estimators.registry as r; r.listing(); print(sorted({heavy} & set(sys.modules)))"
+    code = f"import sys, tactsim.estimators.registry as r; r.listing(); print(sorted({heavy} & set(sys.modules)))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
 

@@ -14,25 +14,26 @@ import tomli_w
 import trimesh
 from hostile import damaged, swapped
 
-import models
-from bench import regression, results, sweep
-from bench.compare import compare
-from bench.config import run_config, scan_options
-from bench.report.collect import collect, find
-from bench.report.page import page
-from bench.report.tables import tables
-from bench.runner import perform
-from bench.score import properties
-from estimators import create
-from hardware.calibration import Calibration, Correction
-from hardware.device import Device, load_device
-from hardware.recording import Kind, Recorder, RecordReader
-from hardware.replay import CsvReplay, Replay
-from hardware.scans import read_intervals, scan_of_sessions
-from hardware.stream import Stream
-from models.errors import InputError
-from tactsim import Pad, Scan, ScanOptions, cache
-from tactsim.reading import Reading
+from tactsim import models
+from tactsim.bench import regression, results, sweep
+from tactsim.bench.compare import compare
+from tactsim.bench.config import run_config, scan_options
+from tactsim.bench.report.collect import collect, find
+from tactsim.bench.report.curves import tables
+from tactsim.bench.report.page import page
+from tactsim.bench.runner import perform
+from tactsim.bench.score import properties
+from tactsim.core import Pad, Scan
+from tactsim.core.errors import InputError
+from tactsim.core.reading import Reading
+from tactsim.estimators import create
+from tactsim.hardware.calibration import Calibration, Correction
+from tactsim.hardware.device import Device, load_device
+from tactsim.hardware.recorded import CsvReplay, Replay
+from tactsim.hardware.recording import Kind, Recorder, RecordReader
+from tactsim.hardware.scans import read_intervals, scan_of_sessions
+from tactsim.hardware.stream import Stream
+from tactsim.press import ScanOptions, cache
 
 GOOD = {}  # kind: the content of a good file, made once
 CASES = 40

@@ -9,11 +9,11 @@ import time
 import numpy as np
 import pytest
 
-from bench import results
-from hardware.device import load_device
-from hardware.recording import Kind, Recorder, RecordReader, check_whole
-from tactsim import Scan
-from tactsim.reading import Reading
+from tactsim.bench import results
+from tactsim.core import Scan
+from tactsim.core.reading import Reading
+from tactsim.hardware.device import load_device
+from tactsim.hardware.recording import Kind, Recorder, RecordReader, check_whole
 
 SWEEP = """
 [defaults]

@@ -10,19 +10,19 @@ import pytest
 from conftest import refused
 from test_hostile_files import npy
 
-from tactsim import Pad, Scan
+from tactsim.core import Pad, Scan
 
 # Reads every file named with at most half a GB more than the program itself takes.
 READ = """
 import json, re, resource, sys
 from pathlib import Path
 from bench import results, sweep
-from bench.config import scan_options
-from hardware.calibration import Calibration
-from hardware.device import load_device
-from hardware.replay import Replay
+from tactsim.bench.config import scan_options
+from tactsim.hardware.calibration import Calibration
+from tactsim.hardware.device import load_device
+from tactsim.hardware.recorded import Replay
 from models import shape
-from models.errors import InputError
+from tactsim.core.errors import InputError
 from tactsim import Scan
 import trimesh, svgpathtools
 taken = int(re.search(r"VmSize:\\s+(\\d+)", Path("/proc/self/status").read_text())[1]) << 10

@@ -4,7 +4,7 @@ import sys
 
 import pytest
 
-from bench.cli.app import run_app
+from tactsim.bench.cli.app import run_app
 
 N = "9" * 30
 SIMULATED = ["--port", "simulated:A@0,0,0"]

@@ -14,7 +14,7 @@ MODULES = {
     "lacking": "import a_package_that_nobody_has",
     "wrong": "Thing = 3\nBare = object\ndef function(): ...",
     "halves": """
-from estimators import Estimator
+from tactsim.estimators import Estimator
 class Unfinished(Estimator):
     def fit(self, scan): ...
 class Whole(Estimator):
@@ -27,7 +27,7 @@ class Whole(Estimator):
 """,
     "guessing": """
 import numpy as np
-from estimators import Estimate, Estimator
+from tactsim.estimators import Estimate, Estimator
 class Guessing(Estimator):
     '''Guess; a subclass says how.'''
     maps = ["no map"]
@@ -45,8 +45,8 @@ class Faulty(Guessing):
     def update(self, reading, sensor_in_robot): raise KeyError("a bug of the plug-in's")
 """,
     "sources": """
-from hardware.counters import Counters
-from hardware.sources import Source
+from tactsim.hardware.counters import Counters
+from tactsim.hardware.sources import Source
 class Bad(Source):
     def __init__(self, device, value):
         self.pad, self.taxel_xy, self.counters, self.value = device.pad, device.pad.taxel_xy, Counters(), value
@@ -59,7 +59,7 @@ def bare(places, device, log):
     return source
 def silent(places, device, log): return Bad(device, None)
 def short(places, device, log):
-    from tactsim.reading import Reading
+    from tactsim.core.reading import Reading
     return Bad(device, Reading([1.0, 2.0], 0.0))
 """,
 }
@@ -130,7 +130,7 @@ def test_a_plug_in_that_answers_nonsense_is_named_in_one_line(plugged, scan_file
 @pytest.mark.parametrize(
     ("name", "said"),
     [
-        ("nothing", "no hardware.sources.Source"),
+        ("nothing", "no tactsim.hardware.sources.Source"),
         ("bare", "without `counters`"),
         ("silent", "no Reading of 36"),
         ("short", "no Reading of 36"),

@@ -14,9 +14,9 @@ from typing import Any
 
 import numpy as np
 
-from hardware.device import load_device
-from hardware.emulator import Faults, emulate, serve_pty
-from hardware.live import LiveSource
+from tactsim.hardware.device import load_device
+from tactsim.hardware.emulator import Faults, emulate, serve_pty
+from tactsim.hardware.live import LiveSource
 
 
 def serve(rate: float, names: Any) -> None:

@@ -1,8 +1,8 @@
 import pytest
 from made_pads import ramp
 
-from hardware.device import load_device
-from hardware.emulator import emulate
+from tactsim.hardware.device import load_device
+from tactsim.hardware.emulator import emulate
 
 
 @pytest.fixture(scope="session")

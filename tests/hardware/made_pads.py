@@ -3,8 +3,8 @@ from contextlib import contextmanager
 
 import numpy as np
 
-from hardware.device import Device
-from hardware.emulator import Faults, serve_pty, serve_tcp
+from tactsim.hardware.device import Device
+from tactsim.hardware.emulator import Faults, serve_pty, serve_tcp
 
 LAYOUT = [
     {"is": "header", "bytes": "AA 55"},

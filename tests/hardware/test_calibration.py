@@ -2,9 +2,17 @@ import numpy as np
 import pytest
 from made_pads import small_device
 
-from hardware.calibration import Calibration, Correction, find_dead, find_stuck, force, take_tare, with_gain
-from tactsim import InputError, Pad
-from tactsim.reading import Reading
+from tactsim.core import InputError, Pad
+from tactsim.core.reading import Reading
+from tactsim.hardware.calibration import (
+    Calibration,
+    Correction,
+    find_dead,
+    find_stuck,
+    force,
+    take_tare,
+    with_gain,
+)
 
 
 def readings(values):

@@ -6,11 +6,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from made_pads import csv_device, singletact, small_device
 
-from hardware.codecs.base import Codec, Frame
-from hardware.codecs.singletact import Reply, write_reply
-from hardware.counters import Counters
-from hardware.errors import CodecError
-from hardware.framing import Framer
+from tactsim.hardware.codecs.codec import Codec, Frame
+from tactsim.hardware.codecs.singletact import Reply, write_reply
+from tactsim.hardware.counters import Counters
+from tactsim.hardware.errors import CodecError
+from tactsim.hardware.framing import Framer
 
 
 def small_messages(count, rng):

@@ -4,10 +4,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from made_pads import small_device
 
-from hardware.codecs.base import Frame
-from hardware.codecs.checksums import CHECKSUMS
-from hardware.codecs.fields import FieldsFormat
-from tactsim import InputError
+from tactsim.core import InputError
+from tactsim.hardware.codecs.checksums import CHECKSUMS
+from tactsim.hardware.codecs.codec import Frame
+from tactsim.hardware.codecs.fields import FieldsFormat
 
 
 def codec(layout, **options):
@@ -141,7 +141,7 @@ def test_counts_become_pressures_and_back():
 )
 def test_a_layout_that_makes_no_sense_is_refused_with_the_reason(layout, message):
     with pytest.raises(InputError, match=message):
-        from models.checking import checked
+        from tactsim.core.checking import checked
 
         checked(FieldsFormat, {"kind": "fields", "kpa_per_count": 1.0, "layout": layout}, "x")
 

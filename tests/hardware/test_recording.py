@@ -12,13 +12,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from made_pads import csv_device, ramp, serving, small_device
 
-from hardware.emulator import Faults, emulate
-from hardware.errors import SourceError
-from hardware.live import LiveSource
-from hardware.recording import LARGEST_PAYLOAD, Kind, Recorder, RecordReader, check_whole
-from hardware.replay import CsvReplay, Replay
-from tactsim import InputError
-from tactsim.reading import Reading
+from tactsim.core import InputError
+from tactsim.core.reading import Reading
+from tactsim.hardware.emulator import Faults, emulate
+from tactsim.hardware.errors import SourceError
+from tactsim.hardware.live import LiveSource
+from tactsim.hardware.recorded import CsvReplay, Replay
+from tactsim.hardware.recording import LARGEST_PAYLOAD, Kind, Recorder, RecordReader, check_whole
 
 HEADER = struct.Struct("<BBHId")
 
@@ -224,9 +224,9 @@ def test_going_on_with_a_recording_drops_its_torn_end_only(tmp_path):
 def test_a_killed_recorder_leaves_a_readable_unfinished_file(tmp_path, paper_pad, emulated_pad):
     program = """
 import sys
-from hardware.device import load_device
-from hardware.live import LiveSource
-from hardware.recording import Recorder
+from tactsim.hardware.device import load_device
+from tactsim.hardware.live import LiveSource
+from tactsim.hardware.recording import Recorder
 device = load_device("emulated")
 recorder = Recorder(sys.argv[2])
 recorder.segment({"device": device.as_json()}, 0.0)

@@ -2,11 +2,11 @@ import numpy as np
 import pytest
 from made_pads import csv_device, small_device
 
-from hardware.recording import Recorder
-from hardware.replay import CsvReplay, Replay
-from hardware.scans import cut, read_intervals, scan_of_intervals
-from tactsim import InputError, Pad, Scan, transform
-from tactsim.reading import Reading
+from tactsim.core import InputError, Pad, Scan, transform
+from tactsim.core.reading import Reading
+from tactsim.hardware.recorded import CsvReplay, Replay
+from tactsim.hardware.recording import Recorder
+from tactsim.hardware.scans import cut, read_intervals, scan_of_intervals
 
 
 def array_scan(rows=16, columns=16, **pad):

@@ -2,13 +2,13 @@ import numpy as np
 import pytest
 from made_pads import small_device
 
-from hardware.calibration import Calibration, force
-from hardware.emulator.pressing import Follower, Pressing, by_the_clock
-from hardware.recording import Recorder
-from hardware.scans import read_session, scan_of_sessions
-from hardware.session import Phase, Plan, Press, Session, next_press
-from tactsim import InputError
-from tactsim.reading import Reading
+from tactsim.core import InputError
+from tactsim.core.reading import Reading
+from tactsim.hardware.calibration import Calibration, force
+from tactsim.hardware.emulator.hand import Follower, Pressing, by_the_clock
+from tactsim.hardware.recording import Recorder
+from tactsim.hardware.scans import read_session, scan_of_sessions
+from tactsim.hardware.session import Phase, Plan, Press, Session, next_press
 
 POSES = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.5), (0.0, 2.0, 1.0), (1.0, 1.0, 0.0))
 

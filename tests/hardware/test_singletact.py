@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from made_pads import singletact
 
-from hardware.codecs.singletact import (
+from tactsim.hardware.codecs.singletact import (
     Polling,
     Question,
     Reply,
@@ -15,9 +15,9 @@ from hardware.codecs.singletact import (
     read_request,
     write_reply,
 )
-from hardware.counters import Counters
-from hardware.errors import CodecError
-from hardware.stream import Stream
+from tactsim.hardware.counters import Counters
+from tactsim.hardware.errors import CodecError
+from tactsim.hardware.stream import Stream
 
 
 def codec(elements=1):

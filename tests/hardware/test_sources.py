@@ -6,17 +6,16 @@ import numpy as np
 import pytest
 from made_pads import csv_device, ramp, serving, small_device
 
-from hardware import sources
-from hardware.calibration import Calibration
-from hardware.counters import Counters
-from hardware.emulator import emulate
-from hardware.errors import SourceEnded, SourceError
-from hardware.recording import Recorder, RecordReader
-from hardware.replay import Replay
-from hardware.sources import Source, open_source
-from models import plug_ins
-from tactsim import InputError
-from tactsim.reading import Reading
+from tactsim.core import InputError, plug_ins
+from tactsim.core.reading import Reading
+from tactsim.hardware import sources
+from tactsim.hardware.calibration import Calibration
+from tactsim.hardware.counters import Counters
+from tactsim.hardware.emulator import emulate
+from tactsim.hardware.errors import SourceEnded, SourceError
+from tactsim.hardware.recorded import Replay
+from tactsim.hardware.recording import Recorder, RecordReader
+from tactsim.hardware.sources import Source, open_source
 
 
 class Foreign(Source):

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from made_pads import ramp, singletact, small_device
 
-from hardware.codecs.base import Frame
-from hardware.device import Device
-from hardware.emulator import emulate
-from hardware.stream import Stream
+from tactsim.hardware.codecs.codec import Frame
+from tactsim.hardware.device import Device
+from tactsim.hardware.emulator import emulate
+from tactsim.hardware.stream import Stream
 
 
 def test_two_arrays_make_one_pad(paper_pad):

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from hardware.validation import class_agreement, fit_sensor, taxel_error
-from tactsim import InputError, Pad, transform
+from tactsim.core import InputError, Pad, transform
+from tactsim.hardware.sensor_fit import class_agreement, fit_sensor, taxel_error
 
 
 class Bumps:
@@ -15,7 +15,7 @@ class Bumps:
         self.taxel_xy = Pad().taxel_xy
 
     def __call__(self, sigma, errors):
-        from tactsim import compose
+        from tactsim.core import compose
 
         points = transform(compose(self.poses, errors), self.taxel_xy)
         square = ((points[:, :, None] - self.bumps) ** 2).sum(axis=-1)

@@ -6,8 +6,8 @@ from hypothesis import given, note, settings
 from hypothesis import strategies as st
 from manifold3d import CrossSection
 
-from models.convex import convex_pieces
-from models.shapes import cleaned
+from tactsim.models.convex import convex_pieces
+from tactsim.models.shapes import cleaned
 
 
 def area(outline):

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 import trimesh
 
-import models
-from models.errors import InputError
+from tactsim import models
+from tactsim.core.errors import InputError
 
 LETTERS = [{"name": name} for name in "AIOE8Q"] + [{"name": "R", "rounding": 0.3, "height": 2.5}]
 

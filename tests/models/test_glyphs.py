@@ -6,8 +6,8 @@ import pytest
 from scipy import fft
 from scipy.optimize import minimize
 
-import models
-from models.errors import InputError
+from tactsim import models
+from tactsim.core.errors import InputError
 
 # The closest two glyphs of the catalogue, O and Q, differ by this area (mm^2) however they are turned and
 # shifted, as much as eleven sensor elements have; every other pair differs by 49 mm^2 or more.

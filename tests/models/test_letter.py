@@ -6,9 +6,9 @@ import sys
 import numpy as np
 import pytest
 
-import models
-from models.errors import InputError
-from models.letter import Letter
+from tactsim import models
+from tactsim.core.errors import InputError
+from tactsim.models.letter import Letter
 
 
 def polygon_area(outline):

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from scipy.spatial import ConvexHull
 
-import models
-from models.errors import InputError
-from models.rounding import CHORD_ERROR, profile
+from tactsim import models
+from tactsim.core.errors import InputError
+from tactsim.models.rounding import CHORD_ERROR, profile
 
 RADIUS = 0.4
 

@@ -11,10 +11,10 @@ import trimesh
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-import models
-from models.drawing import FLATTENING
-from models.errors import InputError
-from models.shapes import DETAIL
+from tactsim import models
+from tactsim.core.errors import InputError
+from tactsim.models.shapes import DETAIL
+from tactsim.models.svg import FLATTENING
 
 
 def refusal(path, **options):

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from manifold3d import CrossSection
 
-import models
-from models.symmetry import TOLERANCE, rotational_order
+from tactsim import models
+from tactsim.models.symmetry import TOLERANCE, rotational_order
 
 
 def regular(sides, radius=12.0, phase=0.0):

@@ -26,7 +26,7 @@ from cosmic_ray.work_db import WorkDB, use_db
 from cosmic_ray.work_item import TestOutcome, WorkResult
 from mutations import mutants_of
 
-from bench.score import wilson
+from tactsim.bench.score import wilson
 
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[1]
@@ -60,7 +60,7 @@ def main() -> int:
         _copy_tree(copy)
         os.chdir(copy)  # Cosmic Ray takes paths from here
         os.environ |= _environment(Path(folder), copy)
-        compile_kernels = "import estimators.kernels, estimators.state_kernels"
+        compile_kernels = "import tactsim.estimators.field.kernels, tactsim.estimators.field.state_kernels"
         subprocess.run([sys.executable, "-c", compile_kernels], check=True)
         done = []
         print(
@@ -81,7 +81,7 @@ def main() -> int:
 
 def _arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="mutate.py", description=__doc__)
-    parser.add_argument("modules", nargs="*", help="such as tactsim/clip.py; all if none is named")
+    parser.add_argument("modules", nargs="*", help="such as tactsim/press/clip.py; all if none is named")
     parser.add_argument("--sample", type=int, default=25, help="mutants drawn from each module (25)")
     parser.add_argument("--all", action="store_true", help="try every mutant instead of a sample: many hours")
     parser.add_argument("--seed", type=int, default=0, help="of the sample (0)")

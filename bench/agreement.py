@@ -1,0 +1,52 @@
+"""How often the contact classification of eq. 3 is right, judged by the letters' outlines."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tactsim import models
+from tactsim.core.poses import transform
+from tactsim.core.scan import Scan
+from tactsim.press.clip import covers
+
+
+class Agreement(NamedTuple):
+    """`share` of the `decided` elements is classified as the footprint says; `elements` is all there are."""
+
+    share: float
+    decided: int
+    elements: int
+
+
+def true_contact(scan: Scan, letters: dict[str, models.Letter]) -> NDArray[np.bool_]:
+    """Tell which elements lie on the letter: (n, taxels), True for a centre on the footprint.
+
+    The centre is taken at the stated pose, so placement error counts as the classifier's error, as it
+    would for who labels real readings by their stated poses.
+    """
+    truth = np.zeros(scan.readings.shape, dtype=bool)
+    for label in scan.letters:
+        rows = scan.labels == label
+        points = transform(scan.poses[rows], scan.taxel_xy)
+        truth[rows] = covers(letters[label].contours, points.reshape(-1, 2)).reshape(points.shape[:-1])
+    return truth
+
+
+def classifier_agreement(
+    scan: Scan,
+    in_contact: NDArray[np.bool_],
+    no_contact: NDArray[np.bool_],
+    letters: dict[str, models.Letter],
+) -> Agreement:
+    """Score a classification of every element, both (n, taxels): neither means Unknown, not decided.
+
+    The paper reports about 90 % right.
+    """
+    truth = true_contact(scan, letters)
+    decided = in_contact | no_contact
+    right = (in_contact & truth) | (no_contact & ~truth)
+    count = int(decided.sum())
+    return Agreement(float(right.sum() / count) if count else float("nan"), count, decided.size)

@@ -1,0 +1,46 @@
+"""`bench compare`: say whether one run is worse than another, beyond chance."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def command(
+    base: Annotated[Path, typer.Argument(help="The folder of the run that stands.")],
+    new: Annotated[Path, typer.Argument(help="The folder of the run that is to be judged.")],
+) -> None:
+    """Compare two runs on the same trials; exit status 1 if NEW is worse beyond the interval."""
+    from rich.table import Table
+
+    from tactsim.bench.compare import compare
+    from tactsim.bench.console import plain_console
+    from tactsim.bench.results import load
+
+    differences = compare(load(base), load(new))
+    table = Table(box=None, pad_edge=False)
+    table.add_column("figure")
+    for heading in ("base", "new", "new - base", "McNemar p", "verdict"):
+        table.add_column(heading, justify="right")
+    for row in differences:
+        table.add_row(
+            row.name,
+            _number(row.base),
+            _number(row.new),
+            "" if row.low is None else f"{row.low:+.4f} to {row.high:+.4f}",
+            "" if row.p is None else f"{row.p:.3g}",
+            row.verdict,
+        )
+    plain_console().print(table)
+    worse = [row.name for row in differences if row.verdict == "worse"]
+    if worse:
+        plain_console().print(f"worse: {', '.join(worse)}")
+        raise typer.Exit(1)
+
+
+def _number(value: float | None) -> str:
+    if value is None:
+        return "-"
+    return str(value) if isinstance(value, int) else f"{value:.4f}"

@@ -1,0 +1,95 @@
+"""`bench probe`: tell whether a pad speaks, how fast, and what it says."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from tactsim.bench.cli import pad_options as pads
+
+
+def command(
+    port: pads.Port,
+    device: pads.DeviceName = "emulated",
+    calibration: pads.CalibrationFile = None,
+    seconds: Annotated[float, typer.Option(min=0.1, help="How long to listen.")] = 2.0,
+    as_json: pads.AsJson = False,
+) -> None:
+    """Listen to a pad: rate, counters, the last reading; or the bytes that came if none was one."""
+    import json
+    import time
+
+    import numpy as np
+
+    from tactsim.bench.console import plain_console
+    from tactsim.hardware.calibration import force
+    from tactsim.hardware.errors import NoReading, SourceEnded
+    from tactsim.hardware.sources import open_source
+    from tactsim.hardware.terminal_pictures import tactile_image
+
+    described, correction = pads.load(device, calibration)
+    heard = _Heard()
+    with open_source(port, described, correction, log=heard) as source:
+        readings = []
+        try:
+            readings.append(source.read())
+            start = time.monotonic()
+            while time.monotonic() - start < seconds:
+                readings.append(source.read())
+        except SourceEnded:
+            pass
+        except NoReading:
+            if not readings:
+                heard.show()
+                raise
+        counters = source.counters.as_dict()
+    if not readings:
+        raise NoReading(f"{port[0]} has no readings")
+    values = np.array([reading.pressures for reading in readings])
+    times = [
+        reading.host_time if reading.device_time is None else reading.device_time for reading in readings
+    ]
+    span = times[-1] - times[0]
+    answer = {
+        "device": described.name,
+        "taxels": values.shape[1],
+        "readings": len(readings),
+        "readings_per_s": (len(readings) - 1) / span if span > 0 else None,
+        "force_n": float(force(values[-1], source.pad)),
+        "mean_kpa": values.mean(axis=0).round(3).tolist(),
+        "noise_kpa": values.std(axis=0).round(3).tolist(),
+        "counters": counters,
+    }
+    if as_json:
+        typer.echo(json.dumps(answer))
+        return
+    console = plain_console()
+    rate = f"{answer['readings_per_s']:.1f} a second" if span > 0 else "one"
+    console.print(f"{described.name}: {values.shape[1]} elements, {len(readings):,} readings, {rate}")
+    console.print(pads.counters_line(counters))
+    console.print(f"mean of the readings in kPa; the last one sums to {answer['force_n']:.2f} N")
+    console.print(tactile_image(values.mean(axis=0), source.taxel_xy))
+    console.print(f"noise {np.median(values.std(axis=0)):.2f} kPa (median element)")
+
+
+class _Heard:
+    """Keeps the first bytes that come, to be shown if they make no sense."""
+
+    def __init__(self) -> None:
+        self._first = b""
+
+    def received(self, link: int, data: bytes, time: float) -> None:
+        """Keep the first bytes."""
+        self._first += data[: 256 - len(self._first)]
+
+    def sent(self, link: int, data: bytes, time: float) -> None:
+        """Ignore what was sent."""
+
+    def lost(self, link: int, time: float) -> None:
+        """Ignore a lost link."""
+
+    def show(self) -> None:
+        """Print the bytes in lines of 16."""
+        for at in range(0, len(self._first), 16):
+            typer.echo(f"{at:4}  {self._first[at : at + 16].hex(' ')}", err=True)

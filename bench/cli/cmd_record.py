@@ -1,0 +1,209 @@
+"""`bench record`: record a letter press by press, or just what a pad says."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from tactsim.bench.cli import pad_options as pads
+
+if TYPE_CHECKING:
+    from tactsim.hardware.calibration import Calibration
+    from tactsim.hardware.device import Device
+    from tactsim.hardware.session import Plan
+    from tactsim.hardware.terminal_pictures import Covers
+
+_TOUCH = 5.0  # standard deviations of the noisiest element above which an element is touched
+
+
+def command(
+    port: pads.Port,
+    out: Annotated[
+        Path,
+        typer.Option(
+            help="With --letter: the scan to write, .npz, its recording beside it. Else the recording, .tactrec."
+        ),
+    ],
+    letter: Annotated[
+        str | None,
+        typer.Option(help="What is pressed: leads through its 4 x 4 x 12 presses.", show_default=False),
+    ] = None,
+    split: Annotated[str, typer.Option(help="What the presses are for: train or test.")] = "train",
+    device: pads.DeviceName = "emulated",
+    calibration: pads.CalibrationFile = None,
+    resume: Annotated[bool, typer.Option(help="Go on with a session that was stopped.")] = False,
+    poses: Annotated[
+        str, typer.Option(help="The poses: grid (the paper's 192), or random:N off the grid.")
+    ] = "grid",
+    frames: Annotated[int, typer.Option(min=1, help="Readings whose mean is a press.")] = 20,
+    force: Annotated[
+        str, typer.Option(help="Least and most force of a press on the elements, N.")
+    ] = "0.3:20",
+    patience: Annotated[
+        float | None,
+        typer.Option(
+            help="s after which a press is taken as it is, for a machine that presses.", show_default=False
+        ),
+    ] = None,
+    seen: Annotated[
+        str,
+        typer.Option(
+            help="behind: you see the object's back as you press it; front: the pad is pressed on it."
+        ),
+    ] = "behind",
+    seconds: Annotated[
+        float | None,
+        typer.Option(help="Without --letter: how long; default till Ctrl-C.", show_default=False),
+    ] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of random poses.")] = 0,
+) -> None:
+    """Record a pad: with --letter a guided session that makes a scan, else all it says."""
+    from tactsim.core.errors import InputError
+
+    if seen not in ("behind", "front"):
+        raise InputError(f"--seen {seen!r}: say behind or front")
+    described, correction = pads.load(device, calibration)
+    if letter is None:
+        _record_all(port, out, described, correction, seconds)
+        return
+    least, most = _force(force)
+    noise = 0.0 if correction is None else sorted(correction.noise)[-1]
+    plan = {
+        "label": letter, "split": split, "poses": _poses(poses, seed), "frames": frames,
+        "touch_kpa": max(described.touch_kpa, _TOUCH * noise), "least_force": least, "most_force": most,
+        "patience": patience,
+    }  # fmt: skip
+    from tactsim.core.checking import checked
+    from tactsim.hardware.session import Plan
+
+    _record_session(
+        port, out, described, correction, checked(Plan, plan, "session"), resume, seen == "behind"
+    )
+
+
+def _record_session(
+    port: list[str],
+    out: Path,
+    device: Device,
+    calibration: Calibration | None,
+    plan: Plan,
+    resume: bool,
+    from_behind: bool,
+) -> None:
+    import time
+
+    from tactsim.bench.console import plain_console
+    from tactsim.bench.guide import lead
+    from tactsim.bench.places import check_new_file
+    from tactsim.core.errors import InputError
+    from tactsim.hardware.recording import SUFFIX, Recorder, check_whole
+    from tactsim.hardware.scans import read_session, scan_of_sessions
+    from tactsim.hardware.session import Session
+    from tactsim.hardware.sources import open_source
+
+    check_new_file(out)
+    journal = out.with_suffix(SUFFIX)
+    presses, first = {}, 0
+    if resume and check_whole(journal).records:  # else it was killed before it had begun
+        before = read_session(journal)
+        if before.plan.poses != plan.poses or before.plan.label != plan.label:
+            raise InputError(
+                f"{journal} is a session of {before.plan.label!r} with {len(before.plan.poses)} presses, another "
+                "one than asked for; resume it with the same --letter and --poses"
+            )
+        if before.pad != device.pad:
+            raise InputError(f"{journal} was recorded with another pad than {device.name!r}")
+        plan, presses, first = before.plan, before.presses, before.readings
+    console = plain_console()
+    with Recorder(journal, append=resume) as recorder:
+        recorder.segment(
+            pads.segment(device, port, calibration, plan=plan.model_dump(mode="json")), time.monotonic()
+        )
+        with open_source(port, device, calibration, recorder) as source:
+            _check_pad(source.pad == device.pad, port)
+            session = Session(plan, device.pad, presses)
+            done = lead(session, source, recorder, first, _shape(plan.label), from_behind, console)
+            recorder.end(source.counters.as_dict(), time.monotonic())
+    console.print(pads.counters_line(source.counters.as_dict()))
+    if not done:
+        console.print(
+            f"{len(session.presses)} of {len(plan.poses)} presses are in {journal}; the same command with --resume "
+            "goes on",
+        )
+        return
+    scan = pads.with_letters(scan_of_sessions([journal]))
+    scan.save(out)
+    console.print(f"{len(scan)} readings of {plan.label} in {out}; the bytes are in {journal}")
+
+
+def _record_all(
+    port: list[str], out: Path, device: Device, calibration: Calibration | None, seconds: float | None
+) -> None:
+    import time
+
+    from tactsim.bench.console import plain_console
+    from tactsim.hardware.errors import SourceEnded
+    from tactsim.hardware.recording import Recorder
+    from tactsim.hardware.sources import open_source
+
+    count = 0
+    with Recorder(out) as recorder:
+        start = time.monotonic()
+        recorder.segment(pads.segment(device, port, calibration), start)
+        with open_source(port, device, calibration, recorder) as source:
+            _check_pad(source.pad == device.pad, port)
+            try:
+                while seconds is None or time.monotonic() - start < seconds:
+                    source.read()
+                    count += 1
+            except (KeyboardInterrupt, SourceEnded):
+                pass
+            recorder.end(source.counters.as_dict(), time.monotonic())
+    console = plain_console()
+    console.print(f"{count:,} readings in {out}\n{pads.counters_line(source.counters.as_dict())}")
+
+
+def _check_pad(same: bool, port: list[str]) -> None:
+    from tactsim.core.errors import InputError
+
+    if not same:
+        raise InputError(f"{port[0]} has another pad than --device says")
+
+
+def _force(text: str) -> tuple[float, float]:
+    from tactsim.core.errors import InputError
+
+    try:
+        least, most = (float(word) for word in text.split(":"))
+    except ValueError:
+        raise InputError(f"--force {text!r}: write it as LEAST:MOST in N, like 0.5:5") from None
+    return least, most
+
+
+def _poses(text: str, seed: int) -> list[tuple[float, ...]]:
+    import numpy as np
+
+    from tactsim.bench.config import whole_number
+    from tactsim.core.errors import InputError
+    from tactsim.press.scan_poses import grid_poses, random_poses
+
+    if text == "grid":
+        return [tuple(pose) for pose in grid_poses().tolist()]
+    kind, _, number = text.partition(":")
+    count = whole_number(number)
+    if kind != "random" or count is None or not 1 <= count <= 100_000:
+        raise InputError(f"--poses {text!r}: say grid, or random:N for N poses off the grid")
+    return [tuple(pose) for pose in random_poses(np.random.default_rng(seed), count).tolist()]
+
+
+def _shape(label: str) -> Covers | None:
+    """Tell which points lie on the letter of that name, if it is one."""
+    from tactsim.models import letter, names
+    from tactsim.press.clip import covers
+
+    if label not in names():
+        return None
+    contours = letter(label).contours
+    return lambda points: covers(contours, points)

@@ -1,0 +1,135 @@
+"""`bench replay`: read recordings again: what they hold, and the scan that they make."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from tactsim.bench.cli import pad_options as pads
+
+if TYPE_CHECKING:
+    from tactsim.core import Scan
+    from tactsim.hardware.sources import Source
+
+
+def command(
+    recordings: Annotated[
+        list[Path], typer.Argument(help="Recordings (.tactrec), or one of the PPS tool (.csv).")
+    ],
+    scan: Annotated[
+        Path | None,
+        typer.Option(
+            help="Write their presses as one scan, .npz, for `bench run --scan`.", show_default=False
+        ),
+    ] = None,
+    csv: Annotated[
+        Path | None, typer.Option(help="Write the readings of one recording as CSV, kPa.", show_default=False)
+    ] = None,
+    marks: Annotated[
+        Path | None,
+        typer.Option(
+            help="For a recording without guidance: a CSV that says when what was pressed where.",
+            show_default=False,
+        ),
+    ] = None,
+    cut: Annotated[
+        str | None,
+        typer.Option(
+            help="Cut the readings of a large array into small touches, like 5x5.", show_default=False
+        ),
+    ] = None,
+    stride: Annotated[int, typer.Option(min=1, help="Elements from one cut to the next.")] = 1,
+    device: pads.DeviceName = "emulated",
+    calibration: pads.CalibrationFile = None,
+) -> None:
+    """Read recordings again, bit for bit: show what they hold, make a scan or a table of them."""
+    from tactsim.bench.console import plain_console
+    from tactsim.bench.places import check_new_file
+    from tactsim.core.errors import InputError
+    from tactsim.hardware.scans import cut as cut_scan
+    from tactsim.hardware.scans import read_intervals, scan_of_intervals, scan_of_sessions
+    from tactsim.hardware.sources import open_source
+
+    for path in (scan, csv):
+        if path is not None:
+            check_new_file(path)
+    if len(recordings) > 1 and (csv is not None or marks is not None):
+        raise InputError("--csv and --marks take one recording at a time")
+    if (marks is not None or cut is not None) and scan is None:
+        raise InputError("--marks and --cut make a scan: name it with --scan")
+    described, correction = pads.load(device, calibration)
+    window = None if cut is None else _window(cut)
+    console = plain_console()
+
+    def opened(path: Path) -> Source:
+        return open_source([f"recording:{path}"], described, correction)
+
+    for path in recordings:
+        with opened(path) as source:
+            for line in _contents(path, source):
+                console.print(line)
+    if csv is not None:
+        with opened(recordings[0]) as source:
+            _write_csv(source, csv)
+        console.print(f"readings in {csv}")
+    if scan is None:
+        return
+    made: Scan
+    if marks is None:
+        made = scan_of_sessions(recordings)
+    else:
+        with opened(recordings[0]) as source:
+            made = scan_of_intervals(source, read_intervals(marks))
+    made = pads.with_letters(made)
+    if window is not None:
+        made = cut_scan(made, *window, stride)
+    made.save(scan)
+    console.print(
+        f"{len(made):,} readings of {' '.join(made.letters)}, {made.readings.shape[1]} taxels, in {scan}"
+    )
+
+
+def _contents(path: Path, source: Source) -> list[str]:
+    """Read a recording through and say what is in it."""
+    from tactsim.hardware.recorded import Replay
+
+    count, first, last = 0, 0.0, 0.0
+    for reading in source:
+        first = first if count else reading.host_time
+        last, count = reading.host_time, count + 1
+    lines = [f"{path}: {count:,} readings of {len(source.taxel_xy)} elements in {last - first:.1f} s"]
+    lines.append(f"  {pads.counters_line(source.counters.as_dict())}")
+    if isinstance(source, Replay):
+        whole = source.whole
+        state = "finished" if whole.finished else f"unfinished: {whole.fault or 'what wrote it was ended'}"
+        lines.append(f"  {whole.records:,} records, {whole.whole_bytes:,} bytes, {state}")
+        lines += [f"  {line}" for line in source.summary()]
+    return lines
+
+
+def _write_csv(source: Source, path: Path) -> None:
+    from tactsim.core.files import replacing
+
+    with replacing(path) as stream:
+        names = ",".join(f"element_{k}" for k in range(len(source.taxel_xy)))
+        stream.write(f"s,host_s,device_s,index,{names}\n".encode())
+        begin: float | None = None
+        for reading in source:
+            time = reading.host_time if reading.device_time is None else reading.device_time
+            begin = time if begin is None else begin
+            head = (time - begin, reading.host_time, reading.device_time, reading.index)
+            words = ["" if value is None else repr(value) for value in head]
+            stream.write((",".join([*words, *map(repr, reading.pressures.tolist())]) + "\n").encode())
+
+
+def _window(text: str) -> tuple[int, int]:
+    """Read a window written as ROWSxCOLUMNS."""
+    from tactsim.bench.config import whole_number
+    from tactsim.core.errors import InputError
+
+    rows, columns = (whole_number(word) for word in text.partition("x")[::2])
+    if rows is None or columns is None:
+        raise InputError(f"--cut {text!r}: write it as ROWSxCOLUMNS, like 5x5")
+    return rows, columns

@@ -1,0 +1,37 @@
+"""`bench report`: show runs to a person."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def command(
+    runs: Annotated[list[Path], typer.Argument(metavar="RUN...", help="Folders of runs or of sweeps.")],
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE.html",
+            help="The page to write. Default: report.html in the folder given, in results/ for several.",
+            show_default=False,
+        ),
+    ] = None,
+) -> None:
+    """Write one HTML page that opens without a network, and beside it every curve as CSV."""
+    from tactsim.bench.places import RESULTS, check_new_file
+    from tactsim.bench.report.write import write_report
+    from tactsim.bench.terminal import progress_bars
+    from tactsim.core.errors import InputError, printable
+
+    target = out or (runs[0] if len(runs) == 1 else RESULTS) / "report.html"
+    if target.suffix != ".html":
+        raise InputError(f"--out {target}: the report is a page; give a name that ends in .html")
+    check_new_file(target)
+    with progress_bars() as progress:
+        written, remarks = write_report(runs, target, progress=progress)
+    for kind, path in zip(["report", *["beside"] * (len(written) - 1)], written, strict=True):
+        typer.echo(printable(f"{kind}  {path}"))
+    for remark in remarks:
+        typer.echo(printable(f"remark  {remark}"), err=True)

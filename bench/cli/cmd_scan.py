@@ -1,0 +1,51 @@
+"""`bench scan`: press the letters and write the readings."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from tactsim.bench.cli import shared_options as shared
+
+
+def command(
+    out: Annotated[Path, typer.Option(help="The file to write, .npz.")],
+    letters: shared.Letters = None,
+    shape: shared.Shape = None,
+    test_poses: shared.TestPoses = "same",
+    world: shared.World = "default",
+    noise: shared.Noise = None,
+    scan_set: shared.ScanSet = None,
+    seed: shared.Seed = 0,
+    jobs: shared.Jobs = 1,
+    cache: shared.Cache = True,
+) -> None:
+    """Press the letters at 192 poses, twice (training and test), and write the readings."""
+    from tactsim.bench.config import key_values, scan_options
+    from tactsim.bench.console import plain_console
+    from tactsim.bench.places import check_new_file
+    from tactsim.bench.terminal import progress_bars
+    from tactsim.press import scan_letters
+
+    check_new_file(out)
+    options = scan_options(
+        letters=letters,
+        shapes=shape or (),
+        world=world,
+        noise=noise,
+        test_poses=test_poses,
+        seed=seed,
+        scan_set=key_values(scan_set or (), "--scan-set"),
+    )
+    with progress_bars() as progress:
+        scan, work = scan_letters(
+            options, jobs=jobs, cache=cache, progress=lambda done, total: progress("press", done, total)
+        )
+    scan.save(out)
+    skipped = ", ".join(f"{name.replace('_', ' ')} {n:,}" for name, n in work["skipped"].items() if n)
+    plain_console().print(
+        f"{len(scan):,} readings of {' '.join(scan.letters)}, {scan.readings.shape[1]} taxels, in {out}\n"
+        f"presses {work['presses']:,}" + (f"; skipped: {skipped}" if skipped else ""),
+    )

@@ -1,0 +1,55 @@
+"""`bench sweep`: many runs, resumed where they stopped."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from tactsim.bench.cli import shared_options as shared
+
+
+def command(
+    source: Annotated[
+        str,
+        typer.Argument(metavar="FILE.toml|SUITE", help="A sweep file, or quick, paper, pareto, robustness."),
+    ],
+    jobs: Annotated[
+        int | None, typer.Option(min=1, help="Local processes. Default: one a core.", show_default=False)
+    ] = None,
+    dask: Annotated[
+        str | None,
+        typer.Option(
+            metavar="tcp://HOST:PORT", help="Use the workers of this Dask cluster.", show_default=False
+        ),
+    ] = None,
+    cache: shared.Cache = True,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            help="The sweep's folder; one that was stopped goes on. Default: results/sweeps/NAME.",
+            show_default=False,
+        ),
+    ] = None,
+) -> None:
+    """Do many runs; stopped at any moment and started again, it goes on where it was."""
+    from tactsim.bench import sweep
+    from tactsim.bench.console import plain_console
+    from tactsim.bench.machine import cores
+    from tactsim.bench.places import SWEEPS
+    from tactsim.bench.terminal import print_sweep, progress_bars
+
+    name, configs = sweep.read(source)
+    folder = out or SWEEPS / name
+    with progress_bars() as progress:
+        places = sweep.perform(
+            configs,
+            folder,
+            jobs=jobs or cores(),
+            pool=sweep.dask_pool(dask) if dask else None,
+            cache=cache,
+            progress=progress,
+        )
+    print_sweep(places)
+    plain_console().print(f"results  {folder}")

@@ -1,0 +1,78 @@
+"""`bench tare`: take the zero of every element, and, under an even load, its gain."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from tactsim.bench.cli import pad_options as pads
+
+
+def command(
+    port: pads.Port,
+    out: Annotated[Path, typer.Option(help="The calibration file to write, .toml.")],
+    device: pads.DeviceName = "emulated",
+    frames: Annotated[
+        int, typer.Option(min=40, max=100_000, help="Frames that the zero is the median of.")
+    ] = 100,
+    calibration: Annotated[
+        Path | None,
+        typer.Option(help="With --load: the tare that the gains are added to.", show_default=False),
+    ] = None,
+    load: Annotated[
+        str | None,
+        typer.Option(
+            help="An even load lies on the pad now: its pressure in kPa, or 'even' if that is not known. "
+            "Fits the elements' gains.",
+            show_default=False,
+        ),
+    ] = None,
+) -> None:
+    """Calibrate a pad: nothing may touch it, or, with --load, an even load must lie on it."""
+    from tactsim.bench.console import plain_console
+    from tactsim.bench.places import check_new_file
+    from tactsim.core.errors import InputError
+    from tactsim.hardware.calibration import take_tare, with_gain
+    from tactsim.hardware.sources import open_source
+
+    check_new_file(out)
+    if (load is None) != (calibration is None):
+        raise InputError("gains need both --load and --calibration, the tare that they are added to")
+    pressure = None if load in (None, "even") else _pressure(str(load))
+    described, tare = pads.load(device, calibration)
+    with open_source(port, described) as source:
+        readings = [source.read() for _ in range(frames)]
+        counters = source.counters.as_dict()
+    result = (
+        take_tare(readings, described, " ".join(port))
+        if tare is None
+        else with_gain(tare, readings, pressure)
+    )
+    result.save(out)
+    console = plain_console()
+    low, high = min(result.tare), max(result.tare)
+    console.print(
+        f"{len(result.tare)} elements: zero {low:.2f} to {high:.2f} kPa, from {result.frames} frames"
+    )
+    console.print(f"noise {sorted(result.noise)[len(result.noise) // 2]:.2f} kPa (median element)")
+    if tare is not None:
+        console.print(f"gain {min(result.gain):.3f} to {max(result.gain):.3f}")
+    for name, elements in (("stuck", result.stuck), ("dead", result.dead)):
+        if elements:
+            console.print(f"{name} and left out: elements {', '.join(map(str, elements))}")
+    console.print(pads.counters_line(counters))
+    console.print(f"written to {out}")
+
+
+def _pressure(text: str) -> float:
+    from tactsim.core.errors import InputError
+
+    try:
+        pressure = float(text)
+    except ValueError:
+        pressure = 0.0
+    if not 0 < pressure < float("inf"):
+        raise InputError(f"--load {text!r}: give the pressure in kPa, or 'even' if it is not known")
+    return pressure

@@ -1,0 +1,72 @@
+"""Options that the verbs of the real pad share: which port, which device, which calibration."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+if TYPE_CHECKING:
+    from tactsim.core import Scan
+    from tactsim.hardware.calibration import Calibration
+    from tactsim.hardware.device import Device
+
+Port = Annotated[
+    list[str],
+    typer.Option(
+        help="Where the pad is: a serial port, socket://HOST:PORT, recording:FILE, or simulated:A@x,y,theta. "
+        "Repeat for a pad on several ports, in their order."
+    ),
+]
+DeviceName = Annotated[
+    str, typer.Option("--device", help="Device file (.toml), or a built-in one; `bench devices` names them.")
+]
+CalibrationFile = Annotated[
+    Path | None,
+    typer.Option("--calibration", help="Calibration file of `bench tare`.", show_default=False),
+]
+AsJson = Annotated[
+    bool, typer.Option("--json", help="Print one JSON object on standard output and nothing else there.")
+]
+
+
+def load(name: str, calibration: Path | None = None) -> tuple[Device, Calibration | None]:
+    """Read the device file and the calibration, if one is given."""
+    from tactsim.hardware.calibration import Calibration
+    from tactsim.hardware.device import load_device
+
+    return load_device(name), None if calibration is None else Calibration.load(calibration)
+
+
+def segment(device: Device, ports: list[str], calibration: Calibration | None, **more: Any) -> dict[str, Any]:
+    """Say what a recording needs to know of what follows."""
+    from datetime import UTC, datetime
+
+    from tactsim.bench.machine import versions
+
+    return {
+        "device": device.as_json(),
+        "calibration": None if calibration is None else calibration.model_dump(mode="json"),
+        "urls": list(ports),
+        "started": datetime.now(UTC).isoformat(timespec="seconds"),
+        "versions": versions(),
+        **more,
+    }
+
+
+def with_letters(scan: Scan) -> Scan:
+    """Say in the scan's `meta`, of those labels that are letters, what scores need of them."""
+    from dataclasses import replace
+
+    from tactsim.models import letter, names
+    from tactsim.press.scanning import object_facts
+
+    known = set(names())
+    objects = {label: object_facts(letter(label)) for label in scan.letters if label in known}
+    return replace(scan, meta={**scan.meta, "objects": objects})
+
+
+def counters_line(counters: dict[str, int]) -> str:
+    """List what happened, without what did not."""
+    return ", ".join(f"{name.replace('_', ' ')} {count:,}" for name, count in counters.items() if count)

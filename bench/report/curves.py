@@ -1,0 +1,125 @@
+"""Every curve of a report as tidy CSV: one row a point, read with pandas, polars or duckdb in one line."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tactsim.bench.report.collect import Entry, Group
+from tactsim.bench.report.pareto import points
+from tactsim.bench.report.recognition import Replayed
+from tactsim.bench.score import Z_95
+
+Table = tuple[Sequence[str], Iterable[Sequence[Any]]]
+
+_WHO = ("protocol", "task", "run", "folder")
+
+
+def tables(groups: Sequence[Group], replayed: Sequence[Replayed]) -> dict[str, str]:
+    """Write what a report plots: {name: content of NAME.csv}."""
+    made: dict[str, Table] = {
+        "readings": (
+            (*_WHO, "reading", "accuracy", "accuracy_low", "accuracy_high",
+             "error_mm", "error_low_mm", "error_high_mm", "error_all_mm"), _readings(groups),
+        ),
+        "pareto": (
+            (*_WHO, "method", "budget_option", "budget", "readings", "seconds_per_recognition",
+             "error_mm", "error_low_mm", "error_high_mm", "settled_95", "error_frontier", "settled_frontier"),
+            _pareto(groups),
+        ),
+        "confusion": ((*_WHO, "reading", "truth", "label", "trials"), _confusion(groups)),
+        "recognition": (
+            ("run", "truth", "trial", "reading", "letter", "probability", "label", "error_mm"),
+            _recognition(replayed),
+        ),
+    }  # fmt: skip
+    return {name: _csv(*table) for name, table in made.items()}
+
+
+def error_band(summary: Mapping[str, Any]) -> tuple[list[float | None], list[float | None]]:
+    """Bound the mean error at every reading with its 95 % interval; None where there is no error."""
+    low: list[float | None] = []
+    high: list[float | None] = []
+    for error, spread in zip(summary["error_mm"], summary["error_standard_error_mm"], strict=True):
+        known = error is not None and spread is not None
+        low.append(max(error - Z_95 * spread, 0.0) if known else None)
+        high.append(error + Z_95 * spread if known else None)
+    return low, high
+
+
+def confusion_counts(entry: Entry) -> tuple[list[str], NDArray[np.int64]]:
+    """Count (readings, labels, labels) trials by true letter and estimate; gives the labels too.
+
+    They are the true letters, then all others that are said or right.
+    """
+    trials = entry.run.trials
+    others = np.union1d(trials.label, trials.answer)
+    letters = list(dict.fromkeys([*trials.truth.tolist(), *others.tolist()]))
+    place = {letter: i for i, letter in enumerate(letters)}
+    truth = np.array([place[letter] for letter in trials.truth.tolist()])
+    label = np.searchsorted(np.sort(letters), trials.label)
+    label = np.array([place[letter] for letter in np.sort(letters).tolist()])[label]
+    counts = np.zeros((entry.readings, len(letters), len(letters)), dtype=np.int64)
+    np.add.at(counts, (np.arange(entry.readings)[None, :], truth[:, None], label), 1)
+    return letters, counts
+
+
+def _who(group: Group, entry: Entry) -> tuple[str, ...]:
+    return group.protocol, group.task, entry.label, str(entry.folder)
+
+
+def _readings(groups: Sequence[Group]) -> Iterator[Sequence[Any]]:
+    for group in groups:
+        for entry in group.entries:
+            s = entry.summary
+            columns = (
+                s["accuracy"], s["accuracy_low"], s["accuracy_high"],
+                s["error_mm"], *error_band(s), s["error_all_mm"],
+            )  # fmt: skip
+            for number, row in enumerate(zip(*columns, strict=True), start=1):
+                yield *_who(group, entry), number, *row
+
+
+def _pareto(groups: Sequence[Group]) -> Iterator[Sequence[Any]]:
+    for group in groups:
+        for point in points(group):
+            budget = point.entry.budget
+            yield (
+                *_who(group, point.entry), point.entry.method,
+                budget.option if budget else None, budget.amount if budget else None, group.readings,
+                point.seconds, point.error, point.low, point.high, point.settled,
+                point.error_frontier, point.settled_frontier,
+            )  # fmt: skip
+
+
+def _confusion(groups: Sequence[Group]) -> Iterator[Sequence[Any]]:
+    for group in groups:
+        for entry in group.entries:
+            letters, counts = confusion_counts(entry)
+            for reading, truth, label in np.argwhere(counts):
+                count = counts[reading, truth, label]
+                yield *_who(group, entry), reading + 1, letters[truth], letters[label], count
+
+
+def _recognition(replayed: Sequence[Replayed]) -> Iterator[Sequence[Any]]:
+    for of_run in replayed:
+        for trial in of_run.recognitions:
+            for k, row in enumerate(trial.probabilities):
+                for letter, p in zip(trial.labels, row, strict=True):
+                    yield (
+                        trial.entry.label, trial.task.truth, trial.task.trial, k + 1, letter, p,
+                        trial.label[k], trial.error[k],
+                    )  # fmt: skip
+
+
+def _csv(header: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
+    stream = io.StringIO(newline="")
+    writer = csv.writer(stream, lineterminator="\n")
+    writer.writerow(header)
+    writer.writerows(rows)
+    return stream.getvalue()

@@ -1,0 +1,171 @@
+"""Do one trial of a run again and keep what the estimator believed after every reading."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from tactsim.bench.config import RunConfig
+from tactsim.bench.report.collect import Entry, Group
+from tactsim.bench.runner import gather, silent
+from tactsim.bench.score import errors, settled_at
+from tactsim.bench.trials import Progress, Task, Trials, check_readings, run_trial
+from tactsim.core import Scan, compose, invert
+from tactsim.core.checking import checked
+from tactsim.core.errors import InputError
+from tactsim.core.poses import FloatArray
+from tactsim.estimators import Estimate, Estimator, PlaneBelief, create
+from tactsim.estimators.likelihoods.occupancy import OccupancyMap, maps_of
+
+MOST = 8  # runs of a protocol that are done again, one for each method
+
+
+@dataclass(frozen=True, eq=False)
+class Recognition:
+    """One trial of a run, reading by reading, n readings.
+
+    answer: the right label. kind: why this trial. same: whether it came out as the run has it.
+    pressures: (n, taxels) kPa. sensor_in_object: (n, 3). estimate_in_object: (n, 3), where the estimate
+    puts the object, in the frame in which it truly lies. probabilities: (n, labels). robot_in_object:
+    (n, 3) estimated. plane: one belief a reading, or None if the estimator shows none.
+    """
+
+    entry: Entry
+    task: Task
+    answer: str
+    kind: str
+    same: bool
+    labels: tuple[str, ...]
+    label: list[str]
+    pressures: FloatArray
+    sensor_in_object: FloatArray
+    estimate_in_object: FloatArray
+    probabilities: FloatArray
+    robot_in_object: FloatArray
+    true_pose: FloatArray
+    error: FloatArray
+    plane: list[PlaneBelief] | None
+
+
+@dataclass(frozen=True, eq=False)
+class Replayed:
+    """What doing trials of one run again has shown: the readings, the maps and the recognitions."""
+
+    entry: Entry
+    scan: Scan
+    maps: Mapping[str, OccupancyMap]
+    recognitions: tuple[Recognition, ...]
+
+
+def representatives(groups: Sequence[Group]) -> list[tuple[Group, Entry]]:
+    """Choose the runs whose trials are done again: of the first task of each protocol, each method's
+    run with the largest budget, at most `MOST`.
+    """
+    chosen = []
+    for protocol in dict.fromkeys(group.protocol for group in groups):
+        group = next(group for group in groups if group.protocol == protocol)
+        last = {entry.method: entry for entry in group.entries}  # sorted by budget: the largest stays
+        chosen += [(group, entry) for entry in list(last.values())[:MOST]]
+    return chosen
+
+
+def trials_to_show(entries: Sequence[Entry]) -> dict[str, Task]:
+    """Choose the trials to show, the same for all these runs: a typical one and the hardest.
+
+    By the mean, over the runs, of the reading from which the trial is and stays right: the median
+    and the largest.
+    """
+    settled = [
+        dict(
+            zip(
+                zip(entry.run.trials.truth.tolist(), entry.run.trials.trial.tolist(), strict=True),
+                settled_at(entry.run.trials.right).tolist(),
+                strict=True,
+            )
+        )
+        for entry in entries
+    ]
+    common = [key for key in settled[0] if all(key in of_run for of_run in settled)]
+    common.sort(key=lambda key: sum(of_run[key] for of_run in settled))
+    tasks = {"typical": Task(*common[(len(common) - 1) // 2]), "hardest": Task(*common[-1])}
+    return tasks if len(common) > 1 else {"typical": tasks["typical"]}
+
+
+def replay_all(
+    groups: Sequence[Group], *, progress: Progress = silent
+) -> tuple[list[Replayed], dict[str, str]]:
+    """Do the chosen trials of the chosen runs again.
+
+    Returns them, and for the runs that could not be done again the reason, by label.
+    """
+    chosen = representatives(groups)
+    scans: dict[str, Scan] = {}
+    done: list[Replayed] = []
+    failed: dict[str, str] = {}
+    for number, (group, entry) in enumerate(chosen):
+        progress("replay", number, len(chosen))
+        tasks = trials_to_show([other for of, other in chosen if of is group])
+        try:
+            done.append(_replay(entry, tasks, scans))
+        except InputError as error:
+            failed[entry.label] = str(error)
+    progress("replay", len(chosen), len(chosen))
+    return done, failed
+
+
+def _replay(entry: Entry, tasks: Mapping[str, Task], scans: dict[str, Scan]) -> Replayed:
+    config = checked(RunConfig, entry.run.config, "run")
+    source = config.source
+    if source not in scans:
+        scans[source] = gather(config, jobs=1, cache=True, progress=silent).scan
+    scan = scans[source]
+    check_readings(scan, sorted({task.truth for task in tasks.values()}), entry.readings, config.hold_out)
+    estimator = create(config.estimator, **config.options)
+    estimator.fit(scan)
+    recognitions = tuple(
+        _recognise(entry, estimator, scan, config, task, kind) for kind, task in tasks.items()
+    )
+    return Replayed(entry, scan, maps_of(estimator), recognitions)
+
+
+def _recognise(
+    entry: Entry, estimator: Estimator, scan: Scan, config: RunConfig, task: Task, kind: str
+) -> Recognition:
+    test = scan.where("test", task.truth)
+    estimates: list[Estimate] = []
+    beliefs: list[PlaneBelief] = []
+
+    def keep(estimate: Estimate) -> None:
+        estimates.append(estimate)
+        belief = estimator.belief_over_plane()
+        if belief is not None:
+            beliefs.append(belief)
+
+    trial = run_trial(
+        estimator, test, task, letters=scan.where("train").letters, readings=entry.readings,
+        seed=config.seed, explore=config.explore, observe=keep,
+    )  # fmt: skip
+    true_pose, pose = trial.true_pose[0], trial.pose[0]
+    labels = tuple(estimates[0].probabilities)
+    return Recognition(
+        entry=entry, task=task, answer=str(trial.answer[0]), kind=kind, same=_same(trial, entry.run.trials),
+        labels=labels, label=trial.label[0].tolist(),
+        pressures=test.readings[trial.reading[0]],
+        sensor_in_object=test.poses[trial.reading[0]],
+        estimate_in_object=compose(true_pose, invert(pose)),
+        probabilities=np.array([[e.probabilities[label] for label in labels] for e in estimates]),
+        robot_in_object=pose, true_pose=true_pose,
+        error=errors(trial, entry.run.objects)[0],
+        plane=beliefs if len(beliefs) == len(estimates) else None,
+    )  # fmt: skip
+
+
+def _same(trial: Trials, recorded: Trials) -> bool:
+    row = (recorded.truth == trial.truth[0]) & (recorded.trial == trial.trial[0])
+    return bool(
+        np.array_equal(recorded.reading[row], trial.reading)
+        and np.array_equal(recorded.label[row], trial.label)
+        and np.allclose(recorded.pose[row], trial.pose, rtol=0, atol=1e-6)
+    )

@@ -1,0 +1,210 @@
+"""The classifier (eq. 3) and the measurement model (eq. 7): at their edges, and against exact sums."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from tactsim.bench.stress.case import Worst, case, refused
+from tactsim.bench.stress.data import fitted, hidden, pressed, probabilities
+from tactsim.core import Pad, Scan, transform
+from tactsim.core.poses import FloatArray
+from tactsim.estimators import create
+from tactsim.estimators.filters.histogram import HistogramFilter
+from tactsim.estimators.likelihoods import likelihood
+from tactsim.estimators.likelihoods.classifier import CONTACT, NO_CONTACT, UNKNOWN, classify
+from tactsim.estimators.likelihoods.occupancy import OccupancyMap
+from tactsim.estimators.options import LikelihoodOptions
+
+
+def exact_log_p(kind: int, log_odds: float, gamma: float, prior: float) -> float:
+    """Evaluate eq. 7 as printed for one element, in logs from the start and with nothing tabulated."""
+    if kind == UNKNOWN:
+        return 0.0
+    x = -log_odds if kind == CONTACT else log_odds
+    log_occupied = -(max(x, 0.0) + math.log1p(math.exp(-abs(x))))
+    failed, worked = math.log(gamma) + math.log(prior), math.log1p(-gamma) + log_occupied
+    return max(failed, worked) + math.log1p(math.exp(-abs(failed - worked)))
+
+
+@case(
+    "likelihood.classifier-edges",
+    varied="readings of zeros, below zero, equal to T, equal to 0.3 e_max, subnormal, 1e9 kPa",
+    deviation="elements classified otherwise than eq. 3 says",
+    limit=0,
+    because="a comparison has no rounding",
+    quick=True,
+)
+def classifier_edges(worst: Worst) -> None:
+    """Classify the readings at which comparisons go wrong, element by element and all at once."""
+    readings = {
+        "zeros": [0.0, -0.0, 0.0],
+        "all negative": [-3.0, -1e-9, -50.0],
+        "equal to T": [2.0, 2.0, 2.0],
+        "beside T": [np.nextafter(2, 0), 2.0, np.nextafter(2, 3)],
+        "equal to 0.3 e_max": [10.0, 3.0, 0.3 * 10.0],
+        "T between": [6.0, 1.8, 1.9],
+        "subnormal": [5e-324, 0.0, -5e-324],
+        "largest": [1e9, -1e9, 3e8],
+    }
+    for name, reading in readings.items():
+        wanted = []
+        for element in reading:
+            above = (element > 2.0, element > 0.3 * max(reading))
+            wanted.append(CONTACT if all(above) else UNKNOWN if any(above) else NO_CONTACT)
+        worst.see(float((classify(reading) != wanted).sum()), name)
+    together = classify(np.array(list(readings.values())))
+    apart = [classify(reading) for reading in readings.values()]
+    worst.see(float((together != apart).sum()), "all at once")
+
+
+@case(
+    "likelihood.gamma",
+    varied="gamma from 1e-300 to 1 - 1e-16, log-odds to +-1000; 0, 1 and beyond",
+    deviation="log p from eq. 7 in exact steps, relative; a gamma of 0 or 1 taken",
+    limit=1e-9,
+    because="a sum of two positive terms loses nothing; gamma = 0 makes log(1 - p) of p = 1 infinite",
+    quick=True,
+)
+def gamma(worst: Worst) -> None:
+    """Evaluate eq. 7 where p rounds to 0 or 1: log-odds reach 128 in a scan, and 1000 here."""
+    odds = np.array([-1000, -745.2, -128, -37, -1, -1e-9, 0, 1e-9, 1, 37, 128, 745.2, 1000.0])
+    for value in (1e-300, 1e-30, 1e-6, 0.1, 0.5, 1 - 1e-9, 1 - 1e-16):
+        for prior in (1e-6, 0.2, 1 - 1e-6):
+            model = likelihood.create(LikelihoodOptions(gamma=value, prior=prior))
+            chart = OccupancyMap(np.zeros(2), 1.0, odds[None], prior)
+            model.fit(pressed("I"), {"I": chart})
+            at = np.column_stack([np.arange(len(odds)), np.zeros(len(odds))])
+            got = model.log_tables("I", at)
+            for kind in (NO_CONTACT, CONTACT):
+                exact = np.array([exact_log_p(kind, x, value, prior) for x in odds])
+                worst.see(np.abs(got[kind] - exact) / (1e-3 + np.abs(exact)), f"gamma {value}, prior {prior}")
+    for value in (0.0, 1.0, 1e-320, -0.1, 1.1, math.nan, math.inf):
+        worst.holds(refused(create, "histogram", gamma=value), f"gamma {value} is taken")
+
+
+def on_the_lattice() -> tuple[Scan, FloatArray]:
+    """Press three letters where every taxel lies on a node of maps and tables, 0.4 mm apart.
+
+    Then interpolation is exact, and what is left between an estimator and eq. 7 is rounding.
+    Returns the scan and 24 poses on the lattice.
+    """
+    pad = Pad(pitch_x=1.6, pitch_y=1.6, element_x=1.5, element_y=1.5, seam=None)
+    rng = np.random.default_rng(5)
+    return pressed("AEI", pad=pad), np.column_stack([0.4 * rng.integers(-25, 26, (24, 2)), np.zeros(24)])
+
+
+def straight_readings(scan: Scan, label: str | None = None) -> tuple[FloatArray, FloatArray]:
+    """Take the test readings at angle 0, and their poses moved to the nearest node."""
+    test = scan.where("test", label)
+    chosen = test.poses[:, 2] == 0
+    return test.readings[chosen], np.round(test.poses[chosen] / 0.4) * 0.4
+
+
+def one_state(scan: Scan, **options: float) -> HistogramFilter:
+    """Fit a histogram of one bin, whose one state is [0, 0, 0]."""
+    made = fitted("histogram", scan, split="1x1x1", skip=False, **options)
+    assert isinstance(made, HistogramFilter)
+    return made
+
+
+def exact_log_p_of_letters(one: HistogramFilter, reading: FloatArray, pose: FloatArray) -> FloatArray:
+    """Sum eq. 7 for one reading at the state [0, 0, 0] of every letter, exactly rounded."""
+    kinds, at = classify(reading), transform(pose, one.taxel_xy)
+    return np.array([
+        math.fsum(
+            exact_log_p(kind, odds, one.options.gamma, one.options.prior)
+            for kind, odds in zip(kinds, one.maps[label].log_odds_at(at), strict=True)
+        )
+        for label in one.labels
+    ])  # fmt: skip
+
+
+@case(
+    "likelihood.float32-tables",
+    varied="1 to 192 readings of every letter, summed by a filter with float32 tables",
+    deviation="log p(letter) from float64 terms summed by math.fsum, nats",
+    limit=2e-3,
+    because="36 terms a reading, each rounded by 2^-24 of at most 4 nats, 192 times over, all one way",
+    quick=True,
+)
+def float32_tables(worst: Worst) -> None:
+    """Compare a one-bin filter with exactly rounded sums, where nothing is interpolated."""
+    scan, _ = on_the_lattice()
+    one = one_state(scan, gamma=0.6)
+    for label in scan.letters:
+        readings, poses = straight_readings(scan, label)
+        said = [
+            exact_log_p_of_letters(one, reading, pose) for reading, pose in zip(readings, poses, strict=True)
+        ]
+        for count in (1, 4, 16, 48, 192):
+            one.reset(np.random.default_rng(0))
+            for k in range(count):
+                one.update(readings[k % len(readings)], poses[k % len(readings)])
+            got = one.estimate().probabilities
+            seen = np.array([got[name] for name in one.labels])
+            exact = np.array([math.fsum(said[k % len(said)][i] for k in range(count)) for i in range(3)])
+            exact -= exact.max()
+            exact -= math.log(math.fsum(np.exp(exact)))
+            shown = exact > -600  # a probability below exp(-745) is 0, rightly
+            worst.see(np.abs(np.log(seen[shown]) - exact[shown]), f"letter {label}, {count} readings")
+            worst.see(seen[~shown], f"letter {label}, {count} readings, no letter")
+
+
+@case(
+    "likelihood.one-reading-below-float32",
+    varied="gamma from 1e-2 to 1e-30, so that a reading's 36 factors fall to exp(-2,500)",
+    deviation="probabilities from those of exactly rounded sums",
+    limit=1e-4,
+    because="differences of sums of up to 2,500 nats in float32 steps of 2e-4, of which p sees a quarter",
+    quick=True,
+)
+def one_reading_below_float32(worst: Worst) -> None:
+    """Take in readings that contradict every letter: the factors' product would be 0 in float64 too."""
+    scan, poses = on_the_lattice()
+    rng = np.random.default_rng(6)
+    for value in (1e-2, 1e-6, 1e-12, 1e-30):
+        one = one_state(scan, gamma=value)
+        for pose in poses:
+            reading = rng.choice([0.0, 60.0], size=36)  # one that no letter gives
+            one.reset(rng)
+            one.update(reading, pose)
+            exact = exact_log_p_of_letters(one, reading, pose)
+            exact = np.exp(exact - exact.max())
+            got = one.estimate().probabilities
+            worst.see(
+                np.abs([got[label] for label in one.labels] - exact / math.fsum(exact)), f"gamma {value}"
+            )
+
+
+@case(
+    "likelihood.products-would-be-zero",
+    varied="readings until the product of their likelihoods is 0 in float32 and in float64",
+    deviation="trials in which the letter is wrong, or its probabilities are not finite, after that",
+    limit=0,
+    because="logs have no such floor; argmax of a product says the first letter, without a word",
+)
+def products_would_be_zero(worst: Worst) -> None:
+    """Recognise each letter with as many readings as drive the product of plain likelihoods to 0."""
+    scan = pressed()
+    estimator = fitted("histogram", scan, bins=1000)
+    assert isinstance(estimator, HistogramFilter)
+    for label in scan.letters:
+        readings, poses, truth = hidden(scan, label, 192, seed=7)
+        chart = estimator.maps[label]
+        product32, product64, total = np.float32(1), 1.0, 0.0
+        estimator.reset(np.random.default_rng(0))
+        for reading, pose in zip(readings, poses, strict=True):
+            estimator.update(reading, pose)
+            odds = chart.log_odds_at(transform(truth, transform(pose, scan.taxel_xy)))
+            log_p = math.fsum(
+                exact_log_p(k, x, 0.1, 0.2) for k, x in zip(classify(reading), odds, strict=True)
+            )
+            total += log_p
+            with np.errstate(under="ignore"):
+                product32 *= np.float32(np.exp(log_p))
+                product64 *= math.exp(log_p)
+        worst.holds(product32 == 0 and (product64 == 0) == (total < -745.2), f"{label}: no floor was reached")
+        p = probabilities(estimator.estimate())
+        worst.holds(estimator.estimate().label == label and np.isfinite(p).all(), f"letter {label}")

@@ -1,0 +1,144 @@
+"""Particle filters: weights over hundreds of decades, resampling, the density's mode, and finding back."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from tactsim.bench.stress.case import Worst, case
+from tactsim.bench.stress.data import DRAWING, every_estimator, fitted, flaw, hidden, pressed, probabilities
+from tactsim.core.poses import FloatArray
+from tactsim.estimators.field.state_kernels import draw
+from tactsim.estimators.filters.particle import PARZEN_STEP, parzen_mode
+
+
+def drawing(budget: int) -> list[tuple[str, dict[str, int]]]:
+    """List the registered filters that draw, with this many particles."""
+    return [(name, options) for name, options in every_estimator(budget) if name in DRAWING]
+
+
+@case(
+    "particles.all-weights-tiny",
+    varied="gamma from 0.1 to 1e-300 under readings that fit nothing: weights down to exp(-20,000)",
+    deviation="sum of the probabilities from 1",
+    limit=1e-9,
+    because="weights are kept in logs, relative to the heaviest, so not all of them can be zero",
+    quick=True,
+)
+def all_weights_tiny(worst: Worst) -> None:
+    """Contradict every particle with every reading."""
+    scan = pressed("AEI")
+    rng = np.random.default_rng(0)
+    for name, options in drawing(200):
+        for gamma in (0.1, 1e-10, 1e-100, 1e-300):
+            estimator = fitted(name, scan, gamma=gamma, **options)
+            for _ in range(10):
+                estimator.update(rng.choice([0.0, 60.0], 36), rng.uniform(-10, 10, 3))
+                worst.see(flaw(estimator.estimate()), f"{name}, gamma {gamma}")
+
+
+@case(
+    "particles.resampling",
+    varied="weights over 300 decades, equal ones, and all zero but one",
+    deviation="share of draws from the weight's share, in standard deviations of the draw",
+    limit=5.0,
+    because="a draw is right on average; 5 standard deviations happen once in two million",
+    quick=True,
+)
+def resampling(worst: Worst) -> None:
+    """Draw 200,000 times and count."""
+    rng = np.random.default_rng(1)
+    draws = 200_000
+    for what, weight in {
+        "equal": np.ones(50),
+        "over 300 decades": 10.0 ** -np.linspace(0, 300, 50),
+        "one alone, first": np.eye(50)[0],
+        "one alone, last": np.eye(50)[-1],
+        "all tiny": np.full(50, 1e-300),
+        "one particle": np.ones(1),
+    }.items():
+        chosen = np.empty(draws, dtype=np.int64)
+        draw(chosen, weight, np.sort(rng.random(draws)))
+        share = weight / weight.sum()
+        count = np.bincount(chosen, minlength=len(weight))
+        spread = np.sqrt(draws * share * (1 - share)) + 1e-9 + (share > 0)
+        worst.see(np.abs(count - draws * share) / spread, what)
+
+
+@case(
+    "particles.mode-of-the-density",
+    varied="particles across the seam of the circle, weights over 30 decades, one to 200 of them",
+    deviation="height of the highest node over that of the mode found, relative, by brute force",
+    limit=1e-9,
+    because="both add up the same cones; light particles are left out only where they cannot decide",
+    quick=True,
+)
+def mode_of_the_density(worst: Worst) -> None:
+    """Add up every particle's cone (eq. 10, 11) at every node of the grid."""
+    rng = np.random.default_rng(2)
+    turns = round(2 * math.pi / PARZEN_STEP[2])
+    for trial in range(8):
+        count = (1, 2, 30, 200)[trial % 4]
+        seam = rng.choice([0.0, math.pi, -math.pi, 2 * math.pi, 7.0])
+        state = np.stack([rng.uniform(-2, 2, count), rng.uniform(-2, 2, count), rng.normal(seam, 0.4, count)])
+        weight = 10.0 ** -rng.uniform(0, rng.choice([0.5, 30]), count)
+        found = parzen_mode(state, weight)
+        x, y, k = np.meshgrid(np.arange(-8, 9), np.arange(-8, 9), np.arange(turns), indexing="ij")
+        nodes = np.stack([x.ravel(), y.ravel(), k.ravel()], axis=-1) * PARZEN_STEP
+        worst.see(
+            cones(nodes, state, weight).max() / cones(found[None], state, weight)[0] - 1, f"trial {trial}"
+        )
+
+
+def cones(nodes: FloatArray, state: FloatArray, weight: FloatArray) -> FloatArray:
+    """Sum eq. 10 and 11, with rho 1, at nodes (n, 3)."""
+    away = nodes[:, :, None] - state
+    away[:, 2] = np.mod(away[:, 2] + math.pi, 2 * math.pi) - math.pi
+    return np.maximum(0, 1 - np.sqrt((away**2).sum(axis=1))) @ weight
+
+
+@case(
+    "particles.same-seed",
+    varied="the seed of the particles",
+    deviation="answers that differ for one seed, or agree for two",
+    limit=0,
+    because="all randomness comes from the generator that reset is given",
+    quick=True,
+)
+def same_seed(worst: Worst) -> None:
+    """Repeat a sequence with the same and with another seed."""
+    scan = pressed("AEI")
+    readings, poses, _ = hidden(scan, "E", 5)
+    for name, options in drawing(200):
+        estimator = fitted(name, scan, gamma=0.6, **options)
+        answers = []
+        for seed in (0, 0, 1):
+            estimator.reset(np.random.default_rng(seed))
+            for reading, pose in zip(readings, poses, strict=True):
+                estimator.update(reading, pose)
+            answers.append(probabilities(estimator.estimate()).tolist())
+        worst.holds(answers[0] == answers[1], f"{name}: two runs of one seed differ")
+        worst.holds(answers[0] != answers[2], f"{name}: two seeds agree")
+
+
+@case(
+    "particles.finding-back",
+    varied="another letter laid under the pad after 100 readings, augmented MCL",
+    deviation="trials of 10 in which the new letter is not found within 60 readings",
+    limit=1.0,
+    because="random particles are injected when the mean weight falls; each has a chance to be near the truth",
+)
+def finding_back(worst: Worst) -> None:
+    """Take the object away when every particle believes in it, and put another there."""
+    scan = pressed("AEI")
+    missed = 0
+    estimator = fitted("augmented-mcl", scan, particles=3000)
+    for seed in range(10):
+        estimator.reset(np.random.default_rng(seed))
+        for label, count in (("A", 100), ("E", 60)):
+            readings, poses, _ = hidden(scan, label, count, seed=seed)
+            for reading, pose in zip(readings, poses, strict=True):
+                estimator.update(reading, pose)
+        missed += estimator.estimate().label != "E"
+    worst.see(float(missed), "all trials")

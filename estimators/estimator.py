@@ -1,0 +1,171 @@
+"""The face of every estimator: fit on training readings, then update and estimate, reading by reading."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike
+from pydantic import BaseModel, ConfigDict
+
+from tactsim.core import InputError, Scan
+from tactsim.core.errors import short
+from tactsim.core.finite import LARGEST, finite
+from tactsim.core.poses import FloatArray
+
+NONE = "none"  # the label of an object that is none of the known letters
+
+
+class Options(BaseModel):
+    """Options of an estimator: named, typed, bounded, with the paper's symbol in the description."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """What an estimator holds to be true after the readings so far.
+
+    label: the most probable letter (eq. 9, 14), or NONE. probabilities: p(letter), summing to 1, with NONE
+    among them if the estimator considers that. robot_in_object: [x, y, theta] mm, rad: the most probable
+    T_R^O within the most probable letter.
+    """
+
+    label: str
+    probabilities: Mapping[str, float]
+    robot_in_object: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class PlaneBelief:
+    """p(letter, x, y) of T_R^O after the readings so far, the angle summed out, in equal cells.
+
+    labels: the letters. x: (columns,), y: (rows,) mm, the cells' centres. probability: (letters, rows,
+    columns), summing to 1.
+    """
+
+    labels: tuple[str, ...]
+    x: FloatArray
+    y: FloatArray
+    probability: FloatArray
+
+
+class Estimator(ABC):
+    """Recognise and localise one object from a sequence of readings.
+
+    A subclass names its `options_type` and implements `fit`, `reset`, `update` and `estimate`. The calls
+    come in that order; `reset` starts a new sequence and keeps what was fitted.
+    """
+
+    options_type: ClassVar[type[Options]] = Options
+
+    def __init__(self, options: Options) -> None:
+        self.options = options
+
+    @abstractmethod
+    def fit(self, scan: Scan) -> None:
+        """Learn from the scan's training readings; its test readings are not looked at."""
+
+    @abstractmethod
+    def reset(self, rng: np.random.Generator) -> None:
+        """Forget the sequence, keep the maps; all randomness until the next reset comes from `rng`."""
+
+    @abstractmethod
+    def update(self, reading: ArrayLike, sensor_in_robot: ArrayLike) -> None:
+        """Take in one reading (taxels,) kPa at the pose sensor_in_robot [mm, mm, rad].
+
+        Raises InputError, and leaves the belief as it was, for a wrong length or a NaN.
+        """
+
+    @abstractmethod
+    def estimate(self) -> Estimate:
+        """Say which letter it is and where, after the readings so far."""
+
+    def describe(self) -> str:
+        """Say in one line how the estimator is set up, beyond its name."""
+        return ", ".join(f"{name} {value}" for name, value in self.options if value is not None)
+
+    def propose(self, candidates: Sequence[FloatArray] | FloatArray) -> int:
+        """Choose the index of the sensor_in_robot pose (n, 3) to try next, if the estimator can."""
+        raise InputError(f"estimator {type(self).__name__} proposes no readings; explore at random")
+
+    def belief_over_plane(self) -> PlaneBelief | None:
+        """Show how the belief lies over the plane, for a person to look at; None if it cannot be shown.
+
+        The cells are the same throughout a sequence. It changes nothing: the estimates that follow are
+        the same with and without the call.
+        """
+        return None
+
+    @property
+    def work(self) -> dict[str, Any]:
+        """Count what was done since the estimator was made: `likelihood_evaluations` and `skipped` {reason: count}."""
+        return {"likelihood_evaluations": 0, "skipped": {}}
+
+
+def check_estimate(estimate: Any, estimator: Estimator, letters: Sequence[str]) -> None:
+    """Raise InputError that names the estimator's class unless it made an estimate over some of `letters`.
+
+    Probabilities are finite, not negative and sum to 1 within 1e-6; the pose is finite.
+    """
+    fault = _fault_of_estimate(estimate, letters)
+    if fault is not None:
+        kind = type(estimator)
+        raise InputError(
+            f"the estimator {kind.__module__}.{kind.__qualname__} is broken: its estimate {fault}"
+        )
+
+
+def _fault_of_estimate(estimate: Any, letters: Sequence[str]) -> str | None:
+    if not (isinstance(estimate, Estimate) and isinstance(estimate.probabilities, Mapping)):
+        return f"is {short(estimate)}, no Estimate with a table of probabilities"
+    strange = [label for label in (estimate.label, *estimate.probabilities) if label not in letters]
+    if strange:
+        return f"names {short(strange[0])}, which is no letter that it was fitted to"
+    if estimate.label not in estimate.probabilities:
+        return f"gives its own letter {estimate.label} no probability"
+    try:
+        p = np.array(list(estimate.probabilities.values()), dtype=float)
+        pose = np.asarray(estimate.robot_in_object, dtype=float)
+    except (TypeError, ValueError, OverflowError):
+        return "holds what is no number"
+    if not (p.ndim == 1 and (p >= 0).all() and abs(p.sum() - 1) <= 1e-6):  # false for NaN too
+        return f"has probabilities {short(p.tolist())}, which are negative or do not sum to 1"
+    if pose.shape != (3,) or not (np.abs(pose) <= LARGEST).all():
+        return f"has the pose {short(pose.tolist())}, which is no finite [x, y, theta]"
+    return None
+
+
+def check_order(done: bool, first: str, call: str) -> None:
+    """Raise InputError if `call` came before `first` was done."""
+    if not done:
+        raise InputError(f"an estimator was asked to {call} before {first} was called")
+
+
+def check_reading(
+    reading: ArrayLike, sensor_in_robot: ArrayLike, taxels: int
+) -> tuple[FloatArray, FloatArray]:
+    """Return a reading (taxels,) kPa and a pose (3,) as finite arrays.
+
+    Raises InputError if a length is wrong or a number is not finite.
+    """
+    values, pose = np.array(reading, dtype=float), np.array(sensor_in_robot, dtype=float)
+    if values.shape != (taxels,):
+        raise InputError(f"a reading has shape {values.shape}; the maps were learned from {taxels} taxels")
+    if pose.shape != (3,):
+        raise InputError(f"sensor_in_robot has shape {pose.shape}; it is [x, y, theta]")
+    return finite(values, "reading"), finite(pose, "sensor_in_robot")
+
+
+def check_candidates(candidates: Sequence[FloatArray] | FloatArray) -> FloatArray:
+    """Return sensor_in_robot poses to choose from as a finite array (n, 3), n from 1.
+
+    Raises InputError if there are none, a pose has another length or a number is not finite.
+    """
+    poses = np.array(candidates, dtype=float)
+    if poses.ndim != 2 or poses.shape[1] != 3 or not len(poses):
+        raise InputError(f"candidates have shape {poses.shape}; they are one or more [x, y, theta]")
+    return finite(poses, "candidates")

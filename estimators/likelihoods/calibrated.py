@@ -1,0 +1,81 @@
+"""The calibrated measurement model: how often each class of eq. 3 goes with a map's value."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from tactsim.core import Scan, transform
+from tactsim.core.poses import FloatArray
+from tactsim.estimators.likelihoods.class_table import calibrate, quantile_edges
+from tactsim.estimators.likelihoods.classifier import CONTACT, NO_CONTACT, UNKNOWN, classify
+from tactsim.estimators.likelihoods.likelihood import Evidence, Likelihood, covered
+from tactsim.estimators.likelihoods.occupancy import OccupancyMap, element_log_odds, point_spread
+
+_CLASSES = UNKNOWN + 1
+
+
+class CalibratedLikelihood(Likelihood):
+    """p(No Contact, In Contact or Unknown | interpolated log-odds), counted over the training readings.
+
+    Eq. 7 trusts the map's own probabilities and gives Unknown no weight. Here both are learned: the log-odds
+    are divided into quantile bins over the training elements of all letters, and classes are
+    counted in each. Unknown elements lie at edges, so they say much about the pose.
+    """
+
+    def fit(self, scan: Scan, maps: Mapping[str, OccupancyMap]) -> None:
+        """Count classes at the training elements, each against the map without itself."""
+        self.maps, self._train = maps, scan.where("train")
+        odds, kinds = zip(*(self.left_out(label) for label in maps), strict=True)
+        seen = np.concatenate(odds).ravel()
+        edges = quantile_edges(seen, self.options.quantiles)
+        self.calibration = calibrate(seen, np.concatenate(kinds).ravel(), _CLASSES, edges)
+
+    def left_out(self, label: str) -> tuple[FloatArray, NDArray[np.int8]]:
+        """Look a letter's training elements up in a map without themselves: log-odds and classes (n, taxels)."""
+        train, chart = self._train.where(label=label), self.maps[label]
+        xy, classes = transform(train.poses, train.taxel_xy), self.classes(train.readings)
+        own = own_log_odds(chart, xy, classes, self.options.sigma, self.options.peak)
+        return chart.log_odds_at(xy) - own, classes
+
+    def classes(self, readings: ArrayLike) -> NDArray[np.int8]:
+        """Classify the elements of readings (..., taxels) kPa, with the T and ratio of the options."""
+        return classify(readings, self.options.threshold, self.options.ratio)
+
+    @property
+    def extent(self) -> tuple[FloatArray, FloatArray]:
+        """Give the corners of the maps with their frame of cells at the prior."""
+        return covered(self.maps)
+
+    def log_tables(self, label: str, xy: ArrayLike) -> FloatArray:
+        """Evaluate log p of the three classes at xy: (3, ...)."""
+        return np.log(self.calibration(self.maps[label].log_odds_at(xy)))
+
+    def evidence(self, reading: FloatArray) -> Evidence:
+        """Classify the elements; each is a term, an Unknown one too."""
+        classes = self.classes(reading).astype(np.int64)
+        return Evidence(classes, np.arange(len(classes)), np.ones(len(classes), dtype=np.float32))
+
+
+def own_log_odds(
+    chart: OccupancyMap, xy: FloatArray, classes: NDArray[np.int8], sigma: float, peak: float
+) -> FloatArray:
+    """Find what elements have themselves added to a map where they are looked up: (...) log-odds.
+
+    xy: (..., 2) mm. classes: (...). Of the four cells around an element, weighted bilinearly. Elements
+    of the same reading are too far apart to matter.
+    """
+    place = (xy - chart.origin) / chart.cell
+    corner = np.floor(place)
+    share = place - corner
+    total = np.zeros(classes.shape)
+    for dx, dy in ((0, 0), (1, 0), (0, 1), (1, 1)):
+        weight = np.abs(1 - dx - share[..., 0]) * np.abs(1 - dy - share[..., 1])
+        away = ((corner + (dx, dy) - place) ** 2).sum(axis=-1) * chart.cell**2
+        g = point_spread(away, sigma, peak)
+        for kind in (CONTACT, NO_CONTACT):
+            here = classes == kind
+            total[here] += weight[here] * element_log_odds(kind, g[here], chart.prior)
+    return total

@@ -1,0 +1,92 @@
+"""How far a relative pressure is from what a mosaic predicts: a Gaussian, or for a stray element anything."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import nnls
+
+from tactsim.core.poses import FloatArray
+
+_ROUNDS = 20
+# Of the elements; even if none was seen, one may come.
+_LEAST_STRAY = 0.01
+
+
+@dataclass(frozen=True, eq=False)
+class Deviation:
+    """p(relative pressure | prediction) at `levels` (k,) in equal steps, between them linear in logs.
+
+    A mixture of a Gaussian about the prediction and, with the share `stray`, of the density
+    `background` (k,) of all pressures. variance: (4,) what the Gaussian's has for each 1 / scale^2 (the sensor's
+    noise, kPa^2), for itself, for each squared slope (the press's place, mm^2) and for each squared
+    prediction (the scale).
+    """
+
+    variance: FloatArray
+    stray: float
+    levels: FloatArray
+    background: FloatArray
+
+    def log_density(self, predicted: FloatArray, slope: FloatArray, scale: float) -> FloatArray:
+        """Compute log p at every level, for predictions and squared slopes (...): (k, ...).
+
+        It is normalised: p, linear in logs between the levels, integrates to 1.
+        """
+        column = (-1, *[1] * np.ndim(predicted))
+        spread = _spread(_sources(predicted, slope, scale) @ self.variance, self.levels)
+        gaussian = _normal(self.levels.reshape(column) - predicted, spread)
+        log_p = np.log((1 - self.stray) * gaussian + self.stray * self.background.reshape(column))
+        return log_p - np.log(integral(log_p, self.levels))
+
+
+def learn_deviation(
+    relative: FloatArray, predicted: FloatArray, slope: FloatArray, scale: FloatArray, levels: FloatArray
+) -> Deviation:
+    """Learn the mixture from elements, all arrays of one shape, by expectation maximisation.
+
+    The variance is a regression of squared deviations, none of its parts negative, each element weighted
+    with its own variance (iteratively reweighted least squares).
+    """
+    step = levels[1] - levels[0]
+    place = np.rint((relative.ravel() - levels[0]) / step).clip(0, len(levels) - 1).astype(np.intp)
+    count = np.bincount(place, minlength=len(levels)) + 1.0
+    background = count / (count.sum() * step)
+    away = (relative - predicted).ravel()
+    sources = _sources(predicted, slope, scale).reshape(-1, 4)
+    spread, regular, stray = np.full(len(away), 1.0), np.ones(len(away)), 0.0
+    for _ in range(_ROUNDS):
+        weight = np.sqrt(regular) / spread
+        # The same least squares with five rows instead of as many as there are elements.
+        rows = np.asarray(np.linalg.qr(np.column_stack([sources, away**2]) * weight[:, None], mode="r"))
+        variance, _ = nnls(rows[:, :-1], rows[:, -1])
+        spread = _spread(sources @ variance, levels)
+        stray = max(float(1 - regular.mean()), _LEAST_STRAY)
+        gaussian = (1 - stray) * _normal(away, spread)
+        regular = gaussian / (gaussian + stray * background[place])
+    return Deviation(variance, stray, levels, background)
+
+
+def integral(log_p: FloatArray, levels: FloatArray) -> FloatArray:
+    """Integrate exp of a function (k, ...) that is linear between levels (k,) in equal steps: (...)."""
+    rise = np.maximum(np.abs(np.diff(log_p, axis=0)), 1e-6)
+    top = np.maximum(log_p[1:], log_p[:-1])
+    mean = -np.expm1(-rise) / rise
+    return (levels[1] - levels[0]) * (np.exp(top) * mean).sum(axis=0)
+
+
+def _sources(predicted: FloatArray, slope: FloatArray, scale: FloatArray | float) -> FloatArray:
+    """List what a variance comes from: (..., 4)."""
+    return np.stack(np.broadcast_arrays(1 / np.square(scale), 1.0, slope, predicted**2), axis=-1)
+
+
+def _spread(variance: FloatArray, levels: FloatArray) -> FloatArray:
+    """Keep a variance above what falls between two levels unseen."""
+    return np.maximum(variance, ((levels[1] - levels[0]) / 4) ** 2)
+
+
+def _normal(away: FloatArray, variance: FloatArray) -> FloatArray:
+    """Give the density of a Gaussian at a distance from its mean."""
+    density: FloatArray = np.exp(-(away**2) / (2 * variance)) / np.sqrt(2 * np.pi * variance)
+    return density

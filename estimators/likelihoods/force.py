@@ -1,0 +1,181 @@
+"""The measurement model in the force domain: predicted pressures instead of classes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from tactsim.core import Scan, transform
+from tactsim.core.poses import FloatArray
+from tactsim.estimators.likelihoods.deviation import Deviation, learn_deviation
+from tactsim.estimators.likelihoods.likelihood import Evidence, Likelihood, covered
+from tactsim.estimators.likelihoods.mosaic import Mosaic, learn_mosaic
+from tactsim.estimators.likelihoods.occupancy import OccupancyMap
+
+# Relative pressures at which log p is tabulated; between two it is linear. Almost all lie in this range.
+_LEVELS = np.linspace(-0.25, 1.4, 16)
+# Classes of readings that touch, by their scale, each with tables of its own: noise differs.
+_CLASSES = 3
+# How much an element counts. Neighbours share the error of the press's place and scale; at 1 a letter
+# is held for certain too early (`calibration_gap`), and errors are a little larger.
+_COUNTS = 0.5
+# kPa; a scale is never 0.
+_LEAST_SCALE = 1e-6
+# Of a scale: elements that are to feel less than this say nothing about their gain.
+_PRESSED = 0.3
+# An element with a smaller gain than this is left out.
+_DEAD = 0.2
+# By how much a reading's own scale counts in its pressure, beside one wholly covered element.
+_DOUBT = 0.01
+# Turns of learning mosaics from pressures and gains, and these from the mosaics.
+_TURNS = 3
+
+
+class ForceLikelihood(Likelihood):
+    """p(relative pressure | what the mosaic predicts at the element's place), element by element.
+
+    A press has a given force, so the pressure under what is covered differs from pose to pose: a
+    reading is divided by its own scale. What is left is learned place by place from the training
+    readings, and so is how far a reading deviates from it.
+
+    gain: (taxels,) of mean 1. least: kPa, the scale of readings that touch nothing. mosaics: by letter.
+    """
+
+    def fit(self, scan: Scan, maps: Mapping[str, OccupancyMap]) -> None:
+        """Learn the elements' gains, the mosaics, and how far readings deviate from them."""
+        self.maps = maps
+        train = scan.where("train")
+        xy = transform(train.poses, train.taxel_xy)
+        self.gain = np.ones(len(scan.taxel_xy))
+        self.least = max(float(np.median(contraharmonic(train.readings))) / 2, _LEAST_SCALE)
+        scale, relative = self.relative(train.readings)
+        pressure = scale
+        # A reading that covers no element wholly is scaled too little. For a training reading the mosaic tells.
+        for _ in range(_TURNS):
+            predicted, _ = self._learn(train, xy, pressure)
+            self.gain = gains(train.readings / pressure[:, None], predicted, pressure)
+            scale, relative = self.relative(train.readings)
+            pressure = scale * pressures(relative, predicted, scale > self.least)
+        predicted, slope = self._learn(train, xy, pressure)
+        self._calibrate(scale, relative, predicted, slope)
+
+    def _learn(self, train: Scan, xy: FloatArray, pressure: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Learn the mosaics from readings (n, taxels) at xy (n, taxels, 2) mm under pressures (n,) kPa.
+
+        Returns what they predict without the element itself, and their squared slopes there: (n, taxels).
+        """
+        felt = train.readings / np.maximum(self.gain, _DEAD) / pressure[:, None]
+        # The smaller the pressure, the more of what is felt is noise; as much as not at the median scale.
+        counts = pressure**2 / (pressure**2 + (2 * self.least) ** 2)
+        weight = np.where(self.gain > _DEAD, counts[:, None], 0.0)
+        self.mosaics: dict[str, Mosaic] = {}
+        predicted, slope = np.empty_like(felt), np.empty_like(felt)
+        for label, chart in self.maps.items():
+            mine = train.labels == label
+            places, values, weights = xy[mine].reshape(-1, 2), felt[mine].ravel(), weight[mine].ravel()
+            mosaic = learn_mosaic(
+                places, values, weights, origin=chart.origin, cell=chart.cell, shape=chart.log_odds.shape,
+                sigma=self.options.sigma,
+            )  # fmt: skip
+            predicted[mine] = mosaic.without(places, values, weights).reshape(-1, felt.shape[1])
+            slope[mine] = mosaic(xy[mine])[1]
+            self.mosaics[label] = mosaic
+        return predicted, slope
+
+    def _calibrate(
+        self, scale: FloatArray, relative: FloatArray, predicted: FloatArray, slope: FloatArray
+    ) -> None:
+        """Learn how far relative pressures (n, taxels) deviate, of readings of like scale (n,) together."""
+        touching = scale[scale > self.least]
+        parts = np.arange(1, _CLASSES) / _CLASSES
+        between = np.quantile(touching, parts) if len(touching) else np.full(len(parts), self.least)
+        self.bounds = np.append(self.least, between)
+        of_class = np.searchsorted(self.bounds, scale)
+        alive = self.gain > _DEAD
+        each = np.broadcast_to(scale[:, None], relative.shape)
+        self.typical: list[float] = []
+        self.deviations: list[Deviation] = []
+        for number in range(len(self.bounds) + 1):
+            # A class without training readings deviates as all do.
+            mine = of_class == number if number in of_class else np.full(len(scale), True)
+            chosen = np.ix_(mine, alive)
+            self.typical.append(float(np.median(scale[mine])))
+            self.deviations.append(
+                learn_deviation(relative[chosen], predicted[chosen], slope[chosen], each[chosen], _LEVELS)
+            )
+
+    def relative(self, readings: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Divide readings (..., taxels) kPa by gains and scale; returns the scales (...) kPa, and what is left.
+
+        Dead elements get 0. A reading that touches nothing has no scale of its own: none is less than half
+        the median of the training readings'.
+        """
+        even = np.where(self.gain > _DEAD, readings / np.maximum(self.gain, _DEAD), 0.0)
+        scale = np.maximum(contraharmonic(even), self.least)
+        return scale, even / scale[..., None]
+
+    @property
+    def extent(self) -> tuple[FloatArray, FloatArray]:
+        """Give the corners of the maps with their frame of cells at the prior."""
+        return covered(self.maps)
+
+    def log_tables(self, label: str, xy: ArrayLike) -> FloatArray:
+        """Evaluate the log density at every level, class after class of scales: (tables, ...)."""
+        predicted, slope = self.mosaics[label](xy)
+        return np.concatenate(
+            [
+                deviation.log_density(predicted, slope, scale)
+                for deviation, scale in zip(self.deviations, self.typical, strict=True)
+            ]
+        )
+
+    def evidence(self, reading: FloatArray) -> Evidence:
+        """Give each element the two levels beside what it felt, weighted; a dead element says nothing."""
+        scale, felt = self.relative(reading)
+        taxel = np.flatnonzero(self.gain > _DEAD)
+        place = np.interp(felt[taxel], _LEVELS, np.arange(len(_LEVELS)))
+        below = np.minimum(place.astype(np.int64), len(_LEVELS) - 2)
+        above_share = place - below
+        table = np.searchsorted(self.bounds, scale) * len(_LEVELS) + below
+        share = np.concatenate([1 - above_share, above_share])
+        return Evidence(
+            np.concatenate([table, table + 1]), np.tile(taxel, 2), (_COUNTS * share).astype(np.float32)
+        )
+
+
+def contraharmonic(readings: FloatArray) -> FloatArray:
+    """Average the elements of readings (..., taxels), each weighted with its third power: (...) kPa.
+
+    The scale of a reading: nearly the pressure of elements that are wholly covered, with less noise
+    than the largest element has. Elements below 0 count as 0.
+    """
+    pressed = np.maximum(readings, 0)
+    top = pressed.max(axis=-1)
+    share = pressed / np.where(top > 0, top, 1)[..., None]
+    return top * (share**4).sum(axis=-1) / np.maximum((share**3).sum(axis=-1), 1)
+
+
+def gains(felt: FloatArray, predicted: FloatArray, pressure: FloatArray) -> FloatArray:
+    """Compare the elements where they are pressed: (taxels,), with a mean of 1.
+
+    Of a regression of readings divided by their pressure (n, taxels) on the predicted ones. Elements at
+    the pad's rim feel less, since no load lies beyond; one that was never pressed gets 1.
+    """
+    weight = np.where(predicted > _PRESSED, predicted * pressure[:, None] ** 2, 0)
+    pressed = weight.any(axis=0)
+    own = np.ones(felt.shape[1])
+    np.divide((weight * felt).sum(axis=0), (weight * predicted).sum(axis=0), out=own, where=pressed)
+    own = np.maximum(own, 0)
+    return own / own.mean() if own.any() else np.ones_like(own)
+
+
+def pressures(relative: FloatArray, predicted: FloatArray, touches: ArrayLike) -> FloatArray:
+    """Find by how much the pressure exceeds the scale of readings (n,), 1 in the median.
+
+    Of a regression of relative pressures (n, taxels) on the predicted ones; touches (n,): others get the median.
+    """
+    ratio = ((relative * predicted).sum(axis=1) + _DOUBT) / ((predicted**2).sum(axis=1) + _DOUBT)
+    middle = np.median(ratio[touches]) if np.any(touches) else 1.0
+    return np.where(touches, np.maximum(ratio / middle, 0.5), 1.0)

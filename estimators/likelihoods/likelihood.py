@@ -1,0 +1,129 @@
+"""Measurement models: what a reading says about the pose at which it was taken (paper, section III-A).
+
+Every filter takes its likelihood from here, and every likelihood comes down to the same thing: a
+few tables over the object's plane for each letter, and for each reading a list of terms that says
+which table to look up at which taxel. The log-likelihood of a state is the sum of its terms.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass
+from importlib import import_module
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from tactsim.core import Scan
+from tactsim.core.errors import unknown
+from tactsim.core.poses import FloatArray
+from tactsim.estimators.likelihoods.classifier import CONTACT, NO_CONTACT, UNKNOWN, classify
+from tactsim.estimators.likelihoods.occupancy import OccupancyMap, sigmoid
+from tactsim.estimators.options import LikelihoodOptions
+
+
+@dataclass(frozen=True, eq=False)
+class Evidence:
+    """One reading as terms: log p(z | x) = sum of weight * table value at the taxel, over the terms.
+
+    table, taxel: (terms,) indices. weight: (terms,) factor of the table's value, not negative; 1 for a class.
+    """
+
+    table: NDArray[np.int64]
+    taxel: NDArray[np.int64]
+    weight: NDArray[np.float32]
+
+    def check(self, tables: int, taxels: int) -> None:
+        """Raise ValueError if a term names a table or taxel beyond these counts, or has an odd weight."""
+        for name, indices, count in (("table", self.table, tables), ("taxel", self.taxel, taxels)):
+            if len(indices) and not 0 <= indices.min() <= indices.max() < count:
+                raise ValueError(f"a likelihood named a {name} that does not exist, of {count}")
+        if not ((self.weight >= 0) & (self.weight < np.inf)).all():
+            raise ValueError("a likelihood gave a weight that is negative or not finite")
+
+
+class Likelihood(ABC):
+    """A measurement model. A subclass implements `fit`, `log_tables`, `evidence` and `extent`.
+
+    It is registered in `LIKELIHOODS`; `create` makes it by name.
+    """
+
+    def __init__(self, options: LikelihoodOptions) -> None:
+        self.options = options
+
+    @abstractmethod
+    def fit(self, scan: Scan, maps: Mapping[str, OccupancyMap]) -> None:
+        """Learn from the maps and, where it needs more, from the scan's training readings."""
+
+    @property
+    @abstractmethod
+    def extent(self) -> tuple[FloatArray, FloatArray]:
+        """Give the lower left and upper right corner [x, y] mm beyond which tables are constant."""
+
+    @abstractmethod
+    def log_tables(self, label: str, xy: ArrayLike) -> FloatArray:
+        """Evaluate a letter's tables at points (..., 2) mm in the object frame: (tables, ...)."""
+
+    @abstractmethod
+    def evidence(self, reading: FloatArray) -> Evidence:
+        """Turn a reading (taxels,) kPa into the terms that it contributes."""
+
+
+class PaperLikelihood(Likelihood):
+    """Classes In Contact and No Contact, looked up in the occupancy map (paper, eq. 3 and 7)."""
+
+    def fit(self, scan: Scan, maps: Mapping[str, OccupancyMap]) -> None:
+        """Keep the maps; eq. 7 has nothing to learn."""
+        self.maps = maps
+
+    @property
+    def extent(self) -> tuple[FloatArray, FloatArray]:
+        """Give the corners of the maps with their frame of cells at the prior."""
+        return covered(self.maps)
+
+    def log_tables(self, label: str, xy: ArrayLike) -> FloatArray:
+        """Evaluate log p(No Contact | xy) and log p(In Contact | xy) of eq. 7: (2, ...).
+
+        With probability gamma the class is random. Then eq. 7 prints p(m) for both classes; with
+        `failure="complement"` No Contact gets 1 - p(m), so that the two sum to one.
+        """
+        gamma, prior = self.options.gamma, self.options.prior
+        odds = self.maps[label].log_odds_at(xy)
+        random_no_contact = prior if self.options.failure == "printed" else 1 - prior
+        tables = np.empty((2, *odds.shape))
+        tables[NO_CONTACT] = np.log(gamma * random_no_contact + (1 - gamma) * sigmoid(-odds))
+        tables[CONTACT] = np.log(gamma * prior + (1 - gamma) * sigmoid(odds))
+        return tables
+
+    def evidence(self, reading: FloatArray) -> Evidence:
+        """Classify the elements; an Unknown one has likelihood 1 everywhere, hence no term."""
+        classes = classify(reading, self.options.threshold, self.options.ratio)
+        taxel = np.flatnonzero(classes != UNKNOWN)
+        return Evidence(classes[taxel].astype(np.int64), taxel, np.ones(len(taxel), dtype=np.float32))
+
+
+# name: where its class is; nothing is imported before its name is asked for.
+LIKELIHOODS = {
+    "paper": "tactsim.estimators.likelihoods.likelihood:PaperLikelihood",
+    "calibrated": "tactsim.estimators.likelihoods.calibrated:CalibratedLikelihood",
+    "force": "tactsim.estimators.likelihoods.force:ForceLikelihood",
+}
+
+
+def create(options: LikelihoodOptions) -> Likelihood:
+    """Make the likelihood that the options name. Raises InputError if there is none of that name."""
+    if options.likelihood not in LIKELIHOODS:
+        raise unknown("likelihood", options.likelihood, LIKELIHOODS)
+    module, attribute = LIKELIHOODS[options.likelihood].split(":")
+    chosen: type[Likelihood] = getattr(import_module(module), attribute)
+    return chosen(options)
+
+
+def covered(maps: Mapping[str, OccupancyMap]) -> tuple[FloatArray, FloatArray]:
+    """Give the corners [x, y] mm beyond which every map interpolates to its prior alone."""
+    low = np.min([chart.origin - chart.cell for chart in maps.values()], axis=0)
+    high = np.max(
+        [chart.origin + chart.cell * np.array(chart.log_odds.shape[::-1]) for chart in maps.values()], axis=0
+    )
+    return low, high

@@ -1,0 +1,99 @@
+"""The tactile mosaic in the force domain: what is felt at every place of an object, relative to the press."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from tactsim.core.poses import FloatArray
+from tactsim.estimators.likelihoods.mosaic_kernels import add_moments
+from tactsim.estimators.likelihoods.occupancy import point_spread
+
+# Elements farther away, in sigma, have less than 4e-4 of the weight and are left out.
+_REACH = 2.0
+# Weight of the prior, a flat 0, beside an element at the place itself.
+_PRIOR = 0.01
+
+
+@dataclass(frozen=True, eq=False)
+class Mosaic:
+    """Planes fitted to the elements around every node of a square grid, weighted by the point spread of eq. 4.
+
+    origin: [x, y] mm of node [0, 0]. cell: mm. sigma: mm. plane: (rows, columns, 3) the value, and its
+    slope along x and y per cell. spread: (rows, columns, 3, 3) the inverse of the normal equations.
+    """
+
+    origin: FloatArray
+    cell: float
+    sigma: float
+    plane: FloatArray
+    spread: FloatArray
+
+    def __call__(self, xy: ArrayLike) -> tuple[FloatArray, FloatArray]:
+        """Interpolate bilinearly at points (..., 2) mm: the value, and the squared slope in mm^-2."""
+        value, slope = np.zeros((2, *np.shape(xy)[:-1]))
+        for share, row, column, _ in self._around(xy):
+            plane = self.plane[row, column]
+            value += share * plane[..., 0]
+            slope += share * (plane[..., 1:] ** 2).sum(axis=-1)
+        return value, slope / self.cell**2
+
+    def without(self, xy: FloatArray, values: FloatArray, weight: FloatArray) -> FloatArray:
+        """Interpolate at the elements it was learned from, each time without that element.
+
+        xy: (n, 2) mm. values, weight: (n,). Leaving one observation out of a least-squares fit moves the
+        coefficients by -spread x k r / (1 - k x' spread x), where r is its residual and k its weight.
+        """
+        result = np.zeros(len(values))
+        for share, row, column, offset in self._around(xy):
+            design = np.column_stack([np.ones(len(values)), offset])
+            here = weight * point_spread((offset**2).sum(axis=1) * self.cell**2, self.sigma, 1.0)
+            influence = here[:, None] * np.einsum("ni,nij->nj", design, self.spread[row, column])
+            plane = self.plane[row, column]
+            residual = values - (design * plane).sum(axis=1)
+            leverage = (influence * design).sum(axis=1)
+            result += share * (plane[:, 0] - influence[:, 0] * residual / (1 - leverage))
+        return result
+
+    def _around(
+        self, xy: ArrayLike
+    ) -> Iterator[tuple[FloatArray, NDArray[np.intp], NDArray[np.intp], FloatArray]]:
+        """Yield for the four nodes around points: bilinear share, row, column, offset [x, y] in cells.
+
+        Beyond the grid everything is as at its rim.
+        """
+        last = np.array(self.plane.shape[1::-1]) - 1
+        place = np.clip((np.asarray(xy, dtype=float) - self.origin) / self.cell, 0, last)
+        corner = np.minimum(place.astype(np.intp), last - 1)
+        for dx, dy in ((0, 0), (1, 0), (0, 1), (1, 1)):
+            offset = place - corner - (dx, dy)
+            share = (1 - np.abs(offset[..., 0])) * (1 - np.abs(offset[..., 1]))
+            yield share, corner[..., 1] + dy, corner[..., 0] + dx, offset
+
+
+def learn_mosaic(
+    xy: FloatArray,
+    values: FloatArray,
+    weight: FloatArray,
+    *,
+    origin: FloatArray,
+    cell: float,
+    shape: tuple[int, ...],
+    sigma: float,
+) -> Mosaic:
+    """Fit a plane to the elements around every node of a grid: local linear regression (Cleveland 1979).
+
+    xy: (n, 2) mm, where elements lay. values, weight: (n,) what they felt, and how much that counts, 1 for
+    an element without noise. origin, cell, shape: the grid, mm. sigma: mm, an element at distance d
+    has the weight times exp(-2 d^2 / sigma^2), as in eq. 4. Where there is none, the value is 0.
+    """
+    sums = np.zeros((*shape, 9))
+    add_moments(sums, (xy - origin) / cell, weight, values, sigma / cell, _REACH * sigma / cell)
+    normal = sums[..., [[0, 1, 2], [1, 3, 4], [2, 4, 5]]]
+    normal += _PRIOR * np.diag([1, (sigma / cell) ** 2, (sigma / cell) ** 2])
+    spread = np.asarray(np.linalg.inv(normal), dtype=float)
+    plane = np.einsum("...ij,...j->...i", spread, sums[..., 6:])
+    return Mosaic(origin, cell, sigma, plane, spread)

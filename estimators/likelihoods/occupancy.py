@@ -1,0 +1,172 @@
+"""Occupancy maps of objects, learned from classified readings at known poses (paper, section II)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from tactsim.core import InputError, Scan, transform
+from tactsim.core.poses import FloatArray
+from tactsim.estimators.likelihoods.classifier import CONTACT, NO_CONTACT, classify
+
+_NOTHING = 1e-12  # log-odds of one element that are left out
+_MOST_CELLS = 50_000_000  # of all maps together: 400 MB
+_AT_ONCE = 200_000  # cells that are stamped in one piece: what a cache holds
+
+
+@dataclass(frozen=True, eq=False)
+class OccupancyMap:
+    """Log-odds of occupancy on a square grid in the object frame (paper, eq. 1).
+
+    origin: [x, y] mm of the centre of cell [0, 0]. cell: mm. log_odds: (rows, columns), rows along
+    +y. prior: p(m), which holds outside the grid. Raises ValueError if a cell is not finite.
+    """
+
+    origin: FloatArray
+    cell: float
+    log_odds: FloatArray
+    prior: float
+
+    def __post_init__(self) -> None:
+        if not np.isfinite(self.log_odds).all():
+            raise ValueError("an occupancy map holds a log-odds value that is not finite")
+
+    @property
+    def extent(self) -> tuple[float, float, float, float]:
+        """Give the outer edges of the cells: left, right, bottom, top in mm."""
+        rows, columns = self.log_odds.shape
+        left, bottom = self.origin - self.cell / 2
+        return left, left + columns * self.cell, bottom, bottom + rows * self.cell
+
+    def probability(self) -> FloatArray:
+        """Give p(occupied) of every cell."""
+        return sigmoid(self.log_odds)
+
+    def log_odds_at(self, xy: ArrayLike) -> FloatArray:
+        """Interpolate the log-odds bilinearly at points (..., 2) mm; outside is the prior.
+
+        The paper's occ of section III-A: the grid is queried for log-odds, not for probabilities.
+        """
+        rows, columns = self.log_odds.shape
+        place = (np.asarray(xy, dtype=float) - self.origin) / self.cell
+        # A frame of prior cells around the grid lets every point be interpolated alike.
+        framed = np.full((rows + 2, columns + 2), log_odds(self.prior))
+        framed[1:-1, 1:-1] = self.log_odds
+        column = np.clip(place[..., 0] + 1, 0, columns + 1)
+        row = np.clip(place[..., 1] + 1, 0, rows + 1)
+        left = np.minimum(column.astype(np.intp), columns)
+        below = np.minimum(row.astype(np.intp), rows)
+        right_share, above_share = column - left, row - below
+        return (1 - above_share) * (
+            (1 - right_share) * framed[below, left] + right_share * framed[below, left + 1]
+        ) + above_share * (
+            (1 - right_share) * framed[below + 1, left] + right_share * framed[below + 1, left + 1]
+        )
+
+
+def maps_of(estimator: object) -> Mapping[str, OccupancyMap]:
+    """Give the maps that an estimator has learned, its attribute `maps`; none if it has no such maps."""
+    maps = getattr(estimator, "maps", None)
+    known = isinstance(maps, Mapping) and all(isinstance(chart, OccupancyMap) for chart in maps.values())
+    return maps if known and maps is not None else {}
+
+
+def learn_maps(
+    scan: Scan,
+    *,
+    sigma: float = 1.0,
+    peak: float = 0.9,
+    prior: float = 0.2,
+    threshold: float = 2.0,
+    ratio: float = 0.3,
+    cell: float = 0.4,
+) -> Mapping[str, OccupancyMap]:
+    """Learn one occupancy map for every letter of a scan's training readings (paper, eq. 2 to 6).
+
+    sigma: mm, the sensor's point spread. peak: G' at an element's centre. prior: p(m). threshold,
+    ratio: eq. 3. cell: mm. All maps share one grid, which covers everything any element has
+    touched upon. Raises InputError if the scan has no training readings, or poses so far apart that
+    the maps would have more than 50 million cells.
+    """
+    train = scan.where(split="train")
+    if len(train) == 0:
+        raise InputError("the scan has no readings with split 'train' to learn maps from")
+    centres = transform(train.poses, train.taxel_xy)
+    reach = _reach(sigma, prior)
+    low = np.floor((centres.min(axis=(0, 1)) - reach) / cell)
+    high = np.ceil((centres.max(axis=(0, 1)) + reach) / cell)
+    spans = high - low + 1
+    if spans.prod() * len(train.letters) > _MOST_CELLS:
+        raise InputError(
+            f"the training poses span {spans[0] * cell:.3g} x {spans[1] * cell:.3g} mm: maps of {len(train.letters)} "
+            f"letters in cells of {cell} mm would have more than {_MOST_CELLS:,} cells; are the poses in mm?"
+        )
+    columns, rows = spans.astype(int)
+    classes = classify(train.readings, threshold, ratio)
+    maps = {}
+    for label in train.letters:
+        mine = train.labels == label
+        evidence = np.zeros((rows, columns))
+        for kind in (CONTACT, NO_CONTACT):
+            touched = centres[mine][classes[mine] == kind] / cell - low
+            stamp = (2 * reach / cell + 2) ** 2
+            at_once = math.ceil(max(_AT_ONCE, evidence.size) / stamp)
+            for first in range(0, len(touched), at_once):
+                _stamp(evidence, touched[first : first + at_once], kind, sigma / cell, peak, prior)
+        maps[label] = OccupancyMap(low * cell, cell, log_odds(prior) + evidence, prior)
+    return maps
+
+
+def _reach(sigma: float, prior: float) -> float:
+    """Say how far from an element, in the unit of sigma, it still says something: maps end there."""
+    return sigma * math.sqrt(-math.log(_NOTHING * min(prior, 1 - prior)) / 2)
+
+
+def _stamp(
+    evidence: FloatArray, centres: FloatArray, kind: int, sigma: float, peak: float, prior: float
+) -> None:
+    """Add the log-odds that elements at `centres` (n, 2) give to the cells around them, all in cells."""
+    reach = math.ceil(_reach(sigma, prior))
+    around = np.arange(-reach + 1, reach + 1)
+    nearest = np.floor(centres).astype(np.intp)
+    rest = centres - nearest
+    spread = np.exp(-2 * ((around - rest[:, :, None]) / sigma) ** 2)
+    g = peak * spread[:, 1, :, None] * spread[:, 0, None, :]
+    added = element_log_odds(kind, g, prior)
+    row = (nearest[:, 1, None] + around)[:, :, None]
+    column = (nearest[:, 0, None] + around)[:, None, :]
+    flat = np.clip(row, 0, evidence.shape[0] - 1) * evidence.shape[1] + np.clip(
+        column, 0, evidence.shape[1] - 1
+    )
+    evidence += np.bincount(flat.ravel(), added.ravel(), minlength=evidence.size).reshape(evidence.shape)
+
+
+def point_spread(squared_distance: ArrayLike, sigma: float, peak: float) -> FloatArray:
+    """Give G' of eq. 4, at squared distances (mm^2) from an element's centre."""
+    return peak * np.exp(-2 / sigma**2 * np.asarray(squared_distance))
+
+
+def element_log_odds(kind: int, g: FloatArray, prior: float) -> FloatArray:
+    """Give the log-odds that an element In Contact or without adds to a cell where G' is `g`.
+
+    Of eq. 5 and 6, with p = p(m): in contact, log (p + (1-p) G') / (p (1-G')); without contact,
+    log (1-p) (1-G') / (1 - p + p G'). An Unknown element leaves p(m), hence adds nothing.
+    """
+    if kind == CONTACT:
+        return np.log((prior + (1 - prior) * g) / (prior * (1 - g)))
+    return np.log((1 - prior) * (1 - g) / (1 - prior + prior * g))
+
+
+def log_odds(probability: float) -> float:
+    """Turn a probability into log-odds (paper, eq. 1)."""
+    return math.log(probability) - math.log1p(-probability)
+
+
+def sigmoid(values: ArrayLike) -> FloatArray:
+    """Turn log-odds into probabilities, without overflow at either end."""
+    falling = np.exp(-np.abs(values))
+    return np.where(np.asarray(values) >= 0, 1.0, falling) / (1 + falling)

@@ -1,0 +1,138 @@
+"""The face of every codec: pure functions from bytes to packets, apart from any port."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import Any, ClassVar, Generic, TypeVar
+
+from pydantic import BaseModel, ConfigDict
+
+from tactsim.core.poses import FloatArray
+from tactsim.hardware.counters import Counters
+
+Packet = TypeVar("Packet")
+
+PATIENCE = 0.25  # s until a question is asked again; more than any device here takes to answer
+
+STRICT = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """One measurement of all elements of one device.
+
+    values: (elements,) in the device's own units and order. address: which device on the link.
+    index: its frame counter, ticks: its clock, both as sent, or None.
+    """
+
+    values: FloatArray
+    address: int = 0
+    index: int | None = None
+    ticks: float | None = None
+
+
+class Codec(ABC, Generic[Packet]):
+    """The language of one kind of device.
+
+    elements: values in a frame. longest: bytes within which a packet ends; that many bytes are always
+    enough for `decode` to move on, so a buffer never grows beyond it. tick_s: s a tick of the device's
+    clock, tick_wrap: ticks until it starts again, or None. index_wrap: the same of the frame counter.
+    speaks: whether frames come unasked and all of them, so that a gap in the counter is a loss.
+    """
+
+    elements: int
+    longest: int
+    tick_s: float = 1.0
+    tick_wrap: int | None = None
+    index_wrap: int | None = None
+    speaks: bool = True
+
+    @abstractmethod
+    def decode(self, buffer: bytes | bytearray, start: int = 0) -> tuple[int, Packet | None]:
+        """Look for a packet at `start`: returns (used, packet).
+
+        (n, packet): the next n bytes were that packet. (n, None): the next n bytes are in no packet.
+        (0, None): more bytes are needed. Nothing is remembered and no bytes raise anything.
+        """
+
+    @abstractmethod
+    def to_kpa(self, values: FloatArray) -> FloatArray:
+        """Turn a frame's values (elements,) into kPa."""
+
+    @abstractmethod
+    def from_kpa(self, pressures: FloatArray) -> FloatArray:
+        """Turn kPa (elements,) into the nearest values that the device can say."""
+
+    def dialogue(self, addresses: tuple[int, ...], counters: Counters) -> Dialogue:
+        """Start the conversation with the devices at these addresses on one link."""
+        return Listening(counters)
+
+
+class Dialogue:
+    """What to ask a device, and how its packets make frames.
+
+    Only `sent`, `take` and `reset` change its state, so that a recording of what was sent, received
+    and lost leads to the same frames.
+    """
+
+    def greeting(self) -> bytes:
+        """Give the bytes that are sent once after the link was opened."""
+        return b""
+
+    def request(self, now: float) -> bytes:
+        """Give the bytes to send at `now` (s): b"" while an answer is awaited or nothing is to be asked."""
+        return b""
+
+    def sent(self, request: bytes, now: float) -> None:
+        """Note that these bytes were sent."""
+
+    def take(self, packet: Any, now: float) -> Frame | None:
+        """Take a packet in; returns a frame when one is complete."""
+        raise NotImplementedError
+
+    def reset(self) -> None:
+        """Forget what was asked: the link was lost."""
+
+
+class Listening(Dialogue):
+    """A device whose packets are frames; it speaks unasked, or says one frame for each `question`."""
+
+    def __init__(self, counters: Counters, start: bytes = b"", question: bytes = b"") -> None:
+        self._counters, self._start, self._question = counters, start, question
+        self._asked: float | None = None
+
+    def greeting(self) -> bytes:
+        """Give the command that makes the device speak, if it needs one."""
+        return self._start
+
+    def request(self, now: float) -> bytes:
+        """Ask again when the answer came or is overdue."""
+        awaited = self._asked is not None and now - self._asked < PATIENCE
+        return b"" if awaited else self._question
+
+    def sent(self, request: bytes, now: float) -> None:
+        """Note when the question was asked; one that is still open was not answered."""
+        if self._question and request == self._question:
+            self._counters.timeouts += self._asked is not None
+            self._asked = now
+
+    def take(self, packet: Frame, now: float) -> Frame:
+        """Pass the frame on."""
+        self._asked = None
+        return packet
+
+    def reset(self) -> None:
+        """Forget the open question."""
+        self._asked = None
+
+
+class CodecFormat(BaseModel):
+    """The table `[codec]` of a device file: which codec, and what it has to know."""
+
+    model_config = STRICT
+    usual_address: ClassVar[int] = 0
+
+    def build(self) -> Codec[Any]:
+        """Make the codec."""
+        raise NotImplementedError

@@ -1,0 +1,233 @@
+"""Emulated devices, one class a codec: what a device says at which moment, without a port or a clock."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator
+
+import numpy as np
+
+from tactsim.core.poses import FloatArray
+from tactsim.hardware.codecs.codec import Frame
+from tactsim.hardware.codecs.fields import FieldsCodec
+from tactsim.hardware.codecs.pps_csv import CsvCodec
+from tactsim.hardware.codecs.singletact import (
+    FOOTER,
+    HEADERS,
+    INDEX_REGISTER,
+    MAX_ELEMENTS,
+    MOST_READ,
+    OUTPUT_REGISTER,
+    READ,
+    REGISTERS,
+    WRITE,
+    Reply,
+    SingleTactCodec,
+    write_reply,
+)
+from tactsim.hardware.device import UNREAD, Device
+
+Pressures = Callable[[float], FloatArray]
+
+_BEHIND = 1.0  # s of frames that are made up for at most when the host was away
+
+
+class Emulated(ABC):
+    """What stands on one link of a device. Times are s since the emulation began.
+
+    device: the description that a host would read it with. pressures(now): (taxels,) kPa on the pad.
+    rate: frames a second.
+    """
+
+    def __init__(self, device: Device, pressures: Pressures, rate: float, link: int = 0) -> None:
+        self._device, self._pressures, self.rate = device, pressures, rate
+        self._codec = device.codec.build()
+        self._parts = [
+            (device.place(part)[1], device.wiring(part)) for part in device.part if part.port == link
+        ]
+
+    @abstractmethod
+    def hear(self, data: bytes, now: float) -> None:
+        """Take in what the host sent."""
+
+    @abstractmethod
+    def say(self, now: float) -> list[bytes]:
+        """Return what the device has said until `now`, frame by frame."""
+
+    @abstractmethod
+    def unheard(self, now: float) -> None:
+        """Let what was said until `now` be lost: no host listens."""
+
+    def values(self, wiring: np.ndarray, frame: int) -> FloatArray:
+        """Measure one part at frame number `frame`: (elements,) in the device's units."""
+        pad = self._pressures(frame / self.rate)
+        return self._codec.from_kpa(np.where(wiring == UNREAD, 0.0, pad[wiring]))
+
+
+class EmulatedFields(Emulated):
+    """A device with described frames: it speaks `rate` times a second, or when it is asked."""
+
+    _codec: FieldsCodec
+
+    def __init__(self, device: Device, pressures: Pressures, rate: float, link: int = 0) -> None:
+        super().__init__(device, pressures, rate, link)
+        self._frame = 0  # the next one
+        self._heard = b""
+        self._started = not self._codec.format.start
+        self._asked = 0
+
+    def hear(self, data: bytes, now: float) -> None:
+        """Look for the command to start and for requests."""
+        form = self._codec.format
+        self._heard += data
+        if not self._started and form.start in self._heard:
+            self._heard = self._heard.partition(form.start)[2]
+            self._started, self._frame = True, int(now * self.rate) + 1
+        if self._started and form.request:
+            *requests, self._heard = self._heard.split(form.request)
+            self._asked += len(requests)
+        self._heard = self._heard[-256:]
+
+    def say(self, now: float) -> list[bytes]:
+        """Say the frames that were measured since, or one for each request."""
+        if not self._started:
+            return []
+        if self._codec.format.request:
+            asked, self._asked, self._frame = self._asked, 0, int(now * self.rate)
+            return list(self._next_frame()) * asked
+        latest = int(now * self.rate)
+        self._frame = max(self._frame, latest - int(_BEHIND * self.rate))
+        said: list[bytes] = []
+        while self._frame <= latest:
+            said += self._next_frame()
+        return said
+
+    def unheard(self, now: float) -> None:
+        """Lose the frames that were measured since."""
+        self._frame, self._asked = max(self._frame, int(now * self.rate) + 1), 0
+
+    def _next_frame(self) -> Iterator[bytes]:
+        frame, self._frame = self._frame, self._frame + 1
+        for address, wiring in self._parts:
+            ticks = round(frame / self.rate / self._codec.tick_s)
+            yield self._codec.encode(Frame(self.values(wiring, frame), address, frame, ticks))
+
+
+class EmulatedCsv(EmulatedFields):
+    """The lines of the vendor's tool, as fast as they would be written."""
+
+    _codec: CsvCodec  # type: ignore[assignment]
+
+    def __init__(self, device: Device, pressures: Pressures, rate: float, link: int = 0) -> None:
+        Emulated.__init__(self, device, pressures, rate, link)
+        self._frame = self._asked = 0
+        self._titled = False
+
+    def hear(self, data: bytes, now: float) -> None:
+        """Ignore the host."""
+
+    def say(self, now: float) -> list[bytes]:
+        """Write the lines until `now`, the title first."""
+        said = [] if self._titled else [self._codec.title()]
+        self._titled = True
+        while self._frame <= int(now * self.rate):
+            _, wiring = self._parts[0]
+            ticks = 1e3 * self._frame / self.rate
+            said.append(self._codec.encode(Frame(self.values(wiring, self._frame), ticks=ticks)))
+            self._frame += 1
+        return said
+
+
+class EmulatedSingleTact(Emulated):
+    """SingleTact sensors behind the maker's bridge, which answers one request at a time.
+
+    silent: addresses that do not answer; for them the bridge sends old bytes after 100 ms and its
+    timed-out flag stays 0, as the real one's does.
+    """
+
+    _codec: SingleTactCodec
+
+    def __init__(
+        self,
+        device: Device,
+        pressures: Pressures,
+        rate: float,
+        link: int = 0,
+        silent: frozenset[int] = frozenset(),
+    ) -> None:
+        super().__init__(device, pressures, rate, link)
+        self.silent = silent
+        self._heard = b""
+        self._answers: list[tuple[float, bytes]] = []  # (when, what)
+        self._old = bytes(MOST_READ)  # what the bridge's buffer held before
+        self._settings = {address: self._registers(address) for address, _ in self._parts}
+
+    def hear(self, data: bytes, now: float) -> None:
+        """Find requests as the bridge does: a wrong byte makes it start anew."""
+        self._heard += data
+        while (at := self._heard.find(HEADERS[0])) >= 0:
+            request = self._heard[at:]
+            if len(request) < 15:
+                break
+            size = 15 + (0 if request[7] == READ else request[9])
+            if len(request) < size:
+                break
+            if request[size - 4 : size] == FOOTER:
+                self._answer(request[:size], now)
+                self._heard = request[size:]
+            else:
+                self._heard = request[1:]
+        self._heard = self._heard[-64:]
+
+    def say(self, now: float) -> list[bytes]:
+        """Give the answers that are due."""
+        due = [content for when, content in self._answers if when <= now]
+        self._answers = [answer for answer in self._answers if answer[0] > now]
+        return due
+
+    def unheard(self, now: float) -> None:
+        """Lose the answers that were due."""
+        self._answers.clear()
+
+    def _answer(self, request: bytes, now: float) -> None:
+        address, number, command, register, count = (request[k] for k in (4, 6, 7, 8, 9))
+        data, when = b"", now
+        if command == READ:
+            count = min(count, MOST_READ)
+            if address in self._settings and address not in self.silent:
+                data = self._memory(address, now)[register : register + count].ljust(count, b"\0")
+                self._old = (data + self._old)[:MOST_READ]
+            else:
+                data, when = self._old[:count], now + 0.1
+        elif command == WRITE and address in self._settings and register + count <= INDEX_REGISTER:
+            self._settings[address][register : register + count] = request[10 : 10 + count]
+        ticks = round(now / self._codec.tick_s) % self._codec.tick_wrap
+        self._answers.append((when, write_reply(Reply(address, False, number, ticks, data))))
+
+    def _registers(self, address: int) -> bytearray:
+        """Fill the settings as far as a host looks at them."""
+        settings = bytearray(INDEX_REGISTER)
+        settings[0] = address
+        settings[10:12] = (100).to_bytes(2, "big")
+        settings[12] = self._codec.elements
+        settings[15 : 15 + self._codec.elements] = bytes(range(self._codec.elements))
+        assert self._codec.elements <= MAX_ELEMENTS
+        return settings
+
+    def _memory(self, address: int, now: float) -> bytes:
+        """Give all registers at `now`."""
+        frame = int(now * self.rate)
+        wiring = dict(self._parts)[address]
+        head = (frame % 65536).to_bytes(2, "big") + (round(1e3 * now) % 65536).to_bytes(2, "big")
+        output = self.values(wiring, frame).astype(">u2").tobytes()
+        memory = bytes(self._settings[address]) + head + output
+        assert len(head) == OUTPUT_REGISTER - INDEX_REGISTER
+        return memory.ljust(REGISTERS, b"\0")
+
+
+def emulate(device: Device, pressures: Pressures, rate: float, link: int = 0) -> Emulated:
+    """Make what stands on one link of the device."""
+    kinds: dict[str, type[Emulated]] = {
+        "fields": EmulatedFields, "singletact": EmulatedSingleTact, "pps-csv": EmulatedCsv
+    }  # fmt: skip
+    return kinds[device.codec.kind](device, pressures, rate, link)

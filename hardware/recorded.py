@@ -1,0 +1,203 @@
+"""Recordings as sources: the same bytes through the same codec give the same readings."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+from tactsim.core.checking import checked
+from tactsim.core.errors import InputError
+from tactsim.core.files import open_regular
+from tactsim.core.reading import Reading
+from tactsim.hardware.calibration import Calibration, Correction
+from tactsim.hardware.codecs.pps_csv import CsvFormat, count_elements
+from tactsim.hardware.counters import Counters
+from tactsim.hardware.device import Device
+from tactsim.hardware.errors import SourceEnded, SourceError
+from tactsim.hardware.recording import Kind, Record, RecordReader, Whole
+from tactsim.hardware.sources import Log, Source
+from tactsim.hardware.stream import Stream
+
+_CHUNK = 1 << 16  # bytes
+
+
+class Replay(Source):
+    """The readings of a recording, in the order in which they came, and its notes.
+
+    corrected: whether by the calibration that was recorded, as they were seen then. device: of the
+    segment that is being read. segments: how many have begun. whole: how the file ended, once it was
+    read through. on_note(kind, content, readings): called for every segment, mark and end with how
+    many readings came before it.
+    """
+
+    def __init__(
+        self,
+        path: str | Path,
+        corrected: bool = True,
+        on_note: Callable[[Kind, dict[str, Any], int], None] | None = None,
+    ) -> None:
+        """Open a recording and read its first segment.
+
+        Raises InputError if it is no recording or its first segment makes no sense.
+        """
+        self.path = Path(path)
+        self.counters = Counters()
+        self.calibrated = False
+        self.segments = self.marks = 0
+        self._first: dict[str, Any] = {}
+        self._corrected = corrected
+        self._correction: Correction | None = None
+        self._given = 0  # readings of all segments so far
+        self._on_note = on_note
+        self._reader = RecordReader(self.path)
+        self._records: Iterator[Record] = iter(self._reader)
+        self._ready: deque[Reading] = deque()
+        first = next(self._records, None)
+        if first is None or first.kind is not Kind.SEGMENT:
+            raise SourceError(f"{self.path} is a recording without a beginning: nothing in it can be read")
+        self._take(first)
+
+    @property
+    def whole(self) -> Whole:
+        """Say how much of the file was whole, as far as it was read."""
+        return self._reader.whole
+
+    def read(self, timeout: float | None = None) -> Reading:
+        """Return the next reading at once; see `Source.read`."""
+        while not self._ready:
+            record = next(self._records, None)
+            if record is None:
+                raise SourceEnded(f"{self.path} has no more readings")
+            self._take(record)
+        return self._ready.popleft()
+
+    def summary(self) -> list[str]:
+        """Say what the recording is of, as far as it was read."""
+        first = self._first
+        lines = [f"{first.get('device', {}).get('name')} at {first.get('urls')}, {first.get('started')}"]
+        if isinstance(plan := first.get("plan"), dict):
+            poses = plan.get("poses")
+            lines.append(
+                f"a session of {plan.get('label')!r} ({plan.get('split')}): {self.marks} marks, "
+                f"{len(poses) if isinstance(poses, list) else 0} presses planned"
+            )
+        if self.segments > 1:
+            lines.append(f"{self.segments} segments")
+        return lines
+
+    def close(self) -> None:
+        """Stop reading the file."""
+        self._records = iter(())
+        self._ready.clear()
+
+    def _take(self, record: Record) -> None:
+        try:
+            if record.kind is Kind.SEGMENT:
+                self._begin(record.json())
+            elif record.kind in (Kind.MARK, Kind.END):
+                self._note(record.kind, record.json())
+            elif record.kind is Kind.READING:
+                self.counters.readings += 1
+                self._give([record.reading()])
+            elif record.link >= self.device.ports:
+                raise InputError(f"link {record.link} of a device with {self.device.ports}")
+            elif record.kind is Kind.SENT:
+                self._stream.sent(record.link, record.payload, record.time)
+            elif record.kind is Kind.LOST:
+                self._stream.lost(record.link, record.time)
+            else:
+                self._give(self._stream.received(record.link, record.payload, record.time))
+        except InputError as error:
+            raise SourceError(f"{self.path}: {error}") from error
+
+    def _begin(self, content: dict[str, Any]) -> None:
+        device = checked(Device, content.get("device"), "device of a segment")
+        if self.segments and device.pad != self.pad:
+            raise InputError("its segments were recorded with different pads")
+        self.device, self.pad = device, device.pad
+        self._correct(content.get("calibration"))
+        self._stream = Stream(device)
+        self.counters = self._stream.counters
+        self._first = self._first or content
+        self.segments += 1
+        self._note(Kind.SEGMENT, content)
+
+    def _correct(self, content: Any) -> None:
+        """Correct what follows by the calibration that was recorded with it."""
+        self.calibrated = self._corrected and content is not None
+        self._correction = None
+        if self.calibrated:
+            calibration = checked(Calibration, content, "calibration of a segment")
+            self._correction = Correction(calibration, self.pad)
+        taxel_xy = self.pad.taxel_xy if self._correction is None else self._correction.taxel_xy
+        if self.segments and len(taxel_xy) != len(self.taxel_xy):
+            raise InputError("its segments leave out different elements; `bench replay --scan` can join them")
+        self.taxel_xy = taxel_xy
+
+    def _give(self, readings: list[Reading]) -> None:
+        for reading in readings:
+            if len(reading.pressures) != self.pad.taxels:
+                raise InputError(
+                    f"a reading of {len(reading.pressures)} elements; the pad has {self.pad.taxels}"
+                )
+        correction = self._correction
+        self._ready.extend(readings if correction is None else map(correction.apply, readings))
+        self._given += len(readings)
+
+    def _note(self, kind: Kind, content: dict[str, Any]) -> None:
+        self.marks += kind is Kind.MARK
+        if self._on_note is not None:
+            self._on_note(kind, content, self._given)
+
+
+class CsvReplay(Source):
+    """The readings of a recording of the vendor's tool. Their host time is the device's: there is no other."""
+
+    def __init__(self, path: str | Path, device: Device) -> None:
+        """Open the file. Raises InputError if it has another number of elements than the device."""
+        self.path, self.device = Path(path), device
+        self.pad, self.taxel_xy = device.pad, device.pad.taxel_xy
+        if not isinstance(device.codec, CsvFormat):
+            raise SourceError(f"{self.path}: reading it needs a device file with the codec kind 'pps-csv'")
+        try:
+            self._file = open_regular(self.path)
+        except InputError as error:
+            raise SourceError(f"cannot read recording {self.path}: {error}") from error
+        try:
+            elements = count_elements(self._file.readline(_CHUNK))
+            self._file.seek(0)
+        except InputError as error:
+            self._file.close()
+            raise SourceError(f"cannot read recording {self.path}: {error}") from error
+        if elements != device.codec.elements:
+            self._file.close()
+            raise SourceError(
+                f"{self.path} has {elements} elements, {device.name!r} has {device.codec.elements}"
+            )
+        self._stream = Stream(device)
+        self.counters = self._stream.counters
+        self._ready: deque[Reading] = deque()
+
+    def read(self, timeout: float | None = None) -> Reading:
+        """Return the next reading at once; see `Source.read`."""
+        while not self._ready:
+            chunk = b"" if self._file.closed else self._file.read(_CHUNK)
+            if not chunk:
+                raise SourceEnded(f"{self.path} has no more readings")
+            self._ready.extend(self._stream.received(0, chunk, 0.0))
+        reading = self._ready.popleft()
+        return dataclasses.replace(reading, host_time=reading.device_time or 0.0)
+
+    def close(self) -> None:
+        """Close the file."""
+        self._file.close()
+
+
+def open_source(places: Sequence[str], device: Device, log: Log | None) -> Source:
+    """Open a recording; one of this program brings its own device along."""
+    if len(places) != 1:
+        raise SourceError(f"a recording is one file; {len(places)} were given")
+    return CsvReplay(places[0], device) if Path(places[0]).suffix.lower() == ".csv" else Replay(places[0])

@@ -1,0 +1,99 @@
+"""Read text, TOML and JSON that nobody vouches for; every fault is an InputError.
+
+What comes out of a document is bounded: its size, how deep it nests, and its numbers, which are finite and
+have at most 64 bits, as TOML prescribes and JSON's readers may expect. So whatever is computed of it later
+neither overflows nor runs out of stack, and can be written down again.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from tactsim.core.errors import InputError, short
+from tactsim.core.files import read_bytes
+
+SMALL = 1 << 20  # bytes of what a person writes
+LARGE = 64 << 20  # bytes of what a program writes
+DEEPEST = 40  # tables or lists within each other
+_MOST_INTEGER = 2**63
+# More parts in a dotted key than tables may nest: Python's parser keeps every beginning of a key, so that
+# one of 100,000 parts would take all memory.
+_LONG_KEY = re.compile(
+    r"""(?<![\w."'-])(?>(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+){%d}""" % DEEPEST  # noqa: UP031
+)
+
+
+def read_text(path: str | Path, what: str, most: int = SMALL) -> str:
+    """Read a regular file of at most `most` bytes as UTF-8. Raises InputError that names `what` and `path`."""
+    try:
+        content = read_bytes(path, most)
+    except InputError as error:
+        raise InputError(f"cannot read {what} {path}: {error}") from error
+    return _text(content, f"{what} {path}")
+
+
+def read_toml(path: str | Path, what: str) -> dict[str, Any]:
+    """Read a TOML file. Raises InputError that names `what` and `path`."""
+    return parse_toml(read_text(path, what), f"{what} {path}")
+
+
+def read_json(path: str | Path, what: str, most: int = LARGE) -> dict[str, Any]:
+    """Read a file that holds a JSON object. Raises InputError that names `what` and `path`."""
+    return parse_json(read_text(path, what, most), f"{what} {path}")
+
+
+def parse_toml(content: str | bytes, where: str) -> dict[str, Any]:
+    """Parse TOML. Raises InputError that begins with `where`."""
+    text = content if isinstance(content, str) else _text(content, where)
+    if _LONG_KEY.search(text):
+        raise InputError(f"{where} nests more than {DEEPEST} tables or lists in each other")
+    try:
+        table = tomllib.loads(text)
+    except (ValueError, RecursionError) as error:  # an integer of 5,000 digits is a ValueError too
+        raise InputError(f"{where} is not TOML: {error}") from error
+    _check_bounds(table, where)
+    return table
+
+
+def parse_json(content: str | bytes, where: str) -> dict[str, Any]:
+    """Parse a JSON object. Raises InputError that begins with `where`."""
+    try:
+        value = json.loads(content)
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"{where} is not whole JSON: {error}") from error
+    if not isinstance(value, dict):
+        raise InputError(f"{where} holds no JSON object")
+    _check_bounds(value, where)
+    return value
+
+
+def _text(content: bytes, where: str) -> str:
+    try:
+        return content.decode("utf-8")
+    except UnicodeDecodeError as error:
+        raise InputError(f"{where} is not text in UTF-8: {error}") from error
+
+
+def _check_bounds(document: Mapping[str, Any], where: str) -> None:
+    """Raise InputError for a number beyond 64 bits or not finite, and for deep nesting."""
+    left: list[tuple[tuple[str, ...], Any]] = [((), document)]
+    while left:
+        place, value = left.pop()
+        fault = None
+        if isinstance(value, dict | list):
+            if len(place) == DEEPEST:
+                raise InputError(f"{where} nests more than {DEEPEST} tables or lists in each other")
+            inner = value.items() if isinstance(value, dict) else enumerate(value)
+            left += [((*place, str(key)), content) for key, content in inner]
+        elif isinstance(value, int) and not -_MOST_INTEGER <= value < _MOST_INTEGER:
+            fault = "which takes more than 64 bits"
+        elif isinstance(value, float) and not math.isfinite(value):
+            fault = "which is no finite number"
+        if fault:
+            raise InputError(f"{where}: {short('.'.join(place))} is {short(value)}, {fault}")

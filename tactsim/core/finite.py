@@ -1,0 +1,28 @@
+"""Numbers that may enter: finite, and no larger than anything a pad can measure."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from tactsim.core.errors import InputError
+from tactsim.core.poses import FloatArray
+
+# kPa, mm or rad: no reading, pad or pose is larger, and sums of squares stay far from overflow.
+LARGEST = 1e9
+
+
+def finite(values: ArrayLike, name: str) -> FloatArray:
+    """Return numbers of any shape as float64.
+
+    Raises InputError that names the first element which is NaN, infinite or beyond LARGEST in size.
+    """
+    array = np.asarray(values, dtype=np.float64)
+    allowed = np.abs(array) <= LARGEST
+    if not allowed.all():
+        first = tuple(np.argwhere(~allowed)[0].tolist())
+        place = ", ".join(map(str, first))
+        raise InputError(
+            f"{name}[{place}] is {array[first]}; only finite numbers up to {LARGEST:g} are allowed"
+        )
+    return array

@@ -1,0 +1,220 @@
+"""`Scan`: tactile readings with the poses at which they were taken, and the file that holds them."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from hashlib import sha256
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tactsim.core.documents import parse_json
+from tactsim.core.errors import InputError
+from tactsim.core.files import replacing
+from tactsim.core.finite import finite
+from tactsim.core.npz import read_npz
+from tactsim.core.poses import FloatArray
+
+SPLITS = ("train", "test")
+_ARRAYS = ("readings", "poses", "labels", "split", "taxel_xy")
+_LONGEST_NAME = 100  # characters of a label
+
+
+@dataclass(frozen=True, eq=False)
+class Scan:
+    """Readings of objects pressed against a pad at known poses.
+
+    readings: (n, taxels) kPa. poses: (n, 3) sensor_in_object [mm, mm, rad]. labels: (n,) names of
+    the objects. split: (n,) "train" or "test". taxel_xy: (taxels, 2) mm, the taxels' centres in the
+    sensor frame. meta: what made it, a JSON object; `meta["objects"][label]` holds, where known,
+    `symmetry` (order of the rotational symmetry, 0 for a disc), `centre` ([x, y] mm) and
+    `inertia_over_mass` (mm^2).
+
+    Raises InputError when shapes disagree, there are no taxels, a number is not finite or beyond 1e9, a
+    label is empty, over 100 characters long or not printable, a split has another name, or `meta` is not JSON.
+    """
+
+    readings: FloatArray
+    poses: FloatArray
+    labels: NDArray[np.str_]
+    split: NDArray[np.str_]
+    taxel_xy: FloatArray
+    meta: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        for name in ("readings", "poses", "taxel_xy"):
+            object.__setattr__(self, name, _numbers(name, getattr(self, name)))
+        for name in ("labels", "split"):
+            object.__setattr__(self, name, _names(name, getattr(self, name)))
+        count, taxels = self.readings.shape
+        wanted = {"poses": (count, 3), "labels": (count,), "split": (count,), "taxel_xy": (taxels, 2)}
+        for name, shape in wanted.items():
+            if getattr(self, name).shape != shape:
+                raise InputError(
+                    f"scan: {name} has shape {getattr(self, name).shape}, but readings of shape "
+                    f"{self.readings.shape} ask for {shape}"
+                )
+        if not taxels:
+            raise InputError("scan: readings have no taxels")
+        for label in self.letters:
+            if not is_label(label):
+                raise InputError(
+                    f"scan: the label {label[:_LONGEST_NAME]!r} is empty, too long or not printable"
+                )
+        try:
+            json.dumps(self.meta, allow_nan=False)
+        except (TypeError, ValueError, RecursionError) as error:
+            raise InputError(f"scan: meta is no JSON without NaN and infinity: {error}") from None
+        other = sorted(set(self.split.tolist()) - set(SPLITS))
+        if other:
+            raise InputError(f"scan: split says {other[0]!r}; only 'train' and 'test' have a meaning")
+
+    def __len__(self) -> int:
+        return len(self.readings)
+
+    @property
+    def letters(self) -> tuple[str, ...]:
+        """List the labels in the order of their first appearance."""
+        return tuple(dict.fromkeys(self.labels.tolist()))
+
+    @cached_property
+    def digest(self) -> str:
+        """Name the scan by its content: equal scans have equal digests (SHA-256, hex)."""
+        content = sha256(json.dumps(self.meta, sort_keys=True).encode())
+        for name in _ARRAYS:
+            array = np.ascontiguousarray(getattr(self, name))
+            content.update(f"{name} {array.dtype.str} {array.shape}".encode())
+            content.update(array.tobytes())
+        return content.hexdigest()
+
+    def where(self, split: str | None = None, label: str | None = None) -> Scan:
+        """Select the readings of one split and/or one label, in their order."""
+        chosen = np.ones(len(self), dtype=bool)
+        if split is not None:
+            chosen &= self.split == split
+        if label is not None:
+            chosen &= self.labels == label
+        return self._chosen(chosen)
+
+    def of_letters(self, letters: Iterable[str]) -> Scan:
+        """Select the readings of these letters, in their order."""
+        return self._chosen(np.isin(self.labels, list(letters)))
+
+    def untrained(self, letters: Iterable[str]) -> Scan:
+        """Leave out the training readings of these letters, so that they are unknown objects."""
+        return self._chosen((self.split != "train") | ~np.isin(self.labels, list(letters)))
+
+    def joined(self, other: Scan, meta: Mapping[str, Any]) -> Scan:
+        """Append another scan of the same pad; the result says `meta`.
+
+        Raises InputError if the taxels lie elsewhere.
+        """
+        if self.taxel_xy.shape != other.taxel_xy.shape or not np.allclose(
+            self.taxel_xy, other.taxel_xy, rtol=0, atol=1e-6
+        ):
+            raise InputError(
+                f"two scans of different pads cannot be one: {len(self.taxel_xy)} and "
+                f"{len(other.taxel_xy)} taxels, or the same number at other places"
+            )
+        both = [np.concatenate([getattr(self, name), getattr(other, name)]) for name in _ARRAYS[:4]]
+        readings, poses, labels, split = both
+        return Scan(readings, poses, labels, split, self.taxel_xy, meta)
+
+    def on_elements_of(self, other: Scan) -> Scan:
+        """Keep the elements that `other` has at the same places, in the order of this scan.
+
+        A recorded scan leaves out elements that are dead or stuck. Raises InputError if there are none.
+        """
+        apart = np.abs(self.taxel_xy[:, None] - other.taxel_xy[None]).max(axis=-1, initial=0.0)
+        shared = (apart < 1e-3).any(axis=1)  # mm
+        if not shared.any():
+            raise InputError("two scans have no element at the same place: their pads differ")
+        return replace(self, readings=self.readings[:, shared], taxel_xy=self.taxel_xy[shared])
+
+    def _chosen(self, chosen: NDArray[np.bool_]) -> Scan:
+        return Scan(
+            self.readings[chosen], self.poses[chosen], self.labels[chosen], self.split[chosen],
+            self.taxel_xy, self.meta,
+        )  # fmt: skip
+
+    def save(self, path: str | Path) -> None:
+        """Write the scan as .npz: the five arrays and `meta`, a JSON string. Whole or not at all.
+
+        The same scan gives the same bytes. Raises InputError if `path` cannot be written.
+        """
+        arrays = {name: getattr(self, name) for name in _ARRAYS}
+        arrays["meta"] = np.array(json.dumps(self.meta, sort_keys=True))
+        content = BytesIO()
+        # np.savez stamps nothing and orders members as given, so the bytes depend on the scan alone.
+        np.savez_compressed(content, allow_pickle=False, **arrays)
+        with replacing(path) as stream:
+            stream.write(content.getbuffer())
+
+    @classmethod
+    def load(cls, path: str | Path) -> Scan:
+        """Read a scan written by `save`; nothing in the file is unpickled or run.
+
+        Raises InputError if the file is missing, cut short, of another kind, claims more than 1 GiB
+        or holds what `Scan` refuses.
+        """
+        try:
+            arrays = read_npz(path, (*_ARRAYS, "meta"))
+        except InputError as error:
+            raise InputError(f"scan {path}: {error}; make one with `bench scan --out FILE`") from error
+        try:
+            return cls(meta=_meta(arrays.pop("meta")), **arrays)
+        except InputError as error:
+            raise InputError(f"{path}: {error}") from error
+
+
+def train_on(train: Scan, test: Scan) -> Scan:
+    """Join the training readings of one scan and the test readings of another, on their common elements.
+
+    A scan without the half that is wanted of it gives all its readings: a recording has often one only.
+    Raises InputError if the pads differ.
+    """
+    halves = []
+    for scan, other, split in ((train, test, "train"), (test, train, "test")):
+        half = scan.where(split)
+        half = half if len(half) else replace(scan, split=np.full(len(scan), split))
+        halves.append(half.on_elements_of(other))
+    return halves[0].joined(halves[1], {**test.meta, "train": dict(train.meta)})
+
+
+def is_label(name: str) -> bool:
+    """Tell whether an object may be called so: 1 to 100 printable characters."""
+    return name.isprintable() and 0 < len(name) <= _LONGEST_NAME
+
+
+def _numbers(name: str, values: Any) -> FloatArray:
+    array = np.asarray(values)
+    if array.dtype.kind not in "fiu" or array.ndim != 2:
+        raise InputError(f"scan: {name} must be a table of numbers, got {array.dtype} {array.shape}")
+    array = finite(array, f"scan: {name}").copy()
+    array.setflags(write=False)
+    return array
+
+
+def _names(name: str, values: Any) -> NDArray[np.str_]:
+    array = np.asarray(values)
+    if array.dtype.kind != "U" and array.size:
+        raise InputError(f"scan: {name} must be names, got {array.dtype}")
+    array = array.astype(np.str_)
+    try:
+        array.tolist()
+    except (ValueError, SystemError) as error:  # a code beyond Unicode
+        raise InputError(f"scan: {name} are no text: {error}") from None
+    array.setflags(write=False)
+    return array
+
+
+def _meta(array: NDArray[Any]) -> dict[str, Any]:
+    if array.shape != () or array.dtype.kind != "U":
+        raise InputError(f"scan: meta must be a text, got {array.dtype} {array.shape}")
+    return parse_json(str(_names("meta", array)), "scan: meta")

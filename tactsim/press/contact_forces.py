@@ -1,0 +1,66 @@
+"""Contact forces of presses: set each up in MuJoCo, and let it rest or step it through time."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tactsim import models
+from tactsim.core.poses import FloatArray
+from tactsim.press.bed import Bed, Springs
+from tactsim.press.dynamics import History, press_through_time
+from tactsim.press.equilibrium import MASS, fall, rest
+from tactsim.press.scan_options import PressOptions
+from tactsim.press.scene import Setup, UnsettledError, scene
+
+
+def contact_forces(bed: Bed, poses: FloatArray, letter: models.Letter, options: PressOptions) -> FloatArray:
+    """Press the faces of `bed` until they rest: every contact's force along the pad's normal, (contacts,) N.
+
+    poses: (presses, 3) sensor_in_object, where the bed was laid.
+    Raises UnsettledError, naming letter and pose, if a press does not come to rest.
+    """
+    forces = np.zeros(len(bed.area))
+    setup = _setup(letter, options, MASS)
+    for springs, pose in zip(bed.springs, poses, strict=True):
+        if options.skip.no_contact and not springs.area:
+            continue
+        if options.dynamics == "full" and springs.area:
+            forces[springs.rows] = contact_history(springs, pose, letter, options).forces[-1]
+            continue
+        stage = scene(setup, len(springs.share))
+        stage.place_letter(pose)
+        try:
+            forces[springs.rows] = (rest if springs.area else fall)(stage, springs, options)
+        except UnsettledError as error:
+            raise _named(error, letter, pose) from error
+    return forces
+
+
+def contact_history(
+    springs: Springs, pose: FloatArray, letter: models.Letter, options: PressOptions
+) -> History:
+    """Step one press through time until it rests. Raises UnsettledError, naming letter and pose."""
+    stage = scene(_setup(letter, options, options.moving_mass), len(springs.share))
+    stage.place_letter(pose)
+    try:
+        return press_through_time(stage, springs, options)
+    except UnsettledError as error:
+        raise _named(error, letter, pose) from error
+
+
+def _setup(letter: models.Letter, options: PressOptions, mass: float) -> Setup:
+    return Setup(
+        mass=mass,
+        tilt=(options.tilt_x, options.tilt_y),
+        tilt_stiffness=options.tilt_stiffness,
+        letter=None if options.skip.parts else letter,
+        skip_stages=options.skip.stages,
+    )
+
+
+def _named(error: UnsettledError, letter: models.Letter, pose: FloatArray) -> UnsettledError:
+    """Say which press it was that did not settle."""
+    x, y, angle = pose
+    return UnsettledError(
+        f"letter {letter.name!r} pressed at x = {x:g} mm, y = {y:g} mm, {angle:g} rad does not settle: {error}"
+    )

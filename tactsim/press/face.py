@@ -1,0 +1,43 @@
+"""What the pad can meet of a letter: its flat face, the levels of a rounded edge, or its convex parts."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tactsim import models
+from tactsim.core.errors import InputError
+from tactsim.models.rounding import inset
+from tactsim.press.bed import Level
+from tactsim.press.clip import edges_of
+from tactsim.press.scan_options import PressOptions
+
+ROUNDING_LEVELS = 16  # that a rounded edge is cut into; more change no element by 0.1 % of the largest
+
+
+def levels(letter: models.Letter, options: PressOptions) -> list[Level]:
+    """List the flat regions that a press can touch, the foremost first, or the letter's parts.
+
+    A rounded edge is a quarter circle, cut into levels at equal angles; each lies at its mean gap.
+    Raises InputError if a rounded letter is to be pressed by its parts.
+    """
+    if options.skip.parts:
+        return [Level(edges_of(letter.contours))] if not letter.rounding else _rounded(letter)
+    if letter.rounding:
+        raise InputError(f"letter {letter.name!r} has rounded edges, which are no parts; leave skip.parts on")
+    return [Level(edges_of([part.outline])) for part in letter.parts]
+
+
+def _rounded(letter: models.Letter) -> list[Level]:
+    radius = letter.rounding
+    angle = np.linspace(0, np.pi / 2, ROUNDING_LEVELS + 1)  # from the flat of the face to its side
+    outlines = [
+        inset(letter.contours, distance) if distance > 0 else list(letter.contours)
+        for distance in radius * (1 - np.sin(angle))
+    ]
+    # The mean of the gap, radius (1 - cos), over an inset that grows as sin.
+    integral = np.sin(angle) - angle / 2 - np.sin(2 * angle) / 4
+    gaps = radius * np.diff(integral) / np.diff(np.sin(angle))
+    return [Level(edges_of(outlines[0]))] + [
+        Level(edges_of([*outer, *(contour[::-1] for contour in inner)]), float(gap))
+        for inner, outer, gap in zip(outlines[:-1], outlines[1:], gaps, strict=True)
+    ]

@@ -1,0 +1,212 @@
+"""What a scan can be told: letters, pad, press and sensor, each option with its unit and its bounds.
+
+"assumed" in a description means that the paper does not give the value.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
+
+from tactsim.core.pad import Pad
+
+_MOST_RESPONSES = 20_000_000  # of elements to cells: 1 GB of them
+_FROZEN = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+Share = Annotated[float, Field(ge=0, le=1)]
+
+
+class Skips(BaseModel):
+    """Work that cannot change a reading and is left out. Each can be switched on again, to show just that."""
+
+    model_config = _FROZEN
+
+    no_contact: bool = Field(True, description="no physics for a press that does not touch")
+    cells: bool = Field(True, description="no contact for cells of the bed that the letter does not cover")
+    parts: bool = Field(
+        True, description="one plane for a flat face instead of the letter's convex parts, near or far"
+    )
+    stages: bool = Field(True, description="no stage of MuJoCo that the press does not read")
+    known: bool = Field(True, description="no press of the same letter at exactly the same pose again")
+
+    @model_validator(mode="after")
+    def _planes_reach_everywhere(self) -> Skips:
+        if self.parts and not self.cells:
+            raise ValueError(
+                "cells can only be kept with the letter's parts (parts = false): a plane touches them all"
+            )
+        return self
+
+
+class PressOptions(BaseModel):
+    """How a letter is pressed against the pad."""
+
+    model_config = _FROZEN
+
+    force: float = Field(
+        2.0, ge=1e-6, le=1e4, description="N, constant force along the pad's normal (assumed)"
+    )
+    cells_per_element: int = Field(
+        2, ge=1, le=16, description="cells of the bed along each side of an element; more cost time"
+    )
+    stiffness: float = Field(
+        1000.0,
+        ge=1,
+        le=1e6,
+        description="kPa per mm of the pad's layer, which a flat, level face does not feel (assumed)",
+    )
+    thickness: float = Field(
+        1.0, ge=1e-3, le=100, description="mm of the pad's layer, past which it gives no more way (assumed)"
+    )
+    tilt_x: float = Field(0.0, ge=-0.2, le=0.2, description="rad about the pad's x between letter and pad")
+    tilt_y: float = Field(0.0, ge=-0.2, le=0.2, description="rad about the pad's y between letter and pad")
+    tilt_stiffness: float | None = Field(
+        None,
+        ge=1,
+        le=1e7,
+        description="N mm per rad of hinges in the pad's middle that let the tilt give way, None for rigid",
+    )
+    dynamics: Literal["equilibrium", "full"] = Field(
+        "equilibrium", description="solve for rest, or step through approach, touch and settling"
+    )
+    moving_mass: float = Field(
+        0.1, ge=1e-3, le=100, description="kg, of what is moved; full dynamics (assumed)"
+    )
+    relaxation: float = Field(
+        0.005, ge=0, le=1, description="s, damping over stiffness of the pad's layer; full dynamics (assumed)"
+    )
+    approach_speed: float = Field(
+        10.0, gt=0, le=1000, description="mm/s before contact; full dynamics (assumed)"
+    )
+    clearance: float = Field(
+        0.2, ge=0, le=10, description="mm between letter and pad at first; full dynamics (assumed)"
+    )
+    ramp: float = Field(
+        0.05, ge=0, le=10, description="s in which the force rises to its full value; full dynamics (assumed)"
+    )
+    time_limit: float = Field(
+        5.0, gt=0, le=100, description="s after which a press counts as unsettled; full dynamics"
+    )
+    frame_rate: float = Field(200.0, gt=0, le=1e4, description="images a second; full dynamics (assumed)")
+    skip: Skips = Field(default_factory=Skips)
+
+    def stiffness_over(self, area: float) -> float:
+        """Give the layer's stiffness, kPa/mm, under a contact of `area` mm^2.
+
+        Where the force would press the layer by more than its thickness, it is as stiff as it takes to stop there.
+        """
+        return max(self.stiffness, 1e3 * self.force / (area * self.thickness))
+
+    @property
+    def level(self) -> bool:
+        """Tell whether letter and pad stay parallel."""
+        return self.tilt_x == 0 == self.tilt_y and self.tilt_stiffness is None
+
+
+class SensorOptions(BaseModel):
+    """How the pad turns contact pressure into readings. 0, None or () switches an effect off."""
+
+    model_config = _FROZEN
+
+    psf_sigma: float = Field(
+        1.0, ge=0, le=10, description="mm, standard deviation of the point spread (assumed)"
+    )
+    gain_spread: float = Field(
+        0.0, ge=0, le=1, description="standard deviation of the elements' relative gains (assumed)"
+    )
+    hysteresis: float = Field(
+        0.0, ge=0, lt=1, description="share of the previous reading that is still felt (assumed)"
+    )
+    drift: float = Field(
+        0.0, ge=-100, le=100, description="kPa that the zero moves from one reading to the next (assumed)"
+    )
+    noise: float = Field(2.0, ge=0, le=1000, description="kPa, standard deviation of white noise (assumed)")
+    random_taxels: Share = Field(
+        0.0, description="probability that an element's reading is replaced by a random one (assumed)"
+    )
+    dead_taxels: tuple[Annotated[int, Field(ge=0)], ...] = Field((), description="elements that read 0")
+    saturation: float | None = Field(
+        None, gt=0, description="kPa at which an element stops rising, None for never (assumed)"
+    )
+    resolution: float = Field(
+        0.7, ge=0, le=1000, description="kPa, the smallest step of a reading (published)"
+    )
+
+    @field_validator("resolution")
+    @classmethod
+    def _countable_steps(cls, step: float) -> float:
+        if 0 < step < 1e-6:
+            raise ValueError("steps below 1e-6 kPa are finer than a reading's digits; give 0 for none")
+        return step
+
+    @field_validator("psf_sigma")
+    @classmethod
+    def _sharp_or_smooth(cls, sigma: float) -> float:
+        if 0 < sigma < 0.3:
+            raise ValueError("a point spread below 0.3 mm is finer than the bed's cells; give 0 for none")
+        return sigma
+
+
+class ScanOptions(BaseModel):
+    """Everything that the readings of a scan depend on, besides the letters' shapes themselves."""
+
+    model_config = _FROZEN
+
+    letters: tuple[str, ...] = Field(("A", "E", "I", "O", "U"), description="names of the letters")
+    shapes: tuple[str, ...] = Field((), description="files of shapes of one's own, pressed after the letters")
+    rounding: float = Field(
+        0.0, ge=0, le=10, description="mm, radius of the pressed face's edges (assumed sharp)"
+    )
+    seed: int = Field(0, ge=0, lt=2**63, description="of every random number in the scan")
+    test_poses: Literal["same", "random"] = Field(
+        "same", description="test readings at the training poses (the paper) or off the grid"
+    )
+    placement_mm: float = Field(
+        0.1,
+        ge=0,
+        le=20,
+        description="mm, standard deviation of a press's x and y about the stated pose (assumed)",
+    )
+    placement_rad: float = Field(
+        0.005, ge=0, le=3.2, description="rad, standard deviation of a press's angle (assumed)"
+    )
+    pad: Pad = Field(default_factory=Pad, description="its measures, or the path of a file that holds them")
+    press: PressOptions = Field(default_factory=PressOptions)
+    sensor: SensorOptions = Field(default_factory=SensorOptions)
+
+    @field_validator("pad", mode="before")
+    @classmethod
+    def _pad_from_file(cls, pad: object) -> object:
+        return Pad.load(pad) if isinstance(pad, str | Path) else pad
+
+    @model_validator(mode="after")
+    def _pad_is_workable(self) -> ScanOptions:
+        x_lines, y_lines = self.pad.grid_lines(
+            self.press.cells_per_element, gap_cells=self.sensor.psf_sigma == 0
+        )
+        cells = (len(x_lines) - 1) * (len(y_lines) - 1)
+        if cells * self.pad.taxels > _MOST_RESPONSES:
+            raise ValueError(
+                f"{self.pad.taxels} elements over {cells:,} cells of the bed are {cells * self.pad.taxels:,} "
+                f"responses, more than {_MOST_RESPONSES:,}; choose fewer elements or press.cells_per_element"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _dead_taxels_exist(self) -> ScanOptions:
+        beyond = [taxel for taxel in self.sensor.dead_taxels if taxel >= self.pad.taxels]
+        if beyond:
+            raise ValueError(
+                f"dead taxel {beyond[0]} does not exist: the pad's elements are 0 to {self.pad.taxels - 1}"
+            )
+        return self
+
+
+# Ready-made worlds: what differs from the defaults. "paper-like" adds what the paper's own numbers suggest of
+# its data, poses off by 1 to 2 mm and 20 % random classes; "ideal" has no noise, no steps and exact poses.
+WORLDS: dict[str, dict[str, Any]] = {
+    "default": {},
+    "paper-like": {"placement_mm": 1.5, "placement_rad": 0.1, "sensor": {"random_taxels": 0.2}},
+    "ideal": {"placement_mm": 0.0, "placement_rad": 0.0, "sensor": {"noise": 0.0, "resolution": 0.0}},
+}

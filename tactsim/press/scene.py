@@ -1,0 +1,251 @@
+"""The MuJoCo scene of a press: a letter that slides along the pad's normal, and the springs that carry it.
+
+The letter looks along +z, its face at z = 0 where it just touches; a constant force pushes it that
+way. Each spring is a sphere, fixed to the world above the face, that touches the letter alone
+(an explicit pair): what a sphere can touch is known from the clip, so MuJoCo need not search.
+
+A contact with constant impedance d and direct reference (-K, -B) answers with
+f = d / ((1 - d) A) * (-a - B v - K r): r its distance, v and a the rates, A the letter's inverse weight
+(1 / 3m for one slide, `body_invweight0`). With 1 / R = k h^2 + c h, K = k / (1 / R) and
+B = (k h + c) / (1 / R) that is a spring k with a damper c, taken at the end of the step h: implicit, and stable
+whatever the stiffness. The same holds for the soft equalities that stand for the hinges' compliance.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections import OrderedDict
+from dataclasses import dataclass
+from typing import Any
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from tactsim.core.errors import InputError
+from tactsim.core.poses import FloatArray, invert
+from tactsim.models.letter import Letter, Part
+from tactsim.press.bed import MM, Springs
+
+# m, of the spheres; less than half a cell, so that none reaches what its cell does not. The letter starts that
+# far behind their centres, so that a sphere stands at its spring's position and touches where the depth is 0.
+_RADIUS = 5e-5
+# Largest impedance over what it lacks to 1. MuJoCo clips impedances at 1e-4 and 0.9999, silently, so a spring
+# may be 1e8 times as stiff as another.
+_RANGE = 0.9999 / (1 - 0.9999)
+_STAGE = 0.5  # m, that the letter may move either way; the face is the front of a box of 1 m
+_FAR = 10.0  # m, where spheres wait that a press does not need
+_STATE = mujoco.mjtState.mjSTATE_INTEGRATION  # all that the next step depends on
+
+_Disable = mujoco.mjtDisableBit
+# What a press does not read: it has no sensors, actuators, limits, friction, gravity or joint springs, and
+# is one island.
+UNREAD_STAGES = (
+    _Disable.mjDSBL_SENSOR,
+    _Disable.mjDSBL_ACTUATION,
+    _Disable.mjDSBL_LIMIT,
+    _Disable.mjDSBL_FRICTIONLOSS,
+    _Disable.mjDSBL_GRAVITY,
+    _Disable.mjDSBL_SPRING,
+    _Disable.mjDSBL_DAMPER,
+    _Disable.mjDSBL_ISLAND,
+    _Disable.mjDSBL_EULERDAMP,
+)
+
+
+class UnsettledError(InputError):
+    """A press does not come to rest; it has no reading."""
+
+
+@dataclass(frozen=True)
+class Setup:
+    """What a scene is compiled for.
+
+    mass: kg, of what moves. tilt: rad about x and y, of the letter at rest. tilt_stiffness: N mm / rad, of the
+    hinges that let it give way, None for none.
+    letter: whose convex parts are the colliders, or None for one plane face, which is all that a pad can
+    tell of a flat letter.
+    """
+
+    mass: float
+    tilt: tuple[float, float] = (0.0, 0.0)
+    tilt_stiffness: float | None = None
+    letter: Letter | None = None
+    skip_stages: bool = True
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """A compiled scene for at most `capacity` springs."""
+
+    setup: Setup
+    capacity: int
+    model: Any
+    data: Any
+    rest: FloatArray  # the state that every press starts from
+    # What a press sets, as views of the model's arrays: of the spheres, of their pairs, of the letter.
+    position: FloatArray
+    touched: NDArray[np.int32]
+    solref: FloatArray
+    solimp: FloatArray
+    inverse_weight: FloatArray
+    letter_body: int
+
+    def reset(self, depth: float) -> None:
+        """Forget the last press, what its solver remembers included, and stand `depth` m into the bed."""
+        mujoco.mj_setState(self.model, self.data, self.rest, _STATE)
+        self.data.qpos[0] = depth
+        if self.setup.tilt_stiffness is not None:
+            self.data.qpos[1:] = self.setup.tilt
+
+    def place_letter(self, sensor_in_object: FloatArray) -> None:
+        """Put the letter's parts where a pose [x mm, y mm, theta rad] has them, their faces at z = 0."""
+        letter = self.setup.letter
+        if letter is not None:
+            x, y, angle = invert(sensor_in_object)
+            self.model.body_pos[self.letter_body] = (x * MM, y * MM, -letter.height * MM)
+            self.model.body_quat[self.letter_body] = (np.cos(angle / 2), 0, 0, np.sin(angle / 2))
+
+    def depth_of_touch(self, springs: Springs) -> FloatArray:
+        """Tell how far the letter must come to touch each spring, (n,) m."""
+        (x, y, gap), (tilt_x, tilt_y) = springs.position.T, self.setup.tilt
+        return gap - y * tilt_x + x * tilt_y
+
+    def set_springs(
+        self, springs: Springs, stiffness: float, *, step: float, relaxation: float = 0.0
+    ) -> None:
+        """Put springs of `stiffness` (N/m per mm^2) into the scene, for steps of `step` s.
+
+        relaxation: s, damping over stiffness, of the bed and of the hinges.
+        """
+        count, setup = len(springs.share), self.setup
+        self.model.opt.timestep = step
+        self.position[:count] = springs.position
+        self.position[count:, 2] = _FAR
+        if setup.letter is not None:
+            self.touched[:count] = self.capacity + springs.level  # parts' geoms follow the spheres
+        k, b, unit = 1 / (step * (step + relaxation)), 1 / step, step * (step + relaxation)
+        # A is an estimate of MuJoCo's that turns impedances into 1 / R and does nothing else. Setting it to
+        # what gives the stiffest spring the largest impedance keeps all springs within MuJoCo's limits.
+        self.inverse_weight[0] = _RANGE / (stiffness * (springs.largest or 1.0) * unit)
+        impedance = (springs.share * _RANGE)[:, None]
+        impedance /= 1 + impedance
+        np.multiply(impedance, (-k, -b), out=self.solref[:count])
+        self.solimp[:count, :2] = impedance
+        if setup.tilt_stiffness is not None:
+            self.model.dof_invweight0[1:] = 1 / (setup.tilt_stiffness * MM * unit)  # for an impedance of 1/2
+            self.model.eq_solref[:] = -k / 2, -b / 2
+            self.model.eq_solimp[:, :2] = 1 / 2
+
+    def forces(self, count: int) -> FloatArray:
+        """Read the force along the pad's normal, N, of the first `count` springs."""
+        data = self.data
+        oblique = self.setup.tilt_stiffness is not None or self.setup.tilt != (0.0, 0.0)
+        if len(data.efc_force) == data.ncon == count and not oblique:
+            return data.efc_force.copy()  # all springs touch, in their order
+        contact = data.contact
+        row = contact.efc_address
+        carrying = row >= 0
+        result = np.zeros(self.capacity)  # a letter that turns over may meet spheres that wait
+        result[contact.geom[carrying, 0]] = data.efc_force[row[carrying]] * np.abs(contact.frame[carrying, 2])
+        return result[:count]
+
+    def check_position(self) -> None:
+        """Raise UnsettledError if the letter has left the stage: then nothing holds it any more."""
+        depth = self.data.qpos[0]
+        if not abs(depth) < _STAGE:
+            raise UnsettledError(
+                f"the bed does not hold it, it has moved by {depth:.3g} m; the bed or its hinges are too soft"
+            )
+
+
+def scene(setup: Setup, springs: int) -> Scene:
+    """Give this thread's scene with room for `springs`, compiled when it is first asked for."""
+    capacity = 1 << max(4, (springs - 1).bit_length())
+    known = _THREAD.__dict__.setdefault("scenes", OrderedDict())
+    key = (setup, capacity)
+    if key not in known:
+        known[key] = _compile(setup, capacity)
+        if len(known) > _MOST_SCENES:
+            known.popitem(last=False)
+    return known[key]
+
+
+_THREAD = threading.local()  # a scene holds the state of one press, so threads do not share it
+_MOST_SCENES = 16
+
+
+def _compile(setup: Setup, capacity: int) -> Scene:
+    x, y = setup.tilt
+    gimbal = f'euler="{x} {y} 0"'
+    hinges = springs = ""
+    if setup.tilt_stiffness is not None:
+        gimbal = ""
+        for axis, name, angle in (("1 0 0", "tilt_x", x), ("0 1 0", "tilt_y", y)):
+            hinges += f'<joint name="{name}" type="hinge" axis="{axis}"/>'
+            springs += f'<joint joint1="{name}" polycoef="{angle} 0 0 0 0"/>'
+    meshes, geoms = "", '<geom name="part0" type="box" size="1 1 1" pos="0 0 -1"/>'
+    if setup.letter is not None:
+        described = [_describe(index, part) for index, part in enumerate(setup.letter.parts)]
+        meshes, geoms = ("".join(texts) for texts in zip(*described, strict=True))
+    cells = range(capacity)
+    spheres = "".join(f'<geom name="cell{i}" size="{_RADIUS}" pos="0 0 {_FAR + i}"/>' for i in cells)
+    pairs = "".join(f'<pair geom1="cell{i}" geom2="part0" condim="1"/>' for i in cells)
+    half = setup.mass / 2  # one half slides, the other tilts with the letter
+    inertia = half * 25e-6  # kg m^2, of a body about as large as a letter
+    model = mujoco.MjModel.from_xml_string(
+        f"""<mujoco>
+        <compiler angle="radian"/>
+        <option gravity="0 0 0" iterations="20" ccd_tolerance="1e-12" ccd_iterations="200"/>
+        <default><geom contype="0" conaffinity="0" density="0"/></default>
+        <asset>{meshes}</asset>
+        <worldbody>
+          {spheres}
+          <body name="carriage" pos="0 0 {-_RADIUS}">
+            <joint name="press" type="slide" axis="0 0 1"/>
+            <inertial pos="0 0 0" mass="{half}" diaginertia="{inertia} {inertia} {inertia}"/>
+            <body name="gimbal" {gimbal}>
+              {hinges}
+              <inertial pos="0 0 0" mass="{half}" diaginertia="{inertia} {inertia} {inertia}"/>
+              <body name="letter">{geoms}</body>
+            </body>
+          </body>
+        </worldbody>
+        <contact>{pairs}</contact>
+        <equality>{springs}</equality>
+        </mujoco>"""
+    )
+    if setup.skip_stages:
+        model.opt.disableflags = sum(int(stage) for stage in UNREAD_STAGES)
+    data = mujoco.MjData(model)
+    rest = np.zeros(mujoco.mj_stateSize(model, _STATE))
+    mujoco.mj_getState(model, data, rest, _STATE)
+    body = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, "letter")
+    return Scene(
+        setup,
+        capacity,
+        model,
+        data,
+        rest,
+        position=model.geom_pos[:capacity],
+        touched=model.pair_geom2,
+        solref=model.pair_solref,
+        solimp=model.pair_solimp,
+        inverse_weight=model.body_invweight0[body],
+        letter_body=body,
+    )
+
+
+def _describe(index: int, part: Part) -> tuple[str, str]:
+    """Write a part as MJCF, m: its mesh, or nothing for an upright box, and its geom."""
+    if part.rectangle is None:
+        vertices = " ".join(f"{value:.17g}" for value in (part.vertices * MM).ravel())
+        return f'<mesh name="part{index}" vertex="{vertices}"/>', (
+            f'<geom name="part{index}" type="mesh" mesh="part{index}"/>'
+        )
+    low, high = part.vertices[:, 2].min() * MM, part.vertices[:, 2].max() * MM
+    (x, y), (a, b), angle = part.rectangle
+    return "", (
+        f'<geom name="part{index}" type="box" size="{a * MM} {b * MM} {(high - low) / 2}" '
+        f'pos="{x * MM} {y * MM} {(high + low) / 2}" euler="0 0 {angle}"/>'
+    )

@@ -1,0 +1,124 @@
+import os
+import subprocess
+import sys
+
+import pytest
+from pydantic import BaseModel, ConfigDict, Field
+
+from tactsim.core.checking import checked
+from tactsim.core.documents import parse_json, parse_toml, read_json, read_text, read_toml
+from tactsim.core.errors import InputError, printable, short, unknown
+
+
+def refusal(call, *arguments):
+    with pytest.raises(InputError) as caught:
+        call(*arguments)
+    message = str(caught.value)
+    assert "\n" not in message
+    assert len(message) < 400
+    return message
+
+
+def test_what_is_written_is_read(tmp_path):
+    (tmp_path / "a.toml").write_text('a.b = [1, 2.5, "x.y.z"]\n[c]\n"d e" = 2026-01-01')
+    assert read_toml(tmp_path / "a.toml", "list")["a"] == {"b": [1, 2.5, "x.y.z"]}
+    (tmp_path / "a.json").write_text('{"a": {"b": [1, -9223372036854775808, null, true]}}')
+    assert read_json(tmp_path / "a.json", "list") == {"a": {"b": [1, -(2**63), None, True]}}
+
+
+TOO_MUCH = {
+    "5,000 digits": f"a = {'1' * 5000}",
+    "5,000 hexadecimal digits": f"a = 0x{'f' * 5000}",
+    "65 bits": f"a.b = [1, {2**64}]",
+    "nan": "a.b = nan",
+    "infinite": "a = -inf",
+    "deep lists": f"a = {'[' * 300}{']' * 300}",
+    "very deep lists": "a = " + "[" * 100_000,
+    "deep tables": "a = " + "{a=" * 50 + "1" + "}" * 50,
+    "a key of 400,000 parts": "a." * 400_000 + "b = 1",
+    "a key with blanks": " 'a' . " * 100_000 + "b = 1",
+    "a title of 400,000 parts": "[" + "a." * 400_000 + "b]",
+    "no end": "a = '''" + "x" * 1000,
+}
+
+
+@pytest.mark.parametrize("kind", TOO_MUCH)
+def test_toml_is_bounded(kind):
+    message = refusal(parse_toml, TOO_MUCH[kind], "file f")
+    assert message.startswith("file f")
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["[" * 100_000, '{"a":' * 60 + "1" + "}" * 60, '{"a": NaN}', '{"a": 1e999}', '{"a": 1' + "0" * 4000 + "}",
+     '{"a": 1' + "0" * 5000 + "}", "[]", "3", "", '{"a": 1', b'{"a": "\xff"}'],
+)  # fmt: skip
+def test_json_is_bounded(text):
+    assert refusal(parse_json, text, "file f").startswith("file f")
+
+
+def test_the_place_of_a_number_is_named():
+    assert "'run.0.noise' is nan" in refusal(parse_toml, "[[run]]\nnoise = nan", "f")
+
+
+def test_only_regular_files_of_a_sensible_size_are_read(tmp_path):
+    os.mkfifo(tmp_path / "pipe")
+    (tmp_path / "latin").write_bytes(b"caf\xe9")
+    with (tmp_path / "large").open("wb") as stream:
+        stream.truncate(1 << 40)
+    for path, said in {
+        tmp_path: "not a regular file", tmp_path / "pipe": "not a regular file", "/dev/zero": "not a regular file",
+        tmp_path / "none": "No such file", "a\0b": "no path", "\udc80": "No such file",
+        tmp_path / "latin": "UTF-8", tmp_path / "large": "larger than 1,048,576 bytes",
+    }.items():  # fmt: skip
+        message = refusal(read_text, path, "list")
+        assert "list" in message
+        assert said in message
+
+
+def test_a_key_of_many_parts_takes_no_memory():
+    code = """
+import resource
+from tactsim.core.documents import InputError, parse_toml
+resource.setrlimit(resource.RLIMIT_AS, (1 << 30, 1 << 30))
+try:
+    parse_toml("a." * 500_000 + "b = 1", "f")
+except InputError as error:
+    print("refused")
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout == "refused\n"
+
+
+class Inner(BaseModel):
+    model_config = ConfigDict(extra="forbid")
+    b: int = Field(1, ge=0, le=9)
+
+
+class Outer(BaseModel):
+    a: Inner = Inner()
+
+
+@pytest.mark.parametrize(
+    ("values", "said"),
+    [
+        ({"a": {"b": -1}}, "f: a.b: Input should be greater than or equal to 0, got -1"),
+        ({"a": {"c": 1}}, "unknown option 'a.c'"),
+        ({"a": {"b": 16**5000}}, "f: a.b"),
+        ({"a": {"b": "x" * 10**6}}, "f: a.b"),
+        ({"a": {"y" * 10**6: 1}}, "unknown option"),
+        ({"a": {"b": [list(range(1000))] * 1000}}, "f: a.b"),
+        ([], "f: options"),
+    ],
+)
+def test_what_is_wrong_is_said_in_a_short_line(values, said):
+    assert said in refusal(checked, Outer, values, "f")
+
+
+def test_a_strangers_text_is_made_harmless():
+    assert printable("a\x1b[31mb\x07\u202e\udc80\ttab\nnext é") == (
+        "a\\x1b[31mb\\x07\\u202e\\udc80\\ttab\nnext é"
+    )
+    assert len(short("x" * 10**6)) < 100
+    assert short(16**5000).startswith("a number")
+    assert len(str(unknown("thing", "x" * 10**6, ["a", "b"]))) < 200

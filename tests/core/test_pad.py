@@ -1,0 +1,92 @@
+import numpy as np
+import pytest
+from pydantic import ValidationError
+
+from tactsim.core import InputError, Pad
+from tactsim.press import ScanOptions
+
+
+def test_the_default_pad_is_the_paper_s():
+    pad = Pad()
+    assert pad.taxel_xy.shape == (36, 2)
+    size = pad.taxel_xy.max(axis=0) - pad.taxel_xy.min(axis=0) + 1.8
+    assert size == pytest.approx([11.6, 11.3])
+    assert 36 * 1.8**2 / size.prod() == pytest.approx(0.89, abs=5e-3)
+    assert pad.taxel_xy.mean(axis=0) == pytest.approx([0, 0])
+
+
+def test_elements_count_along_x_then_y_and_the_seam_is_in_the_middle():
+    xy = Pad().taxel_xy
+    assert np.diff(xy[:6, 0]) == pytest.approx([1.9, 1.9, 2.2, 1.9, 1.9])
+    assert xy[6] - xy[0] == pytest.approx([0, 1.9])
+
+
+def test_load_reaches_over_the_unread_columns():
+    assert Pad().load_bounds == pytest.approx((-7.7, 7.7, -5.65, 5.65))
+
+
+@pytest.mark.parametrize("gaps", [False, True])
+def test_cells_fill_the_surface_that_carries_load(gaps):
+    pad = Pad()
+    for lines, low, high in zip(
+        pad.grid_lines(2, gaps), pad.load_bounds[::2], pad.load_bounds[1::2], strict=True
+    ):
+        assert lines[0] == pytest.approx(low)
+        assert lines[-1] == pytest.approx(high)
+        assert (np.diff(lines) > 0).all()
+
+
+def test_another_pad_is_read_from_a_file(tmp_path):
+    path = tmp_path / "pad.toml"
+    path.write_text(
+        "rows = 3\ncolumns = 5\nno_seam = true\npitch_x = 4.0\nelement_x = 3.5\nunread_columns = 0\n"
+    )
+    pad = Pad.load(path)
+    assert pad.taxel_xy.shape == (15, 2)
+    assert pad.taxel_xy[1] - pad.taxel_xy[0] == pytest.approx([4, 0])
+
+
+@pytest.mark.parametrize(
+    ("content", "says"),
+    [
+        ("rows = 0", "rows"),
+        ("rows = nan", "rows"),
+        ("pitch = 2", "pitch"),
+        ("pitch_x = 1.0", "overlap"),
+        ("columns = 5", "even"),
+        ("rows =", "TOML"),
+    ],
+)
+def test_a_wrong_pad_file_gets_one_line(tmp_path, content, says):
+    path = tmp_path / "pad.toml"
+    path.write_text(content)
+    with pytest.raises(InputError, match=says) as error:
+        Pad.load(path)
+    assert "\n" not in str(error.value)
+
+
+def test_a_missing_pad_file_gets_one_line(tmp_path):
+    with pytest.raises(InputError, match="cannot read"):
+        Pad.load(tmp_path / "none.toml")
+
+
+def test_equal_pads_are_equal_after_their_arrays_were_asked_for():
+    first, second = Pad(), Pad()
+    assert first.taxel_xy.shape == second.taxel_xy.shape == (36, 2)
+    assert first == second
+    assert hash(first) == hash(second)
+    assert first != Pad(rows=5)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"pad": {"pitch_x": 1e-300, "element_x": 1e-300}},
+        {"pad": {"rows": 200, "columns": 200}},
+        {"pad": {"rows": 60, "columns": 60}, "press": {"cells_per_element": 16}},
+        {"sensor": {"resolution": 1e-320}},
+    ],
+)
+def test_a_pad_without_a_finite_reading_is_refused_before_memory_is_asked_for(change):
+    with pytest.raises(ValidationError):
+        ScanOptions.model_validate(change)

@@ -1,0 +1,234 @@
+import io
+import pickle
+import tracemalloc
+import zipfile
+
+import numpy as np
+import pytest
+
+from tactsim.core import InputError, Scan
+
+
+@pytest.fixture
+def scan():
+    rng = np.random.default_rng(0)
+    return Scan(
+        readings=rng.normal(size=(6, 4)),
+        poses=rng.normal(size=(6, 3)),
+        labels=np.array(["A", "A", "E", "E", "A", "E"]),
+        split=np.array(["train", "test"] * 3),
+        taxel_xy=rng.normal(size=(4, 2)),
+        meta={"seed": 3, "objects": {"A": {"symmetry": 1}}},
+    )
+
+
+def test_what_is_saved_is_loaded(scan, tmp_path):
+    scan.save(tmp_path / "scan.npz")
+    again = Scan.load(tmp_path / "scan.npz")
+    for name in ("readings", "poses", "labels", "split", "taxel_xy"):
+        assert np.array_equal(getattr(again, name), getattr(scan, name))
+    assert again.meta == scan.meta
+
+
+def test_the_file_holds_exactly_the_named_arrays_and_loads_without_pickle(scan, tmp_path):
+    scan.save(tmp_path / "scan.npz")
+    with np.load(tmp_path / "scan.npz", allow_pickle=False) as arrays:
+        assert set(arrays) == {"readings", "poses", "labels", "split", "taxel_xy", "meta"}
+        assert arrays["meta"].dtype.kind == "U"
+
+
+def test_the_same_scan_gives_the_same_bytes(scan, tmp_path):
+    scan.save(tmp_path / "a.npz")
+    scan.save(tmp_path / "b.npz")
+    assert (tmp_path / "a.npz").read_bytes() == (tmp_path / "b.npz").read_bytes()
+
+
+def test_the_digest_names_the_content(scan, tmp_path):
+    scan.save(tmp_path / "scan.npz")
+    assert Scan.load(tmp_path / "scan.npz").digest == scan.digest
+    fields = {
+        name: getattr(scan, name) for name in ("readings", "poses", "labels", "split", "taxel_xy", "meta")
+    }
+    assert Scan(**fields).digest == scan.digest
+    assert Scan(**(fields | {"readings": scan.readings + 1e-12})).digest != scan.digest
+    assert Scan(**(fields | {"labels": scan.labels[::-1].copy()})).digest != scan.digest
+    assert Scan(**(fields | {"meta": {}})).digest != scan.digest
+
+
+def test_selection_by_split_and_label_keeps_the_order(scan):
+    chosen = scan.where(split="train", label="A")
+    assert np.array_equal(chosen.readings, scan.readings[[0, 4]])
+    assert chosen.letters == ("A",)
+    assert scan.letters == ("A", "E")
+
+
+def test_letters_are_selected_in_the_order_of_the_readings(scan):
+    assert np.array_equal(scan.of_letters(["E"]).readings, scan.readings[[2, 3, 5]])
+    assert np.array_equal(scan.of_letters(["E", "A"]).readings, scan.readings)
+
+
+def test_untrained_letters_keep_their_test_readings_only(scan):
+    assert np.array_equal(scan.untrained(["A"]).readings, scan.readings[[1, 2, 3, 5]])
+    assert np.array_equal(scan.untrained([]).readings, scan.readings)
+
+
+def test_training_and_test_readings_of_two_scans_become_one(scan):
+    both = scan.where("train").joined(scan.where("test"), meta={"from": "two"})
+    assert np.array_equal(both.readings, np.concatenate([scan.readings[::2], scan.readings[1::2]]))
+    assert both.meta == {"from": "two"}
+
+
+def test_scans_of_different_pads_are_not_joined(scan):
+    moved = Scan(scan.readings, scan.poses, scan.labels, scan.split, scan.taxel_xy + 0.1)
+    with pytest.raises(InputError, match="different pads"):
+        scan.joined(moved, meta={})
+
+
+def test_the_arrays_cannot_be_changed_by_accident(scan):
+    for name in ("readings", "poses", "labels", "split", "taxel_xy"):
+        array = getattr(scan, name)
+        with pytest.raises(ValueError, match="read-only"):
+            array[0] = array[-1]
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"poses": np.zeros((5, 3))}, "poses has shape"),
+        ({"taxel_xy": np.zeros((3, 2))}, "taxel_xy has shape"),
+        ({"readings": np.full((6, 4), np.nan)}, r"readings\[0, 0\] is nan"),
+        ({"poses": np.full((6, 3), np.inf)}, r"poses\[0, 0\] is inf"),
+        ({"split": np.array(["train"] * 5 + ["dev"])}, "'dev'"),
+        ({"labels": np.arange(6)}, "must be names"),
+        ({"readings": np.full((6, 4), 1e300)}, r"readings\[0, 0\] is 1e\+300"),
+        ({"readings": np.zeros((6, 0)), "taxel_xy": np.zeros((0, 2))}, "no taxels"),
+        ({"labels": np.array(["A"] * 5 + [""])}, "label '' is empty"),
+        ({"labels": np.array(["A"] * 5 + ["A\nB"])}, r"label 'A\\nB' is .* not printable"),
+        ({"labels": np.array(["A"] * 5 + ["\ud800"])}, "not printable"),
+        ({"labels": np.array(["A"] * 5 + ["A" * 101])}, "too long"),
+        ({"labels": np.full(6, 0x110000, "<u4").view("<U1")}, "labels are no text"),
+        ({"meta": {"x": float("nan")}}, "meta is no JSON"),
+        ({"meta": {"x": {1, 2}}}, "meta is no JSON"),
+    ],
+)
+def test_a_scan_that_does_not_fit_together_is_refused(scan, change, message):
+    fields = {name: getattr(scan, name) for name in ("readings", "poses", "labels", "split", "taxel_xy")}
+    with pytest.raises(InputError, match=message):
+        Scan(**(fields | change))
+
+
+def write_npz(path, **members):
+    with zipfile.ZipFile(path, "w") as archive:
+        for name, content in members.items():
+            archive.writestr(f"{name}.npy", content)
+
+
+def npy(array):
+    stream = io.BytesIO()
+    np.lib.format.write_array(stream, np.asarray(array), allow_pickle=True)
+    return stream.getvalue()
+
+
+class Bomb:
+    def __reduce__(self):
+        return (pytest.fail, ("a pickle was run",))
+
+
+def hostile_files(scan, tmp_path):
+    scan.save(tmp_path / "good.npz")
+    good = (tmp_path / "good.npz").read_bytes()
+    arrays = dict(np.load(tmp_path / "good.npz"))
+    header = b"{'descr': '<f8', 'fortran_order': False, 'shape': (1000000000000, 36), }".ljust(117) + b"\n"
+    huge = b"\x93NUMPY\x01\x00" + len(header).to_bytes(2, "little") + header
+    files = {
+        "empty": b"",
+        "text": b"not a scan",
+        "cut": good[: len(good) // 2],
+        "foreign": pickle.dumps({"readings": 1}),
+    }
+    for name, content in files.items():
+        (tmp_path / name).write_bytes(content)
+    whole = {name: npy(array) for name, array in arrays.items()}
+    write_npz(tmp_path / "huge", **(whole | {"readings": huge}))
+    write_npz(tmp_path / "pickled", **(whole | {"labels": npy(np.array([Bomb()], dtype=object))}))
+    write_npz(tmp_path / "missing", **{name: whole[name] for name in whole if name != "poses"})
+    write_npz(tmp_path / "no-json", **(whole | {"meta": npy(np.array("{"))}))
+    write_npz(tmp_path / "list", **(whole | {"meta": npy(np.array("[]"))}))
+    write_npz(tmp_path / "short", **(whole | {"poses": npy(arrays["poses"])[:-8]}))
+    write_npz(tmp_path / "not-npy", **(whole | {"poses": b"hello"}))
+    write_npz(tmp_path / "nan", **(whole | {"readings": npy(arrays["readings"] * np.nan)}))
+    negative = huge.replace(b"(1000000000000, 36)", b"(-1, 36)".ljust(19))
+    write_npz(tmp_path / "negative", **(whole | {"readings": negative}))
+    write_npz(tmp_path / "infinite-meta", **(whole | {"meta": npy(np.array('{"a": [1e999]}'))}))
+    write_npz(tmp_path / "deep-meta", **(whole | {"meta": npy(np.array("[" * 100_000))}))
+    with zipfile.ZipFile(tmp_path / "lzma", "w", zipfile.ZIP_LZMA) as archive:
+        for name, content in whole.items():
+            archive.writestr(f"{name}.npy", content)
+    plain = bytearray((tmp_path / "list").read_bytes())
+    plain[plain.index(b"PK\x01\x02") + 8] |= 1  # the first member claims to be encrypted
+    (tmp_path / "encrypted").write_bytes(plain)
+    (tmp_path / "folder").mkdir()
+    files |= dict.fromkeys(["negative", "infinite-meta", "deep-meta", "lzma", "encrypted", "folder"])
+    return [*files, "huge", "pickled", "missing", "no-json", "list", "short", "not-npy", "nan", "absent"]
+
+
+def test_a_size_is_refused_before_memory_is_asked_for(scan, tmp_path):
+    # A GiB of zeros: a MB in the file.
+    scan.save(tmp_path / "good.npz")
+    whole = {name: npy(array) for name, array in np.load(tmp_path / "good.npz").items()}
+    with zipfile.ZipFile(tmp_path / "bomb", "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
+        for name, content in whole.items():
+            with archive.open(f"{name}.npy", "w", force_zip64=True) as member:
+                member.write(content)
+                for _ in range(1025 if name == "readings" else 0):
+                    member.write(bytes(1 << 20))
+    tracemalloc.start()
+    with pytest.raises(InputError, match="array 'readings' claims 1,07"):
+        Scan.load(tmp_path / "bomb")
+    assert tracemalloc.get_traced_memory()[1] < 1 << 20
+    tracemalloc.stop()
+
+
+def test_a_file_that_is_no_scan_is_refused_in_one_line_that_names_it(scan, tmp_path):
+    for name in hostile_files(scan, tmp_path):
+        with pytest.raises(InputError) as caught:
+            Scan.load(tmp_path / name)
+        assert str(tmp_path / name) in str(caught.value)
+        assert "\n" not in str(caught.value)
+
+
+def test_any_flipped_byte_gives_the_scan_or_a_refusal(scan, tmp_path):
+    scan.save(tmp_path / "good.npz")
+    good = (tmp_path / "good.npz").read_bytes()
+    rng = np.random.default_rng(1)
+    for place in rng.choice(len(good), size=200, replace=False):
+        damaged = bytearray(good)
+        damaged[place] ^= 1 << rng.integers(8)
+        (tmp_path / "damaged.npz").write_bytes(damaged)
+        try:
+            again = Scan.load(tmp_path / "damaged.npz")
+        except InputError:
+            continue
+        assert np.array_equal(again.readings, scan.readings)
+
+
+def test_training_on_one_scan_and_testing_on_another_uses_what_both_have(scan):
+    from tactsim.core.scan import train_on
+
+    masked = Scan(
+        scan.readings[:, [0, 2, 3]] + 1,
+        scan.poses,
+        scan.labels,
+        np.full(6, "train"),
+        scan.taxel_xy[[0, 2, 3]],
+    )  # a recording of one split, with an element masked
+    both = train_on(scan, masked)
+    assert both.readings.shape == (3 + 6, 3)
+    assert np.array_equal(both.where("train").readings, scan.where("train").readings[:, [0, 2, 3]])
+    assert np.array_equal(both.where("test").readings, masked.readings)
+    assert np.array_equal(
+        train_on(masked, scan).where("test").readings, scan.where("test").readings[:, [0, 2, 3]]
+    )
+    far = Scan(scan.readings, scan.poses, scan.labels, scan.split, scan.taxel_xy + 100)
+    with pytest.raises(InputError, match="no element at the same place"):
+        train_on(scan, far)

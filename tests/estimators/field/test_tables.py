@@ -1,0 +1,81 @@
+import numpy as np
+import pytest
+from numpy.lib.stride_tricks import sliding_window_view
+
+from tactsim.estimators.field.tables import pooled, tabulate
+from tactsim.estimators.likelihoods.likelihood import Likelihood
+from tactsim.estimators.options import LikelihoodOptions
+
+
+class Bump(Likelihood):
+    """Two tables that are smooth within the extent and constant outside."""
+
+    extent = (np.array([-3.0, -2.0]), np.array([4.0, 5.0]))
+    spoilt = False
+
+    def fit(self, scan, maps):
+        pass
+
+    def evidence(self, reading):
+        raise NotImplementedError
+
+    def log_tables(self, label, xy):
+        x, y = np.moveaxis(np.asarray(xy), -1, 0)
+        inside = np.maximum(0, (x + 3) * (4 - x)) * np.maximum(0, (y + 2) * (5 - y))
+        if self.spoilt:
+            inside = inside / 0.0 if label == "b" else inside
+        return np.stack([-1 - 0.1 * inside, -2 + 0.01 * inside * (1 + (label == "b"))])
+
+
+def plain(tables):
+    """Nodes in order of place: (tables, letters, rows, columns)."""
+    kinds, letters, py, px, rows, columns = tables.values.shape
+    return tables.values.transpose(0, 1, 4, 2, 5, 3).reshape(kinds, letters, rows * py, columns * px)
+
+
+@pytest.mark.parametrize(("spacing", "finest"), [((0.8, 0.8), 0.4), ((1.0, 0.3), 0.4), ((0.1, 2.0), 0.5)])
+def test_nodes_hold_the_likelihood_at_their_place(spacing, finest):
+    likelihood = Bump(LikelihoodOptions())
+    tables = tabulate(likelihood, "ab", spacing, finest)
+    phases = np.array(tables.values.shape[3:1:-1])
+    assert tables.step * phases == pytest.approx(spacing)
+    assert (tables.step <= finest + 1e-12).all()
+    nodes = plain(tables)
+    columns, rows = np.arange(nodes.shape[3]), np.arange(nodes.shape[2])
+    xy = np.stack(
+        np.meshgrid(tables.origin[0] + tables.step[0] * columns, tables.origin[1] + tables.step[1] * rows), -1
+    )
+    for k, label in enumerate("ab"):
+        there = likelihood.log_tables(label, xy)
+        assert nodes[:, k] + tables.outside[:, k, None, None] == pytest.approx(there, abs=1e-5)
+    for rim in (nodes[:, :, 0], nodes[:, :, -1], nodes[:, :, :, 0], nodes[:, :, :, -2:]):
+        assert not rim.any()
+    assert tables.outside.tolist() == [[-1, -1], [-2, -2]]
+    assert tables.highest == pytest.approx((nodes + tables.outside[:, :, None, None]).max(axis=(1, 2, 3)))
+    assert tables.lowest == pytest.approx((nodes + tables.outside[:, :, None, None]).min(axis=(1, 2, 3)))
+
+
+@pytest.mark.parametrize(("wide", "tall"), [(1, 1), (2, 3), (5, 4), (16, 8)])
+def test_pooled_nodes_are_the_maxima_over_a_block(wide, tall):
+    tables = tabulate(Bump(LikelihoodOptions()), "ab", (0.8, 0.6), 0.4)
+    blocks = pooled(tables, wide, tall)
+    py, px = tables.values.shape[2:4]
+    span_y, span_x = (tall - 1) * py + 1, (wide - 1) * px + 1
+    far = 2 * max(span_y, span_x) + 40
+    nodes = np.pad(plain(tables), ((0, 0), (0, 0), (far, far), (far, far)))
+    largest = sliding_window_view(nodes, (span_y, span_x), axis=(2, 3)).max(axis=(-2, -1))
+    before = np.rint((tables.origin - blocks.origin) / tables.step).astype(int)
+    rows, columns = plain(blocks).shape[2:]
+    first_row, first_column = far - before[1], far - before[0]
+    there = largest[:, :, first_row : first_row + rows, first_column : first_column + columns]
+    assert (plain(blocks) == there).all()
+    # Beyond its rim the pooled lattice counts as 0, so nothing else may lie there.
+    there[:] = 0
+    assert not largest.any()
+
+
+def test_a_likelihood_that_is_not_finite_is_refused():
+    likelihood = Bump(LikelihoodOptions())
+    likelihood.spoilt = True
+    with pytest.raises(ValueError, match="not finite"), np.errstate(invalid="ignore", divide="ignore"):
+        tabulate(likelihood, "ab", (0.8, 0.8), 0.4)

@@ -1,0 +1,233 @@
+import math
+
+import numpy as np
+import pytest
+import reference
+from synthetic import draw_trial, make_scan, paper_poses, placement_error, square_pad
+
+from tactsim import estimators
+from tactsim.core import invert
+
+COARSE = paper_poses(positions=3, angles=4)
+
+
+def joint_table(fitted, readings, poses, log_likelihood):
+    """Log-belief of every bin (letters, angles, rows, columns) by brute force (eq. 13)."""
+    x, y, angle = fitted.grid.centres
+    table = np.zeros((len(fitted.labels), len(angle), len(y), len(x)))
+    for letter, k, row, column in np.ndindex(*table.shape):
+        state = (x[column], y[row], angle[k])
+        table[letter, k, row, column] = sum(
+            log_likelihood(letter, state, reading, pose)
+            for reading, pose in zip(readings, poses, strict=True)
+        )
+    return table
+
+
+def summary(fitted, table):
+    """Eq. 14 to 16 of a joint table, with the mode within the best letter."""
+    p = np.exp(table - table.max())
+    p /= p.sum()
+    best = int(p.sum(axis=(1, 2, 3)).argmax())
+    k, row, column = np.unravel_index(p[best].argmax(), p[best].shape)
+    x, y, angle = fitted.grid.centres
+    letters = dict(zip(fitted.labels, p.sum(axis=(1, 2, 3)).tolist(), strict=True))
+    return fitted.labels[best], letters, [x[column], y[row], angle[k]]
+
+
+@pytest.mark.parametrize("skip", [True, False])
+@pytest.mark.parametrize("split", ["5x4x3", "1x1x1", "3x9x2"])
+@pytest.mark.parametrize("pad", [(6, 6), (1, 1), (3, 5)])
+def test_belief_is_the_joint_table_by_brute_force(split, skip, pad):
+    scan = make_scan("EI", square_pad(*pad), COARSE)
+    filter = estimators.create("histogram", split=split, skip=skip)
+    filter.fit(scan)
+    rng = np.random.default_rng(3)
+    readings, poses, _ = draw_trial(scan, "E", 3, rng)
+    filter.reset(rng)
+    for count in range(1, 4):
+        filter.update(readings[count - 1], poses[count - 1])
+        table = joint_table(
+            filter, readings[:count], poses[:count],
+            lambda letter, *rest: reference.tabulated_log_likelihood(
+                filter.tables, letter, *rest, scan.taxel_xy
+            ),
+        )  # fmt: skip
+        label, letters, mode = summary(filter, table)
+        got = filter.estimate()
+        assert got.label == label
+        assert got.probabilities == pytest.approx(letters, abs=1e-5)
+        assert got.robot_in_object == pytest.approx(mode)
+
+
+def test_finer_tables_approach_equation_7_with_interpolated_log_odds():
+    # Tabulating log p is exact at the nodes; between them it must converge to the paper's order:
+    # interpolate the log-odds, then take the logarithm.
+    scan = make_scan("EI", poses=COARSE)
+    rng = np.random.default_rng(0)
+    readings, poses, _ = draw_trial(scan, "E", 4, rng)
+    errors = []
+    for split in ("25x25x1", "100x100x1"):  # table steps of 0.4 and 0.2 mm, both dividing the map cell
+        filter = estimators.create("histogram", split=split, cell=0.8)
+        filter.fit(scan)
+        x, y, angle = filter.grid.centres
+        gaps = []
+        for reading, pose in zip(readings, poses, strict=True):
+            for column, row in rng.integers(len(x), size=(40, 2)):
+                state = (x[column], y[row], angle[0])
+                literal = reference.log_likelihood(filter.maps["E"], state, reading, pose, scan.taxel_xy)
+                tabulated = reference.tabulated_log_likelihood(
+                    filter.tables, 0, state, reading, pose, scan.taxel_xy
+                )
+                gaps.append(literal - tabulated)
+        errors.append(math.sqrt(np.mean(np.square(gaps))))
+    assert errors[1] < errors[0] / 2.5, errors
+    assert errors[1] < 0.5, errors
+
+
+def assert_skipping_changes_no_answer(scan, trials, readings, **options):
+    lazy, full = (estimators.create("histogram", skip=skip, **options) for skip in (True, False))
+    lazy.fit(scan)
+    full.fit(scan)
+    for seed in range(trials):
+        rng = np.random.default_rng(seed)
+        label = scan.letters[seed % len(scan.letters)]
+        shown, poses, _ = draw_trial(scan, label, readings, rng)
+        lazy.reset(rng)
+        full.reset(rng)
+        for reading, pose in zip(shown, poses, strict=True):
+            lazy.update(reading, pose)
+            full.update(reading, pose)
+            ours, whole = lazy.estimate(), full.estimate()
+            assert ours.label == whole.label
+            assert ours.robot_in_object.tolist() == whole.robot_in_object.tolist()
+            for letter, p in whole.probabilities.items():
+                assert abs(ours.probabilities[letter] - p) <= 1e-7
+    assert full.work["skipped"]["bins"] == 0
+    made_and_skipped = lazy.work["likelihood_evaluations"] + lazy.work["skipped"]["bins"]
+    assert made_and_skipped == full.work["likelihood_evaluations"]
+    assert made_and_skipped == trials * readings * len(scan.letters) * full.grid.bins
+    return lazy.work["skipped"]["bins"] / made_and_skipped
+
+
+@pytest.mark.parametrize(
+    ("options", "skipped"),
+    [
+        ({"bins": 10_000}, 0.9),
+        ({"bins": 1000}, 0.5),
+        ({"bins": 100}, 0.0),
+        ({"split": "70x11x9"}, 0.7),
+        ({"split": "9x70x9", "likelihood": "calibrated"}, 0.3),
+        ({"bins": 1000, "gamma": 0.8}, 0.0),  # a belief that stays open for long
+        ({"bins": 1000, "gamma": 1e-100}, 0.5),  # and one that falls by thousands
+    ],
+)
+def test_skipping_changes_no_answer(vowels, options, skipped):
+    assert assert_skipping_changes_no_answer(vowels, trials=10, readings=25, **options) >= skipped
+
+
+@pytest.mark.slow
+def test_skipping_changes_no_answer_in_500_trials(vowels):
+    assert assert_skipping_changes_no_answer(vowels, trials=500, readings=30, bins=10_000) > 0.9
+
+
+def test_skipping_survives_readings_that_contradict_the_leader(vowels):
+    # The leader of the first readings falls when another letter's readings follow: what was left alone
+    # must be caught up.
+    lazy, full = (estimators.create("histogram", bins=2000, skip=skip) for skip in (True, False))
+    lazy.fit(vowels)
+    full.fit(vowels)
+    rng = np.random.default_rng(0)
+    lazy.reset(rng)
+    full.reset(rng)
+    labels = set()
+    for label, count in (("A", 6), ("U", 30), ("E", 60)):
+        chosen = vowels.where("test", label)
+        for k in rng.permutation(len(chosen))[:count]:
+            for filter in (lazy, full):
+                filter.update(chosen.readings[k], chosen.poses[k])
+            ours, whole = lazy.estimate(), full.estimate()
+            assert ours.label == whole.label
+            assert ours.robot_in_object.tolist() == whole.robot_in_object.tolist()
+            assert ours.probabilities == pytest.approx(whole.probabilities, abs=1e-7)
+            labels.add(ours.label)
+    assert len(labels) > 1
+
+
+def test_the_order_of_readings_does_not_matter(vowels):
+    filter = estimators.create("histogram", bins=10_000)
+    filter.fit(vowels)
+    rng = np.random.default_rng(4)
+    readings, poses, _ = draw_trial(vowels, "I", 12, rng)
+    answers = []
+    for _ in range(5):
+        order = rng.permutation(12)
+        filter.reset(rng)
+        for k in order:
+            filter.update(readings[k], poses[k])
+        answers.append(filter.estimate())
+    for answer in answers[1:]:
+        assert answer.label == answers[0].label
+        assert answer.robot_in_object.tolist() == answers[0].robot_in_object.tolist()
+        assert answer.probabilities == pytest.approx(answers[0].probabilities, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("bins", "accuracy", "error"),
+    [(10_000, {5: 0.92, 9: 0.97, 30: 1.0}, {30: 1.2}), (1000, {10: 0.95, 25: 0.99}, {25: 2.2})],
+)
+def test_500_trials_reach_what_an_independent_implementation_reached(vowels, bins, accuracy, error):
+    filter = estimators.create("histogram", bins=bins)
+    filter.fit(vowels)
+    last = max(*accuracy, *error)
+    right, off = np.zeros((500, last)), np.zeros((500, last))
+    for trial in range(500):
+        rng = np.random.default_rng(trial)
+        label = vowels.letters[trial % 5]
+        info = vowels.meta["objects"][label]
+        readings, poses, truth = draw_trial(vowels, label, last, rng)
+        filter.reset(rng)
+        for k in range(last):
+            filter.update(readings[k], poses[k])
+            if k + 1 in {*accuracy, *error}:
+                got = filter.estimate()
+                right[trial, k] = got.label == label
+                off[trial, k] = placement_error(
+                    got.robot_in_object, truth, info["symmetry"], info["inertia_over_mass"]
+                )
+    for count, share in accuracy.items():
+        assert right[:, count - 1].mean() >= share
+    for count, most in error.items():
+        assert off[right[:, count - 1] == 1, count - 1].mean() <= most
+
+
+def test_every_trial_finds_the_shape_and_its_place(scan):
+    filter = estimators.create("histogram", bins=10_000)
+    filter.fit(scan)
+    errors = []
+    for seed in range(12):
+        rng = np.random.default_rng(seed)
+        label = scan.letters[seed % 4]
+        readings, poses, truth = draw_trial(scan, label, 20, rng)
+        filter.reset(rng)
+        for reading, pose in zip(readings, poses, strict=True):
+            filter.update(reading, pose)
+        got = filter.estimate()
+        assert got.label == label
+        off = invert(got.robot_in_object) - invert(truth)  # of the object's middle, in the robot frame
+        errors.append(np.hypot(off[0], off[1]))
+    # A bin is 0.8 mm wide and turned by up to 11 degrees.
+    assert np.mean(errors) < 0.9
+    assert max(errors) < 2.5
+
+
+def test_a_sequence_may_be_as_long_as_it_likes(scan):
+    filter = estimators.create("histogram", bins=100)
+    filter.fit(scan)
+    filter.reset(np.random.default_rng(0))
+    test = scan.where("test", "E")
+    for k in range(600):  # past several times that the history's arrays grow
+        filter.update(test.readings[k % len(test)], test.poses[k % len(test)])
+    got = filter.estimate()
+    assert got.label == "E"
+    assert sum(got.probabilities.values()) == pytest.approx(1)

@@ -1,0 +1,144 @@
+"""None of these: the misfit of an unknown object, and what is made of it."""
+
+import itertools
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.integrate import quad
+from synthetic import draw_trial, make_scan, paper_poses
+
+from tactsim.core import InputError, Scan, transform
+from tactsim.estimators import NONE, create
+from tactsim.estimators.filters.open_set import Misfit, learn_misfit, misfits
+from tactsim.estimators.likelihoods.calibrated import CalibratedLikelihood
+from tactsim.estimators.likelihoods.occupancy import learn_maps
+from tactsim.estimators.options import LikelihoodOptions
+
+POSES = paper_poses(positions=4, angles=6)
+
+
+@pytest.fixture(scope="module")
+def scan():
+    return make_scan("EILT", poses=POSES)
+
+
+@pytest.fixture(scope="module")
+def model(scan):
+    model = CalibratedLikelihood(LikelihoodOptions())
+    model.fit(scan, learn_maps(scan))
+    return model
+
+
+@given(st.floats(-30, 10), st.integers(1, 200), st.floats(0.5, 20), st.floats(0.5, 100))
+def test_the_odds_are_those_of_a_normal_against_its_smeared_self(z, readings, deviation, range_of_means):
+    misfit = Misfit(mean=1.0, deviation=deviation, chance=1.0 - range_of_means)
+    spread = deviation * math.sqrt(readings)
+    odds = misfit.log_odds(readings * 1.0 + z * spread, readings)
+    assert np.isfinite(odds)
+    width = range_of_means * readings / spread
+    # In units of the density at z, which may be tiny; beyond twelve deviations nothing is left.
+    peak, end = max(-z, 0.0), min(width, max(-z, 0.0) + 12)
+    pieces = sorted({0.0, min(peak, end), end} | {p for p in (peak - 12, peak + 2) if 0 < p < end})
+    ratio = sum(
+        quad(lambda u: math.exp(-u * (z + u / 2)), low, high, epsabs=0)[0]
+        for low, high in itertools.pairwise(pieces)
+    )
+    assert odds == pytest.approx(math.log(ratio / width), rel=1e-6, abs=1e-6)
+
+
+def test_no_reading_and_a_map_that_knows_nothing_say_nothing():
+    assert Misfit(1.0, 2.0, -30.0).log_odds(0.0, 0) == 0
+    for chance in (1.0, 1.5, 1.0 - 1e-9):
+        assert Misfit(1.0, 2.0, chance).log_odds(-40.0, 4) == pytest.approx(0, abs=1e-5)
+
+
+def test_the_worse_the_fit_the_likelier_is_none():
+    misfit = Misfit(1.0, 3.0, -60.0)
+    odds = [misfit.log_odds(10 * mean, 10) for mean in (4, 1, -2, -5, -10, -30, -60, -100)]
+    assert (np.diff(odds) > 0).all()
+    assert odds[1] < 0 < odds[4]
+
+
+def test_a_misfit_is_the_log_likelihood_less_what_was_expected(model, scan):
+    train = scan.where("train", "L")
+    xy, classes = transform(train.poses, train.taxel_xy)[:3], model.classes(train.readings)[:3]
+    found = misfits(model, "L", xy, classes)
+    for i in range(3):
+        total = 0.0
+        for e in range(36):
+            p = np.exp(model.log_tables("L", xy[i, e]))
+            total += math.log(p[classes[i, e]]) - sum(q * math.log(q) for q in p)
+        assert found[i] == pytest.approx(total)
+
+
+def test_a_letters_own_readings_fit_and_those_looked_up_elsewhere_do_not(model):
+    for label in "EILT":
+        misfit = learn_misfit(model, label)
+        assert abs(misfit.mean) < misfit.deviation
+        assert misfit.chance < misfit.mean - 3 * misfit.deviation
+
+
+def test_one_training_reading_a_letter_says_nothing_of_the_unknown(scan):
+    few = Scan(
+        scan.readings[::24], scan.poses[::24], scan.labels[::24], scan.split[::24], scan.taxel_xy, scan.meta
+    )
+    estimator = create("tempered", unknown=0.3, particles=400)
+    one = few.where("train", "E")
+    estimator.fit(Scan(one.readings[:1], one.poses[:1], one.labels[:1], one.split[:1], one.taxel_xy))
+    estimator.reset(np.random.default_rng(0))
+    estimator.update(one.readings[1], one.poses[1])
+    assert estimator.estimate().probabilities[NONE] == pytest.approx(0.3, abs=1e-6)
+
+
+def test_before_the_first_reading_there_is_the_prior(scan):
+    estimator = create("tempered", unknown=0.2, particles=400)
+    estimator.fit(scan)
+    estimator.reset(np.random.default_rng(0))
+    probabilities = estimator.estimate().probabilities
+    assert probabilities[NONE] == pytest.approx(0.2)
+    assert sum(probabilities.values()) == pytest.approx(1)
+
+
+def test_a_letter_that_was_not_learned_is_refused_and_the_others_are_not(scan):
+    estimator = create("tempered", unknown=0.1, particles=4000)
+    estimator.fit(scan.untrained("E"))
+    refused = dict.fromkeys("EILT", 0)
+    for label in "EILT":
+        for seed in range(5):
+            estimator.reset(np.random.default_rng(seed))
+            for reading, pose in zip(
+                *draw_trial(scan, label, 12, np.random.default_rng(seed))[:2], strict=True
+            ):
+                estimator.update(reading, pose)
+            refused[label] += estimator.estimate().label == NONE
+    assert refused == {"E": 5, "I": 0, "L": 0, "T": 0}
+
+
+def test_without_the_option_nothing_differs(scan):
+    answers = []
+    for unknown in (0, 1e-3):
+        estimator = create("tempered", unknown=unknown, particles=800)
+        estimator.fit(scan)
+        estimator.reset(np.random.default_rng(1))
+        for reading, pose in zip(*draw_trial(scan, "I", 4, np.random.default_rng(2))[:2], strict=True):
+            estimator.update(reading, pose)
+        answers.append(estimator.estimate())
+    closed, opened = answers
+    assert NONE not in closed.probabilities
+    assert np.array_equal(closed.robot_in_object, opened.robot_in_object)
+    share = 1 - opened.probabilities[NONE]
+    for label, p in closed.probabilities.items():
+        assert opened.probabilities[label] == pytest.approx(share * p)
+
+
+def test_a_letter_of_that_name_is_refused(scan):
+    named = Scan(
+        scan.readings, scan.poses, np.where(scan.labels == "E", NONE, scan.labels.astype("U4")), scan.split,
+        scan.taxel_xy,
+    )  # fmt: skip
+    with pytest.raises(InputError, match="'none'"):
+        create("tempered", unknown=0.1, particles=10).fit(named)
+    create("tempered", particles=10).fit(named)

@@ -1,0 +1,271 @@
+"""The coarse-to-fine filter against brute force, against itself without skipping, and on hidden letters."""
+
+import numpy as np
+import pytest
+import reference
+from synthetic import draw_trial, make_scan, paper_poses, placement_error, scores
+
+from tactsim import estimators
+from tactsim.core import InputError, Scan
+from tactsim.estimators.filters.grid import StateGrid
+from tactsim.estimators.filters.refined import _highest
+from tactsim.press import ScanOptions, scan_letters
+
+COARSE = paper_poses(positions=3, angles=4)
+LETTERS = "EIL"
+
+
+@pytest.fixture(scope="module")
+def small() -> Scan:
+    return make_scan(LETTERS, poses=paper_poses(positions=4, angles=12))
+
+
+def fitted(scan, **options):
+    estimator = estimators.create("refined", **options)
+    estimator.fit(scan)
+    return estimator
+
+
+def updated(estimator, readings, poses):
+    estimator.reset(np.random.default_rng(0))
+    for reading, pose in zip(readings, poses, strict=True):
+        estimator.update(reading, pose)
+    return estimator
+
+
+def tabulated(estimator, letter, state, readings, poses):
+    """Log-likelihood of a history at one state, by brute force."""
+    return sum(
+        reference.tabulated_log_likelihood(estimator.tables, letter, state, reading, pose, estimator.taxel_xy)
+        for reading, pose in zip(readings, poses, strict=True)
+    )
+
+
+def middles(estimator, halvings):
+    """Middles of all cells of one letter (n, 3), halved so often everywhere."""
+    x, y, angle = StateGrid(
+        *(count * 2**halvings for count in (estimator.grid.x, estimator.grid.y, estimator.grid.angle)),
+        estimator.grid.reach,
+    ).centres
+    return np.stack(np.meshgrid(angle, y, x, indexing="ij"), axis=-1).reshape(-1, 3)[:, ::-1]
+
+
+@pytest.mark.parametrize("halvings", [1, 2])
+def test_with_every_cell_halved_the_belief_is_the_dense_grid_by_brute_force(halvings):
+    scan = make_scan("EI", poses=COARSE)
+    estimator = fitted(scan, split="2x3x2", halvings=halvings, cells=1000, likelihood="paper")
+    readings, poses, _ = draw_trial(scan, "E", 2, np.random.default_rng(3))
+    updated(estimator, readings, poses)
+    states = middles(estimator, halvings)
+    dense = np.array(
+        [[tabulated(estimator, k, state, readings, poses) for state in states] for k in range(2)]
+    )
+    p = np.exp(dense - dense.max())
+    p /= p.sum()
+    assert list(estimator.estimate().probabilities.values()) == pytest.approx(p.sum(axis=1), abs=1e-5)
+    letter, state, log_weight = estimator.weighted_states()
+    for k, pose, weight in zip(letter, state.T, np.exp(log_weight), strict=True):
+        place = np.abs(states - pose).max(axis=1).argmin()
+        assert np.abs(states[place] - pose).max() < 1e-9
+        assert weight == pytest.approx(p[k, place], abs=1e-5)
+
+
+def test_a_cell_that_is_split_is_worth_the_mean_of_its_halves():
+    # One cell is halved, and one of its halves once more: the masses by hand, from the definition.
+    scan = make_scan("EI", poses=COARSE)
+    options = {"split": "3x2x2", "likelihood": "paper", "gamma": 0.5}
+    estimator = fitted(scan, **options, halvings=2, cells=1)
+    readings, poses, _ = draw_trial(scan, "I", 3, np.random.default_rng(1))
+    updated(estimator, readings, poses)
+
+    def likelihoods(halvings):
+        states = middles(estimator, halvings)
+        return np.array(
+            [[tabulated(estimator, k, state, readings, poses) for state in states] for k in range(2)]
+        ).reshape(2, *(n << halvings for n in (2, 2, 3)))
+
+    levels = [likelihoods(halvings) for halvings in range(3)]
+    highest = max(level.max() for level in levels)
+    levels = [np.exp(level - highest) for level in levels]
+
+    def halves(cell):
+        return (cell[0], *(slice(2 * i, 2 * i + 2) for i in cell[1:]))
+
+    first = np.unravel_index(levels[0].argmax(), levels[0].shape)
+    inner = levels[1][halves(first)]
+    second = np.unravel_index(inner.argmax(), inner.shape)
+    inner = inner.copy()
+    inner[second] = levels[2][
+        halves((first[0], *(2 * i + k for i, k in zip(first[1:], second, strict=True))))
+    ].mean()
+    levels[0][first] = inner.mean()
+    mass = levels[0].sum(axis=(1, 2, 3))
+    assert list(estimator.estimate().probabilities.values()) == pytest.approx(mass / mass.sum(), abs=1e-5)
+    plane = estimator.belief_over_plane().probability
+    assert plane == pytest.approx(levels[0].sum(axis=1) / mass.sum(), abs=1e-5)
+
+
+def test_the_weighted_states_are_the_belief_that_the_estimate_sums(small):
+    estimator = fitted(small)
+    readings, poses, _ = draw_trial(small, "L", 5, np.random.default_rng(2))
+    for count in range(6):
+        updated(estimator, readings[:count], poses[:count])
+        letter, state, log_weight = estimator.weighted_states()
+        assert state.shape == (3, len(letter))
+        assert np.abs(state[:2]).max() <= estimator.grid.reach
+        mass = np.bincount(letter, np.exp(log_weight), minlength=3)
+        assert list(estimator.estimate().probabilities.values()) == pytest.approx(mass, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    "options", [{}, {"cells": 20, "halvings": 5}, {"split": "5x7x9", "likelihood": "paper"}]
+)
+def test_keeping_what_was_replayed_changes_no_answer(small, options):
+    lazy, full = fitted(small, **options), fitted(small, **options, skip=False)
+    for seed in range(6):
+        rng = np.random.default_rng(seed)
+        trial = draw_trial(small, LETTERS[seed % 3], 10, rng)
+        other = draw_trial(small, LETTERS[(seed + 1) % 3], 6, rng)  # which contradicts the first
+        for filter in (lazy, full):
+            filter.reset(rng)
+        for reading, pose in (*zip(*trial[:2], strict=True), *zip(*other[:2], strict=True)):
+            for filter in (lazy, full):
+                filter.update(reading, pose)
+            ours, whole = lazy.estimate(), full.estimate()
+            assert ours.label == whole.label
+            assert ours.robot_in_object == pytest.approx(whole.robot_in_object, abs=1e-9)
+            assert ours.probabilities == pytest.approx(whole.probabilities, abs=1e-9)
+    assert full.work["skipped"]["replays"] == 0
+    made_and_skipped = lazy.work["likelihood_evaluations"] + lazy.work["skipped"]["replays"]
+    assert made_and_skipped == full.work["likelihood_evaluations"]
+    assert lazy.work["skipped"]["replays"] > 0
+
+
+@pytest.mark.parametrize("cells", [1, 7, 100])
+def test_of_letters_that_look_alike_none_is_preferred(small, cells):
+    one = small.where(label="E")
+    twins = Scan(
+        np.tile(one.readings, (3, 1)), np.tile(one.poses, (3, 1)), np.repeat(list("EFG"), len(one)),
+        np.tile(one.split, 3), one.taxel_xy,
+    )  # fmt: skip
+    estimator = fitted(twins, cells=cells, bins=1000)
+    readings, poses, _ = draw_trial(small, "E", 6, np.random.default_rng(3))
+    for shown in (readings, np.zeros_like(readings)):
+        for count in range(7):
+            got = updated(estimator, shown[:count], poses[:count]).estimate()
+            assert list(got.probabilities.values()) == pytest.approx([1 / 3] * 3, abs=1e-9)
+
+
+def test_estimates_that_are_left_out_change_nothing_later(small):
+    estimator = fitted(small)
+    readings, poses, _ = draw_trial(small, "E", 8, np.random.default_rng(7))
+    once = updated(estimator, readings, poses).estimate()
+    estimator.reset(np.random.default_rng(0))
+    for reading, pose in zip(readings, poses, strict=True):
+        estimator.update(reading, pose)
+        estimator.estimate()
+        again = estimator.estimate()
+    assert again.probabilities == once.probabilities
+    assert again.robot_in_object.tolist() == once.robot_in_object.tolist()
+
+
+def test_the_order_of_readings_does_not_matter(vowels):
+    estimator = fitted(vowels)
+    rng = np.random.default_rng(4)
+    readings, poses, _ = draw_trial(vowels, "I", 12, rng)
+    answers = []
+    for _ in range(4):
+        order = rng.permutation(12)
+        answers.append(updated(estimator, readings[order], poses[order]).estimate())
+    for answer in answers[1:]:
+        assert answer.label == answers[0].label
+        assert answer.robot_in_object == pytest.approx(answers[0].robot_in_object, abs=1e-6)
+        assert answer.probabilities == pytest.approx(answers[0].probabilities, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"bins": 1}, {"bins": 1, "cells": 1, "halvings": 8}, {"halvings": 0}, {"cells": 1}, {"halvings": 8},
+        {"cells": 100_000, "bins": 100, "halvings": 1}, {"split": "1x1x7", "halvings": 0, "cells": 1},
+    ],
+)  # fmt: skip
+def test_extreme_options_work(small, options):
+    estimator = fitted(small, **options)
+    readings, poses, _ = draw_trial(small, "I", 3, np.random.default_rng(0))
+    for count in range(4):
+        got = updated(estimator, readings[:count], poses[:count]).estimate()
+        assert sum(got.probabilities.values()) == pytest.approx(1)
+        assert np.isfinite(got.robot_in_object).all()
+        plane = estimator.belief_over_plane().probability
+        assert plane.sum(axis=(1, 2)) == pytest.approx(list(got.probabilities.values()), abs=1e-9)
+
+
+@pytest.mark.parametrize("option", [{"cells": 0}, {"halvings": -1}, {"halvings": 9}, {"bins": 0}])
+def test_options_out_of_bounds_are_refused(option):
+    with pytest.raises(InputError, match=next(iter(option))):
+        estimators.create("refined", **option)
+
+
+def test_without_halvings_it_is_the_histogram(small):
+    plain = estimators.create("histogram", split="9x8x11", likelihood="calibrated")
+    plain.fit(small)
+    estimator = fitted(small, split="9x8x11", halvings=0)
+    readings, poses, _ = draw_trial(small, "L", 5, np.random.default_rng(2))
+    for count in range(6):
+        whole = updated(plain, readings[:count], poses[:count])
+        ours = updated(estimator, readings[:count], poses[:count])
+        assert ours.estimate().probabilities == pytest.approx(whole.estimate().probabilities, abs=1e-7)
+        assert ours.belief_over_plane().probability == pytest.approx(
+            whole.belief_over_plane().probability, abs=1e-7
+        )
+
+
+def test_a_symmetric_letter_is_placed_in_one_of_its_copies(small):
+    estimator = fitted(small)
+    for seed in range(6):
+        readings, poses, truth = draw_trial(small, "I", 12, np.random.default_rng(50 + seed))
+        got = updated(estimator, readings, poses).estimate()
+        assert got.label == "I"
+        assert placement_error(got.robot_in_object, truth, 2, 50.0) < 1.5
+
+
+def test_hidden_letters_are_found_and_placed(small):
+    estimator = fitted(small)
+    errors = []
+    for seed in range(12):
+        letter = LETTERS[seed % 3]
+        readings, poses, truth = draw_trial(small, letter, 12, np.random.default_rng(100 + seed))
+        got = updated(estimator, readings, poses).estimate()
+        assert got.label == letter
+        errors.append(placement_error(got.robot_in_object, truth, 2 if letter == "I" else 1, 60.0))
+    assert np.mean(errors) < 0.5
+    assert max(errors) < 1.5
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("test_poses", "most"), [("same", 0.20), ("random", 0.30)])
+def test_500_trials_settle_early_and_are_placed_exactly(test_poses, most):
+    scan = scan_letters(ScanOptions(test_poses=test_poses), cache=False)[0]
+    right, off = scores(scan, fitted(scan), trials=100, last=20)
+    assert right[:, 2:].all(axis=1).mean() >= 0.95  # settled by the third
+    assert right[:, 4].mean() >= 0.99
+    assert right[:, 9:].all()
+    assert off[:, 19].mean() <= most
+
+
+@pytest.mark.slow
+def test_all_capitals_and_digits_are_told_apart():
+    letters = tuple("ABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789")
+    scan = scan_letters(ScanOptions(letters=letters), cache=False)[0]
+    right, _ = scores(scan, fitted(scan), trials=14, last=6)
+    assert right[:, 5].mean() >= 0.97
+
+
+def test_of_equal_cells_all_are_halved_or_none():
+    values = np.array([3.0, 1.0, 3.0, 5.0, 3.0, 0.0])
+    assert _highest(values, 1).tolist() == [3]
+    assert _highest(values, 2).tolist() == [3]
+    assert _highest(values, 4).tolist() == [0, 2, 3, 4]
+    assert _highest(values, 6).tolist() == _highest(values, 9).tolist() == [0, 1, 2, 3, 4, 5]
+    assert _highest(np.zeros(5), 3).tolist() == []

@@ -1,0 +1,95 @@
+"""Tempered particles against closed forms, against themselves without skipping, and on hidden letters."""
+
+import math
+
+import numpy as np
+import pytest
+from synthetic import draw_trial, make_scan, paper_poses
+
+from tactsim import estimators
+from tactsim.core import invert, transform, wrap_angle
+from tactsim.estimators.filters.tempered import _effective, _log_mean_exp
+
+LETTERS = "EIL"
+
+
+@pytest.fixture(scope="module")
+def scan():
+    return make_scan(LETTERS, poses=paper_poses(positions=4, angles=12))
+
+
+def fitted(scan, **options):
+    estimator = estimators.create("tempered", **options)
+    estimator.fit(scan)
+    return estimator
+
+
+def estimates(estimator, trial, seed=0):
+    readings, poses = trial[:2]
+    estimator.reset(np.random.default_rng(seed))
+    for reading, pose in zip(readings, poses, strict=True):
+        estimator.update(reading, pose)
+        yield estimator.estimate()
+
+
+def test_effective_share_and_mean_are_what_they_are_called():
+    assert _effective(np.full(7, -1000.0)) == pytest.approx(1)
+    assert _effective(np.array([0.0, -2000.0, -2000.0, -2000.0])) == pytest.approx(0.25)
+    assert _log_mean_exp(np.log([1.0, 2.0, 6.0]) - 900) == pytest.approx(math.log(3) - 900)
+
+
+def test_the_evidence_of_one_reading_is_the_mean_likelihood_over_the_prior(scan):
+    # A classifier that often fails makes a likelihood without needles, which plain sampling can integrate.
+    estimator = fitted(scan, particles=30_000, likelihood="paper", gamma=0.8)
+    readings, poses, *_ = draw_trial(scan, "E", 1, np.random.default_rng(3))
+    ratios = []
+    for seed in range(6):
+        estimator.reset(np.random.default_rng(seed))
+        estimator.update(readings[0], poses[0])
+        p = estimator.estimate().probabilities
+        ratios.append([np.log(p["I"] / p["E"]), np.log(p["L"] / p["E"])])
+
+    rng = np.random.default_rng(2)
+    states = np.column_stack([rng.uniform(-10, 10, (100_000, 2)), rng.uniform(-np.pi, np.pi, 100_000)])
+    evidence = estimator.likelihood.evidence(readings[0])
+    points = transform(states, transform(poses[0], estimator.taxel_xy)[evidence.taxel])
+    mean = {}
+    for label in estimator.labels:
+        tables = estimator.likelihood.log_tables(label, points)
+        log_p = tables[evidence.table, :, np.arange(len(evidence.table))].sum(axis=0)
+        mean[label] = _log_mean_exp(log_p)
+    expected = [mean["I"] - mean["E"], mean["L"] - mean["E"]]
+    assert np.mean(ratios, axis=0) == pytest.approx(expected, abs=0.1)
+    assert np.std(ratios, axis=0).max() < 0.2
+
+
+def test_skipping_changes_no_answer(scan):
+    quick, full = fitted(scan, particles=900), fitted(scan, particles=900, skip=False)
+    for seed in range(12):
+        letter = LETTERS[seed % 3]
+        trial = draw_trial(scan, letter, 12, np.random.default_rng(seed))
+        for one, other in zip(estimates(quick, trial, seed), estimates(full, trial, seed), strict=True):
+            assert one.label == other.label
+            assert np.array_equal(one.robot_in_object, other.robot_in_object)
+            for label, p in one.probabilities.items():
+                assert p == pytest.approx(other.probabilities[label], abs=1e-6)
+    assert quick.work["skipped"]["moves"] > 0
+    assert quick.work["skipped"]["moves"] % 300 == 0  # whole populations, once for each reading replayed
+    assert full.work["skipped"]["moves"] == 0
+    assert quick.work["likelihood_evaluations"] < full.work["likelihood_evaluations"]
+
+
+def test_hidden_letters_are_found_and_placed(scan):
+    estimator = fitted(scan, particles=3000)
+    errors = []
+    for seed in range(12):
+        letter = LETTERS[seed % 3]
+        trial = draw_trial(scan, letter, 12, np.random.default_rng(100 + seed))
+        *_, last = estimates(estimator, trial, seed)
+        assert last.label == letter
+        placed, true = invert(last.robot_in_object), invert(trial[2])
+        errors.append(np.linalg.norm(placed[:2] - true[:2]))
+        fold = 2 if letter == "I" else 1
+        assert abs(wrap_angle(fold * (placed[2] - true[2]))) / fold < 0.1
+    assert np.mean(errors) < 0.5
+    assert max(errors) < 1.5

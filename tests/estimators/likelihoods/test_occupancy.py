@@ -1,0 +1,114 @@
+import math
+
+import numpy as np
+import pytest
+from synthetic import make_scan, paper_poses
+
+from tactsim.core import Scan
+from tactsim.estimators.likelihoods.occupancy import OccupancyMap, learn_maps, log_odds, sigmoid
+
+
+def one_reading(value, pose=(0.0, 0.0, 0.0), taxel_xy=((0.0, 0.0),)):
+    values = np.atleast_2d(value).astype(float)
+    return Scan(values, np.array([pose]), np.array(["X"]), np.array(["train"]), np.array(taxel_xy))
+
+
+@pytest.mark.parametrize(("value", "sign"), [(10.0, 1), (0.0, -1)])
+@pytest.mark.parametrize("sigma", [1.0, 0.5])
+@pytest.mark.parametrize("away", [0.0, 0.4, 1.2])
+def test_one_element_gives_equation_5_at_every_distance(value, sign, sigma, away):
+    chart = learn_maps(one_reading(value), sigma=sigma, peak=0.8, prior=0.3)["X"]
+    g = 0.8 * math.exp(-2 * away**2 / sigma**2)
+    expected = 0.3 + 0.7 * g if sign > 0 else 0.3 - 0.3 * g
+    for direction in ([away, 0], [0, -away]):
+        assert sigmoid(chart.log_odds_at(direction)) == pytest.approx(expected)
+
+
+def test_elements_add_up_in_log_odds_and_unknown_ones_add_nothing():
+    # Two in contact at the same place as in two readings; the third, between the limits, is Unknown.
+    pad = [[0.0, 0.0], [0.0, 0.0], [0.1, 0.0]]
+    twice = learn_maps(one_reading([10.0, 10.0, 2.5], taxel_xy=pad))["X"]
+    once = learn_maps(one_reading([10.0]))["X"]
+    start = log_odds(0.2)
+    assert twice.log_odds_at([0.4, 0]) - start == pytest.approx(2 * (once.log_odds_at([0.4, 0]) - start))
+
+
+def test_an_element_is_stamped_where_its_pose_puts_it():
+    chart = learn_maps(one_reading(10.0, pose=(3.0, -2.0, math.pi / 2), taxel_xy=[[4.0, 1.0]]))["X"]
+    row, column = np.unravel_index(chart.log_odds.argmax(), chart.log_odds.shape)
+    assert chart.origin + chart.cell * np.array([column, row]) == pytest.approx([2.0, 2.0])
+
+
+@pytest.mark.parametrize("apart", [(30.0, 0.0), (0.0, 30.0)])
+def test_a_map_that_is_longer_than_wide_shows_both_ends_alike(apart):
+    alone = learn_maps(one_reading(10.0))["X"]
+    pair = learn_maps(one_reading([10.0, 10.0], taxel_xy=[[0.0, 0.0], apart]))["X"]
+    near = np.array([[0, 0], [0.7, 0.2], [-0.3, 1.1], [3, -3]])
+    assert pair.log_odds_at(near) == pytest.approx(alone.log_odds_at(near), abs=1e-6)
+    assert pair.log_odds_at(near + apart) == pytest.approx(alone.log_odds_at(near), abs=1e-6)
+
+
+@pytest.mark.parametrize("prior", [0.01, 0.5, 0.99])
+def test_a_map_reaches_as_far_as_an_element_says_anything(prior):
+    # Where eq. 5 and 6 have fallen to 1e-12, and in whole cells not a cell further than that.
+    def said(away):
+        g = 0.9 * math.exp(-2 * away**2)
+        return max(g * (1 - prior) / prior, g * prior / (1 - prior))
+
+    left, right, bottom, top = learn_maps(one_reading(10.0), prior=prior, cell=0.1)["X"].extent
+    assert (left, bottom) == (pytest.approx(-right), pytest.approx(-top))
+    assert max(said(-left), said(right), said(-bottom), said(top)) < 3e-12
+    assert min(said(-left - 0.2), said(right - 0.2), said(-bottom - 0.2), said(top - 0.2)) > 1e-13
+
+
+def test_the_order_of_readings_does_not_matter():
+    scan = make_scan("E", poses=paper_poses(3, 4))
+    shuffled = np.random.default_rng(0).permutation(len(scan))
+    other = Scan(
+        scan.readings[shuffled], scan.poses[shuffled], scan.labels[shuffled], scan.split[shuffled],
+        scan.taxel_xy,
+    )  # fmt: skip
+    first, second = learn_maps(scan)["E"].log_odds, learn_maps(other)["E"].log_odds
+    assert first == pytest.approx(second, abs=1e-9)
+
+
+def test_all_maps_share_a_grid_that_ends_at_the_prior():
+    maps = learn_maps(make_scan("EI", poses=paper_poses(3, 4)), prior=0.35)
+    first, second = maps.values()
+    assert first.log_odds.shape == second.log_odds.shape
+    assert first.origin.tolist() == second.origin.tolist()
+    rim = np.concatenate([first.log_odds[[0, -1]].ravel(), first.log_odds[:, [0, -1]].ravel()])
+    assert rim == pytest.approx(log_odds(0.35), abs=1e-6)
+
+
+@pytest.mark.parametrize("cell", [0.25, 1.0, 2.0])
+def test_a_map_shows_the_shape_at_any_cell_size(cell):
+    chart = learn_maps(make_scan("I"), cell=cell)["I"]
+    assert (chart.log_odds_at([[0, 0], [0, 10], [0, -10]]) > 3).all()
+    assert (chart.log_odds_at([[6, 0], [-6, 5], [9, -3]]) < -3).all()
+    left, right, bottom, top = chart.extent
+    assert (right - left) == pytest.approx(cell * chart.log_odds.shape[1])
+    assert (top - bottom) == pytest.approx(cell * chart.log_odds.shape[0])
+    assert left < -14 < 14 < right
+
+
+def test_interpolation_is_bilinear_inside_and_the_prior_outside():
+    chart = OccupancyMap(np.array([1.0, 2.0]), 0.5, np.array([[1.0, 3.0], [5.0, -1.0]]), 0.5)
+    assert chart.log_odds_at([1.0, 2.0]) == 1
+    assert chart.log_odds_at([1.5, 2.5]) == -1
+    assert chart.log_odds_at([1.25, 2.0]) == 2
+    assert chart.log_odds_at([1.25, 2.25]) == 2
+    assert chart.log_odds_at([0.75, 2.0]) == 0.5  # halfway to the prior's frame
+    assert chart.log_odds_at([[-50.0, 2.0], [1.2, 1e6]]).tolist() == [0, 0]
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf])
+def test_a_map_that_is_not_finite_is_refused(bad):
+    with pytest.raises(ValueError, match="not finite"):
+        OccupancyMap(np.zeros(2), 1.0, np.array([[0.0, bad]]), 0.2)
+
+
+def test_log_odds_and_probabilities_are_inverse_without_overflow():
+    assert sigmoid(log_odds(0.2)) == pytest.approx(0.2)
+    assert sigmoid(np.array([-1e5, -800.0, 0.0, 800.0, 1e5])).tolist() == [0, 0, 0.5, 1, 1]
+    assert sigmoid(-40.0) == pytest.approx(math.exp(-40))

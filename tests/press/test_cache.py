@@ -1,0 +1,101 @@
+import multiprocessing
+
+import numpy as np
+import pytest
+
+from tactsim.press import PressOptions, ScanOptions, scan_letters
+
+OPTIONS = ScanOptions(letters=("E", "I"))
+
+
+def files(folder):
+    return sorted(folder.glob("*.readings"))
+
+
+def test_a_cached_scan_is_the_same_and_presses_nothing(own_cache):
+    fresh, work = scan_letters(OPTIONS)
+    again, less = scan_letters(OPTIONS)
+    uncached, more = scan_letters(OPTIONS, cache=False)
+    assert np.array_equal(fresh.readings, again.readings)
+    assert np.array_equal(fresh.readings, uncached.readings)
+    assert fresh.meta == again.meta == uncached.meta
+    assert work["presses"] == more["presses"] > 0
+    assert (less["presses"], less["skipped"]["cached"]) == (0, 768)
+    assert len(files(own_cache)) == 4
+
+
+def test_no_cache_writes_nothing(own_cache):
+    scan_letters(OPTIONS, cache=False)
+    assert not files(own_cache)
+
+
+def cut(content):
+    return content[: len(content) // 2]
+
+
+def flip(content):
+    return content[:-9] + bytes([content[-9] ^ 1]) + content[-8:]
+
+
+@pytest.mark.parametrize(
+    "damage", [cut, flip, lambda _: b"", lambda _: b"\x93NUMPY other", lambda content: content + b"more"]
+)
+def test_a_damaged_file_is_made_again(own_cache, damage):
+    fresh, _ = scan_letters(OPTIONS)
+    for path in files(own_cache):
+        path.write_bytes(damage(path.read_bytes()))
+    again, work = scan_letters(OPTIONS)
+    assert work["skipped"]["cached"] == 0
+    assert np.array_equal(fresh.readings, again.readings)
+    assert scan_letters(OPTIONS)[1]["skipped"]["cached"] == 768
+
+
+def test_another_key_s_file_is_not_taken(own_cache):
+    fresh, _ = scan_letters(OPTIONS)
+    first, second, *_ = files(own_cache)
+    first.write_bytes(second.read_bytes())
+    again, work = scan_letters(OPTIONS)
+    assert work["skipped"]["cached"] == 576
+    assert np.array_equal(fresh.readings, again.readings)
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        ScanOptions(letters=("E", "I"), seed=1),
+        ScanOptions(letters=("E", "I"), press=PressOptions(force=1.0)),
+        ScanOptions(letters=("E", "I"), rounding=0.2, placement_mm=0, placement_rad=0),
+    ],
+)
+def test_what_changes_a_reading_changes_the_key(other):
+    scan_letters(OPTIONS)
+    assert scan_letters(other)[1]["skipped"]["cached"] == 0
+
+
+def test_noise_is_no_reason_to_press_again():
+    scan_letters(OPTIONS)
+    noisy = OPTIONS.model_copy(update={"sensor": OPTIONS.sensor.model_copy(update={"noise": 5.0})})
+    scan, work = scan_letters(noisy)
+    assert work["presses"] == 0
+    assert np.array_equal(scan.readings, scan_letters(noisy, cache=False)[0].readings)
+
+
+def test_a_folder_that_cannot_be_written_is_done_without(tmp_path, monkeypatch):
+    blocked = tmp_path / "file"
+    blocked.write_text("not a folder")
+    monkeypatch.setenv("TACTSIM_CACHE_DIR", str(blocked))
+    scan, work = scan_letters(OPTIONS)
+    assert work["presses"] > 0
+    assert len(scan) == 768
+
+
+def _scan(_):
+    return scan_letters(OPTIONS)[0].readings
+
+
+def test_two_processes_may_fill_it_at_once(own_cache):
+    with multiprocessing.get_context("spawn").Pool(2) as pool:
+        first, second = pool.map(_scan, range(2), chunksize=1)
+    assert np.array_equal(first, second)
+    assert np.array_equal(first, scan_letters(OPTIONS)[0].readings)
+    assert {path.suffix for path in own_cache.iterdir()} == {".readings"}

@@ -1,0 +1,82 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from manifold3d import CrossSection
+
+from tactsim.core import invert
+from tactsim.press.clip import cell_moments, covers, edges_of
+
+X_LINES = np.array([-3.0, -2.0, -0.5, 0.5, 1.0, 4.0])
+Y_LINES = np.array([-2.0, -1.0, 0.0, 1.5, 2.5])
+SHAPES = {
+    "frame": CrossSection.square((3.0, 3.0), True) - CrossSection.square((1.5, 1.5), True),
+    "star": CrossSection(
+        [[(0, 3), (-0.4, 0.5), (-3, 0), (-0.4, -0.5), (0, -3), (0.4, -0.5), (3, 0), (0.4, 0.5)]]
+    ),
+    "ring": CrossSection.circle(2.2, 40) - CrossSection.circle(1.7, 40),
+}
+
+
+def moments_of(region, centre):
+    """Area, first and second moments by triangles to a corner."""
+    total = np.zeros(6)
+    for contour in region.to_polygons():
+        a = contour - centre
+        b = np.roll(a, -1, axis=0)
+        cross = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
+        s = a + b
+        second = [
+            cross / 24 * (s[:, i] * s[:, j] + a[:, i] * a[:, j] + b[:, i] * b[:, j])
+            for i, j in ((0, 0), (0, 1), (1, 1))
+        ]
+        total += [v.sum() for v in (cross / 2, *(cross[:, None] * s / 6).T, *second)]
+    return total
+
+
+@given(
+    st.sampled_from(sorted(SHAPES)),
+    st.floats(-4, 4),
+    st.floats(-4, 4),
+    st.one_of(st.sampled_from([0.0, np.pi / 2, np.pi, -np.pi / 2]), st.floats(-7, 7)),
+)
+def test_moments_are_those_of_the_clipped_polygon(name, x, y, angle):
+    shape = SHAPES[name]
+    moments = cell_moments(edges_of(shape.to_polygons()), np.array([[x, y, angle]]), X_LINES, Y_LINES)[:, 0]
+    placed = shape.rotate(np.degrees(angle)).translate((x, y))
+    for row in range(len(Y_LINES) - 1):
+        for column in range(len(X_LINES) - 1):
+            low = np.array([X_LINES[column], Y_LINES[row]])
+            high = np.array([X_LINES[column + 1], Y_LINES[row + 1]])
+            cell = CrossSection.square(tuple(high - low)).translate(tuple(low))
+            # manifold3d rounds corners to 1e-8 mm, so no more can be asked
+            assert moments[:, row, column] == pytest.approx(
+                moments_of(placed ^ cell, (low + high) / 2), abs=1e-6
+            )
+
+
+def test_an_outline_on_the_grid_lines_fills_the_cells_that_it_bounds():
+    square = np.array([[-0.5, -1.0], [1.0, -1.0], [1.0, 1.5], [-0.5, 1.5]])
+    area = cell_moments(edges_of([square]), np.zeros((1, 3)), X_LINES, Y_LINES)[0, 0]
+    full = np.diff(Y_LINES)[:, None] * np.diff(X_LINES)
+    wanted = np.zeros_like(full)
+    wanted[1:3, 2:4] = full[1:3, 2:4]
+    assert np.array_equal(area, wanted)
+
+
+def test_poses_do_not_disturb_each_other():
+    edges = edges_of(SHAPES["star"].to_polygons())
+    poses = np.random.default_rng(0).uniform(-3, 3, (20, 3))
+    together = cell_moments(edges, poses, X_LINES, Y_LINES)
+    for index, pose in enumerate(poses):
+        assert np.array_equal(cell_moments(edges, pose[None], X_LINES, Y_LINES)[:, 0], together[:, index])
+
+
+def test_a_point_is_covered_where_the_ring_is():
+    points = np.random.default_rng(1).uniform(-3, 3, (2000, 2))
+    radius = np.hypot(*points.T)
+    clear = (np.abs(radius - 2.2) > 0.01) & (np.abs(radius - 1.7) > 0.01)
+    inside = covers(SHAPES["ring"].to_polygons(), points)
+    assert np.array_equal(inside[clear], ((radius > 1.7) & (radius < 2.2))[clear])
+    placed = invert([0.0, 0.0, 0.3])
+    assert placed.shape == (3,)

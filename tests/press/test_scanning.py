@@ -1,0 +1,134 @@
+import numpy as np
+import pytest
+
+from tactsim import models
+from tactsim.bench.agreement import classifier_agreement
+from tactsim.core import InputError, Pad
+from tactsim.press import WORLDS, PressOptions, ScanOptions, SensorOptions, press_letter, scan_letters
+
+
+def classify(readings, threshold=2.0, share=0.3):
+    """Eq. 3, with its corrected "No Contact"."""
+    largest = readings.max(axis=1, keepdims=True)
+    return (
+        (readings > threshold) & (readings > share * largest),
+        (readings <= threshold) & (readings <= share * largest),
+    )
+
+
+def test_default_readings_are_classified_right_about_as_often_as_in_the_paper():
+    scan, work = scan_letters(ScanOptions())
+    letters = {name: models.letter(name) for name in scan.letters}
+    agreement = classifier_agreement(scan, *classify(scan.readings), letters)
+    assert 0.88 < agreement.share < 0.92
+    assert agreement.elements == 1920 * 36
+    assert agreement.decided > 0.7 * agreement.elements
+    assert work["presses"] + work["skipped"]["no_contact"] == 1920
+
+
+def test_a_letter_s_readings_do_not_depend_on_which_others_are_scanned():
+    scan, _ = scan_letters(ScanOptions(letters=("A", "I")))
+    other, _ = scan_letters(ScanOptions(letters=("I",)))
+    assert np.array_equal(scan.where(label="I").readings, other.readings)
+
+
+def test_training_and_test_readings_differ_and_seeds_do():
+    scan, _ = scan_letters(ScanOptions(letters=("E",)))
+    assert np.array_equal(scan.where(split="train").poses, scan.where(split="test").poses)
+    assert not np.array_equal(scan.where(split="train").readings, scan.where(split="test").readings)
+    other, _ = scan_letters(ScanOptions(letters=("E",), seed=1))
+    assert not np.array_equal(scan.readings, other.readings)
+
+
+def test_random_test_poses_leave_the_training_readings_alone():
+    scan, _ = scan_letters(ScanOptions(letters=("E",)))
+    other, _ = scan_letters(ScanOptions(letters=("E",), test_poses="random"))
+    assert np.array_equal(scan.where(split="train").readings, other.where(split="train").readings)
+    poses = other.where(split="test").poses
+    assert (np.abs(poses[:, :2]) <= 10.2).all()
+    assert not np.isin(np.round(poses[:, 0], 6), [-10.2, -3.4, 3.4, 10.2]).any()
+
+
+def test_the_ideal_world_reads_what_a_single_press_reads():
+    options = ScanOptions(letters=("U",), **WORLDS["ideal"])
+    scan, _ = scan_letters(options)
+    for k in (0, 77, 191):
+        press = press_letter(models.letter("U"), scan.poses[k], options)
+        assert press.reading == pytest.approx(scan.readings[k], abs=1e-9)
+
+
+def test_half_the_force_is_half_the_reading():
+    letter, pose = models.letter("A"), [1.0, 2.0, 0.3]
+    full = press_letter(letter, pose, ScanOptions()).ideal
+    half = press_letter(letter, pose, ScanOptions(press=PressOptions(force=1.0))).ideal
+    assert half == pytest.approx(full / 2, rel=1e-6)
+
+
+def test_a_letter_beside_the_pad_reads_nothing():
+    press = press_letter(models.letter("I"), [40.0, 0.0, 0.0])
+    assert not press.ideal.any()
+    assert not press.reading.any()
+
+
+def test_worlds_are_valid_and_worse_data_is_classified_worse():
+    scan, _ = scan_letters(ScanOptions(letters=("E",), **WORLDS["paper-like"]))
+    usual, _ = scan_letters(ScanOptions(letters=("E",)))
+    letters = {"E": models.letter("E")}
+    worse = classifier_agreement(scan, *classify(scan.readings), letters).share
+    assert worse < classifier_agreement(usual, *classify(usual.readings), letters).share - 0.05
+
+
+def test_a_dead_taxel_that_the_pad_does_not_have_is_refused():
+    with pytest.raises(ValueError, match="0 to 35"):
+        ScanOptions(sensor=SensorOptions(dead_taxels=(36,)))
+
+
+def test_a_shape_of_one_s_own_is_pressed_like_a_letter(tmp_path):
+    drawing = tmp_path / "bar.svg"
+    drawing.write_text(
+        '<svg xmlns="http://www.w3.org/2000/svg" width="20mm" height="6mm" viewBox="0 0 20 6">'
+        '<rect width="20" height="6"/></svg>'
+    )
+    scan, _ = scan_letters(ScanOptions(letters=("I",), shapes=(str(drawing),)), cache=False)
+    assert scan.letters == ("I", "bar")
+    assert scan.meta["objects"]["bar"]["symmetry"] == 2
+    assert scan.meta["objects"]["bar"]["area"] == pytest.approx(120, abs=0.01)
+    assert len(scan) == 768
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        ({"letters": ("AB",)}, "AB"),
+        ({"letters": ("A", "A")}, "'A'"),
+        ({"letters": ()}, "nothing"),
+        ({"shapes": ("none.stl",)}, "none.stl"),
+    ],
+)
+def test_what_cannot_be_pressed_is_said(options, says):
+    with pytest.raises(InputError, match=says):
+        scan_letters(ScanOptions(**options))
+
+
+def test_a_pad_in_a_file_is_pressed(tmp_path):
+    path = tmp_path / "pad.toml"
+    path.write_text(
+        "rows = 3\ncolumns = 5\nno_seam = true\npitch_x = 4.0\nelement_x = 3.5\nunread_columns = 0\n"
+    )
+    scan, _ = scan_letters(ScanOptions(letters=("E",), pad=str(path)), cache=False)
+    assert scan.readings.shape == (384, 15)
+    assert scan.meta["options"]["pad"]["columns"] == 5
+
+
+def test_a_pad_with_too_many_elements_is_refused():
+    with pytest.raises(ValueError, match="cells_per_element"):
+        ScanOptions(pad=Pad(rows=100, columns=100, seam=None))
+
+
+def test_a_pad_s_gains_are_the_same_for_a_scan_and_a_single_press():
+    options = ScanOptions(letters=("E",), **WORLDS["ideal"])
+    spread = options.model_copy(update={"sensor": options.sensor.model_copy(update={"gain_spread": 0.2})})
+    scan, _ = scan_letters(spread)
+    press = press_letter(models.letter("E"), scan.poses[50], spread)
+    assert press.reading == pytest.approx(scan.readings[50], abs=1e-9)
+    assert press.reading != pytest.approx(press.ideal, rel=0.01)

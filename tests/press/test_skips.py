@@ -1,0 +1,95 @@
+"""Work that is left out must not change an answer; each switch and counter is shown to matter."""
+
+import numpy as np
+import pytest
+
+from tactsim import models
+from tactsim.press import PressOptions, ScanOptions, scan_letters
+from tactsim.press.pressing import ideal_readings
+from tactsim.press.scan_options import Skips
+from tactsim.press.scan_poses import grid_poses
+
+FAR = np.array([[40.0, 0.0, 0.0], [0.0, -30.0, 1.0]])
+POSES = np.concatenate([grid_poses()[::9], FAR])
+
+
+def ideal(name, **skips):
+    options = ScanOptions(press=PressOptions(skip=Skips(**skips)))
+    return ideal_readings(models.letter(name), POSES, options)
+
+
+@pytest.mark.parametrize("name", ["A", "E", "I", "O", "8"])
+@pytest.mark.parametrize(
+    ("skips", "exactly"),
+    [
+        ({"no_contact": False}, True),
+        ({"stages": False}, True),
+        ({"parts": False}, False),
+        ({"parts": False, "cells": False}, False),
+        ({"parts": False, "cells": False, "stages": False, "no_contact": False}, False),
+    ],
+)
+def test_readings_are_equal_with_and_without(name, skips, exactly):
+    usual, work = ideal(name)
+    without, more = ideal(name, **skips)
+    if exactly:
+        assert np.array_equal(usual, without)
+    else:  # parts divide a cell's force between contacts, which adds up with another rounding
+        assert without == pytest.approx(usual, abs=1e-5 * usual.max())
+    for reason in skips:
+        assert work[reason] > 0
+        assert more[reason] == 0
+
+
+def test_cells_without_contact_do_not_change_a_bit():
+    usual, _ = ideal("E", parts=False)
+    without, _ = ideal("E", parts=False, cells=False)
+    assert np.array_equal(usual, without)
+
+
+def test_counters_add_up():
+    _, work = ideal("E")
+    assert work["no_contact"] == len(FAR)
+    assert work["presses"] == len(POSES) - len(FAR)
+    assert work["parts"] == work["presses"] * len(models.letter("E").parts)
+    assert 0 < work["cells"] < work["presses"] * 16 * 12
+
+
+def test_a_plane_cannot_leave_cells_out():
+    with pytest.raises(ValueError, match="parts = false"):
+        Skips(cells=False)
+
+
+def test_a_known_pose_is_not_pressed_again():
+    exact = {"letters": ("U",), "placement_mm": 0.0, "placement_rad": 0.0}
+    scan, work = scan_letters(ScanOptions(**exact), cache=False)
+    other, more = scan_letters(ScanOptions(**exact, press=PressOptions(skip=Skips(known=False))), cache=False)
+    assert (work["presses"], work["skipped"]["known"]) == (192, 192)
+    assert (more["presses"], more["skipped"]["known"]) == (384, 0)
+    assert np.array_equal(scan.readings, other.readings)
+
+
+def test_all_switches_leave_a_scan_as_it_is():
+    usual, _ = scan_letters(ScanOptions(letters=("E",)), cache=False)
+    off = Skips(no_contact=False, cells=False, parts=False, stages=False, known=False)
+    other, work = scan_letters(ScanOptions(letters=("E",), press=PressOptions(skip=off)), cache=False)
+    assert np.array_equal(usual.readings, other.readings)  # the resolution swallows the rounding
+    assert work["presses"] == 384
+    assert not any(work["skipped"].values())
+
+
+@pytest.mark.parametrize("jobs", [2, 3])
+def test_any_number_of_processes_gives_the_same_bits(jobs, monkeypatch):
+    monkeypatch.setattr("tactsim.press.scanning._WORTH_A_WORKER", 1e-3)
+    options = ScanOptions(letters=("I", "O"), test_poses="random")
+    done = []
+    alone, work = scan_letters(options, cache=False)
+    many, same = scan_letters(
+        options, jobs=jobs, cache=False, progress=lambda n, total: done.append((n, total))
+    )
+    assert np.array_equal(alone.readings, many.readings)
+    assert np.array_equal(alone.poses, many.poses)
+    assert alone.meta == many.meta
+    assert work == same
+    assert done[-1] == (768, 768)
+    assert [n for n, _ in done] == sorted(n for n, _ in done)
