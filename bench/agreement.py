@@ -14,15 +14,15 @@ from tactsim.press.clip import covers
 
 
 class Agreement(NamedTuple):
-    """`share` of the `decided` elements is classified as the footprint says; `elements` is all there are."""
+    """`share` of the `decided` taxels is classified as the footprint says; `taxels` is all there are."""
 
     share: float
     decided: int
-    elements: int
+    taxels: int
 
 
 def true_contact(scan: Scan, letters: dict[str, models.Letter]) -> NDArray[np.bool_]:
-    """Tell which elements lie on the letter: (n, taxels), True for a centre on the footprint.
+    """Tell which taxels lie on the letter: (n, taxels), True for a centre on the footprint.
 
     The centre is taken at the stated pose, so placement error counts as the classifier's error, as it
     would for who labels real readings by their stated poses.
@@ -41,7 +41,7 @@ def classifier_agreement(
     no_contact: NDArray[np.bool_],
     letters: dict[str, models.Letter],
 ) -> Agreement:
-    """Score a classification of every element, both (n, taxels): neither means Unknown, not decided.
+    """Score a classification of every taxel, both (n, taxels): neither means Unknown, not decided.
 
     The paper reports about 90 % right.
     """

@@ -26,7 +26,7 @@ def press_table(label: str, poses: FloatArray, options: ScanOptions, rng: np.ran
 def sensing(
     pressures: Callable[[float], FloatArray], options: ScanOptions, rng: np.random.Generator
 ) -> Callable[[float], FloatArray]:
-    """Let the elements' gains, noise and faults change what presses on the pad, anew at each call.
+    """Let the taxels' gains, noise and faults change what presses on the pad, anew at each call.
 
     The device's own steps come with its codec, so the sensor's resolution is left out.
     """

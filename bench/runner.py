@@ -150,9 +150,9 @@ def finished_run(
 
 
 def eq3_agreement(scan: Scan) -> float | None:
-    """Tell which share of the elements that eq. 3 decides it decides rightly; None for unknown shapes.
+    """Tell which share of the taxels that eq. 3 decides it decides rightly; None for unknown shapes.
 
-    The training readings are judged, each element by whether its centre lies on the letter.
+    The training readings are judged, each taxel by whether its centre lies on the letter.
     """
     from tactsim.bench.agreement import classifier_agreement
     from tactsim.estimators.likelihoods.classifier import CONTACT, NO_CONTACT, classify

@@ -110,7 +110,7 @@ def headlines(run: Run) -> list[str]:
         )
     if run.about["classifier_agreement"] is not None:
         lines.append(
-            f"eq. 3 is right for {100 * run.about['classifier_agreement']:.1f} % of the decided elements"
+            f"eq. 3 is right for {100 * run.about['classifier_agreement']:.1f} % of the decided taxels"
         )
     propose = seconds.get("propose_per_reading", 0)
     lines.append(

@@ -33,14 +33,14 @@ class Validation:
     """What a comparison of a simulated and a recorded scan says.
 
     before, after: errors with the simulation's own parameters and with the fitted ones. classes: the
-    share of elements that eq. 3 puts in the same class, recorded against simulated readings, and
+    share of taxels that eq. 3 puts in the same class, recorded against simulated readings, and
     simulated against simulated with other noise, which is as good as it can get; and the counts, rows
     recorded. recognition: final accuracy and error by "trained on -> tested on".
     """
 
     readings: int
     letters: tuple[str, ...]
-    elements: int
+    taxels: int
     before: TaxelError
     after: TaxelError
     fit: SensorFit
@@ -69,10 +69,8 @@ class _Simulator:
         pad = self.options.pad.taxel_xy
         apart = np.abs(recorded.taxel_xy[:, None] - pad[None]).max(axis=-1)
         if apart.min(axis=1).max() > 1e-3:
-            raise InputError(
-                "the recorded elements are not where the simulated pad has them: the pads differ"
-            )
-        self.elements = apart.argmin(axis=1)
+            raise InputError("the recorded taxels are not where the simulated pad has them: the pads differ")
+        self.taxels = apart.argmin(axis=1)
 
     def __call__(self, sigma: float, errors: FloatArray) -> FloatArray:
         """Predict readings without imperfections; see `tactsim.hardware.sensor_fit.Predict`."""
@@ -84,7 +82,7 @@ class _Simulator:
             rows = self._recorded.labels == name
             letter: Letter = self._letters[name]
             ideal[rows] = ideal_readings(letter, poses[rows], options)[0]
-        return ideal[:, self.elements]
+        return ideal[:, self.taxels]
 
     def noisy(self, seed: int) -> FloatArray:
         """Draw readings at the recorded poses with all that the simulation's options add."""
@@ -93,8 +91,8 @@ class _Simulator:
         spread = (options.placement_mm, options.placement_mm, options.placement_rad)
         errors = rng.standard_normal((len(self._recorded), 3)) * spread
         ideal = np.zeros((len(errors), options.pad.taxels))
-        ideal[:, self.elements] = self(options.sensor.psf_sigma, errors)
-        return sense(ideal, options.sensor, gains(options), rng)[:, self.elements]
+        ideal[:, self.taxels] = self(options.sensor.psf_sigma, errors)
+        return sense(ideal, options.sensor, gains(options), rng)[:, self.taxels]
 
 
 def validate(
@@ -110,21 +108,21 @@ def validate(
     """Compare a recorded scan with a simulated one that says how it was made.
 
     The readings are compared at the recorded poses, which the simulated scan need not have. Raises
-    InputError if the recorded letters or elements are not in the simulation.
+    InputError if the recorded letters or taxels are not in the simulation.
     """
     simulator = _Simulator(simulated, recorded)
     nothing = np.zeros((len(recorded), 3))
     own = simulator.options.sensor.psf_sigma
     before = taxel_error(recorded.readings, simulator(own, nothing))
     fit = fit_sensor(recorded.readings, simulator)
-    fitted = fit.gain * fit.gain_per_element * simulator(fit.psf_sigma, fit.placement)
+    fitted = fit.gain * fit.gain_per_taxel * simulator(fit.psf_sigma, fit.placement)
     one, other = (classify(simulator.noisy(seed + k)) for k in range(2))
     agreement, counts = class_agreement(classify(recorded.readings), one, len(CLASSES))
     ceiling, _ = class_agreement(one, other, len(CLASSES))
     return Validation(
         readings=len(recorded),
         letters=recorded.letters,
-        elements=len(recorded.taxel_xy),
+        taxels=len(recorded.taxel_xy),
         before=before,
         after=taxel_error(recorded.readings, fitted),
         fit=fit,
@@ -145,7 +143,7 @@ def _recognition(
     seed: int,
     progress: Progress,
 ) -> dict[str, dict[str, Any]]:
-    """Train on either and test on either, on the recorded letters and elements."""
+    """Train on either and test on either, on the recorded letters and taxels."""
     sides = {"simulated": simulated.of_letters(recorded.letters), "recorded": recorded}
     results = {}
     with TemporaryDirectory() as folder:

@@ -56,11 +56,16 @@ class PlaneBelief:
 class Estimator(ABC):
     """Recognise and localise one object from a sequence of readings.
 
-    A subclass names its `options_type` and implements `fit`, `reset`, `update` and `estimate`. The calls
-    come in that order; `reset` starts a new sequence and keeps what was fitted.
+    A subclass names its `options_type`, its `budget` and whether it `draws`, and implements `fit`, `reset`,
+    `update` and `estimate`. The calls come in that order; `reset` starts a new sequence and keeps what was
+    fitted.
     """
 
     options_type: ClassVar[type[Options]] = Options
+    # The option that says how much may be computed, such as "bins"; None if there is no such option.
+    budget: ClassVar[str | None] = None
+    # Whether the rng of `reset` changes what is estimated.
+    draws: ClassVar[bool] = True
 
     def __init__(self, options: Options) -> None:
         self.options = options

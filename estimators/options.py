@@ -13,16 +13,16 @@ class MapOptions(Options):
     """How occupancy maps are learned (paper, eq. 3 to 6)."""
 
     sigma: float = Field(1.0, ge=0.1, le=10, description="sigma of eq. 4: the sensor's point spread, mm")
-    peak: float = Field(0.9, gt=0, lt=1, description="G' of eq. 4 at an element's own centre")
+    peak: float = Field(0.9, gt=0, lt=1, description="G' of eq. 4 at a taxel's own centre")
     # Nearer to 0 or 1, a prior would give weight to the last 1e-14 of a point spread, which maps cut off.
     prior: float = Field(0.2, ge=1e-6, le=1 - 1e-6, description="p(m): the share of a map that is occupied")
     threshold: float = Field(2.0, ge=-1e9, le=1e9, description="T of eq. 3, kPa")
-    ratio: float = Field(0.3, ge=0, le=1, description="the 0.3 of eq. 3: share of the largest element")
+    ratio: float = Field(0.3, ge=0, le=1, description="the 0.3 of eq. 3: share of the largest taxel")
     cell: float = Field(0.4, ge=0.05, le=5, description="side of a map cell, mm; at least sigma / 25")
 
     @model_validator(mode="after")
     def _cells_are_not_needlessly_fine(self) -> MapOptions:
-        if self.sigma > 25 * self.cell:  # 40,000 cells and more for every element of every reading
+        if self.sigma > 25 * self.cell:  # 40,000 cells and more for every taxel of every reading
             raise ValueError(
                 f"cell {self.cell} mm is below sigma / 25 = {self.sigma / 25:g} mm; choose larger cells"
             )

@@ -1,4 +1,4 @@
-"""Correct what a pad says: tare, gain of each element, elements that are dead or stuck; and force."""
+"""Correct what a pad says: tare, gain of each taxel, taxels that are dead or stuck; and force."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ from tactsim.hardware.device import Device
 
 LEAST_FRAMES = 40
 _MOVED = 5.0  # noise standard deviations by which the two halves of a tare may differ
-_FAINT = 0.05  # share of the typical element's answer below which an element is dead
+_FAINT = 0.05  # share of the typical taxel's answer below which a taxel is dead
 
 
 class Calibration(BaseModel):
     """What corrects one device's readings: the content of a calibration file (TOML).
 
-    corrected = (pressure - tare) * gain, kPa, for every element that is neither dead nor stuck.
+    corrected = (pressure - tare) * gain, kPa, for every taxel that is neither dead nor stuck.
     """
 
     model_config = STRICT
@@ -37,13 +37,11 @@ class Calibration(BaseModel):
     port: str = Field(max_length=1000, description="where the device was read")
     taken: datetime
     frames: int = Field(ge=0, description="frames that the tare is the median of")
-    tare: tuple[float, ...] = Field(
-        min_length=1, max_length=40_000, description="kPa of each element unloaded"
-    )
-    noise: tuple[float, ...] = Field(max_length=40_000, description="kPa, sd of each element unloaded")
+    tare: tuple[float, ...] = Field(min_length=1, max_length=40_000, description="kPa of each taxel unloaded")
+    noise: tuple[float, ...] = Field(max_length=40_000, description="kPa, sd of each taxel unloaded")
     gain: tuple[float, ...] = Field(max_length=40_000)
-    dead: tuple[int, ...] = Field((), description="elements that do not answer to a load")
-    stuck: tuple[int, ...] = Field((), description="elements that always say the same")
+    dead: tuple[int, ...] = Field((), description="taxels that do not answer to a load")
+    stuck: tuple[int, ...] = Field((), description="taxels that always say the same")
 
     @model_validator(mode="after")
     def _whole(self) -> Calibration:
@@ -51,15 +49,15 @@ class Calibration(BaseModel):
             if len(getattr(self, name)) != len(self.tare):
                 raise ValueError(f"{name} has {len(getattr(self, name))} values, tare has {len(self.tare)}")
         for name in ("dead", "stuck"):
-            if any(not 0 <= element < len(self.tare) for element in getattr(self, name)):
-                raise ValueError(f"{name} names an element that the pad of {len(self.tare)} does not have")
+            if any(not 0 <= taxel < len(self.tare) for taxel in getattr(self, name)):
+                raise ValueError(f"{name} names a taxel that the pad of {len(self.tare)} does not have")
         if not self.kept.any():
-            raise ValueError("every element is dead or stuck")
+            raise ValueError("every taxel is dead or stuck")
         return self
 
     @property
     def kept(self) -> NDArray[np.bool_]:
-        """Tell which elements are read, (taxels,)."""
+        """Tell which taxels are read, (taxels,)."""
         kept = np.ones(len(self.tare), dtype=bool)
         kept[list(self.dead + self.stuck)] = False
         return kept
@@ -82,7 +80,7 @@ class Correction:
     def __init__(self, calibration: Calibration, pad: Pad) -> None:
         if len(calibration.tare) != pad.taxels:
             raise InputError(
-                f"the calibration of {calibration.device!r} has {len(calibration.tare)} elements, the pad has "
+                f"the calibration of {calibration.device!r} has {len(calibration.tare)} taxels, the pad has "
                 f"{pad.taxels}; take one with `bench tare`"
             )
         kept = calibration.kept
@@ -91,11 +89,11 @@ class Correction:
         self.taxel_xy = pad.taxel_xy[self._kept]
 
     def whole(self, pressures: FloatArray) -> FloatArray:
-        """Correct the pressures (..., taxels) kPa of all elements, dead and stuck ones too."""
+        """Correct the pressures (..., taxels) kPa of all taxels, dead and stuck ones too."""
         return (pressures - self._tare) * self._gain
 
     def apply(self, reading: Reading) -> Reading:
-        """Correct one reading; dead and stuck elements are left out."""
+        """Correct one reading; dead and stuck taxels are left out."""
         pressures = self.whole(reading.pressures)[self._kept]
         return Reading(pressures, reading.host_time, reading.device_time, reading.index)
 
@@ -103,9 +101,9 @@ class Correction:
 def take_tare(
     readings: Sequence[Reading], device: Device, port: str, now: datetime | None = None
 ) -> Calibration:
-    """Take the median of unloaded readings as each element's zero, and mask elements that are stuck.
+    """Take the median of unloaded readings as each taxel's zero, and mask taxels that are stuck.
 
-    Raises InputError for fewer than 40 readings, and if something touches the pad: an element that
+    Raises InputError for fewer than 40 readings, and if something touches the pad: a taxel that
     moves beyond its noise while the tare is taken, or lies further from zero than the device file's
     `largest_offset_kpa`.
     """
@@ -117,19 +115,19 @@ def take_tare(
     stuck = find_stuck(values)
     free = np.setdiff1d(np.arange(values.shape[1]), stuck)
     if not len(free):
-        raise InputError("every element of the pad says the same all the time: is it connected?")
+        raise InputError("every taxel of the pad says the same all the time: is it connected?")
     far = free[np.abs(tare[free]) > device.largest_offset_kpa]
     if len(far):
         worst = far[np.argmax(np.abs(tare[far]))]
         raise InputError(
-            f"something touches the pad: element {worst} reads {tare[worst]:.1f} kPa; take everything off, or "
+            f"something touches the pad: taxel {worst} reads {tare[worst]:.1f} kPa; take everything off, or "
             f"raise largest_offset_kpa ({device.largest_offset_kpa:g}) in the device file if nothing is there"
         )
     # From one frame to the next, so that what moves does not hide in its own noise.
     jitter = np.sqrt((np.diff(values, axis=0) ** 2).mean(axis=0) / 2)
     half = len(values) // 2
     moved = np.abs(values[:half].mean(axis=0) - values[-half:].mean(axis=0))
-    # The typical element's noise stands in for one that was quieter by chance than its steps allow.
+    # The typical taxel's noise stands in for one that was quieter by chance than its steps allow.
     typical = float(np.median(jitter[free]))
     allowed = np.maximum(_MOVED * np.maximum(jitter, typical) * np.sqrt(2 / half), _smallest_step(values))
     leap = max(device.largest_offset_kpa, 2 * _MOVED * typical)
@@ -137,7 +135,7 @@ def take_tare(
     if len(moving):
         worst = moving[np.argmax(moved[moving])]
         raise InputError(
-            f"something moves on the pad: element {worst} went by {np.ptp(values[:, worst]):.1f} kPa during the "
+            f"something moves on the pad: taxel {worst} went by {np.ptp(values[:, worst]):.1f} kPa during the "
             "tare; take everything off and wait until it is at rest"
         )
     return Calibration(
@@ -150,10 +148,10 @@ def take_tare(
 def with_gain(
     calibration: Calibration, readings: Sequence[Reading], pressure: float | None = None
 ) -> Calibration:
-    """Fit each element's gain from readings under an even load, and mask elements that are dead.
+    """Fit each taxel's gain from readings under an even load, and mask taxels that are dead.
 
-    readings: uncorrected. pressure: kPa of the load; None makes the elements agree with their median.
-    Raises InputError for fewer than 40 readings or a load that hardly any element feels.
+    readings: uncorrected. pressure: kPa of the load; None makes the taxels agree with their median.
+    Raises InputError for fewer than 40 readings or a load that hardly any taxel feels.
     """
     if len(readings) < LEAST_FRAMES:
         raise InputError(f"gains take at least {LEAST_FRAMES} frames, not {len(readings)}")
@@ -170,10 +168,10 @@ def with_gain(
 
 
 def find_stuck(values: FloatArray) -> NDArray[np.int64]:
-    """Find elements that never change while the others do: values (frames, taxels), any unit.
+    """Find taxels that never change while the others do: values (frames, taxels), any unit.
 
-    An element's noise can be smaller than its steps, so a constant one is stuck only if the typical
-    element changes by half a step or more, which makes 40 equal values next to impossible.
+    A taxel's noise can be smaller than its steps, so a constant one is stuck only if the typical
+    taxel changes by half a step or more, which makes 40 equal values next to impossible.
     """
     spread = values.std(axis=0)
     restless = float(np.median(spread)) >= _smallest_step(values) / 2 > 0
@@ -181,9 +179,9 @@ def find_stuck(values: FloatArray) -> NDArray[np.int64]:
 
 
 def find_dead(values: ArrayLike, skip: Sequence[int] = ()) -> NDArray[np.int64]:
-    """Find elements that no load reaches: values (readings, taxels), tared, where every element is pressed.
+    """Find taxels that no load reaches: values (readings, taxels), tared, where every taxel is pressed.
 
-    An element is dead whose largest value stays below 5 % of the typical element's largest.
+    A taxel is dead whose largest value stays below 5 % of the typical taxel's largest.
     """
     largest = np.max(np.asarray(values, dtype=float), axis=0)
     others = np.setdiff1d(np.arange(len(largest)), skip)
@@ -192,13 +190,13 @@ def find_dead(values: ArrayLike, skip: Sequence[int] = ()) -> NDArray[np.int64]:
 
 
 def force(pressures: ArrayLike, pad: Pad) -> FloatArray:
-    """Sum pressures (..., taxels) kPa over the elements' areas: N. Load between elements is not felt."""
-    area = pad.element_x * pad.element_y  # mm^2
+    """Sum pressures (..., taxels) kPa over the taxels' areas: N. Load between taxels is not felt."""
+    area = pad.taxel_width * pad.taxel_height  # mm^2
     return np.asarray(pressures, dtype=float).sum(axis=-1) * area * 1e-3  # kPa mm^2 = 1e-3 N
 
 
 def _smallest_step(values: FloatArray) -> float:
-    """Find the smallest difference between two values of one element: the device's resolution."""
+    """Find the smallest difference between two values of one taxel: the device's resolution."""
     steps = np.diff(np.sort(values, axis=0), axis=0)
     steps = steps[steps > 1e-12]
     return float(steps.min()) if len(steps) else 0.0

@@ -24,16 +24,16 @@ class Part(BaseModel):
     """One device of those that make a pad.
 
     port: which of the ports given, the first is 0. address: which device on that port, where its
-    frames say so; None: the one that the codec takes for granted. elements: for each of its elements,
-    in its own order, the pad's element that it is, or -1 if the pad does not read it; None: the pad's
-    elements in their order.
+    frames say so; None: the one that the codec takes for granted. taxels: for each of its taxels,
+    in its own order, the pad's taxel that it is, or -1 if the pad does not read it; None: the pad's
+    taxels in their order.
     """
 
     model_config = STRICT
 
     port: int = Field(0, ge=0, le=15)
     address: int | None = Field(None, ge=0)
-    elements: tuple[int, ...] | None = Field(None, max_length=10_000)
+    taxels: tuple[int, ...] | None = Field(None, max_length=10_000)
 
 
 class Device(BaseModel):
@@ -47,9 +47,9 @@ class Device(BaseModel):
         0.0, ge=0, le=120, description="s after opening in which the device starts and its bytes mean nothing"
     )
     deadline: float = Field(1.0, gt=0, le=600, description="s within which a reading must come")
-    touch_kpa: float = Field(2.0, gt=0, le=1e4, description="kPa above which an element is touched")
+    touch_kpa: float = Field(2.0, gt=0, le=1e4, description="kPa above which a taxel is touched")
     largest_offset_kpa: float = Field(
-        10.0, gt=0, le=1e5, description="kPa that an unloaded element may read before the tare"
+        10.0, gt=0, le=1e5, description="kPa that an unloaded taxel may read before the tare"
     )
     codec: Format
     pad: Pad = Field(default_factory=Pad)
@@ -59,28 +59,26 @@ class Device(BaseModel):
     def _wired(self) -> Device:
         owner: dict[int, int] = {}
         for number, part in enumerate(self.part):
-            elements = self.wiring(part)
-            if len(elements) != self.codec.build().elements:
+            taxels = self.wiring(part)
+            if len(taxels) != self.codec.build().taxels:
                 raise ValueError(
-                    f"part {number} lists {len(elements)} elements, but the codec's frames have "
-                    f"{self.codec.build().elements}"
+                    f"part {number} lists {len(taxels)} taxels, but the codec's frames have "
+                    f"{self.codec.build().taxels}"
                 )
-            for element in elements.tolist():
-                if element == UNREAD:
+            for taxel in taxels.tolist():
+                if taxel == UNREAD:
                     continue
-                if not 0 <= element < self.pad.taxels:
+                if not 0 <= taxel < self.pad.taxels:
                     raise ValueError(
-                        f"part {number}: element {element} is not on the pad; use 0 to {self.pad.taxels - 1}, "
+                        f"part {number}: taxel {taxel} is not on the pad; use 0 to {self.pad.taxels - 1}, "
                         "or -1 for one that is not read"
                     )
-                if element in owner:
-                    raise ValueError(
-                        f"element {element} of the pad is in parts {owner[element]} and {number}"
-                    )
-                owner[element] = number
+                if taxel in owner:
+                    raise ValueError(f"taxel {taxel} of the pad is in parts {owner[taxel]} and {number}")
+                owner[taxel] = number
         missing = sorted(set(range(self.pad.taxels)) - set(owner))
         if missing:
-            raise ValueError(f"element {missing[0]} of the pad is in no part")
+            raise ValueError(f"taxel {missing[0]} of the pad is in no part")
         places = [self.place(part) for part in self.part]
         if len(set(places)) < len(places):
             raise ValueError("two parts have the same port and address")
@@ -102,10 +100,10 @@ class Device(BaseModel):
         return part.port, self.codec.usual_address if part.address is None else part.address
 
     def wiring(self, part: Part) -> NDArray[np.int64]:
-        """List for each element of a part the pad's element that it is, or -1."""
-        if part.elements is None:
+        """List for each taxel of a part the pad's taxel that it is, or -1."""
+        if part.taxels is None:
             return np.arange(self.pad.taxels)
-        return np.array(part.elements, dtype=np.int64)
+        return np.array(part.taxels, dtype=np.int64)
 
 
 def built_in_devices() -> tuple[str, ...]:

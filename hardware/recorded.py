@@ -13,7 +13,7 @@ from tactsim.core.errors import InputError
 from tactsim.core.files import open_regular
 from tactsim.core.reading import Reading
 from tactsim.hardware.calibration import Calibration, Correction
-from tactsim.hardware.codecs.pps_csv import CsvFormat, count_elements
+from tactsim.hardware.codecs.pps_csv import CsvFormat, count_taxels
 from tactsim.hardware.counters import Counters
 from tactsim.hardware.device import Device
 from tactsim.hardware.errors import SourceEnded, SourceError
@@ -134,14 +134,14 @@ class Replay(Source):
             self._correction = Correction(calibration, self.pad)
         taxel_xy = self.pad.taxel_xy if self._correction is None else self._correction.taxel_xy
         if self.segments and len(taxel_xy) != len(self.taxel_xy):
-            raise InputError("its segments leave out different elements; `bench replay --scan` can join them")
+            raise InputError("its segments leave out different taxels; `bench replay --scan` can join them")
         self.taxel_xy = taxel_xy
 
     def _give(self, readings: list[Reading]) -> None:
         for reading in readings:
             if len(reading.pressures) != self.pad.taxels:
                 raise InputError(
-                    f"a reading of {len(reading.pressures)} elements; the pad has {self.pad.taxels}"
+                    f"a reading of {len(reading.pressures)} taxels; the pad has {self.pad.taxels}"
                 )
         correction = self._correction
         self._ready.extend(readings if correction is None else map(correction.apply, readings))
@@ -157,7 +157,7 @@ class CsvReplay(Source):
     """The readings of a recording of the vendor's tool. Their host time is the device's: there is no other."""
 
     def __init__(self, path: str | Path, device: Device) -> None:
-        """Open the file. Raises InputError if it has another number of elements than the device."""
+        """Open the file. Raises InputError if it has another number of taxels than the device."""
         self.path, self.device = Path(path), device
         self.pad, self.taxel_xy = device.pad, device.pad.taxel_xy
         if not isinstance(device.codec, CsvFormat):
@@ -167,16 +167,14 @@ class CsvReplay(Source):
         except InputError as error:
             raise SourceError(f"cannot read recording {self.path}: {error}") from error
         try:
-            elements = count_elements(self._file.readline(_CHUNK))
+            taxels = count_taxels(self._file.readline(_CHUNK))
             self._file.seek(0)
         except InputError as error:
             self._file.close()
             raise SourceError(f"cannot read recording {self.path}: {error}") from error
-        if elements != device.codec.elements:
+        if taxels != device.codec.taxels:
             self._file.close()
-            raise SourceError(
-                f"{self.path} has {elements} elements, {device.name!r} has {device.codec.elements}"
-            )
+            raise SourceError(f"{self.path} has {taxels} taxels, {device.name!r} has {device.codec.taxels}")
         self._stream = Stream(device)
         self.counters = self._stream.counters
         self._ready: deque[Reading] = deque()

@@ -44,7 +44,7 @@ class SessionRecord:
     segments: list[dict[str, Any]]
 
     def kept(self) -> NDArray[np.bool_]:
-        """Tell which elements no calibration leaves out, (taxels,)."""
+        """Tell which taxels no calibration leaves out, (taxels,)."""
         kept = np.ones(self.pad.taxels, dtype=bool)
         for _, calibration in self.calibrations:
             if calibration is not None:
@@ -95,7 +95,7 @@ def read_session(path: str | Path) -> SessionRecord:
 def scan_of_sessions(paths: Sequence[str | Path]) -> Scan:
     """Make one scan of guided sessions: each press is the mean of its readings.
 
-    Elements that one of the calibrations leaves out are left out everywhere. Raises InputError if
+    Taxels that one of the calibrations leaves out are left out everywhere. Raises InputError if
     there is no press in them or their pads differ.
     """
     sessions = [read_session(path) for path in paths]
@@ -129,7 +129,7 @@ def scan_of_sessions(paths: Sequence[str | Path]) -> Scan:
 
 
 def _means(session: SessionRecord, kept: NDArray[np.bool_]) -> tuple[dict[int, FloatArray], FloatArray]:
-    """Average the readings of each press: {number: (kept,) kPa}; and the frames' sd in each element and press."""
+    """Average the readings of each press: {number: (kept,) kPa}; and the frames' sd in each taxel and press."""
     wanted = sorted(
         (press for press in session.presses.values() if press.what == "taken"), key=lambda press: press.first
     )
@@ -257,16 +257,16 @@ def scan_of_intervals(source: Source, intervals: Sequence[Interval]) -> Scan:
 
 
 def cut(scan: Scan, rows: int, columns: int, stride: int = 1) -> Scan:
-    """Cut each reading of a large array into windows of `rows` x `columns` elements, as a small pad feels them.
+    """Cut each reading of a large array into windows of `rows` x `columns` taxels, as a small pad feels them.
 
-    The windows begin every `stride` elements along both axes. Each becomes a reading of its own, at the
-    pose of its middle. Raises InputError if the elements are no even grid or the window does not fit.
+    The windows begin every `stride` taxels along both axes. Each becomes a reading of its own, at the
+    pose of its middle. Raises InputError if the taxels are no even grid or the window does not fit.
     """
     grid = _grid(scan.taxel_xy)
     if not (1 <= rows <= grid.shape[0] and 1 <= columns <= grid.shape[1] and stride >= 1):
         raise InputError(
             f"a window of {rows}x{columns}, stride {stride}, cannot be cut from {grid.shape[0]}x{grid.shape[1]} "
-            "elements"
+            "taxels"
         )
     windows = [
         grid[r : r + rows, c : c + columns].ravel()
@@ -277,7 +277,7 @@ def cut(scan: Scan, rows: int, columns: int, stride: int = 1) -> Scan:
     layouts = np.array([scan.taxel_xy[window] for window in windows]) - middles[:, None]
     if np.ptp(layouts, axis=0).max() > 1e-6:
         raise InputError(
-            "the elements are not evenly spaced, so windows of them differ; cut one array at a time"
+            "the taxels are not evenly spaced, so windows of them differ; cut one array at a time"
         )
     offsets = np.column_stack([middles, np.zeros(len(middles))])
     count = len(scan)
@@ -292,10 +292,10 @@ def cut(scan: Scan, rows: int, columns: int, stride: int = 1) -> Scan:
 
 
 def _grid(taxel_xy: FloatArray) -> NDArray[np.int64]:
-    """Arrange elements in rows (along +y) and columns (along +x). Raises InputError if they are no whole grid."""
+    """Arrange taxels in rows (along +y) and columns (along +x). Raises InputError if they are no whole grid."""
     x, y = (np.unique(np.round(taxel_xy[:, axis], 4), return_inverse=True) for axis in (0, 1))
     grid = np.full((len(y[0]), len(x[0])), -1)
     grid[y[1], x[1]] = np.arange(len(taxel_xy))
     if (grid < 0).any():
-        raise InputError("the elements are no whole grid of rows and columns (one is masked?)")
+        raise InputError("the taxels are no whole grid of rows and columns (one is masked?)")
     return grid

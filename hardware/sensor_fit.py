@@ -20,22 +20,22 @@ _PLACEMENT = np.array([2.0, 2.0, 0.2])  # mm, mm, rad: how far presses may be of
 _STEP = np.array([0.05, 0.05, 0.01])  # of the differences by which the effect of a placement is found
 _ROUNDS = 4
 _EXPECTATIONS = 50
-_UNTOUCHED = 0.02  # share of a reading's largest predicted pressure below which an element is untouched
+_UNTOUCHED = 0.02  # share of a reading's largest predicted pressure below which a taxel is untouched
 
 
 @dataclass(frozen=True, eq=False)
 class TaxelError:
-    """How far recorded readings are from predicted ones, over all elements.
+    """How far recorded readings are from predicted ones, over all taxels.
 
-    rms, bias: kPa. relative: rms over the mean pressure of touched elements. correlation: Pearson's.
-    per_element: (taxels,) rms, kPa. per_press: (n,) rms, kPa.
+    rms, bias: kPa. relative: rms over the mean pressure of touched taxels. correlation: Pearson's.
+    per_taxel: (taxels,) rms, kPa. per_press: (n,) rms, kPa.
     """
 
     rms: float
     bias: float
     relative: float
     correlation: float
-    per_element: FloatArray
+    per_taxel: FloatArray
     per_press: FloatArray
 
 
@@ -44,7 +44,7 @@ class SensorFit:
     """The parameters of the sensor model that explain recorded readings best.
 
     psf_sigma: mm, psf_sigma_error its standard error. gain: recorded over simulated pressure, the
-    force's included. gain_per_element: (taxels,) relative to `gain`; gain_spread their sd.
+    force's included. gain_per_taxel: (taxels,) relative to `gain`; gain_spread their sd.
     noise: kPa, sd of a reading where nothing touches. placement: (n, 3), by how much each press seems
     to be off [mm, mm, rad] in the sensor frame; offset its median, placement_mm and placement_rad its sd
     about that. misfit: what is left, rms kPa. error: of the parameters it started from.
@@ -53,7 +53,7 @@ class SensorFit:
     psf_sigma: float
     psf_sigma_error: float
     gain: float
-    gain_per_element: FloatArray
+    gain_per_taxel: FloatArray
     gain_spread: float
     noise: float
     placement: FloatArray
@@ -75,7 +75,7 @@ def taxel_error(recorded: FloatArray, predicted: FloatArray) -> TaxelError:
         bias=float(difference.mean()),
         relative=rms / typical,
         correlation=float(np.corrcoef(recorded.ravel(), predicted.ravel())[0, 1]) if varies else np.nan,
-        per_element=np.sqrt((difference**2).mean(axis=0)),
+        per_taxel=np.sqrt((difference**2).mean(axis=0)),
         per_press=np.sqrt((difference**2).mean(axis=1)),
     )
 
@@ -107,7 +107,7 @@ def fit_sensor(recorded: FloatArray, predict: Predict) -> SensorFit:
         psf_sigma=sigma,
         psf_sigma_error=spread,
         gain=gain,
-        gain_per_element=relative,
+        gain_per_taxel=relative,
         gain_spread=float(relative.std(ddof=1)) if len(relative) > 1 else 0.0,
         noise=_noise(left, predicted),
         placement=errors,
@@ -119,7 +119,7 @@ def fit_sensor(recorded: FloatArray, predict: Predict) -> SensorFit:
 
 
 def class_agreement(one: ArrayLike, other: ArrayLike, kinds: int) -> tuple[float, NDArray[np.int64]]:
-    """Compare two classifications (n, taxels) of the same elements into classes 0 to kinds - 1.
+    """Compare two classifications (n, taxels) of the same taxels into classes 0 to kinds - 1.
 
     Returns the share that agrees and the counts (kinds, kinds), rows for the first.
     """
@@ -175,9 +175,9 @@ def _step(
 
 
 def _relative_gains(recorded: FloatArray, predicted: FloatArray) -> FloatArray:
-    """Fit each element's gain about their mean, (taxels,). Raises InputError if nothing follows the prediction."""
+    """Fit each taxel's gain about their mean, (taxels,). Raises InputError if nothing follows the prediction."""
     power = (predicted**2).sum(axis=0)
-    relative = np.ones(recorded.shape[1])  # of an element that is never pressed nothing can be said
+    relative = np.ones(recorded.shape[1])  # of a taxel that is never pressed nothing can be said
     pressed = power > 1e-3 * np.median(power)
     gains = (recorded * predicted).sum(axis=0)[pressed] / power[pressed]
     if not gains.mean() > 0:
@@ -193,7 +193,7 @@ def _gain(recorded: FloatArray, predicted: FloatArray) -> float:
 
 
 def _noise(left: FloatArray, predicted: FloatArray) -> float:
-    """Take the spread of what is `left` at elements that nothing touches; at all, if all are touched."""
+    """Take the spread of what is `left` at taxels that nothing touches; at all, if all are touched."""
     free = _untouched(predicted)
     values = left[free] if free.sum() >= 10 else left.ravel()
     return float(1.4826 * np.median(np.abs(values - np.median(values))))  # sd of a normal distribution

@@ -43,10 +43,8 @@ class Plan(BaseModel):
     poses: tuple[tuple[float, float, float], ...] = Field(min_length=1, max_length=100_000)
     frames: int = Field(20, ge=1, le=10_000, description="readings whose mean is a press")
     window: int = Field(10, ge=4, le=1000, description="readings over which a press must be steady")
-    touch_kpa: float = Field(2.0, gt=0, description="kPa above which an element is touched")
-    least_force: float = Field(
-        0.3, ge=0, description="N that a press must have on the elements that are read"
-    )
+    touch_kpa: float = Field(2.0, gt=0, description="kPa above which a taxel is touched")
+    least_force: float = Field(0.3, ge=0, description="N that a press must have on the taxels that are read")
     most_force: float = Field(20.0, gt=0, description="N")
     patience: float | None = Field(
         None, gt=0, description="s after which a press is taken as it is; None: wait for a person to say so"
@@ -137,9 +135,9 @@ class Session:
         if self.phase is Phase.LIFT:
             self._untouched = 0 if touched else self._untouched + 1
             if touched and reading.host_time - self._since > _STILL_TOUCHED:
-                element = int(np.argmax(reading.pressures))
+                taxel = int(np.argmax(reading.pressures))
                 self.message = (
-                    f"element {element} still reads {reading.pressures[element]:.1f} kPa; lift everything off, or "
+                    f"taxel {taxel} still reads {reading.pressures[taxel]:.1f} kPa; lift everything off, or "
                     "take a tare"
                 )
             if self._untouched >= _LIFTED:

@@ -50,7 +50,7 @@ class Log(Protocol):
 class Source(ABC):
     """A stream of readings of one pad. Close it, or use it in a `with`; iterate to read till its end.
 
-    pad: the geometry. taxel_xy: (taxels, 2) mm, where the elements lie that its readings hold.
+    pad: the geometry. taxel_xy: (taxels, 2) mm, where the taxels lie that its readings hold.
     counters: what happened so far. calibrated: whether its readings are corrected already. has_bytes:
     whether it tells the `Log` it was given what its links say.
     """
@@ -214,7 +214,7 @@ class _Checked(Source):
         reading = self._inner.read(timeout)
         if not isinstance(reading, Reading) or reading.pressures.shape != (len(self.taxel_xy),):
             raise SourceError(
-                f"plug-in {self._name!r} gave {short(reading)}, which is no Reading of {len(self.taxel_xy)} elements"
+                f"plug-in {self._name!r} gave {short(reading)}, which is no Reading of {len(self.taxel_xy)} taxels"
             )
         return reading
 

@@ -27,7 +27,7 @@ class Stream:
         self._codec = device.codec.build()
         self._taxels = device.pad.taxels
         self._links = [_Link(device, port, self._codec, self.counters) for port in range(device.ports)]
-        # For each part: which of its elements are read, and which elements of the pad they are.
+        # For each part: which of its taxels are read, and which taxels of the pad they are.
         self._wires = {}
         for part in device.part:
             wiring = device.wiring(part)
@@ -91,8 +91,8 @@ class Stream:
         if len(self._waiting) < len(self._wires):
             return None
         pressures: FloatArray = np.empty(self._taxels)
-        for part, (read, elements) in self._wires.items():
-            pressures[elements] = self._codec.to_kpa(self._waiting[part].values)[read]
+        for part, (read, taxels) in self._wires.items():
+            pressures[taxels] = self._codec.to_kpa(self._waiting[part].values)[read]
         first = self._waiting[self._first]
         self._waiting = {}
         self.counters.readings += 1

@@ -13,7 +13,7 @@ from tactsim.core.poses import FloatArray, invert, transform
 
 Covers = Callable[[FloatArray], NDArray[np.bool_]]
 
-# Colours from nothing to the largest pressure, and one for elements below zero or not read.
+# Colours from nothing to the largest pressure, and one for taxels below zero or not read.
 _SCALE = ("#1b1b3a", "#2d2f73", "#27568f", "#1f7f8c", "#2fa36b", "#8ac926", "#ffca3a", "#ff924c", "#ff595e")
 _CELL = (1.0, 2.0)  # mm of one character: twice as high as wide
 
@@ -21,7 +21,7 @@ _CELL = (1.0, 2.0)  # mm of one character: twice as high as wide
 def placement(
     sensor_in_object: FloatArray, pad: Pad, covers: Covers | None, from_behind: bool, reach: float = 27.0
 ) -> Text:
-    """Draw where the object lies on the pad: `#` on elements that are read, `+` beside them, `.` the pad.
+    """Draw where the object lies on the pad: `#` on taxels that are read, `+` beside them, `.` the pad.
 
     covers(points): which of the points (n, 2) mm of the object's frame lie on the object; None draws its
     origin `o` and its x axis `->` instead. from_behind: the object is pressed face down and seen from
@@ -62,22 +62,22 @@ def where(sensor_in_object: FloatArray, from_behind: bool) -> str:
 
 
 def tactile_image(pressures: FloatArray, taxel_xy: FloatArray, from_behind: bool = False) -> Text:
-    """Draw pressures (taxels,) kPa where the elements (taxels, 2) mm lie, the numbers in whole kPa."""
+    """Draw pressures (taxels,) kPa where the taxels (taxels, 2) mm lie, the numbers in whole kPa."""
     xs, columns = np.unique(np.round(taxel_xy[:, 0], 3), return_inverse=True)
     ys, rows = np.unique(np.round(taxel_xy[:, 1], 3), return_inverse=True)
-    elements = np.full((len(ys), len(xs)), -1)
-    elements[rows, columns] = np.arange(len(taxel_xy))
+    taxels = np.full((len(ys), len(xs)), -1)
+    taxels[rows, columns] = np.arange(len(taxel_xy))
     if from_behind:
-        elements = elements[:, ::-1]
+        taxels = taxels[:, ::-1]
     largest = max(float(np.max(pressures, initial=0.0)), 1e-9)
     text = Text()
-    for row in elements[::-1]:
-        for element in row:
-            if element < 0:
+    for row in taxels[::-1]:
+        for taxel in row:
+            if taxel < 0:
                 text.append("   -")
                 continue
-            share = min(max(float(pressures[element]) / largest, 0.0), 1.0)
+            share = min(max(float(pressures[taxel]) / largest, 0.0), 1.0)
             shade = _SCALE[round(share * (len(_SCALE) - 1))]
-            text.append(f"{pressures[element]:4.0f}", f"{'black' if share > 0.5 else 'white'} on {shade}")
+            text.append(f"{pressures[taxel]:4.0f}", f"{'black' if share > 0.5 else 'white'} on {shade}")
         text.append("\n")
     return text

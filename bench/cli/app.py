@@ -62,7 +62,7 @@ def run_app() -> NoReturn:
     except InputError as error:
         fail(str(error))
     except MemoryError as error:
-        fail(f"not enough memory: {error}; ask for fewer bins, particles, letters or elements")
+        fail(f"not enough memory: {error}; ask for fewer bins, particles, letters or taxels")
     except BrokenExecutor:
         fail(
             "a worker process died, killed or out of memory; nothing half-written was kept; "

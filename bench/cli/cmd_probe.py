@@ -66,11 +66,11 @@ def command(
         return
     console = plain_console()
     rate = f"{answer['readings_per_s']:.1f} a second" if span > 0 else "one"
-    console.print(f"{described.name}: {values.shape[1]} elements, {len(readings):,} readings, {rate}")
+    console.print(f"{described.name}: {values.shape[1]} taxels, {len(readings):,} readings, {rate}")
     console.print(pads.counters_line(counters))
     console.print(f"mean of the readings in kPa; the last one sums to {answer['force_n']:.2f} N")
     console.print(tactile_image(values.mean(axis=0), source.taxel_xy))
-    console.print(f"noise {np.median(values.std(axis=0)):.2f} kPa (median element)")
+    console.print(f"noise {np.median(values.std(axis=0)):.2f} kPa (median taxel)")
 
 
 class _Heard:

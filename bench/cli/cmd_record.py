@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from tactsim.hardware.session import Plan
     from tactsim.hardware.terminal_pictures import Covers
 
-_TOUCH = 5.0  # standard deviations of the noisiest element above which an element is touched
+_TOUCH = 5.0  # standard deviations of the noisiest taxel above which a taxel is touched
 
 
 def command(
@@ -38,9 +38,7 @@ def command(
         str, typer.Option(help="The poses: grid (the paper's 192), or random:N off the grid.")
     ] = "grid",
     frames: Annotated[int, typer.Option(min=1, help="Readings whose mean is a press.")] = 20,
-    force: Annotated[
-        str, typer.Option(help="Least and most force of a press on the elements, N.")
-    ] = "0.3:20",
+    force: Annotated[str, typer.Option(help="Least and most force of a press on the taxels, N.")] = "0.3:20",
     patience: Annotated[
         float | None,
         typer.Option(

@@ -40,7 +40,7 @@ def command(
             help="Cut the readings of a large array into small touches, like 5x5.", show_default=False
         ),
     ] = None,
-    stride: Annotated[int, typer.Option(min=1, help="Elements from one cut to the next.")] = 1,
+    stride: Annotated[int, typer.Option(min=1, help="Taxels from one cut to the next.")] = 1,
     device: pads.DeviceName = "emulated",
     calibration: pads.CalibrationFile = None,
 ) -> None:
@@ -99,7 +99,7 @@ def _contents(path: Path, source: Source) -> list[str]:
     for reading in source:
         first = first if count else reading.host_time
         last, count = reading.host_time, count + 1
-    lines = [f"{path}: {count:,} readings of {len(source.taxel_xy)} elements in {last - first:.1f} s"]
+    lines = [f"{path}: {count:,} readings of {len(source.taxel_xy)} taxels in {last - first:.1f} s"]
     lines.append(f"  {pads.counters_line(source.counters.as_dict())}")
     if isinstance(source, Replay):
         whole = source.whole
@@ -113,7 +113,7 @@ def _write_csv(source: Source, path: Path) -> None:
     from tactsim.core.files import replacing
 
     with replacing(path) as stream:
-        names = ",".join(f"element_{k}" for k in range(len(source.taxel_xy)))
+        names = ",".join(f"taxel_{k}" for k in range(len(source.taxel_xy)))
         stream.write(f"s,host_s,device_s,index,{names}\n".encode())
         begin: float | None = None
         for reading in source:

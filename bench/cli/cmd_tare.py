@@ -1,4 +1,4 @@
-"""`bench tare`: take the zero of every element, and, under an even load, its gain."""
+"""`bench tare`: take the zero of every taxel, and, under an even load, its gain."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def command(
         str | None,
         typer.Option(
             help="An even load lies on the pad now: its pressure in kPa, or 'even' if that is not known. "
-            "Fits the elements' gains.",
+            "Fits the taxels' gains.",
             show_default=False,
         ),
     ] = None,
@@ -53,15 +53,13 @@ def command(
     result.save(out)
     console = plain_console()
     low, high = min(result.tare), max(result.tare)
-    console.print(
-        f"{len(result.tare)} elements: zero {low:.2f} to {high:.2f} kPa, from {result.frames} frames"
-    )
-    console.print(f"noise {sorted(result.noise)[len(result.noise) // 2]:.2f} kPa (median element)")
+    console.print(f"{len(result.tare)} taxels: zero {low:.2f} to {high:.2f} kPa, from {result.frames} frames")
+    console.print(f"noise {sorted(result.noise)[len(result.noise) // 2]:.2f} kPa (median taxel)")
     if tare is not None:
         console.print(f"gain {min(result.gain):.3f} to {max(result.gain):.3f}")
-    for name, elements in (("stuck", result.stuck), ("dead", result.dead)):
-        if elements:
-            console.print(f"{name} and left out: elements {', '.join(map(str, elements))}")
+    for name, taxels in (("stuck", result.stuck), ("dead", result.dead)):
+        if taxels:
+            console.print(f"{name} and left out: taxels {', '.join(map(str, taxels))}")
     console.print(pads.counters_line(counters))
     console.print(f"written to {out}")
 

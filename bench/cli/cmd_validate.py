@@ -72,7 +72,7 @@ def _show(result: Validation, out: Path | None) -> None:
     console = plain_console()
     fit = result.fit
     console.print(
-        f"{result.readings:,} recorded readings of {' '.join(result.letters)}, {result.elements} elements"
+        f"{result.readings:,} recorded readings of {' '.join(result.letters)}, {result.taxels} taxels"
     )
     table = Table(box=None, pad_edge=False)
     for heading in ("recorded against", "rms kPa", "bias kPa", "of contact pressure", "correlation"):
@@ -84,7 +84,7 @@ def _show(result: Validation, out: Path | None) -> None:
     console.print(table)
     console.print(
         f"fitted  point spread {fit.psf_sigma:.3f} +- {fit.psf_sigma_error:.3f} mm, noise {fit.noise:.2f} kPa, gain "
-        f"{fit.gain:.3f} (elements {100 * fit.gain_spread:.1f} % apart)"
+        f"{fit.gain:.3f} (taxels {100 * fit.gain_spread:.1f} % apart)"
     )
     x, y, angle = fit.offset
     console.print(
@@ -92,7 +92,7 @@ def _show(result: Validation, out: Path | None) -> None:
         f"{fit.placement_rad:.4f} rad from press to press"
     )
     console.print(
-        f"eq. 3   {100 * result.class_agreement:.1f} % of the elements in the same class; simulated against "
+        f"eq. 3   {100 * result.class_agreement:.1f} % of the taxels in the same class; simulated against "
         f"simulated {100 * result.class_ceiling:.1f} %"
     )
     counts = Table(box=None, pad_edge=False)

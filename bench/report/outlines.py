@@ -1,4 +1,4 @@
-"""The shapes that a report draws: what was pressed, and the elements that felt it."""
+"""The shapes that a report draws: what was pressed, and the taxels that felt it."""
 
 from __future__ import annotations
 
@@ -35,6 +35,6 @@ def outline(label: str, scan: Scan, maps: Mapping[str, OccupancyMap]) -> tuple[l
 
 
 def taxel_size(scan: Scan) -> list[float]:
-    """Guess an element's width and height, mm, from the usual spacing of the elements' centres."""
+    """Guess a taxel's width and height, mm, from the usual spacing of the taxels' centres."""
     gaps = [np.diff(np.unique(np.round(scan.taxel_xy[:, axis], 3))) for axis in (0, 1)]
     return [round(0.94 * float(np.median(gap)), 3) if len(gap) else 1.0 for gap in gaps]

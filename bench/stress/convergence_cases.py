@@ -152,10 +152,10 @@ def bins_in_placement(worst: Worst) -> None:
 
 @case(
     "convergence.bed-cells",
-    varied="1, 2, 4 and 8 cells of the bed along an element, 12 presses of a curved letter",
-    deviation="slope of the rms error of the worst element over the cell's size",
+    varied="1, 2, 4 and 8 cells of the bed along a taxel, 12 presses of a curved letter",
+    deviation="slope of the rms error of the worst taxel over the cell's size",
     limit=3.0,
-    because="the clip is exact, and what an element feels is quadratic in each cell: third order at least",
+    because="the clip is exact, and what a taxel feels is quadratic in each cell: third order at least",
     quick=True,
     at_least=True,
 )
@@ -166,7 +166,7 @@ def bed_cells(worst: Worst) -> None:
     errors = []
     for count in counts:
         options = ScanOptions(
-            press=PressOptions(cells_per_element=count),
+            press=PressOptions(cells_per_taxel=count),
             sensor=SensorOptions(noise=0, resolution=0, psf_sigma=0.5),
         )
         errors.append(rms(np.array([error("S", pose, options) for pose in poses])))

@@ -1,7 +1,7 @@
 """What a press should read, worked out another way: a reference that is exact for flat, level faces.
 
 Clips the footprint with the whole pad by manifold3d, takes F / area as the pressure, and integrates each
-element's response over the clipped region along its boundary by Gauss quadrature. It shares no code with
+taxel's response over the clipped region along its boundary by Gauss quadrature. It shares no code with
 the press: no cells, no moments, no MuJoCo.
 """
 
@@ -35,12 +35,12 @@ def expected_reading(
     area = region.area()
     if area < 1e-9:
         return np.zeros(pad.taxels), area
-    element = pad.element_x * pad.element_y
-    return integral(region, pad, sigma) * (1e3 * force / area / element), area
+    taxel = pad.taxel_width * pad.taxel_height
+    return integral(region, pad, sigma) * (1e3 * force / area / taxel), area
 
 
 def integral(region: CrossSection, pad: Pad, sigma: float) -> FloatArray:
-    """Integrate every element's response over a region: (taxels,) mm^2."""
+    """Integrate every taxel's response over a region: (taxels,) mm^2."""
     starts, ends = [], []
     for contour in region.to_polygons():
         for a, b in zip(contour, np.roll(contour, -1, axis=0), strict=True):

@@ -409,10 +409,10 @@ def symmetric_letters(worst: Worst) -> None:
 
 @case(
     "filters.nothing-said",
-    varied="readings whose every element is Unknown, for every estimator",
+    varied="readings whose every taxel is Unknown, for every estimator",
     deviation="probability of a letter, from before",
     limit=1e-9,
-    because="an Unknown element has the same likelihood everywhere",
+    because="an Unknown taxel has the same likelihood everywhere",
     quick=True,
 )
 def nothing_said(worst: Worst) -> None:

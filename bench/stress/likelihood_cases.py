@@ -19,7 +19,7 @@ from tactsim.estimators.options import LikelihoodOptions
 
 
 def exact_log_p(kind: int, log_odds: float, gamma: float, prior: float) -> float:
-    """Evaluate eq. 7 as printed for one element, in logs from the start and with nothing tabulated."""
+    """Evaluate eq. 7 as printed for one taxel, in logs from the start and with nothing tabulated."""
     if kind == UNKNOWN:
         return 0.0
     x = -log_odds if kind == CONTACT else log_odds
@@ -31,13 +31,13 @@ def exact_log_p(kind: int, log_odds: float, gamma: float, prior: float) -> float
 @case(
     "likelihood.classifier-edges",
     varied="readings of zeros, below zero, equal to T, equal to 0.3 e_max, subnormal, 1e9 kPa",
-    deviation="elements classified otherwise than eq. 3 says",
+    deviation="taxels classified otherwise than eq. 3 says",
     limit=0,
     because="a comparison has no rounding",
     quick=True,
 )
 def classifier_edges(worst: Worst) -> None:
-    """Classify the readings at which comparisons go wrong, element by element and all at once."""
+    """Classify the readings at which comparisons go wrong, taxel by taxel and all at once."""
     readings = {
         "zeros": [0.0, -0.0, 0.0],
         "all negative": [-3.0, -1e-9, -50.0],
@@ -50,8 +50,8 @@ def classifier_edges(worst: Worst) -> None:
     }
     for name, reading in readings.items():
         wanted = []
-        for element in reading:
-            above = (element > 2.0, element > 0.3 * max(reading))
+        for taxel in reading:
+            above = (taxel > 2.0, taxel > 0.3 * max(reading))
             wanted.append(CONTACT if all(above) else UNKNOWN if any(above) else NO_CONTACT)
         worst.see(float((classify(reading) != wanted).sum()), name)
     together = classify(np.array(list(readings.values())))
@@ -90,7 +90,7 @@ def on_the_lattice() -> tuple[Scan, FloatArray]:
     Then interpolation is exact, and what is left between an estimator and eq. 7 is rounding.
     Returns the scan and 24 poses on the lattice.
     """
-    pad = Pad(pitch_x=1.6, pitch_y=1.6, element_x=1.5, element_y=1.5, seam=None)
+    pad = Pad(pitch_x=1.6, pitch_y=1.6, taxel_width=1.5, taxel_height=1.5, seam=None)
     rng = np.random.default_rng(5)
     return pressed("AEI", pad=pad), np.column_stack([0.4 * rng.integers(-25, 26, (24, 2)), np.zeros(24)])
 

@@ -62,7 +62,7 @@ def deviation(scan: Scan, label: str, **options: float) -> FloatArray:
     varied="point spread 0.1 to 10 mm, map cells 0.05 to 5 mm",
     deviation="log-odds from the exact sum, relative; cells below sigma / 25 taken",
     limit=1e-9,
-    because="an element is left out where it adds less than 1e-12, and a thousand of them may be",
+    because="a taxel is left out where it adds less than 1e-12, and a thousand of them may be",
 )
 def point_spread_and_cell(worst: Worst) -> None:
     """Learn maps of one letter with sensors from a pin to a palm."""
@@ -78,7 +78,7 @@ def point_spread_and_cell(worst: Worst) -> None:
 
 @case(
     "maps.peak-near-one",
-    varied="G' at an element's centre from 1e-9 to 1 - 1e-9; 1 and more",
+    varied="G' at a taxel's centre from 1e-9 to 1 - 1e-9; 1 and more",
     deviation="log-odds from the exact sum, relative; a peak of 1 taken",
     limit=1e-6,
     because="1 - G' loses nine digits; G' >= 1 is no probability and is refused",
@@ -98,7 +98,7 @@ def peak_near_one(worst: Worst) -> None:
     varied="p(m) from 1e-6 to 1 - 1e-6; 0, 1 and beyond",
     deviation="log-odds from the exact sum, relative; a prior of 0 or 1 taken",
     limit=1e-6,
-    because="an element is left out where it adds less than 1e-12, and a hundred of them may be",
+    because="a taxel is left out where it adds less than 1e-12, and a hundred of them may be",
     quick=True,
 )
 def prior_near_zero_and_one(worst: Worst) -> None:

@@ -34,7 +34,7 @@ def ideal(name: str, poses: FloatArray, options: ScanOptions) -> FloatArray:
 
 
 def error(name: str, pose: FloatArray, options: ScanOptions, force: float = FORCE) -> float:
-    """Compare a press with the exact reading: the worst element, relative to the contact pressure."""
+    """Compare a press with the exact reading: the worst taxel, relative to the contact pressure."""
     footprint, pad = models.letter(name).footprint, options.pad
     exact, area = expected_reading(footprint, pose, pad, force, options.sensor.psf_sigma)
     got = ideal(name, pose, options)[0]
@@ -44,7 +44,7 @@ def error(name: str, pose: FloatArray, options: ScanOptions, force: float = FORC
 @case(
     "press.force",
     varied="force from 1 uN to 10 kN, ten decades",
-    deviation="reading over force, from that at 1 N, relative to the largest element",
+    deviation="reading over force, from that at 1 N, relative to the largest taxel",
     limit=1e-5,
     because="a press ends within 1e-6 of the balance of forces; the pressure is in proportion to the force",
     quick=True,
@@ -99,7 +99,7 @@ def mass_stiffness_step(worst: Worst) -> None:
 @case(
     "press.slivers",
     varied="overlap from 1e-5 mm to 3 mm wide, at a letter's side and at its corner",
-    deviation="worst element from the exact reading, relative to the largest element",
+    deviation="worst taxel from the exact reading, relative to the largest taxel",
     limit=0.15,
     because="a response is quadratic over each cell, which a point load in a cell's corner strains most",
     quick=True,
@@ -143,7 +143,7 @@ def empty(worst: Worst) -> None:
 @case(
     "press.aligned-angles",
     varied="angles at and within 1e-15 to 1e-3 rad of 0, 90, 180 and 270 degrees",
-    deviation="worst element from the exact reading, relative to the contact pressure",
+    deviation="worst taxel from the exact reading, relative to the contact pressure",
     limit=0.02,
     because="regular grids are worst where an outline lies along them; the clip is exact there too",
     quick=True,
@@ -161,7 +161,7 @@ def aligned_angles(worst: Worst) -> None:
 @case(
     "press.every-letter",
     varied="every letter and digit at 12 poses off the grid",
-    deviation="worst element from the exact reading, relative to the contact pressure",
+    deviation="worst taxel from the exact reading, relative to the contact pressure",
     limit=0.02,
     because="2 % of the contact pressure is what a press may be off",
 )
@@ -195,10 +195,10 @@ def order_of_presses(worst: Worst) -> None:
 
 @case(
     "press.pads",
-    varied="pads of 1 to 400 elements, 0.05 to 100 mm apart, with and without a seam",
-    deviation="force on the elements over the force of the press, beyond 1; 1 for a reading that is not finite",
+    varied="pads of 1 to 400 taxels, 0.05 to 100 mm apart, with and without a seam",
+    deviation="force on the taxels over the force of the press, beyond 1; 1 for a reading that is not finite",
     limit=1e-6,
-    because="elements share the force with the gaps and the rim, so they carry at most all of it",
+    because="taxels share the force with the gaps and the rim, so they carry at most all of it",
     quick=True,
 )
 def pads(worst: Worst) -> None:
@@ -208,22 +208,22 @@ def pads(worst: Worst) -> None:
         (20, 20, 2.0),
     )  # fmt: skip
     for rows, columns, pitch in sizes:
-        element = 0.9 * pitch
+        taxel = 0.9 * pitch
         pad = Pad(
-            rows=rows, columns=columns, pitch_x=pitch, pitch_y=pitch, element_x=element, element_y=element,
+            rows=rows, columns=columns, pitch_x=pitch, pitch_y=pitch, taxel_width=taxel, taxel_height=taxel,
             seam=None, unread_columns=0,
         )  # fmt: skip
         for sigma in (0.0, 1.0):
             options = ScanOptions(pad=pad, sensor=SensorOptions(noise=0, resolution=0, psf_sigma=sigma))
             reading = ideal("E", np.array([-4.0, 1.0, 0.4]), options)
-            felt = reading.sum() * element**2 / 1e3
+            felt = reading.sum() * taxel**2 / 1e3
             worst.see(max(0.0, felt / FORCE - 1), f"{rows} x {columns}, {pitch} mm, sigma {sigma}")
 
 
 @case(
     "press.point-spread",
     varied="point spread of 0, 0.3, 1, 3 and 10 mm; below 0.3 mm",
-    deviation="worst element from the exact reading, relative to the contact pressure",
+    deviation="worst taxel from the exact reading, relative to the contact pressure",
     limit=0.02,
     because="2 % of the contact pressure is what a press may be off; what is finer than the cells is refused",
     quick=True,
@@ -247,7 +247,7 @@ def refused_sensor(**options: Any) -> bool:
 
 @case(
     "press.sensor",
-    varied="saturation, resolution, gain, drift, hysteresis, noise and dead elements at their bounds",
+    varied="saturation, resolution, gain, drift, hysteresis, noise and dead taxels at their bounds",
     deviation="readings that are not finite, above saturation, off the steps or alive though dead",
     limit=0,
     because="what a sensor reports is a number it can report",
@@ -288,7 +288,9 @@ def sensor(worst: Worst) -> None:
 )
 def tilt(worst: Worst) -> None:
     """Tilt the letter until it stands on a corner, and let it give way."""
-    wide = Pad(rows=20, columns=20, unread_rows=0, unread_columns=0, seam=None, element_x=1.9, element_y=1.9)
+    wide = Pad(
+        rows=20, columns=20, unread_rows=0, unread_columns=0, seam=None, taxel_width=1.9, taxel_height=1.9
+    )
     poses = [np.array([0.0, 0.0, 0.4]), np.array([-9.0, 4.0, 1.0]), np.array([-13.9, 0.0, 0.0])]
     for tilt_x, tilt_y in ((1e-9, 0.0), (1e-3, -1e-3), (0.2, 0.0), (-0.2, 0.2)):
         for stiffness in (None, 1.0, 1e3, 1e7):
@@ -308,7 +310,7 @@ def tilt(worst: Worst) -> None:
 @case(
     "press.through-time",
     varied="full dynamics: mass 1e-3 to 100 kg, stiffness 1 to 1e6 kPa/mm, 1 uN to 10 kN, slack to stiff damping",
-    deviation="reading from the equilibrium's, relative to its largest element, where it settles",
+    deviation="reading from the equilibrium's, relative to its largest taxel, where it settles",
     limit=5e-3,
     because="0.5 % is what full dynamics may be off; what does not settle is refused",
 )

@@ -38,6 +38,8 @@ class HistogramFilter(MapFilter):
     """Histogram filter over letter, x, y and angle (paper, eq. 13 to 16), in logs."""
 
     options_type: ClassVar[type[Options]] = HistogramOptions
+    budget = "bins"
+    draws = False
     options: HistogramOptions
     grid: StateGrid
     tables: Tables

@@ -6,7 +6,7 @@ Cassandra, Kaelbling and Kurien 1996 for localisation),
     I = E_s E_z|s [ log p(z | s) - log E_t p(z | t) ],   s and t from the belief.
 
 Both expectations over states are taken over the same sample of the belief, that over readings with one
-reading drawn for each state. The classes of a reading's elements are predicted with the calibrated
+reading drawn for each state. The classes of a reading's taxels are predicted with the calibrated
 measurement model, which knows how often each of them comes, whatever model the filter itself uses.
 """
 

@@ -4,7 +4,7 @@ Open-set recognition: a filter over the known letters will always name one of th
 one at all is told by the misfit of its readings: by how much their log-likelihood, at the estimated
 pose, differs from what the map itself expects,
 
-    m = sum over elements of [ log p(class) - sum_k p(k) log p(k) ],
+    m = sum over taxels of [ log p(class) - sum_k p(k) log p(k) ],
 
 in units of how it differs for a letter's own training readings, each looked up in a map without itself.
 """
@@ -116,7 +116,7 @@ class OpenSetFilter(MapFilter):
 
 
 def misfits(model: CalibratedLikelihood, label: str, xy: FloatArray, classes: NDArray[np.int8]) -> FloatArray:
-    """Compute the misfit (nats) of readings (n, taxels) at elements (n, taxels, 2) mm on the object: (n,)."""
+    """Compute the misfit (nats) of readings (n, taxels) at taxels (n, taxels, 2) mm on the object: (n,)."""
     return _misfits(model.log_tables(label, xy), classes)
 
 
@@ -125,7 +125,7 @@ def learn_misfit(model: CalibratedLikelihood, label: str) -> Misfit:
     odds, classes = model.left_out(label)
     log_p = np.log(model.calibration(odds))
     own = _misfits(log_p, classes)
-    # At least what independent elements would give, however few the training readings are.
+    # At least what independent taxels would give, however few the training readings are.
     least = ((np.exp(log_p) * log_p**2).sum(axis=0) - (np.exp(log_p) * log_p).sum(axis=0) ** 2).sum(axis=1)
     # Every reading is looked up where another one was taken, as far away in the list as can be.
     elsewhere = np.roll(log_p, len(classes) // 2, axis=1)

@@ -49,6 +49,7 @@ class ParticleFilter(MapFilter):
     """Particle filter over letter, x, y and angle (paper, eq. 8 to 12), resampled at every reading."""
 
     options_type: ClassVar[type[Options]] = ParticleOptions
+    budget = "particles"
     options: ParticleOptions
 
     def __init__(self, options: ParticleOptions) -> None:

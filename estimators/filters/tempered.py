@@ -81,6 +81,7 @@ class TemperedFilter(OpenSetFilter):
     """
 
     options_type: ClassVar[type[Options]] = TemperedOptions
+    budget = "particles"
     options: TemperedOptions
 
     def __init__(self, options: TemperedOptions) -> None:

@@ -12,7 +12,7 @@ from tactsim.core.poses import FloatArray
 from tactsim.estimators.likelihoods.class_table import calibrate, quantile_edges
 from tactsim.estimators.likelihoods.classifier import CONTACT, NO_CONTACT, UNKNOWN, classify
 from tactsim.estimators.likelihoods.likelihood import Evidence, Likelihood, covered
-from tactsim.estimators.likelihoods.occupancy import OccupancyMap, element_log_odds, point_spread
+from tactsim.estimators.likelihoods.occupancy import OccupancyMap, point_spread, taxel_log_odds
 
 _CLASSES = UNKNOWN + 1
 
@@ -21,12 +21,12 @@ class CalibratedLikelihood(Likelihood):
     """p(No Contact, In Contact or Unknown | interpolated log-odds), counted over the training readings.
 
     Eq. 7 trusts the map's own probabilities and gives Unknown no weight. Here both are learned: the log-odds
-    are divided into quantile bins over the training elements of all letters, and classes are
-    counted in each. Unknown elements lie at edges, so they say much about the pose.
+    are divided into quantile bins over the training taxels of all letters, and classes are
+    counted in each. Unknown taxels lie at edges, so they say much about the pose.
     """
 
     def fit(self, scan: Scan, maps: Mapping[str, OccupancyMap]) -> None:
-        """Count classes at the training elements, each against the map without itself."""
+        """Count classes at the training taxels, each against the map without itself."""
         self.maps, self._train = maps, scan.where("train")
         odds, kinds = zip(*(self.left_out(label) for label in maps), strict=True)
         seen = np.concatenate(odds).ravel()
@@ -34,14 +34,14 @@ class CalibratedLikelihood(Likelihood):
         self.calibration = calibrate(seen, np.concatenate(kinds).ravel(), _CLASSES, edges)
 
     def left_out(self, label: str) -> tuple[FloatArray, NDArray[np.int8]]:
-        """Look a letter's training elements up in a map without themselves: log-odds and classes (n, taxels)."""
+        """Look a letter's training taxels up in a map without themselves: log-odds and classes (n, taxels)."""
         train, chart = self._train.where(label=label), self.maps[label]
         xy, classes = transform(train.poses, train.taxel_xy), self.classes(train.readings)
         own = own_log_odds(chart, xy, classes, self.options.sigma, self.options.peak)
         return chart.log_odds_at(xy) - own, classes
 
     def classes(self, readings: ArrayLike) -> NDArray[np.int8]:
-        """Classify the elements of readings (..., taxels) kPa, with the T and ratio of the options."""
+        """Classify the taxels of readings (..., taxels) kPa, with the T and ratio of the options."""
         return classify(readings, self.options.threshold, self.options.ratio)
 
     @property
@@ -54,7 +54,7 @@ class CalibratedLikelihood(Likelihood):
         return np.log(self.calibration(self.maps[label].log_odds_at(xy)))
 
     def evidence(self, reading: FloatArray) -> Evidence:
-        """Classify the elements; each is a term, an Unknown one too."""
+        """Classify the taxels; each is a term, an Unknown one too."""
         classes = self.classes(reading).astype(np.int64)
         return Evidence(classes, np.arange(len(classes)), np.ones(len(classes), dtype=np.float32))
 
@@ -62,9 +62,9 @@ class CalibratedLikelihood(Likelihood):
 def own_log_odds(
     chart: OccupancyMap, xy: FloatArray, classes: NDArray[np.int8], sigma: float, peak: float
 ) -> FloatArray:
-    """Find what elements have themselves added to a map where they are looked up: (...) log-odds.
+    """Find what taxels have themselves added to a map where they are looked up: (...) log-odds.
 
-    xy: (..., 2) mm. classes: (...). Of the four cells around an element, weighted bilinearly. Elements
+    xy: (..., 2) mm. classes: (...). Of the four cells around a taxel, weighted bilinearly. Taxels
     of the same reading are too far apart to matter.
     """
     place = (xy - chart.origin) / chart.cell
@@ -77,5 +77,5 @@ def own_log_odds(
         g = point_spread(away, sigma, peak)
         for kind in (CONTACT, NO_CONTACT):
             here = classes == kind
-            total[here] += weight[here] * element_log_odds(kind, g[here], chart.prior)
+            total[here] += weight[here] * taxel_log_odds(kind, g[here], chart.prior)
     return total

@@ -15,7 +15,7 @@ _UNSEEN = 1.0
 
 @dataclass(frozen=True, eq=False)
 class Calibration:
-    """p(class | feature) of one element, linear between the bins in which it was counted.
+    """p(class | feature) of one taxel, linear between the bins in which it was counted.
 
     feature: (bins,) ascending, the mean of each bin. probability: (classes, bins), columns summing to 1.
     """
@@ -33,7 +33,7 @@ def calibrate(
 ) -> Calibration:
     """Count how often each class goes with each feature.
 
-    feature, kinds: (n,), n from 1, what was predicted for an element and which of 0..classes - 1 it
+    feature, kinds: (n,), n from 1, what was predicted for a taxel and which of 0..classes - 1 it
     was. edges: (bins - 1,) ascending, between the bins of the feature; empty bins are left out. One
     more of each class than was seen is counted in each bin (Laplace's rule).
     """

@@ -1,4 +1,4 @@
-"""The contact classifier: what one element of a reading says, taken alone (paper, eq. 3)."""
+"""The contact classifier: what one taxel of a reading says, taken alone (paper, eq. 3)."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ NO_CONTACT, CONTACT, UNKNOWN = 0, 1, 2
 
 
 def classify(readings: ArrayLike, threshold: float = 2.0, ratio: float = 0.3) -> NDArray[np.int8]:
-    """Classify elements as NO_CONTACT, CONTACT or UNKNOWN (paper, eq. 3).
+    """Classify taxels as NO_CONTACT, CONTACT or UNKNOWN (paper, eq. 3).
 
     readings: (..., taxels) kPa; `threshold` is the paper's T in kPa, `ratio` its 0.3 of the largest
-    element of the same reading. An element is in contact above both and without contact below both.
+    taxel of the same reading. A taxel is in contact above both and without contact below both.
     The paper prints "<" for the second; "<=" is used, so that a reading of zeros is evidence of
-    emptiness and an element equal to T is not lost. Returns (..., taxels).
+    emptiness and a taxel equal to T is not lost. Returns (..., taxels).
     """
     values = np.asarray(readings, dtype=float)
     share = ratio * values.max(axis=-1, keepdims=True, initial=-np.inf)
@@ -22,5 +22,5 @@ def classify(readings: ArrayLike, threshold: float = 2.0, ratio: float = 0.3) ->
     return _BY_COUNT[above]
 
 
-# How many of the two limits an element exceeds: none, one, both.
+# How many of the two limits a taxel exceeds: none, one, both.
 _BY_COUNT = np.array([NO_CONTACT, UNKNOWN, CONTACT], dtype=np.int8)

@@ -1,4 +1,4 @@
-"""How far a relative pressure is from what a mosaic predicts: a Gaussian, or for a stray element anything."""
+"""How far a relative pressure is from what a mosaic predicts: a Gaussian, or for a stray taxel anything."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from scipy.optimize import nnls
 from tactsim.core.poses import FloatArray
 
 _ROUNDS = 20
-# Of the elements; even if none was seen, one may come.
+# Of the taxels; even if none was seen, one may come.
 _LEAST_STRAY = 0.01
 
 
@@ -44,9 +44,9 @@ class Deviation:
 def learn_deviation(
     relative: FloatArray, predicted: FloatArray, slope: FloatArray, scale: FloatArray, levels: FloatArray
 ) -> Deviation:
-    """Learn the mixture from elements, all arrays of one shape, by expectation maximisation.
+    """Learn the mixture from taxels, all arrays of one shape, by expectation maximisation.
 
-    The variance is a regression of squared deviations, none of its parts negative, each element weighted
+    The variance is a regression of squared deviations, none of its parts negative, each taxel weighted
     with its own variance (iteratively reweighted least squares).
     """
     step = levels[1] - levels[0]
@@ -58,7 +58,7 @@ def learn_deviation(
     spread, regular, stray = np.full(len(away), 1.0), np.ones(len(away)), 0.0
     for _ in range(_ROUNDS):
         weight = np.sqrt(regular) / spread
-        # The same least squares with five rows instead of as many as there are elements.
+        # The same least squares with five rows instead of as many as there are taxels.
         rows = np.asarray(np.linalg.qr(np.column_stack([sources, away**2]) * weight[:, None], mode="r"))
         variance, _ = nnls(rows[:, :-1], rows[:, -1])
         spread = _spread(sources @ variance, levels)

@@ -18,23 +18,23 @@ from tactsim.estimators.likelihoods.occupancy import OccupancyMap
 _LEVELS = np.linspace(-0.25, 1.4, 16)
 # Classes of readings that touch, by their scale, each with tables of its own: noise differs.
 _CLASSES = 3
-# How much an element counts. Neighbours share the error of the press's place and scale; at 1 a letter
+# How much a taxel counts. Neighbours share the error of the press's place and scale; at 1 a letter
 # is held for certain too early (`calibration_gap`), and errors are a little larger.
 _COUNTS = 0.5
 # kPa; a scale is never 0.
 _LEAST_SCALE = 1e-6
-# Of a scale: elements that are to feel less than this say nothing about their gain.
+# Of a scale: taxels that are to feel less than this say nothing about their gain.
 _PRESSED = 0.3
-# An element with a smaller gain than this is left out.
+# A taxel with a smaller gain than this is left out.
 _DEAD = 0.2
-# By how much a reading's own scale counts in its pressure, beside one wholly covered element.
+# By how much a reading's own scale counts in its pressure, beside one wholly covered taxel.
 _DOUBT = 0.01
 # Turns of learning mosaics from pressures and gains, and these from the mosaics.
 _TURNS = 3
 
 
 class ForceLikelihood(Likelihood):
-    """p(relative pressure | what the mosaic predicts at the element's place), element by element.
+    """p(relative pressure | what the mosaic predicts at the taxel's place), taxel by taxel.
 
     A press has a given force, so the pressure under what is covered differs from pose to pose: a
     reading is divided by its own scale. What is left is learned place by place from the training
@@ -44,7 +44,7 @@ class ForceLikelihood(Likelihood):
     """
 
     def fit(self, scan: Scan, maps: Mapping[str, OccupancyMap]) -> None:
-        """Learn the elements' gains, the mosaics, and how far readings deviate from them."""
+        """Learn the taxels' gains, the mosaics, and how far readings deviate from them."""
         self.maps = maps
         train = scan.where("train")
         xy = transform(train.poses, train.taxel_xy)
@@ -52,7 +52,7 @@ class ForceLikelihood(Likelihood):
         self.least = max(float(np.median(contraharmonic(train.readings))) / 2, _LEAST_SCALE)
         scale, relative = self.relative(train.readings)
         pressure = scale
-        # A reading that covers no element wholly is scaled too little. For a training reading the mosaic tells.
+        # A reading that covers no taxel wholly is scaled too little. For a training reading the mosaic tells.
         for _ in range(_TURNS):
             predicted, _ = self._learn(train, xy, pressure)
             self.gain = gains(train.readings / pressure[:, None], predicted, pressure)
@@ -64,7 +64,7 @@ class ForceLikelihood(Likelihood):
     def _learn(self, train: Scan, xy: FloatArray, pressure: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Learn the mosaics from readings (n, taxels) at xy (n, taxels, 2) mm under pressures (n,) kPa.
 
-        Returns what they predict without the element itself, and their squared slopes there: (n, taxels).
+        Returns what they predict without the taxel itself, and their squared slopes there: (n, taxels).
         """
         felt = train.readings / np.maximum(self.gain, _DEAD) / pressure[:, None]
         # The smaller the pressure, the more of what is felt is noise; as much as not at the median scale.
@@ -109,7 +109,7 @@ class ForceLikelihood(Likelihood):
     def relative(self, readings: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Divide readings (..., taxels) kPa by gains and scale; returns the scales (...) kPa, and what is left.
 
-        Dead elements get 0. A reading that touches nothing has no scale of its own: none is less than half
+        Dead taxels get 0. A reading that touches nothing has no scale of its own: none is less than half
         the median of the training readings'.
         """
         even = np.where(self.gain > _DEAD, readings / np.maximum(self.gain, _DEAD), 0.0)
@@ -132,7 +132,7 @@ class ForceLikelihood(Likelihood):
         )
 
     def evidence(self, reading: FloatArray) -> Evidence:
-        """Give each element the two levels beside what it felt, weighted; a dead element says nothing."""
+        """Give each taxel the two levels beside what it felt, weighted; a dead taxel says nothing."""
         scale, felt = self.relative(reading)
         taxel = np.flatnonzero(self.gain > _DEAD)
         place = np.interp(felt[taxel], _LEVELS, np.arange(len(_LEVELS)))
@@ -146,10 +146,10 @@ class ForceLikelihood(Likelihood):
 
 
 def contraharmonic(readings: FloatArray) -> FloatArray:
-    """Average the elements of readings (..., taxels), each weighted with its third power: (...) kPa.
+    """Average the taxels of readings (..., taxels), each weighted with its third power: (...) kPa.
 
-    The scale of a reading: nearly the pressure of elements that are wholly covered, with less noise
-    than the largest element has. Elements below 0 count as 0.
+    The scale of a reading: nearly the pressure of taxels that are wholly covered, with less noise
+    than the largest taxel has. Taxels below 0 count as 0.
     """
     pressed = np.maximum(readings, 0)
     top = pressed.max(axis=-1)
@@ -158,9 +158,9 @@ def contraharmonic(readings: FloatArray) -> FloatArray:
 
 
 def gains(felt: FloatArray, predicted: FloatArray, pressure: FloatArray) -> FloatArray:
-    """Compare the elements where they are pressed: (taxels,), with a mean of 1.
+    """Compare the taxels where they are pressed: (taxels,), with a mean of 1.
 
-    Of a regression of readings divided by their pressure (n, taxels) on the predicted ones. Elements at
+    Of a regression of readings divided by their pressure (n, taxels) on the predicted ones. Taxels at
     the pad's rim feel less, since no load lies beyond; one that was never pressed gets 1.
     """
     weight = np.where(predicted > _PRESSED, predicted * pressure[:, None] ** 2, 0)

@@ -97,7 +97,7 @@ class PaperLikelihood(Likelihood):
         return tables
 
     def evidence(self, reading: FloatArray) -> Evidence:
-        """Classify the elements; an Unknown one has likelihood 1 everywhere, hence no term."""
+        """Classify the taxels; an Unknown one has likelihood 1 everywhere, hence no term."""
         classes = classify(reading, self.options.threshold, self.options.ratio)
         taxel = np.flatnonzero(classes != UNKNOWN)
         return Evidence(classes[taxel].astype(np.int64), taxel, np.ones(len(taxel), dtype=np.float32))

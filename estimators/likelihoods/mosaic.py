@@ -12,15 +12,15 @@ from tactsim.core.poses import FloatArray
 from tactsim.estimators.likelihoods.mosaic_kernels import add_moments
 from tactsim.estimators.likelihoods.occupancy import point_spread
 
-# Elements farther away, in sigma, have less than 4e-4 of the weight and are left out.
+# Taxels farther away, in sigma, have less than 4e-4 of the weight and are left out.
 _REACH = 2.0
-# Weight of the prior, a flat 0, beside an element at the place itself.
+# Weight of the prior, a flat 0, beside a taxel at the place itself.
 _PRIOR = 0.01
 
 
 @dataclass(frozen=True, eq=False)
 class Mosaic:
-    """Planes fitted to the elements around every node of a square grid, weighted by the point spread of eq. 4.
+    """Planes fitted to the taxels around every node of a square grid, weighted by the point spread of eq. 4.
 
     origin: [x, y] mm of node [0, 0]. cell: mm. sigma: mm. plane: (rows, columns, 3) the value, and its
     slope along x and y per cell. spread: (rows, columns, 3, 3) the inverse of the normal equations.
@@ -42,7 +42,7 @@ class Mosaic:
         return value, slope / self.cell**2
 
     def without(self, xy: FloatArray, values: FloatArray, weight: FloatArray) -> FloatArray:
-        """Interpolate at the elements it was learned from, each time without that element.
+        """Interpolate at the taxels it was learned from, each time without that taxel.
 
         xy: (n, 2) mm. values, weight: (n,). Leaving one observation out of a least-squares fit moves the
         coefficients by -spread x k r / (1 - k x' spread x), where r is its residual and k its weight.
@@ -84,10 +84,10 @@ def learn_mosaic(
     shape: tuple[int, ...],
     sigma: float,
 ) -> Mosaic:
-    """Fit a plane to the elements around every node of a grid: local linear regression (Cleveland 1979).
+    """Fit a plane to the taxels around every node of a grid: local linear regression (Cleveland 1979).
 
-    xy: (n, 2) mm, where elements lay. values, weight: (n,) what they felt, and how much that counts, 1 for
-    an element without noise. origin, cell, shape: the grid, mm. sigma: mm, an element at distance d
+    xy: (n, 2) mm, where taxels lay. values, weight: (n,) what they felt, and how much that counts, 1 for
+    a taxel without noise. origin, cell, shape: the grid, mm. sigma: mm, a taxel at distance d
     has the weight times exp(-2 d^2 / sigma^2), as in eq. 4. Where there is none, the value is 0.
     """
     sums = np.zeros((*shape, 9))

@@ -14,11 +14,11 @@ from tactsim.estimators.field.compiling import Reals, compiled
 def add_moments(
     moments: Reals, place: Reals, weight: Reals, value: Reals, sigma: float, reach: float
 ) -> None:
-    """Add what elements give to the normal equations of a plane around every node near them.
+    """Add what taxels give to the normal equations of a plane around every node near them.
 
     moments: (rows, columns, 9): of the offsets (1, x, y) from the node the sums 11, 1x, 1y, xx, xy, yy, and of
     the value times (1, x, y). place: (n, 2) [x, y]. weight, value: (n,). sigma, reach: all lengths are in
-    cells. An element at distance d has the weight times exp(-2 d^2 / sigma^2), none beyond `reach` in x or y.
+    cells. A taxel at distance d has the weight times exp(-2 d^2 / sigma^2), none beyond `reach` in x or y.
     """
     rows, columns, _ = moments.shape
     along = np.empty(2 * math.ceil(reach) + 2)

@@ -13,7 +13,7 @@ from tactsim.core import InputError, Scan, transform
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.likelihoods.classifier import CONTACT, NO_CONTACT, classify
 
-_NOTHING = 1e-12  # log-odds of one element that are left out
+_NOTHING = 1e-12  # log-odds of one taxel that are left out
 _MOST_CELLS = 50_000_000  # of all maps together: 400 MB
 _AT_ONCE = 200_000  # cells that are stamped in one piece: what a cache holds
 
@@ -87,8 +87,8 @@ def learn_maps(
 ) -> Mapping[str, OccupancyMap]:
     """Learn one occupancy map for every letter of a scan's training readings (paper, eq. 2 to 6).
 
-    sigma: mm, the sensor's point spread. peak: G' at an element's centre. prior: p(m). threshold,
-    ratio: eq. 3. cell: mm. All maps share one grid, which covers everything any element has
+    sigma: mm, the sensor's point spread. peak: G' at a taxel's centre. prior: p(m). threshold,
+    ratio: eq. 3. cell: mm. All maps share one grid, which covers everything any taxel has
     touched upon. Raises InputError if the scan has no training readings, or poses so far apart that
     the maps would have more than 50 million cells.
     """
@@ -122,21 +122,21 @@ def learn_maps(
 
 
 def _reach(sigma: float, prior: float) -> float:
-    """Say how far from an element, in the unit of sigma, it still says something: maps end there."""
+    """Say how far from a taxel, in the unit of sigma, it still says something: maps end there."""
     return sigma * math.sqrt(-math.log(_NOTHING * min(prior, 1 - prior)) / 2)
 
 
 def _stamp(
     evidence: FloatArray, centres: FloatArray, kind: int, sigma: float, peak: float, prior: float
 ) -> None:
-    """Add the log-odds that elements at `centres` (n, 2) give to the cells around them, all in cells."""
+    """Add the log-odds that taxels at `centres` (n, 2) give to the cells around them, all in cells."""
     reach = math.ceil(_reach(sigma, prior))
     around = np.arange(-reach + 1, reach + 1)
     nearest = np.floor(centres).astype(np.intp)
     rest = centres - nearest
     spread = np.exp(-2 * ((around - rest[:, :, None]) / sigma) ** 2)
     g = peak * spread[:, 1, :, None] * spread[:, 0, None, :]
-    added = element_log_odds(kind, g, prior)
+    added = taxel_log_odds(kind, g, prior)
     row = (nearest[:, 1, None] + around)[:, :, None]
     column = (nearest[:, 0, None] + around)[:, None, :]
     flat = np.clip(row, 0, evidence.shape[0] - 1) * evidence.shape[1] + np.clip(
@@ -146,15 +146,15 @@ def _stamp(
 
 
 def point_spread(squared_distance: ArrayLike, sigma: float, peak: float) -> FloatArray:
-    """Give G' of eq. 4, at squared distances (mm^2) from an element's centre."""
+    """Give G' of eq. 4, at squared distances (mm^2) from a taxel's centre."""
     return peak * np.exp(-2 / sigma**2 * np.asarray(squared_distance))
 
 
-def element_log_odds(kind: int, g: FloatArray, prior: float) -> FloatArray:
-    """Give the log-odds that an element In Contact or without adds to a cell where G' is `g`.
+def taxel_log_odds(kind: int, g: FloatArray, prior: float) -> FloatArray:
+    """Give the log-odds that a taxel In Contact or without adds to a cell where G' is `g`.
 
     Of eq. 5 and 6, with p = p(m): in contact, log (p + (1-p) G') / (p (1-G')); without contact,
-    log (1-p) (1-G') / (1 - p + p G'). An Unknown element leaves p(m), hence adds nothing.
+    log (1-p) (1-G') / (1 - p + p G'). An Unknown taxel leaves p(m), hence adds nothing.
     """
     if kind == CONTACT:
         return np.log((prior + (1 - prior) * g) / (prior * (1 - g)))

@@ -20,9 +20,9 @@ STRICT = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
 @dataclass(frozen=True, eq=False)
 class Frame:
-    """One measurement of all elements of one device.
+    """One measurement of all taxels of one device.
 
-    values: (elements,) in the device's own units and order. address: which device on the link.
+    values: (taxels,) in the device's own units and order. address: which device on the link.
     index: its frame counter, ticks: its clock, both as sent, or None.
     """
 
@@ -35,13 +35,13 @@ class Frame:
 class Codec(ABC, Generic[Packet]):
     """The language of one kind of device.
 
-    elements: values in a frame. longest: bytes within which a packet ends; that many bytes are always
+    taxels: values in a frame. longest: bytes within which a packet ends; that many bytes are always
     enough for `decode` to move on, so a buffer never grows beyond it. tick_s: s a tick of the device's
     clock, tick_wrap: ticks until it starts again, or None. index_wrap: the same of the frame counter.
     speaks: whether frames come unasked and all of them, so that a gap in the counter is a loss.
     """
 
-    elements: int
+    taxels: int
     longest: int
     tick_s: float = 1.0
     tick_wrap: int | None = None
@@ -58,11 +58,11 @@ class Codec(ABC, Generic[Packet]):
 
     @abstractmethod
     def to_kpa(self, values: FloatArray) -> FloatArray:
-        """Turn a frame's values (elements,) into kPa."""
+        """Turn a frame's values (taxels,) into kPa."""
 
     @abstractmethod
     def from_kpa(self, pressures: FloatArray) -> FloatArray:
-        """Turn kPa (elements,) into the nearest values that the device can say."""
+        """Turn kPa (taxels,) into the nearest values that the device can say."""
 
     def dialogue(self, addresses: tuple[int, ...], counters: Counters) -> Dialogue:
         """Start the conversation with the devices at these addresses on one link."""

@@ -48,13 +48,13 @@ class Fixed(_Item):
 class Length(_Item):
     """A number that says how long the frame is: checked, since the layout says it already.
 
-    of: "frame": bytes of the whole frame; "after": bytes behind this number; "elements": how many
-    elements; "data": bytes of the elements. plus: what the device adds to that.
+    of: "frame": bytes of the whole frame; "after": bytes behind this number; "taxels": how many
+    taxels; "data": bytes of the taxels. plus: what the device adds to that.
     """
 
     is_: Literal["length"] = Field(alias="is")
     size: Size = 1
-    of: Literal["frame", "after", "elements", "data"]
+    of: Literal["frame", "after", "taxels", "data"]
     plus: int = Field(0, ge=-LONGEST_FRAME, le=LONGEST_FRAME)
 
 
@@ -80,13 +80,13 @@ class Skip(_Item):
     size: int = Field(ge=1, le=4096)
 
 
-class Elements(_Item):
+class Taxels(_Item):
     """The measurements, `bits` each, packed without gaps and filled up to a whole byte.
 
     Packed 10 and 12 bits fill each byte from its high bit if the format is big-endian, else from its low.
     """
 
-    is_: Literal["elements"] = Field(alias="is")
+    is_: Literal["taxels"] = Field(alias="is")
     count: int = Field(ge=1, le=10_000)
     bits: Literal[8, 10, 12, 16] = 16
     signed: bool = False
@@ -116,7 +116,7 @@ class Checksum(_Item):
         return CHECKSUMS[self.kind][0]
 
 
-Item = Annotated[Fixed | Length | Number | Clock | Skip | Elements | Checksum, Field(discriminator="is_")]
+Item = Annotated[Fixed | Length | Number | Clock | Skip | Taxels | Checksum, Field(discriminator="is_")]
 
 
 class FieldsFormat(CodecFormat):
@@ -128,7 +128,7 @@ class FieldsFormat(CodecFormat):
     kind: Literal["fields"]
     layout: tuple[Item, ...] = Field(max_length=64, description="what a frame is made of, in its order")
     endian: Literal["big", "little"] = "big"
-    zero: float = Field(0.0, description="value of an unloaded element")
+    zero: float = Field(0.0, description="value of an unloaded taxel")
     kpa_per_count: float = Field(description="kPa")
     start: Bytes = Field(b"", max_length=256, description="bytes that make the device speak, sent once")
     request: Bytes = Field(b"", max_length=256, description="bytes that ask for one frame")
@@ -138,11 +138,11 @@ class FieldsFormat(CodecFormat):
         kinds = [item.is_ for item in self.layout]
         if not kinds or kinds[0] != "header":
             raise ValueError("the layout must begin with a header: without one no frame can be found")
-        for kind in ("header", "footer", "elements", "address", "index", "clock", "checksum"):
+        for kind in ("header", "footer", "taxels", "address", "index", "clock", "checksum"):
             if kinds.count(kind) > 1:
                 raise ValueError(f"the layout has {kinds.count(kind)} items {kind!r}; one is allowed")
-        if "elements" not in kinds:
-            raise ValueError("the layout has no item 'elements'")
+        if "taxels" not in kinds:
+            raise ValueError("the layout has no item 'taxels'")
         if "footer" in kinds and kinds[-1] != "footer":
             raise ValueError("the footer must be the last item of the layout")
         if not self.kpa_per_count:
@@ -176,12 +176,12 @@ def _places(layout: tuple[Item, ...]) -> Iterator[tuple[Item, int]]:
 def _length(item: Length, at: int, layout: tuple[Item, ...]) -> int:
     """Compute what a length at byte `at` has to say."""
     total = sum(_size(each) for each in layout)
-    elements = next(each for each in layout if isinstance(each, Elements))
+    taxels = next(each for each in layout if isinstance(each, Taxels))
     lengths = {
         "frame": total,
         "after": total - at - item.size,
-        "elements": elements.count,
-        "data": elements.size,
+        "taxels": taxels.count,
+        "data": taxels.size,
     }
     return lengths[item.of] + item.plus
 
@@ -204,8 +204,8 @@ class FieldsCodec(Codec[Frame]):
                 self._fixed.append((at, expected.to_bytes(item.size, self._endian)))
             else:
                 self._spans[item.is_] = span
-            if isinstance(item, Elements):
-                self._values, self.elements = item, item.count
+            if isinstance(item, Taxels):
+                self._values, self.taxels = item, item.count
             if isinstance(item, Clock):
                 self.tick_s, self.tick_wrap = item.tick_s, 256**item.size
             if isinstance(item, Number) and item.is_ == "index":
@@ -239,7 +239,7 @@ class FieldsCodec(Codec[Frame]):
         ):
             return 1, None
         return self.size, Frame(
-            self._read_values(frame[self._spans["elements"]]).astype(np.float64),
+            self._read_values(frame[self._spans["taxels"]]).astype(np.float64),
             self._number(frame, "address") or 0,
             self._number(frame, "index"),
             self._number(frame, "clock"),
@@ -257,7 +257,7 @@ class FieldsCodec(Codec[Frame]):
                 span = self._spans[name]
                 size = span.stop - span.start
                 parts[span] = (number % 256**size).to_bytes(size, self._endian)
-        parts[self._spans["elements"]] = self._write_values(frame.values)
+        parts[self._spans["taxels"]] = self._write_values(frame.values)
         if self._checksum is not None:
             parts[self._spans["checksum"]] = self._sum(parts)
         return bytes(parts)
@@ -267,7 +267,7 @@ class FieldsCodec(Codec[Frame]):
         return (values - self.format.zero) * self.format.kpa_per_count
 
     def from_kpa(self, pressures: FloatArray) -> FloatArray:
-        """Turn kPa into the nearest values that fit the elements' bits."""
+        """Turn kPa into the nearest values that fit the taxels' bits."""
         low, high = self._range()
         return np.clip(np.round(pressures / self.format.kpa_per_count + self.format.zero), low, high)
 
@@ -302,7 +302,7 @@ class FieldsCodec(Codec[Frame]):
             return np.frombuffer(data, dtype=f"{order}{kind}{bits // 8}").astype(np.int64)
         bit_order: Literal["big", "little"] = self._endian
         stream = np.unpackbits(np.frombuffer(data, np.uint8), bitorder=bit_order)
-        words = stream[: self.elements * bits].reshape(self.elements, bits).astype(np.int64)
+        words = stream[: self.taxels * bits].reshape(self.taxels, bits).astype(np.int64)
         values = words @ self._weights
         return np.where(values > self._range()[1], values - (1 << bits), values)
 

@@ -25,7 +25,7 @@ class CsvFormat(CodecFormat):
     """The table `[codec]` of a device file with `kind = "pps-csv"`."""
 
     kind: Literal["pps-csv"]
-    elements: int = Field(ge=1, le=10_000, description="columns behind the time")
+    taxels: int = Field(ge=1, le=10_000, description="columns behind the time")
     unit: Literal["kPa", "psi", "Pa"] = Field("kPa", description="unit of the numbers")
 
     def build(self) -> CsvCodec:
@@ -40,9 +40,9 @@ class CsvCodec(Codec[Frame]):
 
     def __init__(self, form: CsvFormat) -> None:
         self.format = form
-        self.elements = form.elements
-        self._longest_line = _LONGEST_NUMBER * (form.elements + 1)
-        self.longest = self._longest_line + _LONGEST_TITLE * (form.elements + 1)
+        self.taxels = form.taxels
+        self._longest_line = _LONGEST_NUMBER * (form.taxels + 1)
+        self.longest = self._longest_line + _LONGEST_TITLE * (form.taxels + 1)
 
     def decode(self, buffer: bytes | bytearray, start: int = 0) -> tuple[int, Frame | None]:
         """Look for a line at `start`; see `Codec.decode`. The title line counts to the line behind it."""
@@ -64,7 +64,7 @@ class CsvCodec(Codec[Frame]):
 
     def title(self) -> bytes:
         """Write the title line."""
-        return (", ".join(["Time [ms]", *(f"Elem{k}" for k in range(self.elements))]) + "\n").encode()
+        return (", ".join(["Time [ms]", *(f"Elem{k}" for k in range(self.taxels))]) + "\n").encode()
 
     def to_kpa(self, values: FloatArray) -> FloatArray:
         """Turn the file's unit into kPa."""
@@ -76,7 +76,7 @@ class CsvCodec(Codec[Frame]):
 
     def _frame(self, line: bytes) -> Frame | None:
         fields = line.split(b",")
-        if len(fields) != self.elements + 1:
+        if len(fields) != self.taxels + 1:
             return None
         try:
             numbers = [float(field) for field in fields]
@@ -87,8 +87,8 @@ class CsvCodec(Codec[Frame]):
         return Frame(np.array(numbers[1:]), ticks=numbers[0])
 
 
-def count_elements(first_line: bytes) -> int:
-    """Count the elements by the title line of a recording. Raises CodecError if it is none."""
+def count_taxels(first_line: bytes) -> int:
+    """Count the taxels by the title line of a recording. Raises CodecError if it is none."""
     columns = first_line.strip().split(b",")
     if not columns[0].startswith(_TITLE) or len(columns) < 2:
         raise CodecError("no recording of the vendor's tool: its first line is 'Time [ms], Elem0, ...'")

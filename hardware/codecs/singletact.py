@@ -28,10 +28,10 @@ FOOTER = b"\xfe\xfe\xfe\xfe"
 READ, WRITE = 1, 2
 MOST_READ = 32  # bytes in one answer
 DATA = 12  # where an answer's data begin
-MAX_ELEMENTS = 25
-INDEX_REGISTER, OUTPUT_REGISTER = 128, 132  # frame index (2), device time (2), then 2 bytes an element
+MAX_TAXELS = 25
+INDEX_REGISTER, OUTPUT_REGISTER = 128, 132  # frame index (2), device time (2), then 2 bytes a taxel
 REGISTERS = 192
-ZERO, FULL_SCALE = 255, 512  # output of an unloaded element, and counts from there to the rated pressure
+ZERO, FULL_SCALE = 255, 512  # output of an unloaded taxel, and counts from there to the rated pressure
 MOST_COUNTS = 1023
 # A bridge whose sensor does not answer waits 100 ms, then sends what its buffer held before, and the
 # timed-out flag stays 0 (`timeout` in SingleTactDemo.ino is never changed). Its slowness tells.
@@ -65,7 +65,7 @@ class SingleTactFormat(CodecFormat):
     usual_address: ClassVar[int] = 4
 
     kind: Literal["singletact"]
-    elements: int = Field(1, ge=1, le=MAX_ELEMENTS, description="elements of one sensor (register 12)")
+    taxels: int = Field(1, ge=1, le=MAX_TAXELS, description="taxels of one sensor (register 12)")
     full_scale_kpa: float = Field(gt=0, description="kPa at output 767, the rated pressure of the sensor")
     torn_frames: int = Field(
         0, ge=0, le=1000, description="frames that a sensor may measure while one is read; 0: only whole ones"
@@ -87,7 +87,7 @@ class SingleTactCodec(Codec[Reply]):
 
     def __init__(self, form: SingleTactFormat) -> None:
         self.format = form
-        self.elements = form.elements
+        self.taxels = form.taxels
 
     def decode(self, buffer: bytes | bytearray, start: int = 0) -> tuple[int, Reply | None]:
         """Look for an answer at `start`; see `Codec.decode`.
@@ -138,13 +138,13 @@ class SingleTactCodec(Codec[Reply]):
 class Polling(Dialogue):
     """Ask sensor after sensor for its frame.
 
-    More than 14 elements take two reads, which can fall in different frames. So the frame index is
+    More than 14 taxels take two reads, which can fall in different frames. So the frame index is
     read once more behind them: a frame whose index moved was torn and is dropped.
     """
 
     def __init__(self, form: SingleTactFormat, addresses: tuple[int, ...], counters: Counters) -> None:
         self._format, self._addresses, self._counters = form, addresses, counters
-        output = 4 + 2 * form.elements  # bytes: index, device time, elements
+        output = 4 + 2 * form.taxels  # bytes: index, device time, taxels
         self._reads = [
             (INDEX_REGISTER + at, min(MOST_READ, output - at)) for at in range(0, output, MOST_READ)
         ]

@@ -15,7 +15,7 @@ from tactsim.hardware.codecs.singletact import (
     FOOTER,
     HEADERS,
     INDEX_REGISTER,
-    MAX_ELEMENTS,
+    MAX_TAXELS,
     MOST_READ,
     OUTPUT_REGISTER,
     READ,
@@ -59,7 +59,7 @@ class Emulated(ABC):
         """Let what was said until `now` be lost: no host listens."""
 
     def values(self, wiring: np.ndarray, frame: int) -> FloatArray:
-        """Measure one part at frame number `frame`: (elements,) in the device's units."""
+        """Measure one part at frame number `frame`: (taxels,) in the device's units."""
         pad = self._pressures(frame / self.rate)
         return self._codec.from_kpa(np.where(wiring == UNREAD, 0.0, pad[wiring]))
 
@@ -209,9 +209,9 @@ class EmulatedSingleTact(Emulated):
         settings = bytearray(INDEX_REGISTER)
         settings[0] = address
         settings[10:12] = (100).to_bytes(2, "big")
-        settings[12] = self._codec.elements
-        settings[15 : 15 + self._codec.elements] = bytes(range(self._codec.elements))
-        assert self._codec.elements <= MAX_ELEMENTS
+        settings[12] = self._codec.taxels
+        settings[15 : 15 + self._codec.taxels] = bytes(range(self._codec.taxels))
+        assert self._codec.taxels <= MAX_TAXELS
         return settings
 
     def _memory(self, address: int, now: float) -> bytes:

@@ -17,7 +17,7 @@ class Faults:
 
     drop, flip: probability that a byte is lost, or changed. torn: that a frame breaks off in its
     middle. garbage: that a burst of random bytes comes before a frame. drift: kPa a second that all
-    elements gain. disconnect: s after which the line is cut, again and again; 0 for never.
+    taxels gain. disconnect: s after which the line is cut, again and again; 0 for never.
     """
 
     drop: float = 0.0

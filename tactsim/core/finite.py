@@ -15,7 +15,7 @@ LARGEST = 1e9
 def finite(values: ArrayLike, name: str) -> FloatArray:
     """Return numbers of any shape as float64.
 
-    Raises InputError that names the first element which is NaN, infinite or beyond LARGEST in size.
+    Raises InputError that names the first taxel which is NaN, infinite or beyond LARGEST in size.
     """
     array = np.asarray(values, dtype=np.float64)
     allowed = np.abs(array) <= LARGEST

@@ -1,4 +1,4 @@
-"""`Pad`: where the elements of a tactile array lie, and how far the surface that carries load reaches."""
+"""`Pad`: where the taxels of a tactile array lie, and how far the surface that carries load reaches."""
 
 from __future__ import annotations
 
@@ -16,25 +16,25 @@ Length = Annotated[float, Field(ge=1e-3, le=1000, allow_inf_nan=False)]
 
 
 class Pad(BaseModel):
-    """A flat array of rectangular elements; the default is the paper's (section II, figure 3a).
+    """A flat array of rectangular taxels; the default is the paper's (section II, figure 3a).
 
-    Two 6x4 arrays lie side by side and the centre 6x6 elements are read: 1.8 mm elements, 1.9 mm
+    Two 6x4 arrays lie side by side and the centre 6x6 taxels are read: 1.8 mm taxels, 1.9 mm
     apart, 2.2 mm across the seam, which makes the published 11.6 x 11.3 mm. Rows run along +y,
-    columns along +x, and the origin of the sensor frame is the middle of the read elements. The
-    surface that carries load reaches to the outer edges of the outermost elements, read or not; the
-    gaps between elements carry load too. What lies outside carries nothing (assumed).
+    columns along +x, and the origin of the sensor frame is the middle of the read taxels. The
+    surface that carries load reaches to the outer edges of the outermost taxels, read or not; the
+    gaps between taxels carry load too. What lies outside carries nothing (assumed).
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    rows: int = Field(6, ge=1, le=200, description="rows of elements that are read")
-    columns: int = Field(6, ge=1, le=200, description="columns of elements that are read")
+    rows: int = Field(6, ge=1, le=200, description="rows of taxels that are read")
+    columns: int = Field(6, ge=1, le=200, description="columns of taxels that are read")
     pitch_x: Length = Field(1.9, description="mm from one column's centre to the next")
     pitch_y: Length = Field(1.9, description="mm from one row's centre to the next")
-    element_x: Length = Field(1.8, description="mm that an element measures along a row")
-    element_y: Length = Field(1.8, description="mm that an element measures along a column")
+    taxel_width: Length = Field(1.8, description="mm that a taxel measures along a row")
+    taxel_height: Length = Field(1.8, description="mm that a taxel measures along a column")
     seam: float | None = Field(
-        0.4, ge=0, le=100, allow_inf_nan=False, description="mm between the elements beside the middle"
+        0.4, ge=0, le=100, allow_inf_nan=False, description="mm between the taxels beside the middle"
     )  # fmt: skip
     unread_columns: int = Field(
         1, ge=0, le=100, description="columns each side that carry load but are not read"
@@ -50,9 +50,9 @@ class Pad(BaseModel):
         return values
 
     @model_validator(mode="after")
-    def _elements_do_not_overlap(self) -> Pad:
-        if self.element_x > self.pitch_x or self.element_y > self.pitch_y:
-            raise ValueError("elements overlap: element_x and element_y may be at most the pitch")
+    def _taxels_do_not_overlap(self) -> Pad:
+        if self.taxel_width > self.pitch_x or self.taxel_height > self.pitch_y:
+            raise ValueError("taxels overlap: taxel_width and taxel_height may be at most the pitch")
         if self.seam is not None and self.columns % 2:
             raise ValueError(
                 "a seam in the middle needs an even number of columns; give seam = null or leave it"
@@ -69,12 +69,12 @@ class Pad(BaseModel):
 
     @property
     def taxels(self) -> int:
-        """Count the elements that are read."""
+        """Count the taxels that are read."""
         return self.rows * self.columns
 
     @property
     def taxel_xy(self) -> FloatArray:
-        """Centres of the read elements, (rows * columns, 2) mm; element = columns * row + column."""
+        """Centres of the read taxels, (rows * columns, 2) mm; taxel = columns * row + column."""
         x, y = self.column_edges[:, :2].mean(axis=1), self.row_edges[:, :2].mean(axis=1)
         centres = np.stack(np.broadcast_arrays(x[None, :], y[:, None]), axis=-1).reshape(-1, 2)
         centres.setflags(write=False)
@@ -83,48 +83,48 @@ class Pad(BaseModel):
     @property
     def column_edges(self) -> FloatArray:
         """Left and right edge of each read column, (columns, 2) mm."""
-        return _edges(self.columns, 0, self.pitch_x, self.element_x, self.seam)
+        return _edges(self.columns, 0, self.pitch_x, self.taxel_width, self.seam)
 
     @property
     def row_edges(self) -> FloatArray:
         """Lower and upper edge of each read row, (rows, 2) mm."""
-        return _edges(self.rows, 0, self.pitch_y, self.element_y, None)
+        return _edges(self.rows, 0, self.pitch_y, self.taxel_height, None)
 
     @property
     def load_bounds(self) -> tuple[float, float, float, float]:
         """Bound the surface that carries load: (x low, x high, y low, y high) mm."""
-        x = _edges(self.columns, self.unread_columns, self.pitch_x, self.element_x, self.seam)
-        y = _edges(self.rows, self.unread_rows, self.pitch_y, self.element_y, None)
+        x = _edges(self.columns, self.unread_columns, self.pitch_x, self.taxel_width, self.seam)
+        y = _edges(self.rows, self.unread_rows, self.pitch_y, self.taxel_height, None)
         return float(x[0, 0]), float(x[-1, 1]), float(y[0, 0]), float(y[-1, 1])
 
-    def grid_lines(self, cells_per_element: int, gap_cells: bool = False) -> tuple[FloatArray, FloatArray]:
+    def grid_lines(self, cells_per_taxel: int, gap_cells: bool = False) -> tuple[FloatArray, FloatArray]:
         """Divide the surface that carries load into cells: returns their edges along x and along y, mm.
 
-        Each element with its share of the gaps around it makes `cells_per_element` squared cells.
-        With `gap_cells` the edges of elements are lines too, so that a cell lies in one element or
+        Each taxel with its share of the gaps around it makes `cells_per_taxel` squared cells.
+        With `gap_cells` the edges of taxels are lines too, so that a cell lies in one taxel or
         in none.
         """
         return (
             _lines(
-                _edges(self.columns, self.unread_columns, self.pitch_x, self.element_x, self.seam),
-                cells_per_element,
+                _edges(self.columns, self.unread_columns, self.pitch_x, self.taxel_width, self.seam),
+                cells_per_taxel,
                 gap_cells,
             ),
             _lines(
-                _edges(self.rows, self.unread_rows, self.pitch_y, self.element_y, None),
-                cells_per_element,
+                _edges(self.rows, self.unread_rows, self.pitch_y, self.taxel_height, None),
+                cells_per_taxel,
                 gap_cells,
             ),
         )
 
 
-def _edges(count: int, unread: int, pitch: float, element: float, seam: float | None) -> FloatArray:
-    """Edges of all elements along one axis, (count + 2 unread, 2) mm, symmetric about 0."""
+def _edges(count: int, unread: int, pitch: float, taxel: float, seam: float | None) -> FloatArray:
+    """Edges of all taxels along one axis, (count + 2 unread, 2) mm, symmetric about 0."""
     total = count + 2 * unread
     centres = pitch * (np.arange(total) - (total - 1) / 2)
     if seam is not None:  # push the halves apart by what the seam has over an ordinary gap
-        centres += np.sign(centres) * (seam - (pitch - element)) / 2
-    return np.stack([centres - element / 2, centres + element / 2], axis=1)
+        centres += np.sign(centres) * (seam - (pitch - taxel)) / 2
+    return np.stack([centres - taxel / 2, centres + taxel / 2], axis=1)
 
 
 def _lines(edges: FloatArray, cells: int, gap_cells: bool) -> FloatArray:

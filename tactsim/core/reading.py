@@ -11,9 +11,9 @@ from tactsim.core.poses import FloatArray
 
 @dataclass(frozen=True, eq=False)
 class Reading:
-    """The pressures on all elements of a pad at one moment.
+    """The pressures on all taxels of a pad at one moment.
 
-    pressures: (taxels,) kPa, in the pad's order of elements. host_time: s on the clock of the
+    pressures: (taxels,) kPa, in the pad's order of taxels. host_time: s on the clock of the
     computer that read it; only differences have a meaning. device_time: s on the device's own clock,
     its wraps undone, or None if it has none. index: the device's frame counter as it was sent, or None.
 
@@ -28,6 +28,6 @@ class Reading:
     def __post_init__(self) -> None:
         pressures = finite(self.pressures, "reading").copy()  # a driver may use its array again
         if pressures.ndim != 1:
-            raise InputError(f"a reading has shape {pressures.shape}; it is one pressure an element")
+            raise InputError(f"a reading has shape {pressures.shape}; it is one pressure a taxel")
         pressures.setflags(write=False)
         object.__setattr__(self, "pressures", pressures)

@@ -126,15 +126,15 @@ class Scan:
         readings, poses, labels, split = both
         return Scan(readings, poses, labels, split, self.taxel_xy, meta)
 
-    def on_elements_of(self, other: Scan) -> Scan:
-        """Keep the elements that `other` has at the same places, in the order of this scan.
+    def on_taxels_of(self, other: Scan) -> Scan:
+        """Keep the taxels that `other` has at the same places, in the order of this scan.
 
-        A recorded scan leaves out elements that are dead or stuck. Raises InputError if there are none.
+        A recorded scan leaves out taxels that are dead or stuck. Raises InputError if there are none.
         """
         apart = np.abs(self.taxel_xy[:, None] - other.taxel_xy[None]).max(axis=-1, initial=0.0)
         shared = (apart < 1e-3).any(axis=1)  # mm
         if not shared.any():
-            raise InputError("two scans have no element at the same place: their pads differ")
+            raise InputError("two scans have no taxel at the same place: their pads differ")
         return replace(self, readings=self.readings[:, shared], taxel_xy=self.taxel_xy[shared])
 
     def _chosen(self, chosen: NDArray[np.bool_]) -> Scan:
@@ -174,7 +174,7 @@ class Scan:
 
 
 def train_on(train: Scan, test: Scan) -> Scan:
-    """Join the training readings of one scan and the test readings of another, on their common elements.
+    """Join the training readings of one scan and the test readings of another, on their common taxels.
 
     A scan without the half that is wanted of it gives all its readings: a recording has often one only.
     Raises InputError if the pads differ.
@@ -183,7 +183,7 @@ def train_on(train: Scan, test: Scan) -> Scan:
     for scan, other, split in ((train, test, "train"), (test, train, "test")):
         half = scan.where(split)
         half = half if len(half) else replace(scan, split=np.full(len(scan), split))
-        halves.append(half.on_elements_of(other))
+        halves.append(half.on_taxels_of(other))
     return halves[0].joined(halves[1], {**test.meta, "train": dict(train.meta)})
 
 

@@ -11,7 +11,7 @@ from tactsim.press.bed import Level
 from tactsim.press.clip import edges_of
 from tactsim.press.scan_options import PressOptions
 
-ROUNDING_LEVELS = 16  # that a rounded edge is cut into; more change no element by 0.1 % of the largest
+ROUNDING_LEVELS = 16  # that a rounded edge is cut into; more change no taxel by 0.1 % of the largest
 
 
 def levels(letter: models.Letter, options: PressOptions) -> list[Level]:

@@ -45,7 +45,7 @@ def press_letter(
     """Press `letter` at one pose [x, y, theta] (mm, rad), exactly there.
 
     Of `options` only pad, press, sensor and, for the pad's gains, seed count. `rng` draws noise and random
-    elements; without it there are none.
+    taxels; without it there are none.
     Raises InputError if the pose is not three finite numbers.
     """
     options = options or ScanOptions()
@@ -70,7 +70,7 @@ def press_letter(
 def ideal_readings(
     letter: models.Letter, poses: FloatArray, options: ScanOptions
 ) -> tuple[FloatArray, Counter[str]]:
-    """Press `letter` at `poses` (n, 3) sensor_in_object and average the spread pressure per element.
+    """Press `letter` at `poses` (n, 3) sensor_in_object and average the spread pressure per taxel.
 
     Returns (n, taxels) kPa without imperfections, and the work: presses, and what was skipped by reason.
     """
@@ -102,8 +102,8 @@ def _bed(face: list[Level], poses: FloatArray, options: ScanOptions) -> Bed:
 
 
 def _lines(options: ScanOptions) -> tuple[FloatArray, FloatArray]:
-    return options.pad.grid_lines(options.press.cells_per_element, gap_cells=options.sensor.psf_sigma == 0)
+    return options.pad.grid_lines(options.press.cells_per_taxel, gap_cells=options.sensor.psf_sigma == 0)
 
 
 def _map(bed: Bed, forces: FloatArray, options: ScanOptions) -> FloatArray:
-    return contact_map(bed, forces, options.pad, options.press.cells_per_element, options.sensor.psf_sigma)
+    return contact_map(bed, forces, options.pad, options.press.cells_per_taxel, options.sensor.psf_sigma)

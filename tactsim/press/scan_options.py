@@ -12,7 +12,7 @@ from pydantic import BaseModel, ConfigDict, Field, field_validator, model_valida
 
 from tactsim.core.pad import Pad
 
-_MOST_RESPONSES = 20_000_000  # of elements to cells: 1 GB of them
+_MOST_RESPONSES = 20_000_000  # of taxels to cells: 1 GB of them
 _FROZEN = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 Share = Annotated[float, Field(ge=0, le=1)]
 
@@ -47,8 +47,8 @@ class PressOptions(BaseModel):
     force: float = Field(
         2.0, ge=1e-6, le=1e4, description="N, constant force along the pad's normal (assumed)"
     )
-    cells_per_element: int = Field(
-        2, ge=1, le=16, description="cells of the bed along each side of an element; more cost time"
+    cells_per_taxel: int = Field(
+        2, ge=1, le=16, description="cells of the bed along each side of a taxel; more cost time"
     )
     stiffness: float = Field(
         1000.0,
@@ -113,7 +113,7 @@ class SensorOptions(BaseModel):
         1.0, ge=0, le=10, description="mm, standard deviation of the point spread (assumed)"
     )
     gain_spread: float = Field(
-        0.0, ge=0, le=1, description="standard deviation of the elements' relative gains (assumed)"
+        0.0, ge=0, le=1, description="standard deviation of the taxels' relative gains (assumed)"
     )
     hysteresis: float = Field(
         0.0, ge=0, lt=1, description="share of the previous reading that is still felt (assumed)"
@@ -123,11 +123,11 @@ class SensorOptions(BaseModel):
     )
     noise: float = Field(2.0, ge=0, le=1000, description="kPa, standard deviation of white noise (assumed)")
     random_taxels: Share = Field(
-        0.0, description="probability that an element's reading is replaced by a random one (assumed)"
+        0.0, description="probability that a taxel's reading is replaced by a random one (assumed)"
     )
-    dead_taxels: tuple[Annotated[int, Field(ge=0)], ...] = Field((), description="elements that read 0")
+    dead_taxels: tuple[Annotated[int, Field(ge=0)], ...] = Field((), description="taxels that read 0")
     saturation: float | None = Field(
-        None, gt=0, description="kPa at which an element stops rising, None for never (assumed)"
+        None, gt=0, description="kPa at which a taxel stops rising, None for never (assumed)"
     )
     resolution: float = Field(
         0.7, ge=0, le=1000, description="kPa, the smallest step of a reading (published)"
@@ -183,13 +183,13 @@ class ScanOptions(BaseModel):
     @model_validator(mode="after")
     def _pad_is_workable(self) -> ScanOptions:
         x_lines, y_lines = self.pad.grid_lines(
-            self.press.cells_per_element, gap_cells=self.sensor.psf_sigma == 0
+            self.press.cells_per_taxel, gap_cells=self.sensor.psf_sigma == 0
         )
         cells = (len(x_lines) - 1) * (len(y_lines) - 1)
         if cells * self.pad.taxels > _MOST_RESPONSES:
             raise ValueError(
-                f"{self.pad.taxels} elements over {cells:,} cells of the bed are {cells * self.pad.taxels:,} "
-                f"responses, more than {_MOST_RESPONSES:,}; choose fewer elements or press.cells_per_element"
+                f"{self.pad.taxels} taxels over {cells:,} cells of the bed are {cells * self.pad.taxels:,} "
+                f"responses, more than {_MOST_RESPONSES:,}; choose fewer taxels or press.cells_per_taxel"
             )
         return self
 
@@ -198,7 +198,7 @@ class ScanOptions(BaseModel):
         beyond = [taxel for taxel in self.sensor.dead_taxels if taxel >= self.pad.taxels]
         if beyond:
             raise ValueError(
-                f"dead taxel {beyond[0]} does not exist: the pad's elements are 0 to {self.pad.taxels - 1}"
+                f"dead taxel {beyond[0]} does not exist: the pad's taxels are 0 to {self.pad.taxels - 1}"
             )
         return self
 

@@ -1,4 +1,4 @@
-"""The sensor's imperfections: gain, hysteresis, drift, noise, random and dead elements, saturation, resolution."""
+"""The sensor's imperfections: gain, hysteresis, drift, noise, random and dead taxels, saturation, resolution."""
 
 from __future__ import annotations
 

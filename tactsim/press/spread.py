@@ -1,7 +1,7 @@
-"""Spread contact forces over the elements: the Gaussian point spread function of the pad's cover.
+"""Spread contact forces over the taxels: the Gaussian point spread function of the pad's cover.
 
 Contact pressure is spread as the covering layer does (paper, section II and its reference [19]) and
-averaged over each element.
+averaged over each taxel.
 """
 
 from __future__ import annotations
@@ -23,20 +23,20 @@ _BLOCK = 32
 _QUADRATURE = 8  # points per axis and cell for the projection below; exact to 1e-12 for sigma >= 0.3 mm
 
 
-def contact_map(bed: Bed, forces: FloatArray, pad: Pad, cells_per_element: int, sigma: float) -> FloatArray:
-    """Average the spread contact pressure over each element: (presses, taxels) kPa, no imperfections.
+def contact_map(bed: Bed, forces: FloatArray, pad: Pad, cells_per_taxel: int, sigma: float) -> FloatArray:
+    """Average the spread contact pressure over each taxel: (presses, taxels) kPa, no imperfections.
 
-    A contact's force lies evenly on the part of its cell that is covered. What an element feels of a
+    A contact's force lies evenly on the part of its cell that is covered. What a taxel feels of a
     unit force at a point of the cell, smooth over the cell, is replaced by its best quadratic there
     (least squares), so that the moments of the covered part are all that is needed; for a cell that
     is covered wholly the result is exact.
     """
-    x_lines, y_lines = pad.grid_lines(cells_per_element, gap_cells=sigma == 0)
+    x_lines, y_lines = pad.grid_lines(cells_per_taxel, gap_cells=sigma == 0)
     cells = (len(x_lines) - 1) * (len(y_lines) - 1)
     presses = len(bed.start) - 1
     pressure = np.divide(forces, bed.area, out=np.zeros_like(forces), where=bed.area > 0)
     where = bed.press * cells + bed.cell
-    responses = _responses(pad, cells_per_element, sigma)
+    responses = _responses(pad, cells_per_taxel, sigma)
     result = np.zeros((presses, pad.taxels))
     for moment, response in zip(bed.moments, responses, strict=True):
         load = np.bincount(where, moment * pressure, presses * cells).reshape(presses, cells)
@@ -47,12 +47,12 @@ def contact_map(bed: Bed, forces: FloatArray, pad: Pad, cells_per_element: int, 
 
 
 @lru_cache(maxsize=4)
-def _responses(pad: Pad, cells_per_element: int, sigma: float) -> FloatArray:
-    """Map the moments of every cell to every element: (6, cells, taxels), per mm^2 of element.
+def _responses(pad: Pad, cells_per_taxel: int, sigma: float) -> FloatArray:
+    """Map the moments of every cell to every taxel: (6, cells, taxels), per mm^2 of taxel.
 
-    Built from one axis at a time, since the Gaussian and the elements are products of x and y.
+    Built from one axis at a time, since the Gaussian and the taxels are products of x and y.
     """
-    x_lines, y_lines = pad.grid_lines(cells_per_element, gap_cells=sigma == 0)
+    x_lines, y_lines = pad.grid_lines(cells_per_taxel, gap_cells=sigma == 0)
     x, y = _along(x_lines, pad.column_edges, sigma), _along(y_lines, pad.row_edges, sigma)
     # Powers of (u, v) in the order of clip.MOMENTS; Legendre's quadratic has a constant part, which
     # is why a power's coefficient mixes projections.
@@ -65,15 +65,15 @@ def _responses(pad: Pad, cells_per_element: int, sigma: float) -> FloatArray:
 
 
 def _along(lines: FloatArray, edges: FloatArray, sigma: float) -> FloatArray:
-    """Project an element's response on Legendre polynomials of each cell, along one axis.
+    """Project a taxel's response on Legendre polynomials of each cell, along one axis.
 
-    Returns (cells, power 0..2, degree 0..2, elements): the coefficient of u^power, u in mm from the
+    Returns (cells, power 0..2, degree 0..2, taxels): the coefficient of u^power, u in mm from the
     cell's centre, in the part of the given degree; 1/mm.
     """
     points, weights = np.polynomial.legendre.leggauss(_QUADRATURE)
     half = np.diff(lines)[:, None] / 2
     at = (lines[:-1, None] + half) + half * points  # (cells, points)
-    felt = _felt(at[..., None], edges, sigma) / (edges[:, 1] - edges[:, 0])  # (cells, points, elements)
+    felt = _felt(at[..., None], edges, sigma) / (edges[:, 1] - edges[:, 0])  # (cells, points, taxels)
     result = np.zeros((len(half), 3, 3, len(edges)))
     for degree, polynomial in enumerate(([1.0], [0.0, 1.0], [-0.5, 0.0, 1.5])):
         values = sum(factor * points**power for power, factor in enumerate(polynomial))
@@ -84,7 +84,7 @@ def _along(lines: FloatArray, edges: FloatArray, sigma: float) -> FloatArray:
 
 
 def _felt(x: FloatArray, edges: FloatArray, sigma: float) -> FloatArray:
-    """Integrate a unit line force at x, spread by the Gaussian, over elements' widths (mm)."""
+    """Integrate a unit line force at x, spread by the Gaussian, over taxels' widths (mm)."""
     if sigma == 0:
         return ((x > edges[:, 0]) & (x < edges[:, 1])).astype(float)
     z = (edges - x[..., None]) / (sigma * np.sqrt(2))

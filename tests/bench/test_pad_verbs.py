@@ -73,7 +73,7 @@ def test_a_pad_is_probed(bench, tmp_path, on):
     assert 50 < found["readings_per_s"] < 150
     assert found["counters"]["garbage_bytes"] == 0
     assert 0.2 < found["force_n"] < 2.0
-    assert "36 elements" in shown
+    assert "36 taxels" in shown
 
 
 def test_a_probe_of_something_else_shows_its_bytes(bench, tmp_path):
@@ -85,7 +85,7 @@ def test_a_probe_of_something_else_shows_its_bytes(bench, tmp_path):
 
 def test_a_letter_is_recorded_from_tare_to_scan(bench, tmp_path):
     with emulated(tmp_path, "--port", "pty:pad", "--follow", "A.tactrec", "--rate", "200", "--lift", "0.2"):
-        assert "36 elements" in right(bench("tare", "--port", "pad", "--out", "cal.toml"))
+        assert "36 taxels" in right(bench("tare", "--port", "pad", "--out", "cal.toml"))
         words = [
             "record", "--port", "pad", "--letter", "A", "--calibration", "cal.toml", "--out", "A.npz",
             "--poses", "random:5", "--frames", "10",
@@ -111,7 +111,7 @@ def test_a_letter_is_recorded_from_tare_to_scan(bench, tmp_path):
     assert "finished" in again
     assert "2 segments" in again
     assert Scan.load(tmp_path / "again.npz").digest == scan.digest
-    assert (tmp_path / "readings.csv").read_text().startswith("s,host_s,device_s,index,element_0")
+    assert (tmp_path / "readings.csv").read_text().startswith("s,host_s,device_s,index,taxel_0")
 
 
 def _marks(folder):
@@ -161,7 +161,7 @@ def test_faults_are_emulated_and_survived(bench, tmp_path):
 def test_a_large_array_is_cut_into_touches(bench, tmp_path):
     rng = np.random.default_rng(0)
     (tmp_path / "array.toml").write_text(
-        'name = "16x16"\n[codec]\nkind = "pps-csv"\nelements = 256\n'
+        'name = "16x16"\n[codec]\nkind = "pps-csv"\ntaxels = 256\n'
         "[pad]\nrows = 16\ncolumns = 16\nno_seam = true\nunread_columns = 0\n"
     )
     rows = [", ".join(["Time [ms]", *(f"Elem{k}" for k in range(256))])]
@@ -205,7 +205,7 @@ def test_a_simulation_is_validated_and_brought_nearer(bench, tmp_path):
     changes = [word for name, value in truth.items() for word in ("--scan-set", f"{name}={value}")]
     right(bench("scan", "--letters", "E", "--seed", "5", "--out", "whole.npz", *changes))
     whole = Scan.load(tmp_path / "whole.npz")
-    Scan(  # as a recording with a dead element would be
+    Scan(  # as a recording with a dead taxel would be
         np.delete(whole.readings, 17, axis=1), whole.poses, whole.labels, whole.split,
         np.delete(whole.taxel_xy, 17, axis=0), {"source": "recorded"},
     ).save(tmp_path / "recorded.npz")  # fmt: skip

@@ -15,7 +15,7 @@ def test_the_default_pad_is_the_paper_s():
     assert pad.taxel_xy.mean(axis=0) == pytest.approx([0, 0])
 
 
-def test_elements_count_along_x_then_y_and_the_seam_is_in_the_middle():
+def test_taxels_count_along_x_then_y_and_the_seam_is_in_the_middle():
     xy = Pad().taxel_xy
     assert np.diff(xy[:6, 0]) == pytest.approx([1.9, 1.9, 2.2, 1.9, 1.9])
     assert xy[6] - xy[0] == pytest.approx([0, 1.9])
@@ -39,7 +39,7 @@ def test_cells_fill_the_surface_that_carries_load(gaps):
 def test_another_pad_is_read_from_a_file(tmp_path):
     path = tmp_path / "pad.toml"
     path.write_text(
-        "rows = 3\ncolumns = 5\nno_seam = true\npitch_x = 4.0\nelement_x = 3.5\nunread_columns = 0\n"
+        "rows = 3\ncolumns = 5\nno_seam = true\npitch_x = 4.0\ntaxel_width = 3.5\nunread_columns = 0\n"
     )
     pad = Pad.load(path)
     assert pad.taxel_xy.shape == (15, 2)
@@ -81,9 +81,9 @@ def test_equal_pads_are_equal_after_their_arrays_were_asked_for():
 @pytest.mark.parametrize(
     "change",
     [
-        {"pad": {"pitch_x": 1e-300, "element_x": 1e-300}},
+        {"pad": {"pitch_x": 1e-300, "taxel_width": 1e-300}},
         {"pad": {"rows": 200, "columns": 200}},
-        {"pad": {"rows": 60, "columns": 60}, "press": {"cells_per_element": 16}},
+        {"pad": {"rows": 60, "columns": 60}, "press": {"cells_per_taxel": 16}},
         {"sensor": {"resolution": 1e-320}},
     ],
 )

@@ -221,7 +221,7 @@ def test_training_on_one_scan_and_testing_on_another_uses_what_both_have(scan):
         scan.labels,
         np.full(6, "train"),
         scan.taxel_xy[[0, 2, 3]],
-    )  # a recording of one split, with an element masked
+    )  # a recording of one split, with a taxel masked
     both = train_on(scan, masked)
     assert both.readings.shape == (3 + 6, 3)
     assert np.array_equal(both.where("train").readings, scan.where("train").readings[:, [0, 2, 3]])
@@ -230,5 +230,5 @@ def test_training_on_one_scan_and_testing_on_another_uses_what_both_have(scan):
         train_on(masked, scan).where("test").readings, scan.where("test").readings[:, [0, 2, 3]]
     )
     far = Scan(scan.readings, scan.poses, scan.labels, scan.split, scan.taxel_xy + 100)
-    with pytest.raises(InputError, match="no element at the same place"):
+    with pytest.raises(InputError, match="no taxel at the same place"):
         train_on(scan, far)

@@ -8,13 +8,13 @@ CONTACT, NO_CONTACT, UNKNOWN = "contact", "no contact", "unknown"
 
 
 def classify(reading, threshold=2.0, ratio=0.3):
-    """Eq. 3, element by element."""
+    """Eq. 3, taxel by taxel."""
     largest = max(reading)
     classes = []
-    for element in reading:
-        if element > threshold and element > ratio * largest:
+    for taxel in reading:
+        if taxel > threshold and taxel > ratio * largest:
             classes.append(CONTACT)
-        elif element <= threshold and element <= ratio * largest:
+        elif taxel <= threshold and taxel <= ratio * largest:
             classes.append(NO_CONTACT)
         else:
             classes.append(UNKNOWN)
@@ -41,7 +41,7 @@ def interpolate(grid, origin, step, x, y, outside):
 
 
 def log_p(kind, log_odds, gamma, prior):
-    """Eq. 7 for one element, as printed."""
+    """Eq. 7 for one taxel, as printed."""
     occupied = 1 / (1 + math.exp(-log_odds)) if log_odds > -700 else 0.0
     if kind == UNKNOWN:
         return 0.0

@@ -29,7 +29,7 @@ class Rival:
         ).astype(np.float32)
 
     def places(self, reading, pose):
-        """Classes of the decided elements, and where every state puts them, in cells (states, elements)."""
+        """Classes of the decided taxels, and where every state puts them, in cells (states, taxels)."""
         classes = classify(reading)
         decided = classes != UNKNOWN
         xy = transform(pose, self.taxel_xy)[decided]

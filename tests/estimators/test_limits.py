@@ -41,7 +41,7 @@ def test_poses_that_would_need_an_enormous_map_are_refused(far):
 def test_maps_of_many_readings_are_learned_in_pieces_that_fit_memory():
     scan = make_scan("I", poses=paper_poses(4, 3))
     once = learn_maps(scan, sigma=5.0)["I"].log_odds
-    times = 4  # an array with all that 6912 elements stamp would take 500 MB
+    times = 4  # an array with all that 6912 taxels stamp would take 500 MB
     many = Scan(
         np.tile(scan.readings, (times, 1)), np.tile(scan.poses, (times, 1)), np.tile(scan.labels, times),
         np.tile(scan.split, times), scan.taxel_xy,

@@ -82,9 +82,9 @@ DEVICE = {
     "name": "small", "deadline": 2.0, "pad": {"rows": 2, "columns": 3, "no_seam": True, "unread_columns": 0},
     "codec": {"kind": "fields", "kpa_per_count": 0.5, "zero": 100.0, "request": "01", "layout": [
         {"is": "header", "bytes": "AA 55"}, {"is": "length", "of": "after"}, {"is": "index", "size": 2},
-        {"is": "clock", "size": 2, "tick_s": 0.001}, {"is": "elements", "count": 6, "bits": 12},
+        {"is": "clock", "size": 2, "tick_s": 0.001}, {"is": "taxels", "count": 6, "bits": 12},
         {"is": "checksum", "kind": "crc16-modbus"}, {"is": "footer", "bytes": "0D 0A"}]},
-    "part": [{"port": 0, "elements": [0, 1, 2, 3, 4, 5]}],
+    "part": [{"port": 0, "taxels": [0, 1, 2, 3, 4, 5]}],
 }  # fmt: skip
 CALIBRATION = {
     "device": "small", "port": "p", "taken": "2026-01-01T00:00:00Z", "frames": 50, "tare": [1.0] * 6,
@@ -134,7 +134,7 @@ def read_calibration(path):
 
 def csv_device():
     return Device.model_validate(
-        {"name": "csv", "codec": {"kind": "pps-csv", "elements": 6}, "pad": DEVICE["pad"]}
+        {"name": "csv", "codec": {"kind": "pps-csv", "taxels": 6}, "pad": DEVICE["pad"]}
     )
 
 

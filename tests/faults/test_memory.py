@@ -72,7 +72,7 @@ def bombs(tmp_path):
     for kind in ("toml", "world", "device", "calibration"):
         text(kind, f"{kind}.toml", key)
     text("toml", "many.toml", "[[run]]\n" + "\n".join(f"set.x{k} = [1, 2]" for k in range(60)))
-    text("device", "wide.toml", 'name = "x"\n[codec]\nkind = "pps-csv"\nelements = 9999999999999\n')
+    text("device", "wide.toml", 'name = "x"\n[codec]\nkind = "pps-csv"\ntaxels = 9999999999999\n')
     text("shape", "claims.stl", "")
     (tmp_path / "claims.stl").write_bytes(bytes(80) + (2**32 - 1).to_bytes(4, "little") + bytes(1000))
     text("shape", "rows.obj", "v 0 0 0\n" * 10 + "f 1 2 999999999999\n")

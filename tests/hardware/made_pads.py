@@ -11,7 +11,7 @@ LAYOUT = [
     {"is": "length", "of": "after"},
     {"is": "index", "size": 2},
     {"is": "clock", "size": 2, "tick_s": 0.001},
-    {"is": "elements", "count": 6, "bits": 12},
+    {"is": "taxels", "count": 6, "bits": 12},
     {"is": "checksum", "kind": "crc16-modbus"},
     {"is": "footer", "bytes": "0D 0A"},
 ]
@@ -19,34 +19,32 @@ PAD = {"rows": 2, "columns": 3, "no_seam": True, "unread_columns": 0}
 
 
 def small_device(**changes):
-    """A pad of 2x3 elements with described frames of 20 bytes."""
+    """A pad of 2x3 taxels with described frames of 20 bytes."""
     codec = {"kind": "fields", "kpa_per_count": 0.5, "zero": 100, "layout": LAYOUT} | changes.pop("codec", {})
     return Device.model_validate({"name": "small", "codec": codec, "pad": PAD, "deadline": 2.0} | changes)
 
 
-def singletact(elements=25, parts=None, **codec):
-    """SingleTact arrays; the pad is one row of all their elements."""
+def singletact(taxels=25, parts=None, **codec):
+    """SingleTact arrays; the pad is one row of all their taxels."""
     parts = parts or [{}]
     return Device.model_validate(
         {
             "name": "singletact",
-            "codec": {"kind": "singletact", "elements": elements, "full_scale_kpa": 100.0} | codec,
-            "pad": {"rows": 1, "columns": elements * len(parts), "no_seam": True, "unread_columns": 0},
+            "codec": {"kind": "singletact", "taxels": taxels, "full_scale_kpa": 100.0} | codec,
+            "pad": {"rows": 1, "columns": taxels * len(parts), "no_seam": True, "unread_columns": 0},
             "part": parts,
             "deadline": 2.0,
         }
     )
 
 
-def csv_device(elements=6):
-    pad = PAD if elements == 6 else {"rows": 1, "columns": elements, "no_seam": True, "unread_columns": 0}
-    return Device.model_validate(
-        {"name": "csv", "codec": {"kind": "pps-csv", "elements": elements}, "pad": pad}
-    )
+def csv_device(taxels=6):
+    pad = PAD if taxels == 6 else {"rows": 1, "columns": taxels, "no_seam": True, "unread_columns": 0}
+    return Device.model_validate({"name": "csv", "codec": {"kind": "pps-csv", "taxels": taxels}, "pad": pad})
 
 
 def ramp(device):
-    """Pressures that differ in every element and change with time."""
+    """Pressures that differ in every taxel and change with time."""
     return lambda now: 10 + np.arange(device.pad.taxels) * 1.0 + 5 * np.sin(now)
 
 

@@ -45,16 +45,16 @@ def test_a_tare_takes_at_least_40_frames(rng):
 @pytest.mark.parametrize(
     ("touch", "message"),
     [
-        (lambda values: values + np.array([0, 0, 0, 15, 0, 0]), "element 3 reads 1[45].. kPa"),
-        (lambda values: values - np.array([0, 12, 0, 0, 0, 0]), "element 1 reads -1[12].. kPa"),
+        (lambda values: values + np.array([0, 0, 0, 15, 0, 0]), "taxel 3 reads 1[45].. kPa"),
+        (lambda values: values - np.array([0, 12, 0, 0, 0, 0]), "taxel 1 reads -1[12].. kPa"),
         # laid on half way, and a finger that comes and goes
         (
             lambda values: values + np.linspace(0, 4, len(values))[:, None] * [0, 0, 0, 0, 1, 0],
-            "element 4 went by",
+            "taxel 4 went by",
         ),
         (
             lambda values: values + 30.0 * (np.arange(len(values)) == 20)[:, None] * [1, 0, 0, 0, 0, 0],
-            "element 0",
+            "taxel 0",
         ),
     ],
 )
@@ -105,7 +105,7 @@ def whole(**changes):
     [
         ({"gain": (1.0,)}, "gain has 1 values, tare has 6"),
         ({"dead": (6,)}, "does not have"),
-        ({"stuck": (0, 1, 2, 3, 4, 5)}, "every element is dead or stuck"),
+        ({"stuck": (0, 1, 2, 3, 4, 5)}, "every taxel is dead or stuck"),
         ({"tare": (float("nan"),) * 6}, "finite"),
     ],
 )
@@ -124,7 +124,7 @@ def test_readings_are_tared_scaled_and_masked():
 
 
 def test_a_calibration_of_another_pad_is_refused():
-    with pytest.raises(InputError, match="has 6 elements, the pad has 36"):
+    with pytest.raises(InputError, match="has 6 taxels, the pad has 36"):
         Correction(whole(), Pad())
 
 
@@ -137,7 +137,7 @@ def test_gains_make_an_even_load_even(rng):
     assert np.allclose(with_gain(tare, loaded).gain, 1 / true, rtol=0.03)
 
 
-def test_a_dead_element_is_found_under_load_and_masked(rng):
+def test_a_dead_taxel_is_found_under_load_and_masked(rng):
     tare = take_tare(readings(noisy(rng, sd=0.1)), small_device(), "")
     load = noisy(rng, sd=0.1) + 50 * np.array([1, 1, 0, 1, 1, 1])
     assert with_gain(tare, readings(load)).dead == (2,)
@@ -145,7 +145,7 @@ def test_a_dead_element_is_found_under_load_and_masked(rng):
         with_gain(tare, readings(noisy(rng, sd=0.1)))
 
 
-def test_a_stuck_element_is_one_that_never_changes_while_others_do(rng):
+def test_a_stuck_taxel_is_one_that_never_changes_while_others_do(rng):
     values = np.round(noisy(rng))
     values[:, 4] = 3.0
     assert find_stuck(values).tolist() == [4]
@@ -155,13 +155,13 @@ def test_a_stuck_element_is_one_that_never_changes_while_others_do(rng):
     assert find_stuck(quiet).tolist() == []
 
 
-def test_an_element_that_never_answers_is_dead():
+def test_an_taxel_that_never_answers_is_dead():
     values = np.array([[10.0, 0, 0.2], [0, 20, 0.1]])
     assert find_dead(values).tolist() == [2]
     assert find_dead(np.zeros((3, 4))).tolist() == []
 
 
 def test_force_is_the_sum_of_pressures_over_areas():
-    # 36 elements of 3.24 mm^2 at 10 kPa: 36 * 3.24e-6 m^2 * 1e4 Pa
+    # 36 taxels of 3.24 mm^2 at 10 kPa: 36 * 3.24e-6 m^2 * 1e4 Pa
     assert force(np.full(36, 10.0), Pad()) == pytest.approx(1.1664)
     assert force(np.ones((5, 36)), Pad()).shape == (5,)

@@ -22,7 +22,7 @@ def small_messages(count, rng):
 
 def headed_messages(count, rng):
     """Frames without checksum or footer, whose payload may look like headers."""
-    layout = [{"is": "header", "bytes": "FF FE"}, {"is": "index"}, {"is": "elements", "count": 5, "bits": 8}]
+    layout = [{"is": "header", "bytes": "FF FE"}, {"is": "index"}, {"is": "taxels", "count": 5, "bits": 8}]
     form = small_device(
         codec={"layout": layout}, pad={"rows": 1, "columns": 5, "no_seam": True}
     ).codec.build()

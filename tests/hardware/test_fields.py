@@ -51,7 +51,7 @@ def test_a_frame_written_by_hand_is_read():
 )
 def test_packed_values_are_read_as_the_documentation_says(bits, endian, data, values):
     form = codec(
-        [HEADER, {"is": "elements", "count": 2, "bits": bits}, {"is": "footer", "bytes": "0A"}], endian=endian
+        [HEADER, {"is": "taxels", "count": 2, "bits": bits}, {"is": "footer", "bytes": "0A"}], endian=endian
     )
     _, frame = form.decode(bytes.fromhex(f"AA 55 {data} 0A"))
     assert frame.values.tolist() == values
@@ -74,7 +74,7 @@ def test_what_is_encoded_is_decoded(bits, endian, signed, checksum, data):
         {"is": "index", "size": 4},
         {"is": "skip", "size": 3},
         {"is": "clock", "size": 4, "tick_s": 1e-3},
-        {"is": "elements", "count": len(values), "bits": bits, "signed": signed},
+        {"is": "taxels", "count": len(values), "bits": bits, "signed": signed},
         *([] if checksum is None else [{"is": "checksum", "kind": checksum, "skip": 2}]),
         {"is": "footer", "bytes": "0D0A"},
     ]
@@ -88,7 +88,7 @@ def test_what_is_encoded_is_decoded(bits, endian, signed, checksum, data):
 
 
 def test_without_checksum_and_footer_a_frame_counts_only_if_a_header_follows():
-    form = codec([HEADER, {"is": "elements", "count": 2, "bits": 8}])
+    form = codec([HEADER, {"is": "taxels", "count": 2, "bits": 8}])
     frame = bytes.fromhex("AA 55 01 02")
     assert form.decode(frame) == (0, None)
     assert form.decode(frame + b"\xaa")[0] == 0
@@ -100,7 +100,7 @@ def test_without_checksum_and_footer_a_frame_counts_only_if_a_header_follows():
 
 
 def test_a_device_that_is_asked_needs_nothing_behind_its_frame():
-    form = codec([HEADER, {"is": "elements", "count": 2, "bits": 8}], request="3F")
+    form = codec([HEADER, {"is": "taxels", "count": 2, "bits": 8}], request="3F")
     assert form.decode(bytes.fromhex("AA 55 01 02"))[0] == 4
 
 
@@ -114,29 +114,29 @@ def test_counts_become_pressures_and_back():
     ("layout", "message"),
     [
         ([], "must begin with a header"),
-        ([{"is": "elements", "count": 1}], "must begin with a header"),
-        ([HEADER], "no item 'elements'"),
-        ([HEADER, {"is": "elements", "count": 1}, {"is": "elements", "count": 1}], "2 items 'elements'"),
+        ([{"is": "taxels", "count": 1}], "must begin with a header"),
+        ([HEADER], "no item 'taxels'"),
+        ([HEADER, {"is": "taxels", "count": 1}, {"is": "taxels", "count": 1}], "2 items 'taxels'"),
         (
-            [HEADER, {"is": "footer", "bytes": "0A"}, {"is": "elements", "count": 1}],
+            [HEADER, {"is": "footer", "bytes": "0A"}, {"is": "taxels", "count": 1}],
             "footer must be the last",
         ),
         (
-            [{"is": "header", "bytes": "XY"}, {"is": "elements", "count": 1}],
+            [{"is": "header", "bytes": "XY"}, {"is": "taxels", "count": 1}],
             "hexadecimal digits like 'AA 55'",
         ),
-        ([{"is": "header", "bytes": ""}, {"is": "elements", "count": 1}], "at least 1"),
+        ([{"is": "header", "bytes": ""}, {"is": "taxels", "count": 1}], "at least 1"),
         (
-            [HEADER, {"is": "elements", "count": 10_000, "bits": 16}, {"is": "length", "of": "data"}],
+            [HEADER, {"is": "taxels", "count": 10_000, "bits": 16}, {"is": "length", "of": "data"}],
             "not fit",
         ),
         (
-            [HEADER, {"is": "elements", "count": 1}, {"is": "checksum", "kind": "md5"}],
+            [HEADER, {"is": "taxels", "count": 1}, {"is": "checksum", "kind": "md5"}],
             "unknown checksum 'md5'",
         ),
-        ([HEADER, {"is": "elements", "count": 1}, {"is": "checksum", "kind": "sum8", "skip": 4}], "skips 4"),
-        ([HEADER, {"is": "elements", "count": 1, "bits": 9}], "8, 10, 12 or 16"),
-        ([HEADER, {"is": "element", "count": 1}], "does not match any of the expected tags"),
+        ([HEADER, {"is": "taxels", "count": 1}, {"is": "checksum", "kind": "sum8", "skip": 4}], "skips 4"),
+        ([HEADER, {"is": "taxels", "count": 1, "bits": 9}], "8, 10, 12 or 16"),
+        ([HEADER, {"is": "taxel", "count": 1}], "does not match any of the expected tags"),
     ],
 )
 def test_a_layout_that_makes_no_sense_is_refused_with_the_reason(layout, message):

@@ -57,8 +57,8 @@ def test_readings_come_in_order_and_none_is_lost(paper_pad, emulated_pad, on):
 
 
 def test_a_pad_of_several_singletact_arrays_is_read(tmp_path):
-    parts = [{"address": 5, "elements": list(range(25))}, {"address": 6, "elements": list(range(25, 50))}]
-    device = singletact(elements=25, parts=parts)
+    parts = [{"address": 5, "taxels": list(range(25))}, {"address": 6, "taxels": list(range(25, 50))}]
+    device = singletact(taxels=25, parts=parts)
     with serving(emulate(device, ramp(device), rate=20.0)) as url, LiveSource([url], device) as source:
         readings = [source.read() for _ in range(10)]
     assert all(reading.pressures.shape == (50,) for reading in readings)
@@ -211,7 +211,7 @@ def test_every_fault_at_once_never_makes_a_reading_up(paper_pad, emulated_pad):
 
 
 def test_a_sensor_that_does_not_answer_is_named_and_its_old_bytes_are_not_taken():
-    device = singletact(elements=3)
+    device = singletact(taxels=3)
     emulated = EmulatedSingleTact(device, ramp(device), rate=50.0)
     with serving(emulated) as url, LiveSource([url], device) as source:
         assert source.read(2.0).pressures.shape == (3,)
@@ -223,7 +223,7 @@ def test_a_sensor_that_does_not_answer_is_named_and_its_old_bytes_are_not_taken(
 
 
 def test_a_sensor_that_hangs_is_named():
-    device = singletact(elements=3)
+    device = singletact(taxels=3)
     with (
         serving(emulate(device, ramp(device), rate=1e-6)) as url,
         LiveSource([url], device) as source,
@@ -233,9 +233,7 @@ def test_a_sensor_that_hangs_is_named():
 
 
 def test_a_missing_part_is_named():
-    both = singletact(
-        elements=2, parts=[{"address": 5, "elements": [0, 1]}, {"address": 6, "elements": [2, 3]}]
-    )
+    both = singletact(taxels=2, parts=[{"address": 5, "taxels": [0, 1]}, {"address": 6, "taxels": [2, 3]}])
     emulated = EmulatedSingleTact(both, ramp(both), rate=50.0, silent=frozenset({6}))
     with serving(emulated) as url, LiveSource([url], both) as source:
         in_time(source, 0.6, "its sensor does not|nothing from the part at address 6")

@@ -93,7 +93,7 @@ def test_replay_gives_bit_equal_readings(tmp_path, paper_pad, emulated_pad, on, 
 def test_replay_of_questions_and_answers_is_bit_equal(tmp_path):
     from made_pads import singletact
 
-    device = singletact(elements=15)
+    device = singletact(taxels=15)
     with serving(emulate(device, ramp(device), rate=50.0)) as url, Recorder(tmp_path / "a") as recorder:
         recorder.segment(segment(device), 0.0)
         with LiveSource([url], device, recorder) as source:
@@ -178,7 +178,7 @@ def test_hostile_records_are_refused(tmp_path):
         "link": lambda recorder: recorder.received(9, b"", 0.0),
         "mark": lambda recorder: recorder._append(Kind.MARK, 0, 0.0, b"{"),
         "short": lambda recorder: recorder._append(Kind.READING, 0, 0.0, bytes(17)),
-        "elements": lambda recorder: recorder.reading(Reading(np.zeros(3), 0.0)),
+        "taxels": lambda recorder: recorder.reading(Reading(np.zeros(3), 0.0)),
         "nan": lambda recorder: recorder._append(
             Kind.READING, 0, 0.0, bytes(16) + struct.pack("<6d", *[np.nan] * 6)
         ),
@@ -267,7 +267,7 @@ def test_the_vendors_csv_is_a_recording_too(tmp_path):
 
 def test_a_csv_of_another_pad_is_refused(tmp_path):
     (tmp_path / "a.csv").write_text("Time [ms], Elem0\n0, 1\n")
-    with pytest.raises(InputError, match="has 1 elements, 'csv' has 6"):
+    with pytest.raises(InputError, match="has 1 taxels, 'csv' has 6"):
         CsvReplay(tmp_path / "a.csv", csv_device())
     (tmp_path / "b.csv").write_text("x,y\n0, 1\n")
     with pytest.raises(InputError, match="first line is 'Time"):

@@ -39,7 +39,7 @@ def test_a_window_that_does_not_fit_is_refused(window):
         cut(array_scan(), *window)
 
 
-def test_a_pad_with_a_seam_or_a_masked_element_is_not_cut():
+def test_a_pad_with_a_seam_or_a_masked_taxel_is_not_cut():
     seamed = Pad()
     with pytest.raises(InputError, match="not evenly spaced"):
         cut(

@@ -23,7 +23,7 @@ def plan(**changes):
 
 
 def table(count=4):
-    """Presses of 100 to 400 kPa, each on other elements: 1 to 5 N."""
+    """Presses of 100 to 400 kPa, each on other taxels: 1 to 5 N."""
     return np.array([np.roll([100.0 * (k + 1), 150, 200, 0, 0, 50], k) for k in range(count)])
 
 

@@ -20,8 +20,8 @@ from tactsim.hardware.errors import CodecError
 from tactsim.hardware.stream import Stream
 
 
-def codec(elements=1):
-    return SingleTactFormat(kind="singletact", elements=elements, full_scale_kpa=100.0).build()
+def codec(taxels=1):
+    return SingleTactFormat(kind="singletact", taxels=taxels, full_scale_kpa=100.0).build()
 
 
 def reply_to(request, index, outputs, ticks=0, number=None):
@@ -78,8 +78,8 @@ def test_headers_bytes_before_a_header_cost_nothing(extra):
     assert used == extra + len(message)
 
 
-def test_a_sensor_of_one_element_takes_one_read():
-    stream = Stream(singletact(elements=1))
+def test_a_sensor_of_one_taxel_takes_one_read():
+    stream = Stream(singletact(taxels=1))
     request = stream.request(0, 0.0)
     assert parse_request(request) == Question(4, 0, 128, 6)
     stream.sent(0, request, 0.0)
@@ -96,7 +96,7 @@ def ask(stream, index, outputs, at=0.0, ticks=0):
 
 
 def test_an_array_of_25_is_read_twice_and_its_index_once_more():
-    stream = Stream(singletact(elements=25))
+    stream = Stream(singletact(taxels=25))
     outputs = np.arange(25) * 20 + 255
     questions, readings = zip(*(ask(stream, 8, outputs, at=k * 0.02) for k in range(3)), strict=True)
     assert [(each.register, each.count) for each in questions] == [(128, 32), (160, 22), (128, 4)]
@@ -106,7 +106,7 @@ def test_an_array_of_25_is_read_twice_and_its_index_once_more():
 
 @pytest.mark.parametrize("moved_at", [1, 2])
 def test_a_frame_whose_index_moves_between_the_reads_is_torn(moved_at):
-    stream = Stream(singletact(elements=25))
+    stream = Stream(singletact(taxels=25))
     for k in range(3):
         _, readings = ask(stream, 8 + (k >= moved_at), np.full(25, 300), at=k * 0.02)
         assert readings == []
@@ -117,7 +117,7 @@ def test_a_frame_whose_index_moves_between_the_reads_is_torn(moved_at):
 
 
 def test_torn_frames_can_be_allowed_where_the_sensor_is_too_fast():
-    stream = Stream(singletact(elements=25, torn_frames=2))
+    stream = Stream(singletact(taxels=25, torn_frames=2))
     for k in range(3):
         _, readings = (
             ask(stream, 65535 + k, np.full(25, 300), at=k * 0.02)
@@ -128,7 +128,7 @@ def test_torn_frames_can_be_allowed_where_the_sensor_is_too_fast():
 
 
 def test_the_same_frame_again_is_no_new_reading():
-    stream = Stream(singletact(elements=1))
+    stream = Stream(singletact(taxels=1))
     assert [len(ask(stream, index, [300], at=k)[1]) for k, index in enumerate([5, 5, 6, 6, 5])] == [
         1,
         0,
@@ -141,7 +141,7 @@ def test_the_same_frame_again_is_no_new_reading():
 
 @pytest.mark.parametrize(("what", "change"), [("id", {"number": 99}), ("length", {})])
 def test_an_answer_to_another_question_is_dropped(what, change):
-    stream = Stream(singletact(elements=1))
+    stream = Stream(singletact(taxels=1))
     request = stream.request(0, 0.0)
     stream.sent(0, request, 0.0)
     wrong = reply_to(request, 5, [300], **change)
@@ -154,7 +154,7 @@ def test_an_answer_to_another_question_is_dropped(what, change):
 
 def test_a_slow_answer_is_stale_although_the_flag_says_nothing():
     """The maker's bridge never sets its flag: after 100 ms it sends what its buffer held before."""
-    stream = Stream(singletact(elements=1))
+    stream = Stream(singletact(taxels=1))
     request = stream.request(0, 0.0)
     stream.sent(0, request, 0.0)
     assert stream.received(0, reply_to(request, 5, [300]), 0.11) == []
@@ -175,7 +175,7 @@ def test_a_question_without_answer_is_asked_again_with_another_id():
 
 def test_sensors_on_one_bus_are_asked_in_turn_and_make_one_reading():
     stream = Stream(
-        singletact(elements=2, parts=[{"address": 5, "elements": [2, 3]}, {"address": 9, "elements": [1, 0]}])
+        singletact(taxels=2, parts=[{"address": 5, "taxels": [2, 3]}, {"address": 9, "taxels": [1, 0]}])
     )
     first, readings = ask(stream, 1, [255, 767])
     assert (first.address, readings) == (5, [])
@@ -185,7 +185,7 @@ def test_sensors_on_one_bus_are_asked_in_turn_and_make_one_reading():
 
 
 def test_ids_roll_over():
-    stream = Stream(singletact(elements=1))
+    stream = Stream(singletact(taxels=1))
     for k in range(300):
         _, readings = ask(stream, k, [300], at=k * 0.1)
         assert len(readings) == 1

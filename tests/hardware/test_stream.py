@@ -11,7 +11,7 @@ from tactsim.hardware.stream import Stream
 
 
 def test_two_arrays_make_one_pad(paper_pad):
-    """Every element of the pad gets the pressure at its own place."""
+    """Every taxel of the pad gets the pressure at its own place."""
     at = paper_pad.pad.taxel_xy
     field = 100 + 3 * at[:, 0] + 7 * at[:, 1]
     messages = emulate(paper_pad, lambda now: field, rate=10.0).say(0.3)
@@ -69,7 +69,7 @@ def test_a_lost_link_forgets_the_half_frame():
 
 @pytest.mark.parametrize("kind", ["fields", "singletact"])
 def test_an_hours_stream_keeps_memory_flat(kind):
-    device = small_device() if kind == "fields" else singletact(elements=15)
+    device = small_device() if kind == "fields" else singletact(taxels=15)
     emulated, stream = emulate(device, ramp(device), rate=2.0), Stream(device)
     rng = np.random.default_rng(0)
 
@@ -105,10 +105,10 @@ def test_an_hours_stream_keeps_memory_flat(kind):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"part": [{"elements": [0, 1, 2, 3, 4]}]}, "part 0 lists 5 elements, but the codec's frames have 6"),
-        ({"part": [{"elements": [0, 1, 2, 3, 4, 6]}]}, "element 6 is not on the pad"),
-        ({"part": [{"elements": [0, 1, 2, 3, 4, 4]}]}, "in parts 0 and 0"),
-        ({"part": [{"elements": [0, 1, 2, 3, 4, -1]}]}, "element 5 of the pad is in no part"),
+        ({"part": [{"taxels": [0, 1, 2, 3, 4]}]}, "part 0 lists 5 taxels, but the codec's frames have 6"),
+        ({"part": [{"taxels": [0, 1, 2, 3, 4, 6]}]}, "taxel 6 is not on the pad"),
+        ({"part": [{"taxels": [0, 1, 2, 3, 4, 4]}]}, "in parts 0 and 0"),
+        ({"part": [{"taxels": [0, 1, 2, 3, 4, -1]}]}, "taxel 5 of the pad is in no part"),
         ({"part": [{"port": 1}]}, "numbered 0, 1, 2"),
         ({"codec": {"kind": "morse"}}, "does not match any of the expected tags"),
     ],
@@ -119,14 +119,14 @@ def test_wiring_that_makes_no_sense_is_refused(change, message):
 
 
 def test_two_parts_at_one_place_are_refused():
-    half = {"elements": [0, 1, 2, -1, -1, -1]}
+    half = {"taxels": [0, 1, 2, -1, -1, -1]}
     with pytest.raises(ValueError, match="same port and address"):
-        small_device(part=[half, {"elements": [-1, -1, -1, 3, 4, 5]}])
+        small_device(part=[half, {"taxels": [-1, -1, -1, 3, 4, 5]}])
 
 
 def test_two_ports_make_one_pad():
     device = small_device(
-        part=[{"port": 0, "elements": [0, 1, 2, -1, -1, -1]}, {"port": 1, "elements": [-1, -1, -1, 3, 4, 5]}]
+        part=[{"port": 0, "taxels": [0, 1, 2, -1, -1, -1]}, {"port": 1, "taxels": [-1, -1, -1, 3, 4, 5]}]
     )
     form, stream = device.codec.build(), Stream(device)
     assert stream.received(1, form.encode(Frame(np.full(6, 102.0), index=1)), 0.0) == []

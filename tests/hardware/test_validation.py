@@ -37,7 +37,7 @@ def test_known_parameters_are_found_again(rng):
     assert fit.psf_sigma == pytest.approx(0.8, abs=0.05)
     assert fit.psf_sigma_error < 0.05
     assert fit.gain == pytest.approx(1.3 * gains.mean(), rel=0.03)
-    assert np.corrcoef(fit.gain_per_element, gains)[0, 1] > 0.9
+    assert np.corrcoef(fit.gain_per_taxel, gains)[0, 1] > 0.9
     assert fit.offset == pytest.approx([0.5, -0.3, 0.05], abs=0.15)
     assert fit.placement_mm == pytest.approx(0.4, rel=0.25)
     assert fit.placement_rad == pytest.approx(0.03, rel=0.4)
@@ -59,7 +59,7 @@ def test_readings_that_follow_nothing_are_refused(rng):
         fit_sensor(-world(1.0, np.zeros((60, 3))), world)
 
 
-def test_noise_is_what_untouched_elements_say(rng):
+def test_noise_is_what_untouched_taxels_say(rng):
     def half(sigma, errors):
         values = np.zeros((200, 10))
         values[:, 5:] = np.linspace(20, 60, 200)[:, None]
@@ -76,12 +76,12 @@ def test_errors_are_counted_by_hand():
     assert error.rms == pytest.approx(np.sqrt(10 / 4))
     assert error.bias == pytest.approx(0.5)
     assert error.relative == pytest.approx(np.sqrt(2.5) / 20)  # touched: 10 and 30
-    assert error.per_element == pytest.approx([np.sqrt(4.5), np.sqrt(0.5)])
+    assert error.per_taxel == pytest.approx([np.sqrt(4.5), np.sqrt(0.5)])
     assert error.per_press == pytest.approx([np.sqrt(4.5), np.sqrt(0.5)])
     assert error.correlation == pytest.approx(np.corrcoef(recorded.ravel(), predicted.ravel())[0, 1])
 
 
-def test_classes_are_compared_element_by_element():
+def test_classes_are_compared_taxel_by_taxel():
     share, counts = class_agreement([[0, 1, 2], [1, 1, 0]], [[0, 2, 2], [1, 0, 0]], 3)
     assert share == pytest.approx(4 / 6)
     assert counts.tolist() == [[2, 0, 0], [1, 1, 1], [0, 0, 1]]

@@ -33,7 +33,7 @@ COVERED = PressOptions(skip=Skips(parts=False))
 def ways_to_press(name: str) -> dict[str, tuple[Callable[[], object], int]]:
     """List what presses one letter, and how many presses that are."""
     options, letter = ScanOptions(), models.letter(name)
-    lines = options.pad.grid_lines(options.press.cells_per_element)
+    lines = options.pad.grid_lines(options.press.cells_per_taxel)
 
     def touching(poses: FloatArray) -> FloatArray:
         bed = lay_bed(levels(letter, options.press), poses, *lines)

@@ -13,9 +13,9 @@ from tactsim.press.scan_poses import grid_poses
 
 def main() -> None:
     """Print a row for each fineness of the bed."""
-    print("cells per element side | 95 % of errors | largest | / contact pressure | the same, below 4 mm^2")
+    print("cells per taxel side | 95 % of errors | largest | / contact pressure | the same, below 4 mm^2")
     for cells in (1, 2, 3):
-        options = ScanOptions(press=PressOptions(cells_per_element=cells))
+        options = ScanOptions(press=PressOptions(cells_per_taxel=cells))
         errors, area = map(
             np.concatenate,
             zip(*(compare(name, options, grid_poses()) for name in models.names()), strict=True),

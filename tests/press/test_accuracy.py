@@ -84,25 +84,25 @@ def test_other_point_spreads_are_exact(sigma):
     assert (errors[enough].max(axis=1) / (2e3 / area[enough])).max() < 0.02
 
 
-def test_without_a_point_spread_an_element_reads_the_pressure_on_it():
+def test_without_a_point_spread_an_taxel_reads_the_pressure_on_it():
     options = ScanOptions(sensor=SensorOptions(psf_sigma=0.0))
     letter, poses, pad = models.letter("E"), grid_poses()[::7], options.pad
     readings, _ = ideal_readings(letter, poses, options)
     for reading, pose in zip(readings, poses, strict=True):
         region = overlap(letter.footprint, pose, pad)
-        elements = [
-            CrossSection.square((pad.element_x, pad.element_y), True).translate(tuple(xy))
+        taxels = [
+            CrossSection.square((pad.taxel_width, pad.taxel_height), True).translate(tuple(xy))
             for xy in pad.taxel_xy
         ]
-        covered = np.array([(region ^ element).area() for element in elements])
-        expected = covered / (pad.element_x * pad.element_y) * 2e3 / region.area()
+        covered = np.array([(region ^ taxel).area() for taxel in taxels])
+        expected = covered / (pad.taxel_width * pad.taxel_height) * 2e3 / region.area()
         assert reading == pytest.approx(expected, abs=1e-5 * 2e3 / region.area())
 
 
 def test_finer_cells_err_less():
     """The response in a cell is taken as a quadratic: halving cells must divide the error by 8 or more."""
     worst = [
-        compare("S", ScanOptions(press=PressOptions(cells_per_element=cells)), grid_poses()[::11])[0].max()
+        compare("S", ScanOptions(press=PressOptions(cells_per_taxel=cells)), grid_poses()[::11])[0].max()
         for cells in (1, 2, 4)
     ]
     assert worst[1] < worst[0] / 6
@@ -111,7 +111,14 @@ def test_finer_cells_err_less():
 
 def test_another_pad_is_exact():
     pad = Pad(
-        rows=4, columns=8, pitch_x=3.0, pitch_y=2.5, element_x=2.0, element_y=2.5, seam=1.5, unread_rows=1
+        rows=4,
+        columns=8,
+        pitch_x=3.0,
+        pitch_y=2.5,
+        taxel_width=2.0,
+        taxel_height=2.5,
+        seam=1.5,
+        unread_rows=1,
     )
     errors, area = compare("G", ScanOptions(pad=pad), grid_poses()[::11])
     assert (errors.max(axis=1) / (2e3 / area)).max() < 5e-3

@@ -23,7 +23,7 @@ PAD = Pad()
 
 def press(name, poses, options, rounding=0.0):
     letter = models.letter(name, rounding=rounding)
-    bed = lay_bed(levels(letter, options), poses, *PAD.grid_lines(options.cells_per_element))
+    bed = lay_bed(levels(letter, options), poses, *PAD.grid_lines(options.cells_per_taxel))
     return bed, contact_forces(bed, poses, letter, options)
 
 
@@ -115,7 +115,7 @@ def brute_force_tilt(letter, pose, options):
 @pytest.mark.parametrize(("tilt_x", "tilt_y"), [(0.01, 0.0), (0.0, 0.02), (-0.05, 0.03)])
 def test_a_rigidly_tilted_face_presses_one_side(tilt_x, tilt_y):
     letter, pose = models.letter("E"), np.array([-3.4, 3.4, 0.7])
-    options = PressOptions(tilt_x=tilt_x, tilt_y=tilt_y, cells_per_element=8)
+    options = PressOptions(tilt_x=tilt_x, tilt_y=tilt_y, cells_per_taxel=8)
     bed, forces = press("E", pose[None], options)
     points, load = brute_force_tilt(letter, pose, options)
     assert forces.sum() == pytest.approx(2.0, rel=1e-6)

@@ -31,7 +31,7 @@ def half_space_reading(letter, pose, force=2.0, sigma=1.0):
     load = force * pressure / pressure.sum()
     columns = _felt(points[:, :1], PAD.column_edges, sigma)
     rows = _felt(points[:, 1:], PAD.row_edges, sigma)
-    return 1e3 * np.einsum("ir,ic,i->rc", rows, columns, load).ravel() / (PAD.element_x * PAD.element_y)
+    return 1e3 * np.einsum("ir,ic,i->rc", rows, columns, load).ravel() / (PAD.taxel_width * PAD.taxel_height)
 
 
 @pytest.mark.parametrize("name", ["E", "O"])

@@ -21,8 +21,8 @@ def test_default_readings_are_classified_right_about_as_often_as_in_the_paper():
     letters = {name: models.letter(name) for name in scan.letters}
     agreement = classifier_agreement(scan, *classify(scan.readings), letters)
     assert 0.88 < agreement.share < 0.92
-    assert agreement.elements == 1920 * 36
-    assert agreement.decided > 0.7 * agreement.elements
+    assert agreement.taxels == 1920 * 36
+    assert agreement.decided > 0.7 * agreement.taxels
     assert work["presses"] + work["skipped"]["no_contact"] == 1920
 
 
@@ -113,15 +113,15 @@ def test_what_cannot_be_pressed_is_said(options, says):
 def test_a_pad_in_a_file_is_pressed(tmp_path):
     path = tmp_path / "pad.toml"
     path.write_text(
-        "rows = 3\ncolumns = 5\nno_seam = true\npitch_x = 4.0\nelement_x = 3.5\nunread_columns = 0\n"
+        "rows = 3\ncolumns = 5\nno_seam = true\npitch_x = 4.0\ntaxel_width = 3.5\nunread_columns = 0\n"
     )
     scan, _ = scan_letters(ScanOptions(letters=("E",), pad=str(path)), cache=False)
     assert scan.readings.shape == (384, 15)
     assert scan.meta["options"]["pad"]["columns"] == 5
 
 
-def test_a_pad_with_too_many_elements_is_refused():
-    with pytest.raises(ValueError, match="cells_per_element"):
+def test_a_pad_with_too_many_taxels_is_refused():
+    with pytest.raises(ValueError, match="cells_per_taxel"):
         ScanOptions(pad=Pad(rows=100, columns=100, seam=None))
 
 

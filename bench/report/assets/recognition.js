@@ -158,7 +158,7 @@ function recognitionView(protocol) {
     const halfY = Math.max(...trial.taxels.map(([, y]) => Math.abs(y))) + height / 2 + 0.1;
     tactile.setAttribute("viewBox", `${-halfX} ${-halfY} ${2 * halfX} ${2 * halfY}`);
     const highest = Math.max(...values);
-    tactile.setAttribute("aria-label", `Tactile image of reading ${reading}: ${trial.taxels.length} elements, highest ${highest.toFixed(1)} kPa`);
+    tactile.setAttribute("aria-label", `Tactile image of reading ${reading}: ${trial.taxels.length} taxels, highest ${highest.toFixed(1)} kPa`);
     const numbers = trial.taxels.map(([x, y], i) =>
       s("text", { x, y: -y + height * 0.12, "text-anchor": "middle", "font-size": (height * 0.36).toFixed(2), fill: ink(ramp("up", values[i] / most)) },
         String(Math.round(values[i]))),

@@ -133,7 +133,7 @@ def test_many_particles_find_letter_and_place(name, vowels):
 
 @pytest.mark.parametrize("name", ["particle", "augmented-mcl"])
 def test_weights_survive_what_no_particle_explains(name, scan):
-    # exp of these log-likelihoods is zero for every particle: 36 elements with p of 1e-300 each.
+    # exp of these log-likelihoods is zero for every particle: 36 taxels with p of 1e-300 each.
     filter = estimators.create(name, particles=50, gamma=1e-300)
     filter.fit(scan)
     filter.reset(np.random.default_rng(0))

@@ -56,7 +56,7 @@ def test_features_that_are_all_equal_make_one_bin():
 
 
 @pytest.mark.parametrize("kind", [CONTACT, NO_CONTACT, UNKNOWN])
-def test_an_element_is_judged_by_the_map_without_itself(kind):
+def test_an_taxel_is_judged_by_the_map_without_itself(kind):
     scan = make_scan("E", poses=paper_poses(3, 4)).where("train")
     classes = classify(scan.readings)
     charts = learn_maps(scan)
@@ -64,7 +64,7 @@ def test_an_element_is_judged_by_the_map_without_itself(kind):
     own = own_log_odds(charts["E"], xy, classes, 1.0, 0.9)
     for reading, taxel in np.argwhere(classes == kind)[::97]:
         if scan.readings[reading].argmax() == taxel or scan.readings[reading].max() < 8:
-            continue  # another largest element would change the classes of the others
+            continue  # another largest taxel would change the classes of the others
         without = scan.readings.copy()
         without[reading, taxel] = (2.0 + 0.3 * scan.readings[reading].max()) / 2
         left = learn_maps(Scan(without, scan.poses, scan.labels, scan.split, scan.taxel_xy))["E"]
@@ -95,7 +95,7 @@ def test_its_probabilities_sum_to_one_and_are_what_new_readings_show(scan, shift
     assert surprise == pytest.approx(-(told * np.log(told)).sum(axis=0).mean(), abs=0.08)
 
 
-def test_every_element_is_a_term():
+def test_every_taxel_is_a_term():
     model = fitted(make_scan("EI", poses=paper_poses(2, 3)))
     reading = np.array([0.0, 5.0, 30.0, *[0.0] * 33])
     evidence = model.evidence(reading)

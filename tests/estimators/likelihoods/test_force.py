@@ -24,7 +24,7 @@ def fitted(scan, **options):
 
 
 def rescaled(scan, factors):
-    """Multiply each reading by a factor (n,), or each element by one (taxels,)."""
+    """Multiply each reading by a factor (n,), or each taxel by one (taxels,)."""
     return Scan(scan.readings * factors, scan.poses, scan.labels, scan.split, scan.taxel_xy)
 
 
@@ -79,7 +79,7 @@ def test_the_mosaic_is_the_blurred_shape_however_hard_it_was_pressed(quiet, mode
             assert np.abs(value - unit * true).mean() < 0.03  # the weights' own blur
 
 
-def test_readings_that_cover_no_element_wholly_do_not_spoil_the_mosaic(quiet):
+def test_readings_that_cover_no_taxel_wholly_do_not_spoil_the_mosaic(quiet):
     # A letter that is felt at its rim alone has its own scale wrong; the pressure makes up for it.
     factors = np.ones((len(quiet.readings), 1))
     rim = quiet.readings.max(axis=1) < 18
@@ -91,7 +91,7 @@ def test_readings_that_cover_no_element_wholly_do_not_spoil_the_mosaic(quiet):
     assert np.abs(value - true * (value @ true) / (true @ true)).max() < 0.25
 
 
-def test_gains_and_dead_elements_are_found(quiet):
+def test_gains_and_dead_taxels_are_found(quiet):
     true = np.random.default_rng(5).uniform(0.6, 1.4, 36)
     true[[4, 20]] = 0
     model = fitted(rescaled(quiet, true))
@@ -103,7 +103,7 @@ def test_gains_and_dead_elements_are_found(quiet):
     assert model.evidence(spoilt).weight == pytest.approx(model.evidence(reading).weight)
 
 
-def test_an_element_that_was_never_pressed_has_a_gain_of_one():
+def test_an_taxel_that_was_never_pressed_has_a_gain_of_one():
     felt = np.array([[2.0, 0.1, 1.0], [1.0, 0.3, 0.5]])
     predicted = np.array([[1.0, 0.0, 1.0], [0.5, 0.0, 0.5]])
     assert gains(felt, predicted, np.array([1.0, 3.0])) == pytest.approx(np.array([2, 1, 1]) * 3 / 4)
@@ -161,7 +161,7 @@ def test_training_readings_without_contrast_are_taken(quiet, value):
 
 
 def test_finer_tables_say_nearly_the_same(scan):
-    # Between nodes log p is interpolated; off the nodes the filters see this, per element.
+    # Between nodes log p is interpolated; off the nodes the filters see this, per taxel.
     model = fitted(scan.where(label="E"))
     coarse, fine = (tabulate(model, "E", (cell, cell), cell) for cell in (0.4, 0.1))
     coarse, fine = (one.values[:, 0, 0, 0] + one.outside[:, 0, None, None] for one in (coarse, fine))

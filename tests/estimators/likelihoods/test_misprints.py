@@ -63,13 +63,13 @@ def test_equations_5_and_6_as_printed_recognise_nothing(shapes, printed):
 
 
 def test_equation_3_as_printed_learns_nothing_from_emptiness():
-    def as_printed(elements, threshold=2.0):
-        largest = max(elements)
+    def as_printed(taxels, threshold=2.0):
+        largest = max(taxels)
         return [
             CONTACT if e > threshold and e > 0.3 * largest
             else NO_CONTACT if e < threshold and e < 0.3 * largest
             else UNKNOWN
-            for e in elements
+            for e in taxels
         ]  # fmt: skip
 
     assert set(as_printed([0.0] * 36)) == {UNKNOWN}
@@ -102,7 +102,7 @@ def test_only_the_complement_makes_equation_7_a_distribution(shapes):
     assert sums["printed"] == pytest.approx([0.94, 0.94])  # gamma (2 p(m) - 1) short of one
 
 
-def test_classes_agree_with_equation_3_element_by_element():
+def test_classes_agree_with_equation_3_taxel_by_taxel():
     rng = np.random.default_rng(0)
     names = {CONTACT: reference.CONTACT, NO_CONTACT: reference.NO_CONTACT, UNKNOWN: reference.UNKNOWN}
     for scale in (0.5, 3.0, 30.0):

@@ -1,4 +1,4 @@
-"""The mosaic against closed forms, least squares node by node, and fits without the element in question."""
+"""The mosaic against closed forms, least squares node by node, and fits without the taxel in question."""
 
 import numpy as np
 import pytest
@@ -21,7 +21,7 @@ def test_it_converges_to_a_plane_that_is_felt():
 
     inside = np.random.default_rng(1).uniform([-1, 0], [3, 2], (50, 2))
     worst = []
-    for count in (3_000, 300_000):  # what is left is the prior, whose part falls as elements come
+    for count in (3_000, 300_000):  # what is left is the prior, whose part falls as taxels come
         xy, _ = scattered(count)
         value, slope = learn_mosaic(xy, felt(xy), np.ones(count), **GRID)(inside)
         worst.append(np.abs(value - felt(inside)).max())
@@ -45,7 +45,7 @@ def test_every_node_is_a_weighted_least_squares_fit():
         assert mosaic.plane[row, column] == pytest.approx(wanted, abs=1e-9)
 
 
-def test_leaving_an_element_out_is_learning_without_it():
+def test_leaving_an_taxel_out_is_learning_without_it():
     xy, rng = scattered(200)
     values, weight = rng.normal(size=200), rng.uniform(0.1, 2, 200)
     got = learn_mosaic(xy, values, weight, **GRID).without(xy, values, weight)

@@ -16,7 +16,7 @@ def one_reading(value, pose=(0.0, 0.0, 0.0), taxel_xy=((0.0, 0.0),)):
 @pytest.mark.parametrize(("value", "sign"), [(10.0, 1), (0.0, -1)])
 @pytest.mark.parametrize("sigma", [1.0, 0.5])
 @pytest.mark.parametrize("away", [0.0, 0.4, 1.2])
-def test_one_element_gives_equation_5_at_every_distance(value, sign, sigma, away):
+def test_one_taxel_gives_equation_5_at_every_distance(value, sign, sigma, away):
     chart = learn_maps(one_reading(value), sigma=sigma, peak=0.8, prior=0.3)["X"]
     g = 0.8 * math.exp(-2 * away**2 / sigma**2)
     expected = 0.3 + 0.7 * g if sign > 0 else 0.3 - 0.3 * g
@@ -24,7 +24,7 @@ def test_one_element_gives_equation_5_at_every_distance(value, sign, sigma, away
         assert sigmoid(chart.log_odds_at(direction)) == pytest.approx(expected)
 
 
-def test_elements_add_up_in_log_odds_and_unknown_ones_add_nothing():
+def test_taxels_add_up_in_log_odds_and_unknown_ones_add_nothing():
     # Two in contact at the same place as in two readings; the third, between the limits, is Unknown.
     pad = [[0.0, 0.0], [0.0, 0.0], [0.1, 0.0]]
     twice = learn_maps(one_reading([10.0, 10.0, 2.5], taxel_xy=pad))["X"]
@@ -33,7 +33,7 @@ def test_elements_add_up_in_log_odds_and_unknown_ones_add_nothing():
     assert twice.log_odds_at([0.4, 0]) - start == pytest.approx(2 * (once.log_odds_at([0.4, 0]) - start))
 
 
-def test_an_element_is_stamped_where_its_pose_puts_it():
+def test_an_taxel_is_stamped_where_its_pose_puts_it():
     chart = learn_maps(one_reading(10.0, pose=(3.0, -2.0, math.pi / 2), taxel_xy=[[4.0, 1.0]]))["X"]
     row, column = np.unravel_index(chart.log_odds.argmax(), chart.log_odds.shape)
     assert chart.origin + chart.cell * np.array([column, row]) == pytest.approx([2.0, 2.0])
@@ -49,7 +49,7 @@ def test_a_map_that_is_longer_than_wide_shows_both_ends_alike(apart):
 
 
 @pytest.mark.parametrize("prior", [0.01, 0.5, 0.99])
-def test_a_map_reaches_as_far_as_an_element_says_anything(prior):
+def test_a_map_reaches_as_far_as_an_taxel_says_anything(prior):
     # Where eq. 5 and 6 have fallen to 1e-12, and in whole cells not a cell further than that.
     def said(away):
         g = 0.9 * math.exp(-2 * away**2)
