@@ -2,7 +2,15 @@
 PYTHON ?= python3
 VENV   := .venv
 BIN    := $(VENV)/bin
-READY  := $(VENV)/.ready
+INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check
+
+# One .venv; each of these files says that one more group of packages is in it.
+READY     := $(VENV)/.ready
+DEVELOP   := $(VENV)/.ready-dev
+MUTATION  := $(VENV)/.ready-mutation
+PACKAGING := $(VENV)/.ready-packaging
+MUTATION_LOCK  := tests/mutants/requirements.lock
+PACKAGING_LOCK := tests/packaging/requirements.lock
 
 MEASURED   := $(VENV)/benchmark
 MEASURE    := $(BIN)/python -m pytest -q -m benchmark tests/bench/bench_regression.py \
@@ -11,7 +19,6 @@ REGRESSION := $(BIN)/python -m tactsim.bench.regression
 
 # What `make mutants` is given, such as MUTANTS="--all tactsim/press/clip.py".
 MUTANTS ?=
-MUTATION := tests/mutants/requirements.lock
 
 .PHONY: run test check setup lock test-slow mutants bench-check bench-baseline clean help
 
@@ -21,54 +28,79 @@ help:            ## list these commands
 run: $(READY)    ## set up, then press, map, recognise and score five letters
 	@$(BIN)/bench run --estimator histogram --bins 10000
 
-test: $(READY)   ## set up, then run the tests
+test: $(DEVELOP)   ## set up, then run the tests
 	@$(BIN)/python -m pytest -n 2 --dist loadfile
 
-check: $(READY)  ## lint, types and import directions
+check: $(DEVELOP)  ## lint, types and import directions
 	@$(BIN)/ruff check .
 	@$(BIN)/ruff format --check .
 	@$(BIN)/mypy
 	@$(BIN)/lint-imports --no-logo
 
-test-slow: $(READY)  ## the longer tests
+test-slow: $(PACKAGING)  ## the longer tests
 	@$(BIN)/python -m pytest -m slow
 
-mutants: $(READY) $(VENV)/.mutation  ## break formulas in a copy: do the tests notice? an hour or two
+mutants: $(MUTATION)  ## break formulas in a copy: do the tests notice? an hour or two
 	@nice $(BIN)/python tests/mutants/mutate.py $(MUTANTS)
 
-$(VENV)/.mutation: $(MUTATION) | $(READY)
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -r $(MUTATION)
-	@touch $@
-
-bench-check: $(READY)  ## compare times (as ratios) and errors with results/baseline.json
+bench-check: $(DEVELOP)  ## compare times (as ratios) and errors with results/baseline.json
 	@$(MEASURE)-1.json
 	@$(REGRESSION) check results/baseline.json $(MEASURED)-1.json || { \
 	  echo "measuring again: the machine may have been busy"; $(MEASURE)-2.json; \
 	  $(REGRESSION) check results/baseline.json $(MEASURED)-1.json $(MEASURED)-2.json; }
 
-bench-baseline: $(READY)  ## renew results/baseline.json
+bench-baseline: $(DEVELOP)  ## renew results/baseline.json
 	@$(MEASURE)-1.json
 	@$(MEASURE)-2.json
 	@$(REGRESSION) write results/baseline.json $(MEASURED)-1.json $(MEASURED)-2.json
 
-setup: $(READY)  ## create .venv with the locked dependencies
+setup: $(DEVELOP)  ## create .venv with all that work on the project needs
 
+# What `make run` needs: the package, what it depends on, and its inner loops, compiled.
 $(READY): requirements.lock pyproject.toml
 	@$(PYTHON) -c 'import sys; v = sys.version_info; sys.exit(None if v >= (3, 11) else "tactsim needs Python 3.11 or newer; this is %d.%d. Try: make setup PYTHON=python3.12" % v[:2])'
-	@echo "setting up $(VENV) (a minute or so) ..."
-	@$(PYTHON) -m venv $(VENV)
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -r requirements.lock
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -e .
-	@$(BIN)/python -c 'import tactsim.estimators.filters.information, tactsim.estimators.field.kernels, tactsim.estimators.field.state_kernels'  # compiles them, once
+	@start=$$(date +%s) && \
+	echo "setting up $(VENV): fetching and unpacking $$(grep -c == requirements.lock) packages, 0.6 GB on disk ..." && \
+	$(PYTHON) -m venv $(VENV) && $(INSTALL) -r requirements.lock && \
+	$(INSTALL) --no-deps --no-build-isolation -e . && \
+	echo "setting up $(VENV): compiling the inner loops, after $$(($$(date +%s) - start)) s ..." && \
+	$(BIN)/python -m tactsim.estimators.compile_kernels && \
+	echo "set up in $$(($$(date +%s) - start)) s"
 	@touch $@
 
-PIN := $(BIN)/uv pip compile --universal --python-version 3.11 --generate-hashes --no-emit-index-url \
-       --no-annotate --upgrade --quiet --custom-compile-command "make lock"
+# What tests and checks need besides.
+$(DEVELOP): $(READY) requirements-dev.lock
+	@start=$$(date +%s) && \
+	echo "setting up $(VENV): fetching and unpacking the tools for development, another 0.7 GB ..." && \
+	$(INSTALL) -r requirements-dev.lock && \
+	echo "set up in $$(($$(date +%s) - start)) s"
+	@touch $@
+
+$(MUTATION): $(MUTATION_LOCK) | $(DEVELOP)
+	@$(INSTALL) -r $<
+	@touch $@
+
+$(PACKAGING): $(PACKAGING_LOCK) | $(DEVELOP)
+	@echo "setting up $(VENV): fetching a second type checker, another 0.3 GB ..."
+	@$(INSTALL) -r $<
+	@touch $@
+
+# All groups are pinned together, so that no two lock files disagree; each then lists its own share with hashes.
+# `make lock UPGRADE=` keeps the versions that are pinned and adds what is new in pyproject.toml.
+UPGRADE ?= --upgrade
+ALL     := $(VENV)/all.lock
+COMPILE := $(BIN)/uv pip compile --quiet --universal --python-version 3.11 --no-annotate --no-emit-index-url \
+           --custom-compile-command "make lock"
+PIN     := $(COMPILE) --generate-hashes --constraint $(ALL)
 
 lock: $(READY)   ## pin the newest versions that pyproject.toml allows
-	@$(BIN)/python -m pip install --quiet uv
-	@$(PIN) pyproject.toml --all-extras --group dev --output-file requirements.lock
-	@$(PIN) --group mutation --constraint requirements.lock --output-file $(MUTATION)
+	@$(INSTALL) uv
+	@cat requirements-dev.lock $(MUTATION_LOCK) $(PACKAGING_LOCK) > $(ALL)
+	@$(COMPILE) $(UPGRADE) pyproject.toml --all-extras --group dev --group mutation --group packaging -o $(ALL)
+	@$(PIN) pyproject.toml --group build -o requirements.lock
+	@$(PIN) pyproject.toml --all-extras --group dev -o requirements-dev.lock
+	@$(PIN) --group mutation -o $(MUTATION_LOCK)
+	@$(PIN) --group packaging -o $(PACKAGING_LOCK)
 
 clean:           ## remove .venv and what tools left behind
 	rm -rf $(VENV) .pytest_cache .mypy_cache .ruff_cache .hypothesis .benchmarks build *.egg-info
