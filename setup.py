@@ -17,7 +17,9 @@ for room in ("bench", "estimators", "hardware", "models"):
         link.unlink()
         link.symlink_to(f"../{room}")
     if not link.is_dir():
-        raise SystemExit(f"tactsim/{room} should be a link to ../{room}: unpack the archive again, with its links")
+        raise SystemExit(
+            f"tactsim/{room} should be a link to ../{room}: unpack the archive again, with its links"
+        )
 
 # A file that was renamed since an earlier build would still be in that build's folder, and so in the wheel.
 shutil.rmtree(HERE / "build" / "lib", ignore_errors=True)

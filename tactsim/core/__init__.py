@@ -1,7 +1,7 @@
 """What all rooms share: poses, readings, scans, pads, files, documents, plug-ins, seeds and the user's mistake.
 
-Lives here: data types and plumbing that know no letter, no physics and no estimator. Nothing here imports
-another room.
+Lives here: data types and plumbing. Does not live here: whatever knows of letters, physics or estimators.
+Nothing here imports another room.
 
 `Pad` needs pydantic and is imported when it is first used.
 """

@@ -1,0 +1,124 @@
+"""What is built holds one package and all of it, and what is installed runs in anybody's folder."""
+
+import os
+import sys
+import zipfile
+from importlib.util import cache_from_source
+from pathlib import Path
+
+import pytest
+from conftest import ROOMS, ROOT, build, run
+
+SCRIPT = """
+import bench, estimators, hardware, models
+import tactsim, tactsim.bench, tactsim.estimators, tactsim.hardware, tactsim.models
+assert {m.whose for m in (bench, estimators, hardware, models)} == {"the user's"}
+for room in (tactsim, tactsim.bench, tactsim.estimators, tactsim.hardware, tactsim.models):
+    assert room.__file__.startswith(sys.prefix), room.__file__
+print(tactsim.models.letter("A").name, type(tactsim.create("histogram", bins=100)).__name__)
+"""
+
+
+def files_of(wheel):
+    """Give the content of every file of a wheel, what describes it left out."""
+    with zipfile.ZipFile(wheel) as archive:
+        names = [name for name in archive.namelist() if ".dist-info/" not in name]
+        return {name: archive.read(name) for name in names}
+
+
+def files_of_checkout():
+    found = {}
+    for folder in (ROOT / "tactsim", *(ROOT / room for room in ROOMS)):
+        for path in folder.rglob("*"):
+            inside = path.relative_to(ROOT)
+            if inside.parts[:2] in {("tactsim", room) for room in ROOMS} or not path.is_file():
+                continue
+            if path.suffix not in (".pyc", ".nbi", ".nbc", ".md"):
+                name = inside if inside.parts[0] == "tactsim" else Path("tactsim", inside)
+                found[str(name)] = path.read_bytes()
+    return found
+
+
+def keep_kernels(environment):
+    """Take over the kernels that are compiled already: numba wants the same time on the same source."""
+    (packages,) = environment.glob("lib/python*/site-packages")
+    for source in (ROOT / "estimators").rglob("*.py"):
+        copy = packages / "tactsim" / source.relative_to(ROOT)
+        assert copy.read_bytes() == source.read_bytes()
+        kept = Path(cache_from_source(str(source))).parent
+        for kernel in kept.glob(f"{source.stem}.*.nb?"):
+            place = copy.parent / "__pycache__" / kernel.name
+            place.parent.mkdir(exist_ok=True)
+            place.write_bytes(kernel.read_bytes())
+        times = source.stat()
+        os.utime(copy, ns=(times.st_atime_ns, times.st_mtime_ns))
+
+
+def smoke(environment, folder):
+    """Use an installed tactsim in a folder where `models`, `bench` ... are the user's own."""
+    commands = environment / "bin"
+    own_cache = {"TACTSIM_CACHE_DIR": str(folder / "cache"), "PYTHONPATH": ""}
+    (folder / "script.py").write_text("import sys\n" + SCRIPT)
+    assert run(commands / "python", "script.py", cwd=folder, **own_cache).split() == ["A", "HistogramFilter"]
+    assert "histogram" in run(commands / "bench", "list", cwd=folder, **own_cache)
+    words = ["--letters", "IO", "--trials", "2", "--readings", "3", "--bins", "100", "--out", "out"]
+    assert "accuracy" in run(commands / "tactsim-bench", "run", *words, cwd=folder, **own_cache)
+    assert (folder / "out" / "summary.json").is_file()
+    run(commands / "bench", "report", "out", "--out", "out.html", cwd=folder, **own_cache)
+
+
+def test_a_wheel_holds_the_whole_package_and_nothing_else(wheel):
+    assert files_of(wheel) == files_of_checkout()
+
+
+def test_the_wheel_of_the_source_archive_is_the_same(wheel, wheel_of_sdist):
+    assert files_of(wheel_of_sdist) == files_of(wheel)
+
+
+def test_an_installed_wheel_runs_beside_folders_of_the_same_names(wheel, install, own_folder):
+    environment = install(wheel)
+    keep_kernels(environment)
+    smoke(environment, own_folder)
+
+
+@pytest.mark.slow
+def test_an_installed_source_archive_runs_beside_folders_of_the_same_names(sdist, install, own_folder):
+    smoke(install(sdist), own_folder)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("mode", ["lenient", "strict"])
+def test_an_editable_install_shows_one_name_too(checkout, mode, install, own_folder):
+    environment = install("-C", f"editable_mode={mode}", "-e", checkout)
+    seen = "import tactsim.models as m; print(m.__file__)"
+    assert str(checkout) in run(environment / "bin" / "python", "-c", seen, cwd=own_folder)
+    for room in ROOMS:
+        absent = f"import importlib.util as u; assert u.find_spec({room!r}) is None"
+        run(environment / "bin" / "python", "-I", "-c", absent, cwd=own_folder)
+
+
+def test_links_that_an_archive_lost_are_made_again(checkout, wheel, tmp_path):
+    for room in ROOMS:
+        link = checkout / "tactsim" / room
+        link.unlink()
+        link.write_text(f"../{room}")
+    assert files_of(build("wheel", checkout, tmp_path)) == files_of(wheel)
+
+
+def test_a_checkout_without_a_folder_is_not_built(checkout, tmp_path):
+    (checkout / "tactsim" / "models").unlink()
+    with pytest.raises(AssertionError, match="tactsim/models should be a link"):
+        build("wheel", checkout, tmp_path)
+
+
+def test_what_an_earlier_build_left_is_not_in_the_wheel(checkout, wheel, tmp_path):
+    stale = checkout / "build" / "lib" / "tactsim" / "old.py"
+    stale.parent.mkdir(parents=True)
+    stale.touch()
+    assert files_of(build("wheel", checkout, tmp_path)) == files_of(wheel)
+
+
+@pytest.mark.slow
+def test_the_description_is_one_that_an_index_accepts(wheel, sdist, tmp_path):
+    pytest.importorskip("twine", reason="`make test-slow` installs it")
+    run(sys.executable, "-m", "twine", "check", "--strict", wheel, sdist, cwd=tmp_path)

@@ -1,0 +1,78 @@
+"""The rooms of the source: one name for one file, a sign on every door, and no way in by an old name."""
+
+import ast
+import re
+import subprocess
+import sys
+from collections import defaultdict
+
+import pytest
+from conftest import ROOMS, ROOT
+
+SOURCES = sorted(
+    path for room in ("tactsim/core", "tactsim/press", *ROOMS) for path in (ROOT / room).rglob("*.py")
+)
+PACKAGES = sorted({path.parent for path in SOURCES} | {ROOT / "tactsim"})
+TESTS = sorted((ROOT / "tests").rglob("*.py"))
+
+
+def relative(path):
+    return str(path.relative_to(ROOT))
+
+
+def test_no_two_source_files_share_a_name():
+    places = defaultdict(list)
+    for path in SOURCES:
+        if path.name != "__init__.py":
+            places[path.name].append(relative(path))
+    assert {name: found for name, found in places.items() if len(found) > 1} == {}
+
+
+@pytest.mark.parametrize("folder", PACKAGES, ids=relative)
+def test_a_package_says_what_lives_there(folder):
+    text = ast.get_docstring(ast.parse((folder / "__init__.py").read_text(encoding="utf-8")))
+    assert text, f"{relative(folder)}/__init__.py: a docstring should say what lives there"
+    assert len(text.splitlines()[0]) > 20
+
+
+@pytest.mark.parametrize("room", ["tactsim/core", "tactsim/press", *ROOMS])
+def test_a_room_says_what_does_not_live_there(room):
+    text = ast.get_docstring(ast.parse((ROOT / room / "__init__.py").read_text(encoding="utf-8")))
+    said = " ".join(text.split())
+    assert "Lives here: " in said
+    assert "Does not live here: " in said
+
+
+@pytest.mark.parametrize(
+    "line",
+    ["import models", "import bench.runner", "from estimators import create", "from hardware.port import x"],
+)
+def test_the_linter_refuses_a_folder_s_bare_name(line):
+    done = subprocess.run(
+        [sys.executable, "-m", "ruff", "check", "--select", "TID251", "--stdin-filename", "bench/x.py", "-"],
+        input=line + "\n", cwd=ROOT, text=True, capture_output=True, check=False,
+    )  # fmt: skip
+    assert done.returncode == 1, done.stderr
+    assert "TID251" in done.stdout
+
+
+@pytest.mark.parametrize("path", [*SOURCES, *TESTS], ids=relative)
+def test_no_module_is_named_by_its_folder_in_a_string(path):
+    """Find `import_module("models")` and the like, which no linter looks into."""
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if not isinstance(node, ast.Call) or not node.args or not isinstance(node.args[0], ast.Constant):
+            continue
+        called = node.func.attr if isinstance(node.func, ast.Attribute) else getattr(node.func, "id", "")
+        if called in (
+            "import_module",
+            "find_spec",
+            "files",
+            "__import__",
+            "importorskip",
+            "setattr",
+            "run_module",
+        ):
+            named = str(node.args[0].value)
+            assert not re.match(rf"({'|'.join(ROOMS)})(\.|$)", named), (
+                f"{relative(path)}:{node.lineno}: {named}"
+            )
