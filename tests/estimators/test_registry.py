@@ -9,7 +9,7 @@ from tactsim.core import InputError
 from tactsim.estimators.registry import BUILT_IN, listing, load
 
 GOOD = """
-from estimators import Estimator
+from tactsim.estimators import Estimator
 class Unfinished(Estimator):
     def fit(self, scan): ...
 class Good(Estimator):
@@ -117,7 +117,7 @@ def test_listing_compiles_and_imports_nothing_heavy():
 
 def test_options_that_are_not_the_estimators_kind_are_a_status(tmp_path, monkeypatch):
     (tmp_path / "odd.py").write_text(
-        "from estimators import Estimator\n"
+        "from tactsim.estimators import Estimator\n"
         "class Odd(Estimator):\n"
         "    options_type = dict\n"
         "    fit = reset = update = estimate = lambda *args: None\n"

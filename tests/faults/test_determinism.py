@@ -12,7 +12,7 @@ import json
 
 import numpy as np
 import pytest
-from conftest import Bench
+from command_line import Bench
 
 RUN = ["--trials", "2", "--readings", "5", "--letters", "EIO", "--seed", "7"]
 ESTIMATORS = {

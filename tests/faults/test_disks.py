@@ -4,7 +4,7 @@ import shutil
 import subprocess
 
 import pytest
-from conftest import BENCH
+from command_line import BENCH
 
 # A file system of one's own in a namespace of one's own: nothing is left mounted, whatever happens.
 IN_NAMESPACE = ["unshare", "--user", "--map-root-user", "--mount", "sh", "-eu", "-c"]

@@ -3,7 +3,7 @@
 import json
 
 import pytest
-from conftest import refused
+from command_line import refused
 
 MODULES = {
     "raising": "raise RuntimeError('first line\\nsecond line')",

@@ -7,7 +7,7 @@ from importlib.util import cache_from_source
 from pathlib import Path
 
 import pytest
-from conftest import ROOMS, ROOT, build, run
+from building import ROOMS, ROOT, build, run
 
 SCRIPT = """
 import bench, estimators, hardware, models

@@ -5,7 +5,7 @@ import tomllib
 from collections import defaultdict
 
 import pytest
-from conftest import ROOT
+from building import ROOT
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 

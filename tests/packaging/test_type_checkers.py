@@ -10,7 +10,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from conftest import ROOT
+from building import ROOT
 
 # Both calls are wrong; a checker that sees no types would find nothing, or that nothing is there.
 CODE = """

@@ -1,0 +1,43 @@
+"""What is built and installed here: the real thing, offline, with the dependencies of the running interpreter."""
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+ROOMS = ("bench", "estimators", "hardware", "models")
+BUILD = """
+import json, sys
+from setuptools import build_meta
+print()
+print(json.dumps(getattr(build_meta, f"build_{sys.argv[1]}")(sys.argv[2])))
+"""
+
+
+def run(*words, cwd, **environment):
+    """Run a command; what it prints, if it succeeds."""
+    done = subprocess.run(
+        list(map(str, words)), cwd=cwd, env=os.environ | environment, text=True, capture_output=True,
+        timeout=300, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
+
+
+def build(kind, source, folder):
+    """Build a `wheel` or an `sdist` as pip does; where it is."""
+    out = run(sys.executable, "-c", BUILD, kind, folder, cwd=source)
+    return folder / json.loads(out.splitlines()[-1])
+
+
+def copy_checkout(folder):
+    """Copy what a distribution is made from, links as links."""
+    skip = shutil.ignore_patterns("__pycache__", "*.egg-info")
+    for name in ("tactsim", *ROOMS):
+        shutil.copytree(ROOT / name, folder / name, symlinks=True, ignore=skip)
+    for name in ("pyproject.toml", "setup.py", "README.md", "LICENSE"):
+        shutil.copy2(ROOT / name, folder / name)
+    return folder
