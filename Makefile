@@ -60,7 +60,7 @@ setup: $(DEVELOP)  ## create .venv with all that work on the project needs
 $(READY): requirements.lock pyproject.toml
 	@$(PYTHON) -c 'import sys; v = sys.version_info; sys.exit(None if v >= (3, 11) else "tactsim needs Python 3.11 or newer; this is %d.%d. Try: make setup PYTHON=python3.12" % v[:2])'
 	@start=$$(date +%s) && \
-	echo "setting up $(VENV): fetching and unpacking $$(grep -c == requirements.lock) packages, 0.6 GB on disk ..." && \
+	echo "setting up $(VENV): fetching and unpacking packages, 0.6 GB on disk ..." && \
 	$(PYTHON) -m venv $(VENV) && $(INSTALL) -r requirements.lock && \
 	$(INSTALL) --no-deps --no-build-isolation -e . && \
 	echo "setting up $(VENV): compiling the inner loops, after $$(($$(date +%s) - start)) s ..." && \
@@ -71,7 +71,7 @@ $(READY): requirements.lock pyproject.toml
 # What tests and checks need besides.
 $(DEVELOP): $(READY) requirements-dev.lock
 	@start=$$(date +%s) && \
-	echo "setting up $(VENV): fetching and unpacking the tools for development, another 0.7 GB ..." && \
+	echo "setting up $(VENV): fetching and unpacking the tools for tests and checks, another 0.7 GB ..." && \
 	$(INSTALL) -r requirements-dev.lock && \
 	echo "set up in $$(($$(date +%s) - start)) s"
 	@touch $@

@@ -39,7 +39,7 @@ def test_a_run_whose_worker_dies_says_so_and_leaves_nothing(bench, wait):
     assert "Traceback" not in errors
     assert "bench: a worker process died" in errors
     assert not (bench.folder / "out").exists()
-    assert bench(*words[:4], "4", *words[5:], "--jobs", "2").returncode == 0
+    assert bench(*words[:4], "4", *words[5:]).returncode == 0
 
 
 def test_a_sweep_whose_worker_dies_loses_nothing(bench):
