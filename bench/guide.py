@@ -16,9 +16,9 @@ from rich.text import Text
 
 from tactsim.core.poses import FloatArray
 from tactsim.hardware.calibration import force
+from tactsim.hardware.errors import NoReading, SourceEnded
 from tactsim.hardware.recording import Recorder
 from tactsim.hardware.session import Phase, Press, Session
-from tactsim.hardware.source_errors import NoReading, SourceEnded
 from tactsim.hardware.sources import Source
 from tactsim.hardware.terminal_pictures import Covers, placement, tactile_image, where
 

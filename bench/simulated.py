@@ -11,7 +11,7 @@ from tactsim.bench.presses import parse_pose, press_table, scan_options_for, sen
 from tactsim.core.reading import Reading
 from tactsim.hardware.counters import Counters
 from tactsim.hardware.device import Device
-from tactsim.hardware.source_errors import SourceError
+from tactsim.hardware.errors import SourceError
 from tactsim.hardware.sources import Log, Source
 from tactsim.press import ScanOptions
 

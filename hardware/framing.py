@@ -6,7 +6,7 @@ from typing import Generic
 
 from tactsim.hardware.codecs.codec import Codec, Packet
 from tactsim.hardware.counters import Counters
-from tactsim.hardware.source_errors import CodecError
+from tactsim.hardware.errors import CodecError
 
 
 class Framer(Generic[Packet]):

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 
 from tactsim.core.reading import Reading
 from tactsim.hardware.device import Device
+from tactsim.hardware.errors import NoReading, SourceError
 from tactsim.hardware.port import Port, wait_any
-from tactsim.hardware.source_errors import NoReading, SourceError
 from tactsim.hardware.sources import Log, Source
 from tactsim.hardware.stream import Stream
 

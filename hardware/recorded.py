@@ -16,8 +16,8 @@ from tactsim.hardware.calibration import Calibration, Correction
 from tactsim.hardware.codecs.pps_csv import CsvFormat, count_taxels
 from tactsim.hardware.counters import Counters
 from tactsim.hardware.device import Device
+from tactsim.hardware.errors import SourceEnded, SourceError
 from tactsim.hardware.recording import Kind, Record, RecordReader, Whole
-from tactsim.hardware.source_errors import SourceEnded, SourceError
 from tactsim.hardware.sources import Log, Source
 from tactsim.hardware.stream import Stream
 

@@ -19,8 +19,8 @@ from tactsim.core.reading import Reading
 from tactsim.hardware.calibration import Calibration, Correction
 from tactsim.hardware.counters import Counters
 from tactsim.hardware.device import Device
+from tactsim.hardware.errors import SourceEnded, SourceError
 from tactsim.hardware.recording import Recorder
-from tactsim.hardware.source_errors import SourceEnded, SourceError
 
 GROUP = "tactsim.sources"
 

@@ -24,7 +24,7 @@ def command(
 
     from tactsim.bench.console import plain_console
     from tactsim.hardware.calibration import force
-    from tactsim.hardware.source_errors import NoReading, SourceEnded
+    from tactsim.hardware.errors import NoReading, SourceEnded
     from tactsim.hardware.sources import open_source
     from tactsim.hardware.terminal_pictures import tactile_image
 

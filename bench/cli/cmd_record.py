@@ -142,8 +142,8 @@ def _record_all(
     import time
 
     from tactsim.bench.console import plain_console
+    from tactsim.hardware.errors import SourceEnded
     from tactsim.hardware.recording import Recorder
-    from tactsim.hardware.source_errors import SourceEnded
     from tactsim.hardware.sources import open_source
 
     count = 0

@@ -13,7 +13,7 @@ from pydantic import Field
 from tactsim.core.finite import LARGEST
 from tactsim.core.poses import FloatArray
 from tactsim.hardware.codecs.codec import Codec, CodecFormat, Frame
-from tactsim.hardware.source_errors import CodecError
+from tactsim.hardware.errors import CodecError
 
 _KPA = {"kPa": 1.0, "psi": 6.894757293168361, "Pa": 1e-3}  # 1 psi = 1 lbf/in^2
 _TITLE = b"Time"

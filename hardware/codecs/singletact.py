@@ -21,7 +21,7 @@ from pydantic import Field
 from tactsim.core.poses import FloatArray
 from tactsim.hardware.codecs.codec import PATIENCE, Codec, CodecFormat, Dialogue, Frame
 from tactsim.hardware.counters import Counters
-from tactsim.hardware.source_errors import CodecError
+from tactsim.hardware.errors import CodecError
 
 HEADERS = (b"\xff\xff\xff\xff", b"\xaa\xaa\xaa\xaa")
 FOOTER = b"\xfe\xfe\xfe\xfe"

@@ -9,8 +9,8 @@ from made_pads import csv_device, singletact, small_device
 from tactsim.hardware.codecs.codec import Codec, Frame
 from tactsim.hardware.codecs.singletact import Reply, write_reply
 from tactsim.hardware.counters import Counters
+from tactsim.hardware.errors import CodecError
 from tactsim.hardware.framing import Framer
-from tactsim.hardware.source_errors import CodecError
 
 
 def small_messages(count, rng):

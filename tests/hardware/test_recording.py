@@ -15,10 +15,10 @@ from made_pads import csv_device, ramp, serving, small_device
 from tactsim.core import InputError
 from tactsim.core.reading import Reading
 from tactsim.hardware.emulator import Faults, emulate
+from tactsim.hardware.errors import SourceError
 from tactsim.hardware.live import LiveSource
 from tactsim.hardware.recorded import CsvReplay, Replay
 from tactsim.hardware.recording import LARGEST_PAYLOAD, Kind, Recorder, RecordReader, check_whole
-from tactsim.hardware.source_errors import SourceError
 
 HEADER = struct.Struct("<BBHId")
 

@@ -16,7 +16,7 @@ from tactsim.hardware.codecs.singletact import (
     write_reply,
 )
 from tactsim.hardware.counters import Counters
-from tactsim.hardware.source_errors import CodecError
+from tactsim.hardware.errors import CodecError
 from tactsim.hardware.stream import Stream
 
 

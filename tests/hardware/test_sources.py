@@ -12,9 +12,9 @@ from tactsim.hardware import sources
 from tactsim.hardware.calibration import Calibration
 from tactsim.hardware.counters import Counters
 from tactsim.hardware.emulator import emulate
+from tactsim.hardware.errors import SourceEnded, SourceError
 from tactsim.hardware.recorded import Replay
 from tactsim.hardware.recording import Recorder, RecordReader
-from tactsim.hardware.source_errors import SourceEnded, SourceError
 from tactsim.hardware.sources import Source, open_source
 
 
