@@ -15,11 +15,10 @@ from rich.live import Live
 from rich.text import Text
 
 from tactsim.core.poses import FloatArray
+from tactsim.core.source import NoReading, Source, SourceEnded
 from tactsim.hardware.calibration import force
-from tactsim.hardware.errors import NoReading, SourceEnded
 from tactsim.hardware.recording import Recorder
 from tactsim.hardware.session import Phase, Press, Session
-from tactsim.hardware.sources import Source
 from tactsim.hardware.terminal_pictures import Covers, placement, tactile_image, where
 
 KEYS = "space take it as it is   r redo the one before   s skip   q stop (goes on later with --resume)"

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from typing import Generic
 
-from tactsim.hardware.codecs.codec import Codec, Packet
-from tactsim.hardware.counters import Counters
-from tactsim.hardware.errors import CodecError
+from tactsim.core.counters import Counters
+from tactsim.hardware.codecs.codec import Codec, CodecError, Packet
 
 
 class Framer(Generic[Packet]):

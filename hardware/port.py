@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from contextlib import suppress
 from typing import Any
 
-from tactsim.hardware.errors import SourceError
+from tactsim.core.source import SourceError
 
 CHUNK = 1 << 16  # bytes that one read takes at most: the bound of what is ever buffered
 _WRITE_TIMEOUT = 1.0  # s

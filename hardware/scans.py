@@ -18,13 +18,12 @@ from tactsim.core.errors import InputError
 from tactsim.core.pad import Pad
 from tactsim.core.poses import FloatArray, compose
 from tactsim.core.scan import Scan
+from tactsim.core.source import Source, SourceError
 from tactsim.hardware.calibration import Calibration, Correction
 from tactsim.hardware.codecs.codec import STRICT
-from tactsim.hardware.errors import SourceError
 from tactsim.hardware.recorded import Replay
 from tactsim.hardware.recording import Kind, Whole
 from tactsim.hardware.session import Plan, Press, note, parse_press
-from tactsim.hardware.sources import Source
 
 
 @dataclass

@@ -8,14 +8,19 @@ from typing import Any, ClassVar, Generic, TypeVar
 
 from pydantic import BaseModel, ConfigDict
 
+from tactsim.core.counters import Counters
+from tactsim.core.errors import InputError
 from tactsim.core.poses import FloatArray
-from tactsim.hardware.counters import Counters
 
 Packet = TypeVar("Packet")
 
 PATIENCE = 0.25  # s until a question is asked again; more than any device here takes to answer
 
 STRICT = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+class CodecError(InputError):
+    """Bytes, or a description of bytes, that a codec cannot work with."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from made_pads import csv_device, ramp, serving, singletact, small_device
 
+from tactsim.core.source import NoReading, SourceError
 from tactsim.hardware.codecs.codec import Frame
 from tactsim.hardware.emulator import Faults, emulate
 from tactsim.hardware.emulator.emulated import EmulatedSingleTact
-from tactsim.hardware.errors import NoReading, SourceError
 from tactsim.hardware.live import LiveSource
 from tactsim.hardware.port import Port
 from tactsim.hardware.recording import Kind, Recorder, RecordReader
