@@ -12,7 +12,7 @@ from tactsim.core.source import SourceError
 
 CHUNK = 1 << 16  # bytes that one read takes at most: the bound of what is ever buffered
 _WRITE_TIMEOUT = 1.0  # s
-_POLL = 0.001  # s between looks at a port that select cannot watch (Windows, rfc2217://, loop://)
+_POLL = 0.001  # s between looks at a port that select cannot watch (rfc2217://, loop://)
 
 
 class Port:

@@ -107,7 +107,7 @@ class Recorder:
         """
         self.path = Path(path)
         whole = check_whole(self.path).whole_bytes if append else 0
-        flags = os.O_WRONLY | getattr(os, "O_BINARY", 0) | (0 if append else os.O_CREAT | os.O_EXCL)
+        flags = os.O_WRONLY | (0 if append else os.O_CREAT | os.O_EXCL)
         try:
             self.path.parent.mkdir(parents=True, exist_ok=True)
             self._file = os.open(self.path, flags, 0o666)

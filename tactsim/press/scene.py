@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from tactsim.core.errors import InputError
 from tactsim.core.poses import FloatArray, invert
-from tactsim.models.letter import Letter, Part
+from tactsim.models.letter import ConvexPart, Letter
 from tactsim.press.bed import MM, Springs
 
 # m, of the spheres; less than half a cell, so that none reaches what its cell does not. The letter starts that
@@ -236,7 +236,7 @@ def _compile(setup: Setup, capacity: int) -> Scene:
     )
 
 
-def _describe(index: int, part: Part) -> tuple[str, str]:
+def _describe(index: int, part: ConvexPart) -> tuple[str, str]:
     """Write a part as MJCF, m: its mesh, or nothing for an upright box, and its geom."""
     if part.rectangle is None:
         vertices = " ".join(f"{value:.17g}" for value in (part.vertices * MM).ravel())
