@@ -148,9 +148,8 @@ def _ideal(
 
 
 def _press(task: tuple[Any, models.Letter, FloatArray, ScanOptions]) -> tuple[FloatArray, Counter[str]]:
-    from tactsim.press.pressing import (
-        ideal_readings,  # brings MuJoCo, which a scan from the cache does without
-    )
+    # Brings MuJoCo, which a scan from the cache does without.
+    from tactsim.press.engine import ideal_readings
 
     _, letter, poses, options = task
     return ideal_readings(letter, poses, options)

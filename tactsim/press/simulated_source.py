@@ -17,7 +17,7 @@ from tactsim.core.finite import LARGEST
 from tactsim.core.poses import FloatArray, compose
 from tactsim.core.reading import Reading
 from tactsim.core.source import HasPad, Log, Source, SourceError
-from tactsim.press.pressing import ideal_readings
+from tactsim.press.engine import ideal_readings
 from tactsim.press.scan_options import ScanOptions
 from tactsim.press.sensor import gains, sense
 

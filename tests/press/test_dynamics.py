@@ -5,7 +5,7 @@ import pytest
 
 from tactsim import models
 from tactsim.press import PressOptions, ScanOptions, press_letter, scan_letters
-from tactsim.press.pressing import ideal_readings
+from tactsim.press.engine import ideal_readings
 from tactsim.press.scan_poses import grid_poses
 from tactsim.press.scene import UnsettledError
 
