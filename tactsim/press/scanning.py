@@ -26,7 +26,7 @@ Progress = Callable[[int, int], None]
 
 # What workers are given at a time. It does not depend on how many there are, so neither do the readings.
 _CHUNK = 64  # presses
-_WORTH_A_WORKER = 2.0  # s of one core; a worker takes most of a second to start
+WORTH_A_WORKER = 2.0  # s of one core; a worker takes most of a second to start
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,7 +158,7 @@ def _press(task: tuple[Any, models.Letter, FloatArray, ScanOptions]) -> tuple[Fl
 @contextmanager
 def _workers(jobs: int, seconds: float) -> Iterator[Callable[..., Iterator[Any]]]:
     """Give a `map` that keeps the order of its results: over processes if the work is worth them."""
-    workers = min(jobs, int(seconds / _WORTH_A_WORKER))
+    workers = min(jobs, int(seconds / WORTH_A_WORKER))
     if workers < 2:
         yield map
         return

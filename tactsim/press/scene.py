@@ -186,7 +186,7 @@ def _compile(setup: Setup, capacity: int) -> Scene:
             springs += f'<joint joint1="{name}" polycoef="{angle} 0 0 0 0"/>'
     meshes, geoms = "", '<geom name="part0" type="box" size="1 1 1" pos="0 0 -1"/>'
     if setup.letter is not None:
-        described = [_describe(index, part) for index, part in enumerate(setup.letter.parts)]
+        described = [describe_part(index, part) for index, part in enumerate(setup.letter.parts)]
         meshes, geoms = ("".join(texts) for texts in zip(*described, strict=True))
     cells = range(capacity)
     spheres = "".join(f'<geom name="cell{i}" size="{_RADIUS}" pos="0 0 {_FAR + i}"/>' for i in cells)
@@ -236,7 +236,7 @@ def _compile(setup: Setup, capacity: int) -> Scene:
     )
 
 
-def _describe(index: int, part: ConvexPart) -> tuple[str, str]:
+def describe_part(index: int, part: ConvexPart) -> tuple[str, str]:
     """Write a part as MJCF, m: its mesh, or nothing for an upright box, and its geom."""
     if part.rectangle is None:
         vertices = " ".join(f"{value:.17g}" for value in (part.vertices * MM).ravel())

@@ -73,7 +73,7 @@ def _along(lines: FloatArray, edges: FloatArray, sigma: float) -> FloatArray:
     points, weights = np.polynomial.legendre.leggauss(_QUADRATURE)
     half = np.diff(lines)[:, None] / 2
     at = (lines[:-1, None] + half) + half * points  # (cells, points)
-    felt = _felt(at[..., None], edges, sigma) / (edges[:, 1] - edges[:, 0])  # (cells, points, taxels)
+    felt = felt_along(at[..., None], edges, sigma) / (edges[:, 1] - edges[:, 0])  # (cells, points, taxels)
     result = np.zeros((len(half), 3, 3, len(edges)))
     for degree, polynomial in enumerate(([1.0], [0.0, 1.0], [-0.5, 0.0, 1.5])):
         values = sum(factor * points**power for power, factor in enumerate(polynomial))
@@ -83,7 +83,7 @@ def _along(lines: FloatArray, edges: FloatArray, sigma: float) -> FloatArray:
     return result
 
 
-def _felt(x: FloatArray, edges: FloatArray, sigma: float) -> FloatArray:
+def felt_along(x: FloatArray, edges: FloatArray, sigma: float) -> FloatArray:
     """Integrate a unit line force at x, spread by the Gaussian, over taxels' widths (mm)."""
     if sigma == 0:
         return ((x > edges[:, 0]) & (x < edges[:, 1])).astype(float)
