@@ -1,4 +1,4 @@
-"""A serial port, pty or socket: bytes in, bytes out, and plain words when it fails. pyserial is used here only."""
+"""A serial port, pty or socket: bytes in, bytes out, and plain words when it fails. Only here is pyserial used."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class Port:
     """An open port. Its reads never block; `wait_any` does, for at most the time given."""
 
     def __init__(self, url: str, baud: int) -> None:
-        """Open `url`: a device's name or a URL that pyserial knows, exclusively.
+        """Open `url`, a device's name or a URL that pyserial knows, for this program alone.
 
         Raises SourceError if it is not there, in use, or not allowed.
         """

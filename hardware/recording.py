@@ -1,4 +1,4 @@
-"""Recordings: everything that came from a device, in a file that survives whatever ends the program.
+"""Recordings: everything that came from a device, in a file that can be read however the program ended.
 
 The format, version 1. Numbers are little-endian.
 
@@ -192,7 +192,11 @@ class Recorder:
 
 @dataclass(frozen=True)
 class Whole:
-    """How much of a recording is whole. fault: why reading stopped before the end of the file, or None."""
+    """How much of a recording is whole.
+
+    whole_bytes, records: up to where it is. finished: whether it ends with the record that says so.
+    fault: why reading stopped before the end of the file, or None.
+    """
 
     whole_bytes: int
     records: int

@@ -1,4 +1,4 @@
-"""From recordings to a `Scan`: the presses of guided sessions, and of other people's recordings."""
+"""Make a `Scan` of recordings: of guided sessions, and of others with a list of what was pressed when."""
 
 from __future__ import annotations
 
@@ -30,7 +30,8 @@ from tactsim.hardware.session import Plan, Press, note, parse_press
 class SessionRecord:
     """What the recording of a guided session says.
 
-    calibrations: (number of the reading from which on it holds, calibration or None), in order.
+    readings: how many it has. presses: the marks by number. calibrations: for each segment the number of
+    its first reading, and its calibration or None. segments: the segments' contents.
     """
 
     path: Path

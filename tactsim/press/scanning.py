@@ -24,8 +24,8 @@ from tactsim.press.sensor import gains, sense
 
 Progress = Callable[[int, int], None]
 
-# What workers are given at a time. It does not depend on how many there are, so neither do the readings.
-_CHUNK = 64  # presses
+# Presses that a worker is given at a time. They do not depend on the number of workers, so neither do the readings.
+_CHUNK = 64
 WORTH_A_WORKER = 2.0  # s of one core; a worker takes most of a second to start
 
 
@@ -46,11 +46,13 @@ def scan_letters(
     cache: bool = True,
     progress: Progress | None = None,
 ) -> tuple[Scan, dict[str, Any]]:
-    """Press every letter at 192 training and 192 test poses.
+    """Press every letter at 192 training and 192 test poses (paper, section II).
 
+    jobs: processes to use at most, where the work is worth them. cache: whether readings of earlier
+    scans are used and new ones are kept. progress(done, total): called as presses are done.
     Returns the scan and its work: `presses`, those that were worked out now, and `skipped` {reason:
-    count}. `progress(done, total)` is called as presses are done. The same options give the same bits
-    whatever `jobs`, processes used where the work is worth them, `cache`, and the other letters are.
+    count}. The same options give the same bits whatever `jobs` and `cache` are, and a letter's readings
+    do not depend on the other letters.
 
     Raises InputError for a letter, shape or option that does not exist, and if a press does not settle.
     """
