@@ -5,7 +5,9 @@ from __future__ import annotations
 import os
 import select
 import sys
+import termios
 import time
+import tty
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
@@ -15,11 +17,10 @@ from rich.live import Live
 from rich.text import Text
 
 from tactsim.core.poses import FloatArray
+from tactsim.core.source import NoReading, Source, SourceEnded
 from tactsim.hardware.calibration import force
-from tactsim.hardware.errors import NoReading, SourceEnded
 from tactsim.hardware.recording import Recorder
 from tactsim.hardware.session import Phase, Press, Session
-from tactsim.hardware.sources import Source
 from tactsim.hardware.terminal_pictures import Covers, placement, tactile_image, where
 
 KEYS = "space take it as it is   r redo the one before   s skip   q stop (goes on later with --resume)"
@@ -147,34 +148,19 @@ class _Screen:
 @contextmanager
 def _keys() -> Iterator[Callable[[], list[str]]]:
     """Read single keys without waiting, where standard input is a terminal."""
-    if os.name == "nt":
-        yield _windows_keys
-        return
     if not sys.stdin.isatty():
         yield lambda: []
         return
-    import termios
-    import tty
-
     settings = termios.tcgetattr(sys.stdin)
     try:
         tty.setcbreak(sys.stdin)
-        yield _posix_keys
+        yield _typed
     finally:
         termios.tcsetattr(sys.stdin, termios.TCSADRAIN, settings)
 
 
-def _posix_keys() -> list[str]:
+def _typed() -> list[str]:
     keys = []
     while select.select([sys.stdin], [], [], 0)[0]:
         keys.append(os.read(sys.stdin.fileno(), 1).decode(errors="replace").lower())
-    return keys
-
-
-def _windows_keys() -> list[str]:
-    import msvcrt
-
-    keys = []
-    while msvcrt.kbhit():  # type: ignore[attr-defined]
-        keys.append(msvcrt.getwch().lower())  # type: ignore[attr-defined]
     return keys

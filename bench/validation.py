@@ -21,7 +21,7 @@ from tactsim.estimators.likelihoods.classifier import classify
 from tactsim.hardware.sensor_fit import SensorFit, TaxelError, class_agreement, fit_sensor, taxel_error
 from tactsim.models import Letter
 from tactsim.press import ScanOptions
-from tactsim.press.pressing import ideal_readings
+from tactsim.press.engine import ideal_readings
 from tactsim.press.scanning import letters_of
 from tactsim.press.sensor import gains, sense
 

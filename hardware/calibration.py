@@ -1,4 +1,4 @@
-"""Correct what a pad says: tare, gain of each taxel, taxels that are dead or stuck; and force."""
+"""Correct a pad's readings: tare, each taxel's gain, taxels that are dead or stuck; and sum them to a force."""
 
 from __future__ import annotations
 
@@ -75,7 +75,11 @@ class Calibration(BaseModel):
 
 
 class Correction:
-    """Apply a calibration to readings of the pad that it was taken on."""
+    """Apply a calibration to readings of the pad that it was taken on.
+
+    taxel_xy: (kept, 2) mm, where the taxels lie that are left. Raises InputError if the pad has another
+    number of taxels than the calibration.
+    """
 
     def __init__(self, calibration: Calibration, pad: Pad) -> None:
         if len(calibration.tare) != pad.taxels:
@@ -89,7 +93,7 @@ class Correction:
         self.taxel_xy = pad.taxel_xy[self._kept]
 
     def whole(self, pressures: FloatArray) -> FloatArray:
-        """Correct the pressures (..., taxels) kPa of all taxels, dead and stuck ones too."""
+        """Correct the pressures (..., taxels) kPa of all taxels, including dead and stuck ones."""
         return (pressures - self._tare) * self._gain
 
     def apply(self, reading: Reading) -> Reading:
@@ -123,11 +127,11 @@ def take_tare(
             f"something touches the pad: taxel {worst} reads {tare[worst]:.1f} kPa; take everything off, or "
             f"raise largest_offset_kpa ({device.largest_offset_kpa:g}) in the device file if nothing is there"
         )
-    # From one frame to the next, so that what moves does not hide in its own noise.
+    # Noise is taken from one frame to the next: a slow movement would otherwise count as noise and hide itself.
     jitter = np.sqrt((np.diff(values, axis=0) ** 2).mean(axis=0) / 2)
     half = len(values) // 2
     moved = np.abs(values[:half].mean(axis=0) - values[-half:].mean(axis=0))
-    # The typical taxel's noise stands in for one that was quieter by chance than its steps allow.
+    # A taxel may be quiet by chance, as values come in steps; the typical taxel's noise is the least assumed.
     typical = float(np.median(jitter[free]))
     allowed = np.maximum(_MOVED * np.maximum(jitter, typical) * np.sqrt(2 / half), _smallest_step(values))
     leap = max(device.largest_offset_kpa, 2 * _MOVED * typical)

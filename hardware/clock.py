@@ -4,11 +4,13 @@ from __future__ import annotations
 
 
 class DeviceClock:
-    """Turn a clock that starts again after `wrap` ticks into seconds that only rise.
+    """Turn the ticks of a clock that starts again after `wrap` ticks into seconds that never fall.
 
-    The number of wraps between two frames is the one that agrees best with the host's clock, so a
-    short clock survives a long pause. A clock that runs backwards was reset; time then goes on as the
-    host's does.
+    tick_s: s. wrap: ticks, None for a clock that does not start again. restarts: how often it was reset.
+
+    A clock may have started again several times between two frames. The number taken is the one that
+    agrees best with the host's clock, so that long pauses do no harm. A clock that runs backwards all
+    the same was reset; time then goes on by as much as the host's clock says.
     """
 
     def __init__(self, tick_s: float, wrap: int | None) -> None:

@@ -21,12 +21,12 @@ UNREAD = -1
 
 
 class Part(BaseModel):
-    """One device of those that make a pad.
+    """One of the devices that together make a pad.
 
-    port: which of the ports given, the first is 0. address: which device on that port, where its
-    frames say so; None: the one that the codec takes for granted. taxels: for each of its taxels,
-    in its own order, the pad's taxel that it is, or -1 if the pad does not read it; None: the pad's
-    taxels in their order.
+    port: index of its port among those given. address: which device on that port it is, if frames
+    say so; None: the codec's usual address. taxels: for each taxel of the device, in the device's order,
+    the taxel of the pad that it is, or -1 if the pad does not read it; None: all taxels of the pad in
+    the pad's order.
     """
 
     model_config = STRICT

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from typing import Generic
 
-from tactsim.hardware.codecs.codec import Codec, Packet
-from tactsim.hardware.counters import Counters
-from tactsim.hardware.errors import CodecError
+from tactsim.core.counters import Counters
+from tactsim.hardware.codecs.codec import Codec, CodecError, Packet
 
 
 class Framer(Generic[Packet]):
-    """Feed a codec from a buffer that never holds more than one chunk and one packet's beginning."""
+    """Give a codec what has come so far; the buffer never holds more than one chunk and an unfinished packet."""
 
     def __init__(self, codec: Codec[Packet], counters: Counters) -> None:
         self._codec, self._counters = codec, counters
@@ -20,7 +19,8 @@ class Framer(Generic[Packet]):
     def feed(self, data: bytes) -> list[Packet]:
         """Take bytes in and return the packets that they complete.
 
-        Raises CodecError if the codec does not move on where its own `longest` says that it must.
+        Raises CodecError if the codec asks for more bytes though it has `longest` of them: that is its bug,
+        and the buffer would grow without end.
         """
         buffer, packets, at = self._buffer, [], 0
         buffer += data

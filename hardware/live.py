@@ -8,10 +8,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from tactsim.core.reading import Reading
+from tactsim.core.source import Log, NoReading, Source, SourceError
 from tactsim.hardware.device import Device
-from tactsim.hardware.errors import NoReading, SourceError
 from tactsim.hardware.port import Port, wait_any
-from tactsim.hardware.sources import Log, Source
 from tactsim.hardware.stream import Stream
 
 _FIRST_RETRY, _LAST_RETRY = 0.1, 5.0  # s between attempts to open a lost port; each is twice the last
@@ -55,6 +54,7 @@ class LiveSource(Source):
         self.counters = self._stream.counters
         self._ready: deque[Reading] = deque()
         self._links = [_Link(url) for url in urls]
+        self._closed = False
         try:
             for link in self._links:
                 self._open(link)
@@ -64,6 +64,8 @@ class LiveSource(Source):
 
     def read(self, timeout: float | None = None) -> Reading:
         """Return the next reading; see `Source.read`. A lost port is reopened while there is time."""
+        if self._closed:
+            raise SourceError(f"{self._where} was closed")
         timeout = self.device.deadline if timeout is None else timeout
         before = self.counters.as_dict()
         # A device that starts has its time to do so before it can be late.
@@ -82,10 +84,15 @@ class LiveSource(Source):
 
     def close(self) -> None:
         """Close all ports."""
+        self._closed = True
         for link in self._links:
             if link.port is not None:
                 link.port.close()
                 link.port = None
+
+    @property
+    def _where(self) -> str:
+        return " and ".join(link.url for link in self._links)
 
     def _open(self, link: _Link) -> None:
         link.port = Port(link.url, self.device.baud)
@@ -142,8 +149,7 @@ class LiveSource(Source):
 
     def _why(self, timeout: float, before: dict[str, int]) -> str:
         """Say why no reading came, from what happened since `before`."""
-        where = " and ".join(link.url for link in self._links)
-        late = f"no reading from {where} in {timeout:g} s"
+        late = f"no reading from {self._where} in {timeout:g} s"
         lost = [link for link in self._links if link.port is None]
         if lost:
             return f"{late}: {lost[0].trouble}"

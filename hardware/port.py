@@ -1,4 +1,4 @@
-"""A serial port, pty or socket: bytes in, bytes out, and plain words when it fails. pyserial is used here only."""
+"""A serial port, pty or socket: bytes in, bytes out, and plain words when it fails. Only here is pyserial used."""
 
 from __future__ import annotations
 
@@ -8,18 +8,18 @@ from collections.abc import Iterable
 from contextlib import suppress
 from typing import Any
 
-from tactsim.hardware.errors import SourceError
+from tactsim.core.source import SourceError
 
 CHUNK = 1 << 16  # bytes that one read takes at most: the bound of what is ever buffered
 _WRITE_TIMEOUT = 1.0  # s
-_POLL = 0.001  # s between looks at a port that select cannot watch (Windows, rfc2217://, loop://)
+_POLL = 0.001  # s between looks at a port that select cannot watch (rfc2217://, loop://)
 
 
 class Port:
     """An open port. Its reads never block; `wait_any` does, for at most the time given."""
 
     def __init__(self, url: str, baud: int) -> None:
-        """Open `url`: a device's name or a URL that pyserial knows, exclusively.
+        """Open `url`, a device's name or a URL that pyserial knows, for this program alone.
 
         Raises SourceError if it is not there, in use, or not allowed.
         """

@@ -8,17 +8,18 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from tactsim.core.checking import checked
+from tactsim.core.counters import Counters
 from tactsim.core.errors import InputError
 from tactsim.core.files import open_regular
 from tactsim.core.reading import Reading
+from tactsim.core.source import Log, Source, SourceEnded, SourceError
 from tactsim.hardware.calibration import Calibration, Correction
 from tactsim.hardware.codecs.pps_csv import CsvFormat, count_taxels
-from tactsim.hardware.counters import Counters
 from tactsim.hardware.device import Device
-from tactsim.hardware.errors import SourceEnded, SourceError
 from tactsim.hardware.recording import Kind, Record, RecordReader, Whole
-from tactsim.hardware.sources import Log, Source
 from tactsim.hardware.stream import Stream
 
 _CHUNK = 1 << 16  # bytes
@@ -75,9 +76,11 @@ class Replay(Source):
         return self._ready.popleft()
 
     def summary(self) -> list[str]:
-        """Say what the recording is of, as far as it was read."""
-        first = self._first
-        lines = [f"{first.get('device', {}).get('name')} at {first.get('urls')}, {first.get('started')}"]
+        """Say how much of the file is whole and what was recorded, as far as it was read."""
+        first, whole = self._first, self._reader.whole
+        state = "finished" if whole.finished else f"unfinished: {whole.fault or 'what wrote it was ended'}"
+        lines = [f"{whole.records:,} records, {whole.whole_bytes:,} bytes, {state}"]
+        lines += [f"{first.get('device', {}).get('name')} at {first.get('urls')}, {first.get('started')}"]
         if isinstance(plan := first.get("plan"), dict):
             poses = plan.get("poses")
             lines.append(
@@ -119,8 +122,7 @@ class Replay(Source):
             raise InputError("its segments were recorded with different pads")
         self.device, self.pad = device, device.pad
         self._correct(content.get("calibration"))
-        self._stream = Stream(device)
-        self.counters = self._stream.counters
+        self._stream = Stream(device, self.counters)  # its clocks and frame counters begin anew
         self._first = self._first or content
         self.segments += 1
         self._note(Kind.SEGMENT, content)
@@ -133,7 +135,7 @@ class Replay(Source):
             calibration = checked(Calibration, content, "calibration of a segment")
             self._correction = Correction(calibration, self.pad)
         taxel_xy = self.pad.taxel_xy if self._correction is None else self._correction.taxel_xy
-        if self.segments and len(taxel_xy) != len(self.taxel_xy):
+        if self.segments and not np.array_equal(taxel_xy, self.taxel_xy):
             raise InputError("its segments leave out different taxels; `bench replay --scan` can join them")
         self.taxel_xy = taxel_xy
 

@@ -1,4 +1,4 @@
-"""Recordings: everything that came from a device, in a file that survives whatever ends the program.
+"""Recordings: everything that came from a device, in a file that can be read however the program ended.
 
 The format, version 1. Numbers are little-endian.
 
@@ -107,7 +107,7 @@ class Recorder:
         """
         self.path = Path(path)
         whole = check_whole(self.path).whole_bytes if append else 0
-        flags = os.O_WRONLY | getattr(os, "O_BINARY", 0) | (0 if append else os.O_CREAT | os.O_EXCL)
+        flags = os.O_WRONLY | (0 if append else os.O_CREAT | os.O_EXCL)
         try:
             self.path.parent.mkdir(parents=True, exist_ok=True)
             self._file = os.open(self.path, flags, 0o666)
@@ -115,7 +115,7 @@ class Recorder:
                 os.ftruncate(self._file, whole)
                 os.lseek(self._file, whole, os.SEEK_SET)
             else:
-                self._write(_START.pack(MAGIC, VERSION))
+                self._put(_START.pack(MAGIC, VERSION))
         except FileExistsError:
             raise InputError(
                 f"{self.path} exists; name another file, or go on with a session by `--resume`"
@@ -129,22 +129,22 @@ class Recorder:
 
     def received(self, link: int, data: bytes, time: float) -> None:
         """Record bytes that came from a link."""
-        self._append(Kind.RECEIVED, link, time, data)
+        self.write(Kind.RECEIVED, link, time, data)
 
     def sent(self, link: int, data: bytes, time: float) -> None:
         """Record bytes that were sent to a link."""
-        self._append(Kind.SENT, link, time, data)
+        self.write(Kind.SENT, link, time, data)
 
     def lost(self, link: int, time: float) -> None:
         """Record that a link was lost."""
-        self._append(Kind.LOST, link, time, b"")
+        self.write(Kind.LOST, link, time, b"")
 
     def reading(self, reading: Reading) -> None:
         """Record a reading of a source that has no bytes."""
         device_time = math.nan if reading.device_time is None else reading.device_time
         index = -1 if reading.index is None else reading.index
         content = _READING.pack(device_time, index) + reading.pressures.astype("<f8").tobytes()
-        self._append(Kind.READING, 0, reading.host_time, content)
+        self.write(Kind.READING, 0, reading.host_time, content)
 
     def mark(self, content: Mapping[str, Any], time: float) -> None:
         """Record a note, and make sure that all so far is on the disk."""
@@ -172,18 +172,19 @@ class Recorder:
         self.close()
 
     def _json(self, kind: Kind, content: Mapping[str, Any], time: float) -> None:
-        self._append(kind, 0, time, json.dumps(content, allow_nan=False).encode())
+        self.write(kind, 0, time, json.dumps(content, allow_nan=False).encode())
 
-    def _append(self, kind: Kind, link: int, time: float, payload: bytes) -> None:
+    def write(self, kind: Kind, link: int, time: float, payload: bytes) -> None:
+        """Append one record of any kind. Raises InputError if it is too large or cannot be written."""
         if len(payload) > LARGEST_PAYLOAD:
             raise InputError(f"a record of {len(payload):,} bytes; at most {LARGEST_PAYLOAD:,} are allowed")
         body = _HEADER.pack(kind, link, 0, len(payload), time) + payload
         try:
-            self._write(body + _CRC.pack(zlib.crc32(body)))
+            self._put(body + _CRC.pack(zlib.crc32(body)))
         except OSError as error:
             raise InputError(f"cannot write {self.path}: {error.strerror or error}") from error
 
-    def _write(self, content: bytes) -> None:
+    def _put(self, content: bytes) -> None:
         view = memoryview(content)
         while view:  # a write to a file is short only when the disk is nearly full
             view = view[os.write(self._file, view) :]
@@ -191,7 +192,11 @@ class Recorder:
 
 @dataclass(frozen=True)
 class Whole:
-    """How much of a recording is whole. fault: why reading stopped before the end of the file, or None."""
+    """How much of a recording is whole.
+
+    whole_bytes, records: up to where it is. finished: whether it ends with the record that says so.
+    fault: why reading stopped before the end of the file, or None.
+    """
 
     whole_bytes: int
     records: int

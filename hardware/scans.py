@@ -1,4 +1,4 @@
-"""From recordings to a `Scan`: the presses of guided sessions, and of other people's recordings."""
+"""Make a `Scan` of recordings: of guided sessions, and of others with a list of what was pressed when."""
 
 from __future__ import annotations
 
@@ -18,20 +18,20 @@ from tactsim.core.errors import InputError
 from tactsim.core.pad import Pad
 from tactsim.core.poses import FloatArray, compose
 from tactsim.core.scan import Scan
+from tactsim.core.source import Source, SourceError
 from tactsim.hardware.calibration import Calibration, Correction
 from tactsim.hardware.codecs.codec import STRICT
-from tactsim.hardware.errors import SourceError
 from tactsim.hardware.recorded import Replay
 from tactsim.hardware.recording import Kind, Whole
 from tactsim.hardware.session import Plan, Press, note, parse_press
-from tactsim.hardware.sources import Source
 
 
 @dataclass
 class SessionRecord:
     """What the recording of a guided session says.
 
-    calibrations: (number of the reading from which on it holds, calibration or None), in order.
+    readings: how many it has. presses: the marks by number. calibrations: for each segment the number of
+    its first reading, and its calibration or None. segments: the segments' contents.
     """
 
     path: Path

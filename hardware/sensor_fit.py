@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 from tactsim.core.errors import InputError
 from tactsim.core.poses import FloatArray
 
-# predict(sigma, errors): what the simulated pad would read without imperfections, (n, taxels) kPa, with
-# a point spread of sigma mm and each press off its stated pose by errors (n, 3) [mm, mm, rad].
+# predict(sigma, errors) gives what the simulated pad would read without imperfections, (n, taxels) kPa. sigma: mm, of
+# the point spread. errors: (n, 3) [mm, mm, rad], by which each press is off its stated pose.
 Predict = Callable[[float, FloatArray], FloatArray]
 
 NARROWEST, WIDEST = 0.3, 4.0  # mm, of a point spread
@@ -43,11 +43,12 @@ class TaxelError:
 class SensorFit:
     """The parameters of the sensor model that explain recorded readings best.
 
-    psf_sigma: mm, psf_sigma_error its standard error. gain: recorded over simulated pressure, the
-    force's included. gain_per_taxel: (taxels,) relative to `gain`; gain_spread their sd.
-    noise: kPa, sd of a reading where nothing touches. placement: (n, 3), by how much each press seems
-    to be off [mm, mm, rad] in the sensor frame; offset its median, placement_mm and placement_rad its sd
-    about that. misfit: what is left, rms kPa. error: of the parameters it started from.
+    psf_sigma, psf_sigma_error: mm, the point spread and its standard error. gain: recorded over simulated
+    pressure, which an error of the force changes too. gain_per_taxel: (taxels,) relative to `gain`;
+    gain_spread: their standard deviation. noise: kPa, standard deviation of a reading where nothing
+    touches. placement: (n, 3) [mm, mm, rad] in the sensor frame, by how much each press seems to be off;
+    offset: (3,) its median; placement_mm, placement_rad: its standard deviation. misfit: kPa, root mean
+    square of what is left unexplained.
     """
 
     psf_sigma: float
@@ -160,7 +161,7 @@ def _step(
         )
     variance = max(float((residual**2).mean()), 1e-12)
     information = np.einsum("nti,ntj->nij", slopes, slopes) / variance
-    # Linearised about `errors`: the readings alone would put a press where information * x = told.
+    # Linearised about `errors`: the readings alone would put a press at the x for which information @ x = told.
     told = np.einsum("nti,nt->ni", slopes, residual) / variance
     told += np.einsum("nij,nj->ni", information, errors)
     prior, middle = _PLACEMENT**2, np.zeros(3)

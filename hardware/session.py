@@ -1,8 +1,8 @@
 """A guided recording of one letter, press by press: a state machine without a terminal or a port.
 
-A session's journal is the recording itself: each press that was taken or skipped is a mark in it,
-which names the readings by their number. So a session goes on where it was stopped, whatever
-stopped it, and its scan is computed from the raw bytes again.
+The recording is the session's journal. Each press that was taken or skipped is a mark in it, and the
+mark names the press's readings by their numbers. So a stopped session can go on where it ended, and its
+scan can be worked out again from the raw bytes.
 """
 
 from __future__ import annotations
@@ -26,12 +26,12 @@ from tactsim.hardware.calibration import force
 from tactsim.hardware.codecs.codec import STRICT
 
 _LIFTED = 5  # readings without touch after which a press is over
-_STILL_TOUCHED = 3.0  # s after which a pad that is not free is told of
-_STEADY = 0.05  # relative change of the force that a steady hand makes, beyond the sensor's noise
+_STILL_TOUCHED = 3.0  # s after which a person is told that something still touches the pad
+_STEADY = 0.05  # relative change of the force that a steady hand may make, in addition to the sensor's noise
 
 
 class Plan(BaseModel):
-    """What a session is to record; it stands in the recording's first segment.
+    """What a session is to record; every segment of its recording holds it.
 
     poses: sensor_in_object [mm, mm, rad] of each press, in order.
     """
@@ -69,8 +69,9 @@ class Plan(BaseModel):
 class Press(BaseModel):
     """A mark of a recording: what was done about press `number` of the plan.
 
-    taken: it is the mean of `count` readings from `first` on. skipped: it is left out. redo: what was
-    marked before is void, and the press is waited for. Later marks replace earlier ones.
+    taken: its reading is the mean of `count` readings of the recording, from number `first` on. skipped:
+    it is left out. redo: it is to be pressed again, and earlier marks of it are void. A later mark of a
+    press replaces earlier ones.
     """
 
     model_config = STRICT
@@ -118,13 +119,13 @@ class Session:
 
     @property
     def progress(self) -> float:
-        """Give the share of the current press that has been read."""
+        """Give the share of the current press's readings that have come, 0 to 1."""
         return len(self._taken) / self.plan.frames
 
     def take(self, reading: Reading, number: int) -> Press | None:
-        """Take in reading `number` of the recording; returns the press if that completes one.
+        """Take in reading `number` of the recording; returns the press that it completes, or None.
 
-        The caller marks the press in the recording.
+        The caller writes the press into the recording as a mark.
         """
         if self.phase is Phase.DONE:
             return None
@@ -158,19 +159,19 @@ class Session:
         return None
 
     def take_anyway(self) -> None:
-        """Start reading now, touched or not: a hole of the letter may lie over the pad."""
+        """Take the press from now on, touched or not: a hole of the letter may lie over the pad."""
         if self.phase is not Phase.DONE:
             self._begin(Phase.TAKING)
             self.message = ""
 
     def skip(self) -> Press | None:
-        """Leave out the current press; returns what to mark."""
+        """Leave out the current press; returns the mark to write, or None when all are done."""
         if self.phase is Phase.DONE:
             return None
         return self._finish(Press(number=self.current, what="skipped"))
 
     def redo(self) -> Press | None:
-        """Go back to the press before, to record it anew; returns what to mark."""
+        """Go back to the press before, to record it again; returns the mark to write, or None if there is none."""
         number = self._before.pop() if self._before else max(self.presses, default=-1)
         if number < 0:
             return None
@@ -221,13 +222,13 @@ class Session:
         return self._finish(Press(number=self.current, what="taken", first=first, count=len(self._taken)))
 
     def _moves(self, values: Sequence[float] | FloatArray) -> bool:
-        """Tell whether forces (n,) N rise or fall by more than their noise explains and a hand cannot help."""
+        """Tell whether forces (n,) N rise or fall by more than noise and a steady hand explain."""
         forces = np.asarray(values)
         half = len(forces) // 2
         if not half:
             return False
         change = abs(float(forces[:half].mean() - forces[-half:].mean()))
-        # Noise of one reading; second differences leave a rise out, which is what is looked for.
+        # Noise of one reading, from second differences: a steady rise, which is looked for, does not add to them.
         noise = float(np.sqrt(np.mean(np.diff(forces, 2) ** 2) / 6)) if len(forces) > 2 else 0.0
         allowed = _STEADY * max(float(forces.mean()), self.plan.least_force)
         return change > allowed + 3 * noise * np.sqrt(2 / half)
@@ -243,7 +244,7 @@ class Session:
 
 
 def note(presses: dict[int, Press], mark: Press) -> None:
-    """Enter a mark among the presses that are done, by number."""
+    """Enter a mark into `presses`, those that are done, by number."""
     if mark.what == "redo":
         presses.pop(mark.number, None)
     else:

@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 
+from tactsim.core.counters import Counters
 from tactsim.core.poses import FloatArray
 from tactsim.core.reading import Reading
 from tactsim.hardware.clock import DeviceClock
 from tactsim.hardware.codecs.codec import Dialogue, Frame
-from tactsim.hardware.counters import Counters
 from tactsim.hardware.device import UNREAD, Device
 from tactsim.hardware.framing import Framer
 
@@ -22,8 +22,9 @@ class Stream:
     `received` and `lost`, and get the same readings, bit for bit.
     """
 
-    def __init__(self, device: Device) -> None:
-        self.counters = Counters()
+    def __init__(self, device: Device, counters: Counters | None = None) -> None:
+        """Begin with nothing received or asked. Counts on in `counters`, or from 0 if none are given."""
+        self.counters = Counters() if counters is None else counters
         self._codec = device.codec.build()
         self._taxels = device.pad.taxels
         self._links = [_Link(device, port, self._codec, self.counters) for port in range(device.ports)]
@@ -113,8 +114,9 @@ class Stream:
     def _device_time(self, frame: Frame, now: float) -> float | None:
         if frame.ticks is None:
             return None
+        restarts = self._clock.restarts
         seconds = self._clock.seconds(frame.ticks, now)
-        self.counters.clock_restarts = self._clock.restarts
+        self.counters.clock_restarts += self._clock.restarts - restarts
         return seconds
 
 

@@ -6,12 +6,12 @@ that knows a sensor, a force, a reading or a map.
 
 from tactsim.models.export import export
 from tactsim.models.glyphs import names, parse_letters
-from tactsim.models.letter import Letter, Part, Rectangle, letter
+from tactsim.models.letter import ConvexPart, Letter, Rectangle, letter
 from tactsim.models.shapes import shape
 
 __all__ = [
+    "ConvexPart",
     "Letter",
-    "Part",
     "Rectangle",
     "export",
     "letter",

@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from tactsim.core.poses import FloatArray
 
 _SAME = 1e-6  # mm: a cut that passes a point this near ends there
 _FLAT = 1e-8  # rad: a corner that turns by less is straight

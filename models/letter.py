@@ -1,4 +1,4 @@
-"""`Letter`, the shape that is pressed, with what follows from it, and `Part`, a convex piece of it."""
+"""`Letter`, the shape that is pressed, with what follows from it, and `ConvexPart`, a convex piece of it."""
 
 from __future__ import annotations
 
@@ -10,17 +10,15 @@ from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tactsim.core.errors import InputError, unknown
+from tactsim.core.poses import FloatArray
 from tactsim.models.convex import convex_pieces
 from tactsim.models.rounding import inset, rounded_solid, strips
 from tactsim.models.symmetry import rotational_order
 
 if TYPE_CHECKING:
     from manifold3d import CrossSection, Manifold
-
-FloatArray = NDArray[np.float64]
 
 HEIGHT = 4.0  # mm, assumed: "a few mm high"
 LARGEST_HEIGHT = 100.0  # mm
@@ -36,7 +34,7 @@ class Rectangle(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Part:
+class ConvexPart:
     """A convex piece of a letter, standing on z = 0 and reaching the pressed face at z = height.
 
     outline: (k, 2) mm, convex, counter-clockwise: the piece in plan. vertices: (m, 3) mm, the corners of
@@ -96,7 +94,7 @@ class Letter:
         return self.footprint.extrude(self.height)
 
     @cached_property
-    def parts(self) -> tuple[Part, ...]:
+    def parts(self) -> tuple[ConvexPart, ...]:
         """Cut the letter into convex parts that tile it without overlap.
 
         With rounded edges the flat of the face comes first, then one strip along each edge of the outline.
@@ -210,10 +208,10 @@ def _prism(outline: FloatArray, height: float) -> tuple[FloatArray, FloatArray]:
     return outline, np.concatenate(levels)
 
 
-def _part(outline: FloatArray, vertices: FloatArray) -> Part:
+def _part(outline: FloatArray, vertices: FloatArray) -> ConvexPart:
     for array in (outline, vertices):
         array.setflags(write=False)  # letters are cached and shared
-    return Part(outline, vertices)
+    return ConvexPart(outline, vertices)
 
 
 def _moments(contours: list[FloatArray] | tuple[FloatArray, ...]) -> tuple[float, FloatArray, FloatArray]:

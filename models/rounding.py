@@ -12,14 +12,12 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tactsim.core.errors import InputError
+from tactsim.core.poses import FloatArray
 
 if TYPE_CHECKING:
     from manifold3d import Manifold
-
-FloatArray = NDArray[np.float64]
 
 CHORD_ERROR = 0.005  # mm, of the profile's chords
 

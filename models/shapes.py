@@ -6,16 +6,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tactsim.core.errors import InputError
 from tactsim.core.files import read_bytes
+from tactsim.core.poses import FloatArray
 from tactsim.models.letter import HEIGHT, LARGEST_HEIGHT, Letter, raised
 
 if TYPE_CHECKING:
     from manifold3d import CrossSection
-
-FloatArray = NDArray[np.float64]
 
 STAGE = 32.0  # mm a side: a pad of 11.6 mm at positions up to 10.2 mm from the centre reaches 16 mm
 LEAST_AREA = 1.0  # mm^2, a third of one taxel of the pad

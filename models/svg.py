@@ -11,14 +11,12 @@ from typing import TYPE_CHECKING, Any
 from xml.etree.ElementTree import Element, ParseError
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tactsim.core.errors import InputError
+from tactsim.core.poses import FloatArray
 
 if TYPE_CHECKING:
     from manifold3d import CrossSection
-
-FloatArray = NDArray[np.float64]
 
 FLATTENING = 0.01  # mm: no chord of a curve is further from it
 MOST_CHORDS = 5_000

@@ -7,14 +7,13 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
+
+from tactsim.core.poses import FloatArray
 
 if TYPE_CHECKING:
     from manifold3d import CrossSection
 
-FloatArray = NDArray[np.float64]
-
-TOLERANCE = 0.05  # mm: an outline that moves by less is where it was; a sensor taxel has 1.8 mm
+TOLERANCE = 0.05  # mm: an outline that moves by less is where it was; a taxel measures 1.8 mm
 LARGEST_ORDER = 64  # a turn by less moves an outline hardly more than the tolerance
 _PRIMES = (2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37, 41, 43, 47, 53, 59, 61)
 

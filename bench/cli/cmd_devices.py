@@ -58,7 +58,7 @@ def _ports() -> list[dict[str, Any]]:
 
     rows = []
     for port in sorted(comports()):
-        readable = os.name == "nt" or os.access(port.device, os.R_OK | os.W_OK)
+        readable = os.access(port.device, os.R_OK | os.W_OK)
         status = "may be opened" if readable else "no permission; join the group that owns it"
         what = port.description if port.description not in (None, "n/a") else ""
         rows.append({"name": port.device, "what": what, "status": status})

@@ -56,11 +56,11 @@ def command(
     import numpy as np
 
     from tactsim.bench.config import key_values, scan_options
-    from tactsim.bench.presses import scan_options_for, sensing
     from tactsim.core.errors import InputError
     from tactsim.hardware.device import load_device
     from tactsim.hardware.emulator import Faults, emulate
     from tactsim.hardware.emulator.hand import Pressing
+    from tactsim.press.simulated_source import on_pad_of, sensing
 
     if not np.isfinite([hold, lift, rate, drift, disconnect]).all():
         raise InputError("--hold, --lift, --rate, --drift and --disconnect take finite numbers")
@@ -69,9 +69,7 @@ def command(
         raise InputError(f"{described.name} has {described.ports} ports; only pads on one port are emulated")
     if letter is not None and follow is not None:
         raise InputError("--follow takes the letter from the session; leave --letter out")
-    options = scan_options_for(
-        described, scan_options(scan_set=key_values(scan_set or (), "--scan-set"), seed=seed)
-    )
+    options = on_pad_of(described, scan_options(scan_set=key_values(scan_set or (), "--scan-set"), seed=seed))
     rng = np.random.default_rng(seed)
     wanted = _wanted(letter, pose, follow, hold, lift, options, rng)
     faults = Faults(drop=drop, flip=flip, torn=torn, garbage=garbage, drift=drift, disconnect=disconnect)
@@ -92,8 +90,8 @@ def _wanted(
     """Say what should press on the pad: nothing, one letter by the clock, or what a session asks for."""
     import numpy as np
 
-    from tactsim.bench.presses import parse_pose, press_table
     from tactsim.hardware.emulator.hand import Follower, by_the_clock
+    from tactsim.press.simulated_source import parse_pose, press_table
 
     if follow is not None:
         return Follower(

@@ -23,8 +23,8 @@ def command(
     import numpy as np
 
     from tactsim.bench.console import plain_console
+    from tactsim.core.source import NoReading, SourceEnded
     from tactsim.hardware.calibration import force
-    from tactsim.hardware.errors import NoReading, SourceEnded
     from tactsim.hardware.sources import open_source
     from tactsim.hardware.terminal_pictures import tactile_image
 

@@ -142,7 +142,7 @@ def _record_all(
     import time
 
     from tactsim.bench.console import plain_console
-    from tactsim.hardware.errors import SourceEnded
+    from tactsim.core.source import SourceEnded
     from tactsim.hardware.recording import Recorder
     from tactsim.hardware.sources import open_source
 

@@ -11,7 +11,7 @@ from tactsim.bench.cli import pad_options as pads
 
 if TYPE_CHECKING:
     from tactsim.core import Scan
-    from tactsim.hardware.sources import Source
+    from tactsim.core.source import Source
 
 
 def command(
@@ -93,20 +93,13 @@ def command(
 
 def _contents(path: Path, source: Source) -> list[str]:
     """Read a recording through and say what is in it."""
-    from tactsim.hardware.recorded import Replay
-
     count, first, last = 0, 0.0, 0.0
     for reading in source:
         first = first if count else reading.host_time
         last, count = reading.host_time, count + 1
     lines = [f"{path}: {count:,} readings of {len(source.taxel_xy)} taxels in {last - first:.1f} s"]
     lines.append(f"  {pads.counters_line(source.counters.as_dict())}")
-    if isinstance(source, Replay):
-        whole = source.whole
-        state = "finished" if whole.finished else f"unfinished: {whole.fault or 'what wrote it was ended'}"
-        lines.append(f"  {whole.records:,} records, {whole.whole_bytes:,} bytes, {state}")
-        lines += [f"  {line}" for line in source.summary()]
-    return lines
+    return lines + [f"  {line}" for line in source.summary()]
 
 
 def _write_csv(source: Source, path: Path) -> None:

@@ -15,8 +15,8 @@ from tactsim.core import Pad
 from tactsim.core.poses import FloatArray
 from tactsim.press import PressOptions, ScanOptions, SensorOptions, press_letter
 from tactsim.press.bed import lay_bed
-from tactsim.press.face import levels
-from tactsim.press.pressing import ideal_readings
+from tactsim.press.engine import ideal_readings
+from tactsim.press.levels import levels
 from tactsim.press.scan_poses import grid_poses, random_poses
 from tactsim.press.scene import Setup, scene
 

@@ -8,14 +8,19 @@ from typing import Any, ClassVar, Generic, TypeVar
 
 from pydantic import BaseModel, ConfigDict
 
+from tactsim.core.counters import Counters
+from tactsim.core.errors import InputError
 from tactsim.core.poses import FloatArray
-from tactsim.hardware.counters import Counters
 
 Packet = TypeVar("Packet")
 
 PATIENCE = 0.25  # s until a question is asked again; more than any device here takes to answer
 
 STRICT = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+class CodecError(InputError):
+    """Bytes, or a description of bytes, that a codec cannot work with."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,12 +38,12 @@ class Frame:
 
 
 class Codec(ABC, Generic[Packet]):
-    """The language of one kind of device.
+    """Encode and decode what one kind of device says.
 
-    taxels: values in a frame. longest: bytes within which a packet ends; that many bytes are always
-    enough for `decode` to move on, so a buffer never grows beyond it. tick_s: s a tick of the device's
-    clock, tick_wrap: ticks until it starts again, or None. index_wrap: the same of the frame counter.
-    speaks: whether frames come unasked and all of them, so that a gap in the counter is a loss.
+    taxels: values in a frame. longest: bytes of the longest packet; with that many bytes `decode` always
+    moves on, so a buffer never grows beyond it. tick_s: s, one tick of the device's clock. tick_wrap: ticks
+    after which the clock starts again, or None. index_wrap: the same of the frame counter. speaks: whether
+    the device sends every frame unasked, so that a gap in the frame counter means lost frames.
     """
 
     taxels: int
@@ -53,7 +58,7 @@ class Codec(ABC, Generic[Packet]):
         """Look for a packet at `start`: returns (used, packet).
 
         (n, packet): the next n bytes were that packet. (n, None): the next n bytes are in no packet.
-        (0, None): more bytes are needed. Nothing is remembered and no bytes raise anything.
+        (0, None): more bytes are needed. Nothing is remembered between calls, and no bytes raise an error.
         """
 
     @abstractmethod
@@ -72,8 +77,8 @@ class Codec(ABC, Generic[Packet]):
 class Dialogue:
     """What to ask a device, and how its packets make frames.
 
-    Only `sent`, `take` and `reset` change its state, so that a recording of what was sent, received
-    and lost leads to the same frames.
+    Only `sent`, `take` and `reset` change its state. A recording holds what was sent, received and lost,
+    so its replay makes the same frames.
     """
 
     def greeting(self) -> bytes:

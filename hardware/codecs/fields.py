@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, BeforeValidator, Field, PlainSerializer, model_validator
 
+from tactsim.core.counters import Counters
 from tactsim.core.poses import FloatArray
 from tactsim.hardware.codecs.checksums import CHECKSUMS
 from tactsim.hardware.codecs.codec import STRICT, Codec, CodecFormat, Dialogue, Frame, Listening
-from tactsim.hardware.counters import Counters
 
 LONGEST_FRAME = 1 << 16  # bytes
 

@@ -12,8 +12,7 @@ from pydantic import Field
 
 from tactsim.core.finite import LARGEST
 from tactsim.core.poses import FloatArray
-from tactsim.hardware.codecs.codec import Codec, CodecFormat, Frame
-from tactsim.hardware.errors import CodecError
+from tactsim.hardware.codecs.codec import Codec, CodecError, CodecFormat, Frame
 
 _KPA = {"kPa": 1.0, "psi": 6.894757293168361, "Pa": 1e-3}  # 1 psi = 1 lbf/in^2
 _TITLE = b"Time"

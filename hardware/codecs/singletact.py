@@ -18,10 +18,9 @@ from typing import ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
+from tactsim.core.counters import Counters
 from tactsim.core.poses import FloatArray
-from tactsim.hardware.codecs.codec import PATIENCE, Codec, CodecFormat, Dialogue, Frame
-from tactsim.hardware.counters import Counters
-from tactsim.hardware.errors import CodecError
+from tactsim.hardware.codecs.codec import PATIENCE, Codec, CodecError, CodecFormat, Dialogue, Frame
 
 HEADERS = (b"\xff\xff\xff\xff", b"\xaa\xaa\xaa\xaa")
 FOOTER = b"\xfe\xfe\xfe\xfe"

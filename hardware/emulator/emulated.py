@@ -1,4 +1,4 @@
-"""Emulated devices, one class a codec: what a device says at which moment, without a port or a clock."""
+"""Emulated devices, one class for each codec: what a device says at which time, without a port or a clock."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from tactsim.hardware.device import UNREAD, Device
 
 Pressures = Callable[[float], FloatArray]
 
-_BEHIND = 1.0  # s of frames that are made up for at most when the host was away
+_BEHIND = 1.0  # s of frames that are kept at most for a host that was not reading
 
 
 class Emulated(ABC):

@@ -1,4 +1,4 @@
-"""Faults on request, done to what an emulated device says."""
+"""Faults on request: spoil what an emulated device says."""
 
 from __future__ import annotations
 

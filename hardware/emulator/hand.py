@@ -1,4 +1,4 @@
-"""What presses on an emulated pad: presses of a table, one after another, by the clock or as a session asks."""
+"""The hand on an emulated pad: it makes one press after another, by the clock or as a session asks."""
 
 from __future__ import annotations
 

@@ -6,6 +6,7 @@ import os
 import select
 import socket
 import time
+import tty
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
@@ -53,10 +54,8 @@ def serve_pty(
     """Serve on a new pty until `stop`. `ready(name)` is called with the name that a host opens.
 
     link: a symbolic link to the pty, kept right when a fault cuts the line and another pty takes its
-    place. Raises InputError where there are no ptys, or if `link` is something else than a link.
+    place. Raises InputError if `link` is something else than a link.
     """
-    if not hasattr(os, "openpty"):
-        raise InputError("this system has no ptys; serve on tcp:HOST:PORT instead")
     if link is not None and link.exists() and not link.is_symlink():
         raise InputError(f"{link} exists and is no link; name another place for the pty")
     stop, clock = stop or Event(), _Clock()
@@ -207,8 +206,6 @@ def _write(line: _PtyLine | _TcpLine, data: bytes) -> bytes:
 
 def _open_pty() -> tuple[int, str]:
     """Open a pty that passes bytes on as they are."""
-    import tty
-
     master, slave = os.openpty()
     tty.setraw(slave)
     name = os.ttyname(slave)

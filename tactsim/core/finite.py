@@ -1,4 +1,4 @@
-"""Numbers that may enter: finite, and no larger than anything a pad can measure."""
+"""Check numbers from outside: finite, and no larger than anything a pad can measure."""
 
 from __future__ import annotations
 
@@ -15,7 +15,8 @@ LARGEST = 1e9
 def finite(values: ArrayLike, name: str) -> FloatArray:
     """Return numbers of any shape as float64.
 
-    Raises InputError that names the first taxel which is NaN, infinite or beyond LARGEST in size.
+    name: what the numbers are, for the message. Raises InputError that names the first one which is NaN,
+    infinite or larger than LARGEST in size.
     """
     array = np.asarray(values, dtype=np.float64)
     allowed = np.abs(array) <= LARGEST

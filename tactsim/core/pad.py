@@ -20,7 +20,7 @@ class Pad(BaseModel):
 
     Two 6x4 arrays lie side by side and the centre 6x6 taxels are read: 1.8 mm taxels, 1.9 mm
     apart, 2.2 mm across the seam, which makes the published 11.6 x 11.3 mm. Rows run along +y,
-    columns along +x, and the origin of the sensor frame is the middle of the read taxels. The
+    columns along +x, and the origin of the sensor frame is the middle of the taxels read. The
     surface that carries load reaches to the outer edges of the outermost taxels, read or not; the
     gaps between taxels carry load too. What lies outside carries nothing (assumed).
     """
@@ -74,7 +74,7 @@ class Pad(BaseModel):
 
     @property
     def taxel_xy(self) -> FloatArray:
-        """Centres of the read taxels, (rows * columns, 2) mm; taxel = columns * row + column."""
+        """Centres of the taxels that are read, (rows * columns, 2) mm; taxel = columns * row + column."""
         x, y = self.column_edges[:, :2].mean(axis=1), self.row_edges[:, :2].mean(axis=1)
         centres = np.stack(np.broadcast_arrays(x[None, :], y[:, None]), axis=-1).reshape(-1, 2)
         centres.setflags(write=False)
@@ -82,12 +82,12 @@ class Pad(BaseModel):
 
     @property
     def column_edges(self) -> FloatArray:
-        """Left and right edge of each read column, (columns, 2) mm."""
+        """Left and right edge of each column that is read, (columns, 2) mm."""
         return _edges(self.columns, 0, self.pitch_x, self.taxel_width, self.seam)
 
     @property
     def row_edges(self) -> FloatArray:
-        """Lower and upper edge of each read row, (rows, 2) mm."""
+        """Lower and upper edge of each row that is read, (rows, 2) mm."""
         return _edges(self.rows, 0, self.pitch_y, self.taxel_height, None)
 
     @property

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import signal
+import time
 from collections.abc import Iterator
 from concurrent.futures import Executor, ProcessPoolExecutor
 from contextlib import contextmanager
 from multiprocessing import get_context
+from typing import Any
 
 
 @contextmanager
@@ -23,7 +25,12 @@ def worker_processes(count: int) -> Iterator[Executor]:
         # CPython may start a worker while it tidies up after another's death. It forgets that one, which then
         # holds up the shutdown for ever.
         workers = list((executor._processes or {}).values())
+        manager: Any = executor._executor_manager_thread
         executor.shutdown(wait=False, cancel_futures=True)
+        # CPython before 3.13 tells every pending task that its worker died, and its thread fails at a cancelled
+        # one. It drops those first, unless the workers die before it gets to that.
+        while manager is not None and manager.is_alive() and executor._cancel_pending_futures:
+            time.sleep(1e-3)
         for worker in workers:
             worker.kill()
         raise

@@ -1,12 +1,11 @@
-"""The bed of springs that carries a letter's face: one contact for each cell that the face covers.
+"""The bed of springs that carries a letter's face: one spring for each grid cell that the face covers.
 
-An elastic (Winkler) foundation answers every point of the face with a pressure proportional to its
-depth. A flat face has a depth that is linear over a cell, tilted or not, so one spring at the
-centroid of the covered part, as stiff as that part is large, carries exactly the force of the whole
-part. All error of a bed is in where it thinks that the outline lies; the clip is exact.
+The bed is an elastic (Winkler) foundation: the pressure at a point is proportional to the depth there.
+Under a flat face, tilted or not, the depth is linear over a cell. One spring at the centroid of the
+covered part, with a stiffness proportional to the part's area, then carries exactly the force of that
+part. `clip` gives areas and centroids exactly.
 
-A face that is not flat is a stack of levels, flat regions that each begin at their own gap behind the
-foremost one.
+A face that is not flat is described by levels: flat regions, each at its own gap behind the foremost one.
 """
 
 from __future__ import annotations
@@ -24,15 +23,19 @@ from tactsim.core.poses import FloatArray, invert
 from tactsim.press.clip import MOMENTS, cell_moments
 
 MM = 1e-3  # m
-# A cell carries in proportion to what is covered of it. Below this part of the press's whole contact
-# it is rounding, far below the force balance that is promised (1e-4).
+# A cell's force is proportional to its covered area. A cell with less than this share of the whole contact is
+# left out: its force would be far below the balance of forces that is promised (1e-4).
 SMALLEST_PART = 1e-8
 SMALLEST_CONTACT = 1e-9  # mm^2; what touches less than this does not touch
 
 
 @dataclass(frozen=True, eq=False)
 class Level:
-    """A flat region of a face: its closed contours' `edges` (`clip.edges_of`), and its gap behind the front, mm."""
+    """A flat region of a face.
+
+    edges: (n, 2, 2) mm, of its closed contours (`clip.edges_of`). gap: mm by which it lies behind the
+    foremost region.
+    """
 
     edges: FloatArray
     gap: float = 0.0
@@ -41,10 +44,11 @@ class Level:
 class Springs(NamedTuple):
     """The springs of one press.
 
-    rows: of the bed. position: (n, 3) m in the sensor frame, z along the press: where the letter meets each.
-    share: (n,), of the largest spring's area; 1 for a spring without area: nothing may touch it, and if
-    anything did, it should be felt. level: (n,) which level of the face, or part, each one carries.
-    area: mm^2, of all. largest: mm^2, of the largest. flat: whether all springs of the bed are without a gap.
+    rows: which rows of the bed they are. position: (n, 3) m in the sensor frame, z along the press: where the
+    letter meets each. share: (n,) each spring's area over the largest one's, by which its stiffness is
+    scaled. A spring without area, which nothing can touch, has share 1, so that a fault which touches it
+    shows in the forces. level: (n,) index of the level, or of the letter's part, that each one carries.
+    area: mm^2, of all. largest: mm^2, of the largest. flat: whether no spring of the whole bed has a gap.
     """
 
     rows: slice
@@ -121,8 +125,9 @@ def lay_bed(
 ) -> Bed:
     """Find the contacts of a face at `poses` (n, 3) sensor_in_object with a grid of cells, mm.
 
-    Without `skip_empty` every cell of the grid gets a spring for every level, at the cell's centre
-    where the level does not cover it; such a spring has no area and nothing touches it.
+    x_lines (columns + 1,), y_lines (rows + 1,): the edges of the cells in the sensor frame.
+    Without `skip_empty` a cell that a level does not cover gets a spring too, at the cell's centre; such a
+    spring has no area and nothing touches it.
     """
     rows, columns = len(y_lines) - 1, len(x_lines) - 1
     object_in_sensor = invert(poses)

@@ -1,9 +1,9 @@
 """Clip outlines with a grid of cells: exact areas and moments of what covers each cell.
 
-Every covered region's area, first and second moments follow from its boundary alone (Green's
-theorem), so an outline is cut where it crosses a grid line and each piece is added to the cell that
-it lies in, and to the cells on its right, as a rasteriser does. Nothing is sampled: the moments are
-exact for any polygon, convex or not, with or without holes.
+A region's area, first and second moments follow from its boundary alone (Green's theorem). So an
+outline is cut where it crosses a grid line, and each piece is added to the cell in which it lies and to
+the cells on its right, as a rasteriser does. Nothing is sampled: the moments are exact for any polygon,
+convex or not, with or without holes.
 """
 
 from __future__ import annotations
@@ -18,7 +18,8 @@ from tactsim.core.poses import FloatArray, transform
 # A cell's moments are the integrals of 1, u, v, uu, uv, vv over its covered part, (u, v) from its centre.
 MOMENTS = 6
 
-# Two points integrate cubics exactly; every integrand below is a cubic along a straight piece.
+# Gauss quadrature on [0, 1]: two points integrate cubics exactly, and every integrand below is a cubic along a
+# straight piece.
 _GAUSS = (0.5 - np.sqrt(1 / 12), 0.5 + np.sqrt(1 / 12))
 
 
@@ -41,7 +42,7 @@ def cell_moments(
     ends = transform(poses, edges.reshape(-1, 2)).reshape(count * len(edges), 4)
     pose = np.repeat(np.arange(count), len(edges))
     x0, y0, x1, y1 = ends.T
-    # What lies above, below or to the right of the grid bounds no covered region in it.
+    # Edges above, below or to the right of the grid bound nothing that is covered in it.
     near = (
         (np.maximum(y0, y1) > y_lines[0])
         & (np.minimum(y0, y1) < y_lines[-1])
@@ -56,7 +57,7 @@ def cell_moments(
     piece, column = piece[inside], column[inside]
     pose, row = pose[piece], row[piece]
     x0, x1, y0, y1 = x0[inside], x1[inside], y0[inside], y1[inside]
-    # What lies left of the grid covers whole rows of it, as a piece on its left border would.
+    # A piece left of the grid counts as one on the grid's left border: all cells of its row lie to its right.
     left = column < 0
     x0[left] = x1[left] = x_lines[0]
     column[left] = 0

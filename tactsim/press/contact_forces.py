@@ -1,4 +1,4 @@
-"""Contact forces of presses: set each up in MuJoCo, and let it rest or step it through time."""
+"""Work out the contact forces of presses with MuJoCo: at rest, or through time until they rest."""
 
 from __future__ import annotations
 
@@ -14,9 +14,10 @@ from tactsim.press.scene import Setup, UnsettledError, scene
 
 
 def contact_forces(bed: Bed, poses: FloatArray, letter: models.Letter, options: PressOptions) -> FloatArray:
-    """Press the faces of `bed` until they rest: every contact's force along the pad's normal, (contacts,) N.
+    """Press `letter` on its bed at each pose until it rests.
 
-    poses: (presses, 3) sensor_in_object, where the bed was laid.
+    bed: the springs of all presses. poses: (presses, 3) sensor_in_object, where the bed was laid.
+    Returns every contact's force along the pad's normal, (contacts,) N.
     Raises UnsettledError, naming letter and pose, if a press does not come to rest.
     """
     forces = np.zeros(len(bed.area))
@@ -39,7 +40,10 @@ def contact_forces(bed: Bed, poses: FloatArray, letter: models.Letter, options: 
 def contact_history(
     springs: Springs, pose: FloatArray, letter: models.Letter, options: PressOptions
 ) -> History:
-    """Step one press through time until it rests. Raises UnsettledError, naming letter and pose."""
+    """Step one press at `pose` (3,) sensor_in_object through time until it rests.
+
+    Raises UnsettledError, naming letter and pose, if it does not.
+    """
     stage = scene(_setup(letter, options, options.moving_mass), len(springs.share))
     stage.place_letter(pose)
     try:
@@ -59,7 +63,7 @@ def _setup(letter: models.Letter, options: PressOptions, mass: float) -> Setup:
 
 
 def _named(error: UnsettledError, letter: models.Letter, pose: FloatArray) -> UnsettledError:
-    """Say which press it was that did not settle."""
+    """Name the press that did not settle."""
     x, y, angle = pose
     return UnsettledError(
         f"letter {letter.name!r} pressed at x = {x:g} mm, y = {y:g} mm, {angle:g} rad does not settle: {error}"

@@ -1,9 +1,9 @@
 """Press one letter through time under a force controller: approach, touch, settle.
 
-The scene is the equilibrium's, with real time steps, a moving mass, and a damper beside each spring
-of the bed (Kelvin-Voigt), as the layer's relaxation time says. The controller moves the letter at a
-set speed until the contact force tells that it touches, raises the force along a ramp, and waits
-until force and contacts have settled.
+The scene is that of the equilibrium, but time steps are short, the letter has its real mass, and each
+spring of the bed has a damper beside it (a Kelvin-Voigt layer with the given relaxation time). The
+controller moves the letter at a set speed until the contact force shows a touch. Then it raises the
+force along a ramp and waits until the force and the contacts have settled.
 """
 
 from __future__ import annotations
@@ -19,15 +19,18 @@ from tactsim.press.scan_options import PressOptions
 from tactsim.press.scene import Scene, UnsettledError
 
 _STEP = 5e-4  # s
-_TOUCH = 0.01  # of the force: contacts that carry more than this are a touch, or half of the approach's push
-_SETTLED = 1e-3  # of the force: what contacts may miss of it, and may change in a settling time
+_TOUCH = 0.01  # share of the force above which contacts are a touch; or half of what the approach can push, if less
+_SETTLED = 1e-3  # share of the force that contacts may miss, and by which they may change in a settling time
 _SETTLING = round(0.02 / _STEP)  # steps
 _DAMPING = 2.0  # N s / m, of the controller once the letter touches
 
 
 @dataclass(frozen=True, eq=False)
 class History:
-    """Contact forces over a press: `times` (frames,) s, `forces` (frames, contacts) N; the last is at rest."""
+    """Contact forces over a press; the last frame is at rest.
+
+    times: (frames,) s since the letter began to move. forces: (frames, contacts) N.
+    """
 
     times: FloatArray
     forces: FloatArray

@@ -1,4 +1,4 @@
-"""What a scan can be told: letters, pad, press and sensor, each option with its unit and its bounds.
+"""The options of a scan: letters, pad, press and sensor, each with its unit and its bounds.
 
 "assumed" in a description means that the paper does not give the value.
 """
@@ -18,7 +18,7 @@ Share = Annotated[float, Field(ge=0, le=1)]
 
 
 class Skips(BaseModel):
-    """Work that cannot change a reading and is left out. Each can be switched on again, to show just that."""
+    """Work that is left out because it cannot change a reading. Each switch brings it back, to show just that."""
 
     model_config = _FROZEN
 
@@ -94,7 +94,7 @@ class PressOptions(BaseModel):
     def stiffness_over(self, area: float) -> float:
         """Give the layer's stiffness, kPa/mm, under a contact of `area` mm^2.
 
-        Where the force would press the layer by more than its thickness, it is as stiff as it takes to stop there.
+        A layer that the force would press by more than its thickness is stiffer: just enough to stop there.
         """
         return max(self.stiffness, 1e3 * self.force / (area * self.thickness))
 

@@ -24,9 +24,9 @@ from tactsim.press.sensor import gains, sense
 
 Progress = Callable[[int, int], None]
 
-# What workers are given at a time. It does not depend on how many there are, so neither do the readings.
-_CHUNK = 64  # presses
-_WORTH_A_WORKER = 2.0  # s of one core; a worker takes most of a second to start
+# Presses that a worker is given at a time. They do not depend on the number of workers, so neither do the readings.
+_CHUNK = 64
+WORTH_A_WORKER = 2.0  # s of one core; a worker takes most of a second to start
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,11 +46,13 @@ def scan_letters(
     cache: bool = True,
     progress: Progress | None = None,
 ) -> tuple[Scan, dict[str, Any]]:
-    """Press every letter at 192 training and 192 test poses.
+    """Press every letter at 192 training and 192 test poses (paper, section II).
 
+    jobs: processes to use at most, where the work is worth them. cache: whether readings of earlier
+    scans are used and new ones are kept. progress(done, total): called as presses are done.
     Returns the scan and its work: `presses`, those that were worked out now, and `skipped` {reason:
-    count}. `progress(done, total)` is called as presses are done. The same options give the same bits
-    whatever `jobs`, processes used where the work is worth them, `cache`, and the other letters are.
+    count}. The same options give the same bits whatever `jobs` and `cache` are, and a letter's readings
+    do not depend on the other letters.
 
     Raises InputError for a letter, shape or option that does not exist, and if a press does not settle.
     """
@@ -148,9 +150,8 @@ def _ideal(
 
 
 def _press(task: tuple[Any, models.Letter, FloatArray, ScanOptions]) -> tuple[FloatArray, Counter[str]]:
-    from tactsim.press.pressing import (
-        ideal_readings,  # brings MuJoCo, which a scan from the cache does without
-    )
+    # Brings MuJoCo, which a scan from the cache does without.
+    from tactsim.press.engine import ideal_readings
 
     _, letter, poses, options = task
     return ideal_readings(letter, poses, options)
@@ -159,7 +160,7 @@ def _press(task: tuple[Any, models.Letter, FloatArray, ScanOptions]) -> tuple[Fl
 @contextmanager
 def _workers(jobs: int, seconds: float) -> Iterator[Callable[..., Iterator[Any]]]:
     """Give a `map` that keeps the order of its results: over processes if the work is worth them."""
-    workers = min(jobs, int(seconds / _WORTH_A_WORKER))
+    workers = min(jobs, int(seconds / WORTH_A_WORKER))
     if workers < 2:
         yield map
         return

@@ -1,14 +1,15 @@
 """The MuJoCo scene of a press: a letter that slides along the pad's normal, and the springs that carry it.
 
-The letter looks along +z, its face at z = 0 where it just touches; a constant force pushes it that
-way. Each spring is a sphere, fixed to the world above the face, that touches the letter alone
-(an explicit pair): what a sphere can touch is known from the clip, so MuJoCo need not search.
+The letter faces +z, and its face is at z = 0 where it just touches; a constant force pushes it along +z.
+Each spring is a sphere that is fixed to the world above the face and can touch the letter alone (an
+explicit pair). `clip` has found what each sphere can touch, so MuJoCo need not search.
 
 A contact with constant impedance d and direct reference (-K, -B) answers with
-f = d / ((1 - d) A) * (-a - B v - K r): r its distance, v and a the rates, A the letter's inverse weight
-(1 / 3m for one slide, `body_invweight0`). With 1 / R = k h^2 + c h, K = k / (1 / R) and
-B = (k h + c) / (1 / R) that is a spring k with a damper c, taken at the end of the step h: implicit, and stable
-whatever the stiffness. The same holds for the soft equalities that stand for the hinges' compliance.
+f = d / ((1 - d) A) * (-a - B v - K r), where r is its distance, v the rate of r, a the rate of v, and A the
+letter's inverse weight (1 / 3m for one slide, `body_invweight0`); see "Computation: Constraint model" in
+MuJoCo's documentation. With 1 / R = d / ((1 - d) A) = k h^2 + c h, K = k R and B = (k h + c) R this is a
+spring k with a damper c, both taken at the end of the step h: an implicit step, stable at any stiffness.
+The same holds for the soft equality constraints that let the hinges give way.
 """
 
 from __future__ import annotations
@@ -24,22 +25,22 @@ from numpy.typing import NDArray
 
 from tactsim.core.errors import InputError
 from tactsim.core.poses import FloatArray, invert
-from tactsim.models.letter import Letter, Part
+from tactsim.models.letter import ConvexPart, Letter
 from tactsim.press.bed import MM, Springs
 
-# m, of the spheres; less than half a cell, so that none reaches what its cell does not. The letter starts that
-# far behind their centres, so that a sphere stands at its spring's position and touches where the depth is 0.
+# m, of the spheres; less than half a cell, so that no sphere reaches beyond its cell. The letter starts one radius
+# behind their centres, so a sphere whose centre is at its spring's position just touches where the depth is 0.
 _RADIUS = 5e-5
-# Largest impedance over what it lacks to 1. MuJoCo clips impedances at 1e-4 and 0.9999, silently, so a spring
-# may be 1e8 times as stiff as another.
+# Largest d / (1 - d). MuJoCo clips impedances d at 1e-4 and 0.9999 without a word, so the stiffest spring may be 1e8
+# times as stiff as the softest.
 _RANGE = 0.9999 / (1 - 0.9999)
-_STAGE = 0.5  # m, that the letter may move either way; the face is the front of a box of 1 m
-_FAR = 10.0  # m, where spheres wait that a press does not need
+_STAGE = 0.5  # m that the letter may move either way; a flat face is the front of a box that reaches 1 m back
+_FAR = 10.0  # m, where the spheres that a press does not need are kept
 _STATE = mujoco.mjtState.mjSTATE_INTEGRATION  # all that the next step depends on
 
 _Disable = mujoco.mjtDisableBit
-# What a press does not read: it has no sensors, actuators, limits, friction, gravity or joint springs, and
-# is one island.
+# Stages of MuJoCo that have nothing to do in a press: it has no sensors, actuators, limits, friction, gravity or
+# joint springs, and all its constraints are one island.
 UNREAD_STAGES = (
     _Disable.mjDSBL_SENSOR,
     _Disable.mjDSBL_ACTUATION,
@@ -61,10 +62,10 @@ class UnsettledError(InputError):
 class Setup:
     """What a scene is compiled for.
 
-    mass: kg, of what moves. tilt: rad about x and y, of the letter at rest. tilt_stiffness: N mm / rad, of the
-    hinges that let it give way, None for none.
-    letter: whose convex parts are the colliders, or None for one plane face, which is all that a pad can
-    tell of a flat letter.
+    mass: kg, of what moves. tilt: rad about x and y, between letter and pad where nothing pushes.
+    tilt_stiffness: N mm / rad, of the hinges that let the tilt give way; None: it is rigid.
+    letter: its convex parts are what the spheres can touch; None: one plane is, which is the same for a flat
+    face, since spheres stand only where the face is.
     """
 
     mass: float
@@ -83,7 +84,7 @@ class Scene:
     model: Any
     data: Any
     rest: FloatArray  # the state that every press starts from
-    # What a press sets, as views of the model's arrays: of the spheres, of their pairs, of the letter.
+    # Views of the model's arrays that a press writes: of the spheres, of their pairs, of the letter.
     position: FloatArray
     touched: NDArray[np.int32]
     solref: FloatArray
@@ -92,7 +93,7 @@ class Scene:
     letter_body: int
 
     def reset(self, depth: float) -> None:
-        """Forget the last press, what its solver remembers included, and stand `depth` m into the bed."""
+        """Forget the last press, the solver's warm start included, and put the letter `depth` m into the bed."""
         mujoco.mj_setState(self.model, self.data, self.rest, _STATE)
         self.data.qpos[0] = depth
         if self.setup.tilt_stiffness is not None:
@@ -107,16 +108,17 @@ class Scene:
             self.model.body_quat[self.letter_body] = (np.cos(angle / 2), 0, 0, np.sin(angle / 2))
 
     def depth_of_touch(self, springs: Springs) -> FloatArray:
-        """Tell how far the letter must come to touch each spring, (n,) m."""
+        """Work out how far the letter has to move to touch each spring, (n,) m."""
         (x, y, gap), (tilt_x, tilt_y) = springs.position.T, self.setup.tilt
         return gap - y * tilt_x + x * tilt_y
 
     def set_springs(
         self, springs: Springs, stiffness: float, *, step: float, relaxation: float = 0.0
     ) -> None:
-        """Put springs of `stiffness` (N/m per mm^2) into the scene, for steps of `step` s.
+        """Put springs of `stiffness` (N/m per mm^2 of area) into the scene, for steps of `step` s.
 
-        relaxation: s, damping over stiffness, of the bed and of the hinges.
+        relaxation: s, damping over stiffness, of the bed and of the hinges. See the module's docstring
+        for the equations.
         """
         count, setup = len(springs.share), self.setup
         self.model.opt.timestep = step
@@ -125,15 +127,16 @@ class Scene:
         if setup.letter is not None:
             self.touched[:count] = self.capacity + springs.level  # parts' geoms follow the spheres
         k, b, unit = 1 / (step * (step + relaxation)), 1 / step, step * (step + relaxation)
-        # A is an estimate of MuJoCo's that turns impedances into 1 / R and does nothing else. Setting it to
-        # what gives the stiffest spring the largest impedance keeps all springs within MuJoCo's limits.
+        # MuJoCo uses A for nothing but to turn an impedance into 1 / R. A is set so that the stiffest spring gets
+        # the largest impedance: then all springs lie within MuJoCo's limits.
         self.inverse_weight[0] = _RANGE / (stiffness * (springs.largest or 1.0) * unit)
         impedance = (springs.share * _RANGE)[:, None]
         impedance /= 1 + impedance
         np.multiply(impedance, (-k, -b), out=self.solref[:count])
         self.solimp[:count, :2] = impedance
         if setup.tilt_stiffness is not None:
-            self.model.dof_invweight0[1:] = 1 / (setup.tilt_stiffness * MM * unit)  # for an impedance of 1/2
+            # A of the hinges such that their impedance is 1/2.
+            self.model.dof_invweight0[1:] = 1 / (setup.tilt_stiffness * MM * unit)
             self.model.eq_solref[:] = -k / 2, -b / 2
             self.model.eq_solimp[:, :2] = 1 / 2
 
@@ -146,7 +149,7 @@ class Scene:
         contact = data.contact
         row = contact.efc_address
         carrying = row >= 0
-        result = np.zeros(self.capacity)  # a letter that turns over may meet spheres that wait
+        result = np.zeros(self.capacity)  # a letter that turns over may touch spheres that are kept far away
         result[contact.geom[carrying, 0]] = data.efc_force[row[carrying]] * np.abs(contact.frame[carrying, 2])
         return result[:count]
 
@@ -186,7 +189,7 @@ def _compile(setup: Setup, capacity: int) -> Scene:
             springs += f'<joint joint1="{name}" polycoef="{angle} 0 0 0 0"/>'
     meshes, geoms = "", '<geom name="part0" type="box" size="1 1 1" pos="0 0 -1"/>'
     if setup.letter is not None:
-        described = [_describe(index, part) for index, part in enumerate(setup.letter.parts)]
+        described = [describe_part(index, part) for index, part in enumerate(setup.letter.parts)]
         meshes, geoms = ("".join(texts) for texts in zip(*described, strict=True))
     cells = range(capacity)
     spheres = "".join(f'<geom name="cell{i}" size="{_RADIUS}" pos="0 0 {_FAR + i}"/>' for i in cells)
@@ -236,7 +239,7 @@ def _compile(setup: Setup, capacity: int) -> Scene:
     )
 
 
-def _describe(index: int, part: Part) -> tuple[str, str]:
+def describe_part(index: int, part: ConvexPart) -> tuple[str, str]:
     """Write a part as MJCF, m: its mesh, or nothing for an upright box, and its geom."""
     if part.rectangle is None:
         vertices = " ".join(f"{value:.17g}" for value in (part.vertices * MM).ravel())

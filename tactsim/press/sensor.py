@@ -17,8 +17,8 @@ def sense(
     """Turn a sequence of ideal readings into what the pad reports: (readings, taxels) kPa.
 
     ideal: (readings, taxels) kPa, in the order in which they are taken. gain: (taxels,), of `gains`.
-    As many numbers are drawn whichever effects are off. Readings may be below zero, as a tared
-    sensor's are.
+    The order of the effects is that of docs/sensor.md. As many random numbers are drawn whichever effects
+    are off, so switching one off changes nothing else. Readings may be below zero, as a tared sensor's are.
     """
     noise = rng.standard_normal(ideal.shape)
     replaced, level = rng.random(ideal.shape), rng.random(ideal.shape)
@@ -28,7 +28,7 @@ def sense(
             now += options.hysteresis * (before - now)
     readings = readings + options.drift * np.arange(1, len(readings) + 1)[:, None] + options.noise * noise
     if options.random_taxels:
-        # Even between 0 and 0.6 of the largest, so that eq. 3 calls half of them In Contact.
+        # Uniform between 0 and 0.6 of the largest reading, so that eq. 3 calls half of them In Contact.
         largest = np.maximum(readings.max(axis=1, keepdims=True), 0)
         readings = np.where(replaced < options.random_taxels, 0.6 * largest * level, readings)
     if options.saturation is not None:
@@ -40,6 +40,6 @@ def sense(
 
 
 def gains(options: ScanOptions) -> FloatArray:
-    """Draw the gains about 1 of the pad that the seed stands for, (taxels,); none is below zero."""
+    """Draw the taxels' gains, (taxels,), normal about 1 and not below 0: the same pad for the same seed."""
     rng = stream(options.seed, "pad", "gain")
     return np.maximum(1 + options.sensor.gain_spread * rng.standard_normal(options.pad.taxels), 0)

@@ -1,7 +1,7 @@
-"""Spread contact forces over the taxels: the Gaussian point spread function of the pad's cover.
+"""Spread contact forces over the taxels by the Gaussian point spread function of the pad's cover.
 
-Contact pressure is spread as the covering layer does (paper, section II and its reference [19]) and
-averaged over each taxel.
+The cover spreads the pressure of a contact (paper, section II, and its reference [19]); a taxel reads
+the mean of the spread pressure over its area.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from tactsim.press.bed import Bed
 _erf = np.vectorize(math.erf, otypes=[float])  # a few thousand values: not worth the import of SciPy
 
 _KPA = 1e3  # kPa in a N/mm^2
-# Presses at a time: products too small for BLAS to wake threads, which would cost more than they save.
+# Presses at a time: so few that BLAS does not start threads, which would cost more than they save.
 _BLOCK = 32
 _QUADRATURE = 8  # points per axis and cell for the projection below; exact to 1e-12 for sigma >= 0.3 mm
 
@@ -26,9 +26,11 @@ _QUADRATURE = 8  # points per axis and cell for the projection below; exact to 1
 def contact_map(bed: Bed, forces: FloatArray, pad: Pad, cells_per_taxel: int, sigma: float) -> FloatArray:
     """Average the spread contact pressure over each taxel: (presses, taxels) kPa, no imperfections.
 
-    A contact's force lies evenly on the part of its cell that is covered. What a taxel feels of a
-    unit force at a point of the cell, smooth over the cell, is replaced by its best quadratic there
-    (least squares), so that the moments of the covered part are all that is needed; for a cell that
+    forces: (contacts,) N of the bed's contacts. sigma: mm, standard deviation of the point spread.
+
+    A contact's force lies evenly on the covered part of its cell. A taxel's response to a unit force is
+    a smooth function of where in the cell the force is; its best quadratic there (least squares)
+    replaces it. The integral over the covered part then needs only the part's moments. For a cell that
     is covered wholly the result is exact.
     """
     x_lines, y_lines = pad.grid_lines(cells_per_taxel, gap_cells=sigma == 0)
@@ -43,19 +45,20 @@ def contact_map(bed: Bed, forces: FloatArray, pad: Pad, cells_per_taxel: int, si
         for first in range(0, presses, _BLOCK):
             block = slice(first, first + _BLOCK)
             result[block] += load[block] @ response
-    return _KPA * np.maximum(result, 0)  # the quadratics overshoot 0 a little where almost nothing is felt
+    return _KPA * np.maximum(result, 0)  # where a response is almost 0, its quadratic is a little below
 
 
 @lru_cache(maxsize=4)
 def _responses(pad: Pad, cells_per_taxel: int, sigma: float) -> FloatArray:
     """Map the moments of every cell to every taxel: (6, cells, taxels), per mm^2 of taxel.
 
-    Built from one axis at a time, since the Gaussian and the taxels are products of x and y.
+    The Gaussian and a taxel's area are products of a function of x and one of y, so each axis is
+    projected by itself.
     """
     x_lines, y_lines = pad.grid_lines(cells_per_taxel, gap_cells=sigma == 0)
     x, y = _along(x_lines, pad.column_edges, sigma), _along(y_lines, pad.row_edges, sigma)
-    # Powers of (u, v) in the order of clip.MOMENTS; Legendre's quadratic has a constant part, which
-    # is why a power's coefficient mixes projections.
+    # Powers of (u, v) in the order of clip.MOMENTS. Legendre's second polynomial has a constant part, so a power's
+    # coefficient comes from the projections on several polynomials.
     powers = [(0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2)]
     response = np.zeros((len(powers), len(y), len(x), len(pad.row_edges), len(pad.column_edges)))
     for k, (i, j) in enumerate(powers):
@@ -73,7 +76,7 @@ def _along(lines: FloatArray, edges: FloatArray, sigma: float) -> FloatArray:
     points, weights = np.polynomial.legendre.leggauss(_QUADRATURE)
     half = np.diff(lines)[:, None] / 2
     at = (lines[:-1, None] + half) + half * points  # (cells, points)
-    felt = _felt(at[..., None], edges, sigma) / (edges[:, 1] - edges[:, 0])  # (cells, points, taxels)
+    felt = felt_along(at[..., None], edges, sigma) / (edges[:, 1] - edges[:, 0])  # (cells, points, taxels)
     result = np.zeros((len(half), 3, 3, len(edges)))
     for degree, polynomial in enumerate(([1.0], [0.0, 1.0], [-0.5, 0.0, 1.5])):
         values = sum(factor * points**power for power, factor in enumerate(polynomial))
@@ -83,8 +86,12 @@ def _along(lines: FloatArray, edges: FloatArray, sigma: float) -> FloatArray:
     return result
 
 
-def _felt(x: FloatArray, edges: FloatArray, sigma: float) -> FloatArray:
-    """Integrate a unit line force at x, spread by the Gaussian, over taxels' widths (mm)."""
+def felt_along(x: FloatArray, edges: FloatArray, sigma: float) -> FloatArray:
+    """Work out the share of a unit line force at x that falls on each taxel along one axis: (..., taxels).
+
+    x: (...) mm. edges: (taxels, 2) mm, where each taxel begins and ends. sigma: mm, of the Gaussian that
+    spreads the force; 0 for none.
+    """
     if sigma == 0:
         return ((x > edges[:, 0]) & (x < edges[:, 1])).astype(float)
     z = (edges - x[..., None]) / (sigma * np.sqrt(2))

@@ -45,8 +45,8 @@ class Faulty(Guessing):
     def update(self, reading, sensor_in_robot): raise KeyError("a bug of the plug-in's")
 """,
     "sources": """
-from tactsim.hardware.counters import Counters
-from tactsim.hardware.sources import Source
+from tactsim.core.counters import Counters
+from tactsim.core.source import Source
 class Bad(Source):
     def __init__(self, device, value):
         self.pad, self.taxel_xy, self.counters, self.value = device.pad, device.pad.taxel_xy, Counters(), value
@@ -130,7 +130,7 @@ def test_a_plug_in_that_answers_nonsense_is_named_in_one_line(plugged, scan_file
 @pytest.mark.parametrize(
     ("name", "said"),
     [
-        ("nothing", "no tactsim.hardware.sources.Source"),
+        ("nothing", "no tactsim.core.source.Source"),
         ("bare", "without `counters`"),
         ("silent", "no Reading of 36"),
         ("short", "no Reading of 36"),

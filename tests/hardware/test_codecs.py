@@ -6,10 +6,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from made_pads import csv_device, singletact, small_device
 
-from tactsim.hardware.codecs.codec import Codec, Frame
+from tactsim.core.counters import Counters
+from tactsim.hardware.codecs.codec import Codec, CodecError, Frame
 from tactsim.hardware.codecs.singletact import Reply, write_reply
-from tactsim.hardware.counters import Counters
-from tactsim.hardware.errors import CodecError
 from tactsim.hardware.framing import Framer
 
 

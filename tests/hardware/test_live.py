@@ -2,15 +2,16 @@ import os
 import socket
 import threading
 import time
+import tracemalloc
 
 import numpy as np
 import pytest
 from made_pads import csv_device, ramp, serving, singletact, small_device
 
+from tactsim.core.source import NoReading, SourceError
 from tactsim.hardware.codecs.codec import Frame
 from tactsim.hardware.emulator import Faults, emulate
 from tactsim.hardware.emulator.emulated import EmulatedSingleTact
-from tactsim.hardware.errors import NoReading, SourceError
 from tactsim.hardware.live import LiveSource
 from tactsim.hardware.port import Port
 from tactsim.hardware.recording import Kind, Recorder, RecordReader
@@ -129,13 +130,17 @@ def test_a_flood_of_garbage_is_neither_kept_nor_waited_for(pty):
 
     thread = threading.Thread(target=flood)
     with LiveSource([pty[1]], device) as source:
+        tracemalloc.start()
         thread.start()
         try:
             in_time(source, 0.5, "no whole frame")
-            assert source._stream.waiting_bytes() < 1000
+            kept = tracemalloc.get_traced_memory()[0]
         finally:
+            tracemalloc.stop()
             stop.set()
             thread.join()
+        assert source.counters.bytes > 200_000
+        assert kept < 100_000
 
 
 def test_a_port_opened_twice_is_refused(pty):

@@ -14,8 +14,8 @@ from made_pads import csv_device, ramp, serving, small_device
 
 from tactsim.core import InputError
 from tactsim.core.reading import Reading
+from tactsim.core.source import SourceError
 from tactsim.hardware.emulator import Faults, emulate
-from tactsim.hardware.errors import SourceError
 from tactsim.hardware.live import LiveSource
 from tactsim.hardware.recorded import CsvReplay, Replay
 from tactsim.hardware.recording import LARGEST_PAYLOAD, Kind, Recorder, RecordReader, check_whole
@@ -166,7 +166,7 @@ def test_other_files_are_refused(tmp_path, content):
 )
 def test_a_hostile_segment_is_refused_in_one_line(tmp_path, payload):
     with Recorder(tmp_path / "a") as recorder:
-        recorder._append(Kind.SEGMENT, 0, 0.0, payload)
+        recorder.write(Kind.SEGMENT, 0, 0.0, payload)
     with pytest.raises(InputError) as error:
         Replay(tmp_path / "a")
     assert "\n" not in str(error.value)
@@ -176,10 +176,10 @@ def test_hostile_records_are_refused(tmp_path):
     device = small_device()
     for name, spoil in {
         "link": lambda recorder: recorder.received(9, b"", 0.0),
-        "mark": lambda recorder: recorder._append(Kind.MARK, 0, 0.0, b"{"),
-        "short": lambda recorder: recorder._append(Kind.READING, 0, 0.0, bytes(17)),
+        "mark": lambda recorder: recorder.write(Kind.MARK, 0, 0.0, b"{"),
+        "short": lambda recorder: recorder.write(Kind.READING, 0, 0.0, bytes(17)),
         "taxels": lambda recorder: recorder.reading(Reading(np.zeros(3), 0.0)),
-        "nan": lambda recorder: recorder._append(
+        "nan": lambda recorder: recorder.write(
             Kind.READING, 0, 0.0, bytes(16) + struct.pack("<6d", *[np.nan] * 6)
         ),
     }.items():
@@ -299,4 +299,4 @@ def test_a_recording_with_a_strange_plan_can_be_summed_up(tmp_path, plan):
     with Recorder(path) as recorder:
         recorder.segment({**segment(small_device()), "plan": plan}, 0.0)
     with Replay(path) as replay:
-        assert "planned" not in "".join(replay.summary()) or "0 presses planned" in replay.summary()[1]
+        assert "planned" not in "".join(replay.summary()) or "0 presses planned" in replay.summary()[-1]

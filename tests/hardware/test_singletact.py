@@ -6,6 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from made_pads import singletact
 
+from tactsim.core.counters import Counters
+from tactsim.hardware.codecs.codec import CodecError
 from tactsim.hardware.codecs.singletact import (
     Polling,
     Question,
@@ -15,8 +17,6 @@ from tactsim.hardware.codecs.singletact import (
     read_request,
     write_reply,
 )
-from tactsim.hardware.counters import Counters
-from tactsim.hardware.errors import CodecError
 from tactsim.hardware.stream import Stream
 
 

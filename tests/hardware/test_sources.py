@@ -7,15 +7,17 @@ import pytest
 from made_pads import csv_device, ramp, serving, small_device
 
 from tactsim.core import InputError, plug_ins
+from tactsim.core.counters import Counters
 from tactsim.core.reading import Reading
+from tactsim.core.source import Source, SourceEnded, SourceError, Wrapper
 from tactsim.hardware import sources
 from tactsim.hardware.calibration import Calibration
-from tactsim.hardware.counters import Counters
+from tactsim.hardware.codecs.codec import Frame
 from tactsim.hardware.emulator import emulate
-from tactsim.hardware.errors import SourceEnded, SourceError
 from tactsim.hardware.recorded import Replay
 from tactsim.hardware.recording import Recorder, RecordReader
-from tactsim.hardware.sources import Source, open_source
+from tactsim.hardware.sources import open_source
+from tactsim.hardware.wrappers import Checked, Corrected, Recorded
 
 
 class Foreign(Source):
@@ -23,8 +25,11 @@ class Foreign(Source):
 
     def __init__(self, device):
         self.pad, self.taxel_xy, self.counters = device.pad, device.pad.taxel_xy, Counters()
+        self.closed = False
 
     def read(self, timeout=None):
+        if self.closed:
+            raise SourceError("it was closed")
         self.counters.readings += 1
         return Reading(np.arange(float(len(self.taxel_xy))), self.counters.readings * 0.01)
 
@@ -100,12 +105,7 @@ def test_every_source_gives_readings_of_its_pad(opened):
 
 def test_every_source_is_corrected_alike(opened):
     place, device = opened
-    calibration = Calibration.model_validate(
-        {
-            "device": "small", "port": "p", "taken": "2026-01-01T00:00:00Z", "frames": 50, "tare": (1000.0,) * 6,
-            "noise": (0.1,) * 6, "gain": (1.0,) * 6, "dead": (1,),
-        }
-    )  # fmt: skip
+    calibration = CALIBRATION.model_copy(update={"tare": (1000.0,) * 6})
     with open_source([place], device, calibration) as source:
         reading = source.read(5.0)
         assert source.taxel_xy.shape == (5, 2)
@@ -129,6 +129,99 @@ def test_every_source_can_be_recorded_and_replayed_bit_for_bit(opened, tmp_path)
     assert sum(1 for _ in RecordReader(tmp_path / "copy")) > 1
 
 
+CALIBRATION = Calibration.model_validate(
+    {
+        "device": "small", "port": "p", "taken": "2026-01-01T00:00:00Z", "frames": 50, "tare": (1.0,) * 6,
+        "noise": (0.1,) * 6, "gain": (2.0,) * 6, "stuck": (0,),
+    }
+)  # fmt: skip
+WRAPPERS = {
+    "corrected": lambda source, folder: Corrected(source, CALIBRATION, "it"),
+    "recorded": lambda source, folder: Recorded(source, Recorder(folder / "wrapped")),
+    "checked": lambda source, folder: Checked(source, "it"),
+}
+
+
+@pytest.mark.parametrize("kind", WRAPPERS)
+def test_every_wrapper_asks_the_source_that_it_wraps(opened, kind, tmp_path):
+    """Whatever the source says at the moment is what its wrapper says, but for what the wrapper adds."""
+    place, device = opened
+    with open_source([place], device) as source:
+        wrapped = WRAPPERS[kind](source, tmp_path)
+        for _ in range(3):
+            assert wrapped.read(5.0).pressures.shape == (len(wrapped.taxel_xy),)
+        assert wrapped.counters.as_dict() == source.counters.as_dict()
+        assert wrapped.counters.readings >= 3
+        assert wrapped.summary() == source.summary()
+        assert wrapped.pad == source.pad
+        assert wrapped.calibrated is (kind == "corrected")
+        assert wrapped.has_bytes is (kind == "recorded" or source.has_bytes)
+        while isinstance(source, Wrapper):  # a plug-in's, which is checked when it is opened
+            source = source.inner
+        source.counters = Counters(readings=1000)  # as a driver that was reset may do
+        assert wrapped.counters.readings == 1000
+        wrapped.close()
+        with pytest.raises(SourceError):
+            for _ in range(100):  # what has come already may still be read
+                source.read(0.1)
+
+
+def two_segments(path, *calibrations, counts=(20, 7)):
+    """Record readings in two segments, each with its calibration or None; returns the place to open."""
+    device = small_device()
+    with Recorder(path) as recorder:
+        for count, calibration in zip(counts, calibrations, strict=True):
+            content = calibration and calibration.model_dump(mode="json")
+            recorder.segment({"device": device.as_json(), "calibration": content}, 0.0)
+            for k in range(count):
+                recorder.reading(Reading(np.full(6, 3.0), 0.01 * k))
+    return f"recording:{path}"
+
+
+@pytest.mark.parametrize("kind", [None, *WRAPPERS])
+def test_all_segments_are_counted_through_every_wrapper(tmp_path, kind):
+    with open_source([two_segments(tmp_path / "a", None, None)], small_device()) as source:
+        source = WRAPPERS[kind](source, tmp_path) if kind else source
+        assert len(list(source)) == 27
+        assert source.counters.readings == 27
+        assert "2 segments" in source.summary()
+
+
+def test_bytes_and_clock_restarts_of_all_segments_are_counted(tmp_path):
+    """Each segment begins with a clock and a frame counter of its own; the counts go on."""
+    device = small_device()
+    frames = [device.codec.build().encode(Frame(np.zeros(6), index=k, ticks=k)) for k in (900, 3)]
+    with Recorder(tmp_path / "a") as recorder:
+        for _ in range(2):
+            recorder.segment({"device": device.as_json()}, 0.0)
+            for at, frame in enumerate(frames):
+                recorder.received(0, frame, 0.01 * at)
+    with open_source([f"recording:{tmp_path / 'a'}"], device) as source:
+        assert len(list(source)) == 4
+        assert source.counters.bytes == 2 * sum(map(len, frames))
+        assert source.counters.missed == 0
+
+
+def test_a_calibration_that_begins_within_a_recording_is_not_applied_twice(tmp_path):
+    whole = CALIBRATION.model_copy(update={"stuck": ()})
+    place = two_segments(tmp_path / "a", None, whole)
+    with open_source([place], small_device(), CALIBRATION) as source:
+        for _ in range(20):
+            assert source.read().pressures.tolist() == [4.0] * 5
+        with pytest.raises(SourceError, match="calibration of its own"):
+            source.read()
+
+
+def test_segments_that_leave_out_other_taxels_are_not_mixed(tmp_path):
+    """As many taxels are left, but not the same ones."""
+    place = two_segments(tmp_path / "a", CALIBRATION, CALIBRATION.model_copy(update={"stuck": (1,)}))
+    with (
+        open_source([place], small_device()) as source,
+        pytest.raises(SourceError, match="leave out different taxels"),
+    ):
+        list(source)
+
+
 def test_a_source_with_an_end_says_so(tmp_path):
     device = small_device()
     with Recorder(tmp_path / "a") as recorder:
@@ -142,22 +235,12 @@ def test_a_source_with_an_end_says_so(tmp_path):
 
 def test_a_recording_with_a_calibration_takes_no_other(tmp_path):
     device = small_device()
-    content = {
-        "device": "small", "port": "p", "taken": "2026-01-01T00:00:00Z", "frames": 50, "tare": (1.0,) * 6,
-        "noise": (0.1,) * 6, "gain": (2.0,) * 6, "stuck": (0,),
-    }  # fmt: skip
-    calibration = Calibration.model_validate(content)
-    with Recorder(tmp_path / "a") as recorder:
-        recorder.segment(
-            {"device": device.as_json(), "calibration": calibration.model_dump(mode="json")}, 0.0
-        )
-        recorder.reading(Reading(np.full(6, 3.0), 0.0))
-    place = f"recording:{tmp_path / 'a'}"
+    place = two_segments(tmp_path / "a", CALIBRATION, CALIBRATION)
     with open_source([place], device) as source:
         assert source.read().pressures.tolist() == [4.0] * 5
         assert source.taxel_xy.shape == (5, 2)
     with pytest.raises(SourceError, match="calibration of its own"):
-        open_source([place], device, calibration)
+        open_source([place], device, CALIBRATION)
 
 
 def test_sources_are_listed_with_their_status(plug_in):

@@ -68,7 +68,7 @@ def test_a_lost_link_forgets_the_half_frame():
 
 
 @pytest.mark.parametrize("kind", ["fields", "singletact"])
-def test_an_hours_stream_keeps_memory_flat(kind):
+def test_a_long_stream_keeps_memory_flat(kind):
     device = small_device() if kind == "fields" else singletact(taxels=15)
     emulated, stream = emulate(device, ramp(device), rate=2.0), Stream(device)
     rng = np.random.default_rng(0)
@@ -92,12 +92,12 @@ def test_an_hours_stream_keeps_memory_flat(kind):
     try:
         minute(60.0)
         early = tracemalloc.get_traced_memory()[0]
-        total = sum(minute(60.0 * k) for k in range(2, 60))
+        total = sum(minute(60.0 * k) for k in range(2, 15))
         late, peak = tracemalloc.get_traced_memory()
     finally:
         tracemalloc.stop()
-    assert total > 58 * 120 * (0.9 if kind == "fields" else 0.8)
-    assert late - early < 20_000
+    assert total > 13 * 120 * (0.9 if kind == "fields" else 0.8)
+    assert late - early < 5_000  # 3 bytes a step would be more
     assert peak - early < 100_000
     assert stream.waiting_bytes() < 1000
 

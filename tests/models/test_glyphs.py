@@ -10,7 +10,7 @@ from tactsim import models
 from tactsim.core.errors import InputError
 
 # The closest two glyphs of the catalogue, O and Q, differ by this area (mm^2) however they are turned and
-# shifted, as much as eleven sensor elements have; every other pair differs by 49 mm^2 or more.
+# shifted, as much as eleven taxels have; every other pair differs by 49 mm^2 or more.
 LEAST_DIFFERENCE = 35.0
 PITCH, CELLS = 0.75, 64  # mm, cells a side: room for the largest glyph beside itself
 TURNS = np.radians(np.arange(0, 360, 5))

@@ -19,8 +19,8 @@ from tactsim.core.poses import FloatArray
 from tactsim.press import PressOptions, ScanOptions, scan_letters
 from tactsim.press.bed import lay_bed
 from tactsim.press.contact_forces import contact_forces
-from tactsim.press.face import levels
-from tactsim.press.pressing import ideal_readings
+from tactsim.press.engine import ideal_readings
+from tactsim.press.levels import levels
 from tactsim.press.scan_options import Skips
 from tactsim.press.scan_poses import grid_poses
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from tactsim.core import invert
 from tactsim.press.bed import MM
-from tactsim.press.scene import _describe
+from tactsim.press.scene import describe_part
 
 _SETTLED = 1e-4  # of the force: what the contacts may miss of it
 _STILL = 1e-7  # m/s; a bed that gives way by 10 um is then within 1 % of its rest
@@ -23,7 +23,9 @@ _DAMPING = 2 / 0.02  # 1/s
 
 def compile_plain(letter, pose, springs):
     """Compile the scene of one press; `springs` of a bed with every cell and part."""
-    meshes, geoms = ("".join(texts) for texts in zip(*map(_describe, range(99), letter.parts), strict=False))
+    meshes, geoms = (
+        "".join(texts) for texts in zip(*map(describe_part, range(99), letter.parts), strict=False)
+    )
     spheres, pairs = [], []
     for index, (position, share, level) in enumerate(
         zip(springs.position, springs.share, springs.level, strict=True)

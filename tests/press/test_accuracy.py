@@ -8,7 +8,7 @@ from tactsim import models
 from tactsim.bench.stress.exact import expected_reading, overlap
 from tactsim.core import Pad
 from tactsim.press import PressOptions, ScanOptions, SensorOptions
-from tactsim.press.pressing import ideal_readings
+from tactsim.press.engine import ideal_readings
 from tactsim.press.scan_poses import grid_poses
 
 LEAST_AREA = 4.0  # mm^2; presses that touch less are judged apart

@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from manifold3d import CrossSection
 
@@ -40,6 +40,7 @@ def moments_of(region, centre):
     st.floats(-4, 4),
     st.one_of(st.sampled_from([0.0, np.pi / 2, np.pi, -np.pi / 2]), st.floats(-7, 7)),
 )
+@settings(deadline=None)
 def test_moments_are_those_of_the_clipped_polygon(name, x, y, angle):
     shape = SHAPES[name]
     moments = cell_moments(edges_of(shape.to_polygons()), np.array([[x, y, angle]]), X_LINES, Y_LINES)[:, 0]

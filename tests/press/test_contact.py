@@ -12,8 +12,8 @@ from tactsim.press import PressOptions, ScanOptions, press_letter
 from tactsim.press.bed import Level, lay_bed
 from tactsim.press.clip import covers, edges_of
 from tactsim.press.contact_forces import contact_forces
-from tactsim.press.face import levels
-from tactsim.press.pressing import ideal_readings
+from tactsim.press.engine import ideal_readings
+from tactsim.press.levels import levels
 from tactsim.press.scan_options import Skips
 from tactsim.press.scan_poses import grid_poses
 from tactsim.press.spread import contact_map
@@ -200,7 +200,7 @@ def test_a_rounded_edge_is_finely_enough_cut(monkeypatch):
     poses, options = grid_poses()[::24], ScanOptions()
     letter = models.letter("E", rounding=0.5)
     coarse, _ = ideal_readings(letter, poses, options)
-    monkeypatch.setattr("tactsim.press.face.ROUNDING_LEVELS", 48)
+    monkeypatch.setattr("tactsim.press.levels.ROUNDING_LEVELS", 48)
     fine, _ = ideal_readings(letter, poses, options)
     assert np.abs(coarse - fine).max() < 2e-3 * fine.max()
 

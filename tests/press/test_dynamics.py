@@ -5,7 +5,7 @@ import pytest
 
 from tactsim import models
 from tactsim.press import PressOptions, ScanOptions, press_letter, scan_letters
-from tactsim.press.pressing import ideal_readings
+from tactsim.press.engine import ideal_readings
 from tactsim.press.scan_poses import grid_poses
 from tactsim.press.scene import UnsettledError
 
@@ -112,7 +112,7 @@ def test_a_sliver_stops_where_the_layer_ends():
 
 
 def test_a_worker_s_unsettled_press_is_reported_too(monkeypatch):
-    monkeypatch.setattr("tactsim.press.scanning._WORTH_A_WORKER", 1e-3)
+    monkeypatch.setattr("tactsim.press.scanning.WORTH_A_WORKER", 1e-3)
     options = ScanOptions(letters=("E",), press=PressOptions(dynamics="full", time_limit=0.05))
     with pytest.raises(UnsettledError, match=r"'E'.*time_limit"):
         scan_letters(options, jobs=2, cache=False)

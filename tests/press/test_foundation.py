@@ -7,7 +7,7 @@ from tactsim import models
 from tactsim.core import Pad, transform
 from tactsim.press import press_letter
 from tactsim.press.clip import covers
-from tactsim.press.spread import _felt
+from tactsim.press.spread import felt_along
 
 PAD = Pad()
 FINE = 0.25  # mm
@@ -29,8 +29,8 @@ def half_space_reading(letter, pose, force=2.0, sigma=1.0):
     sink += corner(dx - half, dy - half) - corner(dx - half, dy + half)
     pressure = np.linalg.solve(sink, np.ones(len(points)))
     load = force * pressure / pressure.sum()
-    columns = _felt(points[:, :1], PAD.column_edges, sigma)
-    rows = _felt(points[:, 1:], PAD.row_edges, sigma)
+    columns = felt_along(points[:, :1], PAD.column_edges, sigma)
+    rows = felt_along(points[:, 1:], PAD.row_edges, sigma)
     return 1e3 * np.einsum("ir,ic,i->rc", rows, columns, load).ravel() / (PAD.taxel_width * PAD.taxel_height)
 
 

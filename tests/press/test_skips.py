@@ -5,7 +5,7 @@ import pytest
 
 from tactsim import models
 from tactsim.press import PressOptions, ScanOptions, scan_letters
-from tactsim.press.pressing import ideal_readings
+from tactsim.press.engine import ideal_readings
 from tactsim.press.scan_options import Skips
 from tactsim.press.scan_poses import grid_poses
 
@@ -80,7 +80,7 @@ def test_all_switches_leave_a_scan_as_it_is():
 
 @pytest.mark.parametrize("jobs", [2, 3])
 def test_any_number_of_processes_gives_the_same_bits(jobs, monkeypatch):
-    monkeypatch.setattr("tactsim.press.scanning._WORTH_A_WORKER", 1e-3)
+    monkeypatch.setattr("tactsim.press.scanning.WORTH_A_WORKER", 1e-3)
     options = ScanOptions(letters=("I", "O"), test_poses="random")
     done = []
     alone, work = scan_letters(options, cache=False)

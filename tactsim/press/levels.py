@@ -1,4 +1,4 @@
-"""What the pad can meet of a letter: its flat face, the levels of a rounded edge, or its convex parts."""
+"""List the flat regions of a letter that a pad can touch: its face, the levels of a rounded edge, or its parts."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from tactsim.press.bed import Level
 from tactsim.press.clip import edges_of
 from tactsim.press.scan_options import PressOptions
 
-ROUNDING_LEVELS = 16  # that a rounded edge is cut into; more change no taxel by 0.1 % of the largest
+ROUNDING_LEVELS = 16  # levels of a rounded edge; more of them change no taxel by 0.1 % of the largest
 
 
 def levels(letter: models.Letter, options: PressOptions) -> list[Level]:

@@ -1,0 +1,80 @@
+"""What an ideal pad would read of a letter at a pose: lay the bed, let it press, spread the forces over the taxels.
+
+The way is `levels` (what of the letter can be met), `bed` (the springs that carry it), `contact_forces`
+(what each carries, by MuJoCo) and `spread` (what the taxels feel of that). Nothing random happens here and
+nothing that belongs to one sensor: its imperfections come afterwards, in `sensor`.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+
+import numpy as np
+
+from tactsim import models
+from tactsim.core.poses import FloatArray
+from tactsim.press.bed import Bed, Level, lay_bed
+from tactsim.press.contact_forces import contact_forces, contact_history
+from tactsim.press.levels import levels
+from tactsim.press.scan_options import ScanOptions
+from tactsim.press.scene import UNREAD_STAGES
+from tactsim.press.spread import contact_map
+
+
+def ideal_readings(
+    letter: models.Letter, poses: FloatArray, options: ScanOptions
+) -> tuple[FloatArray, Counter[str]]:
+    """Press `letter` at `poses` (n, 3) sensor_in_object [mm, mm, rad] until it rests.
+
+    Returns (n, taxels) kPa without imperfections, and the work: `presses`, and what was skipped by reason.
+    Raises UnsettledError, naming letter and pose, if a press does not come to rest; InputError if a letter
+    with rounded edges is to be pressed by its parts.
+    """
+    face = levels(letter, options.press)
+    bed = _bed(face, poses, options)
+    forces = contact_forces(bed, poses, letter, options.press)
+    return _map(bed, forces, options), _work(bed, face, letter, options)
+
+
+def ideal_sequence(
+    letter: models.Letter, pose: FloatArray, options: ScanOptions
+) -> tuple[FloatArray, FloatArray]:
+    """Press `letter` at one pose (3,) through time: returns times (frames,) s and (frames, taxels) kPa.
+
+    The last image is at rest and is the ideal reading. There are no frames where nothing touches.
+    Raises what `ideal_readings` does.
+    """
+    bed = _bed(levels(letter, options.press), pose[None], options)
+    if not bed.area.any():
+        return np.zeros(0), np.zeros((0, options.pad.taxels))
+    history = contact_history(bed.springs[0], pose, letter, options.press)
+    return history.times, _map(bed.repeat(len(history.times)), history.forces.ravel(), options)
+
+
+def _work(bed: Bed, face: list[Level], letter: models.Letter, options: ScanOptions) -> Counter[str]:
+    """Count presses and what each skip left out of them."""
+    skip = options.press.skip
+    touching = sum(springs.area > 0 for springs in bed.springs)
+    untouched = len(bed.springs) - touching
+    pressed = touching + (0 if skip.no_contact else untouched)
+    x_lines, y_lines = _lines(options)
+    cells = (len(x_lines) - 1) * (len(y_lines) - 1) * len(face)
+    return Counter(
+        presses=pressed,
+        no_contact=untouched if skip.no_contact else 0,
+        cells=touching * cells - len(bed.area) if skip.cells else 0,
+        parts=pressed * len(letter.parts) if skip.parts else 0,
+        stages=pressed * len(UNREAD_STAGES) if skip.stages else 0,
+    )
+
+
+def _bed(face: list[Level], poses: FloatArray, options: ScanOptions) -> Bed:
+    return lay_bed(face, poses, *_lines(options), skip_empty=options.press.skip.cells)
+
+
+def _lines(options: ScanOptions) -> tuple[FloatArray, FloatArray]:
+    return options.pad.grid_lines(options.press.cells_per_taxel, gap_cells=options.sensor.psf_sigma == 0)
+
+
+def _map(bed: Bed, forces: FloatArray, options: ScanOptions) -> FloatArray:
+    return contact_map(bed, forces, options.pad, options.press.cells_per_taxel, options.sensor.psf_sigma)

@@ -1,0 +1,99 @@
+"""The simulated pad as a source of readings: a letter that lies still on it, with the noise of every reading.
+
+The emulated pad of `bench emulate` is pressed by the same functions.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from tactsim import models
+from tactsim.core.counters import Counters
+from tactsim.core.errors import InputError
+from tactsim.core.finite import LARGEST
+from tactsim.core.poses import FloatArray, compose
+from tactsim.core.reading import Reading
+from tactsim.core.source import HasPad, Log, Source, SourceError
+from tactsim.press.engine import ideal_readings
+from tactsim.press.scan_options import ScanOptions
+from tactsim.press.sensor import gains, sense
+
+_RATE = 100.0  # readings a second of device time; they are given out as fast as they are asked for
+
+
+class SimulatedSource(Source):
+    """Readings of a letter that lies still on the simulated pad."""
+
+    def __init__(self, letter: str, pose: str, device: HasPad, seed: int = 0) -> None:
+        """Press `letter` at `pose`, written x,y,theta in mm and rad, on the device's pad.
+
+        Raises InputError for an unknown letter or a bad pose.
+        """
+        rng = np.random.default_rng(seed)
+        options = on_pad_of(device, ScanOptions())
+        table = press_table(letter, parse_pose(pose)[None], options, rng)
+        self._sense = sensing(lambda now: table[0], options, rng)
+        self.pad, self.taxel_xy, self.counters = device.pad, device.pad.taxel_xy, Counters()
+        self._closed = False
+
+    def read(self, timeout: float | None = None) -> Reading:
+        """Return the next reading at once; see `Source.read`."""
+        if self._closed:
+            raise SourceError("the simulated pad was closed")
+        index = self.counters.readings
+        self.counters.readings += 1
+        return Reading(self._sense(index / _RATE), time.monotonic(), index / _RATE, index)
+
+    def close(self) -> None:
+        """Stop giving readings."""
+        self._closed = True
+
+
+def open_source(places: Sequence[str], device: HasPad, log: Log | None) -> Source:
+    """Press a letter that lies still on the simulated pad: simulated:LETTER@x,y,theta."""
+    if len(places) != 1:
+        raise SourceError(f"the simulated pad is one source; {len(places)} were given")
+    letter, _, pose = places[0].partition("@")
+    return SimulatedSource(letter or "A", pose or "0,0,0", device)
+
+
+def press_table(label: str, poses: FloatArray, options: ScanOptions, rng: np.random.Generator) -> FloatArray:
+    """Press a letter at `poses` (n, 3) sensor_in_object, each off by the options' placement error.
+
+    Returns (n, taxels) kPa without the sensor's imperfections. Raises InputError for an unknown letter.
+    """
+    error = rng.standard_normal((len(poses), 3))
+    error *= (options.placement_mm, options.placement_mm, options.placement_rad)
+    return ideal_readings(models.letter(label), compose(poses, error), options)[0]
+
+
+def sensing(
+    pressures: Callable[[float], FloatArray], options: ScanOptions, rng: np.random.Generator
+) -> Callable[[float], FloatArray]:
+    """Add the taxels' gains, noise and faults to the pressures (taxels,) kPa at a time, s; drawn anew each call.
+
+    The device's own steps come with its codec, so the sensor's resolution is left out; so are drift and
+    hysteresis, which need the readings before.
+    """
+    sensor = options.sensor.model_copy(update={"resolution": 0.0, "drift": 0.0, "hysteresis": 0.0})
+    gain = gains(options)
+    return lambda now: sense(pressures(now)[None], sensor, gain, rng)[0]
+
+
+def parse_pose(text: str) -> FloatArray:
+    """Read a pose written as `x,y,theta` in mm and rad. Raises InputError."""
+    try:
+        pose = np.array([float(word) for word in text.split(",")])
+    except ValueError:
+        pose = np.zeros(0)
+    if pose.shape != (3,) or not (np.abs(pose) <= LARGEST).all():
+        raise InputError(f"a pose is written x,y,theta in mm and rad, like 3.4,-3.4,0.52, not {text!r}")
+    return pose
+
+
+def on_pad_of(device: HasPad, options: ScanOptions) -> ScanOptions:
+    """Press on the device's pad instead of the options' own."""
+    return options.model_copy(update={"pad": device.pad})
