@@ -59,7 +59,7 @@ $(READY): requirements.lock pyproject.toml
 	@$(PYTHON) -m venv $(VENV)
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -r requirements.lock
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -e .
-	@$(BIN)/python -c 'import tactsim.estimators.filters.information, tactsim.estimators.field.kernels, tactsim.estimators.field.state_kernels'  # compiles them, once
+	@$(BIN)/python -c 'import tactsim.estimators.likelihoods.force, tactsim.estimators.filters.wrapped, tactsim.estimators.filters.particle, tactsim.estimators.filters.refined'  # compiles them, once
 	@touch $@
 
 PIN := $(BIN)/uv pip compile --universal --python-version 3.11 --generate-hashes --no-emit-index-url \

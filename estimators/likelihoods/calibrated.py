@@ -27,15 +27,18 @@ class CalibratedLikelihood(Likelihood):
 
     def fit(self, scan: Scan, maps: Mapping[str, OccupancyMap]) -> None:
         """Count classes at the training taxels, each against the map without itself."""
-        self.maps, self._train = maps, scan.where("train")
-        odds, kinds = zip(*(self.left_out(label) for label in maps), strict=True)
+        self.maps = maps
+        odds, kinds = zip(*(self.left_out(label, scan) for label in maps), strict=True)
         seen = np.concatenate(odds).ravel()
         edges = quantile_edges(seen, self.options.quantiles)
         self.calibration = calibrate(seen, np.concatenate(kinds).ravel(), _CLASSES, edges)
 
-    def left_out(self, label: str) -> tuple[FloatArray, NDArray[np.int8]]:
-        """Look a letter's training taxels up in a map without themselves: log-odds and classes (n, taxels)."""
-        train, chart = self._train.where(label=label), self.maps[label]
+    def left_out(self, label: str, scan: Scan) -> tuple[FloatArray, NDArray[np.int8]]:
+        """Look the taxels of a letter's training readings up in its map without themselves.
+
+        scan: the one that the maps were learned from. Returns log-odds and classes (n, taxels).
+        """
+        train, chart = scan.where("train", label), self.maps[label]
         xy, classes = transform(train.poses, train.taxel_xy), self.classes(train.readings)
         own = own_log_odds(chart, xy, classes, self.options.sigma, self.options.peak)
         return chart.log_odds_at(xy) - own, classes

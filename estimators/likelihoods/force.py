@@ -49,7 +49,7 @@ class ForceLikelihood(Likelihood):
         train = scan.where("train")
         xy = transform(train.poses, train.taxel_xy)
         self.gain = np.ones(len(scan.taxel_xy))
-        self.least = max(float(np.median(contraharmonic(train.readings))) / 2, _LEAST_SCALE)
+        self.least = max(float(np.median(lehmer_mean(train.readings))) / 2, _LEAST_SCALE)
         scale, relative = self.relative(train.readings)
         pressure = scale
         # A reading that covers no taxel wholly is scaled too little. For a training reading the mosaic tells.
@@ -113,7 +113,7 @@ class ForceLikelihood(Likelihood):
         the median of the training readings'.
         """
         even = np.where(self.gain > _DEAD, readings / np.maximum(self.gain, _DEAD), 0.0)
-        scale = np.maximum(contraharmonic(even), self.least)
+        scale = np.maximum(lehmer_mean(even), self.least)
         return scale, even / scale[..., None]
 
     @property
@@ -145,10 +145,10 @@ class ForceLikelihood(Likelihood):
         )
 
 
-def contraharmonic(readings: FloatArray) -> FloatArray:
-    """Average the taxels of readings (..., taxels), each weighted with its third power: (...) kPa.
+def lehmer_mean(readings: FloatArray) -> FloatArray:
+    """Take the Lehmer mean L4, sum z^4 / sum z^3, over the taxels z of readings (..., taxels): (...) kPa.
 
-    The scale of a reading: nearly the pressure of taxels that are wholly covered, with less noise
+    It is the scale of a reading: nearly the pressure of taxels that are wholly covered, with less noise
     than the largest taxel has. Taxels below 0 count as 0.
     """
     pressed = np.maximum(readings, 0)
