@@ -34,6 +34,7 @@ def replay(
     less the value outside, hence 0 at the rim. lattice: [x, y] of node (0, 0), then the step in x and y,
     mm. A state's readings are added one by one, in order: it does not matter in how many calls.
     """
+    start, kind, xy, weight, constant = terms.start, terms.kind, terms.xy, terms.weight, terms.constant
     _, letters, rows, columns = nodes.shape
     flat, plane = nodes.reshape(nodes.size), rows * columns
     cos_x, sin_x, cos_y, sin_y = np.empty(_BATCH), np.empty(_BATCH), np.empty(_BATCH), np.empty(_BATCH)
@@ -55,9 +56,9 @@ def replay(
             base[k] = letter[begin + k] * plane
         for reading in range(first, last):
             total[:count] = 0
-            for i in range(terms.start[reading], terms.start[reading + 1]):
-                there_x, there_y, factor = terms.xy[i, 0], terms.xy[i, 1], terms.weight[i]
-                tables = terms.kind[i] * letters * plane
+            for i in range(start[reading], start[reading + 1]):
+                there_x, there_y, factor = xy[i, 0], xy[i, 1], weight[i]
+                tables = kind[i] * letters * plane
                 # Two loops, because places are computed in vectors and values are not loaded in vectors.
                 for k in range(uint64(count)):
                     u = min(max(x[k] + cos_x[k] * there_x - sin_x[k] * there_y, 0.0), last_column)
@@ -73,4 +74,4 @@ def replay(
                     upper = above_left + right[k] * (above_right - above_left)
                     total[k] += factor * (lower + above[k] * (upper - lower))
             for k in range(count):
-                log_p[begin + k] += terms.constant[reading, letter[begin + k]] + total[k]
+                log_p[begin + k] += constant[reading, letter[begin + k]] + total[k]

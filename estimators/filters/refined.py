@@ -157,20 +157,19 @@ class RefinedFilter(MapFilter):
         """Evaluate the halves of cells (n,), themselves halved `times` before, over the whole history."""
         count = len(self.field)
         halved = _Halved(cell, np.empty((len(cell), 8), dtype=np.int64), np.zeros((len(cell), 8)))
-        state, letter = np.empty((3, 8 * len(cell))), np.empty(8 * len(cell), dtype=np.int64)
-        halve(halved.half, state, letter, cell, self._counts << times, self._size / 2**times)
-        # What was halved at the last reading too needs only the new one.
-        new = np.ones(len(cell), dtype=bool)
+        new, old = np.arange(len(cell)), np.arange(0)
         if before is not None and len(before.cell) and self.options.skip:
+            # What was halved at the last reading too needs only the new one.
             place = np.minimum(np.searchsorted(before.cell, cell), len(before.cell) - 1)
-            new = before.cell[place] != cell
-            halved.log_p[~new] = before.log_p[place[~new]]
-        for which, first in ((~new, count - 1), (new, 0)):
-            of_halves = which.repeat(8)
-            log_p = self.field.log_p(letter[of_halves], state[:, of_halves], first)
-            halved.log_p[which] += log_p.reshape(-1, 8)
-            self._evaluated += len(log_p) * (count - first)
-        self._unreplayed += 8 * int((~new).sum()) * (count - 1)
+            known = before.cell[place] == cell
+            new, old = np.flatnonzero(~known), np.flatnonzero(known)
+            halved.log_p[old] = before.log_p[place[old]]
+            self._unreplayed += 8 * len(old) * (count - 1)
+        for which, first in ((old, count - 1), (new, 0)):
+            state, letter = np.empty((3, 8 * len(which))), np.empty(8 * len(which), dtype=np.int64)
+            halve(halved.half, state, letter, cell, which, self._counts << times, self._size / 2**times)
+            halved.log_p[which] += self.field.log_p(letter, state, first).reshape(-1, 8)
+            self._evaluated += 8 * len(which) * (count - first)
         return halved
 
     def _belief_in_cells(self) -> tuple[Cells, Weights]:
