@@ -1,4 +1,4 @@
-"""Tables as a grid of bins reads them: for one angle a term adds one shifted piece of its table to all bins.
+"""Tables as a grid of bins reads them, and their sums for tiles of bins (compiled).
 
 For one angle of T_R^O, all bins see a taxel through the same fraction of a table cell. So a term of a
 reading adds one shifted piece of the table to all of them, with four bilinear weights in common: no

@@ -18,7 +18,7 @@ def summarise(
 ) -> None:
     """Sum the belief of each letter (eq. 14) and find its best bin (eq. 15).
 
-    Bins `margin` or more below the best are left out. incumbent: flat index of the best bin's block.
+    Bins `margin` or more below the best are left out. incumbent: flat index of the block of the best bin.
     Fills mass (letters,), relative to the best bin, and mode (letters,), flat index into
     its (angles, rows, columns), or -1.
     """

@@ -36,11 +36,11 @@ class Belief(NamedTuple):
     log_p: (letters, angles, tile rows, tile columns, TALL * LANES), a bin's log-belief after the first
     `seen` readings, not normalised. edge: (tile rows, tile columns, TALL * LANES), 0 for a bin and
     -inf where a tile hangs over the grid. upper, seen, bounded: (letters, angles, block rows, block
-    columns). No bin of a block is above upper + any_state[count] after `count` readings. In that bound
-    `bounded` readings count with what the tables' maxima over a block allow, the later ones with
-    their ceilings. summit: (letters, angles), not below any `upper` there. size: rows and columns of
-    bins, rows and columns of bins in a block. Blocks have whole tiles, or divide one into equal
-    columns.
+    columns). After `count` readings, upper + terms.upper[count] is an upper bound of a block's bins. It
+    holds the tables' maxima over the block for the first `bounded` readings, and for later ones what any
+    state may get. summit: (letters, angles), not below any `upper` there. size: rows and columns of bins,
+    rows and columns of bins in a block. A block is made of whole tiles, or is one of the equal columns
+    that a tile is cut into.
     """
 
     log_p: Reals
@@ -82,16 +82,16 @@ def add_tile(
 
 @compiled(int64(BELIEF, SLICES, TERMS, REALS_2D, int64, int64, float64), called_from_python=False)
 def lower_bounds(
-    belief: Belief, slices: Slices, terms: Terms, turns: Reals, count: int, most: int, floor: float
+    belief: Belief, slices: Slices, terms: Terms, turns: Reals, count: int, longest: int, floor: float
 ) -> int:
-    """Lower the bounds of the blocks that are above `floor`, with the tables' maxima over a block.
+    """Lower the upper bounds of the blocks that are above `floor`, with the tables' maxima over a block.
 
-    A block whose bound falls below `floor` on the way is left where it is. Returns how many times a
-    block took in a reading.
+    A block whose upper bound falls below `floor` on the way takes in no further reading. longest: terms of the
+    longest reading. Returns how many times a block took in a reading.
     """
     letters, angles, rows, columns = belief.upper.shape
-    offset, within = np.empty((most, 4), dtype=np.int64), np.empty((most, 4), dtype=np.int64)
-    share, total = np.empty((most, 4), dtype=np.float32), np.empty(TALL * LANES, dtype=np.float32)
+    offset, within = np.empty((longest, 4), dtype=np.int64), np.empty((longest, 4), dtype=np.int64)
+    share, total = np.empty((longest, 4), dtype=np.float32), np.empty(TALL * LANES, dtype=np.float32)
     tile_rows, tile_columns = -(-rows // TALL), -(-columns // LANES)
     wanted, any_state = np.empty(letters * tile_rows * tile_columns, dtype=np.int64), terms.upper
     evaluated = 0
@@ -153,17 +153,17 @@ def lower_bounds(
 )
 def catch_up(
     belief: Belief, slices: Slices, terms: Terms, turns: Reals, angle: int, only: int,
-    count: int, most: int, margin: float, best: float, incumbent: int,
+    count: int, longest: int, margin: float, best: float, incumbent: int,
 ) -> tuple[int, float, int]:  # fmt: skip
     """Bring the bins of one angle's blocks up to date that may come within `margin` of the best bin.
 
-    only: flat index of the one block to look at, or -1. best: log-belief of the best bin so far,
-    incumbent: its block. Returns how many times a bin took in a reading, and the new best and incumbent.
+    only: flat index of the one block to look at, or -1. best: log-belief of the best bin so far. incumbent:
+    flat index of its block. Returns how many times a bin took in a reading, and the new best and incumbent.
     """
     letters, angles, block_rows, block_columns = belief.seen.shape
     rows, columns, tall, wide = belief.size[0], belief.size[1], belief.size[2], belief.size[3]
-    offset, within = np.empty((most, 4), dtype=np.int64), np.empty((most, 4), dtype=np.int64)
-    share, total = np.empty((most, 4), dtype=np.float32), np.empty(TALL * LANES, dtype=np.float32)
+    offset, within = np.empty((longest, 4), dtype=np.int64), np.empty((longest, 4), dtype=np.int64)
+    share, total = np.empty((longest, 4), dtype=np.float32), np.empty(TALL * LANES, dtype=np.float32)
     peak = np.empty((belief.log_p.shape[3], LANES))
     wanted = np.empty(letters * block_rows, dtype=np.int64)
     any_state = terms.upper
@@ -240,30 +240,30 @@ def catch_up(
 @compiled(types.UniTuple(int64, 3)(BELIEF, SLICES, SLICES, TERMS, REALS_2D, int64, int64, float64, int64))
 def advance(
     belief: Belief, bins: Slices, blocks: Slices, terms: Terms, turns: Reals,
-    count: int, most: int, margin: float, incumbent: int,
+    count: int, longest: int, margin: float, incumbent: int,
 ) -> tuple[int, int, int]:  # fmt: skip
     """Bring the bins up to date that can still matter after `count` readings (eq. 13, in logs).
 
-    A block is left alone while its bound is `margin` or more below the best bin. The bound is first
-    lowered with the tables' maxima (`blocks`); if that is not enough the block's bins are caught up.
-    turns: (angles, 2) cos and sin. most: terms of the longest reading. incumbent: flat index of the best
-    block before the last reading. Returns how many times a bin and a block took in a reading, and the
-    best block.
+    A block is left alone while its upper bound is `margin` or more below the best bin. The bound is first
+    lowered with the tables' maxima (`blocks`); if that is not enough, the block's bins are caught up.
+    turns: (angles, 2) cos and sin. longest: terms of the longest reading. incumbent: flat index of the block
+    that held the best bin before the last reading. Returns how many times a bin and a block took in a
+    reading, and the new incumbent.
     """
     _, angles, block_rows, block_columns = belief.seen.shape
     best, evaluated, lowered = -np.inf, 0, 0
-    # The better the best bin that is known, the fewer blocks can matter: so the incumbent comes first,
-    # and for the first reading the block that is bounded the least.
+    # The better the best bin that is known, the fewer blocks can matter. So the incumbent comes first; at
+    # the first reading the block with the highest upper bound.
     for step in range(-1, angles):
         if step == (-1 if count == 1 else 0) and margin < np.inf:
-            lowered = lower_bounds(belief, blocks, terms, turns, count, most, best - margin)
+            lowered = lower_bounds(belief, blocks, terms, turns, count, longest, best - margin)
             if count == 1:
                 incumbent = int(belief.upper.argmax())
         angle, only = step, -1
         if step < 0:
             angle, only = incumbent // (block_rows * block_columns) % angles, incumbent
         made, best, incumbent = catch_up(
-            belief, bins, terms, turns, angle, only, count, most, margin, best, incumbent
+            belief, bins, terms, turns, angle, only, count, longest, margin, best, incumbent
         )
         evaluated += made
     return evaluated, lowered, incumbent

@@ -1,4 +1,4 @@
-"""What a reading at a sensor pose would say of states, for readings that are drawn (compiled)."""
+"""Readings drawn for a sensor pose, and what each of them would say of every state (compiled)."""
 
 from __future__ import annotations
 

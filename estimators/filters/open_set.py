@@ -1,12 +1,12 @@
 """None of the known letters: how well the best letter explains what was felt, and how well it should.
 
-Open-set recognition: a filter over the known letters will always name one of them. Whether it is that
-one at all is told by the misfit of its readings: by how much their log-likelihood, at the estimated
-pose, differs from what the map itself expects,
+Open-set recognition: a filter over the known letters always names one of them. Whether the object is that
+letter at all is told by the misfit of the readings: by how much their log-likelihood at the estimated pose
+differs from what the letter's map expects,
 
     m = sum over taxels of [ log p(class) - sum_k p(k) log p(k) ],
 
-in units of how it differs for a letter's own training readings, each looked up in a map without itself.
+compared with the misfit of the letter's own training readings, each looked up in a map without itself.
 """
 
 from __future__ import annotations

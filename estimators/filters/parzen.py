@@ -26,8 +26,8 @@ _TILE = 128
 def parzen_mode(state: FloatArray, weight: FloatArray, rho: float = 1.0) -> FloatArray:
     """Find the pose of highest density (eq. 10 to 12) on the grid of 0.5 mm and 0.04 pi rad.
 
-    state: (3, n) mm, mm, rad. weight: (n,). Light particles are looked at only if all of them together
-    could lift another node above the highest.
+    state: (3, n) mm, mm, rad. weight: (n,). Light particles are added only if all of them together could lift
+    another node above the highest.
     """
     weight = weight / weight.max()  # of a size for float32
     heavy = weight > _LIGHT

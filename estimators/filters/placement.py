@@ -8,8 +8,8 @@ from tactsim.core import invert, wrap_angle
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.filters.weights import Weights
 
-# The mean is over what lies this near the mode, mm in the metric of the placement error for a radius of
-# gyration of 8 mm; only the choice of the neighbourhood depends on it.
+# The mean is over states whose placement is at most this far from the mode's: mm, in the metric of the placement
+# error for a radius of gyration of 8 mm. Only the choice of the neighbourhood depends on that radius.
 _NEAR, _GYRATION = 1.0, 8.0
 
 

@@ -18,10 +18,10 @@ from tactsim.estimators.filters.placement import mean_around
 from tactsim.estimators.filters.states import WeightedStates, plane_histogram, probabilities, uniform_states
 from tactsim.estimators.filters.weights import Weights
 
-# A move reaches this far, in differences between two other particles of the letter; drawn for each
-# particle from the row, so that some move within a mode and some between modes.
+# A move is the difference of two other particles of the letter times one of these factors, drawn for each
+# particle: so some particles move within a mode and some between modes.
 _STRIDES = np.array([0.1, 0.5, 1.0])
-# And a little noise on top, so that a population of copies can spread again: mm, mm, rad.
+# A little noise is added, so that a population of copies can spread again: mm, mm, rad.
 _JITTER = np.array([[0.02], [0.02], [0.002]])
 _BISECTIONS = 20
 # The particles of a letter whose evidence is this many nats below the best letter's are weighed but not moved:

@@ -20,9 +20,9 @@ _CLASSES = UNKNOWN + 1
 class CalibratedLikelihood(Likelihood):
     """p(No Contact, In Contact or Unknown | interpolated log-odds), counted over the training readings.
 
-    Eq. 7 trusts the map's own probabilities and gives Unknown no weight. Here both are learned: the log-odds
-    are divided into quantile bins over the training taxels of all letters, and classes are
-    counted in each. Unknown taxels lie at edges, so they say much about the pose.
+    Eq. 7 takes the map's own probabilities and gives Unknown no weight. Here both are learned: the log-odds at
+    the training taxels of all letters are divided into quantile bins, and the classes in each bin are counted.
+    Unknown taxels lie at edges, so they say much about the pose.
     """
 
     def fit(self, scan: Scan, maps: Mapping[str, OccupancyMap]) -> None:
@@ -67,8 +67,8 @@ def own_log_odds(
 ) -> FloatArray:
     """Find what taxels have themselves added to a map where they are looked up: (...) log-odds.
 
-    xy: (..., 2) mm. classes: (...). Of the four cells around a taxel, weighted bilinearly. Taxels
-    of the same reading are too far apart to matter.
+    xy: (..., 2) mm. classes: (...). What a taxel has added to the four cells around it is weighted bilinearly.
+    What the other taxels of its reading have added there stays: they are too far away to matter.
     """
     place = (xy - chart.origin) / chart.cell
     corner = np.floor(place)

@@ -1,4 +1,4 @@
-"""The inner loop of learning a mosaic. Serial, as all kernels."""
+"""The sums from which a mosaic's planes are fitted (compiled)."""
 
 from __future__ import annotations
 
