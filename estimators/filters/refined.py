@@ -155,22 +155,24 @@ class RefinedFilter(MapFilter):
 
     def _halve(self, times: int, cell: NDArray[np.int64], before: _Halved | None) -> _Halved:
         """Evaluate the halves of cells (n,), themselves halved `times` before, over the whole history."""
-        count = len(self.field)
-        halved = _Halved(cell, np.empty((len(cell), 8), dtype=np.int64), np.zeros((len(cell), 8)))
-        new, old = np.arange(len(cell)), np.arange(0)
+        halved = _Halved(cell, np.empty((len(cell), 8), dtype=np.int64), np.empty((len(cell), 8)))
+        new, last = np.arange(len(cell)), len(self.field) - 1
         if before is not None and len(before.cell) and self.options.skip:
             # What was halved at the last reading too needs only the new one.
             place = np.minimum(np.searchsorted(before.cell, cell), len(before.cell) - 1)
             known = before.cell[place] == cell
             new, old = np.flatnonzero(~known), np.flatnonzero(known)
-            halved.log_p[old] = before.log_p[place[old]]
-            self._unreplayed += 8 * len(old) * (count - 1)
-        for which, first in ((old, count - 1), (new, 0)):
-            state, letter = np.empty((3, 8 * len(which))), np.empty(8 * len(which), dtype=np.int64)
-            halve(halved.half, state, letter, cell, which, self._counts << times, self._size / 2**times)
-            halved.log_p[which] += self.field.log_p(letter, state, first).reshape(-1, 8)
-            self._evaluated += 8 * len(which) * (count - first)
+            halved.log_p[old] = before.log_p[place[old]] + self._replay(times, halved, old, last)
+            self._unreplayed += 8 * len(old) * last
+        halved.log_p[new] = self._replay(times, halved, new, 0)
         return halved
+
+    def _replay(self, times: int, halved: _Halved, which: NDArray[np.intp], first: int) -> FloatArray:
+        """Find the halves of n cells, and sum log p of the readings from `first` on: (n, 8)."""
+        state, letter = np.empty((3, 8 * len(which))), np.empty(8 * len(which), dtype=np.int64)
+        halve(halved.half, state, letter, halved.cell, which, self._counts << times, self._size / 2**times)
+        self._evaluated += len(letter) * (len(self.field) - first)
+        return self.field.log_p(letter, state, first).reshape(-1, 8)
 
     def _belief_in_cells(self) -> tuple[Cells, Weights]:
         """Give the cells that were not split and are not negligible, and what they hold."""
