@@ -1,8 +1,8 @@
-"""Who is it and where: maps learned from readings, likelihoods and filters.
+"""Which letter is it, and where: maps learned from readings, likelihoods and filters.
 
-Lives here: one file an estimator, the occupancy maps, the measurement models and the kernels that
-they share. Does not live here: physics, files, scores. Of `tactsim` it sees only the data types
-(`Scan`, poses).
+Lives here: the face of every estimator, and three rooms. `likelihoods` says what a reading tells of a state,
+`field` sums that over the readings of a sequence, `filters` keep a belief. Imports go one way: filters, field,
+likelihoods. Does not live here: physics, files, scores. Of `tactsim` it sees only `core`.
 """
 
 from tactsim.estimators.estimator import (

@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -61,11 +61,11 @@ class Estimator(ABC):
     fitted.
     """
 
-    options_type: ClassVar[type[Options]] = Options
+    options_type: type[Options] = Options
     # The option that says how much may be computed, such as "bins"; None if there is no such option.
-    budget: ClassVar[str | None] = None
+    budget: str | None = None
     # Whether the rng of `reset` changes what is estimated.
-    draws: ClassVar[bool] = True
+    draws: bool = True
 
     def __init__(self, options: Options) -> None:
         self.options = options

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from importlib import import_module
-from typing import Any
+from typing import TYPE_CHECKING, Any, cast
 
 from tactsim.core import plug_ins
 from tactsim.core.checking import checked
 from tactsim.core.errors import unknown
 from tactsim.core.plug_ins import Listed
 from tactsim.estimators.estimator import Estimator, Options
+
+if TYPE_CHECKING:
+    from tactsim.estimators.filters.map_filter import MapFilter
 
 GROUP = "tactsim.estimators"
 
@@ -37,7 +40,7 @@ BUILT_IN: dict[str, tuple[str, str]] = {
         "coarse-to-fine histogram: the best bins are halved again",
     ),
     "force-mosaic": (
-        "tactsim.estimators.filters.force_mosaic:ForceMosaicFilter",
+        "tactsim.estimators.filters.refined:ForceMosaicFilter",
         "coarse-to-fine on predicted pressures instead of classes",
     ),
 }
@@ -51,11 +54,17 @@ def names() -> tuple[str, ...]:
 def create(name: str, **options: Any) -> Estimator:
     """Make the estimator of that name with these options.
 
+    A built-in filter comes in wrappers: it can propose readings, and say "none of these".
     Raises InputError for an unknown name, a broken plug-in, or an option that is unknown or out of
     its bounds.
     """
     chosen = load(name)
-    return chosen(checked(chosen.options_type, options, f"estimator {name}"))
+    made = chosen(checked(chosen.options_type, options, f"estimator {name}"))
+    if name not in BUILT_IN:
+        return made
+    from tactsim.estimators.filters.wrapped import wrapped
+
+    return wrapped(cast("MapFilter", made))
 
 
 def load(name: str) -> type[Estimator]:

@@ -11,10 +11,10 @@ from tactsim.bench.stress.data import fitted, hidden, pressed, probabilities
 from tactsim.core import Pad, Scan, transform
 from tactsim.core.poses import FloatArray
 from tactsim.estimators import create
-from tactsim.estimators.filters.histogram import HistogramFilter
+from tactsim.estimators.filters.histogram import HistogramFilter, HistogramOptions
 from tactsim.estimators.likelihoods import likelihood
 from tactsim.estimators.likelihoods.classifier import CONTACT, NO_CONTACT, UNKNOWN, classify
-from tactsim.estimators.likelihoods.occupancy import OccupancyMap
+from tactsim.estimators.likelihoods.occupancy import OccupancyMap, maps_of
 from tactsim.estimators.options import LikelihoodOptions
 
 
@@ -104,8 +104,9 @@ def straight_readings(scan: Scan, label: str | None = None) -> tuple[FloatArray,
 
 def one_state(scan: Scan, **options: float) -> HistogramFilter:
     """Fit a histogram of one bin, whose one state is [0, 0, 0]."""
-    made = fitted("histogram", scan, split="1x1x1", skip=False, **options)
-    assert isinstance(made, HistogramFilter)
+    made = HistogramFilter(HistogramOptions.model_validate({"split": "1x1x1", "skip": False, **options}))
+    made.fit(scan)
+    made.reset(np.random.default_rng(0))
     return made
 
 
@@ -189,10 +190,9 @@ def products_would_be_zero(worst: Worst) -> None:
     """Recognise each letter with as many readings as drive the product of plain likelihoods to 0."""
     scan = pressed()
     estimator = fitted("histogram", scan, bins=1000)
-    assert isinstance(estimator, HistogramFilter)
     for label in scan.letters:
         readings, poses, truth = hidden(scan, label, 192, seed=7)
-        chart = estimator.maps[label]
+        chart = maps_of(estimator)[label]
         product32, product64, total = np.float32(1), 1.0, 0.0
         estimator.reset(np.random.default_rng(0))
         for reading, pose in zip(readings, poses, strict=True):

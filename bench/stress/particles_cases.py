@@ -9,8 +9,8 @@ import numpy as np
 from tactsim.bench.stress.case import Worst, case
 from tactsim.bench.stress.data import DRAWING, every_estimator, fitted, flaw, hidden, pressed, probabilities
 from tactsim.core.poses import FloatArray
-from tactsim.estimators.field.state_kernels import draw
-from tactsim.estimators.filters.particle import PARZEN_STEP, parzen_mode
+from tactsim.estimators.filters.multinomial import draw
+from tactsim.estimators.filters.parzen import PARZEN_STEP, parzen_mode
 
 
 def drawing(budget: int) -> list[tuple[str, dict[str, int]]]:

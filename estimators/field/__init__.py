@@ -1,5 +1,5 @@
-"""The log-likelihood as a field over states: tables on a lattice, the readings of a sequence, inner loops.
+"""The log-likelihood of a sequence as a field over letters and poses: tables, terms of the readings, and sums.
 
-Lives here: what stands between a likelihood and the filters, and is the same for all of them. Does not live
-here: what a table means (likelihoods), or which states are looked at (filters).
+Lives here: `LikelihoodField`, which stands between a likelihood and the filters, and the inner loops that sum
+a state's terms. Does not live here: what a table means (likelihoods), or which states are looked at (filters).
 """

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,6 +34,16 @@ class Tables:
     outside: FloatArray
     lowest: FloatArray
     highest: FloatArray
+
+    @cached_property
+    def nodes(self) -> NDArray[np.float32]:
+        """Give the values in order of place, for states anywhere: (tables, letters, rows, columns)."""
+        return _by_place(self.values)
+
+    @property
+    def lattice(self) -> FloatArray:
+        """Give [x, y] of the first of `nodes` and the steps between them in x and y (4,), mm."""
+        return np.concatenate([self.origin, self.step])
 
 
 def tabulate(
@@ -84,9 +95,8 @@ def pooled(tables: Tables, wide: int, tall: int) -> Tables:
     Each node gets the largest value of the nodes that the bins of a block beginning there can take
     for it. So a block's sum, interpolated as if it were one bin, is not below that of any of its bins.
     """
-    kinds, letters, phases_y, phases_x, rows, columns = tables.values.shape
-    nodes = tables.values.transpose(0, 1, 4, 2, 5, 3)
-    nodes = nodes.reshape(kinds, letters, rows * phases_y, columns * phases_x)
+    phases_y, phases_x = tables.values.shape[2:4]
+    nodes = _by_place(tables.values)
     # Nodes a block spans, in y and x: it reaches the lattice from as far outside.
     spans = ((tall - 1) * phases_y + 1, (wide - 1) * phases_x + 1)
     for axis, (span, phases) in enumerate(zip(spans, (tall * phases_y, wide * phases_x), strict=True), 2):
@@ -117,3 +127,10 @@ def _by_phase(values: NDArray[np.float32], phases_y: int, phases_x: int) -> NDAr
     kinds, labels, rows, columns = values.shape
     split = values.reshape(kinds, labels, rows // phases_y, phases_y, columns // phases_x, phases_x)
     return np.ascontiguousarray(split.transpose(0, 1, 3, 5, 2, 4))
+
+
+def _by_place(values: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Undo `_by_phase`."""
+    kinds, letters, phases_y, phases_x, rows, columns = values.shape
+    nodes = values.transpose(0, 1, 4, 2, 5, 3)
+    return nodes.reshape(kinds, letters, rows * phases_y, columns * phases_x)

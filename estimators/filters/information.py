@@ -12,15 +12,12 @@ measurement model, which knows how often each of them comes, whatever model the 
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
-from numba import float32, float64, int64, uint64, void
 from numpy.typing import NDArray
 
 from tactsim.core.poses import FloatArray
-from tactsim.estimators.field.compiling import Floats, Ints, Reals, compiled
 from tactsim.estimators.field.tables import tabulate
+from tactsim.estimators.filters.foreseeing import foresee
 from tactsim.estimators.likelihoods.calibrated import CalibratedLikelihood
 
 STATES = 256  # drawn from the belief for one choice
@@ -35,10 +32,10 @@ class Planner:
     def __init__(self, model: CalibratedLikelihood, taxel_xy: FloatArray) -> None:
         cell = model.options.cell
         tables = tabulate(model, tuple(model.maps), (cell, cell), cell)
-        log_p = tables.values[:, :, 0, 0] + tables.outside[:, :, None, None].astype(np.float32)
+        log_p = tables.nodes + tables.outside[:, :, None, None].astype(np.float32)
         # The classes of a node side by side: they are read together.
         self._nodes = np.ascontiguousarray(log_p.transpose(1, 2, 3, 0))
-        self._lattice = np.concatenate([tables.origin, tables.step])
+        self._lattice = tables.lattice
         self._taxel_xy = np.array(taxel_xy)
 
     def choose(
@@ -56,7 +53,7 @@ class Planner:
 
         candidates: (n, 3) sensor_in_robot. letter: (states,), state: (3, states) T_R^O, equally probable.
         The estimate is at most log(states), and may fall a little below 0 by the chance of what is drawn. All
-        candidates meet the same random numbers, which makes their order more certain than their values.
+        candidates meet common random numbers: most of the chance cancels when they are compared.
         """
         letter, state = np.ascontiguousarray(letter), np.ascontiguousarray(state)
         drawn = np.arange(0, len(letter), max(1, len(letter) // _DRAWN))
@@ -69,53 +66,3 @@ class Planner:
             # p(z | s) is itself one of the averaged: the mean is at least its 1 / states.
             found[i] = -np.log(np.exp(others).mean(axis=1)).mean()
         return found
-
-
-@compiled(
-    void(float32[:, ::1], float64[::1], int64[::1], int64[::1], float64[:, ::1], float64[:, ::1], float32[:, :, :, ::1],
-         float64[::1], float32[:, :, ::1]),
-    ordered=False,
-)  # fmt: skip
-def foresee(
-    log_p: Floats, pose: Reals, drawn: Ints, letter: Ints, state: Reals, taxel_xy: Reals, nodes: Floats,
-    lattice: Reals, chance: Floats,
-) -> None:  # fmt: skip
-    """Draw a reading at a sensor pose for some states s, and find log p of it for every state t: log_p[s, t].
-
-    pose: sensor_in_robot. drawn: the states s. letter: (states,). state: (3, states) T_R^O. nodes: (letters,
-    rows, columns, classes) log p. lattice: [x, y] of node (0, 0), then the step in x and y, mm. chance: (s, taxels,
-    classes) of the standard Gumbel distribution: the class where log p + chance is largest is drawn.
-    """
-    _, rows, columns, classes = nodes.shape
-    states, taxels = len(letter), len(taxel_xy)
-    predicted = np.empty((taxels, classes, states), dtype=np.float32)
-    last_column, last_row = columns - 1.000001, rows - 1.000001
-    for t in range(states):
-        angle = state[2, t] + pose[2]
-        cos, sin = math.cos(angle), math.sin(angle)
-        turn_cos, turn_sin = math.cos(state[2, t]), math.sin(state[2, t])
-        x = state[0, t] + turn_cos * pose[0] - turn_sin * pose[1] - lattice[0]
-        y = state[1, t] + turn_sin * pose[0] + turn_cos * pose[1] - lattice[1]
-        for e in range(taxels):
-            u = (x + cos * taxel_xy[e, 0] - sin * taxel_xy[e, 1]) / lattice[2]
-            v = (y + sin * taxel_xy[e, 0] + cos * taxel_xy[e, 1]) / lattice[3]
-            u, v = min(max(u, 0.0), last_column), min(max(v, 0.0), last_row)
-            column, row = int64(u), int64(v)
-            right, above = float32(u - column), float32(v - row)
-            here, up = nodes[letter[t], row], nodes[letter[t], row + 1]
-            for k in range(classes):
-                lower = here[column, k] + right * (here[column + 1, k] - here[column, k])
-                upper = up[column, k] + right * (up[column + 1, k] - up[column, k])
-                predicted[e, k, t] = lower + above * (upper - lower)
-    log_p[:] = 0
-    for s in range(len(drawn)):
-        total = log_p[s]
-        for e in range(taxels):
-            felt, highest = 0, -np.inf
-            for k in range(classes):
-                value = predicted[e, k, drawn[s]] + chance[s, e, k]
-                if value > highest:
-                    felt, highest = k, value
-            as_felt = predicted[e, felt]
-            for t in range(uint64(states)):
-                total[t] += as_felt[t]

@@ -1,19 +1,18 @@
 """None of the known letters: how well the best letter explains what was felt, and how well it should.
 
-Open-set recognition: a filter over the known letters will always name one of them. Whether it is that
-one at all is told by the misfit of its readings: by how much their log-likelihood, at the estimated
-pose, differs from what the map itself expects,
+Open-set recognition: a filter over the known letters always names one of them. Whether the object is that
+letter at all is told by the misfit of the readings: by how much their log-likelihood at the estimated pose
+differs from what the letter's map expects,
 
     m = sum over taxels of [ log p(class) - sum_k p(k) log p(k) ],
 
-in units of how it differs for a letter's own training readings, each looked up in a map without itself.
+compared with the misfit of the letter's own training readings, each looked up in a map without itself.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -22,8 +21,9 @@ from scipy.special import expit, log_ndtr
 
 from tactsim.core import InputError, Scan, compose, transform
 from tactsim.core.poses import FloatArray
-from tactsim.estimators.estimator import NONE, Estimate, Options
+from tactsim.estimators.estimator import NONE, Estimate
 from tactsim.estimators.filters.map_filter import MapFilter
+from tactsim.estimators.filters.wrapper import Wrapper
 from tactsim.estimators.likelihoods.calibrated import CalibratedLikelihood
 from tactsim.estimators.options import FilterOptions
 
@@ -32,7 +32,7 @@ _LEAST_VARIANCE = 1e-6  # nats^2: a map without information expects everything a
 
 
 class OpenSetOptions(FilterOptions):
-    """What a filter takes that can say "none of these"."""
+    """What a filter takes that can be surrounded by an `OpenSet`; above 0, `wrapped` does it."""
 
     unknown: float = Field(
         0.0, ge=0, lt=1, description="prior probability that the object is none of the known letters"
@@ -63,53 +63,51 @@ class Misfit:
         return _log_smeared(z, width) + z**2 / 2
 
 
-class OpenSetFilter(MapFilter):
-    """A filter over the known letters that also weighs whether the object is one of them.
+class OpenSet(Wrapper):
+    """A filter over the known letters, and beside it how probable it is that the object is none of them.
 
-    A subclass's pose must be as exact as its readings allow: bins of a millimetre would be taken for
-    another letter. With unknown = 0 nothing is done and nothing differs.
+    The filter's pose must be as exact as its readings allow: in the middle of a bin of a millimetre, a letter
+    fits as badly as another object would.
     """
 
-    options_type: ClassVar[type[Options]] = OpenSetOptions
-    options: OpenSetOptions
+    def __init__(self, filter: MapFilter, unknown: float) -> None:
+        super().__init__(filter)
+        self._unknown = unknown
+
+    @property
+    def calibrated(self) -> CalibratedLikelihood:
+        """Give the calibrated model of the training readings, with which misfits are computed."""
+        return self._model
 
     def fit(self, scan: Scan) -> None:
-        """Learn the maps and, if an unknown object is possible, how well each letter's own readings fit."""
-        super().fit(scan)
-        if self.options.unknown:
-            if NONE in self.labels:
-                raise InputError(
-                    f"a letter is called {NONE!r}: with unknown above 0 that means no known letter"
-                )
-            self._model = self.calibrated()
-            self._misfit = {label: learn_misfit(self._model, label) for label in self.labels}
+        """Learn the maps, and how well each letter's own training readings fit its map."""
+        self.filter.fit(scan)
+        if NONE in self.labels:
+            raise InputError(f"a letter is called {NONE!r}: with unknown above 0 that means no known letter")
+        self._model = self.filter.calibrated or CalibratedLikelihood(self.options)
+        if self._model is not self.filter.calibrated:
+            self._model.fit(scan, self.maps)
+        self._misfit = {label: learn_misfit(self._model, label, scan) for label in self.labels}
 
     def reset(self, rng: np.random.Generator) -> None:
-        """Forget the sequence: every state of every letter is equally probable again."""
-        super().reset(rng)
+        """Forget the sequence."""
+        self.filter.reset(rng)
         self._felt: list[tuple[FloatArray, FloatArray]] = []
 
     def update(self, reading: ArrayLike, sensor_in_robot: ArrayLike) -> None:
-        """Take in one reading, and keep it for the comparison with what the best letter expects."""
-        super().update(reading, sensor_in_robot)
-        if self.options.unknown:
-            self._felt.append((np.array(reading, dtype=float), np.array(sensor_in_robot, dtype=float)))
+        """Take in one reading, and keep it for the comparison with what the best letter's map expects."""
+        self.filter.update(reading, sensor_in_robot)
+        self._felt.append((np.array(reading, dtype=float), np.array(sensor_in_robot, dtype=float)))
 
     def estimate(self) -> Estimate:
-        """Give the letter's probabilities, "none" among them if `unknown` is above 0, and the pose."""
-        known = super().estimate()
-        return self._opened(known) if self.options.unknown else known
-
-    def _opened(self, known: Estimate) -> Estimate:
         """Give "none" its share: the prior odds, times those of the misfit of the best letter."""
-        total = 0.0
+        known, total = self.filter.estimate(), 0.0
         if self._felt:
             readings, poses = (np.array(part) for part in zip(*self._felt, strict=True))
             xy = transform(compose(known.robot_in_object, poses), self.taxel_xy)
             total = float(misfits(self._model, known.label, xy, self._model.classes(readings)).sum())
-        prior = self.options.unknown
         odds = self._misfit[known.label].log_odds(total, len(self._felt))
-        none = float(expit(odds + math.log(prior) - math.log1p(-prior)))
+        none = float(expit(odds + math.log(self._unknown) - math.log1p(-self._unknown)))
         probabilities = {label: (1 - none) * p for label, p in known.probabilities.items()} | {NONE: none}
         best = max(probabilities, key=probabilities.__getitem__)
         return replace(known, label=best, probabilities=probabilities)
@@ -120,9 +118,9 @@ def misfits(model: CalibratedLikelihood, label: str, xy: FloatArray, classes: ND
     return _misfits(model.log_tables(label, xy), classes)
 
 
-def learn_misfit(model: CalibratedLikelihood, label: str) -> Misfit:
-    """Learn how the misfit of a letter's training readings is spread."""
-    odds, classes = model.left_out(label)
+def learn_misfit(model: CalibratedLikelihood, label: str, scan: Scan) -> Misfit:
+    """Learn how the misfit of a letter's training readings in a scan is spread."""
+    odds, classes = model.left_out(label, scan)
     log_p = np.log(model.calibration(odds))
     own = _misfits(log_p, classes)
     # At least what independent taxels would give, however few the training readings are.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,22 +12,20 @@ from pydantic import Field
 
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.estimator import Estimate, Options, PlaneBelief
-from tactsim.estimators.field.kernels import pick
-from tactsim.estimators.field.state_kernels import replay_halves
-from tactsim.estimators.filters.grid import Cells
-from tactsim.estimators.filters.histogram import HistogramFilter, HistogramOptions
-from tactsim.estimators.filters.open_set import OpenSetFilter, OpenSetOptions
+from tactsim.estimators.filters.binned import BinnedBelief
+from tactsim.estimators.filters.grid import Cells, StateGrid, state_grid
+from tactsim.estimators.filters.halving import halve
+from tactsim.estimators.filters.map_filter import MapFilter
+from tactsim.estimators.filters.open_set import OpenSetOptions
 from tactsim.estimators.filters.placement import mean_around
-from tactsim.estimators.filters.resampling import systematic
-from tactsim.estimators.likelihoods.likelihood import Evidence
+from tactsim.estimators.filters.states import WeightedStates, letter_mass, probabilities
+from tactsim.estimators.filters.weights import Weights
 
 # Cells this many nats below the heaviest are left out of sums; of means of poses, sooner.
 _NEGLIGIBLE, _NEGLIGIBLE_IN_MEAN = 30.0, 20.0
-# Nats that rounding may move the highest log-belief of a block of bins.
-_ROUNDING = 1e-6
 
 
-class RefinedOptions(HistogramOptions, OpenSetOptions):
+class RefinedOptions(OpenSetOptions):
     """Options of the coarse-to-fine histogram filter."""
 
     likelihood: str = Field("calibrated", description="the measurement model: paper, calibrated, force")
@@ -44,9 +42,9 @@ class RefinedOptions(HistogramOptions, OpenSetOptions):
 
 @dataclass(frozen=True, eq=False)
 class _Halved:
-    """Cells that were halved once more: `cell` (n,) ascending; `half`, log_p (n, 8): what they were halved into.
+    """Cells that were halved once more, and their halves.
 
-    Cells and halves are flat indices into the grid of their size.
+    cell: (n,) ascending, half: (n, 8) flat indices into the grid of their size. log_p: (n, 8) log-beliefs.
     """
 
     cell: NDArray[np.int64]
@@ -57,24 +55,28 @@ class _Halved:
 _Leaves = tuple[NDArray[np.int64], FloatArray]  # cells of one size and their log-beliefs, (n,) each
 
 
-class RefinedFilter(OpenSetFilter, HistogramFilter):
-    """Histogram filter over coarse bins, the best of which are split into smaller and smaller cells.
+class RefinedFilter(MapFilter):
+    """Coarse bins, the best of which are split into smaller and smaller cells.
 
-    After every reading the `cells` best of all bins, whichever letter's, are halved in x, y and angle, the
-    `cells` best of these halves likewise, and so on, `halvings` times. The whole history is replayed in each
-    new cell. The bins are ranked, and not compared with a limit: the longer the sequence, the less likely is
-    the middle of the bin that holds the truth beside the truth itself.
+    After every reading the `cells` best of all coarse bins, whichever letter's, are halved in x, y and angle,
+    the `cells` best of these halves likewise, and so on, `halvings` times. The whole history is replayed in
+    each new cell. The bins are ranked, and not compared with a limit: the longer the sequence, the less likely
+    is the middle of the bin that holds the truth beside the truth itself.
 
     The belief is what the leaves hold: a cell's likelihood is that of its middle, times its volume. So a
-    cell that was split is worth the mean of its parts. `log_belief` remains that of the coarse bins.
+    cell that was split is worth the mean of its parts.
     """
 
-    options_type: ClassVar[type[Options]] = RefinedOptions
+    options_type: type[Options] = RefinedOptions
+    budget = "bins"
+    draws = False
     options: RefinedOptions
+    grid: StateGrid
 
     def __init__(self, options: RefinedOptions) -> None:
         super().__init__(options)
-        self._unreplayed = 0
+        self.grid = state_grid(options.bins, options.split, options.reach)
+        self._evaluated = self._unreplayed = 0
 
     def describe(self) -> str:
         """Say how the state space is split, in one line."""
@@ -85,34 +87,27 @@ class RefinedFilter(OpenSetFilter, HistogramFilter):
         )
 
     @property
-    def _leaves_bins(self) -> bool:
-        """Leave no bin alone: ranking needs them all."""
-        return False
+    def _spacing(self) -> tuple[float, float]:
+        return self.grid.spacing[:2]
 
-    def prepare(self) -> None:
-        """Tabulate the likelihood; bring the same nodes in an order for cells that lie anywhere."""
-        super().prepare()
-        kinds, letters, phases_y, phases_x, rows, columns = self.tables.values.shape
-        nodes = self.tables.values.transpose(0, 1, 4, 2, 5, 3)
-        self._nodes = nodes.reshape(kinds, letters, rows * phases_y, columns * phases_x)
-        self._lattice = np.concatenate([self.tables.origin, self.tables.step])
+    def _fit(self) -> None:
+        self._coarse = BinnedBelief(self.field, self.grid)
         self._counts = np.array([self.grid.x, self.grid.y, self.grid.angle])
-        self._spacing = np.array(self.grid.spacing)
-        every = np.arange(letters * self.grid.bins)
+        self._size = np.array(self.grid.spacing)
+        every = np.arange(len(self.labels) * self.grid.bins)
         self._prior: _Leaves = every, np.zeros(len(every))
-        self._picked = np.empty_like(every), np.empty(len(every))
 
-    def restart(self, rng: np.random.Generator) -> None:
-        """Make all bins of all letters equally probable."""
-        super().restart(rng)
+    def _reset(self, rng: np.random.Generator) -> None:
+        self._coarse.reset()
         self._halved: list[_Halved] = []
         self._leaves = [self._prior]
 
-    def take(self, evidence: Evidence, sensor_in_robot: FloatArray) -> None:
+    def _update(self) -> None:
         """Update the coarse bins (eq. 13), then split the best."""
-        super().take(evidence, sensor_in_robot)
+        bins, _ = self._coarse.update()
+        self._evaluated += bins
         before, self._halved, self._leaves = self._halved, [], []
-        cell, log_p = self._best_bins()
+        cell, log_p = self._coarse.best(self.options.cells, _NEGLIGIBLE)
         for times in range(self.options.halvings):
             chosen = _highest(log_p, self.options.cells)
             rest = np.ones(len(cell), dtype=bool)
@@ -123,44 +118,33 @@ class RefinedFilter(OpenSetFilter, HistogramFilter):
             cell, log_p = halved.half.ravel(), halved.log_p.ravel()
         self._leaves.append((cell, log_p))
 
-    def answer(self) -> Estimate:
+    def _estimate(self) -> Estimate:
         """Sum the belief of each letter (eq. 14); average the placement around the best letter's mode."""
-        cells, log_weight = self._belief_in_cells()
-        letter = cells.letter
-        mass = np.bincount(letter, np.exp(log_weight), minlength=len(self.labels))
+        cells, weights = self._belief_in_cells()
+        letter, log_weight = cells.letter, weights.log
+        mass = letter_mass(letter, weights, len(self.labels))
         best = int(mass.argmax())
         mine = np.flatnonzero(letter == best)
         mine = mine[log_weight[mine] > log_weight[mine].max() - _NEGLIGIBLE_IN_MEAN]
         log_p = log_weight[mine] + math.log(8) * cells.times[mine]
-        probabilities = (mass / mass.sum()).tolist()
         return Estimate(
             label=self.labels[best],
-            probabilities=dict(zip(self.labels, probabilities, strict=True)),
-            robot_in_object=mean_around(cells[mine].states(), log_weight[mine], int(log_p.argmax())),
+            probabilities=probabilities(self.labels, mass),
+            robot_in_object=mean_around(cells[mine].states(), Weights(log_weight[mine]), int(log_p.argmax())),
         )
 
-    def weighted_states(self) -> tuple[NDArray[np.int64], FloatArray, FloatArray]:
-        """Give the belief as weighted states: letter (n,), T_R^O (3, n) mm, mm, rad, log-weight (n,).
-
-        They are the middles of the cells, large and small, that hold the belief; the weights sum to 1.
-        """
-        cells, log_weight = self._belief_in_cells()
-        return cells.letter, cells.states(), log_weight - math.log(np.exp(log_weight).sum())
-
-    def draw_states(self, count: int, rng: np.random.Generator) -> tuple[NDArray[np.int64], FloatArray]:
-        """Draw cells, large and small, by what they hold, and a place in each."""
-        cells, log_weight = self._belief_in_cells()
-        chosen = cells[systematic(np.exp(log_weight), count, rng)]
-        within = rng.uniform(-0.5, 0.5, (3, count))
-        return chosen.letter, chosen.states() + within * chosen.size
+    def weighted_states(self) -> WeightedStates:
+        """Give the middles of the cells, large and small, that hold the belief."""
+        cells, weights = self._belief_in_cells()
+        return WeightedStates(cells.letter, cells.states(), weights, cells.size)
 
     def belief_over_plane(self) -> PlaneBelief:
         """Sum the belief of each coarse bin and over the angle."""
-        cells, log_weight = self._belief_in_cells()
+        cells, weights = self._belief_in_cells()
         _, row, column = cells.bins()
         shape = len(self.labels), self.grid.y, self.grid.x
         place = np.ravel_multi_index((cells.letter, row, column), shape)
-        probability = np.bincount(place, np.exp(log_weight), minlength=math.prod(shape)).reshape(shape)
+        probability = np.bincount(place, weights.relative, minlength=math.prod(shape)).reshape(shape)
         x, y, _ = self.grid.centres
         return PlaneBelief(self.labels, x, y, probability / probability.sum())
 
@@ -169,47 +153,29 @@ class RefinedFilter(OpenSetFilter, HistogramFilter):
         """Count evaluations, a bin or cell in a reading each, made and skipped since the estimator was made."""
         return {"likelihood_evaluations": self._evaluated, "skipped": {"replays": self._unreplayed}}
 
-    def _best_bins(self) -> tuple[NDArray[np.int64], FloatArray]:
-        """List the coarse bins that are not negligible, and in any case the best `cells`: flat, log-belief."""
-        count = len(self._history)
-        ceiling = float(self._history.terms.ceiling[count])
-        highest = self._belief.upper.ravel() + ceiling
-        # Each of the best blocks has a bin as high as itself: that many bins are not lower. The first
-        # that is not split is wanted, too.
-        place = max(0, len(highest) - self.options.cells - 1)
-        enough = np.partition(highest, place)[place] if place else -math.inf
-        least = min(enough, highest.max() - _NEGLIGIBLE) - _ROUNDING
-        cell, log_p = self._picked
-        found = pick(self._belief, ceiling, count, least, cell, log_p)
-        return cell[:found].copy(), log_p[:found].copy()
-
     def _halve(self, times: int, cell: NDArray[np.int64], before: _Halved | None) -> _Halved:
         """Evaluate the halves of cells (n,), themselves halved `times` before, over the whole history."""
-        count = len(self._history)
-        halved = _Halved(cell, np.empty((len(cell), 8), dtype=np.int64), np.zeros((len(cell), 8)))
-        new = np.ones(len(cell), dtype=bool)
+        halved = _Halved(cell, np.empty((len(cell), 8), dtype=np.int64), np.empty((len(cell), 8)))
+        new, last = np.arange(len(cell)), len(self.field) - 1
         if before is not None and len(before.cell) and self.options.skip:
+            # What was halved at the last reading too needs only the new one.
             place = np.minimum(np.searchsorted(before.cell, cell), len(before.cell) - 1)
-            new = before.cell[place] != cell
-            old = np.flatnonzero(~new)
-            halved.log_p[old] = before.log_p[place[old]]
-            self._replay(times, halved, old, count - 1)
-            self._unreplayed += 8 * len(old) * (count - 1)
-        self._replay(times, halved, np.flatnonzero(new), 0)
+            known = before.cell[place] == cell
+            new, old = np.flatnonzero(~known), np.flatnonzero(known)
+            halved.log_p[old] = before.log_p[place[old]] + self._replay(times, halved, old, last)
+            self._unreplayed += 8 * len(old) * last
+        halved.log_p[new] = self._replay(times, halved, new, 0)
         return halved
 
-    def _replay(self, times: int, halved: _Halved, which: NDArray[np.intp], first: int) -> None:
-        """Add the readings from `first` on to the log-beliefs of the halves of some cells."""
-        terms, count = self._history.terms, len(self._history)
-        replay_halves(
-            halved.half, halved.log_p, halved.cell, which, self._counts << times, self._spacing / 2**times,
-            terms.start, terms.kind, terms.xy, terms.weight, terms.constant, first, count, self._nodes,
-            self._lattice,
-        )  # fmt: skip
-        self._evaluated += 8 * len(which) * (count - first)
+    def _replay(self, times: int, halved: _Halved, which: NDArray[np.intp], first: int) -> FloatArray:
+        """Find the halves of n cells, and sum log p of the readings from `first` on: (n, 8)."""
+        state, letter = np.empty((3, 8 * len(which))), np.empty(8 * len(which), dtype=np.int64)
+        halve(halved.half, state, letter, halved.cell, which, self._counts << times, self._size / 2**times)
+        self._evaluated += len(letter) * (len(self.field) - first)
+        return self.field.log_p(letter, state, first).reshape(-1, 8)
 
-    def _belief_in_cells(self) -> tuple[Cells, FloatArray]:
-        """Give the cells that were not split and are not negligible, and the log of what they hold, up to 0."""
+    def _belief_in_cells(self) -> tuple[Cells, Weights]:
+        """Give the cells that were not split and are not negligible, and what they hold."""
         volume = -math.log(8) * np.arange(len(self._leaves))
         tops = [log_p.max(initial=-math.inf) for _, log_p in self._leaves]
         highest = (volume + tops).max()
@@ -221,14 +187,26 @@ class RefinedFilter(OpenSetFilter, HistogramFilter):
             index.append(cell[heavy])
             log_weight.append(held[heavy])
         cells = Cells(self.grid, np.concatenate(times), np.concatenate(index))
-        return cells, np.concatenate(log_weight)
+        return cells, Weights(np.concatenate(log_weight))
+
+
+class ForceMosaicOptions(RefinedOptions):
+    """Options of the coarse-to-fine filter, with pressures instead of classes unless said otherwise."""
+
+    likelihood: str = Field("force", description="the measurement model: paper, calibrated, force")
+
+
+class ForceMosaicFilter(RefinedFilter):
+    """The coarse-to-fine filter with a measurement model that predicts pressures instead of classes."""
+
+    options_type: type[Options] = ForceMosaicOptions
 
 
 def _highest(values: FloatArray, count: int) -> NDArray[np.intp]:
     """Give the indices of the `count` highest values (n,), or of all if there are fewer.
 
-    Where the last of them are as high as others, which are not among them, they are left out, too: of
-    letters that look alike none may be preferred.
+    Values that are equal are all among them, or none is: of letters that look alike none may be preferred.
+    So there may be fewer than `count`.
     """
     if count >= len(values):
         return np.arange(len(values))

@@ -20,22 +20,25 @@ _CLASSES = UNKNOWN + 1
 class CalibratedLikelihood(Likelihood):
     """p(No Contact, In Contact or Unknown | interpolated log-odds), counted over the training readings.
 
-    Eq. 7 trusts the map's own probabilities and gives Unknown no weight. Here both are learned: the log-odds
-    are divided into quantile bins over the training taxels of all letters, and classes are
-    counted in each. Unknown taxels lie at edges, so they say much about the pose.
+    Eq. 7 takes the map's own probabilities and gives Unknown no weight. Here both are learned: the log-odds at
+    the training taxels of all letters are divided into quantile bins, and the classes in each bin are counted.
+    Unknown taxels lie at edges, so they say much about the pose.
     """
 
     def fit(self, scan: Scan, maps: Mapping[str, OccupancyMap]) -> None:
         """Count classes at the training taxels, each against the map without itself."""
-        self.maps, self._train = maps, scan.where("train")
-        odds, kinds = zip(*(self.left_out(label) for label in maps), strict=True)
+        self.maps = maps
+        odds, kinds = zip(*(self.left_out(label, scan) for label in maps), strict=True)
         seen = np.concatenate(odds).ravel()
         edges = quantile_edges(seen, self.options.quantiles)
         self.calibration = calibrate(seen, np.concatenate(kinds).ravel(), _CLASSES, edges)
 
-    def left_out(self, label: str) -> tuple[FloatArray, NDArray[np.int8]]:
-        """Look a letter's training taxels up in a map without themselves: log-odds and classes (n, taxels)."""
-        train, chart = self._train.where(label=label), self.maps[label]
+    def left_out(self, label: str, scan: Scan) -> tuple[FloatArray, NDArray[np.int8]]:
+        """Look the taxels of a letter's training readings up in its map without themselves.
+
+        scan: the one that the maps were learned from. Returns log-odds and classes (n, taxels).
+        """
+        train, chart = scan.where("train", label), self.maps[label]
         xy, classes = transform(train.poses, train.taxel_xy), self.classes(train.readings)
         own = own_log_odds(chart, xy, classes, self.options.sigma, self.options.peak)
         return chart.log_odds_at(xy) - own, classes
@@ -64,8 +67,8 @@ def own_log_odds(
 ) -> FloatArray:
     """Find what taxels have themselves added to a map where they are looked up: (...) log-odds.
 
-    xy: (..., 2) mm. classes: (...). Of the four cells around a taxel, weighted bilinearly. Taxels
-    of the same reading are too far apart to matter.
+    xy: (..., 2) mm. classes: (...). What a taxel has added to the four cells around it is weighted bilinearly.
+    What the other taxels of its reading have added there stays: they are too far away to matter.
     """
     place = (xy - chart.origin) / chart.cell
     corner = np.floor(place)

@@ -1,4 +1,7 @@
-"""How far a relative pressure is from what a mosaic predicts: a Gaussian, or for a stray taxel anything."""
+"""The error model of relative pressures: how far they are from what a mosaic predicts.
+
+The error is Gaussian for most taxels. A few stray taxels may feel anything.
+"""
 
 from __future__ import annotations
 
@@ -18,10 +21,10 @@ _LEAST_STRAY = 0.01
 class Deviation:
     """p(relative pressure | prediction) at `levels` (k,) in equal steps, between them linear in logs.
 
-    A mixture of a Gaussian about the prediction and, with the share `stray`, of the density
-    `background` (k,) of all pressures. variance: (4,) what the Gaussian's has for each 1 / scale^2 (the sensor's
-    noise, kPa^2), for itself, for each squared slope (the press's place, mm^2) and for each squared
-    prediction (the scale).
+    p is a mixture: with the share `stray` it is `background` (k,), the density of all pressures, else a Gaussian
+    about the prediction. variance: (4,) the Gaussian's variance is their sum, each times its own factor: 1 / scale^2
+    (the sensor's noise, kPa^2), 1 (what is always there), the squared slope (the press's place, mm^2) and the
+    squared prediction (the scale).
     """
 
     variance: FloatArray
@@ -46,8 +49,8 @@ def learn_deviation(
 ) -> Deviation:
     """Learn the mixture from taxels, all arrays of one shape, by expectation maximisation.
 
-    The variance is a regression of squared deviations, none of its parts negative, each taxel weighted
-    with its own variance (iteratively reweighted least squares).
+    The four parts of the variance come from a regression of the squared deviations, in which none is negative. Each
+    taxel is weighted with its own variance (iteratively reweighted least squares).
     """
     step = levels[1] - levels[0]
     place = np.rint((relative.ravel() - levels[0]) / step).clip(0, len(levels) - 1).astype(np.intp)

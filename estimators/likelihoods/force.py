@@ -16,31 +16,32 @@ from tactsim.estimators.likelihoods.occupancy import OccupancyMap
 
 # Relative pressures at which log p is tabulated; between two it is linear. Almost all lie in this range.
 _LEVELS = np.linspace(-0.25, 1.4, 16)
-# Classes of readings that touch, by their scale, each with tables of its own: noise differs.
+# Readings that touch are divided by their scale into so many classes with tables of their own: noise differs.
 _CLASSES = 3
-# How much a taxel counts. Neighbours share the error of the press's place and scale; at 1 a letter
-# is held for certain too early (`calibration_gap`), and errors are a little larger.
+# The weight of a taxel's log p. Neighbours share the error of the press's place and scale, so that they are not
+# independent: with a weight of 1, letters seem certain too early (`calibration_gap`), and errors are larger.
 _COUNTS = 0.5
 # kPa; a scale is never 0.
 _LEAST_SCALE = 1e-6
-# Of a scale: taxels that are to feel less than this say nothing about their gain.
+# A taxel whose predicted relative pressure is below this says nothing about its gain.
 _PRESSED = 0.3
 # A taxel with a smaller gain than this is left out.
 _DEAD = 0.2
-# By how much a reading's own scale counts in its pressure, beside one wholly covered taxel.
+# The weight of a reading's own scale when its pressure is found, beside a weight of 1 for a covered taxel.
 _DOUBT = 0.01
-# Turns of learning mosaics from pressures and gains, and these from the mosaics.
+# How often mosaics are learned from pressures and gains, and these from the mosaics.
 _TURNS = 3
 
 
 class ForceLikelihood(Likelihood):
     """p(relative pressure | what the mosaic predicts at the taxel's place), taxel by taxel.
 
-    A press has a given force, so the pressure under what is covered differs from pose to pose: a
-    reading is divided by its own scale. What is left is learned place by place from the training
-    readings, and so is how far a reading deviates from it.
+    Every press has the same force. So the pressure under the covered taxels differs from pose to pose, and
+    a reading is divided by its own scale, which is nearly that pressure. The quotient is learned place by place
+    from the training readings, and so is how far readings deviate from it.
 
-    gain: (taxels,) of mean 1. least: kPa, the scale of readings that touch nothing. mosaics: by letter.
+    gain: (taxels,) of mean 1. least: kPa, the smallest scale; readings that touch nothing have it. mosaics:
+    by letter.
     """
 
     def fit(self, scan: Scan, maps: Mapping[str, OccupancyMap]) -> None:
@@ -49,10 +50,11 @@ class ForceLikelihood(Likelihood):
         train = scan.where("train")
         xy = transform(train.poses, train.taxel_xy)
         self.gain = np.ones(len(scan.taxel_xy))
-        self.least = max(float(np.median(contraharmonic(train.readings))) / 2, _LEAST_SCALE)
+        self.least = max(float(np.median(lehmer_mean(train.readings))) / 2, _LEAST_SCALE)
         scale, relative = self.relative(train.readings)
         pressure = scale
-        # A reading that covers no taxel wholly is scaled too little. For a training reading the mosaic tells.
+        # The scale of a reading that covers no taxel wholly is below its pressure. For a training reading the
+        # mosaic tells by how much.
         for _ in range(_TURNS):
             predicted, _ = self._learn(train, xy, pressure)
             self.gain = gains(train.readings / pressure[:, None], predicted, pressure)
@@ -67,7 +69,7 @@ class ForceLikelihood(Likelihood):
         Returns what they predict without the taxel itself, and their squared slopes there: (n, taxels).
         """
         felt = train.readings / np.maximum(self.gain, _DEAD) / pressure[:, None]
-        # The smaller the pressure, the more of what is felt is noise; as much as not at the median scale.
+        # The smaller the pressure, the more of what is felt is noise: half of it at the median scale.
         counts = pressure**2 / (pressure**2 + (2 * self.least) ** 2)
         weight = np.where(self.gain > _DEAD, counts[:, None], 0.0)
         self.mosaics: dict[str, Mosaic] = {}
@@ -87,7 +89,7 @@ class ForceLikelihood(Likelihood):
     def _calibrate(
         self, scale: FloatArray, relative: FloatArray, predicted: FloatArray, slope: FloatArray
     ) -> None:
-        """Learn how far relative pressures (n, taxels) deviate, of readings of like scale (n,) together."""
+        """Learn how far relative pressures (n, taxels) deviate, for each class of scales (n,) by itself."""
         touching = scale[scale > self.least]
         parts = np.arange(1, _CLASSES) / _CLASSES
         between = np.quantile(touching, parts) if len(touching) else np.full(len(parts), self.least)
@@ -107,13 +109,13 @@ class ForceLikelihood(Likelihood):
             )
 
     def relative(self, readings: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Divide readings (..., taxels) kPa by gains and scale; returns the scales (...) kPa, and what is left.
+        """Divide readings (..., taxels) kPa by gains and scale: returns scales (...) kPa and quotients (..., taxels).
 
-        Dead taxels get 0. A reading that touches nothing has no scale of its own: none is less than half
-        the median of the training readings'.
+        Dead taxels get 0. A scale is at least `least`, half the median of the training readings' scales,
+        because a reading that touches nothing has no scale of its own.
         """
         even = np.where(self.gain > _DEAD, readings / np.maximum(self.gain, _DEAD), 0.0)
-        scale = np.maximum(contraharmonic(even), self.least)
+        scale = np.maximum(lehmer_mean(even), self.least)
         return scale, even / scale[..., None]
 
     @property
@@ -132,7 +134,7 @@ class ForceLikelihood(Likelihood):
         )
 
     def evidence(self, reading: FloatArray) -> Evidence:
-        """Give each taxel the two levels beside what it felt, weighted; a dead taxel says nothing."""
+        """Make two terms a taxel, for the levels below and above what it felt; dead taxels say nothing."""
         scale, felt = self.relative(reading)
         taxel = np.flatnonzero(self.gain > _DEAD)
         place = np.interp(felt[taxel], _LEVELS, np.arange(len(_LEVELS)))
@@ -145,10 +147,10 @@ class ForceLikelihood(Likelihood):
         )
 
 
-def contraharmonic(readings: FloatArray) -> FloatArray:
-    """Average the taxels of readings (..., taxels), each weighted with its third power: (...) kPa.
+def lehmer_mean(readings: FloatArray) -> FloatArray:
+    """Take the Lehmer mean L4, sum z^4 / sum z^3, over the taxels z of readings (..., taxels): (...) kPa.
 
-    The scale of a reading: nearly the pressure of taxels that are wholly covered, with less noise
+    It is the scale of a reading: nearly the pressure of taxels that are wholly covered, with less noise
     than the largest taxel has. Taxels below 0 count as 0.
     """
     pressed = np.maximum(readings, 0)
@@ -158,10 +160,10 @@ def contraharmonic(readings: FloatArray) -> FloatArray:
 
 
 def gains(felt: FloatArray, predicted: FloatArray, pressure: FloatArray) -> FloatArray:
-    """Compare the taxels where they are pressed: (taxels,), with a mean of 1.
+    """Find how much more or less than predicted each taxel feels where it is pressed: (taxels,), of mean 1.
 
-    Of a regression of readings divided by their pressure (n, taxels) on the predicted ones. Taxels at
-    the pad's rim feel less, since no load lies beyond; one that was never pressed gets 1.
+    felt: (n, taxels) readings divided by their pressures (n,) kPa, regressed on `predicted`. Taxels at the pad's
+    rim feel less, since no load lies beyond. A taxel that was never pressed gets 1.
     """
     weight = np.where(predicted > _PRESSED, predicted * pressure[:, None] ** 2, 0)
     pressed = weight.any(axis=0)
@@ -172,9 +174,10 @@ def gains(felt: FloatArray, predicted: FloatArray, pressure: FloatArray) -> Floa
 
 
 def pressures(relative: FloatArray, predicted: FloatArray, touches: ArrayLike) -> FloatArray:
-    """Find by how much the pressure exceeds the scale of readings (n,), 1 in the median.
+    """Find the ratio of pressure to scale of each reading (n,); the median is 1.
 
-    Of a regression of relative pressures (n, taxels) on the predicted ones; touches (n,): others get the median.
+    Relative pressures (n, taxels) are regressed on the predicted ones. touches: (n,) whether a reading touches
+    anything; if not, its ratio is 1.
     """
     ratio = ((relative * predicted).sum(axis=1) + _DOUBT) / ((predicted**2).sum(axis=1) + _DOUBT)
     middle = np.median(ratio[touches]) if np.any(touches) else 1.0

@@ -18,8 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from tactsim.core import Scan
 from tactsim.core.errors import unknown
 from tactsim.core.poses import FloatArray
-from tactsim.estimators.likelihoods.classifier import CONTACT, NO_CONTACT, UNKNOWN, classify
-from tactsim.estimators.likelihoods.occupancy import OccupancyMap, sigmoid
+from tactsim.estimators.likelihoods.occupancy import OccupancyMap
 from tactsim.estimators.options import LikelihoodOptions
 
 
@@ -70,42 +69,9 @@ class Likelihood(ABC):
         """Turn a reading (taxels,) kPa into the terms that it contributes."""
 
 
-class PaperLikelihood(Likelihood):
-    """Classes In Contact and No Contact, looked up in the occupancy map (paper, eq. 3 and 7)."""
-
-    def fit(self, scan: Scan, maps: Mapping[str, OccupancyMap]) -> None:
-        """Keep the maps; eq. 7 has nothing to learn."""
-        self.maps = maps
-
-    @property
-    def extent(self) -> tuple[FloatArray, FloatArray]:
-        """Give the corners of the maps with their frame of cells at the prior."""
-        return covered(self.maps)
-
-    def log_tables(self, label: str, xy: ArrayLike) -> FloatArray:
-        """Evaluate log p(No Contact | xy) and log p(In Contact | xy) of eq. 7: (2, ...).
-
-        With probability gamma the class is random. Then eq. 7 prints p(m) for both classes; with
-        `failure="complement"` No Contact gets 1 - p(m), so that the two sum to one.
-        """
-        gamma, prior = self.options.gamma, self.options.prior
-        odds = self.maps[label].log_odds_at(xy)
-        random_no_contact = prior if self.options.failure == "printed" else 1 - prior
-        tables = np.empty((2, *odds.shape))
-        tables[NO_CONTACT] = np.log(gamma * random_no_contact + (1 - gamma) * sigmoid(-odds))
-        tables[CONTACT] = np.log(gamma * prior + (1 - gamma) * sigmoid(odds))
-        return tables
-
-    def evidence(self, reading: FloatArray) -> Evidence:
-        """Classify the taxels; an Unknown one has likelihood 1 everywhere, hence no term."""
-        classes = classify(reading, self.options.threshold, self.options.ratio)
-        taxel = np.flatnonzero(classes != UNKNOWN)
-        return Evidence(classes[taxel].astype(np.int64), taxel, np.ones(len(taxel), dtype=np.float32))
-
-
 # name: where its class is; nothing is imported before its name is asked for.
 LIKELIHOODS = {
-    "paper": "tactsim.estimators.likelihoods.likelihood:PaperLikelihood",
+    "paper": "tactsim.estimators.likelihoods.paper:PaperLikelihood",
     "calibrated": "tactsim.estimators.likelihoods.calibrated:CalibratedLikelihood",
     "force": "tactsim.estimators.likelihoods.force:ForceLikelihood",
 }

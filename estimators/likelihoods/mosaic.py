@@ -42,7 +42,7 @@ class Mosaic:
         return value, slope / self.cell**2
 
     def without(self, xy: FloatArray, values: FloatArray, weight: FloatArray) -> FloatArray:
-        """Interpolate at the taxels it was learned from, each time without that taxel.
+        """Interpolate at each taxel that the mosaic was learned from, as if it had been learned without that taxel.
 
         xy: (n, 2) mm. values, weight: (n,). Leaving one observation out of a least-squares fit moves the
         coefficients by -spread x k r / (1 - k x' spread x), where r is its residual and k its weight.

@@ -1,4 +1,4 @@
-"""The inner loop of learning a mosaic. Serial, as all kernels."""
+"""The sums from which a mosaic's planes are fitted (compiled)."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numba import float64, void
 
-from tactsim.estimators.field.compiling import Reals, compiled
+from tactsim.estimators.compiling import Reals, compiled
 
 
 @compiled(void(float64[:, :, ::1], float64[:, ::1], float64[::1], float64[::1], float64, float64))

@@ -13,7 +13,7 @@ from tactsim.core import InputError, Scan, transform
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.likelihoods.classifier import CONTACT, NO_CONTACT, classify
 
-_NOTHING = 1e-12  # log-odds of one taxel that are left out
+_NOTHING = 1e-12  # a taxel is left out of cells whose log-odds it would change by less than this
 _MOST_CELLS = 50_000_000  # of all maps together: 400 MB
 _AT_ONCE = 200_000  # cells that are stamped in one piece: what a cache holds
 
@@ -122,7 +122,7 @@ def learn_maps(
 
 
 def _reach(sigma: float, prior: float) -> float:
-    """Say how far from a taxel, in the unit of sigma, it still says something: maps end there."""
+    """Find how far from a taxel, in the unit of sigma, it still changes a cell: maps end there."""
     return sigma * math.sqrt(-math.log(_NOTHING * min(prior, 1 - prior)) / 2)
 
 

@@ -113,11 +113,11 @@ PLANTED = {
     "frames.error-at-the-seam": ("tactsim.bench.score.invert", lambda pose: -np.asarray(pose)),
     "maps.peak-near-one": ("tactsim.estimators.likelihoods.occupancy._NOTHING", 0.5),
     "likelihood.float32-tables": (
-        "tactsim.estimators.likelihoods.likelihood.sigmoid",
+        "tactsim.estimators.likelihoods.paper.sigmoid",
         lambda odds: 0.999 * sigmoid(odds),
     ),
     "likelihood.gamma": (
-        "tactsim.estimators.likelihoods.likelihood.sigmoid",
+        "tactsim.estimators.likelihoods.paper.sigmoid",
         lambda odds: np.exp(odds) / (1 + np.exp(odds)),
     ),
     "filters.skipping": ("tactsim.estimators.filters.histogram._NEGLIGIBLE", 0.1),
@@ -126,7 +126,7 @@ PLANTED = {
         lambda values, name: np.asarray(values),
     ),
     "particles.mode-of-the-density": (
-        "tactsim.estimators.filters.particle._density_mode",
+        "tactsim.estimators.filters.parzen._density_mode",
         lambda state, weight, rho: (state.mean(axis=1), math.inf),
     ),
     "particles.resampling": (

@@ -13,7 +13,7 @@ from rivals import Gather, GatherTables, MapCoordinates
 from synthetic import draw_trial
 
 from tactsim import estimators
-from tactsim.estimators.filters import particle
+from tactsim.estimators.field import field
 from tactsim.estimators.filters.grid import state_grid
 
 pytestmark = pytest.mark.benchmark
@@ -78,8 +78,8 @@ def test_particles_beside_their_own_likelihood(vowels, benchmark, name, monkeypa
     filter = estimators.create(name, particles=10_000)
     filter.fit(vowels)
     inside, whole = [], []
-    weigh = particle.weigh
-    monkeypatch.setattr(particle, "weigh", lambda *args: inside.append(seconds(weigh, *args)))
+    replay = field.replay
+    monkeypatch.setattr(field, "replay", lambda *args: inside.append(seconds(replay, *args)))
     for rng, readings, poses in trials(vowels, 5):
         filter.reset(rng)
         for reading, pose in zip(readings, poses, strict=True):

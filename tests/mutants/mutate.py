@@ -60,7 +60,7 @@ def main() -> int:
         _copy_tree(copy)
         os.chdir(copy)  # Cosmic Ray takes paths from here
         os.environ |= _environment(Path(folder), copy)
-        compile_kernels = "import tactsim.estimators.field.kernels, tactsim.estimators.field.state_kernels"
+        compile_kernels = "import tactsim.estimators.filters.refined, tactsim.estimators.filters.particle"
         subprocess.run([sys.executable, "-c", compile_kernels], check=True)
         done = []
         print(

@@ -50,7 +50,7 @@ def test_belief_is_the_joint_table_by_brute_force(split, skip, pad):
         table = joint_table(
             filter, readings[:count], poses[:count],
             lambda letter, *rest: reference.tabulated_log_likelihood(
-                filter.tables, letter, *rest, scan.taxel_xy
+                filter.field.tables, letter, *rest, scan.taxel_xy
             ),
         )  # fmt: skip
         label, letters, mode = summary(filter, table)
@@ -77,7 +77,7 @@ def test_finer_tables_approach_equation_7_with_interpolated_log_odds():
                 state = (x[column], y[row], angle[0])
                 literal = reference.log_likelihood(filter.maps["E"], state, reading, pose, scan.taxel_xy)
                 tabulated = reference.tabulated_log_likelihood(
-                    filter.tables, 0, state, reading, pose, scan.taxel_xy
+                    filter.field.tables, 0, state, reading, pose, scan.taxel_xy
                 )
                 gaps.append(literal - tabulated)
         errors.append(math.sqrt(np.mean(np.square(gaps))))

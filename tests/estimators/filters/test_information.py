@@ -9,15 +9,12 @@ from hypothesis import strategies as st
 from synthetic import draw_trial, make_scan, paper_poses
 
 from tactsim import estimators
-from tactsim.core import InputError, compose, transform
-from tactsim.estimators.filters.information import STATES, Planner, foresee
-from tactsim.estimators.filters.map_filter import MapFilter
+from tactsim.core import compose, transform
+from tactsim.estimators.filters.foreseeing import foresee
+from tactsim.estimators.filters.information import STATES, Planner
 from tactsim.estimators.likelihoods.calibrated import CalibratedLikelihood
 from tactsim.estimators.likelihoods.occupancy import learn_maps
 from tactsim.estimators.options import LikelihoodOptions
-from tactsim.estimators.registry import load
-
-FILTERS = [name for name in estimators.names() if issubclass(load(name), MapFilter)]
 
 
 @pytest.fixture(scope="module")
@@ -81,27 +78,6 @@ def test_far_off_the_letter_it_is_foreseen_as_outside(model, fine, x, y):
     assert log_p == pytest.approx(np.full((1, 2), felt.sum()), rel=1e-2)
 
 
-def test_bins_are_drawn_with_a_place_inside_them(scan):
-    estimator = estimators.create("histogram", split="4x5x6")
-    estimator.fit(scan)
-    estimator.reset(np.random.default_rng(0))
-    _, state = estimator.draw_states(6000, np.random.default_rng(1))
-    reach = np.array([[10.0], [10.0], [np.pi]])
-    assert (np.abs(state) <= reach).all()
-    # Before the first reading the whole space is uniform: five standard errors of the mean and the variance.
-    assert np.abs(state.mean(axis=1) / reach[:, 0]) == pytest.approx(np.zeros(3), abs=5 * 0.58 / 6000**0.5)
-    assert (state / reach).var(axis=1) == pytest.approx(np.full(3, 1 / 3), abs=0.02)
-
-
-@pytest.mark.parametrize("likelihood", ["paper", "calibrated", "force"])
-def test_readings_are_foreseen_with_the_calibrated_model_whatever_the_filters_own(scan, likelihood):
-    estimator = estimators.create("histogram", likelihood=likelihood, bins=100)
-    estimator.fit(scan)
-    model = estimator.calibrated()
-    assert isinstance(model, CalibratedLikelihood)
-    assert (model is estimator.likelihood) == (likelihood == "calibrated")
-
-
 def test_classes_are_drawn_as_often_as_the_model_says(model, fine):
     rng = np.random.default_rng(2)
     times, pose = 4000, np.array([1.0, 2.0, 0.3])
@@ -144,54 +120,6 @@ def test_a_state_that_is_certain_leaves_nothing_to_learn(planner):
     assert found == pytest.approx(np.zeros(len(found)), abs=1e-5)
 
 
-@pytest.mark.parametrize("name", FILTERS)
-def test_states_are_drawn_as_the_belief_says(name, scan):
-    estimator = estimators.create(name)
-    estimator.fit(scan)
-    estimator.reset(np.random.default_rng(3))
-    readings, poses = draw_trial(scan, "E", 3, np.random.default_rng(4))[:2]
-    for count in range(3):
-        letter, state = estimator.draw_states(20_000, np.random.default_rng(5))
-        shares = np.bincount(letter, minlength=3) / 20_000
-        assert shares == pytest.approx(list(estimator.estimate().probabilities.values())[:3], abs=0.02)
-        assert state.shape == (3, 20_000)
-        assert np.abs(state[:2]).max() <= 10 + 1e-9
-        estimator.update(readings[count], poses[count])
-
-
-@pytest.mark.parametrize("name", FILTERS)
-def test_proposing_changes_no_estimate_and_depends_on_the_seed_alone(name, scan):
-    estimator = estimators.create(name)
-    estimator.fit(scan)
-    readings, poses = draw_trial(scan, "L", 3, np.random.default_rng(6))[:2]
-
-    def sequence(propose):
-        estimator.reset(np.random.default_rng(7))
-        chosen, said = [], []
-        for reading, pose in zip(readings, poses, strict=True):
-            if propose:
-                chosen.append(estimator.propose(poses))
-            estimator.update(reading, pose)
-            estimate = estimator.estimate()
-            said.append((estimate.label, dict(estimate.probabilities), estimate.robot_in_object.tolist()))
-        return chosen, said
-
-    proposed, said = sequence(True)
-    assert (proposed, said) == sequence(True)
-    assert said == sequence(False)[1]
-
-
-@pytest.mark.parametrize(
-    "candidates", [[], np.empty((0, 3)), [1.0, 2.0, 3.0], [[0.0, 0.0]], [[0.0, np.nan, 0.0]]]
-)
-def test_candidates_that_are_no_poses_are_refused(scan, candidates):
-    estimator = estimators.create("histogram", bins=100)
-    estimator.fit(scan)
-    estimator.reset(np.random.default_rng(0))
-    with pytest.raises(InputError, match="candidates"):
-        estimator.propose(candidates)
-
-
 def test_the_chosen_reading_is_among_the_best_when_looked_at_again(planner, scan):
     estimator = estimators.create("histogram", likelihood="calibrated")
     estimator.fit(scan)
@@ -201,9 +129,9 @@ def test_the_chosen_reading_is_among_the_best_when_looked_at_again(planner, scan
         estimator.reset(np.random.default_rng(seed))
         for reading, pose in zip(readings[: seed % 3], poses, strict=False):
             estimator.update(reading, pose)
-        letter, state = estimator.draw_states(STATES, np.random.default_rng(seed))
+        letter, state = estimator.weighted_states().draw(STATES, np.random.default_rng(seed))
         chosen = planner.choose(np.array(poses), letter, state, np.random.default_rng(1))
-        letter, state = estimator.draw_states(STATES, np.random.default_rng(100 + seed))
+        letter, state = estimator.weighted_states().draw(STATES, np.random.default_rng(100 + seed))
         again = planner.information(np.array(poses), letter, state, np.random.default_rng(2))
         rank.append((again > again[chosen]).sum())
     assert np.mean(rank) < 6  # of 60; by chance it would be 30

@@ -74,9 +74,9 @@ def test_a_misfit_is_the_log_likelihood_less_what_was_expected(model, scan):
         assert found[i] == pytest.approx(total)
 
 
-def test_a_letters_own_readings_fit_and_those_looked_up_elsewhere_do_not(model):
+def test_a_letters_own_readings_fit_and_those_looked_up_elsewhere_do_not(model, scan):
     for label in "EILT":
-        misfit = learn_misfit(model, label)
+        misfit = learn_misfit(model, label, scan)
         assert abs(misfit.mean) < misfit.deviation
         assert misfit.chance < misfit.mean - 3 * misfit.deviation
 

@@ -1,4 +1,3 @@
-import math
 import tracemalloc
 
 import numpy as np
@@ -7,61 +6,9 @@ import reference
 from synthetic import draw_trial, make_scan, paper_poses
 
 from tactsim import estimators
-from tactsim.core import InputError, invert, wrap_angle
-from tactsim.estimators.field.state_kernels import draw
-from tactsim.estimators.filters import particle
-from tactsim.estimators.filters.particle import PARZEN_STEP, parzen_mode
+from tactsim.core import InputError, invert
 
 COARSE = paper_poses(positions=3, angles=4)
-
-
-def parzen(nodes, states, weights, rho):
-    """Eq. 10 and 11 at nodes (n, 3), with every particle at every node."""
-    away = states - np.asarray(nodes)[:, None]
-    away[..., 2] = wrap_angle(away[..., 2])
-    return np.maximum(0, 1 - np.linalg.norm(away, axis=-1) / rho) @ weights
-
-
-@pytest.mark.parametrize("rho", [1.0, 0.3, 2.5])
-@pytest.mark.parametrize("light", [0.0, 1e-7, 0.2])
-def test_mode_is_the_highest_node_by_brute_force(rho, light):
-    rng = np.random.default_rng(7)
-    # Around the place where the angle wraps, so that cones reach across it.
-    states = rng.normal([3, -2, 0], [0.8, 0.6, 0.3], size=(30, 3)) + [0, 0, 2 * np.pi]
-    weights = rng.random(30)
-    weights[10:] *= light
-    nodes = [
-        (i * PARZEN_STEP[0], j * PARZEN_STEP[1], k * PARZEN_STEP[2])
-        for i in range(2, 11)
-        for j in range(-8, 1)
-        for k in range(50)
-    ]
-    heights = parzen(nodes, states, weights, rho)
-    mode = parzen_mode(np.ascontiguousarray(states.T), weights, rho)
-    assert parzen([mode], states, weights, rho) == pytest.approx(heights.max())
-    assert np.rint(mode / PARZEN_STEP) * PARZEN_STEP == pytest.approx(mode)
-
-
-def test_tiles_find_the_same_mode(monkeypatch):
-    rng = np.random.default_rng(11)
-    for trial in range(40):
-        count = int(rng.integers(1, 60))
-        states = rng.uniform(-1, 1, (3, count)) * [[12.0], [25.0], [7.0]]
-        weights = 10.0 ** -rng.uniform(0, 6, count)
-        if trial % 3 == 0:  # equally high nodes in several tiles: the first counts
-            states[:, count // 2 :] = states[:, : count - count // 2] + [[16.0], [8.0], [0.0]]
-            weights[:] = 1.0
-        rho = float(rng.choice([0.3, 1.0, 3.0]))
-        monkeypatch.setattr(particle, "_TILE", 1000)
-        mode, lead = particle._density_mode(states, weights, rho)
-        for tile in (8, 16, 33):
-            if rho / PARZEN_STEP[0] + 1 <= tile / 2:
-                monkeypatch.setattr(particle, "_TILE", tile)
-                again, lead_again = particle._density_mode(states, weights, rho)
-                # Of nodes summed in float32.
-                assert lead_again == pytest.approx(lead, abs=3e-4 * weights.sum())
-                if lead > 1e-9:  # of equally high nodes rounding decides
-                    assert again.tolist() == mode.tolist()
 
 
 @pytest.mark.parametrize("name", ["particle", "augmented-mcl"])
@@ -78,23 +25,6 @@ def test_a_reach_of_a_metre_takes_no_more_memory_than_particles_do(name, scan):
     tracemalloc.stop()
 
 
-def test_particles_of_no_weight_can_still_be_the_only_ones():
-    mode = parzen_mode(np.array([[1.0], [2.0], [0.5]]), np.array([1e-300]))
-    assert mode == pytest.approx([1.0, 2.0, 0.5], abs=0.26)
-
-
-def test_draws_are_in_proportion_to_the_weights():
-    rng = np.random.default_rng(0)
-    weights = np.array([0.0, 3.0, 1.0, 0.0, 6.0, 0.0])
-    chosen = np.empty(100_000, dtype=np.int64)
-    draw(chosen, weights, rng.random(len(chosen)))
-    assert (np.diff(chosen) >= 0).all()
-    shares = np.bincount(chosen, minlength=6) / len(chosen)
-    # Five standard deviations of a binomial share.
-    assert shares == pytest.approx(weights / 10, abs=5 * 0.5 / math.sqrt(len(chosen)))
-    assert shares[[0, 3, 5]].tolist() == [0, 0, 0]
-
-
 def test_weights_are_equation_7():
     scan = make_scan("EI", poses=COARSE)
     filter = estimators.create("particle", particles=60, cell=0.1, noise_mm=0, noise_rad=0)
@@ -103,12 +33,13 @@ def test_weights_are_equation_7():
     readings, poses, _ = draw_trial(scan, "I", 1, rng)
     filter.reset(rng)
     filter.update(readings[0], poses[0])
+    belief = filter.weighted_states()
     literal = [
         reference.log_likelihood(filter.maps[filter.labels[k]], state, readings[0], poses[0], scan.taxel_xy)
-        for k, state in zip(filter._letter, filter._state.T, strict=True)
+        for k, state in zip(belief.letter, belief.state.T, strict=True)
     ]
-    assert np.log(filter._weight) == pytest.approx(np.array(literal) - max(literal), abs=0.4)
-    assert np.corrcoef(np.log(filter._weight), literal)[0, 1] > 0.9999
+    assert belief.weights.log == pytest.approx(np.array(literal), abs=0.4)
+    assert np.corrcoef(belief.weights.log, literal)[0, 1] > 0.9999
 
 
 @pytest.mark.parametrize("name", ["particle", "augmented-mcl"])
@@ -142,7 +73,7 @@ def test_weights_survive_what_no_particle_explains(name, scan):
         filter.update(everywhere, [30.0 * (k % 2), 0, 0])
         letters = filter.estimate().probabilities
         assert sum(letters.values()) == pytest.approx(1)
-        assert np.isfinite(filter._weight).all()
+        assert np.isfinite(filter.weighted_states().weights.log).all()
 
 
 def test_particles_stay_where_the_state_can_be(scan):
@@ -151,7 +82,7 @@ def test_particles_stay_where_the_state_can_be(scan):
     filter.reset(np.random.default_rng(0))
     for _ in range(30):
         filter.update(np.zeros(36), [100.0, 0, 0])  # off every map: nothing but noise
-    assert np.abs(filter._state[:2]).max() <= 4
+    assert np.abs(filter.weighted_states().state[:2]).max() <= 4
 
 
 def test_injection_follows_the_fall_of_the_weights(scan):

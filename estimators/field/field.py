@@ -1,0 +1,113 @@
+"""The log-likelihood of one sequence of readings as a field over letters and poses."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from tactsim.core.poses import FloatArray
+from tactsim.estimators.field.replay import replay
+from tactsim.estimators.field.slices import Slices, slices_of
+from tactsim.estimators.field.tables import pooled, tabulate
+from tactsim.estimators.field.terms import Terms, record
+from tactsim.estimators.likelihoods.likelihood import Evidence, Likelihood
+
+
+class LikelihoodField:
+    """log p(readings | letter, T_R^O) for the readings of a sequence so far (paper, eq. 7, summed).
+
+    It holds a likelihood's tables, sampled once, and the terms of all readings; filters ask it and keep
+    neither themselves. `len` is the number of readings.
+
+    labels: the letters. taxel_xy: (taxels, 2) mm. tables: on the lattice. terms: of all readings, for
+    compiled code. longest: terms of the longest reading.
+    """
+
+    def __init__(
+        self,
+        likelihood: Likelihood,
+        labels: Sequence[str],
+        taxel_xy: FloatArray,
+        spacing: tuple[float, float],
+        finest: float,
+    ) -> None:
+        """Sample the tables for states `spacing` mm apart in x and y, with nodes at most `finest` mm apart.
+
+        Raises ValueError if a table's value is not finite, InputError if there would be too many nodes.
+        """
+        self.labels, self.taxel_xy = tuple(labels), np.array(taxel_xy, dtype=float)
+        self.tables = tabulate(likelihood, labels, spacing, finest)
+        self.terms = Terms(
+            start=np.zeros(65, dtype=np.int64),
+            kind=np.zeros(4096, dtype=np.int64),
+            xy=np.zeros((4096, 2)),
+            weight=np.zeros(4096, dtype=np.float32),
+            constant=np.zeros((64, len(labels))),
+            upper=np.zeros(65),
+            slack=np.zeros(64),
+        )
+        self.reset()
+
+    def __len__(self) -> int:
+        return self._readings
+
+    def reset(self) -> None:
+        """Forget all readings."""
+        self._readings = self.longest = 0
+
+    def append(self, evidence: Evidence, sensor_in_robot: FloatArray) -> None:
+        """Add the terms of a reading taken at a pose [mm, mm, rad].
+
+        Raises ValueError, and adds nothing, if the likelihood named a table or taxel that does not exist,
+        or gave a weight that is negative or not finite.
+        """
+        count, tables = len(evidence.table), self.tables
+        self._make_room(count)
+        if not record(
+            self.terms, self._readings, evidence.table, evidence.taxel, evidence.weight, self.taxel_xy,
+            sensor_in_robot, tables.outside, tables.lowest, tables.highest,
+        ):  # fmt: skip
+            evidence.check(len(tables.highest), len(self.taxel_xy))
+        self._readings += 1
+        self.longest = max(self.longest, count)
+
+    def log_p(
+        self, letter: ArrayLike, state: FloatArray, first: int = 0, last: int | None = None
+    ) -> FloatArray:
+        """Sum log p(z | letter, state) over readings first, ..., last - 1, by default all: (n,) nats.
+
+        letter: (n,) or one for all, index into `labels`. state: (3, n) T_R^O mm, mm, rad.
+        """
+        count = state.shape[1]
+        letters = np.full(count, letter, dtype=np.int64)
+        log_p = np.zeros(count)
+        replay(
+            log_p, np.ascontiguousarray(state), letters, self.terms, first,
+            self._readings if last is None else last, self.tables.nodes, self.tables.lattice,
+        )  # fmt: skip
+        return log_p
+
+    def slices(self, first: FloatArray, spacing: tuple[float, float], wide: int = 1, tall: int = 1) -> Slices:
+        """Frame the tables for a grid of bins, or for upper bounds of blocks of wide x tall bins.
+
+        first: [x, y] mm of the first bin's middle. spacing: of the bins in x and y, mm, as the field was made for.
+        """
+        tables = self.tables if wide == tall == 1 else pooled(self.tables, wide, tall)
+        place = np.concatenate([first - tables.origin, [wide * spacing[0], tall * spacing[1]]])
+        return slices_of(tables.values, place)
+
+    def _make_room(self, count: int) -> None:
+        terms = self.terms
+        if self._readings == len(terms.slack):
+            by_reading = ("start", "constant", "upper", "slack")
+            terms = terms._replace(**{name: _doubled(getattr(terms, name)) for name in by_reading})
+        while terms.start[self._readings] + count > len(terms.kind):
+            by_term = ("kind", "xy", "weight")
+            terms = terms._replace(**{name: _doubled(getattr(terms, name)) for name in by_term})
+        self.terms = terms
+
+
+def _doubled(array: np.ndarray) -> np.ndarray:
+    return np.concatenate([array, np.zeros_like(array)])

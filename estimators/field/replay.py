@@ -1,0 +1,77 @@
+"""log p of the readings at states anywhere: particles, and cells of any size."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import float32, int64, uint64, void
+
+from tactsim.estimators.compiling import (
+    FLOATS_4D,
+    INTS,
+    REALS,
+    REALS_2D,
+    Floats,
+    Ints,
+    Reals,
+    compiled,
+)
+from tactsim.estimators.field.terms import TERMS, Terms
+
+# States that are looked up together, so that the arithmetic of their places is done in vectors.
+_BATCH = 128
+
+
+@compiled(void(REALS, REALS_2D, INTS, TERMS, int64, int64, FLOATS_4D, REALS), ordered=False)
+def replay(
+    log_p: Reals, state: Reals, letter: Ints, terms: Terms, first: int, last: int, nodes: Floats,
+    lattice: Reals,
+) -> None:  # fmt: skip
+    """Add log p(z | x) (eq. 7) of readings first, ..., last - 1 to the log-beliefs of states anywhere.
+
+    log_p: (states,). state: (3, states) T_R^O. letter: (states,). nodes: (tables, letters, rows, columns),
+    less the value outside, hence 0 at the rim. lattice: [x, y] of node (0, 0), then the step in x and y,
+    mm. A state's readings are added one by one, in order: it does not matter in how many calls.
+    """
+    start, kind, xy, weight, constant = terms.start, terms.kind, terms.xy, terms.weight, terms.constant
+    _, letters, rows, columns = nodes.shape
+    flat, plane = nodes.reshape(nodes.size), rows * columns
+    cos_x, sin_x, cos_y, sin_y = np.empty(_BATCH), np.empty(_BATCH), np.empty(_BATCH), np.empty(_BATCH)
+    x, y, total = np.empty(_BATCH), np.empty(_BATCH), np.empty(_BATCH, dtype=np.float32)
+    base, at = np.empty(_BATCH, dtype=np.int64), np.empty(_BATCH, dtype=np.int64)
+    right, above = np.empty(_BATCH, dtype=np.float32), np.empty(_BATCH, dtype=np.float32)
+    # Beyond the rim everything is as at the rim: places are moved there instead of being left out.
+    last_column, last_row = columns - 1.000001, rows - 1.000001
+    one, row_above = uint64(1), uint64(columns)
+    for begin in range(0, len(log_p), _BATCH):
+        count = min(_BATCH, len(log_p) - begin)
+        for k in range(count):
+            cos, sin = math.cos(state[2, begin + k]), math.sin(state[2, begin + k])
+            cos_x[k], sin_x[k], cos_y[k], sin_y[k] = (
+                cos / lattice[2], sin / lattice[2], cos / lattice[3], sin / lattice[3],
+            )  # fmt: skip
+            x[k] = (state[0, begin + k] - lattice[0]) / lattice[2]
+            y[k] = (state[1, begin + k] - lattice[1]) / lattice[3]
+            base[k] = letter[begin + k] * plane
+        for reading in range(first, last):
+            total[:count] = 0
+            for i in range(start[reading], start[reading + 1]):
+                there_x, there_y, factor = xy[i, 0], xy[i, 1], weight[i]
+                tables = kind[i] * letters * plane
+                # Two loops, because places are computed in vectors and values are not loaded in vectors.
+                for k in range(uint64(count)):
+                    u = min(max(x[k] + cos_x[k] * there_x - sin_x[k] * there_y, 0.0), last_column)
+                    v = min(max(y[k] + sin_y[k] * there_x + cos_y[k] * there_y, 0.0), last_row)
+                    column, row = int64(u), int64(v)
+                    right[k], above[k] = float32(u - column), float32(v - row)
+                    at[k] = tables + base[k] + row * columns + column
+                for k in range(uint64(count)):
+                    corner = uint64(at[k])
+                    below_left, below_right = flat[corner], flat[corner + one]
+                    above_left, above_right = flat[corner + row_above], flat[corner + row_above + one]
+                    lower = below_left + right[k] * (below_right - below_left)
+                    upper = above_left + right[k] * (above_right - above_left)
+                    total[k] += factor * (lower + above[k] * (upper - lower))
+            for k in range(count):
+                log_p[begin + k] += constant[reading, letter[begin + k]] + total[k]

@@ -1,0 +1,140 @@
+"""The log-belief of all bins of a grid, kept up to date with a field; bins that cannot matter may wait."""
+
+from __future__ import annotations
+
+import math
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tactsim.core.poses import FloatArray
+from tactsim.estimators.field.field import LikelihoodField
+from tactsim.estimators.field.vectors import LANES, TALL
+from tactsim.estimators.filters.bin_sums import pick, summarise
+from tactsim.estimators.filters.branch_and_bound import Belief, advance
+from tactsim.estimators.filters.grid import StateGrid
+
+# mm, about the side of a block of bins that is left alone or looked at together.
+_BLOCK = 4.0
+# Nats that rounding may move the highest log-belief of a block of bins.
+_ROUNDING = 1e-6
+
+
+class BinnedBelief:
+    """log p(letter, bin | readings) of all bins, not normalised (paper, eq. 13).
+
+    With `negligible`, blocks of bins that hold together at most this share of the belief are left alone. Without,
+    every bin is up to date after every reading.
+    """
+
+    def __init__(self, field: LikelihoodField, grid: StateGrid, negligible: float | None = None) -> None:
+        letters = len(field.labels)
+        self._field, self._grid = field, grid
+        x, y, angle = grid.centres
+        first, spacing = np.array([x[0], y[0]]), grid.spacing[:2]
+        wide, tall = _block(grid)
+        self._bins = field.slices(first, spacing)
+        # Where no bin is left alone nothing is bounded: the tables of blocks are not looked at.
+        self._blocks = self._bins if negligible is None else field.slices(first, spacing, wide, tall)
+        self._margin = math.inf if negligible is None else math.log(letters * grid.bins / negligible)
+        self._belief = _blank_belief(letters, grid, wide, tall)
+        self._turns = np.column_stack([np.cos(angle), np.sin(angle)])
+        self._incumbent = 0
+
+    def reset(self) -> None:
+        """Make all bins of all letters equally probable."""
+        self._belief.upper[:] = 0
+        self._belief.summit[:] = 0
+        self._belief.seen[:] = 0
+        self._belief.bounded[:] = 0
+        self._incumbent = 0
+
+    def update(self) -> tuple[int, int]:
+        """Multiply the belief by the likelihood of the field's last reading (eq. 13), in logs.
+
+        Returns how many times a bin took in a reading, and how many times a block's upper bound did.
+        """
+        field = self._field
+        bins, blocks, self._incumbent = advance(
+            self._belief, self._bins, self._blocks, field.terms, self._turns, len(field), field.longest,
+            self._margin, self._incumbent,
+        )  # fmt: skip
+        return bins, blocks
+
+    def summary(self) -> tuple[FloatArray, NDArray[np.int64]]:
+        """Sum the bins of each letter (eq. 14), relative to the best bin, and find its mode (eq. 15): (letters,) each.
+
+        A mode is a flat index into (angles, rows, columns).
+        """
+        letters = len(self._field.labels)
+        mass, mode = np.zeros(letters), np.zeros(letters, dtype=np.int64)
+        summarise(
+            self._belief, self._field.terms.upper, len(self._field), self._margin, self._incumbent, mass, mode
+        )
+        return mass, mode
+
+    def log_belief(self) -> FloatArray:
+        """Give the log-belief of all bins: (letters, angles, rows, columns); of those left alone -inf."""
+        belief, count = self._belief, len(self._field)
+        letters, angles, tile_rows, tile_columns, _ = belief.log_p.shape
+        tiles = belief.log_p.reshape(letters, angles, tile_rows, tile_columns, TALL, LANES)
+        bins = tiles.transpose(0, 1, 2, 4, 3, 5).reshape(letters, angles, tile_rows * TALL, -1)
+        rows, columns, tall, wide = belief.size
+        current = (belief.seen == count).repeat(tall, axis=2).repeat(wide, axis=3)[:, :, :rows, :columns]
+        return np.where(current, bins[:, :, :rows, :columns] if count else 0.0, -np.inf)
+
+    def upper_bounds(self) -> FloatArray:
+        """Give a bound that no bin is above: of the block of each bin, (letters, angles, rows, columns)."""
+        bound = self._belief.upper + self._field.terms.upper[len(self._field)]
+        rows, columns, tall, wide = self._belief.size
+        return bound.repeat(tall, axis=2).repeat(wide, axis=3)[:, :, :rows, :columns]
+
+    def best(self, count: int, within: float) -> tuple[NDArray[np.int64], FloatArray]:
+        """List all bins less than `within` nats below the best, and in any case the best `count` and one more.
+
+        Returns flat indices into (letters, angles, rows, columns), and log-beliefs. No bin may have been
+        left alone.
+        """
+        readings = len(self._field)
+        any_state = float(self._field.terms.upper[readings])
+        # A block that is up to date has a bin as high as its bound: as many bins as blocks are not lower.
+        highest = self._belief.upper.ravel() + any_state
+        place = max(0, len(highest) - count - 1)
+        enough = np.partition(highest, place)[place] if place else -math.inf
+        least = min(enough, highest.max() - within) - _ROUNDING
+        flat, log_p = self._room
+        found = pick(self._belief, any_state, readings, least, flat, log_p)
+        return flat[:found].copy(), log_p[:found].copy()
+
+    @cached_property
+    def _room(self) -> tuple[NDArray[np.int64], FloatArray]:
+        bins = len(self._field.labels) * self._grid.bins
+        return np.empty(bins, dtype=np.int64), np.empty(bins)
+
+
+def _block(grid: StateGrid) -> tuple[int, int]:
+    """Choose how many bins wide and tall a block is: whole tiles, or a tile cut into equal columns."""
+    dx, dy, _ = grid.spacing
+    wide = LANES * max(1, round(_BLOCK / dx / LANES))
+    if _BLOCK / dx < LANES:
+        wide = min(LANES, 2 ** max(0, round(math.log2(_BLOCK / dx))))
+    return wide, TALL * max(1, round(_BLOCK / dy / TALL))
+
+
+def _blank_belief(letters: int, grid: StateGrid, wide: int, tall: int) -> Belief:
+    """Make room for the log-belief of all bins, in tiles, and for the upper bounds of its blocks."""
+    tiles = (-(-grid.y // TALL), -(-grid.x // LANES))
+    row = np.arange(tiles[0] * TALL).reshape(tiles[0], 1, TALL, 1)
+    column = np.arange(tiles[1] * LANES).reshape(1, tiles[1], 1, LANES)
+    edge = np.where((row < grid.y) & (column < grid.x), 0, -np.inf)
+    blocks = (letters, grid.angle, -(-grid.y // tall), -(-grid.x // wide))
+    return Belief(
+        log_p=np.zeros((letters, grid.angle, *tiles, TALL * LANES)),
+        edge=edge.reshape(*tiles, TALL * LANES),
+        upper=np.zeros(blocks),
+        seen=np.zeros(blocks, dtype=np.int64),
+        bounded=np.zeros(blocks, dtype=np.int64),
+        summit=np.zeros(blocks[:2]),
+        size=np.array([grid.y, grid.x, tall, wide]),
+    )

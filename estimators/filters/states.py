@@ -1,0 +1,66 @@
+"""A belief as weighted states (letter, T_R^O), and what is made of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tactsim.core.poses import FloatArray
+from tactsim.estimators.estimator import PlaneBelief
+from tactsim.estimators.filters.weights import Weights
+
+# Cells along a side of a picture of the belief, whatever `reach` is.
+_MOST_CELLS = 200
+
+
+@dataclass(frozen=True, eq=False)
+class WeightedStates:
+    """The belief of a filter: states and how much each weighs.
+
+    letter: (n,) index into the filter's `labels`. state: (3, n) T_R^O mm, mm, rad. weights: n of them.
+    size: (3, n) mm, mm, rad, of the cells whose middles the states are; None if they are points.
+    """
+
+    letter: NDArray[np.int64]
+    state: FloatArray
+    weights: Weights
+    size: FloatArray | None = None
+
+    def draw(self, count: int, rng: np.random.Generator) -> tuple[NDArray[np.int64], FloatArray]:
+        """Draw equally probable states: letter (count,), state (3, count), at a random place in their cells."""
+        chosen = self.weights.systematic(count, rng)
+        letter, state = self.letter[chosen], self.state.take(chosen, axis=1)
+        if self.size is not None:
+            state = state + rng.uniform(-0.5, 0.5, (3, count)) * self.size[:, chosen]
+        return letter, state
+
+
+def letter_mass(letter: NDArray[np.int64], weights: Weights, letters: int) -> FloatArray:
+    """Sum the weights of states of each letter (letters,), in the unit of the heaviest (eq. 9)."""
+    return np.asarray(np.bincount(letter, weights.relative, minlength=letters), dtype=float)
+
+
+def uniform_states(count: int, reach: float, rng: np.random.Generator) -> FloatArray:
+    """Draw T_R^O (3, count) uniformly: x and y in [-reach, reach] mm, any angle."""
+    return rng.uniform(-1, 1, (3, count)) * [[reach], [reach], [np.pi]]
+
+
+def probabilities(labels: Sequence[str], mass: FloatArray) -> dict[str, float]:
+    """Name what each letter holds (letters,), so that it sums to 1."""
+    return dict(zip(labels, (mass / mass.sum()).tolist(), strict=True))
+
+
+def plane_histogram(labels: tuple[str, ...], belief: WeightedStates, reach: float) -> PlaneBelief:
+    """Sum the weights of a belief in cells of about 1 mm, larger if they would be many."""
+    cells = min(max(1, round(2 * reach)), _MOST_CELLS)
+    edges = np.linspace(-reach, reach, cells + 1)
+    total = np.zeros((len(labels), cells, cells))
+    for k in range(len(labels)):
+        mine = belief.letter == k
+        x, y = belief.state[:2, mine]
+        total[k] = np.histogram2d(y, x, bins=(edges, edges), weights=belief.weights.relative[mine])[0]
+    middle = (edges[1:] + edges[:-1]) / 2
+    return PlaneBelief(labels, middle, middle, total / total.sum())

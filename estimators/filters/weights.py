@@ -1,0 +1,51 @@
+"""Weights of states, kept as logs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tactsim.core.poses import FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Weights:
+    """The weights of n states, from 1. log: (n,), of any common factor; -inf is weight 0, at least one is finite."""
+
+    log: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.log)
+
+    @cached_property
+    def relative(self) -> FloatArray:
+        """Give the weights (n,) in the unit of the heaviest, which is 1: they cannot all be 0."""
+        return np.exp(self.log - self.log.max())
+
+    @property
+    def normalised(self) -> FloatArray:
+        """Give the weights (n,), summing to 1."""
+        return self.relative / self.relative.sum()
+
+    @property
+    def log_mean(self) -> float:
+        """Give the log of the mean weight."""
+        return float(self.log.max() + np.log(self.relative.mean()))
+
+    @property
+    def ess(self) -> float:
+        """Give the effective sample size, from 1 to n (Kong 1992)."""
+        weight = self.relative
+        return float(weight.sum() ** 2 / (weight @ weight))
+
+    def systematic(self, count: int, rng: np.random.Generator) -> NDArray[np.intp]:
+        """Draw `count` indices, ascending, each as often as is due, rounded up or down.
+
+        Systematic resampling (Kitagawa 1996): one random number, the least variance for its cost.
+        """
+        reached = np.cumsum(self.relative)
+        ladder = (np.arange(count) + rng.random()) / count * reached[-1]
+        return np.minimum(np.searchsorted(reached, ladder, side="right"), len(self) - 1)

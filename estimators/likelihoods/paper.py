@@ -1,0 +1,47 @@
+"""The paper's own measurement model: classes, looked up in the occupancy map (paper, section III-A)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from tactsim.core import Scan
+from tactsim.core.poses import FloatArray
+from tactsim.estimators.likelihoods.classifier import CONTACT, NO_CONTACT, UNKNOWN, classify
+from tactsim.estimators.likelihoods.likelihood import Evidence, Likelihood, covered
+from tactsim.estimators.likelihoods.occupancy import OccupancyMap, sigmoid
+
+
+class PaperLikelihood(Likelihood):
+    """Classes In Contact and No Contact, looked up in the occupancy map (paper, eq. 3 and 7)."""
+
+    def fit(self, scan: Scan, maps: Mapping[str, OccupancyMap]) -> None:
+        """Keep the maps; eq. 7 has nothing to learn."""
+        self.maps = maps
+
+    @property
+    def extent(self) -> tuple[FloatArray, FloatArray]:
+        """Give the corners of the maps with their frame of cells at the prior."""
+        return covered(self.maps)
+
+    def log_tables(self, label: str, xy: ArrayLike) -> FloatArray:
+        """Evaluate log p(No Contact | xy) and log p(In Contact | xy) of eq. 7: (2, ...).
+
+        With probability gamma the class is random. Then eq. 7 prints p(m) for both classes; with
+        `failure="complement"` No Contact gets 1 - p(m), so that the two sum to one.
+        """
+        gamma, prior = self.options.gamma, self.options.prior
+        odds = self.maps[label].log_odds_at(xy)
+        random_no_contact = prior if self.options.failure == "printed" else 1 - prior
+        tables = np.empty((2, *odds.shape))
+        tables[NO_CONTACT] = np.log(gamma * random_no_contact + (1 - gamma) * sigmoid(-odds))
+        tables[CONTACT] = np.log(gamma * prior + (1 - gamma) * sigmoid(odds))
+        return tables
+
+    def evidence(self, reading: FloatArray) -> Evidence:
+        """Classify the taxels; an Unknown one has likelihood 1 everywhere, hence no term."""
+        classes = classify(reading, self.options.threshold, self.options.ratio)
+        taxel = np.flatnonzero(classes != UNKNOWN)
+        return Evidence(classes[taxel].astype(np.int64), taxel, np.ones(len(taxel), dtype=np.float32))

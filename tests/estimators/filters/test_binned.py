@@ -1,0 +1,97 @@
+"""The log-belief of all bins: what compiled code reads, and the bounds that make skipping exact."""
+
+import numpy as np
+import pytest
+from synthetic import make_scan, paper_poses
+
+from tactsim.estimators.field.field import LikelihoodField
+from tactsim.estimators.filters.binned import BinnedBelief
+from tactsim.estimators.filters.grid import StateGrid
+from tactsim.estimators.likelihoods import likelihood
+from tactsim.estimators.likelihoods.occupancy import learn_maps
+from tactsim.estimators.options import LikelihoodOptions
+
+
+@pytest.fixture(scope="module")
+def model():
+    scan = make_scan("EI", poses=paper_poses(3, 4))
+    made = likelihood.create(LikelihoodOptions())
+    made.fit(scan, learn_maps(scan))
+    return made, scan
+
+
+def field_of(model, grid):
+    made, scan = model
+    return LikelihoodField(made, scan.letters, scan.taxel_xy, grid.spacing[:2], 0.4)
+
+
+@pytest.mark.parametrize("split", [(25, 25, 4), (3, 5, 2), (1, 1, 1), (17, 33, 2)])
+def test_tiles_that_hang_over_the_tables_read_nothing_beyond_them(model, split, monkeypatch):
+    plain = LikelihoodField.slices
+
+    def amid_nan(*args):
+        slices = plain(*args)
+        around = np.full(3 * slices.nodes.size, np.nan, dtype=np.float32)
+        inside = around[slices.nodes.size : 2 * slices.nodes.size]
+        inside[:] = slices.nodes
+        return slices._replace(nodes=inside)
+
+    monkeypatch.setattr(LikelihoodField, "slices", amid_nan)
+    grid = StateGrid(*split)
+    field = field_of(model, grid)
+    belief = BinnedBelief(field, grid, negligible=1e-8)
+    rng = np.random.default_rng(0)
+    for _ in range(10):
+        field.reset()
+        belief.reset()
+        # Anywhere from the middle of the map to far off it, so that every edge is hung over.
+        for reach in (10, 30, 60, 1e4, 1e9):
+            reading = model[1].readings[rng.integers(len(model[1]))]
+            field.append(model[0].evidence(reading), rng.uniform(-reach, reach, 3))
+            belief.update()
+        mass, mode = belief.summary()
+        assert np.isfinite(mass).all()
+        assert mode.max() >= 0
+        assert np.isfinite(belief.upper_bounds()).all()
+        assert not np.isnan(belief.log_belief()).any()
+
+
+def test_no_bin_is_above_its_upper_bound(model):
+    # The bound is what makes skipping exact; check it bin by bin against all bins.
+    grid = StateGrid(20, 20, 6)
+    field = field_of(model, grid)
+    lazy, full = BinnedBelief(field, grid, negligible=1e-8), BinnedBelief(field, grid)
+    left_alone = 0
+    for seed in range(5):
+        rng = np.random.default_rng(seed)
+        field.reset()
+        lazy.reset()
+        full.reset()
+        for _ in range(8):
+            reading = model[1].readings[rng.integers(len(model[1]))]
+            field.append(model[0].evidence(reading), rng.uniform(-15, 15, 3))
+            lazy.update()
+            full.update()
+            everything = full.log_belief()
+            assert np.isfinite(everything).all()
+            assert (everything <= lazy.upper_bounds() + 1e-9).all()
+            left_alone += (lazy.log_belief() == -np.inf).sum()
+    assert left_alone > 0
+
+
+@pytest.mark.parametrize(("count", "within"), [(1, 0.0), (7, 0.0), (100, 3.0), (5000, 1.0)])
+def test_the_best_bins_are_listed_whole(model, count, within):
+    grid = StateGrid(20, 17, 6)
+    field = field_of(model, grid)
+    belief = BinnedBelief(field, grid)
+    rng = np.random.default_rng(0)
+    for _ in range(4):
+        field.append(model[0].evidence(model[1].readings[rng.integers(len(model[1]))]), rng.uniform(-8, 8, 3))
+        belief.update()
+    everything = belief.log_belief().ravel()
+    flat, log_p = belief.best(count, within)
+    assert len(set(flat.tolist())) == len(flat)
+    assert (log_p == everything[flat]).all()
+    wanted = np.argsort(-everything, kind="stable")[: count + 1]
+    assert np.isin(wanted, flat).all()
+    assert np.isin(np.flatnonzero(everything > everything.max() - within), flat).all()
