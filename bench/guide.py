@@ -84,7 +84,7 @@ def _mark(recorder: Recorder, press: Press | None, screen: _Screen) -> None:
 
 
 class _Screen:
-    """What the person sees: one changing picture on a terminal, else a line for each press."""
+    """What the person sees: on a terminal one picture that changes, otherwise a line for each press."""
 
     def __init__(
         self, session: Session, source: Source, covers: Covers | None, from_behind: bool, console: Console
@@ -136,7 +136,7 @@ class _Screen:
         self._live.update(Group(*lines, Text(KEYS, "dim")), refresh=True)
 
     def note(self, press: Press) -> None:
-        """Say on a screen that cannot change what was done about a press."""
+        """Print what was done about a press, where there is no picture that shows it."""
         if self._live is not None:
             return
         line = f"press {press.number + 1} of {len(self._session.plan.poses)}: {press.what}"

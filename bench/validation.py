@@ -52,7 +52,7 @@ class Validation:
 
 
 class _Simulator:
-    """Predicts what the simulated pad reads at the poses of a recorded scan."""
+    """Predict what the simulated pad reads at the poses of a recorded scan."""
 
     def __init__(self, simulated: Scan, recorded: Scan) -> None:
         stated = simulated.meta.get("options")

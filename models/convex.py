@@ -1,10 +1,10 @@
 """Cut a polygon with holes into few convex pieces that tile it.
 
 MuJoCo collides convex bodies only, and each piece costs time in every press. Each reflex corner is
-resolved by one cut, the cheapest found: to a corner that it sees, or along the extension of one of
-its own edges, which keeps right angles right. Short cuts are cheap, cuts at a sharp angle to an edge
-are dear (they leave slivers), and a cut that serves two reflex corners counts half. The number of
-pieces is at most the number of reflex corners + 1, and no decomposition has less than half of that.
+resolved by one cut, the cheapest one found: to a corner that it sees, or along the extension of one of
+its own edges, which keeps right angles right. Short cuts are cheap. Cuts at a sharp angle to an edge
+are dear, as they leave slivers. A cut that serves two reflex corners counts half. So there are at most
+r + 1 pieces for r reflex corners. A cut resolves at most two, so no way of cutting makes fewer than r / 2 + 1.
 """
 
 from __future__ import annotations

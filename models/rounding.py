@@ -57,7 +57,10 @@ def profile(radius: float) -> FloatArray:
 def strips(
     contours: Sequence[FloatArray], radius: float, height: float
 ) -> list[tuple[FloatArray, FloatArray]]:
-    """Give each edge's convex strip: its outline in plan (4, 2) mm and its corners (m, 3) mm."""
+    """List the convex strip along each edge: its outline in plan (4, 2) mm and its corners (m, 3) mm.
+
+    Raises InputError as `inset`.
+    """
     steps = profile(radius)
     found = []
     for outer, inner in zip(contours, inset(contours, radius), strict=True):

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 STAGE = 32.0  # mm a side: a pad of 11.6 mm at positions up to 10.2 mm from the centre reaches 16 mm
 LEAST_AREA = 1.0  # mm^2, a third of one taxel of the pad
 MOST_CORNERS = 2000  # of the face's outline, once straightened
-DETAIL = 0.01  # mm: what is finer is left out
+DETAIL = 0.01  # mm: finer detail is left out
 TOUCHING = 1e-5  # mm: corners and edges nearer than this are moved apart by twice as much
 MOST_TRACED = 20_000  # corners before that; tracing and simplifying take time that grows with their square
 LARGEST_FILE = 64 << 20  # bytes
