@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+import inspect
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
-from tactsim.bench.config import run_config, scan_options
+from pydantic import BaseModel
+
+from tactsim.bench.config import RunConfig, ScanWords, run_config, scan_options
 from tactsim.bench.run import Run
 from tactsim.bench.runner import perform, silent
 from tactsim.bench.trials import Progress
@@ -15,7 +18,29 @@ from tactsim.core import Scan
 from tactsim.estimators import Estimator
 from tactsim.press import scan_letters
 
+Function = TypeVar("Function", bound=Callable[..., Any])
 
+
+def _spelled_out(model: type[BaseModel]) -> Callable[[Function], Function]:
+    """Show the fields of a configuration, with their defaults, in the signature of a function that takes `words`."""
+
+    def spell(function: Function) -> Function:
+        stated = inspect.signature(function)
+        own = [one for one in stated.parameters.values() if one.kind != inspect.Parameter.VAR_KEYWORD]
+        words = [
+            inspect.Parameter(
+                name, inspect.Parameter.KEYWORD_ONLY, default=field.default, annotation=field.annotation
+            )
+            for name, field in model.model_fields.items()
+            if name not in (*stated.parameters, "given")
+        ]
+        function.__signature__ = stated.replace(parameters=[*own, *words])  # type: ignore[attr-defined]
+        return function
+
+    return spell
+
+
+@_spelled_out(ScanWords)
 def scan(
     letters: str | Iterable[str] | None = None,
     *,
@@ -39,6 +64,7 @@ def scan(
         )[0]
 
 
+@_spelled_out(RunConfig)
 def run(
     scan: Scan | str | Path | None = None,
     *,

@@ -45,7 +45,8 @@ class Chunk:
 
 def chunks_of(name: str, plan: TrialPlan, letters: Iterable[str], trials: int) -> list[Chunk]:
     """Divide a run into chunks."""
-    made_with = json.dumps([plan.source, plan.digest, versions()], sort_keys=True)
+    trying = [plan.readings, plan.seed, plan.explore]
+    made_with = json.dumps([plan.source, plan.digest, trying, versions()], sort_keys=True)
     tasks = [
         tuple(Task(letter, trial) for trial in range(first, min(first + MOST_TRIALS, trials)))
         for letter in letters

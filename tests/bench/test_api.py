@@ -1,5 +1,6 @@
 """The face for Python: what a user types in a notebook."""
 
+import inspect
 import json
 import subprocess
 import sys
@@ -11,6 +12,7 @@ import pytest
 from made_up import make_run
 
 import tactsim
+from tactsim.bench.config import RunConfig, ScanWords
 from tactsim.bench.results import to_json
 from tactsim.bench.runner import perform
 from tactsim.core import InputError
@@ -54,6 +56,11 @@ def test_readings_that_are_given_give_what_pressed_ones_give(scan, run):
     assert run.protocol == pressed.protocol == "test poses same, random order"
     assert scan.letters == ("A", "E")
     assert np.array_equal(scan.readings, tactsim.scan(letters=["A", "E"]).readings)
+
+
+def test_a_runs_configuration_does_it_again():
+    pressed = tactsim.run(letters="AE", noise=1.5, hold_out="E", **WORDS)
+    assert tactsim.run(**pressed.config).summary == pressed.summary
 
 
 def test_curves_and_headlines_are_those_of_the_summary(run):
@@ -195,6 +202,14 @@ def test_progress_is_silent_unless_asked_for(scan, capfd):
     out, err = capfd.readouterr()
     assert not out
     assert "trials" in err
+
+
+def test_the_signatures_name_every_word_of_the_command_line():
+    of_run, of_scan = (inspect.signature(function).parameters for function in (tactsim.run, tactsim.scan))
+    assert set(RunConfig.model_fields) - {"given"} <= set(of_run)
+    assert set(ScanWords.model_fields) <= set(of_scan)
+    assert of_run["trials"].default == 10
+    assert "given" not in of_run
 
 
 HOSTILE = "<img src=x onerror=alert(1)> $\\frac$ & \"'"

@@ -9,6 +9,7 @@ import socket
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -16,7 +17,7 @@ import pytest
 from tactsim.bench import chunks, results, sweep, sweep_file, trials
 from tactsim.bench.config import run_config
 from tactsim.bench.runner import perform, silent
-from tactsim.core import InputError, Scan
+from tactsim.core import InputError
 
 BENCH = Path(sys.executable).parent / "bench"
 SMALL = """
@@ -165,31 +166,25 @@ def test_a_part_that_was_damaged_is_done_again(tmp_path, environment, whole):
     assert contents(tmp_path / "again") == contents(whole)
 
 
-@pytest.fixture
-def chunk_and_run(tmp_path, monkeypatch):
-    """Give a run, and its first chunk as a function of what is patched meanwhile."""
-    monkeypatch.setenv("TACTSIM_CACHE_DIR", str(tmp_path / "cache"))
-    run = perform(run_config(letters="IO", estimator="histogram", bins=100, trials=2, readings=3))
-    return lambda: chunks.chunks_of("a-run", run.plan, ("I",), 2)[0], run
-
-
 OTHERS = {
-    "nothing": None,
-    "version": (chunks, "versions", lambda: {"tactsim": "0.0"}),
-    "source": (trials, "source_digest", lambda *modules: "0" * 64),
-    "readings": (Scan, "digest", "0" * 64),
+    "nothing": lambda patch, plan: plan,
+    "version": lambda patch, plan: patch.setattr(chunks, "versions", lambda: {"tactsim": "0.0"}) or plan,
+    "source": lambda patch, plan: patch.setattr(trials, "source_digest", lambda *modules: "0" * 64) or plan,
+    "readings": lambda patch, plan: replace(plan, scan=replace(plan.scan, poses=plan.scan.poses + 1)),
+    "options": lambda patch, plan: replace(plan, options={"bins": 101}),
+    "seed": lambda patch, plan: replace(plan, seed=1),
 }
 
 
 @pytest.mark.parametrize("other", OTHERS)
-def test_a_chunk_that_was_made_with_something_else_is_not_taken(tmp_path, monkeypatch, chunk_and_run, other):
-    chunk, run = chunk_and_run
-    if OTHERS[other]:
-        monkeypatch.setattr(*OTHERS[other])
-    chunks.save_chunk(tmp_path, chunk(), run.trials, {"likelihood_evaluations": 3})
-    monkeypatch.undo()
-    found = chunks.load_chunk(tmp_path, chunk())
-    assert (found is not None) == (other == "nothing")
+def test_a_chunk_that_was_made_with_something_else_is_not_taken(tmp_path, environment, monkeypatch, other):
+    monkeypatch.setenv("TACTSIM_CACHE_DIR", environment["TACTSIM_CACHE_DIR"])
+    run = perform(run_config(letters="IO", estimator="histogram", bins=100, trials=2, readings=3))
+    with pytest.MonkeyPatch.context() as patch:
+        (made, *_) = chunks.chunks_of("a-run", OTHERS[other](patch, run.plan), ("I",), 2)
+        chunks.save_chunk(tmp_path, made, run.trials, {"likelihood_evaluations": 3})
+    (wanted, *_) = chunks.chunks_of("a-run", run.plan, ("I",), 2)
+    assert (chunks.load_chunk(tmp_path, wanted) is not None) == (other == "nothing")
 
 
 def test_a_sweep_does_not_go_on_beside_runs_of_another_source(tmp_path, environment, whole, monkeypatch):
