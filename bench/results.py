@@ -5,27 +5,31 @@ from __future__ import annotations
 import csv
 import io
 import json
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict
 
+from tactsim.bench.run import Run
 from tactsim.bench.score import Properties
 from tactsim.bench.trials import Trials
 from tactsim.core import InputError
 from tactsim.core.checking import checked
 from tactsim.core.documents import read_json, read_text
 from tactsim.core.errors import short
-from tactsim.core.files import write_text
+from tactsim.core.files import new_folder, write_bytes, write_text
 from tactsim.core.finite import finite
 from tactsim.core.poses import FloatArray
 from tactsim.core.scan import is_label
 
-SCHEMA = 1
+if TYPE_CHECKING:
+    from tactsim.bench.figures import Picture
+
+SCHEMA = 2
 _LARGEST_TABLE = 1 << 30  # bytes
 # trials.csv: one row per trial and reading, the same on every machine for the same seed.
 COLUMNS = (
@@ -36,23 +40,6 @@ COLUMNS = (
 TIME_COLUMNS = ("truth", "trial", "reading_number", "update_s", "estimate_s", "propose_s")
 
 
-@dataclass(frozen=True, eq=False)
-class Run:
-    """A finished run: what was asked, what came out.
-
-    config: the resolved configuration. about: versions, machine, protocol, what the estimator says of
-    itself, eq. 3's agreement. summary: the metrics. times: seconds of each stage and peak memory.
-    """
-
-    config: dict[str, Any]
-    about: dict[str, Any]
-    objects: dict[str, Properties]
-    work: dict[str, Any]
-    trials: Trials
-    summary: dict[str, Any]
-    times: dict[str, Any]
-
-
 class _Strict(BaseModel):
     model_config = ConfigDict(strict=True)
 
@@ -61,8 +48,17 @@ class _Config(_Strict):
     """What every reader of a run asks of its configuration; the rest may be another version's."""
 
     estimator: str
-    options: dict[str, Any]
-    hold_out: list[str] = []
+    seed: int
+    hold_out: list[str]
+    scan: str | None
+    train_scan: str | None
+    given: str | None
+    letters: list[str] | None
+
+
+class _Budget(_Strict):
+    option: str
+    value: int | str
 
 
 class _Machine(_Strict):
@@ -78,9 +74,14 @@ class _About(_Strict):
     objects: dict[str, Any]
     protocol: str
     description: str
+    options: dict[str, Any]
+    settings: dict[str, Any]
+    budget: _Budget | None
     letters: list[str]
     classifier_agreement: float | None
     scan: dict[str, Any]
+    source: str
+    commit: str | None
     versions: dict[str, str]
     machine: _Machine
 
@@ -105,10 +106,29 @@ def save(run: Run, folder: Path) -> None:
             }
         ),
     )
-    write_text(folder / "trials.csv", _table(COLUMNS, run.trials))
-    write_text(folder / "times.csv", _table(TIME_COLUMNS, run.trials))
+    table = columns(run.trials)
+    write_text(folder / "trials.csv", _table(COLUMNS, table))
+    write_text(folder / "times.csv", _table(TIME_COLUMNS, table))
     write_text(folder / "summary.json", to_json(run.summary))
     write_text(folder / "times.json", to_json(run.times | {"work": run.work}))
+
+
+def save_with_pictures(run: Run, folder: Path) -> Path:
+    """Write a run's folder, pictures included, whole or not at all, and return its path.
+
+    Raises InputError if the folder holds something or cannot be written.
+    """
+    with new_folder(folder) as inside:
+        save(run, inside)
+        for name, draw in pictures(run).items():
+            write_bytes(inside / name, draw().png())
+    return folder
+
+
+def pictures(run: Run) -> dict[str, Callable[[], Picture]]:
+    """Name the pictures that belong into a run's folder, each with what draws it."""
+    maps = {"maps.png": run.plot_maps} if run.maps else {}
+    return {"readings.png": run.plot} | maps
 
 
 def load(path: str | Path) -> Run:
@@ -130,14 +150,13 @@ def load(path: str | Path) -> Run:
         trials = _trials(
             _read_table(folder / "trials.csv", COLUMNS),
             _read_table(folder / "times.csv", TIME_COLUMNS),
-            about["config"].get("hold_out", []),
+            about["config"]["hold_out"],
         )
         if not set(trials.truth.tolist()) <= set(objects):
             raise InputError("run.json: objects: a letter of trials.csv is missing")
-        summary = read_json(folder / "summary.json", "file of a run")
     except InputError as error:
         raise InputError(f"{folder} is not a whole run: {error}") from error
-    return Run(about.pop("config"), about, objects, times.pop("work"), trials, summary, times)
+    return Run(about.pop("config"), about, objects, times.pop("work"), trials, times)
 
 
 def to_json(value: Any) -> str:
@@ -145,28 +164,30 @@ def to_json(value: Any) -> str:
     return json.dumps(value, indent=1, sort_keys=True, allow_nan=False, default=str) + "\n"
 
 
-def _table(columns: tuple[str, ...], trials: Trials) -> str:
+def columns(trials: Trials) -> dict[str, NDArray[Any]]:
+    """Give the columns of trials.csv and times.csv, one row a trial and reading."""
     readings = trials.label.shape[1]
-    number = np.arange(1, readings + 1)
     x, y, theta = np.moveaxis(trials.pose, 2, 0)
-    wide: Mapping[str, Any] = {"reading_number": number, "x": x, "y": y, "theta": theta} | {
-        name: np.asarray(values)[:, None]
-        for name, values in {
-            "truth": trials.truth, "trial": trials.trial,
-            "true_x": trials.true_pose[:, 0], "true_y": trials.true_pose[:, 1],
-            "true_theta": trials.true_pose[:, 2],
-        }.items()
+    true_x, true_y, true_theta = trials.true_pose.T[:, :, None]
+    values: dict[str, NDArray[Any]] = {
+        "truth": trials.truth[:, None], "trial": trials.trial[:, None],
+        "reading_number": np.arange(1, readings + 1), "x": x, "y": y, "theta": theta,
+        "true_x": true_x, "true_y": true_y, "true_theta": true_theta,
     }  # fmt: skip
-    lists = [
-        np.broadcast_to(wide[name] if name in wide else getattr(trials, name), trials.label.shape)
-        .ravel()
-        .tolist()
-        for name in columns
-    ]
+    names = dict.fromkeys((*COLUMNS, *TIME_COLUMNS))
+    return {
+        name: np.broadcast_to(
+            values[name] if name in values else getattr(trials, name), trials.label.shape
+        ).ravel()
+        for name in names
+    }
+
+
+def _table(names: tuple[str, ...], table: Mapping[str, NDArray[Any]]) -> str:
     stream = io.StringIO(newline="")
     writer = csv.writer(stream, lineterminator="\n")
-    writer.writerow(columns)
-    writer.writerows(zip(*lists, strict=True))
+    writer.writerow(names)
+    writer.writerows(zip(*(table[name].tolist() for name in names), strict=True))
     return stream.getvalue()
 
 

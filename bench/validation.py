@@ -156,10 +156,10 @@ def _recognition(
                 path = Path(folder) / f"{trained}-{tested}.npz"
                 scan.save(path)
                 config = RunConfig(
-                    estimator=estimator, options=options, trials=trials, readings=min(20, fewest), seed=seed,
-                    scan_file=path,
+                    estimator=estimator, set=options, trials=trials, readings=min(20, fewest), seed=seed,
+                    scan=path,
                 )  # fmt: skip
-                run, _ = perform(config, progress=progress)
+                run = perform(config, progress=progress)
                 results[f"{trained} -> {tested}"] = {
                     "readings": config.readings,
                     "trials": len(run.trials.truth),

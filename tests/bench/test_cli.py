@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tactsim.bench.cli.app import run_app
 from tactsim.core import Scan
 
 BENCH = Path(sys.executable).parent / "bench"
@@ -34,6 +35,22 @@ def bench(tmp_path, cache_dir):
         )  # fmt: skip
 
     call.environment = environment
+    return call
+
+
+@pytest.fixture
+def here(tmp_path, cache_dir, monkeypatch, capsys):
+    """Call the command line in this process, where another one would prove nothing more."""
+    monkeypatch.chdir(tmp_path)
+    for name, value in {"TACTSIM_CACHE_DIR": str(cache_dir), "COLUMNS": "100", "NO_COLOR": "1"}.items():
+        monkeypatch.setenv(name, value)
+
+    def call(*words):
+        monkeypatch.setattr(sys, "argv", ["bench", *map(str, words)])
+        with pytest.raises(SystemExit) as ended:
+            run_app()
+        return subprocess.CompletedProcess(words, ended.value.code, *capsys.readouterr())
+
     return call
 
 
@@ -89,9 +106,9 @@ def test_the_same_seed_gives_the_same_files_whatever_the_jobs_and_the_cache(benc
         assert (tmp_path / "c" / name).read_bytes() == first, name
 
 
-def test_another_seed_gives_other_trials(bench, tmp_path):
+def test_another_seed_gives_other_trials(here, tmp_path):
     for seed in (0, 1):
-        bench("run", *SMALL, "--letters", "AE", "--out", f"s{seed}", "--seed", seed)
+        here("run", *SMALL, "--letters", "AE", "--out", f"s{seed}", "--seed", seed)
     assert (tmp_path / "s0" / "trials.csv").read_bytes() != (tmp_path / "s1" / "trials.csv").read_bytes()
 
 
@@ -107,7 +124,7 @@ def test_a_scan_is_written_and_run_from_its_file(bench, tmp_path, scan_file):
         assert json.loads(pressed.stdout)[key] == json.loads(result.stdout)[key]
 
 
-def test_a_letter_held_out_is_tried_as_none_and_marks_the_protocol(bench, tmp_path):
+def test_a_letter_held_out_is_tried_as_none_and_marks_the_protocol(here, tmp_path):
     words = [
         "--letters",
         "AEO",
@@ -120,46 +137,58 @@ def test_a_letter_held_out_is_tried_as_none_and_marks_the_protocol(bench, tmp_pa
         "--out",
         "here",
     ]
-    run = bench("run", *words, "--set", "unknown=0.2", "--trials", "2", "--readings", "8", "--json")
+    run = here("run", *words, "--set", "unknown=0.2", "--trials", "2", "--readings", "8", "--json")
     answer = json.loads(run.stdout)
     assert answer["hold_out"] == ["O"]
     assert "O held out" in answer["protocol"]
     assert len(answer["refused_unknown"]) == len(answer["refused_known"]) == 8
     assert set(answer["confusion"]) == {"A", "E", "O"}
     assert "O" not in {label for row in answer["confusion"].values() for label in row}
-    assert bench("report", "here").returncode == 0
-    assert bench("compare", "here", "here").returncode == 0
+    assert here("report", "here").returncode == 0
+    assert here("compare", "here", "here").returncode == 0
 
 
-def test_a_chosen_order_marks_the_protocol_and_is_timed(bench):
-    run = bench("run", *SMALL, "--letters", "AE", "--explore", "information", "--json")
+def test_a_chosen_order_marks_the_protocol_and_is_timed(here):
+    run = here("run", *SMALL, "--letters", "AE", "--explore", "information", "--json")
     answer = json.loads(run.stdout)
     assert "chosen by information" in answer["protocol"]
     assert answer["seconds"]["propose_per_reading"] > 0
 
 
-def test_training_and_test_readings_may_come_from_two_files(bench, scan_file, tmp_path):
-    bench("scan", "--out", "other.npz", "--letters", "AO", "--seed", "7")
-    result = bench("run", *SMALL, "--train-scan", scan_file, "--scan", "other.npz", "--json")
+def test_training_and_test_readings_may_come_from_two_files(here, scan_file, tmp_path):
+    here("scan", "--out", "other.npz", "--letters", "AO", "--seed", "7")
+    result = here("run", *SMALL, "--train-scan", scan_file, "--scan", "other.npz", "--json")
     assert result.returncode == 0, result.stderr
 
 
-def test_noise_off_makes_readings_without_chance(bench, tmp_path):
+def test_noise_off_makes_readings_without_chance(here, tmp_path):
     for seed in (0, 1):
-        bench("scan", "--out", f"{seed}.npz", "--letters", "I", "--noise", "off", "--seed", seed)
+        here("scan", "--out", f"{seed}.npz", "--letters", "I", "--noise", "off", "--seed", seed)
     first, second = (Scan.load(tmp_path / f"{seed}.npz") for seed in (0, 1))
     assert np.array_equal(first.readings, second.readings)
     train, test = first.where("train"), first.where("test")
     assert np.array_equal(train.readings, test.readings)
 
 
-def test_help_names_every_verb_and_list_every_estimator(bench):
-    text = bench("--help").stdout
+def test_help_names_every_verb_and_list_every_estimator(here):
+    text = here("--help").stdout
     for verb in ("run", "scan", "list", "sweep"):
         assert verb in text
-    listing = bench("list").stdout
-    for word in ("histogram", "bins", "paper-like", "press.force", "accuracy"):
+    listing = here("list").stdout
+    for word in (
+        "histogram",
+        "budget: bins",
+        "budget: particles",
+        "paper-like",
+        "bench list scan-options",
+        "accuracy",
+    ):
         assert word in listing
+    assert "gamma" not in listing
+    own = here("list", "estimators", "histogram").stdout
+    assert "gamma" in own
+    assert "tempered" not in own
+    assert "press.force" in here("list", "scan-options").stdout
 
 
 BAD = {
@@ -189,17 +218,20 @@ BAD = {
     "held out": (["run", "--letters", "AE", "--hold-out", "Q"], ["hold out", "'Q'", "A, E"]),
     "all held out": (["run", "--letters", "AE", "--hold-out", "A,E"], ["--hold-out", "train"]),
     "list": (["list", "weather"], ["weather", "estimators"]),
+    "list of one": (["list", "estimators", "histogramm"], ["did you mean 'histogram'"]),
+    "list of a letter": (["list", "letters", "A"], ["only estimators"]),
+    "world for a file": (["run", "--scan", "some.npz", "--world", "paper-like"], ["world", "some.npz"]),
 }
 
 
 @pytest.mark.parametrize("case", BAD)
-def test_wrong_input_is_one_line_and_exit_status_2(bench, tmp_path, case):
+def test_wrong_input_is_one_line_and_exit_status_2(here, tmp_path, case):
     (tmp_path / "file").write_text("")
     (tmp_path / "full").mkdir()
     (tmp_path / "full" / "something").write_text("")
     before = sorted(tmp_path.rglob("*"))
     words, parts = BAD[case]
-    refused(bench(*words), *parts)
+    refused(here(*words), *parts)
     assert sorted(tmp_path.rglob("*")) == before
 
 
@@ -209,7 +241,7 @@ def test_a_folder_that_cannot_be_written_is_refused(bench, tmp_path):
     refused(bench("run", "--out", "locked/run"), "locked")
 
 
-def test_scan_files_that_are_not_whole_are_refused(bench, tmp_path, scan_file):
+def test_scan_files_that_are_not_whole_are_refused(here, tmp_path, scan_file):
     content = scan_file.read_bytes()
     (tmp_path / "cut.npz").write_bytes(content[: len(content) // 2])
     (tmp_path / "text.npz").write_text("hello")
@@ -218,9 +250,9 @@ def test_scan_files_that_are_not_whole_are_refused(bench, tmp_path, scan_file):
     spoiled["readings"] = spoiled["readings"].copy()
     spoiled["readings"][3, 5] = np.nan
     np.savez(tmp_path / "nan.npz", **spoiled)
-    refused(bench("run", "--scan", "cut.npz"), "cut.npz")
-    refused(bench("run", "--scan", "text.npz"), "text.npz")
-    refused(bench("run", "--scan", "nan.npz"), "nan.npz", "readings[3, 5]")
+    refused(here("run", "--scan", "cut.npz"), "cut.npz")
+    refused(here("run", "--scan", "text.npz"), "text.npz")
+    refused(here("run", "--scan", "nan.npz"), "nan.npz", "readings[3, 5]")
 
 
 def test_an_interrupt_ends_with_130_one_line_and_no_results(bench, tmp_path):

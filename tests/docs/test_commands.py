@@ -19,7 +19,7 @@ from typing import NamedTuple
 import pytest
 import typer
 
-from tactsim.bench import sweep
+from tactsim.bench import sweep_file
 from tactsim.bench.cli.app import app
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -108,7 +108,7 @@ def test_a_bench_command_is_understood(arguments):
     if not {"-h", "--help"} & set(rest):
         group.commands[verb].make_context(f"bench {verb}", list(rest))
     if verb == "sweep":
-        assert rest[0] in sweep.suites() or rest[0].endswith(".toml")
+        assert rest[0] in sweep_file.suites() or rest[0].endswith(".toml")
 
 
 @pytest.mark.parametrize("arguments", calls("make"))

@@ -123,5 +123,5 @@ def test_a_result_names_its_seed_versions_and_machine(answer, first):
     assert printed["machine"]["cores"] >= 1
     run = next((answer.bench.folder / "results" / "runs").iterdir())
     kept = json.loads((run / "run.json").read_text())
-    assert kept["config"]["seed"] == kept["config"]["scan"]["seed"] == 7
+    assert kept["config"]["seed"] == kept["scan"]["options"]["seed"] == 7
     assert (kept["versions"], kept["machine"]) == (printed["versions"], printed["machine"])

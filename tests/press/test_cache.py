@@ -3,7 +3,7 @@ import multiprocessing
 import numpy as np
 import pytest
 
-from tactsim.press import PressOptions, ScanOptions, scan_letters
+from tactsim.press import PressOptions, ScanOptions, cache, scan_letters
 
 OPTIONS = ScanOptions(letters=("E", "I"))
 
@@ -99,3 +99,9 @@ def test_two_processes_may_fill_it_at_once(own_cache):
     assert np.array_equal(first, second)
     assert np.array_equal(first, scan_letters(OPTIONS)[0].readings)
     assert {path.suffix for path in own_cache.iterdir()} == {".readings"}
+
+
+def test_readings_of_another_source_are_not_taken(monkeypatch):
+    scan_letters(OPTIONS)
+    monkeypatch.setattr(cache, "_source", lambda: "0" * 64)
+    assert scan_letters(OPTIONS)[1]["skipped"]["cached"] == 0
