@@ -46,3 +46,11 @@ class FilterOptions(LikelihoodOptions):
     """What every filter over (letter, T_R^O) takes."""
 
     reach: float = Field(10.0, gt=0, le=1000, description="T_R^O has x and y in [-reach, reach], mm")
+
+
+class OpenSetOptions(FilterOptions):
+    """What a filter takes that can say "none of these"; above 0, `filters.wrapped` puts an `OpenSet` around it."""
+
+    unknown: float = Field(
+        0.0, ge=0, lt=1, description="prior probability that the object is none of the known letters"
+    )

@@ -16,7 +16,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from pydantic import Field
 from scipy.special import expit, log_ndtr
 
 from tactsim.core import InputError, Scan, compose, transform
@@ -25,18 +24,9 @@ from tactsim.estimators.estimator import NONE, Estimate
 from tactsim.estimators.filters.map_filter import MapFilter
 from tactsim.estimators.filters.wrapper import Wrapper
 from tactsim.estimators.likelihoods.calibrated import CalibratedLikelihood
-from tactsim.estimators.options import FilterOptions
 
 _HALF_LOG_2PI = math.log(2 * math.pi) / 2
 _LEAST_VARIANCE = 1e-6  # nats^2: a map without information expects everything alike
-
-
-class OpenSetOptions(FilterOptions):
-    """What a filter takes that can be surrounded by an `OpenSet`; above 0, `wrapped` does it."""
-
-    unknown: float = Field(
-        0.0, ge=0, lt=1, description="prior probability that the object is none of the known letters"
-    )
 
 
 @dataclass(frozen=True)

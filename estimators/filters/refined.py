@@ -16,10 +16,10 @@ from tactsim.estimators.filters.binned import BinnedBelief
 from tactsim.estimators.filters.grid import Cells, StateGrid, state_grid
 from tactsim.estimators.filters.halving import halve
 from tactsim.estimators.filters.map_filter import MapFilter
-from tactsim.estimators.filters.open_set import OpenSetOptions
 from tactsim.estimators.filters.placement import mean_around
 from tactsim.estimators.filters.states import WeightedStates, letter_mass, probabilities
 from tactsim.estimators.filters.weights import Weights
+from tactsim.estimators.options import OpenSetOptions
 
 # Cells this many nats below the heaviest are left out of sums; of means of poses, sooner.
 _NEGLIGIBLE, _NEGLIGIBLE_IN_MEAN = 30.0, 20.0

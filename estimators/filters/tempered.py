@@ -13,10 +13,10 @@ from tactsim.core import wrap_angle
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.estimator import Estimate, Options, PlaneBelief
 from tactsim.estimators.filters.map_filter import MapFilter
-from tactsim.estimators.filters.open_set import OpenSetOptions
 from tactsim.estimators.filters.placement import mean_around
 from tactsim.estimators.filters.states import WeightedStates, plane_histogram, probabilities, uniform_states
 from tactsim.estimators.filters.weights import Weights
+from tactsim.estimators.options import OpenSetOptions
 
 # A move is the difference of two other particles of the letter times one of these factors, drawn for each
 # particle: so some particles move within a mode and some between modes.
