@@ -13,7 +13,9 @@ REGRESSION := $(BIN)/python -m tactsim.bench.regression
 MUTANTS ?=
 MUTATION := tests/mutants/requirements.lock
 
-.PHONY: run test check setup lock test-slow mutants bench-check bench-baseline clean help
+DOCS := docs/requirements.lock
+
+.PHONY: run test check docs setup lock test-slow mutants bench-check bench-baseline clean help
 
 help:            ## list these commands
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 18
@@ -29,6 +31,14 @@ check: $(READY)  ## lint, types and import directions
 	@$(BIN)/ruff format --check .
 	@$(BIN)/mypy
 	@$(BIN)/lint-imports --no-logo
+
+docs: $(READY) $(VENV)/.docs  ## build the documentation as a site, docs/_build/index.html
+	@$(BIN)/sphinx-build --quiet --fail-on-warning --keep-going docs docs/_build
+	@echo "docs/_build/index.html"
+
+$(VENV)/.docs: $(DOCS) | $(READY)
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -r $(DOCS)
+	@touch $@
 
 test-slow: $(READY)  ## the longer tests
 	@$(BIN)/python -m pytest -m slow
@@ -69,7 +79,8 @@ lock: $(READY)   ## pin the newest versions that pyproject.toml allows
 	@$(BIN)/python -m pip install --quiet uv
 	@$(PIN) pyproject.toml --all-extras --group dev --output-file requirements.lock
 	@$(PIN) --group mutation --constraint requirements.lock --output-file $(MUTATION)
+	@$(PIN) --group docs --constraint requirements.lock --output-file $(DOCS)
 
 clean:           ## remove .venv and what tools left behind
-	rm -rf $(VENV) .pytest_cache .mypy_cache .ruff_cache .hypothesis .benchmarks build *.egg-info
+	rm -rf $(VENV) .pytest_cache .mypy_cache .ruff_cache .hypothesis .benchmarks build *.egg-info docs/_build
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
