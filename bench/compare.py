@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tactsim.bench.results import Run
+from tactsim.bench.run import Run
 from tactsim.bench.score import all_right_from, errors, settled_95
 from tactsim.core import InputError
 from tactsim.core.poses import FloatArray

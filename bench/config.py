@@ -40,11 +40,14 @@ class RunConfig(BaseModel):
     scan: ScanOptions = Field(default_factory=ScanOptions)
     scan_file: Path | None = None
     train_file: Path | None = None
+    given: str | None = Field(None, description="digest of the readings that were given in Python")
 
     @property
     def source(self) -> str:
         """Name the readings: runs with the same source share them."""
-        return self.model_dump_json(include={"scan", "scan_file", "train_file", "letters", "hold_out"})
+        return self.model_dump_json(
+            include={"scan", "scan_file", "train_file", "given", "letters", "hold_out"}
+        )
 
 
 class RunWords(BaseModel):
@@ -56,8 +59,8 @@ class RunWords(BaseModel):
     bins: int | None = None
     particles: int | None = None
     set: dict[str, Any] = {}
-    letters: str | None = None
-    hold_out: str | None = None
+    letters: str | tuple[str, ...] | None = None
+    hold_out: str | tuple[str, ...] | None = None
     shapes: tuple[Path, ...] = ()
     trials: int = 10
     readings: int = 60
@@ -69,6 +72,7 @@ class RunWords(BaseModel):
     seed: int = 0
     scan: Path | None = None
     train_scan: Path | None = None
+    given: str | None = None
 
     def resolved(self) -> RunConfig:
         """Turn the words into the configuration. Raises InputError for the first wrong value."""
@@ -76,15 +80,15 @@ class RunWords(BaseModel):
             name: count for name in ("bins", "particles") if (count := getattr(self, name)) is not None
         }
         pressed = scan_options(
-            letters=self.letters if self.scan is None else None, shapes=self.shapes, world=self.world,
+            letters=None if self.scan or self.given else self.letters, shapes=self.shapes, world=self.world,
             noise=self.noise, test_poses=self.test_poses, seed=self.seed, scan_set=self.scan_set,
         )  # fmt: skip
         values = {
             "estimator": self.estimator, "options": options, "trials": self.trials,
             "readings": self.readings, "explore": self.explore, "seed": self.seed, "scan": pressed,
-            "letters": parse_letters(self.letters) if self.letters and self.scan else None,
-            "hold_out": tuple(sorted(set((self.hold_out or "").replace(",", " ").split()))),
-            "scan_file": self.scan, "train_file": self.train_scan,
+            "letters": _letters(self.letters) if self.letters and (self.scan or self.given) else None,
+            "hold_out": tuple(sorted(set(_names(self.hold_out or "")))),
+            "scan_file": self.scan, "train_file": self.train_scan, "given": self.given,
         }  # fmt: skip
         return checked(RunConfig, values, "run")
 
@@ -96,7 +100,7 @@ def run_config(**words: Any) -> RunConfig:
 
 def scan_options(
     *,
-    letters: str | None = None,
+    letters: str | Iterable[str] | None = None,
     shapes: Iterable[str | Path] = (),
     world: str = "default",
     noise: str | float | None = None,
@@ -119,8 +123,16 @@ def scan_options(
     if own:
         values = merged(values, {"shapes": own})
     if letters is not None:
-        values = merged(values, {"letters": parse_letters(letters)})
+        values = merged(values, {"letters": _letters(letters)})
     return checked(ScanOptions, merged(values, scan_set or {}), "scan")
+
+
+def _letters(letters: str | Iterable[str]) -> tuple[str, ...]:
+    return parse_letters(letters) if isinstance(letters, str) else tuple(letters)
+
+
+def _names(names: str | Iterable[str]) -> list[str]:
+    return names.replace(",", " ").split() if isinstance(names, str) else list(names)
 
 
 def _world(name: str) -> Mapping[str, Any]:

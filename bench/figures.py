@@ -5,32 +5,36 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Mapping
 from io import BytesIO
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
 
-from tactsim.bench.results import Run
-from tactsim.core.files import write_bytes
+from tactsim.bench.run import Run
+from tactsim.core import InputError
 
 BLUE, ORANGE, GREY = "#3366aa", "#cc6633", "#666666"
 
 
-def save_figure(figure: Figure, path: Path) -> Path:
-    """Write a figure as PNG, whole or not at all, without a date so that equal figures are equal files."""
-    content = BytesIO()
-    figure.savefig(content, format="png", dpi=150, metadata={"Software": None})
-    write_bytes(path, content.getvalue())
-    return path
+class Picture(Figure):
+    """A figure that a notebook shows also where pyplot was never imported."""
+
+    def png(self, dpi: int = 150) -> bytes:
+        """Give the figure as PNG, without a date so that equal figures are equal bytes."""
+        content = BytesIO()
+        self.savefig(content, format="png", dpi=dpi, metadata={"Software": None})
+        return content.getvalue()
+
+    def _repr_png_(self) -> bytes:
+        return self.png(dpi=100)
 
 
-def readings_figure(run: Run) -> Figure:
+def readings_figure(run: Run) -> Picture:
     """Draw accuracy with its Wilson band, and error with its standard error, against readings seen."""
     summary = run.summary
     number = np.arange(1, len(summary["accuracy"]) + 1)
-    figure = Figure(figsize=(9, 3.8), layout="constrained")
+    figure = Picture(figsize=(9, 3.8), layout="constrained")
     left, right = figure.subplots(1, 2)
 
     left.fill_between(
@@ -70,15 +74,20 @@ def readings_figure(run: Run) -> Figure:
         f"{run.config['estimator']}, {run.about['description']}",
         f"{len(run.trials.truth)} trials, {run.about['protocol']}",
     ]
-    figure.suptitle("\n".join(textwrap.fill(line, 110) for line in title), fontsize=10)
+    figure.suptitle("\n".join(textwrap.fill(line, 110) for line in title), fontsize=10, parse_math=False)
     return figure
 
 
-def maps_figure(maps: Mapping[str, Any]) -> Figure:
-    """Draw the learned occupancy maps {label: map with .log_odds (rows, columns) and .extent mm}."""
+def maps_figure(maps: Mapping[str, Any]) -> Picture:
+    """Draw the learned occupancy maps {label: map with .log_odds (rows, columns) and .extent mm}.
+
+    Raises InputError if there are none.
+    """
+    if not maps:
+        raise InputError("there are no maps: the run was loaded, or its estimator learns none")
     columns = min(len(maps), 6)
     rows = -(-len(maps) // columns)
-    figure = Figure(figsize=(2.2 * columns + 0.9, 2.3 * rows + 0.5), layout="constrained")
+    figure = Picture(figsize=(2.2 * columns + 0.9, 2.3 * rows + 0.5), layout="constrained")
     grid = np.atleast_1d(figure.subplots(rows, columns, squeeze=False)).ravel()
     limit = max(float(np.abs(m.log_odds).max()) for m in maps.values())
     image = None
@@ -87,7 +96,7 @@ def maps_figure(maps: Mapping[str, Any]) -> Figure:
             m.log_odds, origin="lower", extent=m.extent, cmap="RdBu_r", vmin=-limit, vmax=limit,
             interpolation="nearest",
         )  # fmt: skip
-        axes.set_title(label, fontsize=10)
+        axes.set_title(label, fontsize=10, parse_math=False)
         axes.tick_params(labelsize=7)
     for axes in grid[len(maps) :]:
         axes.set_visible(False)

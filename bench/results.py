@@ -5,25 +5,29 @@ from __future__ import annotations
 import csv
 import io
 import json
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict
 
+from tactsim.bench.run import Run
 from tactsim.bench.score import Properties
 from tactsim.bench.trials import Trials
 from tactsim.core import InputError
 from tactsim.core.checking import checked
 from tactsim.core.documents import read_json, read_text
 from tactsim.core.errors import short
-from tactsim.core.files import write_text
+from tactsim.core.files import new_folder, write_bytes, write_text
 from tactsim.core.finite import finite
 from tactsim.core.poses import FloatArray
 from tactsim.core.scan import is_label
+
+if TYPE_CHECKING:
+    from tactsim.bench.figures import Picture
 
 SCHEMA = 1
 _LARGEST_TABLE = 1 << 30  # bytes
@@ -34,23 +38,6 @@ COLUMNS = (
 )  # fmt: skip
 # times.csv: one row per trial and reading, in the same order; differs from run to run.
 TIME_COLUMNS = ("truth", "trial", "reading_number", "update_s", "estimate_s", "propose_s")
-
-
-@dataclass(frozen=True, eq=False)
-class Run:
-    """A finished run: what was asked, what came out.
-
-    config: the resolved configuration. about: versions, machine, protocol, what the estimator says of
-    itself, eq. 3's agreement. summary: the metrics. times: seconds of each stage and peak memory.
-    """
-
-    config: dict[str, Any]
-    about: dict[str, Any]
-    objects: dict[str, Properties]
-    work: dict[str, Any]
-    trials: Trials
-    summary: dict[str, Any]
-    times: dict[str, Any]
 
 
 class _Strict(BaseModel):
@@ -105,10 +92,29 @@ def save(run: Run, folder: Path) -> None:
             }
         ),
     )
-    write_text(folder / "trials.csv", _table(COLUMNS, run.trials))
-    write_text(folder / "times.csv", _table(TIME_COLUMNS, run.trials))
+    table = columns(run.trials)
+    write_text(folder / "trials.csv", _table(COLUMNS, table))
+    write_text(folder / "times.csv", _table(TIME_COLUMNS, table))
     write_text(folder / "summary.json", to_json(run.summary))
     write_text(folder / "times.json", to_json(run.times | {"work": run.work}))
+
+
+def save_with_pictures(run: Run, folder: Path) -> Path:
+    """Write a run's folder, pictures included, whole or not at all, and return its path.
+
+    Raises InputError if the folder holds something or cannot be written.
+    """
+    with new_folder(folder) as inside:
+        save(run, inside)
+        for name, draw in pictures(run).items():
+            write_bytes(inside / name, draw().png())
+    return folder
+
+
+def pictures(run: Run) -> dict[str, Callable[[], Picture]]:
+    """Name the pictures that belong into a run's folder, each with what draws it."""
+    maps = {"maps.png": run.plot_maps} if run.maps else {}
+    return {"readings.png": run.plot} | maps
 
 
 def load(path: str | Path) -> Run:
@@ -134,10 +140,9 @@ def load(path: str | Path) -> Run:
         )
         if not set(trials.truth.tolist()) <= set(objects):
             raise InputError("run.json: objects: a letter of trials.csv is missing")
-        summary = read_json(folder / "summary.json", "file of a run")
     except InputError as error:
         raise InputError(f"{folder} is not a whole run: {error}") from error
-    return Run(about.pop("config"), about, objects, times.pop("work"), trials, summary, times)
+    return Run(about.pop("config"), about, objects, times.pop("work"), trials, times)
 
 
 def to_json(value: Any) -> str:
@@ -145,28 +150,30 @@ def to_json(value: Any) -> str:
     return json.dumps(value, indent=1, sort_keys=True, allow_nan=False, default=str) + "\n"
 
 
-def _table(columns: tuple[str, ...], trials: Trials) -> str:
+def columns(trials: Trials) -> dict[str, NDArray[Any]]:
+    """Give the columns of trials.csv and times.csv, one row a trial and reading."""
     readings = trials.label.shape[1]
-    number = np.arange(1, readings + 1)
     x, y, theta = np.moveaxis(trials.pose, 2, 0)
-    wide: Mapping[str, Any] = {"reading_number": number, "x": x, "y": y, "theta": theta} | {
-        name: np.asarray(values)[:, None]
-        for name, values in {
-            "truth": trials.truth, "trial": trials.trial,
-            "true_x": trials.true_pose[:, 0], "true_y": trials.true_pose[:, 1],
-            "true_theta": trials.true_pose[:, 2],
-        }.items()
+    true_x, true_y, true_theta = trials.true_pose.T[:, :, None]
+    values: dict[str, NDArray[Any]] = {
+        "truth": trials.truth[:, None], "trial": trials.trial[:, None],
+        "reading_number": np.arange(1, readings + 1), "x": x, "y": y, "theta": theta,
+        "true_x": true_x, "true_y": true_y, "true_theta": true_theta,
     }  # fmt: skip
-    lists = [
-        np.broadcast_to(wide[name] if name in wide else getattr(trials, name), trials.label.shape)
-        .ravel()
-        .tolist()
-        for name in columns
-    ]
+    names = dict.fromkeys((*COLUMNS, *TIME_COLUMNS))
+    return {
+        name: np.broadcast_to(
+            values[name] if name in values else getattr(trials, name), trials.label.shape
+        ).ravel()
+        for name in names
+    }
+
+
+def _table(names: tuple[str, ...], table: Mapping[str, NDArray[Any]]) -> str:
     stream = io.StringIO(newline="")
     writer = csv.writer(stream, lineterminator="\n")
-    writer.writerow(columns)
-    writer.writerows(zip(*lists, strict=True))
+    writer.writerow(names)
+    writer.writerows(zip(*(table[name].tolist() for name in names), strict=True))
     return stream.getvalue()
 
 

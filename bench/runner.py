@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from time import perf_counter
 from typing import Any
 
 from tactsim.bench.config import RunConfig
 from tactsim.bench.machine import machine, peak_memory_mb, versions
-from tactsim.bench.results import Run
-from tactsim.bench.score import properties, summarise
-from tactsim.bench.trials import Progress, Protocol, Task, Trials, check_readings, run_trials
+from tactsim.bench.run import Run
+from tactsim.bench.score import properties
+from tactsim.bench.trials import Progress, Task, TrialPlan, Trials, check_readings, run_trials
 from tactsim.core import InputError, Scan
-from tactsim.core.errors import unknown
+from tactsim.core.errors import short, unknown
 from tactsim.core.scan import train_on
-from tactsim.estimators import NONE, Estimator, create
+from tactsim.estimators import NONE, Estimator, Options, create
+from tactsim.estimators.likelihoods.occupancy import maps_of
 from tactsim.press import scan_letters
 
 
@@ -34,54 +36,89 @@ class Gathered:
 
 
 def perform(
-    config: RunConfig, *, jobs: int = 1, cache: bool = True, progress: Progress = silent
-) -> tuple[Run, Estimator]:
+    config: RunConfig,
+    *,
+    scan: Scan | None = None,
+    estimator: Estimator | None = None,
+    jobs: int = 1,
+    cache: bool = True,
+    progress: Progress = silent,
+) -> Run:
     """Press or load the readings, fit the estimator, do all trials and score them.
 
-    jobs: processes. cache: whether pressed readings may be taken from and put into the cache.
-    progress(stage, done, total) is called for the stages "press", "map" and "trials".
+    scan: the readings that `config.given` names. estimator: to be used instead of the named one. jobs:
+    processes. cache: whether pressed readings may be taken from and put into the cache. progress(stage, done,
+    total) is called for the stages "press", "map" and "trials".
 
-    Returns the run and the fitted estimator. Raises InputError for a configuration that does not
-    fit together.
+    Raises InputError for a configuration that does not fit together.
     """
     start = perf_counter()
-    estimator = create(config.estimator, **config.options)  # a wrong option is said before the work
-    gathered = gather(config, jobs=jobs, cache=cache, progress=progress)
+    if estimator is None:
+        fitted = create(config.estimator, **config.options)  # a wrong option is said before the work
+    else:
+        config, fitted = _with_estimator(config, estimator), estimator
+    gathered = gather(config, scan=scan, jobs=jobs, cache=cache, progress=progress)
     check_readings(gathered.scan, gathered.letters, config.readings, config.hold_out)
+    plan = plan_of(config, gathered.scan, estimator)
+    if jobs > 1:
+        plan.portable()  # an estimator that cannot be sent to workers is said before the work
 
     fitting = perf_counter()
     progress("map", 0, 1)
-    estimator.fit(gathered.scan)
+    fitted.fit(gathered.scan)
     progress("map", 1, 1)
 
     trying = perf_counter()
     tasks = [Task(letter, trial) for letter in gathered.letters for trial in range(config.trials)]
-    protocol = protocol_of(config, gathered.scan)
-    trials, work = run_trials(protocol, estimator, tasks, jobs=jobs, progress=progress)
+    trials, work = run_trials(plan, fitted, tasks, jobs=jobs, progress=progress)
     tried = perf_counter()
     seconds = {"fit": trying - fitting, "trials": tried - trying, "total": tried - start}
-    return finished_run(config, gathered, trials, work, seconds=seconds, jobs=jobs), estimator
+    run = finished_run(config, gathered, trials, work, estimator=estimator, seconds=seconds, jobs=jobs)
+    return replace(run, plan=plan, maps=maps_of(fitted))
 
 
-def gather(config: RunConfig, *, jobs: int, cache: bool, progress: Progress) -> Gathered:
-    """Get the readings of a run from the press or from files.
+def _with_estimator(config: RunConfig, estimator: Estimator) -> RunConfig:
+    """Name an estimator's class and options in the configuration. Raises InputError if it has none."""
+    kind = type(estimator)
+    if not isinstance(estimator, Estimator):
+        raise InputError(
+            f"estimator is {short(estimator)}; give a registered name or an Estimator, made with its options"
+        )
+    if not isinstance(getattr(estimator, "options", None), Options):
+        raise InputError(
+            f"the estimator {kind.__name__} has no options; its __init__ must call super().__init__(options)"
+        )
+    if config.options:
+        raise InputError(
+            f"the estimator {kind.__name__} was given with its options; leave out bins, particles, set"
+        )
+    options = estimator.options.model_dump(mode="json", exclude_defaults=True)
+    return config.model_copy(
+        update={"estimator": f"{kind.__module__}:{kind.__qualname__}", "options": options}
+    )
+
+
+def gather(
+    config: RunConfig, *, scan: Scan | None = None, jobs: int, cache: bool, progress: Progress
+) -> Gathered:
+    """Get the readings of a run: those given as `scan`, from the press or from files.
 
     Raises InputError if a named letter is not among the readings, a letter is called NONE or two files do
     not fit together.
     """
     start = perf_counter()
     work: dict[str, Any] = {"presses": 0, "skipped": {}}
-    if config.scan_file is None:
+    if scan is None and config.scan_file is not None:
+        scan = Scan.load(config.scan_file)
+    elif scan is None:
         scan, work = scan_letters(
             config.scan, jobs=jobs, cache=cache, progress=lambda done, total: progress("press", done, total)
         )
-    else:
-        scan = Scan.load(config.scan_file)
     if config.train_file is not None:
         scan = train_on(Scan.load(config.train_file), scan)
     letters = config.letters or scan.letters
     if not letters:
-        raise InputError(f"{config.scan_file} holds no readings")
+        raise InputError(f"{config.scan_file or 'the scan'} holds no readings")
     if NONE in letters:
         raise InputError(f"a letter is called {NONE!r}, which means none of the known letters; rename it")
     for letter in letters:
@@ -96,9 +133,11 @@ def gather(config: RunConfig, *, jobs: int, cache: bool, progress: Progress) -> 
     return Gathered(scan, letters, work, perf_counter() - start)
 
 
-def protocol_of(config: RunConfig, scan: Scan) -> Protocol:
+def plan_of(config: RunConfig, scan: Scan, given: Estimator | None = None) -> TrialPlan:
     """Say what a worker needs to do this run's trials on these readings."""
-    return Protocol(config.estimator, config.options, scan, config.readings, config.seed, config.explore)
+    return TrialPlan(
+        config.estimator, config.options, scan, config.readings, config.seed, config.explore, given
+    )
 
 
 def finished_run(
@@ -107,17 +146,19 @@ def finished_run(
     trials: Trials,
     work: dict[str, Any],
     *,
+    estimator: Estimator | None = None,
     seconds: dict[str, float] | None = None,
     jobs: int | None = None,
 ) -> Run:
     """Score the trials and put everything that a run's folder keeps together.
 
-    seconds: of the stages, where they were measured in one piece.
+    estimator: the one that was given instead of the configuration's. seconds: of the stages, where they were
+    measured in one piece.
     """
     objects = properties(gathered.scan)
-    estimator = create(config.estimator, **config.options)
+    estimator = estimator or create(config.estimator, **config.options)
     about: dict[str, Any] = {
-        "protocol": _protocol_name(config),
+        "protocol": _protocol_name(config, gathered.scan),
         "letters": list(gathered.letters),
         "description": estimator.describe(),
         "options": estimator.options.model_dump(mode="json"),
@@ -144,7 +185,6 @@ def finished_run(
         objects=objects,
         work=gathered.work | work | {"skipped": gathered.work["skipped"] | work["skipped"]},
         trials=trials,
-        summary=summarise(trials, objects),
         times=times,
     )
 
@@ -168,9 +208,20 @@ def eq3_agreement(scan: Scan) -> float | None:
     return agreement.share if agreement.decided else None
 
 
-def _protocol_name(config: RunConfig) -> str:
+def _protocol_name(config: RunConfig, scan: Scan) -> str:
     """Name what may share a table: results of different protocols are never put side by side."""
-    poses = "from a file" if config.scan_file else config.scan.test_poses
+    poses: str = config.scan.test_poses
+    if config.scan_file:
+        poses = "from a file"
+    elif config.given:
+        poses = _stated_test_poses(scan) or "given"
     order = "random order" if config.explore == "random" else "order chosen by information"
     held_out = f", {' '.join(config.hold_out)} held out" if config.hold_out else ""
     return f"test poses {poses}, {order}{held_out}"
+
+
+def _stated_test_poses(scan: Scan) -> str | None:
+    """Tell where the simulated pad was pressed for the test readings; None if the scan does not say."""
+    options = scan.meta.get("options")
+    stated = options.get("test_poses") if isinstance(options, Mapping) else None
+    return stated if stated in ("same", "random") else None

@@ -29,8 +29,8 @@ import numpy as np
 from tactsim.bench import results
 from tactsim.bench.config import BUDGETS, RunConfig, run_config
 from tactsim.bench.machine import versions
-from tactsim.bench.runner import Gathered, finished_run, gather, protocol_of
-from tactsim.bench.trials import Progress, Protocol, Task, Trials, check_readings, run_chunk, unflatten_work
+from tactsim.bench.runner import Gathered, finished_run, gather, plan_of
+from tactsim.bench.trials import Progress, Task, TrialPlan, Trials, check_readings, run_chunk, unflatten_work
 from tactsim.core import InputError
 from tactsim.core.documents import LARGE, parse_json, parse_toml, read_text, read_toml
 from tactsim.core.errors import unknown
@@ -173,9 +173,9 @@ def perform(
         for name in todo:
             if not waiting[name]:
                 _write_run(folder, name, todo[name], gathered[name], parts[name])
-        protocols = {name: protocol_of(config, gathered[name].scan) for name, config in todo.items()}
+        plans = {name: plan_of(config, gathered[name].scan) for name, config in todo.items()}
         queue = [part for of_run in left.values() for part in of_run]
-        for part, trials, work in _work_off(queue, protocols, pool or _local(jobs)):
+        for part, trials, work in _work_off(queue, plans, pool or _local(jobs)):
             _save_part(folder, part, trials, work)
             done += len(part.tasks)
             progress("sweep", done, total)
@@ -214,7 +214,7 @@ def _local(jobs: int) -> Pool:
 
 
 def _work_off(
-    queue: list[Part], protocols: Mapping[str, Protocol], pool: Pool
+    queue: list[Part], plans: Mapping[str, TrialPlan], pool: Pool
 ) -> Iterator[tuple[Part, Trials, dict[str, int]]]:
     """Send parts out and give back what comes in; after a worker's death the rest is sent again."""
     left = {(part.run, part.number): part for part in queue}
@@ -224,7 +224,7 @@ def _work_off(
         try:
             with pool() as executor:
                 futures = {
-                    executor.submit(run_chunk, protocols[part.run], list(part.tasks)): part
+                    executor.submit(run_chunk, plans[part.run], list(part.tasks)): part
                     for part in left.values()
                 }
                 try:

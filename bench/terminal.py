@@ -18,17 +18,18 @@ from rich.progress import (
 )
 from rich.table import Table
 
-from tactsim.bench import trials as protocol
 from tactsim.bench.console import plain_console
 from tactsim.bench.report.collect import collect
-from tactsim.bench.results import Run
+from tactsim.bench.results import load, pictures
+from tactsim.bench.run import Run
+from tactsim.bench.trials import Progress as Report
 
 STAGES = {"press": "pressing", "map": "mapping", "trials": "trials", "sweep": "trials", "replay": "replaying"}
 ROWS = (1, 2, 3, 5, 7, 9, 10, 12, 15, 20, 25, 30, 40, 46, 50, 60, 80, 100, 150, 192)
 
 
 @contextmanager
-def progress_bars() -> Iterator[protocol.Progress]:
+def progress_bars() -> Iterator[Report]:
     """Show a bar with the time left for every stage that is reported, on standard error."""
     console = plain_console(stderr=True)
     bars: dict[str, TaskID] = {}
@@ -46,7 +47,7 @@ def progress_bars() -> Iterator[protocol.Progress]:
         yield report
 
 
-def print_run(run: Run, folder: Path, pictures: list[Path]) -> None:
+def print_run(run: Run, folder: Path) -> None:
     """Print the table over the reading count, the headline figures, the times and the places."""
     console = plain_console()
     config, about, summary = run.config, run.about, run.summary
@@ -59,14 +60,14 @@ def print_run(run: Run, folder: Path, pictures: list[Path]) -> None:
     for line in headlines(run):
         console.print(line)
     console.print(f"results  {folder}")
-    for picture in pictures:
-        console.print(f"picture  {picture}")
+    for picture in pictures(run):
+        console.print(f"picture  {folder / picture}")
 
 
 def print_sweep(places: list[Path]) -> None:
     """Print one line a run, a table for each protocol and task: only what may be compared shares a table."""
     console = plain_console()
-    for group in collect(places):
+    for group in collect((place, load(place)) for place in places):
         console.print(group.protocol, style="bold", end="; ")
         console.print(group.task)
         table = Table(box=None, pad_edge=False)

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
+import pickle
 import zlib
 from collections import Counter, OrderedDict
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import as_completed
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from time import process_time
 from typing import Any, Literal
 
@@ -197,8 +199,11 @@ def _evaluations(estimator: Estimator) -> int:
 
 
 @dataclass(frozen=True, eq=False)
-class Protocol:
-    """All that a worker needs to do trials: who estimates, on which readings, and how many."""
+class TrialPlan:
+    """All that a worker needs to do trials: who estimates, on which readings, and how many.
+
+    given: an estimator that no name makes, itself or pickled for a worker; None where `estimator` names one.
+    """
 
     estimator: str
     options: Mapping[str, Any]
@@ -206,16 +211,48 @@ class Protocol:
     readings: int
     seed: int
     explore: Explore = "random"
+    given: Estimator | bytes | None = None
+
+    def make(self) -> Estimator:
+        """Make the estimator, which is to be fitted then.
+
+        Raises InputError if it does not exist, or was given and cannot be made in another process.
+        """
+        if self.given is None:
+            return create(self.estimator, **self.options)
+        if not isinstance(self.given, bytes):
+            return self.given
+        try:
+            return pickle.loads(self.given)
+        except Exception as error:  # whatever a stranger's class raises when it is made
+            raise _not_portable(self.estimator, error) from error
+
+    def portable(self) -> TrialPlan:
+        """Make the plan one that worker processes understand. Raises InputError if the estimator cannot be sent."""
+        if self.given is None or isinstance(self.given, bytes):
+            return self
+        try:
+            return replace(self, given=pickle.dumps(self.given))
+        except Exception as error:  # whatever a stranger's class raises when it is pickled
+            raise _not_portable(self.estimator, error) from error
 
     @property
     def digest(self) -> str:
         """Name what the fitted estimator depends on: its name, its options, the scan."""
         options = json.dumps(self.options, sort_keys=True, default=str)
-        return f"{self.estimator} {options} {self.scan.digest}"
+        given = hashlib.sha256(self.given).hexdigest() if isinstance(self.given, bytes) else ""
+        return f"{self.estimator} {options} {self.scan.digest} {given}"
+
+
+def _not_portable(name: str, error: Exception) -> InputError:
+    return InputError(
+        f"a worker process cannot make the estimator {name} ({type(error).__name__}: {error}); "
+        "define its class in a module that can be imported, or use jobs=1"
+    )
 
 
 def run_trials(
-    protocol: Protocol, estimator: Estimator, tasks: list[Task], *, jobs: int = 1, progress: Progress
+    plan: TrialPlan, estimator: Estimator, tasks: list[Task], *, jobs: int = 1, progress: Progress
 ) -> tuple[Trials, dict[str, Any]]:
     """Do all trials, here with the fitted `estimator` or in `jobs` processes that fit their own.
 
@@ -224,14 +261,15 @@ def run_trials(
     """
     progress("trials", 0, len(tasks))
     if jobs == 1 or len(tasks) == 1:
-        return _run_here(protocol, estimator, tasks, lambda done: progress("trials", done, len(tasks)))
+        return _run_here(plan, estimator, tasks, lambda done: progress("trials", done, len(tasks)))
+    plan = plan.portable()
     chunks = np.array_split(np.arange(len(tasks)), min(len(tasks), 8 * jobs))
     parts: list[Trials | None] = [None] * len(chunks)
     work: Counter[str] = Counter()
     done = 0
     with worker_processes(jobs) as pool:
         futures = {
-            pool.submit(run_chunk, protocol, [tasks[i] for i in chunk]): place
+            pool.submit(run_chunk, plan, [tasks[i] for i in chunk]): place
             for place, chunk in enumerate(chunks)
         }
         for future in as_completed(futures):
@@ -243,17 +281,17 @@ def run_trials(
 
 
 def _run_here(
-    protocol: Protocol, estimator: Estimator, tasks: list[Task], report: Callable[[int], None]
+    plan: TrialPlan, estimator: Estimator, tasks: list[Task], report: Callable[[int], None]
 ) -> tuple[Trials, dict[str, Any]]:
-    tests = {truth: protocol.scan.where("test", truth) for truth in {task.truth for task in tasks}}
-    letters = protocol.scan.where("train").letters
+    tests = {truth: plan.scan.where("test", truth) for truth in {task.truth for task in tasks}}
+    letters = plan.scan.where("train").letters
     before = Counter(flatten_work(estimator.work))
     parts = []
     for number, task in enumerate(tasks, start=1):
         parts.append(
             run_trial(
                 estimator, tests[task.truth], task, letters=letters,
-                readings=protocol.readings, seed=protocol.seed, explore=protocol.explore,
+                readings=plan.readings, seed=plan.seed, explore=plan.explore,
             )
         )  # fmt: skip
         report(number)
@@ -262,12 +300,12 @@ def _run_here(
     return Trials.joined(parts), unflatten_work(after)
 
 
-def run_chunk(protocol: Protocol, tasks: list[Task]) -> tuple[Trials, dict[str, int]]:
-    """Do some trials in a worker process; an estimator is fitted once for all chunks of a protocol.
+def run_chunk(plan: TrialPlan, tasks: list[Task]) -> tuple[Trials, dict[str, int]]:
+    """Do some trials in a worker process; an estimator is fitted once for all chunks of a plan.
 
     Returns the trials in the order of `tasks`, and the flattened work, the fitting's apart.
     """
-    trials, work = _run_here(protocol, _fitted(protocol), tasks, lambda done: None)
+    trials, work = _run_here(plan, _fitted(plan), tasks, lambda done: None)
     return trials, flatten_work(work)
 
 
@@ -275,11 +313,11 @@ _memo: OrderedDict[str, Estimator] = OrderedDict()  # a worker process's fitted 
 _MEMO_SIZE = 4
 
 
-def _fitted(protocol: Protocol) -> Estimator:
-    key = protocol.digest
+def _fitted(plan: TrialPlan) -> Estimator:
+    key = plan.digest
     if key not in _memo:
-        estimator = create(protocol.estimator, **protocol.options)
-        estimator.fit(protocol.scan)
+        estimator = plan.make()
+        estimator.fit(plan.scan)
         _memo[key] = estimator
         if len(_memo) > _MEMO_SIZE:
             _memo.popitem(last=False)

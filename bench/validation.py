@@ -159,7 +159,7 @@ def _recognition(
                     estimator=estimator, options=options, trials=trials, readings=min(20, fewest), seed=seed,
                     scan_file=path,
                 )  # fmt: skip
-                run, _ = perform(config, progress=progress)
+                run = perform(config, progress=progress)
                 results[f"{trained} -> {tested}"] = {
                     "readings": config.readings,
                     "trials": len(run.trials.truth),

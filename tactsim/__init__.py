@@ -1,16 +1,27 @@
 """A harness for comparing ways to recognise an object by touch; what is imported is this package alone.
 
+    import tactsim
+
+    scan = tactsim.scan(letters="AEIOU")
+    run = tactsim.run(scan, estimator="refined", trials=20, readings=10)
+    run.accuracy[4]  # share of the trials that are right after five readings
+
 Rooms, each importing only those before it: `core`, `models`, `press`, `estimators` and `hardware`, `bench`.
+Everything is imported when it is first used.
 """
 
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from tactsim import bench, core, estimators, hardware, models
+    from tactsim.bench.api import run, scan
+    from tactsim.bench.run import Run
     from tactsim.core import InputError, Pad, Scan, compose, invert, transform, wrap_angle
-    from tactsim.estimators import create
+    from tactsim.estimators import Estimate, Estimator, create
     from tactsim.press import (
         WORLDS,
+        CallablePackage,
         Press,
         PressOptions,
         ScanOptions,
@@ -19,7 +30,9 @@ if TYPE_CHECKING:
         scan_letters,
     )
 
-_ROOMS = {
+    press: CallablePackage
+
+_HOME = {
     "core": ("InputError", "Pad", "Scan", "compose", "invert", "transform", "wrap_angle"),
     "press": (
         "WORLDS",
@@ -30,23 +43,37 @@ _ROOMS = {
         "press_letter",
         "scan_letters",
     ),
-    "estimators": ("create",),
+    "estimators": ("Estimate", "Estimator", "create"),
+    "bench.api": ("run", "scan"),
+    "bench.run": ("Run",),
 }
-_HOME = {name: room for room, names in _ROOMS.items() for name in names}
+_MODULE_OF = {name: module for module, names in _HOME.items() for name in names}
+_ROOMS = ("bench", "core", "estimators", "hardware", "models", "press")
 
 __all__ = [
     "WORLDS",
+    "Estimate",
+    "Estimator",
     "InputError",
     "Pad",
     "Press",
     "PressOptions",
+    "Run",
     "Scan",
     "ScanOptions",
     "SensorOptions",
+    "bench",
     "compose",
+    "core",
     "create",
+    "estimators",
+    "hardware",
     "invert",
+    "models",
+    "press",
     "press_letter",
+    "run",
+    "scan",
     "scan_letters",
     "transform",
     "wrap_angle",
@@ -54,6 +81,12 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
-    if name not in _HOME:
+    if name in _ROOMS:
+        return import_module(f"{__name__}.{name}")
+    if name not in _MODULE_OF:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(f"{__name__}.{_HOME[name]}"), name)
+    return getattr(import_module(f"{__name__}.{_MODULE_OF[name]}"), name)
+
+
+def __dir__() -> list[str]:
+    return __all__

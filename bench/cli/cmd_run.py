@@ -10,9 +10,7 @@ import typer
 from tactsim.bench.cli import shared_options as shared
 
 if TYPE_CHECKING:
-    from tactsim.bench.config import RunConfig
-    from tactsim.bench.results import Run
-    from tactsim.estimators import Estimator
+    from tactsim.bench.run import Run
 
 
 def command(
@@ -75,6 +73,9 @@ def command(
     """Press the letters, learn their maps, recognise them in random places and score every reading."""
     from tactsim.bench.config import key_values, run_config
     from tactsim.bench.places import check_new_folder, new_place
+    from tactsim.bench.results import to_json
+    from tactsim.bench.runner import perform
+    from tactsim.bench.terminal import print_run, progress_bars
 
     config = run_config(
         estimator=estimator,
@@ -97,38 +98,13 @@ def command(
     )
     folder = out or new_place(estimator)
     check_new_folder(folder)
-    perform_and_show(config, folder, jobs=jobs, cache=cache, as_json=as_json)
-
-
-def perform_and_show(config: RunConfig, folder: Path, *, jobs: int, cache: bool, as_json: bool) -> None:
-    """Do the run under progress bars, save it whole, and print it as a table or as JSON."""
-    from tactsim.bench.results import to_json
-    from tactsim.bench.runner import perform
-    from tactsim.bench.terminal import print_run, progress_bars
-
     with progress_bars() as progress:
-        run, estimator = perform(config, jobs=jobs, cache=cache, progress=progress)
-    pictures = save_with_pictures(run, estimator, folder)
+        run = perform(config, jobs=jobs, cache=cache, progress=progress)
+    run.save(folder)
     if as_json:
         typer.echo(to_json(public(run) | {"results": str(folder)}), nl=False)
     else:
-        print_run(run, folder, pictures)
-
-
-def save_with_pictures(run: Run, estimator: Estimator, folder: Path) -> list[Path]:
-    """Write the run's folder, pictures included, whole or not at all; returns the pictures' paths."""
-    from tactsim.bench import results
-    from tactsim.bench.figures import maps_figure, readings_figure, save_figure
-    from tactsim.core.files import new_folder
-    from tactsim.estimators.likelihoods.occupancy import maps_of
-
-    with new_folder(folder) as inside:
-        results.save(run, inside)
-        pictures = [save_figure(readings_figure(run), inside / "readings.png")]
-        maps = maps_of(estimator)
-        if maps:
-            pictures.append(save_figure(maps_figure(maps), inside / "maps.png"))
-    return [folder / picture.name for picture in pictures]
+        print_run(run, folder)
 
 
 def public(run: Run) -> dict[str, Any]:

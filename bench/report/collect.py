@@ -16,8 +16,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from tactsim.bench.config import BUDGETS, RunConfig
-from tactsim.bench.results import Run, load
-from tactsim.bench.score import summarise
+from tactsim.bench.run import Run
 from tactsim.core.documents import read_json
 from tactsim.core.errors import InputError
 from tactsim.estimators.registry import load as load_estimator
@@ -36,13 +35,11 @@ class Budget(NamedTuple):
 class Entry:
     """One run in a report.
 
-    name: its folder's name. label: what tells it from the others of its task. summary: every metric,
-    computed anew from the raw trials.
+    name: its folder's name. label: what tells it from the others of its task.
     """
 
     folder: Path
     run: Run
-    summary: Mapping[str, Any]
     method: str
     budget: Budget | None
     label: str
@@ -51,6 +48,11 @@ class Entry:
     def name(self) -> str:
         """Give the folder's name."""
         return self.folder.name
+
+    @property
+    def summary(self) -> Mapping[str, Any]:
+        """Give every metric, computed from the raw trials."""
+        return self.run.summary
 
     @property
     def readings(self) -> int:
@@ -123,14 +125,10 @@ def _sweep_order(path: Path) -> dict[str, int]:
         raise InputError(f"{path / 'sweep.json'} lists no runs: {type(error).__name__}: {error}") from error
 
 
-def collect(folders: Iterable[Path]) -> list[Group]:
-    """Load runs and group them by protocol and task, in order of appearance.
-
-    Raises InputError if a folder is no whole run.
-    """
-    loaded = [(folder, load(folder)) for folder in folders]
+def collect(runs: Iterable[tuple[Path, Run]]) -> list[Group]:
+    """Group runs, each with the folder that it is known by, by protocol and task, in order of appearance."""
     tasks: dict[tuple[str, str], list[tuple[Path, Run]]] = {}
-    for folder, run in loaded:
+    for folder, run in runs:
         tasks.setdefault((run.about["protocol"], task_name(run)), []).append((folder, run))
     order = list(dict.fromkeys(protocol for protocol, _ in tasks))
     return [
@@ -145,7 +143,7 @@ def _entries(runs: Sequence[tuple[Path, Run]]) -> list[Entry]:
     counts = Counter(labels)
     entries = [
         Entry(
-            folder, run, summarise(run.trials, run.objects), method, of,
+            folder, run, method, of,
             label if counts[label] == 1 else f"{label} ({folder.name})",
         )
         for (folder, run, method, of), label in zip(named, labels, strict=True)

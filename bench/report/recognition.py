@@ -9,15 +9,17 @@ import numpy as np
 
 from tactsim.bench.config import RunConfig
 from tactsim.bench.report.collect import Entry, Group
-from tactsim.bench.runner import gather, silent
+from tactsim.bench.run import Run
+from tactsim.bench.runner import gather, plan_of, silent
 from tactsim.bench.score import errors, settled_at
-from tactsim.bench.trials import Progress, Task, Trials, check_readings, run_trial
+from tactsim.bench.trials import Progress, Task, TrialPlan, Trials, check_readings, run_trial
 from tactsim.core import Scan, compose, invert
 from tactsim.core.checking import checked
 from tactsim.core.errors import InputError
 from tactsim.core.poses import FloatArray
-from tactsim.estimators import Estimate, Estimator, PlaneBelief, create
+from tactsim.estimators import Estimate, Estimator, PlaneBelief
 from tactsim.estimators.likelihoods.occupancy import OccupancyMap, maps_of
+from tactsim.press import ScanOptions, scan_letters
 
 MOST = 8  # runs of a protocol that are done again, one for each method
 
@@ -116,24 +118,42 @@ def replay_all(
 
 
 def _replay(entry: Entry, tasks: Mapping[str, Task], scans: dict[str, Scan]) -> Replayed:
+    plan = entry.run.plan or _plan_anew(entry, tasks, scans)
+    estimator = plan.make()
+    estimator.fit(plan.scan)
+    recognitions = tuple(_recognise(entry, estimator, plan, task, kind) for kind, task in tasks.items())
+    return Replayed(entry, plan.scan, maps_of(estimator), recognitions)
+
+
+def _plan_anew(entry: Entry, tasks: Mapping[str, Task], scans: dict[str, Scan]) -> TrialPlan:
+    """Get the readings of a run that was loaded, each scan once. Raises InputError if they are not to be had."""
     config = checked(RunConfig, entry.run.config, "run")
     source = config.source
     if source not in scans:
-        scans[source] = gather(config, jobs=1, cache=True, progress=silent).scan
-    scan = scans[source]
-    check_readings(scan, sorted({task.truth for task in tasks.values()}), entry.readings, config.hold_out)
-    estimator = create(config.estimator, **config.options)
-    estimator.fit(scan)
-    recognitions = tuple(
-        _recognise(entry, estimator, scan, config, task, kind) for kind, task in tasks.items()
+        scans[source] = gather(config, scan=_given(entry.run), jobs=1, cache=True, progress=silent).scan
+    check_readings(
+        scans[source], sorted({task.truth for task in tasks.values()}), entry.readings, config.hold_out
     )
-    return Replayed(entry, scan, maps_of(estimator), recognitions)
+    return plan_of(config, scans[source])
 
 
-def _recognise(
-    entry: Entry, estimator: Estimator, scan: Scan, config: RunConfig, task: Task, kind: str
-) -> Recognition:
-    test = scan.where("test", task.truth)
+def _given(run: Run) -> Scan | None:
+    """Press again the readings that were given in Python; None if none were.
+
+    Raises InputError if what the scan says of itself gives other readings, as that of a real pad does.
+    """
+    given = run.config.get("given")
+    if given is None:
+        return None
+    options = run.about["scan"].get("options")
+    scan = None if options is None else scan_letters(checked(ScanOptions, options, "scan.options"))[0]
+    if scan is None or scan.digest != given:
+        raise InputError("its readings were given in Python, and pressing does not give them again")
+    return scan
+
+
+def _recognise(entry: Entry, estimator: Estimator, plan: TrialPlan, task: Task, kind: str) -> Recognition:
+    test = plan.scan.where("test", task.truth)
     estimates: list[Estimate] = []
     beliefs: list[PlaneBelief] = []
 
@@ -144,8 +164,8 @@ def _recognise(
             beliefs.append(belief)
 
     trial = run_trial(
-        estimator, test, task, letters=scan.where("train").letters, readings=entry.readings,
-        seed=config.seed, explore=config.explore, observe=keep,
+        estimator, test, task, letters=plan.scan.where("train").letters, readings=entry.readings,
+        seed=plan.seed, explore=plan.explore, observe=keep,
     )  # fmt: skip
     true_pose, pose = trial.true_pose[0], trial.pose[0]
     labels = tuple(estimates[0].probabilities)

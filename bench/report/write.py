@@ -10,6 +10,8 @@ from tactsim.bench.report.curves import tables
 from tactsim.bench.report.page import page
 from tactsim.bench.report.pareto import has_curves
 from tactsim.bench.report.recognition import replay_all
+from tactsim.bench.results import load
+from tactsim.bench.run import Run
 from tactsim.bench.runner import silent
 from tactsim.bench.trials import Progress
 from tactsim.core.files import write_text
@@ -18,15 +20,26 @@ from tactsim.core.files import write_text
 def write_report(
     paths: Iterable[Path], out: Path, *, progress: Progress = silent
 ) -> tuple[list[Path], list[str]]:
-    """Make the report of runs and sweeps at `out`; returns all files written, the page first,
-    and remarks on what is missing.
+    """Make the report of the runs and sweeps in these folders; returns what `write_pages` does.
 
-    Beside FILE.html stand FILE-readings.csv and so on; for report.html plain readings.csv.
     Raises InputError for a path that holds no run, for a damaged run, or if `out` cannot be written.
     """
     folders, remarks = find(paths)
-    groups = collect(folders)
+    return write_pages([(folder, load(folder)) for folder in folders], out, remarks, progress=progress)
+
+
+def write_pages(
+    runs: Iterable[tuple[Path, Run]], out: Path, remarks: Iterable[str] = (), *, progress: Progress = silent
+) -> tuple[list[Path], list[str]]:
+    """Make the report of runs, each with the folder that it is known by, at `out`.
+
+    Returns all files written, the page first, and remarks on what is missing, `remarks` first; the page has
+    them too. Beside FILE.html stand FILE-readings.csv and so on; for report.html plain readings.csv.
+    Raises InputError if `out` cannot be written.
+    """
+    groups = collect(runs)
     replayed, failed = replay_all(groups, progress=progress)
+    remarks = [*remarks]
     remarks += [f"no trial of {label} could be done again: {why}" for label, why in failed.items()]
     prefix = "" if out.stem == "report" else f"{out.stem}-"
     written = [out]

@@ -3,13 +3,23 @@
 Lives here: the physics of a press, what the sensor makes of it, and the cache of readings. Does not live
 here: what is learned from readings (estimators), or how a real pad is read (hardware).
 
+The package can be called: `tactsim.press("A", pose=(1, 0, 0.5))` presses one letter once.
+
 What needs pydantic, MuJoCo or a letter is imported when it is first used.
 """
 
+from __future__ import annotations
+
+import sys
 from importlib import import_module
+from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import ArrayLike
+
+    from tactsim.models import Letter
     from tactsim.press.pressing import Press, press_letter
     from tactsim.press.scan_options import WORLDS, PressOptions, ScanOptions, SensorOptions
     from tactsim.press.scanning import scan_letters
@@ -25,6 +35,31 @@ _HOME = {
 }
 
 __all__ = ["WORLDS", "Press", "PressOptions", "ScanOptions", "SensorOptions", "press_letter", "scan_letters"]
+
+
+class CallablePackage(ModuleType):
+    """The type of this package, so that it is a room and a function at once."""
+
+    def __call__(
+        self,
+        letter: str | Letter,
+        pose: ArrayLike = (0.0, 0.0, 0.0),
+        options: ScanOptions | None = None,
+        rng: np.random.Generator | None = None,
+    ) -> Press:
+        """Press a letter, given by its name or as a `Letter`, at one pose, and return what the pad reads.
+
+        pose: sensor_in_object [x, y, theta], mm and rad. Of `options` only pad, press, sensor and, for the
+        pad's gains, seed count. `rng` draws noise and random taxels; without it there are none.
+        Raises InputError for an unknown letter, or if the pose is not three finite numbers.
+        """
+        from tactsim import models
+        from tactsim.press.pressing import press_letter
+
+        return press_letter(models.letter(letter) if isinstance(letter, str) else letter, pose, options, rng)
+
+
+sys.modules[__name__].__class__ = CallablePackage
 
 
 def __getattr__(name: str) -> Any:

@@ -93,6 +93,6 @@ def test_trial(benchmark, against_reference, scan, name):
 
 def test_run(benchmark, against_reference):
     config = run_config(estimator="histogram", bins=1000, trials=2, readings=READINGS)
-    run, _ = against_reference(lambda: perform(config, cache=False), rounds=7)
+    run = against_reference(lambda: perform(config, cache=False), rounds=7)
     benchmark.extra_info["error_all_mm"] = run.summary["error_all_mm"][-1]
     benchmark.extra_info["accuracy"] = float(np.mean(run.summary["accuracy"]))

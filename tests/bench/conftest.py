@@ -26,7 +26,7 @@ def own_cache(tmp_path_factory):
 
 def make_run_in(folder, **words):
     small = {"estimator": "histogram", "letters": "AEU", "trials": 4, "readings": 8}
-    run, _ = runner.perform(run_config(**(small | words)))
+    run = runner.perform(run_config(**(small | words)))
     folder.mkdir(parents=True)
     results.save(run, folder)
     return folder

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from tactsim.bench.results import Run
-from tactsim.bench.score import Properties, summarise
+from tactsim.bench.run import Run
+from tactsim.bench.score import Properties
 from tactsim.bench.trials import Trials
 
 
@@ -24,6 +24,6 @@ def make_run(n=3, r=4, seed=0):
             "classifier_agreement": None, "scan": {}, "versions": {"python": "3"},
             "machine": {"processor": "made up", "cores": 1, "system": "none"},
         },
-        work={"presses": 3, "skipped": {"cached": 1}}, trials=trials, summary=summarise(trials, objects),
+        work={"presses": 3, "skipped": {"cached": 1}}, trials=trials,
         times={"seconds": {"total": 1.5}},
     )  # fmt: skip

@@ -5,7 +5,6 @@ import pytest
 from made_up import make_run
 
 from tactsim.bench.compare import compare, mcnemar, paired_interval
-from tactsim.bench.score import summarise
 from tactsim.core import InputError
 from tactsim.estimators import NONE
 
@@ -24,7 +23,7 @@ def run_with(right_share, error, seed, n=300, r=6):
         trials, truth=np.full(n, "A"), known=np.ones(n, dtype=bool), trial=np.arange(n), true_pose=true_pose, pose=pose,
         label=np.where(right, "A", "E"), reading=np.zeros((n, r), int), evaluations=np.zeros((n, r), int), **many,
     )  # fmt: skip
-    return replace(base, trials=trials, summary=summarise(trials, base.objects), about={"protocol": "same"})
+    return replace(base, trials=trials, about={"protocol": "same"})
 
 
 def verdicts(base, new):

@@ -10,7 +10,7 @@ pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("own_cache")]
 
 
 def run(**words):
-    return perform(run_config(trials=100, **words), jobs=2)[0]
+    return perform(run_config(trials=100, **words), jobs=2)
 
 
 @pytest.mark.parametrize("estimator", ["refined", "force-mosaic"])

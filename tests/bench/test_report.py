@@ -27,6 +27,10 @@ from tactsim.core.errors import InputError
 from tactsim.estimators.filters.histogram import HistogramFilter
 
 
+def loaded(places):
+    return [(place, results.load(place)) for place in places]
+
+
 @pytest.fixture(scope="module")
 def report(runs, tmp_path_factory):
     out = tmp_path_factory.mktemp("report") / "report.html"
@@ -152,7 +156,7 @@ def test_points_are_taken_at_the_readings_that_all_runs_have(runs, own_cache, tm
     wide = [name for name, values in vars(run.trials).items() if values.shape[1:2] == (8,)]
     short = {name: getattr(run.trials, name)[:, :5] for name in wide}
     folder = changed(runs.large, **short)
-    (group,) = collect([runs.small, folder])
+    (group,) = collect(loaded([runs.small, folder]))
     assert group.readings == 5
     by_folder = {point.entry.folder: point for point in points(group)}
     point = by_folder[runs.small]
@@ -195,7 +199,7 @@ def test_a_method_is_its_options_without_budget_and_defaults():
 
 
 def test_runs_of_one_label_are_told_apart_by_their_folder(runs, copied):
-    (group,) = collect([runs.small, copied(runs.small, "again")])
+    (group,) = collect(loaded([runs.small, copied(runs.small, "again")]))
     assert [entry.label for entry in group.entries] == [
         "histogram, 100 bins (small)",
         "histogram, 100 bins (again)",
@@ -261,7 +265,7 @@ def test_a_foreign_folder_among_a_sweeps_runs_is_named(runs, copied, tmp_path):
 
 
 def test_a_trial_done_again_is_the_recorded_one(runs):
-    groups = collect([runs.small, runs.large])
+    groups = collect(loaded([runs.small, runs.large]))
     replayed, failed = replay.replay_all(groups)
     assert not failed
     (one,) = replayed
@@ -278,7 +282,7 @@ def test_a_trial_done_again_is_the_recorded_one(runs):
 
 
 def test_where_the_estimate_is_drawn_has_the_placement_error(runs):
-    (one,), _ = replay.replay_all(collect([runs.large]))
+    (one,), _ = replay.replay_all(collect(loaded([runs.large])))
     trial = one.recognitions[0]
     assert score.placement_error(
         np.zeros(3), trial.estimate_in_object, one.entry.run.objects[trial.task.truth]
@@ -288,7 +292,7 @@ def test_where_the_estimate_is_drawn_has_the_placement_error(runs):
 def test_a_trial_that_comes_out_differently_is_marked(runs, changed):
     run = results.load(runs.large)
     pose = run.trials.pose + 0.5
-    (one,), _ = replay.replay_all(collect([changed(runs.large, pose=pose)]))
+    (one,), _ = replay.replay_all(collect(loaded([changed(runs.large, pose=pose)])))
     assert not any(trial.same for trial in one.recognitions)
 
 
@@ -298,7 +302,7 @@ def test_typical_and_hardest_are_the_median_and_the_last_to_settle(runs, changed
     right = np.arange(r)[None, :] >= np.arange(n)[:, None] % 7
     right[5, :-1] = False
     label = np.where(right, run.trials.truth[:, None], "?")
-    (group,) = collect([changed(runs.small, label=label)])
+    (group,) = collect(loaded([changed(runs.small, label=label)]))
     tasks = replay.trials_to_show(group.entries)
     assert tasks["hardest"] == Task(run.trials.truth[5], run.trials.trial[5])
     settled = score.settled_at(right)
@@ -361,7 +365,7 @@ def test_counts_of_very_many_trials_are_shown_as_they_are(tmp_path):
 
 
 def test_a_letter_held_out_is_right_when_it_is_refused(open_set_run):
-    groups = collect([open_set_run])
+    groups = collect(loaded([open_set_run]))
     (entry,) = groups[0].entries
     labels, counts = confusion_counts(entry)
     assert labels == ["A", "E", "U", "none"]

@@ -129,7 +129,7 @@ def test_a_sweep_gives_what_single_runs_give(tmp_path, environment, monkeypatch)
     assert len(names) == len(configs) == 4
     assert not list((tmp_path / "out" / "parts").iterdir())
     assert output.count("100 bins") == output.count("1,000 bins") == 2
-    run, _ = perform(configs[0])
+    run = perform(configs[0])
     (tmp_path / "single").mkdir()
     results.save(run, tmp_path / "single")
     places = sweep.perform(configs, tmp_path / "out", jobs=1, progress=silent)
@@ -169,7 +169,7 @@ def test_a_part_of_another_version_is_done_again(tmp_path, monkeypatch):
     _, (config, *_) = sweep.read(str(tmp_path / "s.toml"))
     (name,) = sweep._names([config])
     (part, *_) = sweep._parts(name, ("I",), config)
-    run, _ = perform(config)
+    run = perform(config)
     for versions, found in (("0.0", False), (None, True)):
         if versions:
             monkeypatch.setattr(sweep, "versions", lambda: {"tactsim": "0.0"})

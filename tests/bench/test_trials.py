@@ -7,8 +7,8 @@ from tactsim.bench.config import run_config
 from tactsim.bench.runner import gather, silent
 from tactsim.bench.score import wilson
 from tactsim.bench.trials import (
-    Protocol,
     Task,
+    TrialPlan,
     Trials,
     check_readings,
     draw_true_pose,
@@ -90,8 +90,8 @@ class Witness(Estimator):
 def trials_of(estimator, scan, count, readings=20, seed=0):
     estimator.fit(scan)
     tasks = [Task(letter, trial) for letter in scan.letters for trial in range(count)]
-    protocol = Protocol("none", {}, scan, readings, seed)
-    return run_trials(protocol, estimator, tasks, progress=silent)[0]
+    plan = TrialPlan("none", {}, scan, readings, seed)
+    return run_trials(plan, estimator, tasks, progress=silent)[0]
 
 
 def test_an_estimator_that_ignores_its_input_scores_one_in_the_number_of_letters():
@@ -272,8 +272,8 @@ def test_a_letter_that_was_held_out_is_right_when_it_is_refused():
     refusing = Refusing(Options())
     refusing.fit(scan)
     tasks = [Task(letter, trial) for letter in LETTERS for trial in range(2)]
-    protocol = Protocol("none", {}, scan.untrained(LETTERS[:1]), 6, 0)
-    trials = run_trials(protocol, refusing, tasks, progress=silent)[0]
+    plan = TrialPlan("none", {}, scan.untrained(LETTERS[:1]), 6, 0)
+    trials = run_trials(plan, refusing, tasks, progress=silent)[0]
     held_out = trials.truth == LETTERS[0]
     assert np.array_equal(trials.known, ~held_out)
     assert (trials.right[held_out] == [False, False, True] * 2).all()

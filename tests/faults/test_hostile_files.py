@@ -44,7 +44,7 @@ MANY = 1000
 def run_folder(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("TACTSIM_CACHE_DIR", str(tmp_path_factory.mktemp("cache")))
-        run, _ = perform(run_config(letters="IO", trials=3, readings=4, bins=100))
+        run = perform(run_config(letters="IO", trials=3, readings=4, bins=100))
     folder = tmp_path_factory.mktemp("run") / "run"
     folder.mkdir()
     results.save(run, folder)
@@ -165,7 +165,7 @@ def read_shape(path):
 
 
 def read_run(path):
-    groups = collect(find([path.parent])[0])
+    groups = collect((folder, results.load(folder)) for folder in find([path.parent])[0])
     run = groups[0].entries[0].run
     compare(GOOD["good run"], run)
     compare(run, run)

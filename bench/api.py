@@ -1,0 +1,89 @@
+"""The face for Python: `tactsim.scan` and `tactsim.run`, in the words of the command line."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from tactsim.bench.config import run_config, scan_options
+from tactsim.bench.run import Run
+from tactsim.bench.runner import perform, silent
+from tactsim.bench.trials import Progress
+from tactsim.core import Scan
+from tactsim.estimators import Estimator
+from tactsim.press import scan_letters
+
+
+def scan(
+    letters: str | Iterable[str] | None = None,
+    *,
+    jobs: int = 1,
+    cache: bool = True,
+    progress: bool = False,
+    **words: Any,
+) -> Scan:
+    """Press letters at 192 poses, twice (training and test), and return the readings.
+
+    letters: such as "AEIOU", "A-Z0-9" or a list of names. words: the options of `bench scan` with underscores:
+    shapes, test_poses, world, noise, scan_set (a table) and seed. jobs: processes; the readings do not depend
+    on them. cache: whether readings may be taken from the cache and put there. progress: show a bar.
+
+    Raises InputError for a letter, shape or option that does not exist, and if a press does not settle.
+    """
+    options = scan_options(letters=letters, **words)
+    with _reporting(progress) as report:
+        return scan_letters(
+            options, jobs=jobs, cache=cache, progress=lambda done, total: report("press", done, total)
+        )[0]
+
+
+def run(
+    scan: Scan | str | Path | None = None,
+    *,
+    estimator: str | Estimator = "refined",
+    jobs: int = 1,
+    cache: bool = True,
+    progress: bool = False,
+    **words: Any,
+) -> Run:
+    """Fit an estimator, let it recognise letters in random places, score every reading, and return the run.
+
+    scan: readings as they are, or the file that holds them; without it letters are pressed. estimator: a
+    registered name, or an `Estimator` of one's own, with its options. words: the options of `bench run` with
+    underscores: bins, particles, set (a table), letters, hold_out, trials, readings, explore, seed, train_scan,
+    and, where no scan is given, shapes, test_poses, world, noise and scan_set. jobs: processes; the trials do
+    not depend on them. cache: whether readings may be taken from the cache and put there. progress: show bars.
+
+    Raises InputError for a word or a value that is wrong, and for an estimator that worker processes cannot
+    make where jobs ask for some.
+    """
+    given = scan if isinstance(scan, Scan) else None
+    if given is not None:
+        words["given"] = given.digest
+    elif scan is not None:
+        words["scan"] = scan
+    if isinstance(estimator, str):
+        words["estimator"] = estimator
+    config = run_config(**words)
+    with _reporting(progress) as report:
+        return perform(
+            config,
+            scan=given,
+            estimator=None if isinstance(estimator, str) else estimator,
+            jobs=jobs,
+            cache=cache,
+            progress=report,
+        )
+
+
+@contextmanager
+def _reporting(wanted: bool) -> Iterator[Progress]:
+    if not wanted:
+        yield silent
+        return
+    from tactsim.bench.terminal import progress_bars
+
+    with progress_bars() as report:
+        yield report

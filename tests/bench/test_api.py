@@ -1,0 +1,258 @@
+"""The face for Python: what a user types in a notebook."""
+
+import json
+import subprocess
+import sys
+import xml.etree.ElementTree as ElementTree
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from made_up import make_run
+
+import tactsim
+from tactsim.bench.results import to_json
+from tactsim.bench.runner import perform
+from tactsim.core import InputError
+from tactsim.estimators import Options
+
+WORDS = {"estimator": "histogram", "bins": 1000, "trials": 2, "readings": 4}
+
+
+class Even(tactsim.Estimator):
+    """Hold every letter to be equally likely."""
+
+    draws = False
+
+    def fit(self, scan):
+        self.letters = scan.letters
+
+    def reset(self, rng):
+        pass
+
+    def update(self, reading, sensor_in_robot):
+        pass
+
+    def estimate(self):
+        even = dict.fromkeys(self.letters, 1 / len(self.letters))
+        return tactsim.Estimate(self.letters[0], even, np.zeros(3))
+
+
+@pytest.fixture(scope="module")
+def scan(own_cache):
+    return tactsim.scan("AE")
+
+
+@pytest.fixture(scope="module")
+def run(scan):
+    return tactsim.run(scan, **WORDS)
+
+
+def test_readings_that_are_given_give_what_pressed_ones_give(scan, run):
+    pressed = tactsim.run(letters="AE", **WORDS)
+    assert run.summary == pressed.summary
+    assert run.protocol == pressed.protocol == "test poses same, random order"
+    assert scan.letters == ("A", "E")
+    assert np.array_equal(scan.readings, tactsim.scan(letters=["A", "E"]).readings)
+
+
+def test_curves_and_headlines_are_those_of_the_summary(run):
+    for name, values in run.summary.items():
+        if isinstance(values, list):
+            wanted = np.array([np.nan if value is None else value for value in values])
+            assert np.array_equal(getattr(run, name), wanted, equal_nan=True), name
+        else:
+            assert getattr(run, name) == values, name
+    assert (run.readings, run.seed, run.estimator, run.letters) == (4, 0, "histogram", ["A", "E"])
+    assert run.options["bins"] == 1000
+    assert set(run.seconds) >= {"scan", "fit", "total", "update_per_reading"}
+
+
+def test_the_table_has_a_row_for_every_trial_and_reading(run, monkeypatch):
+    frame, columns = run.table(), run.columns()
+    assert len(frame) == run.trials.label.size == 16
+    assert list(frame.columns) == list(columns)
+    share = (frame.label == frame.truth).groupby(frame.reading_number).mean()
+    assert np.array_equal(share, run.accuracy)
+    monkeypatch.setitem(sys.modules, "pandas", None)
+    assert list(run.table()) == list(columns)
+
+
+def test_a_run_is_saved_loaded_and_drawn(run, tmp_path):
+    folder = run.save(tmp_path / "run")
+    assert {path.name for path in folder.iterdir()} >= {"run.json", "readings.png", "maps.png"}
+    again = tactsim.Run.load(folder)
+    assert np.array_equal(again.accuracy, run.accuracy)
+    assert repr(again) == repr(run)
+    assert again._repr_html_() == run._repr_html_()
+    assert json.loads(to_json(again.config)) == again.config == run.config
+    for figure in (run.plot(), run.plot_maps(), again.plot()):
+        assert figure._repr_png_().startswith(b"\x89PNG")
+    with pytest.raises(InputError, match="no maps"):
+        again.plot_maps()
+    with pytest.raises(InputError, match="cannot write"):
+        run.save(folder)
+
+
+@pytest.mark.parametrize("loaded", [False, True])
+def test_a_report_does_a_trial_again_from_the_readings_that_were_given(run, tmp_path, loaded):
+    shown = tactsim.Run.load(run.save(tmp_path / "run")) if loaded else run
+    page = shown.report(tmp_path / "page.html")
+    assert page.is_file()
+    rows = (tmp_path / "page-recognition.csv").read_text().splitlines()
+    assert len(rows) > 8
+    assert "could be done again" not in page.read_text()
+
+
+def test_a_report_says_that_given_readings_are_gone(scan, tmp_path):
+    louder = replace(scan, readings=scan.readings * 1.5)
+    run = tactsim.run(louder, **WORDS)
+    page = tactsim.Run.load(run.save(tmp_path / "run")).report(tmp_path / "page.html")
+    assert "its readings were given in Python" in page.read_text()
+
+
+def test_an_estimator_of_ones_own_is_tried(scan, tmp_path):
+    run = tactsim.run(scan, estimator=Even(Options()), trials=2, readings=3)
+    assert run.accuracy.tolist() == [0.5, 0.5, 0.5]
+    assert run.estimator == "test_api:Even"
+    page = run.report(tmp_path / "page.html")
+    assert "could be done again" not in page.read_text()
+    again = tactsim.Run.load(run.save(tmp_path / "run"))
+    assert "could be done again" in again.report(tmp_path / "again.html").read_text()
+
+
+def test_an_estimator_of_ones_own_is_sent_to_workers(scan):
+    alone = tactsim.run(scan, estimator=tactsim.create("histogram", bins=100), trials=2, readings=3)
+    together = tactsim.run(
+        scan, estimator=tactsim.create("histogram", bins=100), trials=2, readings=3, jobs=2
+    )
+    named = tactsim.run(scan, estimator="histogram", bins=100, trials=2, readings=3)
+    assert alone.summary == together.summary == named.summary
+
+
+def test_an_estimator_that_workers_cannot_import_is_refused_in_one_line(own_cache):
+    class Local(Even):
+        pass
+
+    with pytest.raises(InputError, match=r"Local .* or use jobs=1") as caught:
+        tactsim.run(letters="AE", estimator=Local(Options()), trials=2, readings=3, jobs=2)
+    assert "\n" not in str(caught.value)
+
+
+def test_an_estimator_of_a_notebook_cannot_be_sent_to_workers(own_cache):
+    """A class of `__main__` where that is no file, as in a notebook."""
+    script = "\n".join(
+        [
+            "import numpy as np, tactsim",
+            "from tactsim.estimators import Options",
+            "class Mine(type(tactsim.create('histogram'))): pass",
+            "words = dict(letters='AE', trials=2, readings=3)",
+            "mine = Mine(tactsim.create('histogram', bins=100).options)",
+            "alone = tactsim.run(estimator=mine, **words)",
+            "print(alone.estimator)",
+            "try: tactsim.run(estimator=mine, jobs=2, **words)",
+            "except tactsim.InputError as error: print(error)",
+        ]
+    )
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    name, error = done.stdout.splitlines()
+    assert name == "__main__:Mine"
+    assert "a worker process cannot make the estimator __main__:Mine" in error
+
+
+WRONG = {
+    "a class": ({"estimator": Even}, "made with its options"),
+    "options twice": ({"estimator": Even(Options()), "bins": 3}, "leave out bins"),
+    "a word": ({"trails": 3}, "did you mean 'trials'"),
+    "trials": ({"trials": 0}, "trials"),
+    "estimator": ({"estimator": "histogramm"}, "did you mean 'histogram'"),
+    "letters": ({"letters": ["A", "Q"]}, "'Q'"),
+    "readings": ({"readings": 193}, "at most 192"),
+}
+
+
+@pytest.mark.parametrize("case", WRONG)
+def test_wrong_words_are_refused_in_one_line(scan, case):
+    words, said = WRONG[case]
+    with pytest.raises(InputError, match=said) as caught:
+        tactsim.run(scan, **words)
+    assert "\n" not in str(caught.value)
+
+
+def test_an_estimator_without_options_is_refused(scan):
+    class Bare(Even):
+        def __init__(self):
+            pass
+
+    with pytest.raises(InputError, match="super"):
+        tactsim.run(scan, estimator=Bare())
+
+
+def test_progress_is_silent_unless_asked_for(scan, capfd):
+    tactsim.run(scan, **WORDS)
+    assert capfd.readouterr() == ("", "")
+    tactsim.run(scan, **WORDS, progress=True)
+    out, err = capfd.readouterr()
+    assert not out
+    assert "trials" in err
+
+
+HOSTILE = "<img src=x onerror=alert(1)> $\\frac$ & \"'"
+
+
+def test_hostile_names_stay_text_in_a_notebook_and_in_pictures():
+    run = make_run()
+    run.config["estimator"] = run.about["description"] = run.about["protocol"] = HOSTILE
+    run.about["letters"] = [HOSTILE, "E"]
+    tree = ElementTree.fromstring(run._repr_html_())
+    known = [
+        "div",
+        "p",
+        "b",
+        "br",
+        "table",
+        "thead",
+        "tbody",
+        "tr",
+        "th",
+        "td",
+        "svg",
+        "polygon",
+        "polyline",
+        "text",
+    ]
+    assert {element.tag for element in tree.iter()} <= {*known}
+    assert HOSTILE in "".join(tree.itertext())
+    assert HOSTILE in repr(run)
+    run.plot()._repr_png_()
+
+
+@pytest.mark.parametrize(
+    "first", ["import tactsim", "import tactsim.press", "from tactsim.press import scan_letters"]
+)
+def test_the_press_is_a_package_and_a_function(first):
+    script = f"""
+{first}
+import tactsim
+from tactsim.press import press_letter
+from tactsim.press.scan_options import ScanOptions
+assert tactsim.press.press_letter is press_letter is tactsim.press_letter
+print(tactsim.press("A", pose=(1, 0, 0.5)).reading.shape)
+"""
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert done.stdout == "(36,)\n"
+
+
+def test_a_press_is_that_of_the_letter():
+    from tactsim.models import letter
+
+    pose = (3.0, -2.0, 0.7)
+    by_name, by_letter = tactsim.press("E", pose), tactsim.press(letter("E"), pose=pose)
+    assert np.array_equal(by_name.ideal, by_letter.ideal)
+    assert np.array_equal(by_name.ideal, tactsim.press_letter(letter("E"), pose).ideal)
+
+
+def test_the_command_line_and_python_do_the_same(run, scan):
+    from tactsim.bench.config import run_config
+
+    assert perform(run_config(letters="AE", **WORDS)).summary == run.summary
