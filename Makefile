@@ -32,9 +32,9 @@ check: $(READY)  ## lint, types and import directions
 	@$(BIN)/mypy
 	@$(BIN)/lint-imports --no-logo
 
-docs: $(READY) $(VENV)/.docs  ## build the documentation as a site, docs/_build/index.html
-	@$(BIN)/sphinx-build --quiet --fail-on-warning --keep-going docs docs/_build
-	@echo "docs/_build/index.html"
+docs: $(READY) $(VENV)/.docs  ## build the documentation as a site, docs/_build/html/index.html
+	@$(BIN)/sphinx-build --quiet --fail-on-warning --keep-going -d docs/_build/doctrees docs docs/_build/html
+	@echo "docs/_build/html/index.html"
 
 $(VENV)/.docs: $(DOCS) | $(READY)
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -r $(DOCS)

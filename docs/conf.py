@@ -1,12 +1,18 @@
 """Settings of the documentation's site: `make docs` builds it into docs/_build, without a network."""
 
+import hashlib
 import sys
 from pathlib import Path
 
 HERE = Path(__file__).parent
 sys.path.insert(0, str(HERE / "_ext"))
 
-import tactsim  # noqa: E402, F401  the site describes the package that is installed beside it
+import tactsim  # noqa: E402
+
+SOURCE = hashlib.sha256()
+for room in sorted(Path(tactsim.__file__).parent.iterdir()):
+    for path in sorted(room.rglob("*.py")):
+        SOURCE.update(path.read_bytes())
 
 project = "tactsim"
 author = "The tactsim authors"
@@ -23,9 +29,9 @@ myst_fence_as_directive = ["math"]
 myst_heading_anchors = 4
 myst_links_external_new_tab = False
 
-# Notebooks are run while the site is built; what has not changed since is not run again.
+# Notebooks are run while the site is built, again only after they or the package have changed.
 nb_execution_mode = "cache"
-nb_execution_cache_path = str(HERE / "_build" / ".notebooks")
+nb_execution_cache_path = str(HERE / "_build" / "notebooks" / SOURCE.hexdigest()[:16])
 nb_execution_raise_on_error = True
 nb_execution_timeout = 300
 nb_execution_in_temp = True
@@ -35,6 +41,8 @@ autodoc_member_order = "bysource"
 autodoc_typehints = "signature"
 autodoc_typehints_format = "short"
 autodoc_preserve_defaults = True
+autodoc_type_aliases = {"ArrayLike": "ArrayLike", "FloatArray": "FloatArray"}
+default_role = "code"
 python_use_unqualified_type_names = True
 add_module_names = False
 
