@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 from tactsim import models
 from tactsim.core.poses import transform
 from tactsim.core.scan import Scan
+from tactsim.estimators import Options
+from tactsim.estimators.likelihoods.classifier import CONTACT, NO_CONTACT, classify
 from tactsim.press.clip import covers
 
 
@@ -50,3 +52,19 @@ def classifier_agreement(
     right = (in_contact & truth) | (no_contact & ~truth)
     count = int(decided.sum())
     return Agreement(float(right.sum() / count) if count else float("nan"), count, decided.size)
+
+
+def eq3_agreement(scan: Scan, options: Options) -> float | None:
+    """Tell which share of the taxels that eq. 3 decides it decides rightly; None for unknown shapes.
+
+    The training readings are judged, each taxel by whether its centre lies on the letter. Eq. 3 is taken with
+    the estimator's own `threshold` (kPa) and `ratio` where its options have them.
+    """
+    if not set(scan.letters) <= set(models.names()):
+        return None
+    train = scan.where("train")
+    own = {name: getattr(options, name) for name in ("threshold", "ratio") if hasattr(options, name)}
+    kinds = classify(train.readings, **own)
+    letters = {label: models.letter(label) for label in train.letters}
+    agreement = classifier_agreement(train, kinds == CONTACT, kinds == NO_CONTACT, letters)
+    return agreement.share if agreement.decided else None

@@ -32,7 +32,7 @@ def scan(
 
     Raises InputError for a letter, shape or option that does not exist, and if a press does not settle.
     """
-    options = scan_options(letters=letters, **words)
+    options = scan_options(letters=letters if isinstance(letters, str | None) else tuple(letters), **words)
     with _reporting(progress) as report:
         return scan_letters(
             options, jobs=jobs, cache=cache, progress=lambda done, total: report("press", done, total)

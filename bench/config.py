@@ -1,146 +1,194 @@
-"""What a run is asked to do: one checked, frozen object that is saved beside its results."""
+"""What a run is asked to do: the one model from which the command line, sweeps, run folders and Python derive.
+
+Its fields are the long options of `bench run`, the keys of a sweep file, the words of `tactsim.run`, and the
+`config` of a run's folder.
+"""
 
 from __future__ import annotations
 
+import hashlib
+import json
 import re
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
 from tactsim.core import InputError
 from tactsim.core.checking import checked
 from tactsim.core.documents import read_toml
 from tactsim.core.errors import unknown
-from tactsim.models import parse_letters
-from tactsim.press import WORLDS, ScanOptions
 
-# Options of estimators that say how much may be computed, before those that they replace; the others say how.
-BUDGETS = ("split", "bins", "particles")
+if TYPE_CHECKING:
+    from tactsim.press import ScanOptions
 
 
-class RunConfig(BaseModel):
+@dataclass(frozen=True)
+class Flag:
+    """How a field is called on the command line, where not by its own name; None: it is not there."""
+
+    name: str | None
+
+
+def _letters(words: Any) -> Any:
+    """Read letters from one word, such as "AEIOU" or "A-Z0-9"; a list of names stays as it is."""
+    if not isinstance(words, str):
+        return words
+    from tactsim.models import parse_letters
+
+    return parse_letters(words)
+
+
+def _names(words: Any) -> Any:
+    """Read names from one word, such as "A,E"; each once and in one order."""
+    names = words.replace(",", " ").split() if isinstance(words, str) else words
+    return tuple(sorted(set(names))) if isinstance(names, list | tuple) else names or ()
+
+
+class ScanWords(BaseModel):
+    """What is pressed: the long options of `bench scan`."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, defer_build=True)
+
+    letters: Annotated[tuple[str, ...] | None, BeforeValidator(_letters)] = Field(
+        None, description="Which letters: AEIOU, A-Z0-9, A,E,I. Default: AEIOU, or all that --scan holds."
+    )
+    shapes: Annotated[tuple[Path, ...], Flag("--shape")] = Field(
+        (), description="A shape of your own beside the letters: STL, OBJ, GLB or SVG; repeat for several."
+    )
+    test_poses: Literal["same", "random"] = Field(
+        "same",
+        description="Test readings at the training poses (same, as in the paper) or off the grid (random).",
+    )
+    world: str = Field(
+        "default",
+        description="How good the data are: default, paper-like (placement error, random classes), or a file of "
+        "`bench validate`.",
+    )
+    noise: str | float | None = Field(
+        None,
+        description="Sensor noise, sd in kPa; 'off': no noise, resolution, saturation or placement error.",
+    )
+    scan_set: dict[str, Any] = Field(
+        {},
+        description="Any option of the scan, e.g. press.force=5; `bench list scan-options` names them.",
+    )
+    seed: int = Field(0, ge=0, lt=2**63, description="Seed of all randomness.")
+
+    @cached_property
+    def scan_options(self) -> ScanOptions:
+        """Resolve the words: a world, changed by `noise`, by the other words, and last by `scan_set`.
+
+        Raises InputError for the first wrong value, and for a file that cannot be read.
+        """
+        from tactsim.press import WORLDS, ScanOptions
+
+        values = _world(self.world)
+        if self.noise == "off":
+            values = merged(values, WORLDS["ideal"])
+        elif self.noise is not None:
+            values = merged(values, {"sensor": {"noise": self.noise}})
+        values = merged(values, {"test_poses": self.test_poses, "seed": self.seed})
+        if self.shapes:
+            values = merged(values, {"shapes": tuple(map(str, self.shapes))})
+        if self.letters is not None:
+            values = merged(values, {"letters": self.letters})
+        return checked(ScanOptions, merged(values, self.scan_set), "scan")
+
+
+class RunConfig(ScanWords):
     """One run of the paper's protocol: an estimator, its readings and how it is tried.
 
-    The readings are pressed as `scan` says, or, with `scan_file`, read from there; with `train_file`
-    the training readings come from that file instead (train on simulated, test on recorded).
+    Letters are pressed as the words of the scan say. With `scan` the readings come from that file, and with
+    `given` from Python; letters then says which of them take part. With `train_scan` the training readings
+    come from that file instead (train on simulated, test on recorded).
     """
 
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+    estimator: str = Field("refined", description="Which one; `bench list` names them.")
+    bins: int | None = Field(
+        None, description="Histogram bins for each letter: 100, 1000, 10000 (Table I) or any count."
+    )
+    particles: int | None = Field(None, description="Particles over all letters (n_P).")
+    set: dict[str, Any] = Field({}, description="An option of the estimator, key=value; repeat for several.")
+    hold_out: Annotated[tuple[str, ...], BeforeValidator(_names)] = Field(
+        (), description="Letters to try without training on them, A,E: right is 'none' (see `--set unknown`)."
+    )
+    trials: int = Field(10, ge=1, le=1_000_000, description="Trials for each letter.")
+    readings: int = Field(60, ge=1, description="Readings a trial, without replacement.")
+    explore: Literal["random", "information"] = Field(
+        "random", description="Order of the readings: random, or information (the estimator proposes)."
+    )
+    scan: Path | None = Field(None, description="Readings from a file instead of the press.")
+    train_scan: Path | None = Field(
+        None, description="Training readings from another file (train on simulated, test on recorded)."
+    )
+    given: Annotated[str | None, Flag(None)] = Field(
+        None, description="Digest of the readings that were given in Python."
+    )
 
-    estimator: str = "refined"
-    options: dict[str, Any] = Field(default_factory=dict, description="the estimator's options")
-    letters: tuple[str, ...] | None = Field(None, description="which take part; None: all there are")
-    hold_out: tuple[str, ...] = Field((), description="of them, those that are not trained on")
-    trials: int = Field(10, ge=1, le=1_000_000, description="trials for each letter")
-    readings: int = Field(60, ge=1, description="readings a trial, without replacement")
-    explore: Literal["random", "information"] = "random"
-    seed: int = Field(0, ge=0, lt=2**63)
-    scan: ScanOptions = Field(default_factory=ScanOptions)
-    scan_file: Path | None = None
-    train_file: Path | None = None
-    given: str | None = Field(None, description="digest of the readings that were given in Python")
+    @model_validator(mode="after")
+    def _nothing_is_said_in_vain(self) -> RunConfig:
+        if self.pressed:
+            return self
+        for name in ("shapes", "test_poses", "world", "noise", "scan_set"):
+            if getattr(self, name) != RunConfig.model_fields[name].default:
+                where = f"come from {self.scan}" if self.scan else "are given"
+                raise ValueError(
+                    f"{name} says how letters are pressed, but the readings {where}; leave it out"
+                )
+        return self
+
+    @property
+    def pressed(self) -> bool:
+        """Tell whether the readings are pressed for this run."""
+        return self.scan is None and self.given is None
+
+    @property
+    def options(self) -> dict[str, Any]:
+        """Give the estimator's options: `set`, `bins` and `particles`."""
+        counts = {"bins": self.bins, "particles": self.particles}
+        return self.set | {name: count for name, count in counts.items() if count is not None}
 
     @property
     def source(self) -> str:
         """Name the readings: runs with the same source share them."""
-        return self.model_dump_json(
-            include={"scan", "scan_file", "train_file", "given", "letters", "hold_out"}
-        )
+        pressed = self.scan_options.model_dump(mode="json") if self.pressed else None
+        words = self.model_dump(mode="json", include={"scan", "train_scan", "given", "letters", "hold_out"})
+        return json.dumps([pressed, words], sort_keys=True)
 
-
-class RunWords(BaseModel):
-    """The words in which a run is asked for: the long options of `bench run`, and the keys of a sweep file."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-    estimator: str = "refined"
-    bins: int | None = None
-    particles: int | None = None
-    set: dict[str, Any] = {}
-    letters: str | tuple[str, ...] | None = None
-    hold_out: str | tuple[str, ...] | None = None
-    shapes: tuple[Path, ...] = ()
-    trials: int = 10
-    readings: int = 60
-    test_poses: str = "same"
-    explore: str = "random"
-    world: str = "default"
-    noise: str | float | None = None
-    scan_set: dict[str, Any] = {}
-    seed: int = 0
-    scan: Path | None = None
-    train_scan: Path | None = None
-    given: str | None = None
-
-    def resolved(self) -> RunConfig:
-        """Turn the words into the configuration. Raises InputError for the first wrong value."""
-        options = self.set | {
-            name: count for name in ("bins", "particles") if (count := getattr(self, name)) is not None
-        }
-        pressed = scan_options(
-            letters=None if self.scan or self.given else self.letters, shapes=self.shapes, world=self.world,
-            noise=self.noise, test_poses=self.test_poses, seed=self.seed, scan_set=self.scan_set,
-        )  # fmt: skip
-        values = {
-            "estimator": self.estimator, "options": options, "trials": self.trials,
-            "readings": self.readings, "explore": self.explore, "seed": self.seed, "scan": pressed,
-            "letters": _letters(self.letters) if self.letters and (self.scan or self.given) else None,
-            "hold_out": tuple(sorted(set(_names(self.hold_out or "")))),
-            "scan_file": self.scan, "train_file": self.train_scan, "given": self.given,
-        }  # fmt: skip
-        return checked(RunConfig, values, "run")
+    @property
+    def digest(self) -> str:
+        """Name all that the run is asked to do, however it is worded and whatever a file of a world is called."""
+        rest = self.model_dump(mode="json", include={"estimator", "trials", "readings", "explore", "seed"})
+        content = json.dumps([self.source, self.options, rest], sort_keys=True, default=str)
+        return hashlib.sha256(content.encode()).hexdigest()
 
 
 def run_config(**words: Any) -> RunConfig:
-    """Build a run's configuration from `RunWords`. Raises InputError with one line."""
-    return checked(RunWords, words, "run").resolved()
+    """Build a run's configuration. Raises InputError with one line, also for a wrong option of the scan."""
+    config = checked(RunConfig, words, "run")
+    if config.pressed:
+        _ = config.scan_options
+    return config
 
 
-def scan_options(
-    *,
-    letters: str | Iterable[str] | None = None,
-    shapes: Iterable[str | Path] = (),
-    world: str = "default",
-    noise: str | float | None = None,
-    test_poses: str = "same",
-    seed: int = 0,
-    scan_set: Mapping[str, Any] | None = None,
-) -> ScanOptions:
-    """Build the scan's options: a world, changed by `noise`, changed by `scan_set`.
-
-    world: the name of a ready-made one, or a TOML file of options, as `bench validate` writes.
-    noise: "off" for the ideal world's exact pad, or the standard deviation in kPa. Raises InputError.
-    """
-    values = _world(world)
-    if noise == "off":
-        values = merged(values, WORLDS["ideal"])
-    elif noise is not None:
-        values = merged(values, {"sensor": {"noise": noise}})
-    values = merged(values, {"test_poses": test_poses, "seed": seed})
-    own = tuple(map(str, shapes))
-    if own:
-        values = merged(values, {"shapes": own})
-    if letters is not None:
-        values = merged(values, {"letters": _letters(letters)})
-    return checked(ScanOptions, merged(values, scan_set or {}), "scan")
-
-
-def _letters(letters: str | Iterable[str]) -> tuple[str, ...]:
-    return parse_letters(letters) if isinstance(letters, str) else tuple(letters)
-
-
-def _names(names: str | Iterable[str]) -> list[str]:
-    return names.replace(",", " ").split() if isinstance(names, str) else list(names)
+def scan_options(**words: Any) -> ScanOptions:
+    """Build a scan's options from `ScanWords`. Raises InputError with one line."""
+    return checked(ScanWords, words, "scan").scan_options
 
 
 def _world(name: str) -> Mapping[str, Any]:
-    if not name.endswith(".toml"):
-        if name not in WORLDS:
-            raise unknown("world", name, [*WORLDS, "FILE.toml"])
-        return WORLDS[name]
-    return read_toml(name, "world")
+    """Get the options of a ready-made world, or of a TOML file as `bench validate` writes."""
+    from tactsim.press import WORLDS
+
+    if name.endswith(".toml"):
+        return read_toml(name, "world")
+    if name not in WORLDS:
+        raise unknown("world", name, [*WORLDS, "FILE.toml"])
+    return WORLDS[name]
 
 
 def merged(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:

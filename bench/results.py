@@ -29,7 +29,7 @@ from tactsim.core.scan import is_label
 if TYPE_CHECKING:
     from tactsim.bench.figures import Picture
 
-SCHEMA = 1
+SCHEMA = 2
 _LARGEST_TABLE = 1 << 30  # bytes
 # trials.csv: one row per trial and reading, the same on every machine for the same seed.
 COLUMNS = (
@@ -48,8 +48,17 @@ class _Config(_Strict):
     """What every reader of a run asks of its configuration; the rest may be another version's."""
 
     estimator: str
-    options: dict[str, Any]
-    hold_out: list[str] = []
+    seed: int
+    hold_out: list[str]
+    scan: str | None
+    train_scan: str | None
+    given: str | None
+    letters: list[str] | None
+
+
+class _Budget(_Strict):
+    option: str
+    value: int | str
 
 
 class _Machine(_Strict):
@@ -65,9 +74,14 @@ class _About(_Strict):
     objects: dict[str, Any]
     protocol: str
     description: str
+    options: dict[str, Any]
+    settings: dict[str, Any]
+    budget: _Budget | None
     letters: list[str]
     classifier_agreement: float | None
     scan: dict[str, Any]
+    source: str
+    commit: str | None
     versions: dict[str, str]
     machine: _Machine
 
@@ -136,7 +150,7 @@ def load(path: str | Path) -> Run:
         trials = _trials(
             _read_table(folder / "trials.csv", COLUMNS),
             _read_table(folder / "times.csv", TIME_COLUMNS),
-            about["config"].get("hold_out", []),
+            about["config"]["hold_out"],
         )
         if not set(trials.truth.tolist()) <= set(objects):
             raise InputError("run.json: objects: a letter of trials.csv is missing")

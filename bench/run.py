@@ -136,6 +136,27 @@ class Run:
         """Seconds of each stage by the clock, and of an update, an estimate and a choice by the processor."""
         return self.times["seconds"]
 
+    def as_json(self) -> dict[str, Any]:
+        """Put the run into one flat object, as `bench run --json` prints it."""
+        asked = ("estimator", "trials", "readings", "seed", "explore", "hold_out")
+        found = (
+            "letters",
+            "options",
+            "description",
+            "protocol",
+            "classifier_agreement",
+            "versions",
+            "machine",
+        )
+        return {
+            **self.summary,
+            **{name: self.config[name] for name in asked},
+            **{name: self.about[name] for name in found},
+            "seconds": self.times["seconds"],
+            "peak_memory_mb": self.times["peak_memory_mb"],
+            "work": self.work,
+        }
+
     def columns(self) -> dict[str, NDArray[Any]]:
         """Give the trials as columns, one row a trial and reading, as trials.csv and times.csv name them."""
         from tactsim.bench.results import columns

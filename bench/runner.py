@@ -8,14 +8,24 @@ from datetime import UTC, datetime
 from time import perf_counter
 from typing import Any
 
+from tactsim.bench.agreement import eq3_agreement
 from tactsim.bench.config import RunConfig
 from tactsim.bench.machine import machine, peak_memory_mb, versions
 from tactsim.bench.run import Run
 from tactsim.bench.score import properties
-from tactsim.bench.trials import Progress, Task, TrialPlan, Trials, check_readings, run_trials
+from tactsim.bench.trials import (
+    Progress,
+    Task,
+    TrialPlan,
+    Trials,
+    check_readings,
+    run_trials,
+    source_of_trials,
+)
 from tactsim.core import InputError, Scan
 from tactsim.core.errors import short, unknown
 from tactsim.core.scan import train_on
+from tactsim.core.source import git_commit
 from tactsim.estimators import NONE, Estimator, Options, create
 from tactsim.estimators.likelihoods.occupancy import maps_of
 from tactsim.press import scan_letters
@@ -93,9 +103,7 @@ def _with_estimator(config: RunConfig, estimator: Estimator) -> RunConfig:
             f"the estimator {kind.__name__} was given with its options; leave out bins, particles, set"
         )
     options = estimator.options.model_dump(mode="json", exclude_defaults=True)
-    return config.model_copy(
-        update={"estimator": f"{kind.__module__}:{kind.__qualname__}", "options": options}
-    )
+    return config.model_copy(update={"estimator": f"{kind.__module__}:{kind.__qualname__}", "set": options})
 
 
 def gather(
@@ -108,17 +116,20 @@ def gather(
     """
     start = perf_counter()
     work: dict[str, Any] = {"presses": 0, "skipped": {}}
-    if scan is None and config.scan_file is not None:
-        scan = Scan.load(config.scan_file)
+    if scan is None and config.scan is not None:
+        scan = Scan.load(config.scan)
     elif scan is None:
         scan, work = scan_letters(
-            config.scan, jobs=jobs, cache=cache, progress=lambda done, total: progress("press", done, total)
+            config.scan_options,
+            jobs=jobs,
+            cache=cache,
+            progress=lambda done, total: progress("press", done, total),
         )
-    if config.train_file is not None:
-        scan = train_on(Scan.load(config.train_file), scan)
+    if config.train_scan is not None:
+        scan = train_on(Scan.load(config.train_scan), scan)
     letters = config.letters or scan.letters
     if not letters:
-        raise InputError(f"{config.scan_file or 'the scan'} holds no readings")
+        raise InputError(f"{config.scan or 'the scan'} holds no readings")
     if NONE in letters:
         raise InputError(f"a letter is called {NONE!r}, which means none of the known letters; rename it")
     for letter in letters:
@@ -156,15 +167,17 @@ def finished_run(
     measured in one piece.
     """
     objects = properties(gathered.scan)
-    estimator = estimator or create(config.estimator, **config.options)
+    made = estimator or create(config.estimator, **config.options)
     about: dict[str, Any] = {
         "protocol": _protocol_name(config, gathered.scan),
         "letters": list(gathered.letters),
-        "description": estimator.describe(),
-        "options": estimator.options.model_dump(mode="json"),
-        "classifier_agreement": eq3_agreement(gathered.scan),
+        **about_estimator(made),
+        "classifier_agreement": eq3_agreement(gathered.scan, made.options),
         "scan": dict(gathered.scan.meta),
+        "readings_digest": gathered.scan.digest,
         "versions": versions(),
+        "source": source_of_trials(estimator or config.estimator),
+        "commit": git_commit(),
         "machine": machine(),
     }
     times = {
@@ -189,32 +202,29 @@ def finished_run(
     )
 
 
-def eq3_agreement(scan: Scan) -> float | None:
-    """Tell which share of the taxels that eq. 3 decides it decides rightly; None for unknown shapes.
+def about_estimator(estimator: Estimator) -> dict[str, Any]:
+    """Say how an estimator is set up, so that a report needs no plug-in.
 
-    The training readings are judged, each taxel by whether its centre lies on the letter.
+    options: all of them. settings: those that are not the defaults. budget: see `budget_of`.
     """
-    from tactsim.bench.agreement import classifier_agreement
-    from tactsim.estimators.likelihoods.classifier import CONTACT, NO_CONTACT, classify
-    from tactsim.models import letter, names
+    return {
+        "description": estimator.describe(),
+        "options": estimator.options.model_dump(mode="json"),
+        "settings": estimator.options.model_dump(mode="json", exclude_defaults=True),
+        "budget": budget_of(estimator),
+    }
 
-    if not set(scan.letters) <= set(names()):
+
+def budget_of(estimator: Estimator) -> dict[str, Any] | None:
+    """Name the option that says how much an estimator may compute, and its value; None if it has none."""
+    if estimator.budget is None:
         return None
-    train = scan.where("train")
-    kinds = classify(train.readings)
-    agreement = classifier_agreement(
-        train, kinds == CONTACT, kinds == NO_CONTACT, {label: letter(label) for label in train.letters}
-    )
-    return agreement.share if agreement.decided else None
+    return {"option": estimator.budget, "value": getattr(estimator.options, estimator.budget)}
 
 
 def _protocol_name(config: RunConfig, scan: Scan) -> str:
     """Name what may share a table: results of different protocols are never put side by side."""
-    poses: str = config.scan.test_poses
-    if config.scan_file:
-        poses = "from a file"
-    elif config.given:
-        poses = _stated_test_poses(scan) or "given"
+    poses = "from a file" if config.scan else _stated_test_poses(scan) or "given"
     order = "random order" if config.explore == "random" else "order chosen by information"
     held_out = f", {' '.join(config.hold_out)} held out" if config.hold_out else ""
     return f"test poses {poses}, {order}{held_out}"

@@ -19,9 +19,11 @@ from numpy.typing import NDArray
 from tactsim.core import InputError, Scan, compose, invert
 from tactsim.core.errors import short
 from tactsim.core.poses import FloatArray
+from tactsim.core.source import source_digest
 from tactsim.core.workers import worker_processes
 from tactsim.estimators import NONE, Estimate, Estimator, create
 from tactsim.estimators.estimator import check_estimate
+from tactsim.estimators.registry import load
 
 TRANSLATION_MM = 10.0  # T_R^O is uniform in [-10, 10] mm and on the circle (section IV)
 
@@ -237,11 +239,31 @@ class TrialPlan:
             raise _not_portable(self.estimator, error) from error
 
     @property
+    def source(self) -> str:
+        """Hash the source code that the trials depend on, the readings apart."""
+        return source_of_trials(self.given if isinstance(self.given, Estimator) else self.estimator)
+
+    @property
     def digest(self) -> str:
         """Name what the fitted estimator depends on: its name, its options, the scan."""
         options = json.dumps(self.options, sort_keys=True, default=str)
         given = hashlib.sha256(self.given).hexdigest() if isinstance(self.given, bytes) else ""
         return f"{self.estimator} {options} {self.scan.digest} {given}"
+
+
+def source_of_trials(estimator: str | Estimator) -> str:
+    """Hash the source code that trials of an estimator depend on, the readings apart.
+
+    Raises InputError if there is no estimator of that name.
+    """
+    kinds = [load(estimator)] if isinstance(estimator, str) else _kinds(estimator)
+    return source_digest(__name__, *(kind.__module__ for kind in kinds))
+
+
+def _kinds(estimator: Estimator) -> list[type[Estimator]]:
+    """List the class of an estimator and of those that it wraps."""
+    inner = [value for value in vars(estimator).values() if isinstance(value, Estimator)]
+    return [type(estimator), *(kind for one in inner for kind in _kinds(one))]
 
 
 def _not_portable(name: str, error: Exception) -> InputError:

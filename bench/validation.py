@@ -156,8 +156,8 @@ def _recognition(
                 path = Path(folder) / f"{trained}-{tested}.npz"
                 scan.save(path)
                 config = RunConfig(
-                    estimator=estimator, options=options, trials=trials, readings=min(20, fewest), seed=seed,
-                    scan_file=path,
+                    estimator=estimator, set=options, trials=trials, readings=min(20, fewest), seed=seed,
+                    scan=path,
                 )  # fmt: skip
                 run = perform(config, progress=progress)
                 results[f"{trained} -> {tested}"] = {

@@ -63,7 +63,7 @@ class Estimator(ABC):
 
     options_type: ClassVar[type[Options]] = Options
     # The option that says how much may be computed, such as "bins"; None if there is no such option.
-    budget: ClassVar[str | None] = None
+    budget: str | None = None
     # Whether the rng of `reset` changes what is estimated.
     draws: ClassVar[bool] = True
 

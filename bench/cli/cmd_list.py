@@ -10,6 +10,10 @@ import typer
 if TYPE_CHECKING:
     from pydantic import BaseModel
 
+_MORE = {
+    "estimators": "with its options: bench list estimators NAME",
+    "worlds": "all that can be set: bench list scan-options",
+}
 Row = tuple[str, str, str]  # a name, its default or status, what it is
 
 
@@ -20,12 +24,16 @@ def command(
             help="Only this: estimators, letters, worlds, scan-options, metrics, suites.", show_default=False
         ),
     ] = None,
+    name: Annotated[
+        str | None,
+        typer.Argument(help="Of the estimators, only this one, with its options.", show_default=False),
+    ] = None,
 ) -> None:
-    """List estimators with their options, letters, worlds, the scan's options, metrics and suites."""
+    """List estimators, letters, worlds, metrics and suites; what an estimator or a scan can be told on request."""
     from rich.table import Table
 
     from tactsim.bench.console import plain_console
-    from tactsim.core.errors import unknown
+    from tactsim.core.errors import InputError, unknown
 
     sections: dict[str, Callable[[], list[Row]]] = {
         "estimators": _estimators,
@@ -37,10 +45,17 @@ def command(
     }
     if what is not None and what not in sections:
         raise unknown("list", what, sections)
+    if name is not None and what != "estimators":
+        raise InputError(f"bench list {what} {name}: only estimators have a list each")
+    if name is not None:
+        sections["estimators"] = lambda: _estimator(name)
     console = plain_console()
-    for name, rows in sections.items():
-        if what in (None, name):
-            console.print(name, style="bold")
+    # What a scan can be told is long: on request, as an estimator's options are.
+    for section, rows in sections.items():
+        if what == section or (what is None and section != "scan-options"):
+            console.print(section, style="bold", end=" " if section in _MORE and not name else "\n")
+            if section in _MORE and not name:
+                console.print(f"({_MORE[section]})")
             table = Table.grid(padding=(0, 2))
             for _ in range(3):
                 table.add_column(overflow="fold")
@@ -55,12 +70,23 @@ def _estimators() -> list[Row]:
 
     rows: list[Row] = []
     for entry in listing():
-        rows.append((entry.name, entry.status, entry.summary))
         try:
-            rows += _fields(load(entry.name).options_type, "    ")
+            budget = load(entry.name).budget
         except InputError:
-            continue  # its status, on the line above, says why
+            budget = None  # its status says why
+        said = f"; budget: {budget}" if budget else ""
+        rows.append((entry.name, entry.status, entry.summary + said))
     return rows
+
+
+def _estimator(name: str) -> list[Row]:
+    from tactsim.estimators.registry import listing, load
+
+    options = _fields(load(name).options_type)
+    return [(entry.name, entry.status, entry.summary) for entry in listing() if entry.name == name] + [
+        ("--set NAME=VALUE", "default", ""),
+        *options,
+    ]
 
 
 def _letters() -> list[Row]:
@@ -91,7 +117,7 @@ def _metrics() -> list[Row]:
 
 
 def _suites() -> list[Row]:
-    from tactsim.bench.sweep import read, suites
+    from tactsim.bench.sweep_file import read, suites
 
     return [(suite, f"{len(read(suite)[1])} runs", "") for suite in suites()]
 

@@ -8,37 +8,25 @@ from typing import Annotated
 import typer
 
 from tactsim.bench.cli import shared_options as shared
+from tactsim.bench.cli.words import Words, with_options_of
+from tactsim.bench.config import ScanWords, scan_options
 
 
+@with_options_of(ScanWords)
 def command(
+    words: Words,
     out: Annotated[Path, typer.Option(help="The file to write, .npz.")],
-    letters: shared.Letters = None,
-    shape: shared.Shape = None,
-    test_poses: shared.TestPoses = "same",
-    world: shared.World = "default",
-    noise: shared.Noise = None,
-    scan_set: shared.ScanSet = None,
-    seed: shared.Seed = 0,
     jobs: shared.Jobs = 1,
     cache: shared.Cache = True,
 ) -> None:
     """Press the letters at 192 poses, twice (training and test), and write the readings."""
-    from tactsim.bench.config import key_values, scan_options
     from tactsim.bench.console import plain_console
     from tactsim.bench.places import check_new_file
     from tactsim.bench.terminal import progress_bars
     from tactsim.press import scan_letters
 
     check_new_file(out)
-    options = scan_options(
-        letters=letters,
-        shapes=shape or (),
-        world=world,
-        noise=noise,
-        test_poses=test_poses,
-        seed=seed,
-        scan_set=key_values(scan_set or (), "--scan-set"),
-    )
+    options = scan_options(**words)
     with progress_bars() as progress:
         scan, work = scan_letters(
             options, jobs=jobs, cache=cache, progress=lambda done, total: progress("press", done, total)

@@ -34,13 +34,13 @@ def command(
     ] = None,
 ) -> None:
     """Do many runs; stopped at any moment and started again, it goes on where it was."""
-    from tactsim.bench import sweep
+    from tactsim.bench import sweep, sweep_file
     from tactsim.bench.console import plain_console
     from tactsim.bench.machine import cores
     from tactsim.bench.places import SWEEPS
     from tactsim.bench.terminal import print_sweep, progress_bars
 
-    name, configs = sweep.read(source)
+    name, configs = sweep_file.read(source)
     folder = out or SWEEPS / name
     with progress_bars() as progress:
         places = sweep.perform(

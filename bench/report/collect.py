@@ -11,16 +11,13 @@ import re
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from tactsim.bench.config import BUDGETS, RunConfig
 from tactsim.bench.run import Run
 from tactsim.core.documents import read_json
 from tactsim.core.errors import InputError
-from tactsim.estimators.registry import load as load_estimator
-from tactsim.press import WORLDS
+from tactsim.press import WORLDS, ScanOptions
 
 
 class Budget(NamedTuple):
@@ -155,39 +152,25 @@ def _entries(runs: Sequence[tuple[Path, Run]]) -> list[Entry]:
 
 
 def budget(run: Run) -> Budget | None:
-    """Say how much the estimator of a run was allowed to compute, where its options say so."""
-    given, defaults = run.config["options"], _defaults(run.config["estimator"])
-    for options in (given, defaults):
-        for option in BUDGETS:
-            value = options.get(option)
-            if value is not None:
-                # Of another version's words at most these, so that their product is a number of a sensible size.
-                counts = [int(digits) for digits in re.findall(r"\d{1,9}", str(value))[:3]]
-                text = f"{counts[0]:,}" if len(counts) == 1 else str(value)
-                return Budget(option, text, math.prod(counts))
-    return None
+    """Say how much the estimator of a run was allowed to compute, where it has such an option."""
+    stated = run.about["budget"]
+    if stated is None:
+        return None
+    option, value = stated["option"], str(stated["value"])
+    # Of an option's own words at most these, so that their product is a number of a sensible size.
+    counts = [int(digits) for digits in re.findall(r"\d{1,9}", value)[:3]]
+    return Budget(option, f"{counts[0]:,}" if len(counts) == 1 else value, math.prod(counts))
 
 
 def method_name(run: Run) -> str:
     """Name the estimator with those of its options that are no budget and no default."""
-    name, options = run.config["estimator"], run.config["options"]
-    defaults = _defaults(name)
+    stated = run.about["budget"] or {}
     words = [
         f"{option} {value}"
-        for option, value in options.items()
-        if option not in BUDGETS and (option not in defaults or str(value) != str(defaults[option]))
+        for option, value in run.about["settings"].items()
+        if option != stated.get("option")
     ]
-    return ", ".join([name, *words])
-
-
-@lru_cache
-def _defaults(estimator: str) -> dict[str, Any]:
-    """Give the default options of an estimator; none if it is not installed here."""
-    try:
-        fields = load_estimator(estimator).options_type.model_fields
-    except InputError:
-        return {}
-    return {name: field.get_default(call_default_factory=True) for name, field in fields.items()}
+    return ", ".join([run.estimator, *words])
 
 
 def task_name(run: Run) -> str:
@@ -195,26 +178,35 @@ def task_name(run: Run) -> str:
 
     Runs with one protocol and one task name saw the same readings.
     """
-    standard, mine = _flat(RunConfig().model_dump(mode="json")), _flat(run.config)
-    other = {
-        name: value
-        for name, value in mine.items()
-        if name.split(".")[0] not in _NO_TASK and name != "scan.test_poses" and value != standard.get(name)
-    }
-    if other.get("scan.seed") == other.get("seed"):
-        other.pop("scan.seed", None)
+    config = run.config
+    other = {name: config[name] for name in ("scan", "train_scan") if config.get(name)}
+    if config.get("given"):
+        other["readings"] = config["given"][:12]
+    elif not config.get("scan"):
+        standard = _flat(ScanOptions().model_dump(mode="json"))
+        other |= _differing(_flat(run.about["scan"].get("options", {})), standard)
+        if other.get("seed") == config["seed"]:
+            del other["seed"]
+    elif config.get("letters"):
+        other["letters"] = config["letters"]
     words = []
     for world, values in WORLDS.items():
-        settings = _flat({"scan": dict(values)})
+        settings = _flat(values)
         if settings and settings.items() <= other.items():
             words.append(world)
             other = {name: value for name, value in other.items() if name not in settings}
-    words += [f"{name.removeprefix('scan.')} {_word(value)}" for name, value in other.items()]
-    return ", ".join(words) or "defaults"
+    if "seed" in other:
+        words.append(f"scan's seed {other.pop('seed')}")
+    if config["seed"] != 0:
+        words.append(f"seed {config['seed']}")
+    return ", ".join([*words, *(f"{name} {_word(value)}" for name, value in other.items())]) or "defaults"
 
 
-# What belongs to the estimator, to how often it is tried, or to the protocol.
-_NO_TASK = ("estimator", "options", "trials", "readings", "explore", "hold_out")
+def _differing(mine: Mapping[str, Any], standard: Mapping[str, Any]) -> dict[str, Any]:
+    """Give the options of a scan that are not the default ones; where it was tested belongs to the protocol."""
+    return {
+        name: value for name, value in mine.items() if name != "test_poses" and value != standard.get(name)
+    }
 
 
 def _flat(values: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:

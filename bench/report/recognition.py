@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from tactsim.bench.config import RunConfig
 from tactsim.bench.report.collect import Entry, Group
-from tactsim.bench.run import Run
 from tactsim.bench.runner import gather, plan_of, silent
 from tactsim.bench.score import errors, settled_at
 from tactsim.bench.trials import Progress, Task, TrialPlan, Trials, check_readings, run_trial
@@ -128,26 +129,25 @@ def _replay(entry: Entry, tasks: Mapping[str, Task], scans: dict[str, Scan]) -> 
 def _plan_anew(entry: Entry, tasks: Mapping[str, Task], scans: dict[str, Scan]) -> TrialPlan:
     """Get the readings of a run that was loaded, each scan once. Raises InputError if they are not to be had."""
     config = checked(RunConfig, entry.run.config, "run")
-    source = config.source
-    if source not in scans:
-        scans[source] = gather(config, scan=_given(entry.run), jobs=1, cache=True, progress=silent).scan
+    options = None if config.scan else entry.run.about["scan"].get("options")
+    which = config.model_dump(mode="json", include={"scan", "train_scan", "given", "letters", "hold_out"})
+    key = json.dumps([options, which], sort_keys=True)
+    if key not in scans:
+        pressed = None if config.scan else _pressed_again(options, config.given)
+        scans[key] = gather(config, scan=pressed, jobs=1, cache=True, progress=silent).scan
     check_readings(
-        scans[source], sorted({task.truth for task in tasks.values()}), entry.readings, config.hold_out
+        scans[key], sorted({task.truth for task in tasks.values()}), entry.readings, config.hold_out
     )
-    return plan_of(config, scans[source])
+    return plan_of(config, scans[key])
 
 
-def _given(run: Run) -> Scan | None:
-    """Press again the readings that were given in Python; None if none were.
+def _pressed_again(options: Any, given: str | None) -> Scan:
+    """Press letters as the scan of a run says that it was pressed.
 
-    Raises InputError if what the scan says of itself gives other readings, as that of a real pad does.
+    Raises InputError if that does not give the readings that were given in Python, as for those of a real pad.
     """
-    given = run.config.get("given")
-    if given is None:
-        return None
-    options = run.about["scan"].get("options")
     scan = None if options is None else scan_letters(checked(ScanOptions, options, "scan.options"))[0]
-    if scan is None or scan.digest != given:
+    if scan is None or given not in (None, scan.digest):
         raise InputError("its readings were given in Python, and pressing does not give them again")
     return scan
 

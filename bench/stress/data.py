@@ -15,10 +15,7 @@ from tactsim.estimators.registry import load
 from tactsim.models import parse_letters
 from tactsim.press import WORLDS, ScanOptions, scan_letters
 
-# Estimators whose answer depends on what they draw.
-DRAWING = ("particle", "augmented-mcl", "tempered")
-# What an estimator's budget is called, and how much of it a case gives where no other is said.
-BUDGETS = {"bins": 1000, "particles": 1000}
+USUAL_BUDGET = 1000  # how much of its budget a case gives an estimator where no other is said
 
 
 @cache
@@ -36,16 +33,21 @@ def fitted(name: str, scan: Scan, **options: Any) -> Estimator:
     return estimator
 
 
-def every_estimator(budget: int | None = None) -> list[tuple[str, dict[str, int]]]:
-    """List every estimator that can be loaded with a budget that it takes, by default a moderate one."""
+def every_estimator(budget: int = USUAL_BUDGET) -> list[tuple[str, dict[str, int]]]:
+    """List every estimator that can be loaded with its budget, by default a moderate one."""
     found = []
     for name in names():
         try:
-            known = load(name).options_type.model_fields
+            option = load(name).budget
         except InputError:
             continue  # a broken plug-in; `bench list` says so
-        found.append((name, {word: budget or usual for word, usual in BUDGETS.items() if word in known}))
+        found.append((name, {} if option is None else {option: budget}))
     return found
+
+
+def draws(name: str) -> bool:
+    """Tell whether an estimator's answer depends on what it draws."""
+    return load(name).draws
 
 
 def hidden(scan: Scan, label: str, count: int, seed: int = 0) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -8,7 +8,7 @@ import numpy as np
 
 from tactsim.bench.score import placement_error, properties
 from tactsim.bench.stress.case import Worst, case, refused
-from tactsim.bench.stress.data import DRAWING, every_estimator, fitted, flaw, hidden, pressed, probabilities
+from tactsim.bench.stress.data import draws, every_estimator, fitted, flaw, hidden, pressed, probabilities
 from tactsim.bench.stress.likelihood_cases import (
     exact_log_p_of_letters,
     on_the_lattice,
@@ -64,7 +64,7 @@ def ten_thousand_readings(worst: Worst) -> None:
             if count in (10, 100, 1000, 3000, LONG):
                 estimate = estimator.estimate()
                 worst.see(flaw(estimate), f"{name}, {count:,} readings")
-                if name not in DRAWING:  # 300 particles may well lose a letter at the first reading
+                if not draws(name):  # 300 particles may well lose a letter at the first reading
                     worst.holds(
                         estimate.label == "E", f"{name} says {estimate.label} after {count:,} readings"
                     )
@@ -444,7 +444,7 @@ def after_nonsense(worst: Worst) -> None:
     scan = pressed("AEI")
     rng = np.random.default_rng(9)
     for name, budget in every_estimator():
-        if name in DRAWING:
+        if draws(name):
             continue  # they may be left at a wrong letter or place; docs/stress.md says how they find back
         estimator = fitted(name, scan, **budget)
         for label in scan.letters:

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from tactsim.bench.stress.case import Worst, case, refused
-from tactsim.bench.stress.data import DRAWING, every_estimator, fitted, flaw, hidden, pressed, probabilities
+from tactsim.bench.stress.data import draws, every_estimator, fitted, flaw, hidden, pressed, probabilities
 from tactsim.core import Scan, transform
 from tactsim.core.poses import FloatArray
 from tactsim.estimators import create
@@ -177,7 +177,7 @@ def without_information(worst: Worst) -> None:
                 estimator.update(reading, pose)
             estimate = estimator.estimate()
             worst.see(flaw(estimate), f"{name}, all {what}")
-            if name not in DRAWING:  # whose populations wander by chance
+            if not draws(name):  # whose populations wander by chance
                 worst.see(np.abs(probabilities(estimate) - 1 / 3), f"{name}, all {what}")
 
 

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from tactsim.bench.stress.case import Worst, case
-from tactsim.bench.stress.data import DRAWING, every_estimator, fitted, flaw, hidden, pressed, probabilities
+from tactsim.bench.stress.data import draws, every_estimator, fitted, flaw, hidden, pressed, probabilities
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.field.state_kernels import draw
 from tactsim.estimators.filters.particle import PARZEN_STEP, parzen_mode
@@ -15,7 +15,7 @@ from tactsim.estimators.filters.particle import PARZEN_STEP, parzen_mode
 
 def drawing(budget: int) -> list[tuple[str, dict[str, int]]]:
     """List the registered filters that draw, with this many particles."""
-    return [(name, options) for name, options in every_estimator(budget) if name in DRAWING]
+    return [(name, options) for name, options in every_estimator(budget) if draws(name)]
 
 
 @case(

@@ -47,6 +47,8 @@ class HistogramFilter(MapFilter):
     def __init__(self, options: HistogramOptions) -> None:
         super().__init__(options)
         self.grid = state_grid(options.bins, options.split, options.reach)
+        if options.split is not None:
+            self.budget = "split"
         self._evaluated = self._bounds = self._skipped = 0
 
     def describe(self) -> str:

@@ -84,9 +84,8 @@ def open_regular(path: str | Path) -> BufferedReader:
     Raises InputError, which does not say the path, if it is none or cannot be opened.
     """
     # Without O_NONBLOCK, opening a pipe that nobody writes to would wait for ever.
-    flags = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
     try:
-        descriptor = os.open(path, flags)
+        descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK)
     except OSError as error:
         raise InputError(error.strerror or str(error)) from error
     except ValueError as error:  # a NUL in it

@@ -1,7 +1,7 @@
 """Keep ideal readings on disk, by everything that they depend on.
 
 A file holds the readings of one letter at one list of poses. Its name is a hash of the letter's shape, the
-poses, pad, press and point spread, the versions of NumPy and MuJoCo and the code that presses; the file
+poses, pad, press and point spread, the versions of NumPy and MuJoCo and the source that presses; the file
 repeats the hash and adds one of its content. A file that does not say both is made again.
 """
 
@@ -22,6 +22,7 @@ from tactsim import models
 from tactsim.core.errors import InputError
 from tactsim.core.files import read_bytes, write_bytes
 from tactsim.core.poses import FloatArray
+from tactsim.core.source import source_digest
 from tactsim.press.scan_options import ScanOptions
 
 FOLDER_VARIABLE = "TACTSIM_CACHE_DIR"
@@ -49,7 +50,7 @@ def key(letter: models.Letter, poses: FloatArray, options: ScanOptions) -> str:
             "pad": options.pad.model_dump(mode="json"),
             "press": options.press.model_dump(mode="json"),
             "psf_sigma": options.sensor.psf_sigma,
-            "code": _code_digest(),
+            "source": _source(),
             "versions": versions(),
         },
         sort_keys=True,
@@ -99,9 +100,6 @@ def versions() -> dict[str, str]:
 
 
 @lru_cache(maxsize=1)
-def _code_digest() -> str:
-    """Hash the modules that press, so that readings of an older version are not taken for this one's."""
-    content = hashlib.sha256()
-    for path in sorted(Path(__file__).parent.glob("*.py")):
-        content.update(path.read_bytes())
-    return content.hexdigest()
+def _source() -> str:
+    """Hash the source that presses, so that readings of another one are not taken for this one's."""
+    return source_digest("tactsim.press.pressing")

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from tactsim.bench.config import RunConfig
 from tactsim.bench.run import Run
 from tactsim.bench.score import Properties
 from tactsim.bench.trials import Trials
@@ -18,10 +19,11 @@ def make_run(n=3, r=4, seed=0):
     )  # fmt: skip
     objects = {"A": Properties(1, (0.0, 0.0), 60.0), "E": Properties(0, (0.1, 0.2), 55.0)}
     return Run(
-        config={"estimator": "histogram", "options": {}, "seed": 0}, objects=objects,
+        config=RunConfig(estimator="histogram", trials=2, readings=r).model_dump(mode="json"), objects=objects,
         about={
             "letters": ["A", "E"], "protocol": "test poses same, random order", "description": "made up",
-            "classifier_agreement": None, "scan": {}, "versions": {"python": "3"},
+            "options": {"bins": 10_000}, "settings": {}, "budget": {"option": "bins", "value": 10_000},
+            "classifier_agreement": None, "scan": {}, "source": "0" * 64, "commit": None, "versions": {"python": "3"},
             "machine": {"processor": "made up", "cores": 1, "system": "none"},
         },
         work={"presses": 3, "skipped": {"cached": 1}}, trials=trials,

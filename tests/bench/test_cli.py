@@ -158,8 +158,20 @@ def test_help_names_every_verb_and_list_every_estimator(bench):
     for verb in ("run", "scan", "list", "sweep"):
         assert verb in text
     listing = bench("list").stdout
-    for word in ("histogram", "bins", "paper-like", "press.force", "accuracy"):
+    for word in (
+        "histogram",
+        "budget: bins",
+        "budget: particles",
+        "paper-like",
+        "bench list scan-options",
+        "accuracy",
+    ):
         assert word in listing
+    assert "gamma" not in listing
+    own = bench("list", "estimators", "histogram").stdout
+    assert "gamma" in own
+    assert "tempered" not in own
+    assert "press.force" in bench("list", "scan-options").stdout
 
 
 BAD = {
@@ -189,6 +201,9 @@ BAD = {
     "held out": (["run", "--letters", "AE", "--hold-out", "Q"], ["hold out", "'Q'", "A, E"]),
     "all held out": (["run", "--letters", "AE", "--hold-out", "A,E"], ["--hold-out", "train"]),
     "list": (["list", "weather"], ["weather", "estimators"]),
+    "list of one": (["list", "estimators", "histogramm"], ["did you mean 'histogram'"]),
+    "list of a letter": (["list", "letters", "A"], ["only estimators"]),
+    "world for a file": (["run", "--scan", "some.npz", "--world", "paper-like"], ["world", "some.npz"]),
 }
 
 

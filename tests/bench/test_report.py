@@ -22,8 +22,10 @@ from tactsim.bench.report.collect import budget, collect, find, method_name, tas
 from tactsim.bench.report.curves import confusion_counts
 from tactsim.bench.report.pareto import frontier, points, recognition_seconds
 from tactsim.bench.report.write import write_report
+from tactsim.bench.runner import about_estimator
 from tactsim.bench.trials import Task, Trials
 from tactsim.core.errors import InputError
+from tactsim.estimators import create
 from tactsim.estimators.filters.histogram import HistogramFilter
 
 
@@ -179,23 +181,43 @@ TASKS = {
 @pytest.mark.parametrize("name", TASKS)
 def test_a_task_is_named_by_what_differs_from_the_defaults(name):
     run = make_run()
-    words = TASKS[name] | {"trials": 7, "readings": 9, "test_poses": "random", "bins": 100}
-    run.config.clear()
-    run.config.update(run_config(**words).model_dump(mode="json"))
+    config = run_config(**TASKS[name], trials=7, readings=9, test_poses="random", bins=100)
+    run.config.update(config.model_dump(mode="json"))
+    run.about["scan"] = {"options": config.scan_options.model_dump(mode="json")}
     assert task_name(run) == name
 
 
-def test_a_method_is_its_options_without_budget_and_defaults():
+def test_a_task_on_readings_of_its_own_is_named_by_them():
     run = make_run()
-    assert (method_name(run), budget(run)) == ("histogram", ("bins", "10,000", 10_000))
-    run.config["options"] = {"bins": 3, "gamma": "0.3", "likelihood": "paper"}
-    assert (method_name(run), budget(run)) == ("histogram, gamma 0.3", ("bins", "3", 3))
-    run.config["options"] = {"split": "4x5x6"}
-    assert budget(run) == ("split", "4x5x6", 120)
-    run.config["options"] = {"bins": 3, "split": "4x5x6"}  # the bins are not used
-    assert budget(run) == ("split", "4x5x6", 120)
-    run.config.update(estimator="of another package", options={"depth": 3})
-    assert (method_name(run), budget(run)) == ("of another package, depth 3", None)
+    run.config.update(scan="pad.npz", train_scan="sim.npz", letters=["A", "E"], seed=3)
+    assert task_name(run) == "seed 3, scan pad.npz, train_scan sim.npz, letters AE"
+    run.config.update(scan=None, train_scan=None, given="0123456789abcdef", seed=0)
+    assert task_name(run) == "readings 0123456789ab"
+
+
+METHODS = {
+    "histogram": ({}, ("bins", "10,000", 10_000)),
+    "histogram, gamma 0.3": ({"bins": "3", "gamma": "0.3", "likelihood": "paper"}, ("bins", "3", 3)),
+    "refined": ({"split": "4x5x6"}, ("split", "4x5x6", 120)),
+    "particle, rho 1.5": ({"particles": 50, "rho": 1.5}, ("particles", "50", 50)),
+}
+
+
+@pytest.mark.parametrize("name", METHODS)
+def test_a_method_is_its_options_without_budget_and_defaults(name):
+    options, said = METHODS[name]
+    estimator = create(name.partition(",")[0], **options)
+    run = make_run()
+    run.config["estimator"] = name.partition(",")[0]
+    run.about.update(about_estimator(estimator))
+    assert (method_name(run), budget(run)) == (name, said)
+
+
+def test_a_method_that_is_not_installed_is_named_by_its_run():
+    run = make_run()
+    run.config["estimator"] = "of another package"
+    run.about.update(settings={"depth": 3, "bins": 7}, budget={"option": "depth", "value": 3})
+    assert (method_name(run), budget(run)) == ("of another package, bins 7", ("depth", "3", 3))
 
 
 def test_runs_of_one_label_are_told_apart_by_their_folder(runs, copied):
@@ -316,7 +338,7 @@ def test_typical_and_hardest_are_the_median_and_the_last_to_settle(runs, changed
 def test_a_report_without_its_readings_says_so_and_shows_the_rest(hostile_run, copied, tmp_path):
     folder = copied(hostile_run)
     content = json.loads((folder / "run.json").read_text())
-    content["config"]["scan_file"] = str(tmp_path / "gone.npz")
+    content["config"]["scan"] = str(tmp_path / "gone.npz")
     (folder / "run.json").write_text(json.dumps(content))
     written, remarks = write_report([folder], tmp_path / "r.html")
     assert len(remarks) == 1

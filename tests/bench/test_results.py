@@ -78,6 +78,9 @@ DAMAGES = {
     "deep": lambda f: (f / "run.json").write_text("[" * 100_000),
     "no protocol": lambda f: _change(f, lambda about: about.pop("protocol")),
     "config is a list": lambda f: _change(f, lambda about: about.update(config=[1])),
+    "no budget": lambda f: _change(f, lambda about: about.pop("budget")),
+    "budget is a list": lambda f: _change(f, lambda about: about.update(budget=[1])),
+    "schema of another version": lambda f: _change(f, lambda about: about.update(schema=1)),
     "machine is a word": lambda f: _change(f, lambda about: about.update(machine="fast")),
     "letter without properties": lambda f: _change(f, lambda about: about["objects"].pop("A")),
     "inertia is nan": lambda f: _change(
@@ -86,7 +89,7 @@ DAMAGES = {
     "nan for a number": lambda f: (f / "trials.csv").write_text(
         re.sub(r"0\.\d+", "nan", (f / "trials.csv").read_text(), count=1)
     ),
-    "objects": lambda f: (f / "run.json").write_text(json.dumps({"schema": 1, "config": {}, "objects": [1]})),
+    "objects": lambda f: (f / "run.json").write_text(json.dumps({"schema": 2, "config": {}, "objects": [1]})),
 }
 
 

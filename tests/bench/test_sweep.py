@@ -1,6 +1,7 @@
 """Sweeps: what a file asks for, and that no kill, no second sweep and no dying worker loses or repeats a thing."""
 
 import csv
+import json
 import os
 import shutil
 import signal
@@ -12,9 +13,10 @@ from pathlib import Path
 
 import pytest
 
-from tactsim.bench import results, sweep
+from tactsim.bench import chunks, results, sweep, sweep_file, trials
+from tactsim.bench.config import run_config
 from tactsim.bench.runner import perform, silent
-from tactsim.core import InputError
+from tactsim.core import InputError, Scan
 
 BENCH = Path(sys.executable).parent / "bench"
 SMALL = """
@@ -68,7 +70,7 @@ def contents(folder):
 
 
 def test_lists_stand_for_every_combination():
-    configs = sweep.expand(
+    configs = sweep_file.expand(
         {
             "defaults": {"trials": 3, "letters": "AE"},
             "run": [
@@ -79,10 +81,10 @@ def test_lists_stand_for_every_combination():
         "sweep",
     )
     assert len(configs) == 4, "the second table repeats a run of the first"
-    assert {(c.options["bins"], c.scan.press.force) for c in configs} == {
+    assert {(c.options["bins"], c.scan_options.press.force) for c in configs} == {
         (100, 1.0), (100, 2.0), (1000, 1.0), (1000, 2.0),
     }  # fmt: skip
-    assert all(c.trials == 3 and c.scan.letters == ("A", "E") for c in configs)
+    assert all(c.trials == 3 and c.scan_options.letters == ("A", "E") for c in configs)
 
 
 @pytest.mark.parametrize(
@@ -105,16 +107,16 @@ def test_lists_stand_for_every_combination():
 def test_a_wrong_file_is_refused_in_one_line(tmp_path, content, message):
     (tmp_path / "s.toml").write_text(content)
     with pytest.raises(InputError, match=message) as caught:
-        sweep.read(str(tmp_path / "s.toml"))
+        sweep_file.read(str(tmp_path / "s.toml"))
     assert "\n" not in str(caught.value)
 
 
 def test_every_suite_can_be_read_and_names_known_estimators():
     from tactsim.estimators import create
 
-    assert {"quick", "paper"} <= set(sweep.suites())
-    for suite in sweep.suites():
-        name, configs = sweep.read(suite)
+    assert {"quick", "paper"} <= set(sweep_file.suites())
+    for suite in sweep_file.suites():
+        name, configs = sweep_file.read(suite)
         assert name == suite
         for config in configs:
             create(config.estimator, **config.options)
@@ -124,7 +126,7 @@ def test_a_sweep_gives_what_single_runs_give(tmp_path, environment, monkeypatch)
     monkeypatch.setenv("TACTSIM_CACHE_DIR", environment["TACTSIM_CACHE_DIR"])
     (tmp_path / "s.toml").write_text(SMALL)
     output = finish(start(tmp_path, environment, "s.toml", "--out", "out", "--jobs", "2"))
-    _, configs = sweep.read(str(tmp_path / "s.toml"))
+    _, configs = sweep_file.read(str(tmp_path / "s.toml"))
     names = sorted(path.name for path in (tmp_path / "out" / "runs").iterdir())
     assert len(names) == len(configs) == 4
     assert not list((tmp_path / "out" / "parts").iterdir())
@@ -163,19 +165,44 @@ def test_a_part_that_was_damaged_is_done_again(tmp_path, environment, whole):
     assert contents(tmp_path / "again") == contents(whole)
 
 
-def test_a_part_of_another_version_is_done_again(tmp_path, monkeypatch):
+@pytest.fixture
+def chunk_and_run(tmp_path, monkeypatch):
+    """Give a run, and its first chunk as a function of what is patched meanwhile."""
     monkeypatch.setenv("TACTSIM_CACHE_DIR", str(tmp_path / "cache"))
-    (tmp_path / "s.toml").write_text(SMALL)
-    _, (config, *_) = sweep.read(str(tmp_path / "s.toml"))
-    (name,) = sweep._names([config])
-    (part, *_) = sweep._parts(name, ("I",), config)
-    run = perform(config)
-    for versions, found in (("0.0", False), (None, True)):
-        if versions:
-            monkeypatch.setattr(sweep, "versions", lambda: {"tactsim": "0.0"})
-        sweep._save_part(tmp_path, part, run.trials, {})
-        monkeypatch.undo()
-        assert (sweep._load_part(tmp_path, part) is not None) == found
+    run = perform(run_config(letters="IO", estimator="histogram", bins=100, trials=2, readings=3))
+    return lambda: chunks.chunks_of("a-run", run.plan, ("I",), 2)[0], run
+
+
+OTHERS = {
+    "nothing": None,
+    "version": (chunks, "versions", lambda: {"tactsim": "0.0"}),
+    "source": (trials, "source_digest", lambda *modules: "0" * 64),
+    "readings": (Scan, "digest", "0" * 64),
+}
+
+
+@pytest.mark.parametrize("other", OTHERS)
+def test_a_chunk_that_was_made_with_something_else_is_not_taken(tmp_path, monkeypatch, chunk_and_run, other):
+    chunk, run = chunk_and_run
+    if OTHERS[other]:
+        monkeypatch.setattr(*OTHERS[other])
+    chunks.save_chunk(tmp_path, chunk(), run.trials, {"likelihood_evaluations": 3})
+    monkeypatch.undo()
+    found = chunks.load_chunk(tmp_path, chunk())
+    assert (found is not None) == (other == "nothing")
+
+
+def test_a_sweep_does_not_go_on_beside_runs_of_another_source(tmp_path, environment, whole, monkeypatch):
+    monkeypatch.setenv("TACTSIM_CACHE_DIR", environment["TACTSIM_CACHE_DIR"])
+    shutil.copytree(whole, tmp_path / "out")
+    _, configs = sweep_file.read(str(whole.parent / "s.toml"))
+    first, second = sorted((tmp_path / "out" / "runs").iterdir())[:2]
+    about = json.loads((first / "run.json").read_text())
+    (first / "run.json").write_text(json.dumps(about | {"source": "0" * 64}))
+    sweep.perform(configs, tmp_path / "out", jobs=1, progress=silent)  # nothing is left to do
+    shutil.rmtree(second)
+    with pytest.raises(InputError, match=f"{first.name} was made by other source code"):
+        sweep.perform(configs, tmp_path / "out", jobs=1, progress=silent)
 
 
 def test_what_a_killed_sweep_left_behind_is_removed(tmp_path, environment, whole):

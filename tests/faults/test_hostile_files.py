@@ -15,7 +15,7 @@ import trimesh
 from hostile import damaged, swapped
 
 from tactsim import models
-from tactsim.bench import regression, results, sweep
+from tactsim.bench import chunks, regression, results, sweep_file
 from tactsim.bench.compare import compare
 from tactsim.bench.config import run_config, scan_options
 from tactsim.bench.report.collect import collect, find
@@ -114,7 +114,7 @@ def read_pad(path):
 
 
 def read_sweep(path):
-    for config in sweep.read(str(path))[1]:
+    for config in sweep_file.read(str(path))[1]:
         create(config.estimator, **config.options)
 
 
@@ -424,15 +424,15 @@ def test_a_cache_file_or_part_of_a_sweep_that_was_sealed_by_an_enemy_is_not_used
     content = b"tactsim readings 2\n" + bytes.fromhex(key) + hashlib.sha256(body).digest() + body
     (tmp_path / f"{key[:40]}.readings").write_bytes(content)
     assert cache.load(key, (192, 36)) is None
-    part = sweep.Part("run", 0, ())
+    chunk = chunks.Chunk("run", 0, (), "made with")
     (tmp_path / "parts").mkdir()
     archive = io.BytesIO()
     with zipfile.ZipFile(archive, "w") as stream:
         for name in ("work", "truth", "pose"):
             stream.writestr(f"{name}.npy", body)
-    sealed = sweep._seal(archive.getvalue()) + archive.getvalue()
-    sweep._part_path(tmp_path, part).write_bytes(sealed)
-    assert sweep._load_part(tmp_path, part) is None
+    sealed = chunk.seal(archive.getvalue()) + archive.getvalue()
+    chunk.path(tmp_path).write_bytes(sealed)
+    assert chunks.load_chunk(tmp_path, chunk) is None
 
 
 # ---- what is no file

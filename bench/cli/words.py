@@ -1,0 +1,73 @@
+"""Make the options of a verb from the fields of a configuration: names, types, defaults and help texts."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Annotated, Any, get_origin
+
+import typer
+from pydantic import BaseModel
+from pydantic.fields import FieldInfo
+
+from tactsim.bench.config import Flag, key_values
+
+Words = Mapping[str, Any]
+
+
+def with_options_of(model: type[BaseModel]) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    """Let a verb, whose first parameter is `words`, take the model's fields as options before its own.
+
+    What the user did not type is not among the words, so that the model's defaults hold.
+    """
+    # A model's own fields come before those that it shares.
+    names = sorted(model.model_fields, key=lambda name: name not in model.__annotations__)
+    fields = {name: model.model_fields[name] for name in names if _flag(name, model.model_fields[name])}
+
+    def decorate(verb: Callable[..., None]) -> Callable[..., None]:
+        def command(**typed: Any) -> None:
+            words = {name: _read(name, field, typed.pop(name)) for name, field in fields.items()}
+            verb({name: value for name, value in words.items() if value is not None}, **typed)
+
+        own = [
+            parameter.replace(kind=inspect.Parameter.KEYWORD_ONLY)
+            for parameter in list(inspect.signature(verb, eval_str=True).parameters.values())[1:]
+        ]
+        options = [_parameter(name, field) for name, field in fields.items()]
+        command.__signature__ = inspect.Signature([*options, *own])  # type: ignore[attr-defined]
+        command.__doc__ = verb.__doc__
+        return command
+
+    return decorate
+
+
+def _flag(name: str, field: FieldInfo) -> str | None:
+    """Name a field's option, such as --test-poses; None if the command line does not have it."""
+    flags = [mark.name for mark in field.metadata if isinstance(mark, Flag)]
+    return flags[0] if flags else f"--{name.replace('_', '-')}"
+
+
+def _parameter(name: str, field: FieldInfo) -> inspect.Parameter:
+    default = field.default if isinstance(field.default, str | int) else None
+    option = typer.Option(_flag(name, field), help=field.description, show_default=default is not None)
+    return inspect.Parameter(
+        name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=Annotated[_typed(field), option]
+    )
+
+
+def _typed(field: FieldInfo) -> Any:
+    """Tell what is typed for a field: counts and paths as they are, a list where an option repeats, else text."""
+    kind = field.annotation
+    if kind in (int, int | None, Path | None):
+        return kind
+    if kind == tuple[Path, ...]:
+        return list[Path] | None
+    return list[str] | None if get_origin(kind) is dict else str | None
+
+
+def _read(name: str, field: FieldInfo, typed: Any) -> Any:
+    """Turn what was typed into what the model takes; None if nothing was."""
+    if get_origin(field.annotation) is dict and typed is not None:
+        return key_values(typed, str(_flag(name, field)))
+    return typed

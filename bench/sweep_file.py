@@ -1,0 +1,92 @@
+"""Read what a sweep asks for: a TOML file or a suite of that name, and every combination of its lists."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator, Mapping
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tactsim.bench.config import RunConfig, run_config
+from tactsim.core import InputError
+from tactsim.core.documents import parse_toml, read_toml
+from tactsim.core.errors import unknown
+
+
+def read(source: str) -> tuple[str, list[RunConfig]]:
+    """Read a sweep from a TOML file or a suite's name: its name and its runs, in order.
+
+    The file has `[[run]]` tables, and `[defaults]` laid under each. Their keys are the long options
+    of `bench run` with underscores (`set` and `scan_set` are tables); a list stands for one run per
+    entry, and several lists for every combination.
+
+    Raises InputError if the file cannot be read, a key is unknown or a value is wrong.
+    """
+    path = Path(source)
+    suite = files("tactsim.bench") / "suites" / f"{source}.toml"
+    if not path.exists() and source in suites():
+        table, name = parse_toml(suite.read_bytes(), f"suite {source}"), source
+    elif path.suffix or path.exists():
+        table, name = read_toml(path, "sweep"), path.stem
+    else:
+        raise unknown("suite (nor is it a file)", source, suites())
+    return name, expand(table, f"sweep {source}")
+
+
+def suites() -> tuple[str, ...]:
+    """List the named suites that come with the project."""
+    return tuple(
+        sorted(
+            entry.name.removesuffix(".toml")
+            for entry in (files("tactsim.bench") / "suites").iterdir()
+            if entry.name.endswith(".toml")
+        )
+    )
+
+
+def expand(table: Mapping[str, Any], what: str) -> list[RunConfig]:
+    """Turn a sweep's tables into its runs: every combination of every list, without repeats.
+
+    Raises InputError for an unknown key, a wrong value, no runs or more than 100,000.
+    """
+    strange = set(table) - {"run", "defaults"}
+    if strange:
+        raise unknown(f"table in {what}", strange.pop(), ("run", "defaults"))
+    defaults, runs = table.get("defaults", {}), table.get("run", [])
+    if not (isinstance(defaults, dict) and isinstance(runs, list) and all(isinstance(r, dict) for r in runs)):
+        raise InputError(f"{what}: write [defaults] once and [[run]] for each group of runs")
+    if not runs:
+        raise InputError(f"{what} has no [[run]]")
+    configs: dict[str, RunConfig] = {}
+    for run in runs:
+        axes = list(_axes({**defaults, **run}))
+        empty = [".".join(key) for key, values in axes if not values]
+        if empty:
+            raise InputError(f"{what}: the list {empty[0]} is empty; give it a value or leave it out")
+        count = int(np.prod([len(values) for _, values in axes], dtype=object)) if axes else 1
+        if count + len(configs) > 100_000:
+            raise InputError(f"{what} asks for {count:,} runs; the most is 100,000")
+        for values in itertools.product(*(values for _, values in axes)):
+            words: dict[str, Any] = {}
+            for (key, _), value in zip(axes, values, strict=True):
+                inner = words
+                for group in key[:-1]:
+                    inner = inner.setdefault(group, {})
+                inner[key[-1]] = value
+            config = run_config(**words)
+            configs.setdefault(config.digest, config)
+    return list(configs.values())
+
+
+def _axes(
+    table: Mapping[str, Any], prefix: tuple[str, ...] = ()
+) -> Iterator[tuple[tuple[str, ...], list[Any]]]:
+    """Walk a table: every key, dotted ones as tuples, with the list of values that it takes."""
+    for key, value in table.items():
+        if isinstance(value, dict):
+            yield from _axes(value, (*prefix, key))
+        else:
+            yield (*prefix, key), value if isinstance(value, list) else [value]

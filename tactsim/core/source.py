@@ -1,0 +1,193 @@
+"""Hash the source code that a result depends on, so that results of two sources are never taken for each other.
+
+Imports are followed by reading the files, those within functions too, inside `tactsim` and inside the package
+that is asked about. A name that a package only passes on leads to the module that it comes from. Comments,
+docstrings and formatting do not count: what is hashed is what the compiler makes of a file.
+"""
+
+from __future__ import annotations
+
+import ast
+import hashlib
+import subprocess
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from functools import lru_cache
+from importlib.util import find_spec
+from pathlib import Path
+from types import CodeType
+
+_OWN = "tactsim"
+
+
+def source_digest(*modules: str) -> str:
+    """Hash these modules and all that they import of tactsim and of their own packages: 64 hex digits.
+
+    A module without a file of Python source, as in a notebook, counts by its name alone.
+    """
+    content = hashlib.sha256()
+    for name, digest in sorted(source_of(*modules).items()):
+        content.update(f"{name} {digest}\n".encode())
+    return content.hexdigest()
+
+
+def source_of(*modules: str) -> dict[str, str]:
+    """Find the modules that `source_digest` hashes, each with the digest of its file."""
+    packages = {_OWN, *(name.partition(".")[0] for name in modules)}
+    found: dict[str, str] = {}
+    left = list(modules)
+    while left:
+        name = left.pop()
+        if name in found:
+            continue
+        path = _file(name)
+        if path is None:
+            found[name] = ""
+            continue
+        file = _parsed(path)
+        found[name] = file.digest
+        left += _modules(one for one in file.imports(name) if one[0].partition(".")[0] in packages)
+    return found
+
+
+@lru_cache(maxsize=1)
+def git_commit() -> str | None:
+    """Name the commit that tactsim is checked out at, with "-changed" after it if a file differs from that.
+
+    None without git, or where tactsim is installed and not checked out.
+    """
+    here = Path(__file__)
+    git = ["git", "-C", str(here.parent)]
+    try:
+        # An installed package may lie within a checkout of something else.
+        subprocess.run(
+            [*git, "ls-files", "--error-unmatch", here.name], capture_output=True, timeout=10, check=True
+        )
+        described = subprocess.run(
+            [*git, "describe", "--always", "--abbrev=40", "--exclude=*", "--dirty=-changed"],
+            capture_output=True, text=True, timeout=10, check=True,
+        )  # fmt: skip
+    except (OSError, subprocess.SubprocessError):
+        return None
+    return described.stdout.strip() or None
+
+
+@dataclass(frozen=True)
+class _Import:
+    """One imported name: `module` is counted from the package that is `level` - 1 above, 0 for none."""
+
+    level: int
+    module: str
+    name: str | None
+    bound: str
+
+
+@dataclass(frozen=True)
+class _File:
+    """A parsed file: the digest of its code, and what it imports."""
+
+    package: bool
+    digest: str
+    imported: tuple[_Import, ...]
+
+    def imports(self, name: str) -> Iterator[tuple[str, str | None]]:
+        """Give the imports of the module called `name` as (module, name in it), both absolute."""
+        for one in self.imported:
+            yield self.absolute(name, one)
+
+    def absolute(self, name: str, one: _Import) -> tuple[str, str | None]:
+        """Write one import of the module called `name` without dots in front."""
+        if not one.level:
+            return one.module, one.name
+        parts = name.split(".")
+        base = parts[: len(parts) - one.level + self.package]
+        return ".".join([*base, *filter(None, [one.module])]), one.name
+
+
+def _modules(imports: Iterable[tuple[str, str | None]]) -> Iterator[str]:
+    """Find the modules in which imported names are defined."""
+    for module, name in imports:
+        if name is None or _file(module) is None:
+            yield module
+        elif _file(f"{module}.{name}") is not None:
+            yield f"{module}.{name}"
+        else:
+            file = _parsed(_file(module) or Path())
+            passed_on = [one for one in file.imported if one.bound == name] if file.package else []
+            yield from _modules([file.absolute(module, passed_on[0])]) if passed_on else [module]
+
+
+@lru_cache(maxsize=4096)
+def _file(name: str) -> Path | None:
+    """Find the file of a module, without importing anything; None if it has no Python source."""
+    top, *parts = name.split(".")
+    folder = _folder(top)
+    if folder is None:
+        return None
+    if folder.is_file():
+        return None if parts else folder
+    for path in (folder.joinpath(*parts, "__init__.py"), folder.joinpath(*parts).with_suffix(".py")):
+        if path.is_file():
+            return path
+    return None
+
+
+@lru_cache
+def _folder(top: str) -> Path | None:
+    """Find the folder of a package, or the file of a module that is in none."""
+    try:
+        spec = find_spec(top)
+    except (ImportError, ValueError):  # such as __main__ in a notebook
+        return None
+    if spec is None:
+        return None
+    if spec.submodule_search_locations:
+        return Path(next(iter(spec.submodule_search_locations)))
+    return Path(spec.origin) if spec.origin and spec.origin.endswith(".py") else None
+
+
+def _parsed(path: Path) -> _File:
+    state = path.stat()
+    return _parse(path, state.st_mtime_ns, state.st_size)
+
+
+@lru_cache(maxsize=2048)
+def _parse(path: Path, mtime: int, size: int) -> _File:
+    """Read a file; its time and size tell whether it has changed since."""
+    tree = ast.parse(path.read_bytes())
+    imported = tuple(_imports(tree.body))
+    content = hashlib.sha256()
+    # Level 2 leaves out docstrings.
+    for word in _words(compile(tree, "", "exec", dont_inherit=True, optimize=2)):
+        content.update(word)
+    return _File(path.name == "__init__.py", content.hexdigest(), imported)
+
+
+def _imports(statements: Iterable[ast.AST]) -> Iterator[_Import]:
+    """Find the imports among statements and within them."""
+    for statement in statements:
+        if isinstance(statement, ast.Import):
+            for alias in statement.names:
+                yield _Import(0, alias.name, None, alias.asname or alias.name)
+        elif isinstance(statement, ast.ImportFrom):
+            for alias in statement.names:
+                yield _Import(statement.level, statement.module or "", alias.name, alias.asname or alias.name)
+        else:
+            for part in ("body", "orelse", "finalbody", "handlers", "cases"):
+                inner = getattr(statement, part, None)
+                if isinstance(inner, list):
+                    yield from _imports(inner)
+
+
+def _words(code: CodeType) -> Iterator[bytes]:
+    """Write code without line numbers: instructions, names, constants and the code within."""
+    yield repr((code.co_name, code.co_flags, code.co_argcount, code.co_kwonlyargcount)).encode()
+    yield code.co_code
+    yield repr((code.co_names, code.co_varnames, code.co_freevars, code.co_cellvars)).encode()
+    for constant in code.co_consts:
+        if isinstance(constant, CodeType):
+            yield from _words(constant)
+        elif isinstance(constant, frozenset):
+            yield repr(sorted(map(repr, constant))).encode()
+        else:
+            yield repr(constant).encode()
