@@ -19,6 +19,8 @@ from tactsim.bench.cli.app import app
 
 BENCH = Path(sys.executable).parent / "bench"
 RUN_PAGES = list(dict.fromkeys(b.page for b in BLOCKS if b.language in ("python", *SHELL) or b.file))
+# Whole sweeps, each of which starts processes: half a minute. README.md has one of them.
+SLOW = {"docs/results.md"}
 
 # Files of the reader's own, which pages name without showing them: a drawing, and what a vendor's tool recorded.
 OWN = {
@@ -47,7 +49,9 @@ def cache(tmp_path_factory):
     return tmp_path_factory.mktemp("cache")
 
 
-@pytest.mark.parametrize("page", RUN_PAGES)
+@pytest.mark.parametrize(
+    "page", [pytest.param(page, marks=[pytest.mark.slow] if page in SLOW else []) for page in RUN_PAGES]
+)
 def test_a_pages_blocks_run(page, cache, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("TACTSIM_CACHE_DIR", str(cache))

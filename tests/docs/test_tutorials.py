@@ -1,6 +1,7 @@
 """Every tutorial runs to its end in a folder with a `models/`, `bench/` and `estimators/` of its own.
 
-The first of them runs from a wheel, as a new user has it; the others from the checkout, whose kernels are compiled.
+The first of them runs from a wheel, as a new user has it. The others run from the checkout, in the slow suite, because
+`make docs` runs them too.
 """
 
 import json
@@ -78,6 +79,7 @@ def test_a_new_user_brings_an_estimator_with_the_wheel_alone(wheel, cache, tmp_p
     run(ROOT / "docs" / "tutorials" / "bring-an-estimator.ipynb", tmp_path, cache, wheel)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "notebook", [one for one in NOTEBOOKS if one.stem != "bring-an-estimator"], ids=lambda path: path.stem
 )
