@@ -7,6 +7,7 @@ from typing import Any
 import typer
 from pydantic import BaseModel
 from sphinx.application import Sphinx
+from sphinx.environment import BuildEnvironment
 from sphinx.errors import ExtensionError
 
 MARK = re.compile(r"^<!-- from the source: ([\w ]+) -->$", re.M)
@@ -17,7 +18,13 @@ LISTED = re.compile(r"<list\[(\w+)\]>")  # how typer writes an option that may b
 def setup(app: Sphinx) -> dict[str, Any]:
     """Fill every page as it is read."""
     app.connect("source-read", fill)
+    app.connect("env-get-outdated", outdated)
     return {"parallel_read_safe": True, "parallel_write_safe": True}
+
+
+def outdated(app: Sphinx, env: BuildEnvironment, *changes: set[str]) -> list[str]:
+    """Name the pages that are filled: they are read again at every build, as the source may have changed."""
+    return [page for page in env.found_docs if MARK.search(env.doc2path(page).read_text(encoding="utf-8"))]
 
 
 def fill(app: Sphinx, page: str, content: list[str]) -> None:
@@ -51,12 +58,18 @@ def commands() -> Iterator[str]:
 
 
 def estimator_options() -> Iterator[str]:
-    """Write every registered estimator's options, with defaults and meanings."""
+    """Write the built-in estimators' options: first those that all share, then what each has of its own."""
     from tactsim.estimators.registry import BUILT_IN, load
 
-    for name, (_, summary) in BUILT_IN.items():
+    options = {name: fields(load(name).options_type) for name in BUILT_IN}
+    first, *others = options.values()
+    shared = [row for row in first if all(row in rows for rows in others)]
+    head = ("option", "default", "what it is")
+    yield from ("", "### Shared by all", "", *table(head, shared))
+    for name, rows in options.items():
+        summary = BUILT_IN[name][1]
         yield from ("", f"### {name}", "", f"{summary[0].upper()}{summary[1:]}.", "")
-        yield from table(("option", "default", "what it is"), fields(load(name).options_type))
+        yield from table(head, [row for row in rows if row not in shared])
 
 
 def scan_options() -> Iterator[str]:
