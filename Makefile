@@ -9,8 +9,10 @@ READY     := $(VENV)/.ready
 DEVELOP   := $(VENV)/.ready-dev
 MUTATION  := $(VENV)/.ready-mutation
 PACKAGING := $(VENV)/.ready-packaging
+DOCS      := $(VENV)/.ready-docs
 MUTATION_LOCK  := tests/mutants/requirements.lock
 PACKAGING_LOCK := tests/packaging/requirements.lock
+DOCS_LOCK      := docs/requirements.lock
 
 MEASURED   := $(VENV)/benchmark
 MEASURE    := $(BIN)/python -m pytest -q -m benchmark tests/bench/bench_regression.py \
@@ -20,7 +22,7 @@ REGRESSION := $(BIN)/python -m tactsim.bench.regression
 # What `make mutants` is given, such as MUTANTS="--all tactsim/press/clip.py".
 MUTANTS ?=
 
-.PHONY: run test check setup lock test-slow mutants bench-check bench-baseline clean help
+.PHONY: run test check docs setup lock test-slow mutants bench-check bench-baseline clean help
 
 help:            ## list these commands
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 18
@@ -36,6 +38,15 @@ check: $(DEVELOP)  ## lint, types and import directions
 	@$(BIN)/ruff format --check .
 	@$(BIN)/mypy
 	@$(BIN)/lint-imports --no-logo
+
+docs: $(DOCS)    ## build the documentation as a site, docs/_build/html/index.html
+	@$(BIN)/sphinx-build --quiet --fail-on-warning --keep-going -d docs/_build/doctrees docs docs/_build/html
+	@echo "docs/_build/html/index.html"
+
+$(DOCS): $(DOCS_LOCK) | $(READY)
+	@echo "setting up $(VENV): fetching what builds the documentation ..."
+	@$(INSTALL) -r $<
+	@touch $@
 
 test-slow: $(PACKAGING)  ## the longer tests
 	@$(BIN)/python -m pytest -m slow
@@ -95,13 +106,14 @@ PIN     := $(COMPILE) --generate-hashes --constraint $(ALL)
 
 lock: $(READY)   ## pin the newest versions that pyproject.toml allows
 	@$(INSTALL) uv
-	@cat requirements-dev.lock $(MUTATION_LOCK) $(PACKAGING_LOCK) > $(ALL)
-	@$(COMPILE) $(UPGRADE) pyproject.toml --all-extras --group dev --group mutation --group packaging -o $(ALL)
+	@cat requirements-dev.lock $(DOCS_LOCK) $(MUTATION_LOCK) $(PACKAGING_LOCK) > $(ALL)
+	@$(COMPILE) $(UPGRADE) pyproject.toml --all-extras --group dev --group docs --group mutation --group packaging -o $(ALL)
 	@$(PIN) pyproject.toml --group build -o requirements.lock
 	@$(PIN) pyproject.toml --all-extras --group dev -o requirements-dev.lock
+	@$(PIN) --group docs -o $(DOCS_LOCK)
 	@$(PIN) --group mutation -o $(MUTATION_LOCK)
 	@$(PIN) --group packaging -o $(PACKAGING_LOCK)
 
 clean:           ## remove .venv and what tools left behind
-	rm -rf $(VENV) .pytest_cache .mypy_cache .ruff_cache .hypothesis .benchmarks build *.egg-info
+	rm -rf $(VENV) .pytest_cache .mypy_cache .ruff_cache .hypothesis .benchmarks build *.egg-info docs/_build
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -76,6 +76,8 @@ class RefinedFilter(MapFilter):
     def __init__(self, options: RefinedOptions) -> None:
         super().__init__(options)
         self.grid = state_grid(options.bins, options.split, options.reach)
+        if options.split is not None:
+            self.budget = "split"
         self._evaluated = self._unreplayed = 0
 
     def describe(self) -> str:

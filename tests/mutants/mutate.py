@@ -1,4 +1,4 @@
-"""Mutate the formulas of tactsim/ and estimators/ and tell which mutants their tests notice (docs/mutants.md).
+"""Mutate formulas of tactsim/ and estimators/ and tell which mutants the tests notice (docs/developers/mutants.md).
 
 Run as `make mutants`. All happens in a copy of the working tree; results are kept in .venv/mutants, so that an
 interrupted run goes on, and a mutant is tried again only after the code or its tests have changed.

@@ -1,0 +1,123 @@
+"""Fill pages from the source: a page's line `<!-- from the source: NAME -->` becomes what NAME below writes."""
+
+import re
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import typer
+from pydantic import BaseModel
+from sphinx.application import Sphinx
+from sphinx.environment import BuildEnvironment
+from sphinx.errors import ExtensionError
+
+MARK = re.compile(r"^<!-- from the source: ([\w ]+) -->$", re.M)
+
+LISTED = re.compile(r"<list\[(\w+)\]>")  # how typer writes an option that may be repeated
+
+
+def setup(app: Sphinx) -> dict[str, Any]:
+    """Fill every page as it is read."""
+    app.connect("source-read", fill)
+    app.connect("env-get-outdated", outdated)
+    return {"parallel_read_safe": True, "parallel_write_safe": True}
+
+
+def outdated(app: Sphinx, env: BuildEnvironment, *changes: set[str]) -> list[str]:
+    """Name the pages that are filled: they are read again at every build, as the source may have changed."""
+    return [page for page in env.found_docs if MARK.search(env.doc2path(page).read_text(encoding="utf-8"))]
+
+
+def fill(app: Sphinx, page: str, content: list[str]) -> None:
+    """Replace a page's marks by what they name."""
+
+    def written(mark: re.Match[str]) -> str:
+        if mark[1] not in WRITERS:
+            raise ExtensionError(f"{page}: nothing is written from the source for {mark[1]!r}")
+        return "\n".join(WRITERS[mark[1]]())
+
+    content[0] = MARK.sub(written, content[0])
+
+
+def commands() -> Iterator[str]:
+    """Write every verb of the command line: what it does, its arguments and its options."""
+    from tactsim.bench.cli.app import app
+
+    group = typer.main.get_command(app)
+    for name, verb in group.commands.items():  # type: ignore[attr-defined]
+        context = verb.make_context(f"bench {name}", [], resilient_parsing=True)
+        usage = " ".join(["bench", name, *verb.collect_usage_pieces(context)])
+        yield from (
+            "",
+            f"## bench {name}",
+            "",
+            verb.help.replace("\n\n", "\0").replace("\n", " ").replace("\0", "\n\n"),
+        )
+        yield from ("", "```text", usage, "```", "")
+        rows = filter(None, (parameter.get_help_record(context) for parameter in verb.params))
+        yield from table(("", ""), [(code(LISTED.sub(r"<\1> ...", left)), right) for left, right in rows])
+
+
+def estimator_options() -> Iterator[str]:
+    """Write the built-in estimators' options: first those that all share, then what each has of its own."""
+    from tactsim.estimators.registry import BUILT_IN, load
+
+    options = {name: fields(load(name).options_type) for name in BUILT_IN}
+    first, *others = options.values()
+    shared = [row for row in first if all(row in rows for rows in others)]
+    head = ("option", "default", "what it is")
+    yield from ("", "### Shared by all", "", *table(head, shared))
+    for name, rows in options.items():
+        summary = BUILT_IN[name][1]
+        yield from ("", f"### {name}", "", f"{summary[0].upper()}{summary[1:]}.", "")
+        yield from table(head, [row for row in rows if row not in shared])
+
+
+def scan_options() -> Iterator[str]:
+    """Write every option of a scan, nested ones by their dotted names."""
+    from tactsim.press import ScanOptions
+
+    yield from table(("option", "default", "what it is"), fields(ScanOptions))
+
+
+def metrics() -> Iterator[str]:
+    """Write every metric of a run, in the words of its docstring."""
+    from tactsim.bench.score import CURVES, HEADLINES
+
+    rows = [
+        (code(name), (metric.__doc__ or "").strip().partition("\n")[0])
+        for name, metric in (CURVES | HEADLINES).items()
+    ]
+    yield from table(("name", "what it is"), rows)
+
+
+WRITERS: dict[str, Callable[[], Iterator[str]]] = {
+    "commands": commands,
+    "estimator options": estimator_options,
+    "scan options": scan_options,
+    "metrics": metrics,
+}
+
+
+def fields(model: type[BaseModel], prefix: str = "") -> list[tuple[str, str, str]]:
+    """List a configuration's options as rows: name, default, description."""
+    rows = []
+    for name, field in model.model_fields.items():
+        default = field.get_default(call_default_factory=True)
+        if isinstance(default, BaseModel):
+            rows += fields(type(default), f"{prefix}{name}.")
+        else:
+            rows.append((code(prefix + name), code(str(default)), field.description or ""))
+    return rows
+
+
+def table(head: tuple[str, ...], rows: list[tuple[str, ...]]) -> Iterator[str]:
+    """Write a table in Markdown."""
+    yield "| " + " | ".join(head) + " |"
+    yield "|" + "---|" * len(head)
+    for row in rows:
+        yield "| " + " | ".join(cell.replace("|", "\\|").replace("\n", " ") for cell in row) + " |"
+
+
+def code(text: str) -> str:
+    """Set a text as code."""
+    return f"`{text}`" if text else ""

@@ -1,0 +1,172 @@
+"""Every block that a reader may type in runs, a page's blocks one after the other in a folder of its own.
+
+Commands are given less work: few letters, one trial of three readings, one run for each method of a sweep. Only what
+a page shows with its output (```console) is run as it stands, and must print what is shown.
+"""
+
+import re
+import signal
+import subprocess
+import sys
+import tomllib
+from importlib.resources import files
+from pathlib import Path
+
+import pytest
+from pages import BLOCKS, SHELL, bench, commands
+
+from tactsim.bench.cli.app import app
+
+BENCH = Path(sys.executable).parent / "bench"
+RUN_PAGES = list(dict.fromkeys(b.page for b in BLOCKS if b.language in ("python", *SHELL) or b.file))
+# Whole sweeps, each of which starts processes: half a minute. README.md has one of them.
+SLOW = {"docs/results.md"}
+
+# Files of the reader's own, which pages name without showing them: a drawing, and what a vendor's tool recorded.
+OWN = {
+    "my-part.svg": '<svg xmlns="http://www.w3.org/2000/svg" width="20mm" height="24mm" viewBox="0 0 20 24">'
+    '<path d="M0 0H20V5H5V24H0z"/></svg>',
+    "array.csv": "Time [ms], "
+    + ", ".join(f"Elem{k}" for k in range(256))
+    + "\n"
+    + "".join(
+        f"{100 * row}, " + ", ".join(str((7 * row + k) % 50) for k in range(256)) + "\n" for row in range(4)
+    ),
+}
+
+# What is not run, and why; each has the same reason in a comment on its page.
+NOT_RUN = {
+    ("results/README.md", "RUN stands for a folder; tests/bench/test_results.py runs these lines on one"),
+}
+
+
+def test_what_is_not_run_is_known():
+    assert {(block.page, block.not_run) for block in BLOCKS if block.not_run} == NOT_RUN
+
+
+@pytest.fixture(scope="module")
+def cache(tmp_path_factory):
+    return tmp_path_factory.mktemp("cache")
+
+
+@pytest.mark.parametrize(
+    "page", [pytest.param(page, marks=[pytest.mark.slow] if page in SLOW else []) for page in RUN_PAGES]
+)
+def test_a_pages_blocks_run(page, cache, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("TACTSIM_CACHE_DIR", str(cache))
+    monkeypatch.setenv("MPLBACKEND", "agg")
+    monkeypatch.setenv("COLUMNS", "300")
+    for name, text in OWN.items():
+        (tmp_path / name).write_text(text, encoding="utf-8")
+    names = {"__name__": "page"}
+    behind = []
+    try:
+        for block in BLOCKS:
+            if block.page == page and not block.not_run:
+                run(block, names, behind)
+    finally:
+        for process in behind:
+            process.send_signal(signal.SIGINT)
+            process.wait(30)
+
+
+def run(block, names, behind):
+    """Run one block in the folder that is current; what a block leaves behind, running, is put on a list."""
+    if block.file:
+        Path(block.file).write_text(block.text, encoding="utf-8")
+    elif block.language == "python":
+        exec(compile(block.text, f"{block.page}:{block.line}", "exec"), names)
+    elif block.language == "toml":
+        tomllib.loads(block.text)
+    elif block.language == "console":
+        compare(block)
+    elif block.language == "sh":
+        for words in commands(block):
+            arguments = bench(words)  # test_commands.py says which other programs there may be
+            if arguments is not None and arguments[0] == "emulate":
+                behind.append(subprocess.Popen([BENCH, *smaller(arguments)], stdout=subprocess.PIPE))
+                behind[-1].stdout.readline()  # it names the port that it has opened
+            elif arguments is not None:
+                status = app(smaller(arguments), standalone_mode=False, prog_name="bench")
+                assert not isinstance(status, int) or status == 0, f"{block.page}:{block.line}: {arguments}"
+
+
+def compare(block):
+    """Run a block's commands as they stand: what is shown below each of them is printed."""
+    for shown in re.split(r"^\$ ", block.text, flags=re.M)[1:]:
+        command, _, output = shown.partition("\n")
+        words = command.split()
+        result = subprocess.run(
+            [BENCH, *bench(words)], text=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, check=False
+        )
+        assert output in result.stdout, f"{block.page}:{block.line}: {command}\n{result.stdout}"
+
+
+def smaller(arguments):
+    """Ask for the same with less work: few letters, trials and readings, the first value of every list."""
+    arguments = ["AE0" if word == "A-Z0-9" else word for word in arguments]
+    verb, *rest = arguments
+    if verb == "run":
+        few = ["--trials", "1", "--readings", "3"]
+        if not {"--letters", "--scan", "--hold-out"} & set(rest):
+            few += ["--letters", "AE"]
+        return [verb, *without(rest, "--trials", "--readings", "--jobs"), *few]
+    if verb == "sweep":
+        path = smaller_sweep(rest[0])
+        return [verb, str(path), *without(rest[1:], "--jobs")]
+    if verb == "record":
+        return [*arguments, "--poses", "random:3"]
+    if verb == "emulate":
+        return [*arguments, "--rate", "200"]
+    if verb == "stress":
+        return [verb, *without(rest, "--tag"), "--case", "frames.wrap"]
+    return arguments
+
+
+def smaller_sweep(source):
+    """Write a sweep with one small run for each of its tables, under the same name."""
+    given = Path(source) if source.endswith(".toml") else files("tactsim.bench") / "suites" / f"{source}.toml"
+    table = tomllib.loads(given.read_text(encoding="utf-8"))
+    few = {"trials": 1, "readings": 3}
+    lines = ["[defaults]", *map(first, ({"letters": "AE"} | table.get("defaults", {}) | few).items())]
+    for one in table["run"]:
+        lines += ["[[run]]", *map(first, (one | few).items() if "trials" in one else one.items())]
+    path = Path("smaller", Path(str(given)).name)
+    path.parent.mkdir(exist_ok=True)
+    path.write_text("\n".join(lines), encoding="utf-8")
+    return path
+
+
+def first(item):
+    """Write a key of a sweep with the first of its values."""
+    name, value = item
+    return f"{name} = {as_toml(value[0] if isinstance(value, list) else value)}"
+
+
+def as_toml(value):
+    if isinstance(value, dict):
+        inner = {k: v[0] if isinstance(v, list) else v for k, v in value.items()}
+        return "{ " + ", ".join(f"{k} = {as_toml(v)}" for k, v in inner.items()) + " }"
+    if isinstance(value, list):
+        return f"[{', '.join(map(as_toml, value))}]"
+    return str(value).lower() if isinstance(value, bool) else repr(value)
+
+
+def without(words, *options):
+    """Leave options with one value out."""
+    kept, skip = [], False
+    for word in words:
+        if skip:
+            skip = False
+        elif word in options:
+            skip = True
+        elif word.partition("=")[0] not in options:
+            kept.append(word)
+    return kept
+
+
+def test_less_work_is_asked_for():
+    assert smaller(["run", "--trials", "5", "--bins=10"]) == [
+        "run", "--bins=10", "--trials", "1", "--readings", "3", "--letters", "AE"
+    ]  # fmt: skip

@@ -1,0 +1,66 @@
+"""What pages and pictures say of the source is so, and the site that is built needs no network."""
+
+import re
+import subprocess
+import sys
+import xml.etree.ElementTree as ElementTree
+
+import grimp
+import pytest
+from pages import PAGES, ROOT
+
+from tactsim.estimators.registry import BUILT_IN
+
+DOCS = ROOT / "docs"
+ROOMS = ("bench", "core", "estimators", "hardware", "models", "press")
+
+
+def test_the_picture_of_the_rooms_shows_every_import():
+    picture = ElementTree.parse(DOCS / "pictures" / "rooms.svg")
+    shown = {(one.get("data-from"), one.get("data-to")) for one in picture.iter() if one.get("data-from")}
+    graph = grimp.build_graph("tactsim")
+    imported = {
+        (room, other) for room in ROOMS for other in ROOMS if room != other and imports(graph, room, other)
+    }
+    assert shown == imported
+    assert {one.get("data-room") for one in picture.iter() if one.get("data-room")} == set(ROOMS)
+
+
+def imports(graph, room, other):
+    """Tell whether a module of one room imports one of the other directly."""
+    inside = {f"tactsim.{room}", *graph.find_descendants(f"tactsim.{room}")}
+    target = f"tactsim.{other}"
+    return any(
+        imported == target or imported.startswith(f"{target}.")
+        for module in inside
+        for imported in graph.find_modules_directly_imported_by(module)
+    )
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+def test_files_and_folders_that_a_page_names_exist(page):
+    text = re.sub(r"```.*?```", "", page.read_text(encoding="utf-8"), flags=re.S)
+    tops = "bench|docs|estimators|hardware|models|tactsim|tests"
+    for path in re.findall(rf"`((?:{tops})/[\w./-]*)`", text):
+        assert (ROOT / path).exists(), path
+
+
+@pytest.mark.parametrize("name", BUILT_IN)
+def test_a_reader_who_chooses_hears_of_every_estimator(name):
+    assert f"`{name}`" in (DOCS / "choose-an-estimator.md").read_text(encoding="utf-8")
+
+
+def test_the_site_is_built_and_asks_for_nothing_from_a_network(tmp_path):
+    pytest.importorskip("myst_nb", reason="`make docs` installs what builds the site")
+    words = ["--quiet", "--fail-on-warning", "-D", "nb_execution_mode=off", "-d", tmp_path / "doctrees"]
+    subprocess.run([sys.executable, "-m", "sphinx", *words, DOCS, tmp_path / "site"], check=True)
+    pages = sorted((tmp_path / "site").rglob("*.html"))
+    assert len(pages) > 20
+    for page in pages:
+        text = page.read_text(encoding="utf-8")
+        loaded = re.findall(r"<(?:script|img|source|iframe)[^>]* src(?:set)?=\"([^\"]*)\"", text)
+        loaded += re.findall(r"<link[^>]* href=\"([^\"]*)\"[^>]*>", text)
+        assert not [url for url in loaded if re.match(r"(?:https?:)?//", url)], page
+        assert "from the source:" not in text, page
+    for sheet in (tmp_path / "site").rglob("*.css"):
+        assert not re.search(r"url\(['\"]?(?:https?:)?//|@import", sheet.read_text(encoding="utf-8")), sheet
