@@ -8,9 +8,8 @@ which table to look up at which taxel. The log-likelihood of a state is the sum 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from importlib import import_module
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -69,11 +68,29 @@ class Likelihood(ABC):
         """Turn a reading (taxels,) kPa into the terms that it contributes."""
 
 
-# name: where its class is; nothing is imported before its name is asked for.
-LIKELIHOODS = {
-    "paper": "tactsim.estimators.likelihoods.paper:PaperLikelihood",
-    "calibrated": "tactsim.estimators.likelihoods.calibrated:CalibratedLikelihood",
-    "force": "tactsim.estimators.likelihoods.force:ForceLikelihood",
+def _paper() -> type[Likelihood]:
+    from tactsim.estimators.likelihoods.paper import PaperLikelihood
+
+    return PaperLikelihood
+
+
+def _calibrated() -> type[Likelihood]:
+    from tactsim.estimators.likelihoods.calibrated import CalibratedLikelihood
+
+    return CalibratedLikelihood
+
+
+def _force() -> type[Likelihood]:
+    from tactsim.estimators.likelihoods.force import ForceLikelihood
+
+    return ForceLikelihood
+
+
+# name: what gives its class; nothing is imported before its name is asked for.
+LIKELIHOODS: dict[str, Callable[[], type[Likelihood]]] = {
+    "paper": _paper,
+    "calibrated": _calibrated,
+    "force": _force,
 }
 
 
@@ -81,9 +98,7 @@ def create(options: LikelihoodOptions) -> Likelihood:
     """Make the likelihood that the options name. Raises InputError if there is none of that name."""
     if options.likelihood not in LIKELIHOODS:
         raise unknown("likelihood", options.likelihood, LIKELIHOODS)
-    module, attribute = LIKELIHOODS[options.likelihood].split(":")
-    chosen: type[Likelihood] = getattr(import_module(module), attribute)
-    return chosen(options)
+    return LIKELIHOODS[options.likelihood]()(options)
 
 
 def covered(maps: Mapping[str, OccupancyMap]) -> tuple[FloatArray, FloatArray]:

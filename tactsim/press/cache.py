@@ -102,4 +102,4 @@ def versions() -> dict[str, str]:
 @lru_cache(maxsize=1)
 def _source() -> str:
     """Hash the source that presses, so that readings of another one are not taken for this one's."""
-    return source_digest("tactsim.press.pressing")
+    return source_digest("tactsim.press.engine")

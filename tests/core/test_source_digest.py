@@ -11,7 +11,7 @@ import pytest
 import tactsim
 from tactsim.core.source_digest import git_commit, source_digest, source_of
 
-PRESS = "tactsim.press.pressing"
+PRESS = "tactsim.press.engine"
 TRIALS = ("tactsim.bench.trials", "tactsim.estimators.filters.histogram")
 # file, what is replaced by what; whether the press's source is another then, and that of trials.
 EDITS = {
@@ -24,6 +24,7 @@ EDITS = {
     "filter": ("estimators/filters/histogram.py", "10_000", "10_001", False, True),
     "another filter": ("estimators/filters/tempered.py", "0.5", "0.6", False, False),
     "imported within a function": ("estimators/registry.py", "GROUP = ", "GROUP = 1 and ", False, True),
+    "a likelihood that an option names": ("estimators/likelihoods/force.py", "0.01", "0.02", False, True),
     "report": ("bench/report/page.py", "9)", "8)", False, False),
     "command line": ("bench/cli/cmd_run.py", "jobs: ", "jobs_: ", False, False),
 }
