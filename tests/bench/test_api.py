@@ -151,8 +151,8 @@ def test_an_estimator_of_a_notebook_cannot_be_sent_to_workers(own_cache):
     script = "\n".join(
         [
             "import numpy as np, tactsim",
-            "from tactsim.estimators import Options",
-            "class Mine(type(tactsim.create('histogram'))): pass",
+            "from tactsim.estimators.registry import load",
+            "class Mine(load('histogram')): pass",
             "words = dict(letters='AE', trials=2, readings=3)",
             "mine = Mine(tactsim.create('histogram', bins=100).options)",
             "alone = tactsim.run(estimator=mine, **words)",

@@ -327,7 +327,7 @@ def test_a_recording_with_hostile_records_is_read_or_refused(count, tmp_path):
                         payload = json.dumps(swapped(json.loads(payload), rng)).encode()
                     elif payload:
                         payload = damaged(payload, rng)
-                recorder._append(record.kind, record.link, record.time, payload)
+                recorder.write(record.kind, record.link, record.time, payload)
         try:
             holds_or_refuses(read_recording, path, path.read_bytes(), f"seed {seed}")
         except Exception as error:
