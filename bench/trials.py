@@ -240,21 +240,21 @@ class TrialPlan:
 
     @property
     def source(self) -> str:
-        """Hash the source code that the trials depend on, the readings apart."""
+        """Hash the source code that the trials depend on, without that which makes readings."""
         return source_of_trials(self.given if isinstance(self.given, Estimator) else self.estimator)
 
     @property
     def digest(self) -> str:
-        """Name what the fitted estimator depends on: its name, its options, the scan."""
+        """Identify the fitted estimator by what it depends on: its name, its options, the scan."""
         options = json.dumps(self.options, sort_keys=True, default=str)
         given = hashlib.sha256(self.given).hexdigest() if isinstance(self.given, bytes) else ""
         return f"{self.estimator} {options} {self.scan.digest} {given}"
 
 
 def source_of_trials(estimator: str | Estimator) -> str:
-    """Hash the source code that trials of an estimator depend on, the readings apart.
+    """Hash the source code that trials of an estimator depend on, without that which makes readings.
 
-    Raises InputError if there is no estimator of that name.
+    Raises InputError if no estimator has that name.
     """
     kinds = [load(estimator)] if isinstance(estimator, str) else _kinds(estimator)
     return source_digest(__name__, *(kind.__module__ for kind in kinds))
