@@ -16,7 +16,11 @@ from tactsim.press.clip import covers
 
 
 class Agreement(NamedTuple):
-    """`share` of the `decided` taxels is classified as the footprint says; `taxels` is all there are."""
+    """How many taxels eq. 3 decides, and how many of them rightly.
+
+    share: of the decided taxels, those classified as the footprint says. decided: taxels that are not
+    Unknown. taxels: all of them.
+    """
 
     share: float
     decided: int
@@ -26,8 +30,8 @@ class Agreement(NamedTuple):
 def true_contact(scan: Scan, letters: dict[str, models.Letter]) -> NDArray[np.bool_]:
     """Tell which taxels lie on the letter: (n, taxels), True for a centre on the footprint.
 
-    The centre is taken at the stated pose, so placement error counts as the classifier's error, as it
-    would for who labels real readings by their stated poses.
+    The centre is taken at the stated pose. So a placement error counts as the classifier's error, as it does
+    when real readings are labelled by their stated poses.
     """
     truth = np.zeros(scan.readings.shape, dtype=bool)
     for label in scan.letters:
@@ -43,9 +47,10 @@ def classifier_agreement(
     no_contact: NDArray[np.bool_],
     letters: dict[str, models.Letter],
 ) -> Agreement:
-    """Score a classification of every taxel, both (n, taxels): neither means Unknown, not decided.
+    """Score a classification of every taxel against the letters' outlines.
 
-    The paper reports about 90 % right.
+    in_contact, no_contact: (n, taxels); a taxel in neither is Unknown and does not count as decided. The
+    paper reports about 90 % right.
     """
     truth = true_contact(scan, letters)
     decided = in_contact | no_contact
@@ -55,10 +60,10 @@ def classifier_agreement(
 
 
 def eq3_agreement(scan: Scan, options: Options) -> float | None:
-    """Tell which share of the taxels that eq. 3 decides it decides rightly; None for unknown shapes.
+    """Give the share of the taxels decided by eq. 3 that are classified rightly; None for unknown shapes.
 
-    The training readings are judged, each taxel by whether its centre lies on the letter. Eq. 3 is taken with
-    the estimator's own `threshold` (kPa) and `ratio` where its options have them.
+    The training readings are judged: a taxel is in contact if its centre lies on the letter. Eq. 3 uses the
+    estimator's own `threshold` (kPa) and `ratio` if its options have them.
     """
     if not set(scan.letters) <= set(models.names()):
         return None

@@ -1,4 +1,4 @@
-"""The face for Python: `tactsim.scan` and `tactsim.run`, in the words of the command line."""
+"""The face for Python: `tactsim.scan` and `tactsim.run`, with the options of the command line."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def scan(
 
     letters: such as "AEIOU", "A-Z0-9" or a list of names. words: the options of `bench scan` with underscores:
     shapes, test_poses, world, noise, scan_set (a table) and seed. jobs: processes; the readings do not depend
-    on them. cache: whether readings may be taken from the cache and put there. progress: show a bar.
+    on their number. cache: whether readings may be read from the cache and kept there. progress: show a bar.
 
     Raises InputError for a letter, shape or option that does not exist, and if a press does not settle.
     """
@@ -76,14 +76,14 @@ def run(
 ) -> Run:
     """Fit an estimator, let it recognise letters in random places, score every reading, and return the run.
 
-    scan: readings as they are, or the file that holds them; without it letters are pressed. estimator: a
-    registered name, or an `Estimator` of one's own, with its options. words: the options of `bench run` with
-    underscores: bins, particles, set (a table), letters, hold_out, trials, readings, explore, seed, train_scan,
-    and, where no scan is given, shapes, test_poses, world, noise and scan_set. jobs: processes; the trials do
-    not depend on them. cache: whether readings may be taken from the cache and put there. progress: show bars.
+    scan: a Scan, or the file that holds one; without it letters are pressed. estimator: a registered name, or
+    an `Estimator` of your own, made with its options. words: the options of `bench run` with underscores: bins,
+    particles, set (a table), letters, hold_out, trials, readings, explore, seed, train_scan, and, if no scan is
+    given, shapes, test_poses, world, noise and scan_set. jobs: processes; the trials do not depend on their
+    number. cache: whether readings may be read from the cache and kept there. progress: show bars.
 
-    Raises InputError for a word or a value that is wrong, and for an estimator that worker processes cannot
-    make where jobs ask for some.
+    Raises InputError for a wrong option or value, and, with more than one job, for an estimator that cannot be
+    sent to worker processes.
     """
     given = scan if isinstance(scan, Scan) else None
     if given is not None:

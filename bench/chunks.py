@@ -1,7 +1,8 @@
-"""Chunks of a sweep's runs: what a worker does in one piece, and the file that keeps it until the run is whole.
+"""Chunks of a sweep's runs: the trials that a worker does at once, and the file that keeps them meanwhile.
 
-A file begins with a seal: a hash of its content, and of the source, the libraries and the readings that it was
-made with. A file with another seal is made again, so that no run mixes what two sources made.
+A chunk's file is kept until its run is whole. It begins with a seal: a hash of its content, and of the source
+code, the libraries and the readings that made it. A chunk whose seal differs is done again, so that no run mixes
+results of different source code.
 """
 
 from __future__ import annotations
@@ -22,12 +23,12 @@ from tactsim.core.documents import LARGE, parse_json
 from tactsim.core.files import read_bytes, replacing
 from tactsim.core.npz import read_npz
 
-MOST_TRIALS = 20  # what a kill can cost: at most this many trials a worker
+MOST_TRIALS = 20  # trials of a chunk: the most that a worker loses when it is killed
 
 
 @dataclass(frozen=True)
 class Chunk:
-    """A piece of one run: some trials of one letter. made_with: what its result depends on, for the seal."""
+    """Some trials of one letter in one run. made_with: what their result depends on, for the seal."""
 
     run: str
     number: int
@@ -36,7 +37,7 @@ class Chunk:
 
     def path(self, folder: Path) -> Path:
         """Name the chunk's file in a sweep's folder."""
-        return folder / "parts" / f"{self.run}.{self.number:05d}.npz"
+        return folder / "chunks" / f"{self.run}.{self.number:05d}.npz"
 
     def seal(self, body: bytes) -> bytes:
         """Hash a file's content with what it was made with: 32 bytes."""
@@ -44,7 +45,7 @@ class Chunk:
 
 
 def chunks_of(name: str, plan: TrialPlan, letters: Iterable[str], trials: int) -> list[Chunk]:
-    """Divide a run into chunks."""
+    """Divide a run into chunks of at most MOST_TRIALS trials of one letter."""
     trying = [plan.readings, plan.seed, plan.explore]
     made_with = json.dumps([plan.source, plan.digest, trying, versions()], sort_keys=True)
     tasks = [
@@ -66,7 +67,7 @@ def save_chunk(folder: Path, chunk: Chunk, trials: Trials, work: Mapping[str, in
 
 
 def load_chunk(folder: Path, chunk: Chunk) -> tuple[Trials, dict[str, int]] | None:
-    """Read a chunk that is done; None if there is none, or its file has another seal."""
+    """Read a chunk that is done; None if there is no file, or its seal differs."""
     try:
         content = read_bytes(chunk.path(folder), LARGE)
     except InputError:

@@ -1,4 +1,4 @@
-"""Compare two runs on the same trials: who is right more often, who is more exact, beyond chance."""
+"""Compare two runs on the same trials: which is right more often or more exact, beyond chance."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""What a run is asked to do: the one model from which the command line, sweeps, run folders and Python derive.
+"""The configuration of a run: one model for the command line, sweep files, run folders and Python.
 
-Its fields are the long options of `bench run`, the keys of a sweep file, the words of `tactsim.run`, and the
+Its fields are the long options of `bench run`, the keys of a sweep file, the keywords of `tactsim.run`, and the
 `config` of a run's folder.
 """
 
@@ -28,13 +28,13 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Flag:
-    """How a field is called on the command line, where not by its own name; None: it is not there."""
+    """The name of a field's option if it is not the field's own; None if the command line does not have it."""
 
     name: str | None
 
 
 def _letters(words: Any) -> Any:
-    """Read letters from one word, such as "AEIOU" or "A-Z0-9"; a list of names stays as it is."""
+    """Read letters from a text such as "AEIOU" or "A-Z0-9"; a list of names stays as it is."""
     if not isinstance(words, str):
         return words
     from tactsim.models import parse_letters
@@ -43,7 +43,7 @@ def _letters(words: Any) -> Any:
 
 
 def _names(words: Any) -> Any:
-    """Read names from one word, such as "A,E"; each once and in one order."""
+    """Read names from a text such as "A,E", sorted and without repeats; a list of names likewise."""
     names = words.replace(",", " ").split() if isinstance(words, str) else words
     return tuple(sorted(set(names))) if isinstance(names, list | tuple) else names or ()
 
@@ -80,7 +80,7 @@ class ScanWords(BaseModel):
 
     @cached_property
     def scan_options(self) -> ScanOptions:
-        """Resolve the words: a world, changed by `noise`, by the other words, and last by `scan_set`.
+        """Resolve the options of the scan: a world, changed by `noise`, the other fields, and last `scan_set`.
 
         Raises InputError for the first wrong value, and for a file that cannot be read.
         """
@@ -102,19 +102,20 @@ class ScanWords(BaseModel):
 class RunConfig(ScanWords):
     """One run of the paper's protocol: an estimator, its readings and how it is tried.
 
-    Letters are pressed as the words of the scan say. With `scan` the readings come from that file, and with
-    `given` from Python; letters then says which of them take part. With `train_scan` the training readings
-    come from that file instead (train on simulated, test on recorded).
+    By default letters are pressed as the fields of `ScanWords` say. With `scan` the readings come from that
+    file, and with `given` from Python; `letters` then selects some of their letters. With `train_scan` the
+    training readings come from that file (train on simulated, test on recorded).
     """
 
-    estimator: str = Field("refined", description="Which one; `bench list` names them.")
+    estimator: str = Field("refined", description="The estimator; `bench list` names them all.")
     bins: int | None = Field(
         None, description="Histogram bins for each letter: 100, 1000, 10000 (Table I) or any count."
     )
     particles: int | None = Field(None, description="Particles over all letters (n_P).")
     set: dict[str, Any] = Field({}, description="An option of the estimator, key=value; repeat for several.")
     hold_out: Annotated[tuple[str, ...], BeforeValidator(_names)] = Field(
-        (), description="Letters to try without training on them, A,E: right is 'none' (see `--set unknown`)."
+        (),
+        description="Letters to try but not to train on, e.g. A,E: 'none' is then right (see `--set unknown`).",
     )
     trials: int = Field(10, ge=1, le=1_000_000, description="Trials for each letter.")
     readings: int = Field(60, ge=1, description="Readings a trial, without replacement.")
@@ -130,7 +131,7 @@ class RunConfig(ScanWords):
     )
 
     @model_validator(mode="after")
-    def _nothing_is_said_in_vain(self) -> RunConfig:
+    def _no_press_options_without_a_press(self) -> RunConfig:
         if self.pressed:
             return self
         for name in ("shapes", "test_poses", "world", "noise", "scan_set"):
@@ -161,7 +162,7 @@ class RunConfig(ScanWords):
 
     @property
     def digest(self) -> str:
-        """Name all that the run is asked to do, however it is worded and whatever a file of a world is called."""
+        """Hash what the run is asked to do; equal values have one digest, whatever a world's file is called."""
         rest = self.model_dump(mode="json", include={"estimator", "trials", "readings", "explore", "seed"})
         content = json.dumps([self.source, self.options, rest], sort_keys=True, default=str)
         return hashlib.sha256(content.encode()).hexdigest()
@@ -192,7 +193,7 @@ def _world(name: str) -> Mapping[str, Any]:
 
 
 def merged(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
-    """Lay nested changes over nested values; neither argument is touched."""
+    """Return nested values with nested changes applied; neither argument is modified."""
     result = dict(base)
     for key, value in changes.items():
         inner = result.get(key)
@@ -203,7 +204,7 @@ def merged(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any
 
 
 def whole_number(text: str) -> int | None:
-    """Read a count of at most nine digits; None if `text` is none."""
+    """Read a count of at most nine digits; None if `text` is not one."""
     return int(text) if re.fullmatch(r"[0-9]{1,9}", text) else None
 
 

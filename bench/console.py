@@ -1,4 +1,4 @@
-"""The terminal, for text that a stranger may have written: nothing in it becomes markup or a control code."""
+"""Print untrusted text on the terminal: nothing in it becomes markup or a control code."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from tactsim.core.errors import printable
 
 class _PlainConsole(Console):
     def render_str(self, text: str, **options: Any) -> Text:
-        """Make what is shown of any str, a table's cells included."""
+        """Render any str, a table's cells included, with unprintable characters escaped."""
         return super().render_str(printable(text), **options)
 
 
 def plain_console(stderr: bool = False) -> Console:
-    """Make a console that shows every str as it is written; only `style` and rich's own `Text` give it looks."""
+    """Make a console that shows every str as it is written; only `style` and rich's own `Text` format it."""
     return _PlainConsole(stderr=stderr, markup=False, highlight=False, emoji=False)

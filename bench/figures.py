@@ -18,7 +18,7 @@ BLUE, ORANGE, GREY = "#3366aa", "#cc6633", "#666666"
 
 
 class Picture(Figure):
-    """A figure that a notebook shows also where pyplot was never imported."""
+    """A figure that a notebook shows even if pyplot was never imported."""
 
     def png(self, dpi: int = 150) -> bytes:
         """Give the figure as PNG, without a date so that equal figures are equal bytes."""

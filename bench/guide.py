@@ -136,7 +136,7 @@ class _Screen:
         self._live.update(Group(*lines, Text(KEYS, "dim")), refresh=True)
 
     def note(self, press: Press) -> None:
-        """Print what was done about a press, where there is no picture that shows it."""
+        """Print what became of a press, if no picture shows it."""
         if self._live is not None:
             return
         line = f"press {press.number + 1} of {len(self._session.plan.poses)}: {press.what}"

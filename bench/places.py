@@ -1,4 +1,4 @@
-"""Where results go, and whether they can go there: said before the work starts, not after it."""
+"""Choose where results go, and check before the work starts that they can be written there."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def _check_writable(path: Path) -> None:
 
 @contextmanager
 def _refusing(path: Path) -> Iterator[None]:
-    """Turn what the system says of an impossible name into an InputError."""
+    """Turn the system's error for an impossible path into an InputError."""
     try:
         yield
     except OSError as error:

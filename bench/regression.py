@@ -1,9 +1,9 @@
-"""Keep times and errors from getting worse unseen: compare a benchmark's result with the baseline.
+"""Notice when times or errors get worse: compare a benchmark's results with the baseline.
 
 `make bench-check` runs tests/bench/bench_regression.py under pytest-benchmark and calls
 `python -m tactsim.bench.regression check BASELINE RESULTS...`; `make bench-baseline` renews the baseline.
 Machines are noisy and differ, so a time is kept as its ratio to a fixed NumPy reference that was
-measured in the same rounds; a ratio may rise by a quarter, and of several results the least counts.
+measured in the same rounds. A ratio may rise by a quarter; of several results the smallest ratio counts.
 Errors have no noise: the same seed gives the same error, within 1e-9.
 """
 
@@ -103,7 +103,7 @@ def write_baseline(found: Figures, path: str | Path) -> None:
 
 
 def check(base: Figures, new: Figures) -> list[Finding]:
-    """Compare every ratio and every figure; a benchmark that is gone is a finding, a new one is not."""
+    """Compare every ratio and every figure, also of benchmarks that are gone or new."""
     findings = []
     for name in sorted(base | new):
         if name not in new:

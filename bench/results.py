@@ -1,4 +1,4 @@
-"""The files of a run, written and read back as they were. `results/README.md` has the schema."""
+"""Write the files of a run, and read them back unchanged. `results/README.md` has the schema."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ COLUMNS = (
     "truth", "trial", "reading_number", "reading", "label", "p_truth", "p_label", "x", "y", "theta",
     "true_x", "true_y", "true_theta", "evaluations",
 )  # fmt: skip
-# times.csv: one row per trial and reading, in the same order; differs from run to run.
+# times.csv: one row per trial and reading, in the same order; the times differ whenever a run is repeated.
 TIME_COLUMNS = ("truth", "trial", "reading_number", "update_s", "estimate_s", "propose_s")
 
 
@@ -45,7 +45,7 @@ class _Strict(BaseModel):
 
 
 class _Config(_Strict):
-    """What every reader of a run asks of its configuration; the rest may be another version's."""
+    """The fields of a run's configuration that every reader needs; others may come from another version."""
 
     estimator: str
     seed: int
@@ -68,7 +68,7 @@ class _Machine(_Strict):
 
 
 class _About(_Strict):
-    """What every reader of a run asks of run.json."""
+    """The fields of run.json that every reader needs."""
 
     config: _Config
     objects: dict[str, Any]
@@ -87,14 +87,14 @@ class _About(_Strict):
 
 
 class _Times(_Strict):
-    """What every reader of a run asks of times.json."""
+    """The fields of times.json that every reader needs."""
 
     seconds: dict[str, float]
     work: dict[str, Any]
 
 
 def save(run: Run, folder: Path) -> None:
-    """Write a run's files into `folder`; the same run gives the same bytes, times.* apart."""
+    """Write a run's files into `folder`; except for times.*, the same run gives the same bytes."""
     write_text(
         folder / "run.json",
         to_json(
@@ -126,13 +126,13 @@ def save_with_pictures(run: Run, folder: Path) -> Path:
 
 
 def pictures(run: Run) -> dict[str, Callable[[], Picture]]:
-    """Name the pictures that belong into a run's folder, each with what draws it."""
+    """Name the pictures of a run's folder, each with the function that draws it."""
     maps = {"maps.png": run.plot_maps} if run.maps else {}
     return {"readings.png": run.plot} | maps
 
 
 def load(path: str | Path) -> Run:
-    """Read a run's folder. Raises InputError if it is no run, is not whole or has another schema."""
+    """Read a run's folder. Raises InputError if it is not a run, is not whole or has another schema."""
     folder = Path(path)
     if not (folder / "run.json").is_file():
         raise InputError(f"{folder} is not the folder of a run: it has no run.json")
@@ -160,7 +160,7 @@ def load(path: str | Path) -> Run:
 
 
 def to_json(value: Any) -> str:
-    """Write JSON with sorted keys, a line an entry; refuses NaN and infinity."""
+    """Write JSON with sorted keys, one entry a line. Raises ValueError for NaN and infinity."""
     return json.dumps(value, indent=1, sort_keys=True, allow_nan=False, default=str) + "\n"
 
 

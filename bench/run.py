@@ -44,10 +44,11 @@ class Run:
 
     The curves are arrays over the reading count: `accuracy[4]` is the accuracy after five readings.
 
-    config: the configuration. about: versions, machine, protocol, what the estimator says of itself, eq. 3's
-    agreement. objects: what the error metric needs of each letter. work: counts of what was done and skipped.
-    trials: the raw result, an array a column. times: seconds of each stage and peak memory. plan and maps: what
-    trials can be done again with, and the occupancy maps that were learned; a run that was loaded has neither.
+    config: the configuration. about: versions, machine, protocol, the estimator's description and options, eq.
+    3's agreement. objects: each letter's properties for the error metric. work: counts of what was done and
+    skipped. trials: the raw result, an array a column. times: seconds of each stage and peak memory. plan: what
+    is needed to do trials again. maps: the occupancy maps that were learned. A loaded run has neither plan nor
+    maps.
     """
 
     config: dict[str, Any]
@@ -123,7 +124,7 @@ class Run:
 
     @property
     def protocol(self) -> str:
-        """What may be compared: only runs of one protocol."""
+        """The name of the protocol; only runs of one protocol may be compared."""
         return self.about["protocol"]
 
     @property
@@ -172,13 +173,13 @@ class Run:
         return DataFrame(self.columns())
 
     def plot(self) -> Picture:
-        """Draw accuracy and placement error, with their intervals, against the readings seen (figure 7)."""
+        """Draw accuracy and placement error, with intervals, against readings seen (the paper's figure 7)."""
         from tactsim.bench.figures import readings_figure
 
         return readings_figure(self)
 
     def plot_maps(self) -> Picture:
-        """Draw the occupancy maps that were learned (figure 4). Raises InputError if there are none."""
+        """Draw the learned occupancy maps (the paper's figure 4). Raises InputError if there are none."""
         from tactsim.bench.figures import maps_figure
 
         return maps_figure(self.maps)
@@ -194,7 +195,7 @@ class Run:
 
     @classmethod
     def load(cls, folder: str | Path) -> Run:
-        """Read the folder of a run. Raises InputError if it is no run, is not whole or has another schema."""
+        """Read a run's folder. Raises InputError if it is not a run, is not whole or has another schema."""
         from tactsim.bench.results import load
 
         return load(folder)

@@ -1,4 +1,4 @@
-"""One run from readings to scores: press or load, fit, try, summarise."""
+"""Do one run: press or load the readings, fit the estimator, do the trials, score them."""
 
 from __future__ import annotations
 
@@ -56,22 +56,22 @@ def perform(
 ) -> Run:
     """Press or load the readings, fit the estimator, do all trials and score them.
 
-    scan: the readings that `config.given` names. estimator: to be used instead of the named one. jobs:
-    processes. cache: whether pressed readings may be taken from and put into the cache. progress(stage, done,
+    scan: the readings that `config.given` names. estimator: replaces the one that `config` names. jobs:
+    processes. cache: whether pressed readings may be read from the cache and kept there. progress(stage, done,
     total) is called for the stages "press", "map" and "trials".
 
     Raises InputError for a configuration that does not fit together.
     """
     start = perf_counter()
     if estimator is None:
-        fitted = create(config.estimator, **config.options)  # a wrong option is said before the work
+        fitted = create(config.estimator, **config.options)  # a wrong option is reported before the work
     else:
         config, fitted = _with_estimator(config, estimator), estimator
     gathered = gather(config, scan=scan, jobs=jobs, cache=cache, progress=progress)
     check_readings(gathered.scan, gathered.letters, config.readings, config.hold_out)
     plan = plan_of(config, gathered.scan, estimator)
     if jobs > 1:
-        plan.portable()  # an estimator that cannot be sent to workers is said before the work
+        plan.portable()  # an estimator that cannot be sent to workers is reported before the work
 
     fitting = perf_counter()
     progress("map", 0, 1)
@@ -145,7 +145,7 @@ def gather(
 
 
 def plan_of(config: RunConfig, scan: Scan, given: Estimator | None = None) -> TrialPlan:
-    """Say what a worker needs to do this run's trials on these readings."""
+    """Put together what a worker needs to do this run's trials on these readings."""
     return TrialPlan(
         config.estimator, config.options, scan, config.readings, config.seed, config.explore, given
     )
@@ -161,10 +161,10 @@ def finished_run(
     seconds: dict[str, float] | None = None,
     jobs: int | None = None,
 ) -> Run:
-    """Score the trials and put everything that a run's folder keeps together.
+    """Score the trials and build the `Run`.
 
-    estimator: the one that was given instead of the configuration's. seconds: of the stages, where they were
-    measured in one piece.
+    estimator: the one that replaced the configuration's, if any. seconds: of the stages; a sweep, which does
+    the trials of several runs at once, has none.
     """
     objects = properties(gathered.scan)
     made = estimator or create(config.estimator, **config.options)
@@ -203,7 +203,7 @@ def finished_run(
 
 
 def about_estimator(estimator: Estimator) -> dict[str, Any]:
-    """Say how an estimator is set up, so that a report needs no plug-in.
+    """Describe how an estimator is set up, so that a report can do without the estimator's plug-in.
 
     options: all of them. settings: those that are not the defaults. budget: see `budget_of`.
     """
@@ -223,7 +223,7 @@ def budget_of(estimator: Estimator) -> dict[str, Any] | None:
 
 
 def _protocol_name(config: RunConfig, scan: Scan) -> str:
-    """Name what may share a table: results of different protocols are never put side by side."""
+    """Name the protocol of a run; only results of one protocol share a table."""
     poses = "from a file" if config.scan else _stated_test_poses(scan) or "given"
     order = "random order" if config.explore == "random" else "order chosen by information"
     held_out = f", {' '.join(config.hold_out)} held out" if config.hold_out else ""

@@ -54,8 +54,8 @@ class _Stated(BaseModel):
 def properties(scan: Scan) -> dict[str, Properties]:
     """Take the objects' properties from the scan, or estimate them from its training readings.
 
-    Where the scan does not name them, the pressures of the training readings, put where they were
-    felt, stand for the mass (the paper estimates them from its maps), and no symmetry is assumed.
+    If the scan does not state them, the pressures of the training readings, at the places where they were
+    felt, stand for the mass, and no symmetry is assumed. The paper estimates the properties from its maps.
     """
     known = scan.meta.get("objects", {})
     if not isinstance(known, dict):
@@ -81,7 +81,7 @@ def _felt(train: Scan, all_readings: Scan) -> Properties:
 
 
 def placement_error(estimated: ArrayLike, true: ArrayLike, of: Properties) -> FloatArray:
-    """Measure how far the object was placed from where it is, in mm.
+    """Measure the distance between an object's estimated and true placement, in mm.
 
     estimated, true: (..., 3) robot_in_object. The object's placement is the inverse, T_O^R.
     d^2 = |displacement of the centre of mass|^2 + (I/m) 2 (1 - cos dtheta): the rms displacement of
@@ -129,7 +129,7 @@ def settled_at(right: NDArray[np.bool_]) -> NDArray[np.int64]:
 
 
 def settled_by(right: NDArray[np.bool_], share: float) -> int | None:
-    """Find the first reading by which `share` of the trials have settled on the right letter."""
+    """Find the first reading by which `share` of the trials are and stay right; None if there is none."""
     at = np.sort(settled_at(right))
     reading = int(at[int(np.ceil(share * len(at) - 1e-9)) - 1])
     return reading if reading <= right.shape[1] else None
@@ -184,12 +184,12 @@ def calibration_gap(trials: Trials, objects: Mapping[str, Properties]) -> Curve:
 
 
 def refused_known(trials: Trials, objects: Mapping[str, Properties]) -> Curve:
-    """Share of the trials of known letters that are taken for none of them."""
+    """Share of the trials of known letters whose estimate is 'none'."""
     return (trials.label[trials.known] == NONE).mean(axis=0)
 
 
 def refused_unknown(trials: Trials, objects: Mapping[str, Properties]) -> Curve:
-    """Share of the trials of held-out letters that are taken for none of the known ones; None without such trials."""
+    """Share of the trials of held-out letters whose estimate is 'none'; None without such trials."""
     return _mean((trials.label == NONE).astype(float), ~trials.known[:, None] & np.ones_like(trials.right))
 
 
@@ -227,7 +227,8 @@ def confusion(trials: Trials, objects: Mapping[str, Properties]) -> dict[str, di
 
 Metric = Callable[[Trials, Mapping[str, Properties]], Any]
 
-# Over the reading count, then one number or table a run; the first line of each docstring says what.
+# CURVES run over the reading count; HEADLINES are one number or table a run. `bench list` shows the first line of
+# each docstring.
 CURVES: dict[str, Metric] = {
     metric.__name__: metric
     for metric in (
@@ -256,7 +257,7 @@ def _mean(values: FloatArray, chosen: NDArray[np.bool_]) -> Curve:
 
 
 def _nones(values: FloatArray) -> Curve:
-    """Write None for what is not a number, so that JSON can say it."""
+    """Replace NaN by None, which JSON can hold."""
     if np.isfinite(values).all():
         return values
     return [float(value) if np.isfinite(value) else None for value in values]

@@ -1,8 +1,8 @@
-"""Do many runs: what is done stays done, whenever and however the sweep was stopped.
+"""Do many runs, and keep what is done, whenever and however the sweep is stopped.
 
-A sweep's folder holds `sweep.json` (the list of runs asked for), `parts/` (finished chunks of runs
-that are not whole yet) and `runs/` (whole runs, as `bench run` writes them). Only this process
-writes there; workers, local or on a Dask cluster, are sent trials to do and send back what came out.
+A sweep's folder holds `sweep.json` (the list of runs asked for), `chunks/` (finished chunks of runs that are not
+whole yet) and `runs/` (whole runs, as `bench run` writes them). Only this process writes there. Workers, local or
+on a Dask cluster, receive trials and send back their results.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ from tactsim.core.files import new_folder, write_text
 from tactsim.core.workers import worker_processes
 from tactsim.estimators import create
 
-ATTEMPTS = 3  # how often trials are sent out again when a worker dies over them
+ATTEMPTS = 3  # how often trials are tried when workers die
 
 Pool = Callable[[], AbstractContextManager[Executor]]
 
@@ -54,13 +54,13 @@ def perform(
 ) -> list[Path]:
     """Do every run that `folder` does not hold yet; returns the folders of all runs, in order.
 
-    jobs: local processes, where no `pool` of another kind is given. Readings that several runs share
-    are pressed once, and each worker fits an estimator once for all the trials that it is sent.
+    jobs: local processes, if no other `pool` is given. Readings that several runs share are pressed once, and
+    each worker fits an estimator once for all its trials of a run.
 
-    Raises InputError if the folder belongs to another sweep, holds runs that other source code made beside
-    some that are still to do, is in use or cannot be written.
+    Raises InputError if the folder belongs to another sweep, is in use or cannot be written, or if it holds
+    runs made by other source code while others are still to do.
     """
-    names = _names(configs)  # a wrong option is said before the work
+    names = _names(configs)  # a wrong option is reported before the work
     with _locked(folder):
         _claim(folder, names, configs)
         places = {name: folder / "runs" / name for name in names}
@@ -101,10 +101,10 @@ def perform(
 
 
 def dask_pool(address: str) -> Pool:
-    """Use the workers of a Dask cluster, tcp://HOST:PORT, behind the face of a local pool.
+    """Make a pool of the workers of a Dask cluster at tcp://HOST:PORT.
 
-    A worker that dies has its trials sent to another. Raises InputError, when entered, if dask is
-    not installed or no scheduler answers.
+    If a worker dies, its trials are sent to another. Entering the pool raises InputError if dask is not
+    installed or no scheduler answers.
     """
 
     @contextmanager
@@ -130,7 +130,7 @@ def _local(jobs: int) -> Pool:
 def _work_off(
     queue: list[Chunk], plans: Mapping[str, TrialPlan], pool: Pool
 ) -> Iterator[tuple[Chunk, Trials, dict[str, int]]]:
-    """Send chunks out and give back what comes in; after a worker's death the rest is sent again."""
+    """Send chunks to workers and yield their results; after a worker's death send the rest again."""
     left = {(chunk.run, chunk.number): chunk for chunk in queue}
     for attempt in range(1, ATTEMPTS + 1):
         if not left:
@@ -171,12 +171,12 @@ def _gather_all(
 
 
 def _check_sources(folder: Path, whole: Mapping[str, Run]) -> None:
-    """Raise InputError if a run that is whole was made by other source code than would make the rest."""
+    """Raise InputError if a whole run was made by other source code than the rest would be."""
     for name, run in whole.items():
         if run.about["source"] != source_of_trials(run.estimator):
             raise InputError(
-                f"{folder / 'runs' / name} was made by other source code than this: remove such runs to have them "
-                "made again, or name another folder with --out"
+                f"{folder / 'runs' / name} was made by other source code than this; remove such runs, which are "
+                "then done again, or name another folder with --out"
             )
 
 
@@ -186,7 +186,7 @@ def _write_run(folder: Path, config: RunConfig, gathered: Gathered, chunks: Sequ
     pieces = [piece for piece in loaded if piece is not None]
     if len(pieces) != len(chunks):
         raise InputError(
-            f"{folder / 'parts'}: a finished part was changed while the sweep ran; start it again"
+            f"{folder / 'chunks'}: a finished chunk was changed while the sweep ran; start it again"
         )
     work: Counter[str] = Counter()
     for _, of_chunk in pieces:
@@ -199,10 +199,10 @@ def _write_run(folder: Path, config: RunConfig, gathered: Gathered, chunks: Sequ
 
 
 def _tidy(folder: Path, done: Sequence[str]) -> None:
-    """Remove what a sweep that was killed left: parts of runs that are whole, files half-written."""
-    for path in [*folder.glob("runs/.*.part"), *folder.glob("parts/.*.part")]:
+    """Remove what a killed sweep left: chunks of runs that are whole, and half-written files."""
+    for path in [*folder.glob("runs/.*.part"), *folder.glob("chunks/.*.part")]:
         shutil.rmtree(path) if path.is_dir() else path.unlink()
-    for path in folder.glob("parts/*.npz"):
+    for path in folder.glob("chunks/*.npz"):
         if path.name.rsplit(".", 2)[0] in done:
             path.unlink()
 

@@ -1,4 +1,4 @@
-"""Read what a sweep asks for: a TOML file or a suite of that name, and every combination of its lists."""
+"""Read the runs of a sweep from a TOML file or a suite: one run for every combination of its lists."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ from tactsim.core.errors import unknown
 def read(source: str) -> tuple[str, list[RunConfig]]:
     """Read a sweep from a TOML file or a suite's name: its name and its runs, in order.
 
-    The file has `[[run]]` tables, and `[defaults]` laid under each. Their keys are the long options
-    of `bench run` with underscores (`set` and `scan_set` are tables); a list stands for one run per
-    entry, and several lists for every combination.
+    The file has `[[run]]` tables, and `[defaults]` for what they leave out. Their keys are the long options of
+    `bench run` with underscores (`set` and `scan_set` are tables). A list stands for one run per entry, and
+    several lists for every combination.
 
     Raises InputError if the file cannot be read, a key is unknown or a value is wrong.
     """
@@ -32,7 +32,7 @@ def read(source: str) -> tuple[str, list[RunConfig]]:
     elif path.suffix or path.exists():
         table, name = read_toml(path, "sweep"), path.stem
     else:
-        raise unknown("suite (nor is it a file)", source, suites())
+        raise unknown("suite or sweep file", source, suites())
     return name, expand(table, f"sweep {source}")
 
 

@@ -1,4 +1,4 @@
-"""What a person sees on the terminal: bars while it works, then a table and where the files are."""
+"""Show a run on the terminal: progress bars, then a table and the places of its files."""
 
 from __future__ import annotations
 
@@ -123,7 +123,7 @@ def headlines(run: Run) -> list[str]:
         )
         + f"; update {1e3 * seconds['update_per_reading']:.3f} ms, "
         f"estimate {1e3 * seconds['estimate_per_reading']:.3f} ms a reading"
-        + (f", choice of it {1e3 * propose:.1f} ms" if propose else "")
+        + (f", choice of the next {1e3 * propose:.1f} ms" if propose else "")
     )
     done = ", ".join(
         f"{name.replace('_', ' ')} {count:,}" for name, count in work.items() if name != "skipped"

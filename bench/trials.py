@@ -77,12 +77,12 @@ class Trials:
 
     @property
     def named(self) -> NDArray[np.bool_]:
-        """Tell for (n, r) whether the true letter is known, and named: only then is there a placement to be off."""
+        """Tell for (n, r) whether the letter is known and right: only then is a placement error counted."""
         return self.right & self.known[:, None]
 
     @property
     def seconds(self) -> FloatArray:
-        """Give what each reading took (n, r): its choice, the update and the estimate."""
+        """Give the seconds of each reading (n, r): its choice, the update and the estimate."""
         return self.update_s + self.estimate_s + self.propose_s
 
     @classmethod
@@ -106,8 +106,8 @@ def draw_true_pose(rng: np.random.Generator) -> FloatArray:
 def generator(seed: int, task: Task, stream: int) -> np.random.Generator:
     """Make the generator of one trial; stream 0 draws pose and order, stream 1 is the estimator's.
 
-    It depends on nothing but its arguments, so any order, any number of processes and any
-    estimator meet the same trials.
+    It depends on its arguments alone. So the trials are the same in any order, in any number of processes and
+    for any estimator.
     """
     return np.random.default_rng([seed, zlib.crc32(task.truth.encode()), task.trial, stream])
 
@@ -141,11 +141,10 @@ def run_trial(
 
     `test` holds the letter's test readings only; `letters` are those that the estimator was trained on.
     Readings come in random order without replacement, or, with explore="information", as the estimator
-    proposes. observe(estimate) is called after each reading, outside the times that are taken. Times are
-    this process's processor time: what other programs do on the machine meanwhile would otherwise be
-    measured too.
+    proposes. observe(estimate) is called after each reading, and its time does not count. Times are this
+    process's processor time, so that other programs on the machine do not count either.
 
-    Raises InputError that names the estimator if it answers what is no estimate or no proposal.
+    Raises InputError that names the estimator if its answer is not a valid estimate or proposal.
     """
     rng = generator(seed, task, 0)
     true_pose = draw_true_pose(rng)
@@ -202,9 +201,10 @@ def _evaluations(estimator: Estimator) -> int:
 
 @dataclass(frozen=True, eq=False)
 class TrialPlan:
-    """All that a worker needs to do trials: who estimates, on which readings, and how many.
+    """All that a worker needs to do trials: the estimator, the scan, and how many readings in which order.
 
-    given: an estimator that no name makes, itself or pickled for a worker; None where `estimator` names one.
+    given: an estimator made in Python, as it is or pickled for a worker; None if `estimator` is a registered
+    name.
     """
 
     estimator: str
@@ -216,7 +216,7 @@ class TrialPlan:
     given: Estimator | bytes | None = None
 
     def make(self) -> Estimator:
-        """Make the estimator, which is to be fitted then.
+        """Make the estimator, which is not fitted yet.
 
         Raises InputError if it does not exist, or was given and cannot be made in another process.
         """
@@ -226,35 +226,35 @@ class TrialPlan:
             return self.given
         try:
             return pickle.loads(self.given)
-        except Exception as error:  # whatever a stranger's class raises when it is made
+        except Exception as error:  # a user's class may raise anything when it is unpickled
             raise _not_portable(self.estimator, error) from error
 
     def portable(self) -> TrialPlan:
-        """Make the plan one that worker processes understand. Raises InputError if the estimator cannot be sent."""
+        """Return a plan that can be sent to worker processes. Raises InputError if the estimator cannot be."""
         if self.given is None or isinstance(self.given, bytes):
             return self
         try:
             return replace(self, given=pickle.dumps(self.given))
-        except Exception as error:  # whatever a stranger's class raises when it is pickled
+        except Exception as error:  # a user's class may raise anything when it is pickled
             raise _not_portable(self.estimator, error) from error
 
     @property
     def source(self) -> str:
-        """Hash the source code that the trials depend on, the readings apart."""
+        """Hash the source code that the trials depend on, without that which makes readings."""
         return source_of_trials(self.given if isinstance(self.given, Estimator) else self.estimator)
 
     @property
     def digest(self) -> str:
-        """Name what the fitted estimator depends on: its name, its options, the scan."""
+        """Identify the fitted estimator by what it depends on: its name, its options, the scan."""
         options = json.dumps(self.options, sort_keys=True, default=str)
         given = hashlib.sha256(self.given).hexdigest() if isinstance(self.given, bytes) else ""
         return f"{self.estimator} {options} {self.scan.digest} {given}"
 
 
 def source_of_trials(estimator: str | Estimator) -> str:
-    """Hash the source code that trials of an estimator depend on, the readings apart.
+    """Hash the source code that trials of an estimator depend on, without that which makes readings.
 
-    Raises InputError if there is no estimator of that name.
+    Raises InputError if no estimator has that name.
     """
     kinds = [load(estimator)] if isinstance(estimator, str) else _kinds(estimator)
     return source_digest(__name__, *(kind.__module__ for kind in kinds))
@@ -325,7 +325,7 @@ def _run_here(
 def run_chunk(plan: TrialPlan, tasks: list[Task]) -> tuple[Trials, dict[str, int]]:
     """Do some trials in a worker process; an estimator is fitted once for all chunks of a plan.
 
-    Returns the trials in the order of `tasks`, and the flattened work, the fitting's apart.
+    Returns the trials in the order of `tasks`, and the flattened work without that of fitting.
     """
     trials, work = _run_here(plan, _fitted(plan), tasks, lambda done: None)
     return trials, flatten_work(work)

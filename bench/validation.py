@@ -30,12 +30,13 @@ CLASSES = ("no contact", "in contact", "unknown")
 
 @dataclass(frozen=True, eq=False)
 class Validation:
-    """What a comparison of a simulated and a recorded scan says.
+    """The result of comparing a simulated and a recorded scan.
 
-    before, after: errors with the simulation's own parameters and with the fitted ones. classes: the
-    share of taxels that eq. 3 puts in the same class, recorded against simulated readings, and
-    simulated against simulated with other noise, which is as good as it can get; and the counts, rows
-    recorded. recognition: final accuracy and error by "trained on -> tested on".
+    before, after: errors with the simulation's own parameters and with the fitted ones. class_agreement: the
+    share of taxels that eq. 3 puts in the same class for recorded and simulated readings. class_ceiling: the
+    same for two simulations with different noise, which is as good as it can get. class_counts: (3, 3) taxels,
+    rows by recorded class, columns by simulated class. recognition: final accuracy and error by "trained ->
+    tested". parameters: options of a scan that reads as the recorded pad does.
     """
 
     readings: int
@@ -85,7 +86,7 @@ class _Simulator:
         return ideal[:, self.taxels]
 
     def noisy(self, seed: int) -> FloatArray:
-        """Draw readings at the recorded poses with all that the simulation's options add."""
+        """Simulate readings at the recorded poses, with the imperfections that the simulation's options state."""
         rng = np.random.default_rng(seed)
         options = self.options
         spread = (options.placement_mm, options.placement_mm, options.placement_rad)
@@ -173,8 +174,8 @@ def _recognition(
 def _parameters(options: ScanOptions, fit: SensorFit) -> dict[str, Any]:
     """Say what to change in a scan's options so that it reads as the recorded pad does.
 
-    Gain and force cannot be told apart by readings alone, so the force takes both. A recorded press is
-    a mean of frames, so what is left of the sensor's steps is in its noise.
+    Gain and force cannot be told apart by readings alone, so the force takes both. A recorded press is a mean
+    of frames; what the mean leaves of the sensor's resolution is part of the fitted noise.
     """
     return {
         "placement_mm": round(fit.placement_mm, 4),

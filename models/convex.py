@@ -1,10 +1,10 @@
 """Cut a polygon with holes into few convex pieces that tile it.
 
 MuJoCo collides convex bodies only, and each piece costs time in every press. Each reflex corner is
-resolved by one cut, the cheapest one found: to a corner that it sees, or along the extension of one of
-its own edges, which keeps right angles right. Short cuts are cheap. Cuts at a sharp angle to an edge
-are dear, as they leave slivers. A cut that serves two reflex corners counts half. So there are at most
-r + 1 pieces for r reflex corners. A cut resolves at most two, so no way of cutting makes fewer than r / 2 + 1.
+resolved by one cut, the cheapest one found. A cut leads to a corner in sight, or extends one of the reflex
+corner's own edges, which keeps right angles right. A cut costs its length. It costs more at a sharp angle to
+an edge, because that leaves slivers, and half as much if it resolves two reflex corners. So r reflex corners
+make at most r + 1 pieces. As a cut resolves at most two of them, no way of cutting makes fewer than r / 2 + 1.
 """
 
 from __future__ import annotations
@@ -143,7 +143,7 @@ class _Graph:
         row = np.concatenate([row, np.tile(np.arange(len(reflex)), 2)])
         origins = corners[reflex[row]]
         reach, edge, point = _first_hit(origins, rays, self.ends.rows, corners)
-        # A cut to a corner that is not seen is none; extensions end wherever they end, so none is left without.
+        # Cuts to corners that are out of sight are dropped. All extensions are kept, so each corner has a cut.
         kept = np.concatenate([point[:count] == end, np.ones(len(rays) - count, dtype=bool)])
         row, rays, origins, reach, edge, point = (a[kept] for a in (row, rays, origins, reach, edge, point))
 

@@ -37,12 +37,12 @@ def _bar(left: float, bottom: float, right: float, top: float) -> CrossSection:
 
 
 def _slant(x0: float, y0: float, x1: float, y1: float, width: float) -> CrossSection:
-    """Join two heights by a stroke with level ends; x are its left sides, width is along x."""
+    """Draw a slanted stroke with level ends; x0 and x1 are its left corners, and width is measured along x."""
     return _polygon((x0, y0), (x0 + width, y0), (x1 + width, y1), (x1, y1))
 
 
 def _chords(radius: float) -> int:
-    """Count the chords to a full circle that keep CHORD_ERROR, a multiple of four."""
+    """Count the chords of a full circle that stay within CHORD_ERROR of it, as a multiple of four."""
     return 4 * math.ceil(math.pi / math.acos(1 - CHORD_ERROR / radius) / 4)
 
 
@@ -56,13 +56,13 @@ def _disc(x: float, y: float, radius: float, chords: int) -> CrossSection:
 
 
 def _ring(x: float, y: float, radius: float, stroke: float) -> CrossSection:
-    """Draw a ring of outer `radius`. To one inner chord there are two outer ones: few convex parts."""
+    """Draw a ring of outer `radius`. Two outer chords face each inner chord, which keeps convex parts few."""
     inner = _chords(radius - stroke)
     return _disc(x, y, radius, 2 * inner) - _disc(x, y, radius - stroke, inner)
 
 
 def _arc(x: float, y: float, radius: float, start: float, stop: float, stroke: float) -> CrossSection:
-    """Draw a piece of a ring from one angle counter-clockwise to another, in degrees."""
+    """Draw a piece of a ring, counter-clockwise from `start` to `stop` degrees."""
     inner = math.ceil(_chords(radius - stroke) * (stop - start) / 360 - 1e-9)
     outside = _circle(x, y, radius, start, stop, 2 * inner)
     return _polygon(*outside, *_circle(x, y, radius - stroke, stop, start, inner))

@@ -1,4 +1,4 @@
-"""`Letter`, the shape that is pressed, with what follows from it, and `ConvexPart`, a convex piece of it."""
+"""`Letter`, a shape to press with its moments and symmetry, and `ConvexPart`, a convex piece of it."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class ConvexPart:
 
     @cached_property
     def rectangle(self) -> Rectangle | None:
-        """Describe the part as an upright box (within 1e-7 mm), or None if it is none."""
+        """Describe the part as an upright box (within 1e-7 mm); None if it is not one."""
         top = self.vertices[:, 2] == self.vertices[:, 2].max()
         if len(self.outline) != 4 or np.count_nonzero(top) != 4:
             return None
@@ -61,17 +61,17 @@ class ConvexPart:
 
 @dataclass(frozen=True, eq=False)
 class Letter:
-    """A raised letter or other flat shape: stands on z = 0, its pressed face at z = height looks along +z.
+    """A raised letter or other flat shape. It stands on z = 0; its pressed face, at z = height, faces +z.
 
-    The object frame has its origin at the face's centre of area. It is seen as the pad sees it, which is as
-    one reads the letter: x to the right, y up, z towards the pad. A sensor pose [x, y, theta] in this frame
-    turns and shifts the pad's own x and y, so nothing is mirrored anywhere.
+    The object frame has its origin at the face's centre of area. The pad sees the letter as one reads it: x to
+    the right, y up, z towards the pad. A sensor pose [x, y, theta] in this frame turns and shifts the pad's own
+    x and y, so nothing is mirrored.
 
     name: what a scan calls it. contours: (k, 2) mm each, the footprint: outer outlines counter-clockwise,
     holes clockwise. height: thickness, mm. rounding: radius (mm) of the pressed face's edge, 0 for a sharp
-    one; the footprint is that of the whole letter, the flat of a rounded face is smaller by the radius.
+    one. The footprint is that of the whole letter; the flat of a rounded face is smaller by the radius.
 
-    Letters are equal when their digests are. They can be pickled.
+    Letters are equal when their names and digests are. They can be pickled.
     """
 
     name: str
@@ -142,7 +142,7 @@ class Letter:
     def digest(self) -> str:
         """Hash what is pressed: footprint, height and convex parts, not the name. 64 hex digits.
 
-        A scan can be cached by it.
+        Readings can be cached under it.
         """
         content = hashlib.sha256(np.array([self.height, self.rounding], dtype="<f8").tobytes())
         for array in (*self.contours, *(part.vertices for part in self.parts)):
@@ -157,7 +157,7 @@ class Letter:
         return hash((self.name, self.digest))
 
     def __getstate__(self) -> dict[str, object]:
-        # What is derived is left out: it is made again, and manifold3d's objects do not pickle.
+        # Cached properties are left out: they can be computed again, and manifold3d's objects do not pickle.
         return {field.name: getattr(self, field.name) for field in fields(self)}
 
 
@@ -166,7 +166,7 @@ def letter(name: str, *, height: float = HEIGHT, rounding: float = 0.0) -> Lette
     """Build a letter of the catalogue, a capital or a digit, `height` mm thick.
 
     rounding: radius (mm) of the pressed face's edge. Raises InputError for a name that is not in the
-    catalogue, a height that is not positive, or a radius that the height or the strokes do not carry.
+    catalogue, a height that is not positive, or a radius too large for the height or the strokes.
     """
     from tactsim.models.glyphs import GLYPHS
 

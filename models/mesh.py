@@ -1,4 +1,4 @@
-"""Find the face to press of a mesh file: the highest one, which must be flat and look along +z."""
+"""Read the face to press from a mesh file: the highest one, which must be flat and face +z."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 MOST_FACES = 500_000
 FLATNESS = 0.01  # mm below the highest point that still belong to the face
-LEVEL_SHARE = 0.5  # of the section there that must be level
+LEVEL_SHARE = 0.5  # least share of the section there that must be level
 LARGEST = 1e4  # mm: no coordinate of a thing that a pad could feel is larger
 _SCALE = {"stl": 1.0, "obj": 1.0, "glb": 1000.0}  # to mm; glTF prescribes metres
 
@@ -26,10 +26,10 @@ _SCALE = {"stl": 1.0, "obj": 1.0, "glb": 1000.0}  # to mm; glTF prescribes metre
 def highest_face(content: bytes, kind: str, most_corners: int) -> tuple[CrossSection, float]:
     """Read a mesh of `kind` "stl", "obj" or "glb": the outline of its highest face and its thickness, mm.
 
-    most_corners: of the outline before it is united; bodies that overlap have more than what is seen.
+    most_corners: the most corners that the outline may have before overlapping bodies are united.
 
     Raises InputError if the file is damaged, too large or refers to other files, if the mesh is not
-    watertight, or if what is highest is not a flat face.
+    watertight, or if its highest part is not a flat face.
     """
     from manifold3d import Error, Manifold, Mesh64
 
@@ -64,7 +64,7 @@ def highest_face(content: bytes, kind: str, most_corners: int) -> tuple[CrossSec
     flat = (corners[:, :, 2] >= top - FLATNESS).all(axis=1)
     sides = corners[flat, 1:, :2] - corners[flat, :1, :2]
     upward = float(np.abs(sides[:, 0, 0] * sides[:, 1, 1] - sides[:, 0, 1] * sides[:, 1, 0]).sum() / 2)
-    # The rim of a rounded or bevelled edge belongs to the section and is not level; a dome has hardly more.
+    # The section includes the rim of a rounded edge, which is not level. A dome's section is nearly all rim.
     if upward < LEVEL_SHARE * face.area():
         raise InputError(
             "what is highest (largest z) is not flat: of the mesh's section just below the top only "
@@ -79,7 +79,7 @@ def _load(content: bytes, kind: str) -> Trimesh:
     try:
         with warnings.catch_warnings(), np.errstate(all="ignore"):
             warnings.simplefilter("ignore")
-            # No resolver: nothing but these bytes is read. No processing: it would hide what is not finite.
+            # Without a resolver, nothing but these bytes is read. Processing would hide values that are not finite.
             mesh = trimesh.load_mesh(BytesIO(content), file_type=kind, process=False)
             mesh.apply_scale(_SCALE[kind])
             _check_corners(mesh)
@@ -87,7 +87,7 @@ def _load(content: bytes, kind: str) -> Trimesh:
     except InputError:
         raise
     except Exception as error:
-        # A parser fed with a stranger's bytes raises whatever comes; each of them means the same to the user.
+        # A parser may raise anything on untrusted bytes; to the user every exception means the same.
         reason = " ".join(f"{type(error).__name__}: {error}".split())
         raise InputError(f"not a whole {kind.upper()} file: {reason}") from error
     return mesh
@@ -108,7 +108,7 @@ def _check_corners(mesh: Trimesh) -> None:
 
 
 def _check_claims(content: bytes, kind: str) -> None:
-    """Refuse a file for what it says that it holds, before anything is built of it."""
+    """Refuse a file that claims too many faces, before anything is built from it."""
     if kind == "stl":
         faces = _stl_faces(content)
     elif kind == "obj":
@@ -151,7 +151,7 @@ class _Accessor(BaseModel):
 
 
 class _Gltf(BaseModel):
-    """What of glTF 2.0 tells how much there is to read, and from where."""
+    """The fields of glTF 2.0 that say how much there is to read, and from where."""
 
     accessors: list[_Accessor] = []
     nodes: list[dict[str, Any]] = []
@@ -175,5 +175,5 @@ def _glb_faces(content: bytes) -> int:
         raise InputError(f"it needs the glTF extension {tree.extensionsRequired[0]!r}; export it without")
     if any(part.uri is not None and not part.uri.startswith("data:") for part in tree.buffers + tree.images):
         raise InputError("it refers to other files; export it again as one self-contained .glb")
-    # Three corners make a face; a node costs as much as a hundred faces to place.
+    # Three corners make a face. Placing a node costs as much as a hundred faces.
     return sum(accessor.count for accessor in tree.accessors) // 3 + 100 * len(tree.nodes)

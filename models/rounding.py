@@ -25,8 +25,8 @@ CHORD_ERROR = 0.005  # mm, of the profile's chords
 def inset(contours: Sequence[FloatArray], distance: float) -> list[FloatArray]:
     """Move every edge of a region inwards by `distance` (mm); corners are mitred and keep their order.
 
-    contours: (k, 2) mm each, the region on their left. Raises InputError when an edge would vanish or the
-    region would lose a piece of its outline: then the distance is too large for it.
+    contours: (k, 2) mm each, the region on their left. Raises InputError if the distance is so large that an
+    edge would vanish or the region would lose a piece of its outline.
     """
     from manifold3d import CrossSection
 
@@ -59,7 +59,7 @@ def strips(
 ) -> list[tuple[FloatArray, FloatArray]]:
     """List the convex strip along each edge: its outline in plan (4, 2) mm and its corners (m, 3) mm.
 
-    Raises InputError as `inset`.
+    Raises InputError as `inset` does.
     """
     steps = profile(radius)
     found = []

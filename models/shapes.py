@@ -17,10 +17,10 @@ if TYPE_CHECKING:
 
 STAGE = 32.0  # mm a side: a pad of 11.6 mm at positions up to 10.2 mm from the centre reaches 16 mm
 LEAST_AREA = 1.0  # mm^2, a third of one taxel of the pad
-MOST_CORNERS = 2000  # of the face's outline, once straightened
+MOST_CORNERS = 2000  # corners of the face's outline after straightening
 DETAIL = 0.01  # mm: finer detail is left out
 TOUCHING = 1e-5  # mm: corners and edges nearer than this are moved apart by twice as much
-MOST_TRACED = 20_000  # corners before that; tracing and simplifying take time that grows with their square
+MOST_TRACED = 20_000  # corners before straightening, whose time grows with the square of their number
 LARGEST_FILE = 64 << 20  # bytes
 _UNITS = "lengths are mm in .stl and .obj, metres in .glb, and as the drawing says in .svg"
 
@@ -28,10 +28,10 @@ _UNITS = "lengths are mm in .stl and .obj, metres in .glb, and as the drawing sa
 def shape(
     path: str | Path, *, height: float | None = None, name: str | None = None, rounding: float = 0.0
 ) -> Letter:
-    """Read a shape of one's own and raise its flat face like a letter.
+    """Read a shape from a file and raise its flat face like a letter.
 
-    path: a watertight mesh in mm, .stl or .obj, or in metres, .glb, whose highest face is flat and looks
-    along +z: that face is pressed; or a drawing, .svg, whose filled outlines are pressed as they are seen.
+    path: a mesh or a drawing. A mesh is watertight, in mm (.stl, .obj) or metres (.glb); its highest face, which
+    is flat and faces +z, is pressed. Of a drawing (.svg) the filled outlines are pressed, as they are seen.
     height: thickness in mm; by default the mesh's own, or HEIGHT for a drawing. name: what a scan calls the
     shape, by default the file's name without its ending. rounding: radius (mm) of the face's edge.
 
@@ -81,7 +81,7 @@ def cleaned(region: CrossSection) -> CrossSection:
 
     for step in (DETAIL / 2, -DETAIL, DETAIL / 2):
         region = region.offset(step, JoinType.Miter, 10.0)
-    # Straightened contours can cross or shrink to a line; made anew they do not.
+    # Straightening can make contours cross or shrink to a line. A new region of the same contours has neither.
     region = CrossSection(region.simplify(DETAIL).to_polygons())
     if 0 < region.num_vert() <= MOST_CORNERS and _touches_itself(region.to_polygons()):
         region = region.offset(-TOUCHING, JoinType.Miter, 10.0).simplify(TOUCHING / 10)

@@ -35,7 +35,7 @@ def filled_region(content: bytes) -> CrossSection:
 
     Lengths follow the SVG standard: `width` and `height` with their units size the `viewBox`, and a plain
     number is a pixel of 1/96 inch. Transforms, groups and fill rules count. Curves become chords within
-    FLATTENING. Raises InputError if it is not SVG or draws what is no filled outline (text, clones, strokes).
+    FLATTENING. Raises InputError if the content is not SVG, or draws text or clones, or has no filled outline.
     """
     from manifold3d import CrossSection, FillRule, OpType
 
@@ -65,7 +65,7 @@ def _outlines(content: bytes) -> Iterator[tuple[list[FloatArray], bool]]:
     except ParseError as error:
         raise InputError(f"not an SVG drawing: {error}") from error
     except Exception as error:
-        # A parser fed with a stranger's bytes raises whatever comes; each of them means the same to the user.
+        # A parser may raise anything on untrusted bytes; to the user every exception means the same.
         reason = " ".join(f"{type(error).__name__}: {error}".split())
         raise InputError(f"not a drawing that can be read: {reason}") from error
 
@@ -145,7 +145,7 @@ def _scale(root: Element) -> float:
 
 
 def _looks(root: Element) -> dict[Element, dict[str, str]]:
-    """Find what each drawn element inherits of fill, fill-rule, display and visibility; refuse what is not read."""
+    """Find each element's fill, fill-rule, display and visibility; refuse elements that cannot be read."""
     looks = {}
     stack: list[tuple[Element, dict[str, str]]] = [(root, {})]
     while stack:

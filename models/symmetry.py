@@ -13,8 +13,8 @@ from tactsim.core.poses import FloatArray
 if TYPE_CHECKING:
     from manifold3d import CrossSection
 
-TOLERANCE = 0.05  # mm: an outline that moves by less is where it was; a taxel measures 1.8 mm
-LARGEST_ORDER = 64  # a turn by less moves an outline hardly more than the tolerance
+TOLERANCE = 0.05  # mm: an outline that moves by less counts as unchanged; a taxel measures 1.8 mm
+LARGEST_ORDER = 64  # the turn of a higher order moves an outline hardly more than the tolerance
 _PRIMES = (2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37, 41, 43, 47, 53, 59, 61)
 
 
@@ -48,7 +48,7 @@ def _is_circle(contour: FloatArray, tolerance: float) -> bool:
 
 def _unchanged(region: CrossSection, grown: CrossSection, order: int) -> bool:
     """Tell whether every turn by a multiple of 2 pi / order keeps the region inside its grown self."""
-    # Both ways of a turn are tried, as what sticks out of the turned copy, turned back, is the other way's.
-    # All multiples count: a small turn alone moves no point far.
+    # A turn by +angle tests whether the copy sticks out of the region; a turn by -angle tests the reverse.
+    # All multiples are tried, because one small turn moves no point far.
     turns = (sign * 360 * k / order for k in range(1, order // 2 + 1) for sign in (1, -1))
     return all((region.rotate(degrees) - grown).is_empty() for degrees in turns)

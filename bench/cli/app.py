@@ -65,7 +65,7 @@ def run_app() -> NoReturn:
         fail(f"not enough memory: {error}; ask for fewer bins, particles, letters or taxels")
     except BrokenExecutor:
         fail(
-            "a worker process died, killed or out of memory; nothing half-written was kept; "
+            "a worker process died; it was killed or ran out of memory; nothing half-written was kept; "
             "start again, perhaps with fewer --jobs",
             FAILED,
         )
@@ -73,7 +73,7 @@ def run_app() -> NoReturn:
         fail(error.format_message())
     except (KeyboardInterrupt, Abort):
         status = INTERRUPTED
-    except BrokenPipeError:  # `bench list | head`: nobody reads on
+    except BrokenPipeError:  # as in `bench list | head`, which stops reading
         sys.stderr.close()
         sys.exit(FAILED)
     if status == INTERRUPTED:

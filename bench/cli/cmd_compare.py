@@ -9,8 +9,8 @@ import typer
 
 
 def command(
-    base: Annotated[Path, typer.Argument(help="The folder of the run that stands.")],
-    new: Annotated[Path, typer.Argument(help="The folder of the run that is to be judged.")],
+    base: Annotated[Path, typer.Argument(help="The folder of the run to compare with.")],
+    new: Annotated[Path, typer.Argument(help="The folder of the run to judge.")],
 ) -> None:
     """Compare two runs on the same trials; exit status 1 if NEW is worse beyond the interval."""
     from rich.table import Table

@@ -1,4 +1,4 @@
-"""`bench devices`: what a reading can come from, and whether it can be used."""
+"""`bench devices`: list what readings can come from, and whether it can be used."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def _found() -> dict[str, list[dict[str, Any]]]:
 
 
 def _ports() -> list[dict[str, Any]]:
-    """List serial ports without opening any: that would restart an Arduino."""
+    """List serial ports without opening any, because opening would restart an Arduino."""
     import os
 
     from serial.tools.list_ports import comports

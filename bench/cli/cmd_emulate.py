@@ -31,11 +31,11 @@ def command(
     follow: Annotated[
         Path | None,
         typer.Option(
-            help="Press what the guided session asks for whose recording this is.", show_default=False
+            help="The recording of a guided session: press what that session asks for.", show_default=False
         ),
     ] = None,
-    hold: Annotated[float, typer.Option(min=0.01, help="s that a press lasts.")] = 2.0,
-    lift: Annotated[float, typer.Option(min=0.01, help="s between presses.")] = 0.5,
+    hold: Annotated[float, typer.Option(min=0.01, help="Seconds that a press lasts.")] = 2.0,
+    lift: Annotated[float, typer.Option(min=0.01, help="Seconds between presses.")] = 0.5,
     rate: Annotated[float, typer.Option(min=0.01, max=100_000, help="Frames a second.")] = 100.0,
     scan_set: shared.ScanSet = None,
     drop: Annotated[float, typer.Option(min=0, max=1, help="Probability that a byte is lost.")] = 0.0,
@@ -48,7 +48,7 @@ def command(
     ] = 0.0,
     drift: Annotated[float, typer.Option(help="kPa a second by which the zero moves.")] = 0.0,
     disconnect: Annotated[
-        float, typer.Option(min=0, help="s after which the line is cut, again and again; 0: never.")
+        float, typer.Option(min=0, help="Seconds after which the line is cut, again and again; 0: never.")
     ] = 0.0,
     seed: shared.Seed = 0,
 ) -> None:
@@ -87,7 +87,7 @@ def _wanted(
     options: ScanOptions,
     rng: np.random.Generator,
 ) -> Wanted:
-    """Say what should press on the pad: nothing, one letter by the clock, or what a session asks for."""
+    """Choose what presses on the pad: nothing, one letter by the clock, or what a session asks for."""
     import numpy as np
 
     from tactsim.hardware.emulator.hand import Follower, by_the_clock

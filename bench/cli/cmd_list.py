@@ -1,4 +1,4 @@
-"""`bench list`: what there is to choose from."""
+"""`bench list`: list estimators, letters, worlds, metrics and suites."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def command(
         typer.Argument(help="Of the estimators, only this one, with its options.", show_default=False),
     ] = None,
 ) -> None:
-    """List estimators, letters, worlds, metrics and suites; what an estimator or a scan can be told on request."""
+    """List estimators, letters, worlds, metrics and suites; on request the options of an estimator or a scan."""
     from rich.table import Table
 
     from tactsim.bench.console import plain_console
@@ -46,11 +46,11 @@ def command(
     if what is not None and what not in sections:
         raise unknown("list", what, sections)
     if name is not None and what != "estimators":
-        raise InputError(f"bench list {what} {name}: only estimators have a list each")
+        raise InputError(f"bench list {what} {name}: only an estimator has a list of its own")
     if name is not None:
         sections["estimators"] = lambda: _estimator(name)
     console = plain_console()
-    # What a scan can be told is long: on request, as an estimator's options are.
+    # The options of a scan are many, so they are listed on request only, as an estimator's are.
     for section, rows in sections.items():
         if what == section or (what is None and section != "scan-options"):
             console.print(section, style="bold", end=" " if section in _MORE and not name else "\n")

@@ -16,7 +16,7 @@ def command(
     seconds: Annotated[float, typer.Option(min=0.1, help="How long to listen.")] = 2.0,
     as_json: pads.AsJson = False,
 ) -> None:
-    """Listen to a pad: rate, counters, the last reading; or the bytes that came if none was one."""
+    """Listen to a pad: show its rate, counters and mean reading, or the bytes that came if no reading did."""
     import json
     import time
 
@@ -74,7 +74,7 @@ def command(
 
 
 class _Heard:
-    """Keeps the first bytes that come, to be shown if they make no sense."""
+    """A log that keeps the first bytes, to show them if they make no reading."""
 
     def __init__(self) -> None:
         self._first = b""

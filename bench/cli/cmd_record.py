@@ -1,4 +1,4 @@
-"""`bench record`: record a letter press by press, or just what a pad says."""
+"""`bench record`: record a letter press by press, or all that a pad says."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def command(
     ],
     letter: Annotated[
         str | None,
-        typer.Option(help="What is pressed: leads through its 4 x 4 x 12 presses.", show_default=False),
+        typer.Option(help="The letter to press: leads through its 4 x 4 x 12 presses.", show_default=False),
     ] = None,
     split: Annotated[str, typer.Option(help="What the presses are for: train or test.")] = "train",
     device: pads.DeviceName = "emulated",
@@ -42,7 +42,8 @@ def command(
     patience: Annotated[
         float | None,
         typer.Option(
-            help="s after which a press is taken as it is, for a machine that presses.", show_default=False
+            help="Seconds after which a press is taken as it is, for a machine that presses.",
+            show_default=False,
         ),
     ] = None,
     seen: Annotated[
@@ -53,7 +54,7 @@ def command(
     ] = "behind",
     seconds: Annotated[
         float | None,
-        typer.Option(help="Without --letter: how long; default till Ctrl-C.", show_default=False),
+        typer.Option(help="Without --letter: for how long. Default: till Ctrl-C.", show_default=False),
     ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of random poses.")] = 0,
 ) -> None:
@@ -104,12 +105,12 @@ def _record_session(
     check_new_file(out)
     journal = out.with_suffix(SUFFIX)
     presses, first = {}, 0
-    if resume and check_whole(journal).records:  # else it was killed before it had begun
+    if resume and check_whole(journal).records:  # without records, it was killed before it began
         before = read_session(journal)
         if before.plan.poses != plan.poses or before.plan.label != plan.label:
             raise InputError(
-                f"{journal} is a session of {before.plan.label!r} with {len(before.plan.poses)} presses, another "
-                "one than asked for; resume it with the same --letter and --poses"
+                f"{journal} is a session of {before.plan.label!r} with {len(before.plan.poses)} presses, not the "
+                "one asked for; resume it with the same --letter and --poses"
             )
         if before.pad != device.pad:
             raise InputError(f"{journal} was recorded with another pad than {device.name!r}")
@@ -197,7 +198,7 @@ def _poses(text: str, seed: int) -> list[tuple[float, ...]]:
 
 
 def _shape(label: str) -> Covers | None:
-    """Tell which points lie on the letter of that name, if it is one."""
+    """Give the test for points on the letter of that name; None if there is no such letter."""
     from tactsim.models import letter, names
     from tactsim.press.clip import covers
 

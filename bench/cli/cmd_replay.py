@@ -1,4 +1,4 @@
-"""`bench replay`: read recordings again: what they hold, and the scan that they make."""
+"""`bench replay`: read recordings again, show what they hold, and make a scan of them."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def command(
     marks: Annotated[
         Path | None,
         typer.Option(
-            help="For a recording without guidance: a CSV that says when what was pressed where.",
+            help="For an unguided recording: a CSV of what was pressed, when and where.",
             show_default=False,
         ),
     ] = None,

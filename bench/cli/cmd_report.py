@@ -1,4 +1,4 @@
-"""`bench report`: show runs to a person."""
+"""`bench report`: write a report of runs as one page."""
 
 from __future__ import annotations
 

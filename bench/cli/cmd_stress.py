@@ -21,7 +21,7 @@ def command(
         bool, typer.Option("--json", help="Print one JSON object on standard output and nothing else there.")
     ] = False,
 ) -> None:
-    """Vary what may be varied over many decades and measure what it does; exit status 1 if a case fails."""
+    """Vary inputs over many decades and measure the worst deviation; exit status 1 if a case fails."""
     from tactsim.bench.results import to_json
     from tactsim.bench.stress import chosen_cases, run_cases
     from tactsim.bench.stress.outcomes import print_outcomes, public

@@ -33,7 +33,7 @@ def command(
         ),
     ] = None,
 ) -> None:
-    """Do many runs; stopped at any moment and started again, it goes on where it was."""
+    """Do many runs; a sweep that was stopped goes on where it was when it is started again."""
     from tactsim.bench import sweep, sweep_file
     from tactsim.bench.console import plain_console
     from tactsim.bench.machine import cores

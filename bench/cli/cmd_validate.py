@@ -1,4 +1,4 @@
-"""`bench validate`: how far the simulation is from a recorded pad, and what brings it nearer."""
+"""`bench validate`: measure how far the simulation is from a recorded pad, and fit its options to that."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 def command(
     simulated: Annotated[Path, typer.Option(help="A scan of `bench scan`.")],
     recorded: Annotated[Path, typer.Option(help="A scan of `bench record` or `bench replay --scan`.")],
-    estimator: Annotated[str, typer.Option(help="Which one recognises.")] = "histogram",
+    estimator: Annotated[str, typer.Option(help="The estimator that recognises.")] = "histogram",
     settings: Annotated[
         list[str] | None,
         typer.Option("--set", help="An option of the estimator, key=value.", show_default=False),

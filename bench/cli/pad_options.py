@@ -40,7 +40,7 @@ def load(name: str, calibration: Path | None = None) -> tuple[Device, Calibratio
 
 
 def segment(device: Device, ports: list[str], calibration: Calibration | None, **more: Any) -> dict[str, Any]:
-    """Say what a recording needs to know of what follows."""
+    """Describe a segment of a recording: the device, its calibration and ports, and the versions."""
     from datetime import UTC, datetime
 
     from tactsim.bench.machine import versions
@@ -56,7 +56,7 @@ def segment(device: Device, ports: list[str], calibration: Calibration | None, *
 
 
 def with_letters(scan: Scan) -> Scan:
-    """Say in the scan's `meta`, of those labels that are letters, what scores need of them."""
+    """Add to the scan's `meta` what scores need to know of the labels that are letters."""
     from dataclasses import replace
 
     from tactsim.models import letter, names
@@ -68,5 +68,5 @@ def with_letters(scan: Scan) -> Scan:
 
 
 def counters_line(counters: dict[str, int]) -> str:
-    """List what happened, without what did not."""
+    """List the counters that are not zero."""
     return ", ".join(f"{name.replace('_', ' ')} {count:,}" for name, count in counters.items() if count)

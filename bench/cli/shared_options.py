@@ -15,7 +15,7 @@ ScanSet = Annotated[
     ),
 ]
 Seed = Annotated[int, typer.Option(min=0, help="Seed of all randomness.")]
-Jobs = Annotated[int, typer.Option(min=1, help="Processes; the results do not depend on it.")]
+Jobs = Annotated[int, typer.Option(min=1, help="Processes; the results do not depend on their number.")]
 Cache = Annotated[
     bool,
     typer.Option("--cache/--no-cache", help="Take pressed readings from the cache, and keep them there."),

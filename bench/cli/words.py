@@ -19,9 +19,9 @@ Words = Mapping[str, Any]
 def with_options_of(model: type[BaseModel]) -> Callable[[Callable[..., None]], Callable[..., None]]:
     """Let a verb, whose first parameter is `words`, take the model's fields as options before its own.
 
-    What the user did not type is not among the words, so that the model's defaults hold.
+    Options that the user did not type are left out of `words`, so that the model's defaults hold.
     """
-    # A model's own fields come before those that it shares.
+    # A model's own fields come before those that it inherits.
     names = sorted(model.model_fields, key=lambda name: name not in model.__annotations__)
     fields = {name: model.model_fields[name] for name in names if _flag(name, model.model_fields[name])}
 
@@ -57,7 +57,7 @@ def _parameter(name: str, field: FieldInfo) -> inspect.Parameter:
 
 
 def _typed(field: FieldInfo) -> Any:
-    """Tell what is typed for a field: counts and paths as they are, a list where an option repeats, else text."""
+    """Give the type of a field's option: a count, a path, a list if the option repeats, or else a text."""
     kind = field.annotation
     if kind in (int, int | None, Path | None):
         return kind
@@ -67,7 +67,7 @@ def _typed(field: FieldInfo) -> Any:
 
 
 def _read(name: str, field: FieldInfo, typed: Any) -> Any:
-    """Turn what was typed into what the model takes; None if nothing was."""
+    """Turn a typed option into what the model takes; None if it was not typed."""
     if get_origin(field.annotation) is dict and typed is not None:
         return key_values(typed, str(_flag(name, field)))
     return typed

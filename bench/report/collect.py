@@ -1,7 +1,7 @@
 """Find the runs that a report is asked for, and put together what may be compared.
 
-Runs of one protocol share a section; within it, runs on the same data, a task, share plots. A method
-is an estimator with its options, whatever its budget: one curve of the picture of time against error.
+Runs of one protocol share a section. Within a section, runs on the same data (a task) share plots. A method is
+an estimator with its options but without its budget; it is one curve of the picture of time against error.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ class Budget(NamedTuple):
 class Entry:
     """One run in a report.
 
-    name: its folder's name. label: what tells it from the others of its task.
+    name: its folder's name. label: a name that no other run of its task has.
     """
 
     folder: Path
@@ -152,12 +152,12 @@ def _entries(runs: Sequence[tuple[Path, Run]]) -> list[Entry]:
 
 
 def budget(run: Run) -> Budget | None:
-    """Say how much the estimator of a run was allowed to compute, where it has such an option."""
+    """Say how much the estimator of a run was allowed to compute; None if it has no such option."""
     stated = run.about["budget"]
     if stated is None:
         return None
     option, value = stated["option"], str(stated["value"])
-    # Of an option's own words at most these, so that their product is a number of a sensible size.
+    # At most three numbers of nine digits each, so that a file cannot make their product enormous.
     counts = [int(digits) for digits in re.findall(r"\d{1,9}", value)[:3]]
     return Budget(option, f"{counts[0]:,}" if len(counts) == 1 else value, math.prod(counts))
 
@@ -203,7 +203,7 @@ def task_name(run: Run) -> str:
 
 
 def _differing(mine: Mapping[str, Any], standard: Mapping[str, Any]) -> dict[str, Any]:
-    """Give the options of a scan that are not the default ones; where it was tested belongs to the protocol."""
+    """Give the options of a scan that differ from the defaults; test_poses, part of the protocol, is left out."""
     return {
         name: value for name, value in mine.items() if name != "test_poses" and value != standard.get(name)
     }

@@ -53,9 +53,9 @@ def error_band(summary: Mapping[str, Any]) -> tuple[list[float | None], list[flo
 
 
 def confusion_counts(entry: Entry) -> tuple[list[str], NDArray[np.int64]]:
-    """Count (readings, labels, labels) trials by true letter and estimate; gives the labels too.
+    """Count trials by true letter and estimate: returns the labels, and counts (readings, labels, labels).
 
-    They are the true letters, then all others that are said or right.
+    The labels are the true letters, then all other labels that are estimated or right.
     """
     trials = entry.run.trials
     others = np.union1d(trials.label, trials.answer)

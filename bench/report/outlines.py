@@ -15,8 +15,8 @@ from tactsim.estimators.likelihoods.occupancy import OccupancyMap
 def outline(label: str, scan: Scan, maps: Mapping[str, OccupancyMap]) -> tuple[list[FloatArray], str]:
     """Find an object's contours, (k, 2) mm each, in its own frame, and say where they come from.
 
-    A simulated scan was pressed with the catalogue's letters; of anything else the outline is where
-    the learned map says that occupied and empty are equally likely.
+    A letter of a simulated scan has the catalogue's outline. The outline of anything else is where its learned
+    map says that occupied and empty are equally likely.
     """
     if "options" in scan.meta and label in models.names():
         return [np.asarray(contour) for contour in models.letter(label).contours], "as pressed"

@@ -1,8 +1,7 @@
 """Put the page together: the data as JSON, arrays in one compressed block, script and style in line.
 
-Nothing that comes from a file becomes markup: the data are one JSON text in which no tag can end,
-the script writes every name as text, and the page's own policy forbids all other scripts and any
-request to a network.
+Nothing that comes from a file becomes markup. The data are one JSON text in which no tag can begin or end, and
+the script writes every name as text. The page's own policy forbids all other scripts and any network request.
 """
 
 from __future__ import annotations
@@ -30,7 +29,7 @@ SCRIPTS = ("base.js", "charts.js", "tables.js", "recognition.js", "main.js")
 
 
 class Arrays:
-    """Numbers that are too many for JSON: little-endian, one after the other, compressed together."""
+    """Arrays too large for JSON: their numbers are little-endian, one after the other, compressed together."""
 
     def __init__(self) -> None:
         self._content = bytearray()

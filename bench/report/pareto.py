@@ -1,4 +1,4 @@
-"""Run time against error: what a recognition costs each method at each budget, and what it gets for it."""
+"""Time against error: what a recognition costs with each method and budget, and how exact it is."""
 
 from __future__ import annotations
 

@@ -25,7 +25,7 @@ MARKERS = ("o", "s", "D", "^", "v", "P", "h", "X")
 
 
 def save(figure: Figure, path: Path) -> None:
-    """Write a figure as its name's ending says, without a date: equal figures are equal files."""
+    """Write a figure in the format that the path's ending names, without a date: equal figures, equal files."""
     content = BytesIO()
     kind = path.suffix.removeprefix(".")
     with mpl.rc_context({"svg.hashsalt": "tactsim"}):

@@ -29,7 +29,7 @@ MOST = 8  # runs of a protocol that are done again, one for each method
 class Recognition:
     """One trial of a run, reading by reading, n readings.
 
-    answer: the right label. kind: why this trial. same: whether it came out as the run has it.
+    answer: the right label. kind: "typical" or "hardest". same: whether it gave again what the run recorded.
     pressures: (n, taxels) kPa. sensor_in_object: (n, 3). estimate_in_object: (n, 3), where the estimate
     puts the object, in the frame in which it truly lies. probabilities: (n, labels). robot_in_object:
     (n, 3) estimated. plane: one belief a reading, or None if the estimator shows none.
@@ -54,7 +54,7 @@ class Recognition:
 
 @dataclass(frozen=True, eq=False)
 class Replayed:
-    """What doing trials of one run again has shown: the readings, the maps and the recognitions."""
+    """The trials of one run that were done again, with the readings and the maps."""
 
     entry: Entry
     scan: Scan
@@ -63,8 +63,9 @@ class Replayed:
 
 
 def representatives(groups: Sequence[Group]) -> list[tuple[Group, Entry]]:
-    """Choose the runs whose trials are done again: of the first task of each protocol, each method's
-    run with the largest budget, at most `MOST`.
+    """Choose the runs whose trials are done again, at most `MOST` of a protocol.
+
+    They are the runs of the protocol's first task, of each method the one with the largest budget.
     """
     chosen = []
     for protocol in dict.fromkeys(group.protocol for group in groups):
@@ -77,8 +78,8 @@ def representatives(groups: Sequence[Group]) -> list[tuple[Group, Entry]]:
 def trials_to_show(entries: Sequence[Entry]) -> dict[str, Task]:
     """Choose the trials to show, the same for all these runs: a typical one and the hardest.
 
-    By the mean, over the runs, of the reading from which the trial is and stays right: the median
-    and the largest.
+    Trials are ordered by the reading from which they are and stay right, averaged over the runs. The typical
+    trial is the median, the hardest is the last.
     """
     settled = [
         dict(
@@ -127,7 +128,7 @@ def _replay(entry: Entry, tasks: Mapping[str, Task], scans: dict[str, Scan]) -> 
 
 
 def _plan_anew(entry: Entry, tasks: Mapping[str, Task], scans: dict[str, Scan]) -> TrialPlan:
-    """Get the readings of a run that was loaded, each scan once. Raises InputError if they are not to be had."""
+    """Get the readings of a loaded run, each scan once. Raises InputError if they cannot be had again."""
     config = checked(RunConfig, entry.run.config, "run")
     options = None if config.scan else entry.run.about["scan"].get("options")
     which = config.model_dump(mode="json", include={"scan", "train_scan", "given", "letters", "hold_out"})
@@ -142,9 +143,10 @@ def _plan_anew(entry: Entry, tasks: Mapping[str, Task], scans: dict[str, Scan]) 
 
 
 def _pressed_again(options: Any, given: str | None) -> Scan:
-    """Press letters as the scan of a run says that it was pressed.
+    """Press letters again with the options that the scan of a run states.
 
-    Raises InputError if that does not give the readings that were given in Python, as for those of a real pad.
+    Raises InputError if the readings were given in Python and pressing does not give them again, for example
+    because they are a real pad's.
     """
     scan = None if options is None else scan_letters(checked(ScanOptions, options, "scan.options"))[0]
     if scan is None or given not in (None, scan.digest):

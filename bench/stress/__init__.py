@@ -1,8 +1,7 @@
-"""Numerical stress: what may be varied over many decades without an answer going wrong.
+"""Numerical stress cases: each varies one thing over many decades and measures the worst deviation.
 
-Lives here: one file a topic, each a list of cases that measure a worst deviation against a limit
-with a reason. `bench stress` runs them all. Does not live here: faults of disks and processes, and
-hostile files; those are tests.
+Lives here: one file a topic, each a list of cases with a limit and the reason for it. `bench stress` runs them
+all. Does not live here: faults of disks and processes, and hostile files; those are tests.
 """
 
 from __future__ import annotations
@@ -29,7 +28,7 @@ def cases() -> list[Case]:
 
 
 def chosen_cases(names: Iterable[str] = (), tags: Iterable[str] = ()) -> list[Case]:
-    """List the cases of these names, or with any of these tags; without either, all.
+    """List the cases with any of these names or tags; without names and tags, all.
 
     Raises InputError for a name or a tag that no case has.
     """

@@ -1,4 +1,4 @@
-"""What a stress case is: one thing varied, the worst that was seen, and the most that is allowed."""
+"""A stress case: one thing varied, the worst deviation that was seen, and the limit for it."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ QUICK = "quick"
 
 
 class Worst:
-    """Keep the worst value seen and where; what is not a number is worse than all that are."""
+    """Keep the worst value seen and where; a value that is not finite is the worst of all."""
 
     def __init__(self, at_least: bool = False) -> None:
         self._sign = -1.0 if at_least else 1.0
@@ -32,7 +32,7 @@ class Worst:
         return self._sign * self._worst
 
     def see(self, values: ArrayLike, at: str) -> None:
-        """Take in one value or an array of them, all measured `at` one setting."""
+        """Note one value or an array of values, all measured `at` one setting."""
         array = self._sign * np.asarray(values, dtype=float)
         if not array.size:
             return
@@ -42,7 +42,7 @@ class Worst:
             self._worst, self.at = worst, at
 
     def holds(self, truth: bool | np.bool_, at: str) -> None:
-        """Take in a fact that must hold: a deviation of 0 if it does, of 1 if not."""
+        """Note a fact that must hold: a deviation of 0 if it does, of 1 if not."""
         self.see(0.0 if truth else 1.0, at)
 
 
@@ -51,8 +51,8 @@ class Case:
     """One numerical stress case.
 
     name: topic and case, "maps.peak-near-one". varied: what is varied, and how far. deviation: what is
-    measured. limit: the most of it that is allowed, or the least with `at_least`; because: why so much.
-    measure(worst) does the work and shows `worst` what it sees. Anything raised in it is a failure.
+    measured. limit: the largest deviation allowed, or with `at_least` the smallest. because: the reason for
+    the limit. measure(worst) does the work and tells `worst` each deviation. Any exception in it is a failure.
     """
 
     name: str
@@ -72,7 +72,7 @@ class Case:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What came of a case: the worst value (infinite if it is not a number), where, and in how many s."""
+    """The result of a case: the worst value (infinite if one was not finite), where it was seen, and seconds."""
 
     case: Case
     worst: float
@@ -106,7 +106,7 @@ def case(
 
 
 def run_case(chosen: Case) -> Outcome:
-    """Do one case. A warning of NumPy's about a value that is not finite fails it, as any exception does."""
+    """Do one case. A RuntimeWarning, such as NumPy's for an overflow, fails it as any exception does."""
     worst = Worst(chosen.at_least)
     start = perf_counter()
     broken = ""
@@ -136,7 +136,7 @@ def run_cases(chosen: Iterable[Case], progress: Callable[[str, int, int], None])
 
 
 def refused(call: Callable[..., Any], *args: Any, **options: Any) -> bool:
-    """Tell whether a call ends in an InputError of one line; any other exception goes on up."""
+    """Tell whether a call ends in an InputError of one line; any other exception is raised."""
     try:
         call(*args, **options)
     except InputError as error:

@@ -1,4 +1,4 @@
-"""What the cases work on: readings of the simulated pad, and estimators fitted to them."""
+"""The data of the cases: readings of the simulated pad, and estimators fitted to them."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from tactsim.estimators.registry import load
 from tactsim.models import parse_letters
 from tactsim.press import WORLDS, ScanOptions, scan_letters
 
-USUAL_BUDGET = 1000  # how much of its budget a case gives an estimator where no other is said
+USUAL_BUDGET = 1000  # of an estimator, if a case asks for no other
 
 
 @cache
@@ -65,7 +65,7 @@ def probabilities(estimate: Estimate) -> FloatArray:
 
 
 def flaw(estimate: Estimate) -> float:
-    """Measure by how much an estimate is none: how far probabilities are from 1 in sum, or without bound."""
+    """Measure how far the sum of the probabilities is from 1; infinite if any number is invalid."""
     p = probabilities(estimate)
     sound = np.isfinite(p).all() and (p >= 0).all() and np.isfinite(estimate.robot_in_object).all()
     return abs(float(p.sum()) - 1) if sound else np.inf

@@ -1,8 +1,8 @@
-"""What a press should read, worked out another way: a reference that is exact for flat, level faces.
+"""Compute the exact reading of a press of a flat, level face, as a reference for the press.
 
-Clips the footprint with the whole pad by manifold3d, takes F / area as the pressure, and integrates each
-taxel's response over the clipped region along its boundary by Gauss quadrature. It shares no code with
-the press: no cells, no moments, no MuJoCo.
+manifold3d clips the footprint with the whole pad. The pressure is F / area. Gauss quadrature along the boundary
+of the clipped region integrates each taxel's response. This file shares no code with the press: no cells, no
+moments, no MuJoCo.
 """
 
 from __future__ import annotations

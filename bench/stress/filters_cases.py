@@ -32,7 +32,7 @@ def feed(estimator: Estimator, readings: FloatArray, poses: FloatArray, seed: in
 
 
 def exact_estimators() -> list[tuple[str, dict[str, object]]]:
-    """List the estimators whose belief is a function of the set of readings: no sampling, no search.
+    """List the estimators whose belief depends on the set of readings alone: no sampling, no search.
 
     With gamma = 0.9 a belief stays soft for some readings, so that a difference shows.
     """
@@ -232,7 +232,7 @@ def skipping(worst: Worst) -> None:
     quick=True,
 )
 def budget_of_one(worst: Worst) -> None:
-    """Give an estimator next to nothing to think with."""
+    """Give every estimator the smallest budget."""
     several = pressed("AEI")
     for name, _ in every_estimator():
         for budget in (1, 2, 3):
@@ -335,7 +335,7 @@ def trained_on_faults(worst: Worst) -> None:
     quick=True,
 )
 def refused_readings(worst: Worst) -> None:
-    """Offer readings that are none between two good ones."""
+    """Offer invalid readings between two valid ones."""
     scan = pressed("AEI")
     readings, poses, _ = hidden(scan, "E", 2)
     good, pose = readings[0], poses[0]
@@ -416,7 +416,7 @@ def symmetric_letters(worst: Worst) -> None:
     quick=True,
 )
 def nothing_said(worst: Worst) -> None:
-    """Take in readings that say nothing: between the two limits of eq. 3 everywhere."""
+    """Take in readings without information: every taxel lies between the two limits of eq. 3."""
     scan = pressed("AEI")
     readings, poses, _ = hidden(scan, "E", 1)
     unknown = np.full(36, 1.5)  # below T = 2, above 0.3 of the largest
@@ -445,7 +445,7 @@ def after_nonsense(worst: Worst) -> None:
     rng = np.random.default_rng(9)
     for name, budget in every_estimator():
         if draws(name):
-            continue  # they may be left at a wrong letter or place; docs/stress.md says how they find back
+            continue  # they may stay at a wrong letter or place; docs/stress.md says how they find the right one again
         estimator = fitted(name, scan, **budget)
         for label in scan.letters:
             readings, poses, _ = hidden(scan, label, 33, seed=10)

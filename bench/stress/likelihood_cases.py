@@ -19,7 +19,7 @@ from tactsim.estimators.options import LikelihoodOptions
 
 
 def exact_log_p(kind: int, log_odds: float, gamma: float, prior: float) -> float:
-    """Evaluate eq. 7 as printed for one taxel, in logs from the start and with nothing tabulated."""
+    """Evaluate eq. 7 as printed for one taxel, in logs throughout and without tables."""
     if kind == UNKNOWN:
         return 0.0
     x = -log_odds if kind == CONTACT else log_odds

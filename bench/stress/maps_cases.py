@@ -1,4 +1,4 @@
-"""Occupancy maps (eq. 1 to 6): extreme sensors, priors and cells, and readings that say little or too much."""
+"""Occupancy maps (eq. 1 to 6): extreme sensors, priors, cells and readings."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ def point_spread_and_cell(worst: Worst) -> None:
     quick=True,
 )
 def peak_near_one(worst: Worst) -> None:
-    """Learn maps from a sensor that is nearly certain, or says nearly nothing."""
+    """Learn maps with a sensor model that is nearly certain, or nearly without information."""
     scan = few(pressed("E"))
     for peak in (1e-9, 1e-3, 0.5, 0.999, 1 - 1e-6, 1 - 1e-9):
         worst.see(deviation(scan, "E", peak=peak), f"peak {peak!r}")
@@ -190,7 +190,7 @@ def without_information(worst: Worst) -> None:
     quick=True,
 )
 def not_finite(worst: Worst) -> None:
-    """Hand over numbers that are none."""
+    """Build maps and scans with NaN or infinity, which must be refused."""
     scan = pressed("I")
     for bad in (math.nan, math.inf, -math.inf):
         grid = np.zeros((4, 5))

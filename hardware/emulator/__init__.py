@@ -1,6 +1,7 @@
-"""A pad without hardware: it speaks a codec's bytes on a pty or a TCP port, faults included on request.
+"""A pad without hardware: it sends a codec's bytes on a pty or a TCP port, with faults on request.
 
-What presses on it is a function from time to pressures that the caller brings; nothing here knows physics.
+Lives here: emulated devices, their faults, the hand that presses them, and how they are served. Does not live
+here: physics. The caller passes the pressures on the pad as a function of time.
 """
 
 from tactsim.hardware.emulator.emulated import Emulated, emulate

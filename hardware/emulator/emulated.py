@@ -1,4 +1,4 @@
-"""Emulated devices, one class for each codec: what a device says at which time, without a port or a clock."""
+"""Emulated devices, one class for each codec: the bytes that a device sends until a given time."""
 
 from __future__ import annotations
 
@@ -29,14 +29,14 @@ from tactsim.hardware.device import UNREAD, Device
 
 Pressures = Callable[[float], FloatArray]
 
-_BEHIND = 1.0  # s of frames that are kept at most for a host that was not reading
+_BEHIND = 1.0  # s: older frames are dropped while the host does not read
 
 
 class Emulated(ABC):
-    """What stands on one link of a device. Times are s since the emulation began.
+    """The emulated end of one link of a device. Times are s since the emulation began.
 
-    device: the description that a host would read it with. pressures(now): (taxels,) kPa on the pad.
-    rate: frames a second.
+    device: the description that a host would use. pressures(now): (taxels,) kPa on the pad. rate: frames a
+    second. link: which of the device's links, from 0.
     """
 
     def __init__(self, device: Device, pressures: Pressures, rate: float, link: int = 0) -> None:
@@ -48,15 +48,15 @@ class Emulated(ABC):
 
     @abstractmethod
     def hear(self, data: bytes, now: float) -> None:
-        """Take in what the host sent."""
+        """Take in bytes that the host sent."""
 
     @abstractmethod
     def say(self, now: float) -> list[bytes]:
-        """Return what the device has said until `now`, frame by frame."""
+        """Return what the device has sent since the last call until `now`, frame by frame."""
 
     @abstractmethod
     def unheard(self, now: float) -> None:
-        """Let what was said until `now` be lost: no host listens."""
+        """Drop what the device would have sent until `now`, because no host listens."""
 
     def values(self, wiring: np.ndarray, frame: int) -> FloatArray:
         """Measure one part at frame number `frame`: (taxels,) in the device's units."""
@@ -65,13 +65,13 @@ class Emulated(ABC):
 
 
 class EmulatedFields(Emulated):
-    """A device with described frames: it speaks `rate` times a second, or when it is asked."""
+    """A device with described frames: it sends them `rate` times a second, or when it is asked."""
 
     _codec: FieldsCodec
 
     def __init__(self, device: Device, pressures: Pressures, rate: float, link: int = 0) -> None:
         super().__init__(device, pressures, rate, link)
-        self._frame = 0  # the next one
+        self._frame = 0  # number of the next frame
         self._heard = b""
         self._started = not self._codec.format.start
         self._asked = 0
@@ -89,7 +89,7 @@ class EmulatedFields(Emulated):
         self._heard = self._heard[-256:]
 
     def say(self, now: float) -> list[bytes]:
-        """Say the frames that were measured since, or one for each request."""
+        """Return the frames that were measured since the last call, or one for each request."""
         if not self._started:
             return []
         if self._codec.format.request:
@@ -103,7 +103,7 @@ class EmulatedFields(Emulated):
         return said
 
     def unheard(self, now: float) -> None:
-        """Lose the frames that were measured since."""
+        """Drop the frames that were measured since the last call."""
         self._frame, self._asked = max(self._frame, int(now * self.rate) + 1), 0
 
     def _next_frame(self) -> Iterator[bytes]:
@@ -114,7 +114,7 @@ class EmulatedFields(Emulated):
 
 
 class EmulatedCsv(EmulatedFields):
-    """The lines of the vendor's tool, as fast as they would be written."""
+    """The CSV lines that the vendor's tool writes, one a frame."""
 
     _codec: CsvCodec  # type: ignore[assignment]
 
@@ -127,7 +127,7 @@ class EmulatedCsv(EmulatedFields):
         """Ignore the host."""
 
     def say(self, now: float) -> list[bytes]:
-        """Write the lines until `now`, the title first."""
+        """Return the lines until `now`, the title first."""
         said = [] if self._titled else [self._codec.title()]
         self._titled = True
         while self._frame <= int(now * self.rate):
@@ -158,12 +158,12 @@ class EmulatedSingleTact(Emulated):
         super().__init__(device, pressures, rate, link)
         self.silent = silent
         self._heard = b""
-        self._answers: list[tuple[float, bytes]] = []  # (when, what)
+        self._answers: list[tuple[float, bytes]] = []  # (time when due, bytes)
         self._old = bytes(MOST_READ)  # what the bridge's buffer held before
         self._settings = {address: self._registers(address) for address, _ in self._parts}
 
     def hear(self, data: bytes, now: float) -> None:
-        """Find requests as the bridge does: a wrong byte makes it start anew."""
+        """Find requests as the bridge does; after a wrong byte the search starts again."""
         self._heard += data
         while (at := self._heard.find(HEADERS[0])) >= 0:
             request = self._heard[at:]
@@ -180,7 +180,7 @@ class EmulatedSingleTact(Emulated):
         self._heard = self._heard[-64:]
 
     def say(self, now: float) -> list[bytes]:
-        """Give the answers that are due."""
+        """Return the answers that are due."""
         due = [content for when, content in self._answers if when <= now]
         self._answers = [answer for answer in self._answers if answer[0] > now]
         return due
@@ -205,7 +205,7 @@ class EmulatedSingleTact(Emulated):
         self._answers.append((when, write_reply(Reply(address, False, number, ticks, data))))
 
     def _registers(self, address: int) -> bytearray:
-        """Fill the settings as far as a host looks at them."""
+        """Make the settings registers, as far as a host reads them."""
         settings = bytearray(INDEX_REGISTER)
         settings[0] = address
         settings[10:12] = (100).to_bytes(2, "big")
@@ -215,7 +215,7 @@ class EmulatedSingleTact(Emulated):
         return settings
 
     def _memory(self, address: int, now: float) -> bytes:
-        """Give all registers at `now`."""
+        """Make the content of all registers at `now`."""
         frame = int(now * self.rate)
         wiring = dict(self._parts)[address]
         head = (frame % 65536).to_bytes(2, "big") + (round(1e3 * now) % 65536).to_bytes(2, "big")
@@ -226,7 +226,7 @@ class EmulatedSingleTact(Emulated):
 
 
 def emulate(device: Device, pressures: Pressures, rate: float, link: int = 0) -> Emulated:
-    """Make what stands on one link of the device."""
+    """Make the emulated end of one link of the device; the codec decides its class."""
     kinds: dict[str, type[Emulated]] = {
         "fields": EmulatedFields, "singletact": EmulatedSingleTact, "pps-csv": EmulatedCsv
     }  # fmt: skip

@@ -1,4 +1,4 @@
-"""Faults on request: spoil what an emulated device says."""
+"""`Faults`: spoil what an emulated device sends, on request."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ _LONGEST_BURST = 200  # bytes
 
 @dataclass(frozen=True)
 class Faults:
-    """How often what goes wrong.
+    """How often each fault happens.
 
-    drop, flip: probability that a byte is lost, or changed. torn: that a frame breaks off in its
-    middle. garbage: that a burst of random bytes comes before a frame. drift: kPa a second that all
+    drop, flip: probability that a byte is lost, or changed. torn: probability that a frame breaks off in its
+    middle. garbage: probability of a burst of random bytes before a frame. drift: kPa a second that all
     taxels gain. disconnect: s after which the line is cut, again and again; 0 for never.
     """
 
@@ -32,7 +32,7 @@ class Faults:
         return lambda now: pressures(now) + self.drift * now if self.drift else pressures(now)
 
     def spoil(self, message: bytes, rng: np.random.Generator) -> bytes:
-        """Return what arrives of one frame."""
+        """Apply the faults to one frame and return the bytes that arrive."""
         if self.torn and rng.random() < self.torn:
             message = message[: rng.integers(len(message))]
         if self.flip:

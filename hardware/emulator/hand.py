@@ -1,4 +1,4 @@
-"""The hand on an emulated pad: it makes one press after another, by the clock or as a session asks."""
+"""Press an emulated pad as a hand would: one press after another, by the clock or as a session asks."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ _LOOK = 0.05  # s between looks at a recording that is followed
 
 
 class Pressing:
-    """Pressures on a pad that change as a hand would change them.
+    """Pressures on a pad that rise and fall as under a hand.
 
     wanted(now): the pressures (taxels,) kPa that should be on the pad at `now`, or None for nothing.
-    A press grows and fades within `ramp` s. Times must not go back.
+    A press grows and fades within `ramp` s. Times must not decrease.
     """
 
     def __init__(self, taxels: int, wanted: Wanted, ramp: float = 0.1) -> None:
@@ -49,7 +49,7 @@ class Pressing:
 
 
 def by_the_clock(table: FloatArray, hold: float, lift: float) -> Wanted:
-    """Press the rows of `table` (n, taxels) kPa in turn for ever, `hold` s each after `lift` s without."""
+    """Press the rows of `table` (n, taxels) kPa in turn for ever: `lift` s of nothing, then `hold` s of a row."""
     rows = list(table)
 
     def wanted(now: float) -> FloatArray | None:
@@ -60,11 +60,11 @@ def by_the_clock(table: FloatArray, hold: float, lift: float) -> Wanted:
 
 
 class Follower:
-    """Press what a guided session waits for, told by its recording while that grows.
+    """Press what a guided session waits for, as its growing recording tells.
 
     press(plan): the pressures (n, taxels) kPa of the plan's presses. The pad is free for `lift` s before
-    each. A press that the session does not take within `hold` s is lifted and tried again, after long
-    enough that a session which lags behind cannot take it for the next one.
+    each press. A press that the session does not take within `hold` s is lifted and tried again. The pause
+    before that is so long that a session that lags behind cannot mistake it for the next press.
     """
 
     def __init__(
@@ -98,6 +98,6 @@ class Follower:
         if content is None:
             raise InputError("the recording that is followed is no guided session: it has no plan")
         plan = checked(Plan, content, "plan")
-        self._current = -1  # a session that is taken up again finds the pad free
+        self._current = -1  # a session that is resumed finds the pad free
         if plan != self._plan:
             self._plan, self._rows = plan, list(self._press(plan))

@@ -20,12 +20,12 @@ from tactsim.hardware.emulator.faults import Faults
 
 Ready = Callable[[str], None]
 
-_AWAY = 0.3  # s for which a cut line stays away
+_AWAY = 0.3  # s for which a cut line stays down
 _NAP = 0.02  # s: the longest time between looks at the clock
 
 
 class _Clock:
-    """Seconds since the first host connected: the emulation waits for it."""
+    """Seconds since the first host connected; the emulation begins then."""
 
     def __init__(self) -> None:
         self._start: float | None = None
@@ -53,8 +53,8 @@ def serve_pty(
 ) -> None:
     """Serve on a new pty until `stop`. `ready(name)` is called with the name that a host opens.
 
-    link: a symbolic link to the pty, kept right when a fault cuts the line and another pty takes its
-    place. Raises InputError if `link` is something else than a link.
+    link: a symbolic link to the pty; it follows when a fault cuts the line and another pty takes over.
+    Raises InputError if `link` exists and is no symbolic link.
     """
     if link is not None and link.exists() and not link.is_symlink():
         raise InputError(f"{link} exists and is no link; name another place for the pty")
@@ -183,7 +183,7 @@ def _talk(
                 return
             device.hear(data, clock.now())
         for message in device.say(clock.now()):
-            if not pending:  # a device does not wait for its host: later frames are lost, whole
+            if not pending:  # a device does not wait: while a frame is pending, later ones are dropped whole
                 pending = faults.spoil(message, rng)
                 pending = _write(line, pending)
         if pending:

@@ -1,6 +1,6 @@
-"""What all rooms share: poses, readings, scans, pads, files, documents, plug-ins, seeds and the user's mistake.
+"""What all rooms share: poses, readings, scans, pads, sources, files, plug-ins, seeds and `InputError`.
 
-Lives here: data types and plumbing. Does not live here: whatever knows of letters, physics or estimators.
+Lives here: data types and plumbing. Does not live here: anything that knows letters, physics or estimators.
 Nothing here imports another room.
 
 `Pad` needs pydantic and is imported when it is first used.

@@ -12,7 +12,10 @@ Model = TypeVar("Model", bound=BaseModel)
 
 
 def checked(model: type[Model], values: Any, where: str) -> Model:
-    """Check values that a user typed or a file held. Raises InputError with the first that is wrong."""
+    """Check values that a user typed or a file held, and return them as `model`.
+
+    where: begins the message. Raises InputError for the first value that is wrong.
+    """
     try:
         return model.model_validate(values)
     except ValidationError as error:
@@ -20,7 +23,7 @@ def checked(model: type[Model], values: Any, where: str) -> Model:
 
 
 def _first_fault(error: ValidationError, model: type[BaseModel]) -> str:
-    """Say in one line what is wrong first: where, what, and the value that was given."""
+    """Describe the first fault in one line: where it is, what is wrong, and the value that was given."""
     fault = error.errors(include_url=False)[0]
     place = ".".join(map(str, fault["loc"]))
     if fault["type"] == "extra_forbidden":

@@ -1,8 +1,8 @@
-"""Read text, TOML and JSON that nobody vouches for; every fault is an InputError.
+"""Read untrusted text, TOML and JSON; every fault is an InputError.
 
-What comes out of a document is bounded: its size, how deep it nests, and its numbers, which are finite and
-have at most 64 bits, as TOML prescribes and JSON's readers may expect. So whatever is computed of it later
-neither overflows nor runs out of stack, and can be written down again.
+A document is limited in size and in depth of nesting. Its numbers are finite and have at most 64 bits, as
+TOML prescribes. So later computations neither overflow nor exhaust the stack, and every value can be written
+out again.
 """
 
 from __future__ import annotations
@@ -18,12 +18,12 @@ from typing import Any
 from tactsim.core.errors import InputError, short
 from tactsim.core.files import read_bytes
 
-SMALL = 1 << 20  # bytes of what a person writes
-LARGE = 64 << 20  # bytes of what a program writes
+SMALL = 1 << 20  # bytes: limit for files that a person writes
+LARGE = 64 << 20  # bytes: limit for files that a program writes
 DEEPEST = 40  # tables or lists within each other
 _MOST_INTEGER = 2**63
-# More parts in a dotted key than tables may nest: Python's parser keeps every beginning of a key, so that
-# one of 100,000 parts would take all memory.
+# Matches a dotted key of more names than tables may nest. Python's parser keeps every prefix of a key, so a
+# key of 100,000 names would take all memory.
 _LONG_KEY = re.compile(
     r"""(?<![\w."'-])(?>(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+){%d}""" % DEEPEST  # noqa: UP031
 )

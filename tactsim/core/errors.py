@@ -1,4 +1,4 @@
-"""The one exception for a user's mistake, as against a bug."""
+"""`InputError`, the one exception for a user's mistake, and functions that word its message."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ _LONGEST_LINE = 2000  # characters
 
 
 class InputError(ValueError):
-    """Say in one line what is wrong, where, and what would be right.
+    """A user's mistake; the message says in one line what is wrong, where, and what would be right.
 
-    The command line prints the message without a traceback and exits with status 2; any other
+    The command line prints the message without a traceback and exits with status 2. Any other
     exception is a bug and keeps its traceback.
     """
 
     def __str__(self) -> str:
-        """Give the message, cut where what a file holds has made it too long to be read."""
+        """Return the message, cut to 2,000 characters: text from a file can make it too long to read."""
         message = super().__str__()
         return message if len(message) <= _LONGEST_LINE else f"{message[:_LONGEST_LINE]} ..."
 
 
-_LONGEST = 100  # characters of a name that could have been meant for one that there is
+_LONGEST = 100  # characters of an unknown name that are compared with the known names
 _SHORT = reprlib.Repr()
 _SHORT.maxlevel = 2
 _SHORT.maxtuple = _SHORT.maxlist = _SHORT.maxdict = 4
@@ -31,7 +31,7 @@ _SHORT.maxstring = _SHORT.maxother = 80
 
 
 def short(value: Any) -> str:
-    """Write a value that a stranger chose so that it fits into a line: whatever is long is cut."""
+    """Write an untrusted value so that it fits into a line; long values are cut."""
     try:
         return _SHORT.repr(value)
     except ValueError:  # Python writes no integer of more than 4,300 digits
@@ -39,7 +39,7 @@ def short(value: Any) -> str:
 
 
 def printable(text: str) -> str:
-    """Write what is not printable as an escape, newlines apart: a stranger's text must not steer a terminal."""
+    """Escape all unprintable characters but newlines, so that untrusted text cannot control a terminal."""
     return "".join(
         sign if sign.isprintable() or sign == "\n" else sign.encode("unicode_escape").decode()
         for sign in text
@@ -47,7 +47,7 @@ def printable(text: str) -> str:
 
 
 def unknown(what: str, name: str, known: Iterable[str]) -> InputError:
-    """Build the error for a name that is not among the known ones, with the nearest one if any."""
+    """Build the error for an unknown name; it suggests the closest known name, if one is close."""
     names = sorted(known)
     close = difflib.get_close_matches(name[:_LONGEST], names, n=1)
     hint = f"did you mean {close[0]!r}? " if close else ""

@@ -1,4 +1,4 @@
-"""Write a file or a folder whole or not at all; open for reading what nobody vouches for."""
+"""Write a file or a folder whole or not at all; read untrusted files safely."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from typing import IO
 
 from tactsim.core.errors import InputError
 
-_PIECE = 1 << 20  # bytes
+_PIECE = 1 << 20  # bytes that are read at a time
 
 
 @contextmanager
 def replacing(path: str | Path) -> Iterator[IO[bytes]]:
     """Open a temporary file beside `path` for writing and move it there when all went well.
 
-    A reader sees the old file or the new one, never a part; after an exception or an interrupt the
-    old file stands and the temporary one is gone. Missing folders are made.
+    A reader sees the old file or the new one, never half of it. After an exception or an interrupt the
+    old file stands and the temporary file is removed. Missing folders are made.
 
     Raises InputError if the place cannot be written or the disk is full.
     """
@@ -68,7 +68,7 @@ def new_folder(path: str | Path) -> Iterator[Path]:
 
 
 def write_bytes(path: str | Path, content: bytes) -> None:
-    """Replace the file at `path` by `content`, whole or not at all. Raises InputError as `replacing`."""
+    """Replace the file at `path` by `content`, whole or not at all. Raises InputError as `replacing` does."""
     with replacing(path) as stream:
         stream.write(content)
 
@@ -79,16 +79,16 @@ def write_text(path: str | Path, content: str) -> None:
 
 
 def open_regular(path: str | Path) -> BufferedReader:
-    """Open a regular file for reading; no folder, device or pipe, which might never begin or end.
+    """Open a regular file for reading; refuse folders, devices and pipes, whose reading may never end.
 
-    Raises InputError, which does not say the path, if it is none or cannot be opened.
+    Raises InputError if `path` is not a regular file or cannot be opened. The message does not name the path.
     """
     # Without O_NONBLOCK, opening a pipe that nobody writes to would wait for ever.
     try:
         descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK)
     except OSError as error:
         raise InputError(error.strerror or str(error)) from error
-    except ValueError as error:  # a NUL in it
+    except ValueError as error:  # the path holds a NUL character
         raise InputError(f"it is no path: {error}") from error
     if not stat.S_ISREG(os.fstat(descriptor).st_mode):
         os.close(descriptor)
@@ -98,7 +98,7 @@ def open_regular(path: str | Path) -> BufferedReader:
 
 @contextmanager
 def opened(path: str | Path) -> Iterator[BufferedReader]:
-    """Open a regular file for as long as the block lasts. Raises InputError as `open_regular`."""
+    """Open a regular file for as long as the block lasts. Raises InputError as `open_regular` does."""
     with open_regular(path) as stream:
         try:
             yield stream
@@ -107,10 +107,10 @@ def opened(path: str | Path) -> Iterator[BufferedReader]:
 
 
 def read_bytes(path: str | Path, most: int) -> bytes:
-    """Read a regular file of at most `most` bytes. Raises InputError, as `opened`, also if it is larger."""
+    """Read a regular file of at most `most` bytes. Raises InputError as `opened` does, and for a larger file."""
     pieces, size = [], 0
     with opened(path) as stream:
-        while piece := stream.read(_PIECE):  # in one piece, room would be made for the most that is allowed
+        while piece := stream.read(_PIECE):  # read(most) would allocate `most` bytes at once
             pieces.append(piece)
             size += len(piece)
             if size > most:
@@ -123,7 +123,7 @@ def _unwritable(target: Path, error: OSError) -> InputError:
 
 
 def _umask() -> int:
-    """Read the process's umask; there is no call that does not also set it."""
+    """Read the process's umask; the only call that reads it also sets it."""
     mask = os.umask(0)
     os.umask(mask)
     return mask

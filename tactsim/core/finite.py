@@ -1,4 +1,4 @@
-"""Check numbers from outside: finite, and no larger than anything a pad can measure."""
+"""Check that numbers from outside are finite and no larger than any pad can measure."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ LARGEST = 1e9
 def finite(values: ArrayLike, name: str) -> FloatArray:
     """Return numbers of any shape as float64.
 
-    name: what the numbers are, for the message. Raises InputError that names the first one which is NaN,
-    infinite or larger than LARGEST in size.
+    name: what the numbers are, for the message. Raises InputError that names the first number that is NaN,
+    infinite or larger in size than LARGEST.
     """
     array = np.asarray(values, dtype=np.float64)
     allowed = np.abs(array) <= LARGEST

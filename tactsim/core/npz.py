@@ -1,4 +1,4 @@
-"""Read an .npz file that nobody vouches for: no pickle, no surprise in size, every fault an InputError."""
+"""Read an untrusted .npz file: nothing is unpickled, sizes are limited, and every fault is an InputError."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ _ENCRYPTED = 1  # bit of a member's flags
 
 
 def read_npz(source: str | Path | BytesIO, names: Iterable[str]) -> dict[str, NDArray[Any]]:
-    """Read the named arrays, numbers or strings of at most three dimensions; other members are left alone.
+    """Read the named arrays: numbers or strings of at most three dimensions. Other members are ignored.
 
-    A claimed size is refused before any memory is asked for. Raises InputError, which does not say the
-    path, if the file is no whole .npz, lacks an array or holds one of another kind.
+    A claimed size is checked before memory is allocated. Raises InputError if the file is not a whole .npz,
+    lacks an array or holds one of another kind. The message does not name the path.
     """
     with nullcontext(source) if isinstance(source, BytesIO) else opened(source) as stream:
         try:
@@ -34,8 +34,9 @@ def read_npz(source: str | Path | BytesIO, names: Iterable[str]) -> dict[str, ND
                 return _members(archive, tuple(names))
         except InputError:
             raise
+        # A name that is not UTF-8 is a ValueError.
         except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, ValueError) as error:
-            raise InputError(f"it is not a whole .npz file: {error}") from error  # or a name is not UTF-8
+            raise InputError(f"it is not a whole .npz file: {error}") from error
 
 
 def _members(archive: zipfile.ZipFile, names: tuple[str, ...]) -> dict[str, NDArray[Any]]:
@@ -67,7 +68,7 @@ def _array(member: IO[bytes], name: str) -> NDArray[Any]:
     except (zipfile.BadZipFile, zlib.error, EOFError, OSError):
         raise
     except Exception as error:
-        # NumPy reads a header by Python's own tokenizer and parser, which raise whatever comes.
+        # NumPy reads a header with Python's tokenizer and parser, which may raise anything.
         raise InputError(f"array {name!r} has no header that NumPy writes") from error
     if dtype.kind not in "bfiuU" or len(shape) > 3 or min(shape, default=0) < 0:
         raise InputError(f"array {name!r} holds {dtype} of shape {shape}, no numbers or names")

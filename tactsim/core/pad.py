@@ -44,7 +44,7 @@ class Pad(BaseModel):
     @model_validator(mode="before")
     @classmethod
     def _without_seam(cls, values: Any) -> Any:
-        """Take `no_seam = true` for `seam = null`, which TOML cannot say."""
+        """Read `no_seam = true` as `seam = null`, because TOML has no null."""
         if isinstance(values, dict) and values.get("no_seam") is True:
             values = {name: value for name, value in values.items() if name != "no_seam"} | {"seam": None}
         return values

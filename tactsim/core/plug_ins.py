@@ -1,4 +1,4 @@
-"""What installed packages add by entry points: found, loaded and listed, whatever their modules do when imported."""
+"""Find, load and list what installed packages add through entry points, even where an import fails."""
 
 from __future__ import annotations
 
@@ -9,9 +9,8 @@ from typing import Any
 
 from tactsim.core.errors import InputError
 
-Check = Callable[
-    [Any], "str | None"
-]  # what is wrong with a loaded object, for a sentence; None if nothing is
+# Says what is wrong with a loaded object, in words that follow its name in a message; None if nothing is.
+Check = Callable[[Any], "str | None"]
 
 
 @dataclass(frozen=True)
@@ -34,7 +33,7 @@ def load_plug_in(point: EntryPoint, check: Check) -> Any:
     try:
         found = point.load()
         fault = check(found)
-    except (Exception, SystemExit) as error:  # whatever a stranger's module raises when it is imported
+    except (Exception, SystemExit) as error:  # importing a plug-in may raise anything
         said = next(iter(str(error).splitlines()), "")
         raise InputError(f"{origin} is broken: {type(error).__name__}: {said}") from error
     if fault is not None:
@@ -43,7 +42,7 @@ def load_plug_in(point: EntryPoint, check: Check) -> Any:
 
 
 def listing(group: str, built_in: Mapping[str, tuple[str, str]], check: Check) -> list[Listed]:
-    """Describe what is built in, {name: (where, what)}, then the plug-ins; one that is broken is a status."""
+    """Describe the built-in entries, {name: (where, what)}, then the plug-ins; the status says which are broken."""
     rows = [Listed(name, summary, "built in") for name, (_, summary) in built_in.items()]
     for point in plug_ins(group):
         origin = point.dist.name if point.dist else point.value

@@ -1,4 +1,4 @@
-"""`Reading`: what a pad says at one moment, whether it is simulated, recorded or real."""
+"""`Reading`: the pressures on a pad at one moment, whether the pad is simulated, recorded or real."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ class Reading:
 
     pressures: (taxels,) kPa, in the pad's order of taxels. host_time: s on the clock of the
     computer that read it; only differences have a meaning. device_time: s on the device's own clock,
-    its wraps undone, or None if it has none. index: the device's frame counter as it was sent, or None.
+    with overflows undone, or None if it has none. index: the device's frame counter as sent, or None.
 
     Raises InputError if a pressure is not a finite number of a sensible size.
     """

@@ -32,7 +32,7 @@ class Scan:
 
     readings: (n, taxels) kPa. poses: (n, 3) sensor_in_object [mm, mm, rad]. labels: (n,) names of
     the objects. split: (n,) "train" or "test". taxel_xy: (taxels, 2) mm, the taxels' centres in the
-    sensor frame. meta: what made it, a JSON object; `meta["objects"][label]` holds, where known,
+    sensor frame. meta: how it was made, a JSON object; `meta["objects"][label]` holds, where known,
     `symmetry` (order of the rotational symmetry, 0 for a disc), `centre` ([x, y] mm) and
     `inertia_over_mass` (mm^2).
 
@@ -111,7 +111,7 @@ class Scan:
         return self._chosen((self.split != "train") | ~np.isin(self.labels, list(letters)))
 
     def joined(self, other: Scan, meta: Mapping[str, Any]) -> Scan:
-        """Append another scan of the same pad; the result says `meta`.
+        """Append another scan of the same pad; the result has the given `meta`.
 
         Raises InputError if the taxels lie elsewhere.
         """
@@ -151,7 +151,7 @@ class Scan:
         arrays = {name: getattr(self, name) for name in _ARRAYS}
         arrays["meta"] = np.array(json.dumps(self.meta, sort_keys=True))
         content = BytesIO()
-        # np.savez stamps nothing and orders members as given, so the bytes depend on the scan alone.
+        # np.savez writes no dates and keeps the members' order, so the bytes depend on the scan alone.
         np.savez_compressed(content, allow_pickle=False, **arrays)
         with replacing(path) as stream:
             stream.write(content.getbuffer())
@@ -176,7 +176,7 @@ class Scan:
 def train_on(train: Scan, test: Scan) -> Scan:
     """Join the training readings of one scan and the test readings of another, on their common taxels.
 
-    A scan without the half that is wanted of it gives all its readings: a recording has often one only.
+    A recording often holds one split only. So a scan without the wanted split gives all its readings.
     Raises InputError if the pads differ.
     """
     halves = []
@@ -188,7 +188,7 @@ def train_on(train: Scan, test: Scan) -> Scan:
 
 
 def is_label(name: str) -> bool:
-    """Tell whether an object may be called so: 1 to 100 printable characters."""
+    """Tell whether `name` can label an object: 1 to 100 printable characters."""
     return name.isprintable() and 0 < len(name) <= _LONGEST_NAME
 
 

@@ -1,4 +1,4 @@
-"""Random numbers: one stream for each purpose, so that nothing depends on what else was drawn."""
+"""Make one stream of random numbers for each purpose, so that no draw depends on those for another."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""`Source`: a stream of readings, be it of a port, a recording, the simulated pad or a plug-in.
+"""`Source`: a stream of readings from a port, a recording, the simulated pad or a plug-in.
 
-Every room that gives readings implements it, and every room that takes them needs nothing else.
+Every room that provides readings implements `Source`. A room that uses readings needs nothing else.
 """
 
 from __future__ import annotations
@@ -30,15 +30,15 @@ class SourceEnded(SourceError):
 
 
 class HasPad(Protocol):
-    """What a source may need to know of a device before it is opened: the pad."""
+    """Anything that has a pad, such as the description of a device that is not open yet."""
 
     @property
     def pad(self) -> Pad:
-        """Give the pad that the device is."""
+        """Give the pad."""
 
 
 class Log(Protocol):
-    """What is told of everything that goes over a source's links; a recorder is one."""
+    """A listener to all bytes that pass over a source's links; a recorder is one."""
 
     def received(self, link: int, data: bytes, time: float) -> None:
         """Note bytes that came from `link` at `time`, s."""
@@ -51,12 +51,12 @@ class Log(Protocol):
 
 
 class Source(ABC):
-    """A stream of readings of one pad. Close it, or use it in a `with`; iterate to read till its end.
+    """A stream of readings of one pad. Close it, or use it in a `with`; iterate to read it to its end.
 
-    pad: the geometry. taxel_xy: (taxels, 2) mm, where the taxels lie that its readings hold.
-    counters: what has happened since it was opened. calibrated: whether the reading given last is
-    corrected already. has_bytes: whether it tells the `Log` that it was opened with what its links say;
-    if not, its readings have to be recorded instead.
+    pad: the geometry. taxel_xy: (taxels, 2) mm, the centres of the taxels in its readings. counters: what
+    has happened since it was opened. calibrated: whether the last reading is already corrected. has_bytes:
+    whether it reports the bytes on its links to the `Log` that it was opened with; if not, a recording
+    holds its readings instead.
     """
 
     pad: Pad
@@ -71,15 +71,15 @@ class Source(ABC):
 
         timeout: s, None for the device's own deadline. Raises NoReading if none came in that time
         (the next call may succeed), SourceEnded at the end of a recording, SourceError if the source
-        is broken. It never makes a reading up.
+        is broken. A source never invents a reading.
         """
 
     @abstractmethod
     def close(self) -> None:
-        """Give the device back; a closed source cannot be read."""
+        """Release the device; a closed source cannot be read."""
 
     def summary(self) -> list[str]:
-        """Say in lines of text what the source is of, as far as it was read; most have nothing to say."""
+        """Describe in lines of text what has been read so far; most sources return no line."""
         return []
 
     def __iter__(self) -> Iterator[Reading]:
@@ -99,16 +99,16 @@ class Source(ABC):
 
 
 class Wrapper(Source):
-    """Another source, `inner`, with something added to its readings.
+    """A source that passes on the readings of another source, `inner`, with something added.
 
-    All that is not overridden is asked of `inner` at the moment when it is wanted, never copied: a
-    source may count in new counters, or begin to be calibrated, while it is read.
+    Whatever a subclass does not override is asked of `inner` each time and never copied, because a
+    source may replace its counters or become calibrated while it is read.
     """
 
     def __init__(self, inner: Source) -> None:
         self.inner = inner
 
-    # Plain attributes of a source, which drivers assign, are answers here: a type checker minds that.
+    # `Source` declares plain attributes. Here they are properties, to which a type checker objects.
     @property
     def pad(self) -> Pad:  # type: ignore[override]
         """Give the inner source's pad."""
@@ -116,22 +116,22 @@ class Wrapper(Source):
 
     @property
     def taxel_xy(self) -> FloatArray:  # type: ignore[override]
-        """Tell where the taxels of a reading lie, (taxels, 2) mm."""
+        """Give the centres of the taxels in a reading, (taxels, 2) mm."""
         return self.inner.taxel_xy
 
     @property
     def counters(self) -> Counters:  # type: ignore[override]
-        """Count what has happened in the inner source."""
+        """Give the inner source's counters."""
         return self.inner.counters
 
     @property
     def calibrated(self) -> bool:  # type: ignore[override]
-        """Tell whether the reading given last is corrected."""
+        """Tell whether the last reading is corrected."""
         return self.inner.calibrated
 
     @property
     def has_bytes(self) -> bool:  # type: ignore[override]
-        """Tell whether what was opened with a `Log` told it everything."""
+        """Tell whether the inner source reports its bytes to its `Log`."""
         return self.inner.has_bytes
 
     def read(self, timeout: float | None = None) -> Reading:
@@ -143,5 +143,5 @@ class Wrapper(Source):
         self.inner.close()
 
     def summary(self) -> list[str]:
-        """Say what the inner source is of."""
+        """Describe what has been read from the inner source."""
         return self.inner.summary()

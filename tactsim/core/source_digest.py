@@ -1,8 +1,8 @@
-"""Hash the source code that a result depends on, so that results of two sources are never taken for each other.
+"""Hash the source code that a result depends on, so that results of different code are never confused.
 
-Imports are followed by reading the files, those within functions too, inside `tactsim` and inside the package
-that is asked about. A name that a package only passes on leads to the module that it comes from. Comments,
-docstrings and formatting do not count: what is hashed is what the compiler makes of a file.
+Imports are followed by reading the files, inside `tactsim` and inside the package that is asked about. Imports
+within functions count too. A name that a package re-exports is followed to the module that defines it. The
+hash covers compiled code, so comments, docstrings and formatting do not count.
 """
 
 from __future__ import annotations
@@ -52,9 +52,9 @@ def source_of(*modules: str) -> dict[str, str]:
 
 @lru_cache(maxsize=1)
 def git_commit() -> str | None:
-    """Name the commit that tactsim is checked out at, with "-changed" after it if a file differs from that.
+    """Name the checked-out commit of tactsim, with "-changed" appended if a file differs from it.
 
-    None without git, or where tactsim is installed and not checked out.
+    None without git, or if tactsim is installed and not checked out.
     """
     here = Path(__file__)
     git = ["git", "-C", str(here.parent)]
@@ -74,7 +74,11 @@ def git_commit() -> str | None:
 
 @dataclass(frozen=True)
 class _Import:
-    """One imported name: `module` is counted from the package that is `level` - 1 above, 0 for none."""
+    """One imported name, as the syntax tree has it.
+
+    level: the number of leading dots of a relative import, 0 for an absolute one. bound: the name that the
+    importing module gives it.
+    """
 
     level: int
     module: str
@@ -153,7 +157,7 @@ def _parsed(path: Path) -> _File:
 
 @lru_cache(maxsize=2048)
 def _parse(path: Path, mtime: int, size: int) -> _File:
-    """Read a file; its time and size tell whether it has changed since."""
+    """Parse a file. The time and size are part of the cache's key, so that a changed file is parsed again."""
     tree = ast.parse(path.read_bytes())
     imported = tuple(_imports(tree.body))
     content = hashlib.sha256()

@@ -1,4 +1,4 @@
-"""Worker processes that end with the work, whatever ends it: a result, Ctrl-C, or the death of one."""
+"""Start worker processes that end with the work, also after Ctrl-C or the death of a worker."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ from typing import Any
 def worker_processes(count: int) -> Iterator[Executor]:
     """Start `count` processes; Ctrl-C is left to their parent.
 
-    They are done when the block is; after an exception in it they are killed, and work not begun is
-    dropped. A worker that dies raises concurrent.futures.BrokenExecutor where a result is asked for.
+    The processes end with the block. After an exception in the block they are killed, and work that has not
+    begun is dropped. If a worker dies, asking for a result raises concurrent.futures.BrokenExecutor.
     """
     executor = ProcessPoolExecutor(count, mp_context=get_context("spawn"), initializer=_leave_interrupts)
     try:
         yield executor
     except BaseException:
-        # CPython may start a worker while it tidies up after another's death. It forgets that one, which then
-        # holds up the shutdown for ever.
+        # CPython may start a worker while it tidies up after another's death. It forgets the new worker, which
+        # then blocks the shutdown for ever. So all workers are listed here and killed below.
         workers = list((executor._processes or {}).values())
         manager: Any = executor._executor_manager_thread
         executor.shutdown(wait=False, cancel_futures=True)
-        # CPython before 3.13 tells every pending task that its worker died, and its thread fails at a cancelled
-        # one. It drops those first, unless the workers die before it gets to that.
+        # Before 3.13, CPython's manager thread tells every pending task that its worker died, and fails at a
+        # cancelled task. So the workers live until the thread has dropped the cancelled tasks.
         while manager is not None and manager.is_alive() and executor._cancel_pending_futures:
             time.sleep(1e-3)
         for worker in workers:

@@ -130,7 +130,7 @@ def test_a_sweep_gives_what_single_runs_give(tmp_path, environment, monkeypatch)
     _, configs = sweep_file.read(str(tmp_path / "s.toml"))
     names = sorted(path.name for path in (tmp_path / "out" / "runs").iterdir())
     assert len(names) == len(configs) == 4
-    assert not list((tmp_path / "out" / "parts").iterdir())
+    assert not list((tmp_path / "out" / "chunks").iterdir())
     assert output.count("100 bins") == output.count("1,000 bins") == 2
     run = perform(configs[0])
     (tmp_path / "single").mkdir()
@@ -156,12 +156,12 @@ def test_a_sweep_killed_again_and_again_ends_with_the_same_bytes(tmp_path, envir
     assert contents(tmp_path / "killed") == contents(whole)
 
 
-def test_a_part_that_was_damaged_is_done_again(tmp_path, environment, whole):
+def test_a_chunk_that_was_damaged_is_done_again(tmp_path, environment, whole):
     (tmp_path / "s.toml").write_text(SMALL)
-    parts = tmp_path / "again" / "parts"
-    parts.mkdir(parents=True)
+    folder = tmp_path / "again" / "chunks"
+    folder.mkdir(parents=True)
     for place in (whole / "runs").iterdir():
-        (parts / f"{place.name}.00000.npz").write_bytes(b"no part at all")
+        (folder / f"{place.name}.00000.npz").write_bytes(b"no chunk at all")
     finish(start(tmp_path, environment, "s.toml", "--out", "again", "--jobs", "1"))
     assert contents(tmp_path / "again") == contents(whole)
 
@@ -206,8 +206,8 @@ def test_what_a_killed_sweep_left_behind_is_removed(tmp_path, environment, whole
     kept = contents(tmp_path / "out")
     run = next((tmp_path / "out" / "runs").iterdir())
     left = [
-        tmp_path / "out" / "parts" / f"{run.name}.00001.npz",
-        tmp_path / "out" / "parts" / f".{run.name}.00000.npz.abc.part",
+        tmp_path / "out" / "chunks" / f"{run.name}.00001.npz",
+        tmp_path / "out" / "chunks" / f".{run.name}.00000.npz.abc.part",
         tmp_path / "out" / "runs" / f".{run.name}.xyz.part" / "run.json",
     ]
     left[2].parent.mkdir()
@@ -273,9 +273,9 @@ def test_a_dask_cluster_that_loses_a_worker_loses_nothing_and_does_nothing_twice
         SMALL.replace("trials = 30", "trials = 200").replace("readings = 3", "readings = 8")
     )
     process = start(tmp_path, environment, "s.toml", "--out", "far", "--dask", address)
-    parts = tmp_path / "far" / "parts"
+    folder = tmp_path / "far" / "chunks"
     deadline = time.monotonic() + 90
-    while not (parts.is_dir() and len(list(parts.iterdir())) >= 2):
+    while not (folder.is_dir() and len(list(folder.iterdir())) >= 2):
         assert process.poll() is None, process.communicate()
         assert time.monotonic() < deadline
         time.sleep(0.01)

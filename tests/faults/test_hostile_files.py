@@ -417,7 +417,9 @@ def test_a_scan_whose_meta_is_hostile_is_read_or_refused(small_scan, tmp_path):
 
 
 @pytest.mark.parametrize("kind", ARRAYS)
-def test_a_cache_file_or_part_of_a_sweep_that_was_sealed_by_an_enemy_is_not_used(kind, tmp_path, monkeypatch):
+def test_a_cache_file_or_chunk_of_a_sweep_that_was_sealed_by_an_enemy_is_not_used(
+    kind, tmp_path, monkeypatch
+):
     monkeypatch.setenv("TACTSIM_CACHE_DIR", str(tmp_path))
     key = "ab" * 32
     body = ARRAYS[kind]
@@ -425,7 +427,7 @@ def test_a_cache_file_or_part_of_a_sweep_that_was_sealed_by_an_enemy_is_not_used
     (tmp_path / f"{key[:40]}.readings").write_bytes(content)
     assert cache.load(key, (192, 36)) is None
     chunk = chunks.Chunk("run", 0, (), "made with")
-    (tmp_path / "parts").mkdir()
+    (tmp_path / "chunks").mkdir()
     archive = io.BytesIO()
     with zipfile.ZipFile(archive, "w") as stream:
         for name in ("work", "truth", "pose"):
