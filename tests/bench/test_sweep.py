@@ -250,7 +250,7 @@ def test_a_dask_cluster_that_loses_a_worker_loses_nothing_and_does_nothing_twice
         time.sleep(0.01)
     workers[0].kill()
     finish(process)
-    finish(bench.start("sweep", "s.toml", "--out", "near", "--jobs", "2"))
+    finish(bench.start("sweep", "s.toml", "--out", "near", "--jobs", "1"))
     assert contents(tmp_path / "far") == contents(tmp_path / "near")
     for place in (tmp_path / "far" / "runs").iterdir():
         with (place / "trials.csv").open(newline="") as stream:
