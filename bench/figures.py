@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
-from matplotlib.ticker import LogLocator, NullFormatter
+from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
 
 from tactsim.bench.run import Run
 from tactsim.core import InputError
@@ -34,7 +34,20 @@ def readings_figure(run: Run) -> Picture:
     """Draw accuracy with its Wilson band, and error with its standard error, against readings seen."""
     summary = run.summary
     number = np.arange(1, len(summary["accuracy"]) + 1)
-    figure = Picture(figsize=(9, 3.8), layout="constrained")
+    title = [
+        f"{run.config['estimator']}, {run.about['description']}",
+        f"{len(run.trials.truth)} trials, {run.about['protocol']}",
+    ]
+    lines = [part for line in title for part in textwrap.wrap(line, 110)]
+    figure = Picture(figsize=(9, 3.8))
+    # Margins in inches: measuring every text for them would take as long as drawing.
+    figure.subplots_adjust(
+        left=0.55 / 9,
+        right=1 - 0.2 / 9,
+        bottom=0.5 / 3.8,
+        top=1 - (0.13 + 0.17 * len(lines)) / 3.8,
+        wspace=0.2,
+    )
     left, right = figure.subplots(1, 2)
 
     left.fill_between(
@@ -70,11 +83,8 @@ def readings_figure(run: Run) -> Picture:
     right.legend(frameon=False, loc="upper right")
     for axes in (left, right):
         axes.spines[["top", "right"]].set_visible(False)
-    title = [
-        f"{run.config['estimator']}, {run.about['description']}",
-        f"{len(run.trials.truth)} trials, {run.about['protocol']}",
-    ]
-    figure.suptitle("\n".join(textwrap.fill(line, 110) for line in title), fontsize=10, parse_math=False)
+        axes.xaxis.set_major_locator(MaxNLocator(integer=True))
+    figure.suptitle("\n".join(lines), y=1 - 0.06 / 3.8, fontsize=10, parse_math=False)
     return figure
 
 
@@ -87,8 +97,17 @@ def maps_figure(maps: Mapping[str, Any]) -> Picture:
         raise InputError("there are no maps: the run was loaded, or its estimator learns none")
     columns = min(len(maps), 6)
     rows = -(-len(maps) // columns)
-    figure = Picture(figsize=(2.2 * columns + 0.9, 2.3 * rows + 0.5), layout="constrained")
-    grid = np.atleast_1d(figure.subplots(rows, columns, squeeze=False)).ravel()
+    # Inches: a map and the space to the next, then the margins, as in `readings_figure`.
+    side, across, down = 1.6, 0.4, 0.5
+    left, right, bottom, top = 0.4, 1.0, 0.55, 0.35
+    width = left + columns * (side + across) - across + right
+    height = bottom + rows * (side + down) - down + top
+    figure = Picture(figsize=(width, height))
+    figure.subplots_adjust(
+        left=left / width, right=1 - right / width, bottom=bottom / height, top=1 - top / height,
+        wspace=across / side, hspace=down / side,
+    )  # fmt: skip
+    grid = figure.subplots(rows, columns, squeeze=False).ravel()
     limit = max(float(np.abs(m.log_odds).max()) for m in maps.values())
     image = None
     for axes, (label, m) in zip(grid, maps.items(), strict=False):
@@ -101,6 +120,10 @@ def maps_figure(maps: Mapping[str, Any]) -> Picture:
     for axes in grid[len(maps) :]:
         axes.set_visible(False)
     if image is not None:
-        figure.colorbar(image, ax=grid[: len(maps)].tolist(), label="log-odds of occupancy", shrink=0.8)
-    figure.supxlabel("mm", fontsize=8)
+        tall = min(height - bottom - top, 3.0)
+        beside = figure.add_axes(
+            (1 - 0.8 / width, (bottom + height - top - tall) / 2 / height, 0.12 / width, tall / height)
+        )
+        figure.colorbar(image, cax=beside, label="log-odds of occupancy").ax.tick_params(labelsize=8)
+    figure.supxlabel("mm", x=(left + width - right) / 2 / width, y=0.1 / height, fontsize=8)
     return figure

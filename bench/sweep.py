@@ -38,6 +38,7 @@ from tactsim.core.files import new_folder, write_text
 from tactsim.core.workers import worker_processes
 from tactsim.estimators import create
 
+SCHEDULER_ANSWERS_IN = 10.0  # s, or it counts as none
 ATTEMPTS = 3  # how often trials are tried when workers die
 
 Pool = Callable[[], AbstractContextManager[Executor]]
@@ -114,7 +115,7 @@ def dask_pool(address: str) -> Pool:
         except ImportError:
             raise InputError("--dask needs the package distributed: pip install 'tactsim[dask]'") from None
         try:
-            client = Client(address, timeout=10, set_as_default=False)
+            client = Client(address, timeout=SCHEDULER_ANSWERS_IN, set_as_default=False)
         except (OSError, ValueError, TypeError) as error:
             raise InputError(f"--dask {address}: no scheduler answers there ({error})") from error
         with client, client.get_executor(pure=False, retries=ATTEMPTS) as executor:

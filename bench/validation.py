@@ -19,9 +19,8 @@ from tactsim.core.poses import FloatArray, compose
 from tactsim.core.scan import train_on
 from tactsim.estimators.likelihoods.classifier import classify
 from tactsim.hardware.sensor_fit import SensorFit, TaxelError, class_agreement, fit_sensor, taxel_error
-from tactsim.models import Letter
 from tactsim.press import ScanOptions
-from tactsim.press.engine import ideal_readings
+from tactsim.press.engine import Pressed, press_at
 from tactsim.press.scanning import letters_of
 from tactsim.press.sensor import gains, sense
 
@@ -72,18 +71,29 @@ class _Simulator:
         if apart.min(axis=1).max() > 1e-3:
             raise InputError("the recorded taxels are not where the simulated pad has them: the pads differ")
         self.taxels = apart.argmin(axis=1)
+        self._pressed: tuple[tuple[bytes, bool], dict[str, Pressed]] | None = None
 
     def __call__(self, sigma: float, errors: FloatArray) -> FloatArray:
         """Predict readings without imperfections; see `tactsim.hardware.sensor_fit.Predict`."""
         sensor = self.options.sensor.model_copy(update={"psf_sigma": sigma})
         options = self.options.model_copy(update={"sensor": sensor})
-        poses = compose(self._recorded.poses, errors)
-        ideal = np.empty((len(poses), options.pad.taxels))
-        for name in self._recorded.letters:
-            rows = self._recorded.labels == name
-            letter: Letter = self._letters[name]
-            ideal[rows] = ideal_readings(letter, poses[rows], options)[0]
+        ideal = np.empty((len(errors), options.pad.taxels))
+        for name, pressed in self._press(errors, options).items():
+            ideal[self._recorded.labels == name] = pressed.readings(options)
         return ideal[:, self.taxels]
+
+    def _press(self, errors: FloatArray, options: ScanOptions) -> dict[str, Pressed]:
+        """Press every letter; once for all point spreads, which change only what taxels feel of the forces."""
+        wanted = errors.tobytes(), options.sensor.psf_sigma == 0
+        if self._pressed is None or self._pressed[0] != wanted:
+            poses = compose(self._recorded.poses, errors)
+            labels = self._recorded.labels
+            letters = ((name, self._letters[name]) for name in self._recorded.letters)
+            self._pressed = (
+                wanted,
+                {name: press_at(letter, poses[labels == name], options) for name, letter in letters},
+            )
+        return self._pressed[1]
 
     def noisy(self, seed: int) -> FloatArray:
         """Simulate readings at the recorded poses, with the imperfections that the simulation's options state."""

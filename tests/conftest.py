@@ -1,7 +1,17 @@
 """What tests of all folders share. What is called and not given is in `tests/support`."""
 
+import subprocess
+import sys
+
 import pytest
 from command_line import Bench
+from hypothesis import settings
+
+from tactsim.bench.cli.app import run_app
+
+# A busy machine fails no test.
+settings.register_profile("no-deadline", deadline=None)
+settings.load_profile("no-deadline")
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -25,6 +35,22 @@ def own_cache(tmp_path_factory, monkeypatch):
 def bench(tmp_path, shared_cache):
     """Give the installed command in an empty folder, with the cache that all tests share."""
     return Bench(tmp_path, shared_cache)
+
+
+@pytest.fixture
+def here(tmp_path, monkeypatch, capsys):
+    """Call the command line in this process, where another one would prove nothing more."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "120")
+    monkeypatch.setenv("NO_COLOR", "1")
+
+    def call(*words):
+        monkeypatch.setattr(sys, "argv", ["bench", *map(str, words)])
+        with pytest.raises(SystemExit) as ended:
+            run_app()
+        return subprocess.CompletedProcess(words, ended.value.code, *capsys.readouterr())
+
+    return call
 
 
 @pytest.fixture(scope="session")

@@ -9,6 +9,7 @@ from typing import NoReturn
 import typer
 from typer.exceptions import Abort, TyperException
 
+from tactsim.bench.cli import INTERRUPTED, end_interrupted
 from tactsim.bench.cli import cmd_compare as compare
 from tactsim.bench.cli import cmd_devices as devices
 from tactsim.bench.cli import cmd_emulate as emulate
@@ -25,7 +26,7 @@ from tactsim.bench.cli import cmd_tare as tare
 from tactsim.bench.cli import cmd_validate as validate
 from tactsim.core.errors import InputError, printable
 
-FAILED, WRONG_INPUT, INTERRUPTED = 1, 2, 130
+FAILED, WRONG_INPUT = 1, 2
 
 app = typer.Typer(
     name="bench",
@@ -72,12 +73,12 @@ def run_app() -> NoReturn:
     except TyperException as error:
         fail(error.format_message())
     except (KeyboardInterrupt, Abort):
-        status = INTERRUPTED
+        end_interrupted()
     except BrokenPipeError:  # as in `bench list | head`, which stops reading
         sys.stderr.close()
         sys.exit(FAILED)
     if status == INTERRUPTED:
-        print("bench: interrupted; nothing half-written was kept", file=sys.stderr)
+        end_interrupted()
     sys.exit(status if isinstance(status, int) else 0)
 
 

@@ -8,6 +8,7 @@ nothing that belongs to one sensor: its imperfections come afterwards, in `senso
 from __future__ import annotations
 
 from collections import Counter
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -21,6 +22,26 @@ from tactsim.press.scene import UNREAD_STAGES
 from tactsim.press.spread import contact_map
 
 
+@dataclass(frozen=True, eq=False)
+class Pressed:
+    """A letter pressed at poses until it rests: the springs that carry it, and what each carries.
+
+    forces: N, one a spring of `bed`. work: `presses`, and what was skipped by reason.
+    """
+
+    bed: Bed
+    forces: FloatArray
+    work: Counter[str]
+
+    def readings(self, options: ScanOptions) -> FloatArray:
+        """Spread the forces over the taxels: (n, taxels) kPa without imperfections.
+
+        `options` may differ from those of the press in the sensor's alone, and not in whether its point
+        spread is 0, which the bed's springs depend on.
+        """
+        return _map(self.bed, self.forces, options)
+
+
 def ideal_readings(
     letter: models.Letter, poses: FloatArray, options: ScanOptions
 ) -> tuple[FloatArray, Counter[str]]:
@@ -30,10 +51,19 @@ def ideal_readings(
     Raises UnsettledError, naming letter and pose, if a press does not come to rest; InputError if a letter
     with rounded edges is to be pressed by its parts.
     """
+    pressed = press_at(letter, poses, options)
+    return pressed.readings(options), pressed.work
+
+
+def press_at(letter: models.Letter, poses: FloatArray, options: ScanOptions) -> Pressed:
+    """Press `letter` at `poses` (n, 3) as `ideal_readings` does, and keep what the springs carry.
+
+    Raises what `ideal_readings` does.
+    """
     face = levels(letter, options.press)
     bed = _bed(face, poses, options)
     forces = contact_forces(bed, poses, letter, options.press)
-    return _map(bed, forces, options), _work(bed, face, letter, options)
+    return Pressed(bed, forces, _work(bed, face, letter, options))
 
 
 def ideal_sequence(

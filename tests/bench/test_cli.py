@@ -3,75 +3,17 @@
 import json
 import os
 import signal
-import subprocess
 import sys
 import time
-from pathlib import Path
 
 import numpy as np
 import pytest
+from command_line import Bench, refused
 
-from tactsim.bench.cli.app import run_app
+from tactsim.bench.cli import main
 from tactsim.core import Scan
 
-BENCH = Path(sys.executable).parent / "bench"
 SMALL = ["--trials", "1", "--readings", "4", "--bins", "1000"]
-
-
-@pytest.fixture(scope="session")
-def cache_dir(tmp_path_factory):
-    return tmp_path_factory.mktemp("cache")
-
-
-@pytest.fixture
-def bench(tmp_path, cache_dir):
-    """Call `bench` in an empty folder, with a cache that the session shares."""
-    environment = os.environ | {"TACTSIM_CACHE_DIR": str(cache_dir), "COLUMNS": "100", "NO_COLOR": "1"}
-
-    def call(*words, **options):
-        return subprocess.run(
-            [BENCH, *map(str, words)], cwd=tmp_path, env=environment, text=True, capture_output=True,
-            timeout=120, check=False, **options,
-        )  # fmt: skip
-
-    call.environment = environment
-    return call
-
-
-@pytest.fixture
-def here(tmp_path, cache_dir, monkeypatch, capsys):
-    """Call the command line in this process, where another one would prove nothing more."""
-    monkeypatch.chdir(tmp_path)
-    for name, value in {"TACTSIM_CACHE_DIR": str(cache_dir), "COLUMNS": "100", "NO_COLOR": "1"}.items():
-        monkeypatch.setenv(name, value)
-
-    def call(*words):
-        monkeypatch.setattr(sys, "argv", ["bench", *map(str, words)])
-        with pytest.raises(SystemExit) as ended:
-            run_app()
-        return subprocess.CompletedProcess(words, ended.value.code, *capsys.readouterr())
-
-    return call
-
-
-@pytest.fixture(scope="session")
-def scan_file(tmp_path_factory, cache_dir):
-    path = tmp_path_factory.mktemp("scan") / "two.npz"
-    subprocess.run(
-        [BENCH, "scan", "--out", path, "--letters", "AO"],
-        env=os.environ | {"TACTSIM_CACHE_DIR": str(cache_dir)}, check=True, capture_output=True, timeout=120,
-    )  # fmt: skip
-    return path
-
-
-def refused(result, *parts):
-    """Check for exit status 2, one line on standard error that says each of `parts`, no traceback."""
-    assert result.returncode == 2, result.stderr
-    lines = [line for line in result.stderr.splitlines() if line.startswith("bench")]
-    assert len(lines) == 1, result.stderr
-    assert "Traceback" not in result.stderr
-    for part in parts:
-        assert part in lines[0]
 
 
 def test_a_run_prints_its_table_and_leaves_its_files(bench, tmp_path):
@@ -85,8 +27,8 @@ def test_a_run_prints_its_table_and_leaves_its_files(bench, tmp_path):
     assert (tmp_path / "here" / "readings.png").read_bytes().startswith(b"\x89PNG")
 
 
-def test_json_is_one_object_and_nothing_else_on_standard_output(bench):
-    result = bench("run", *SMALL, "--json", "--letters", "AE")
+def test_json_is_one_object_and_nothing_else_on_standard_output(here):
+    result = here("run", *SMALL, "--json", "--letters", "AE")
     answer = json.loads(result.stdout)
     wanted = "estimator options letters trials readings seed accuracy accuracy_low accuracy_high error_mm "
     wanted += "all_right_from settled_95 seconds work versions"
@@ -97,9 +39,11 @@ def test_json_is_one_object_and_nothing_else_on_standard_output(bench):
     assert {"likelihood_evaluations", "presses", "skipped"} <= set(answer["work"])
 
 
-def test_the_same_seed_gives_the_same_files_whatever_the_jobs_and_the_cache(bench, tmp_path):
-    for name, more in {"a": ["--jobs", "1"], "b": ["--jobs", "2"], "c": ["--no-cache"]}.items():
-        assert bench("run", *SMALL, "--letters", "AE", "--out", name, *more).returncode == 0
+def test_the_same_seed_gives_the_same_files_whatever_the_jobs_and_the_cache(bench, here, tmp_path):
+    words = ["run", *SMALL, "--letters", "AE", "--out"]
+    assert here(*words, "a", "--jobs", "1").returncode == 0
+    assert bench(*words, "b", "--jobs", "2").returncode == 0
+    assert here(*words, "c", "--no-cache").returncode == 0
     for name in ("trials.csv", "summary.json", "run.json", "readings.png", "maps.png"):
         first = (tmp_path / "a" / name).read_bytes()
         assert (tmp_path / "b" / name).read_bytes() == first, name
@@ -112,14 +56,14 @@ def test_another_seed_gives_other_trials(here, tmp_path):
     assert (tmp_path / "s0" / "trials.csv").read_bytes() != (tmp_path / "s1" / "trials.csv").read_bytes()
 
 
-def test_a_scan_is_written_and_run_from_its_file(bench, tmp_path, scan_file):
+def test_a_scan_is_written_and_run_from_its_file(here, scan_file):
     scan = Scan.load(scan_file)
-    assert scan.letters == ("A", "O")
+    assert scan.letters == ("I", "O")
     assert len(scan) == 2 * 2 * 192
-    result = bench("run", *SMALL, "--scan", scan_file, "--json")
-    assert json.loads(result.stdout)["letters"] == ["A", "O"]
+    result = here("run", *SMALL, "--scan", scan_file, "--json")
+    assert json.loads(result.stdout)["letters"] == ["I", "O"]
     assert json.loads(result.stdout)["work"]["presses"] == 0
-    pressed = bench("run", *SMALL, "--letters", "AO", "--json")
+    pressed = here("run", *SMALL, "--letters", "IO", "--json")
     for key in ("accuracy", "error_mm"):
         assert json.loads(pressed.stdout)[key] == json.loads(result.stdout)[key]
 
@@ -156,7 +100,7 @@ def test_a_chosen_order_marks_the_protocol_and_is_timed(here):
 
 
 def test_training_and_test_readings_may_come_from_two_files(here, scan_file, tmp_path):
-    here("scan", "--out", "other.npz", "--letters", "AO", "--seed", "7")
+    here("scan", "--out", "other.npz", "--letters", "IO", "--seed", "7")
     result = here("run", *SMALL, "--train-scan", scan_file, "--scan", "other.npz", "--json")
     assert result.returncode == 0, result.stderr
 
@@ -219,7 +163,7 @@ BAD = {
     "all held out": (["run", "--letters", "AE", "--hold-out", "A,E"], ["--hold-out", "train"]),
     "list": (["list", "weather"], ["weather", "estimators"]),
     "list of one": (["list", "estimators", "histogramm"], ["did you mean 'histogram'"]),
-    "list of a letter": (["list", "letters", "A"], ["only estimators"]),
+    "list of a letter": (["list", "letters", "A"], ["only an estimator"]),
     "world for a file": (["run", "--scan", "some.npz", "--world", "paper-like"], ["world", "some.npz"]),
 }
 
@@ -255,19 +199,30 @@ def test_scan_files_that_are_not_whole_are_refused(here, tmp_path, scan_file):
     refused(here("run", "--scan", "nan.npz"), "nan.npz", "readings[3, 5]")
 
 
-def test_an_interrupt_ends_with_130_one_line_and_no_results(bench, tmp_path):
-    process = subprocess.Popen(
-        [BENCH, "run", "--trials", "400", "--out", "here"], cwd=tmp_path, env=bench.environment,
-        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-    )  # fmt: skip
-    time.sleep(3)
-    assert process.poll() is None, process.communicate()
+def test_an_interrupt_ends_with_130_one_line_and_no_results(tmp_path):
+    process = Bench(tmp_path).start("run", "--trials", "1000", "--letters", "I", "--out", "here")
+    while not any((tmp_path / "cache").rglob("*.readings")):  # all is pressed: it is at its trials
+        assert process.poll() is None, process.communicate()
+        time.sleep(0.05)
     process.send_signal(signal.SIGINT)
     _, errors = process.communicate(timeout=30)
     assert process.returncode == 130
     assert "interrupted" in errors
     assert "Traceback" not in errors
-    assert list(tmp_path.iterdir()) == []
+    assert [path.name for path in tmp_path.iterdir()] == ["cache"]
+
+
+def test_an_interrupt_while_modules_are_imported_ends_alike(monkeypatch, capsys):
+    class Interrupts:
+        def find_spec(self, name, path, target=None):
+            if name == "tactsim.bench.cli.app":
+                raise KeyboardInterrupt
+
+    monkeypatch.delitem(sys.modules, "tactsim.bench.cli.app")
+    monkeypatch.setattr(sys, "meta_path", [Interrupts(), *sys.meta_path])
+    with pytest.raises(SystemExit, match="130"):
+        main()
+    assert capsys.readouterr().err == "bench: interrupted; nothing half-written was kept\n"
 
 
 def test_a_users_own_folders_hide_nothing(bench, tmp_path):

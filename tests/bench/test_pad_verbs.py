@@ -1,59 +1,31 @@
 """The verbs of the real pad as a user calls them, on an emulated pad behind a real pty or TCP port."""
 
 import json
-import os
 import signal
-import subprocess
-import sys
 import time
 from contextlib import contextmanager
-from pathlib import Path
 
 import numpy as np
 import pytest
+from command_line import refused
 
 from tactsim.core import Scan
 
-BENCH = Path(sys.executable).parent / "bench"
-ENVIRONMENT = os.environ | {"COLUMNS": "110", "NO_COLOR": "1"}
-
-
-@pytest.fixture
-def bench(tmp_path):
-    def call(*words, **options):
-        return subprocess.run(
-            [BENCH, *map(str, words)], cwd=tmp_path, env=ENVIRONMENT, text=True, capture_output=True,
-            timeout=120, check=False, stdin=subprocess.DEVNULL, **options,
-        )  # fmt: skip
-
-    return call
-
 
 @contextmanager
-def emulated(folder, *words):
+def emulated(bench, *words):
     """Run `bench emulate`; gives the name that it prints."""
-    process = subprocess.Popen(
-        [BENCH, "emulate", *map(str, words)], cwd=folder, env=ENVIRONMENT, text=True, stdout=subprocess.PIPE
-    )
+    process = bench.start("emulate", *words)
     try:
         yield process.stdout.readline().strip()
     finally:
         process.send_signal(signal.SIGINT)
-        assert process.wait(10) == 130
+        assert process.wait(60) == 130
 
 
 def right(result):
     assert result.returncode == 0, result.stderr
     return result.stdout
-
-
-def refused(result, *parts):
-    assert result.returncode == 2, result.stderr
-    lines = [line for line in result.stderr.splitlines() if line.startswith("bench")]
-    assert len(lines) == 1, result.stderr
-    assert "Traceback" not in result.stderr
-    for part in parts:
-        assert part in lines[0]
 
 
 def test_devices_are_listed(bench):
@@ -66,7 +38,7 @@ def test_devices_are_listed(bench):
 
 @pytest.mark.parametrize("on", ["pty:pad", "tcp"])
 def test_a_pad_is_probed(bench, tmp_path, on):
-    with emulated(tmp_path, "--port", on, "--letter", "A", "--hold", "1000", "--lift", "0.1") as name:
+    with emulated(bench, "--port", on, "--letter", "A", "--hold", "1000", "--lift", "0.1") as name:
         found = json.loads(right(bench("probe", "--port", name, "--seconds", "0.5", "--json")))
         shown = right(bench("probe", "--port", name, "--seconds", "0.3"))
     assert found["taxels"] == 36
@@ -77,25 +49,25 @@ def test_a_pad_is_probed(bench, tmp_path, on):
 
 
 def test_a_probe_of_something_else_shows_its_bytes(bench, tmp_path):
-    with emulated(tmp_path, "--port", "pty:pad") as name:
+    with emulated(bench, "--port", "pty:pad") as name:
         result = bench("probe", "--port", name, "--device", "singletact-5x5")
     refused(result, "no whole frame of 'SingleTact 5x5 array'", "baud rate")
     assert "aa 55" in result.stderr
 
 
 def test_a_letter_is_recorded_from_tare_to_scan(bench, tmp_path):
-    with emulated(tmp_path, "--port", "pty:pad", "--follow", "A.tactrec", "--rate", "200", "--lift", "0.2"):
+    with emulated(bench, "--port", "pty:pad", "--follow", "A.tactrec", "--rate", "200", "--lift", "0.2"):
         assert "36 taxels" in right(bench("tare", "--port", "pad", "--out", "cal.toml"))
         words = [
             "record", "--port", "pad", "--letter", "A", "--calibration", "cal.toml", "--out", "A.npz",
             "--poses", "random:5", "--frames", "10",
         ]  # fmt: skip
-        session = subprocess.Popen([BENCH, *words], cwd=tmp_path, env=ENVIRONMENT, stdin=subprocess.DEVNULL)
+        session = bench.start(*words)
         until = time.monotonic() + 60
         while time.monotonic() < until and not _marks(tmp_path):
             time.sleep(0.2)
         session.send_signal(signal.SIGKILL)
-        session.wait(10)
+        session.communicate(timeout=10)
         assert not (tmp_path / "A.npz").exists()
         refused(bench(*words), "A.tactrec exists", "--resume")
         refused(bench(*words, "--resume", "--letter", "B"), "is a session of 'A'")
@@ -130,7 +102,7 @@ def _pressed(poses):
 
 
 def test_all_that_a_pad_says_is_recorded(bench, tmp_path):
-    with emulated(tmp_path, "--port", "tcp") as name:
+    with emulated(bench, "--port", "tcp") as name:
         assert "readings in a.tactrec" in right(
             bench("record", "--port", name, "--out", "a.tactrec", "--seconds", "0.5")
         )
@@ -151,7 +123,7 @@ def test_faults_are_emulated_and_survived(bench, tmp_path):
         "--disconnect",
         "0.7",
     ]
-    with emulated(tmp_path, "--port", "pty:pad", *faults) as name:
+    with emulated(bench, "--port", "pty:pad", *faults) as name:
         found = json.loads(right(bench("probe", "--port", name, "--seconds", "2", "--json")))
     assert found["counters"]["garbage_bytes"] > 0
     assert found["counters"]["reconnects"] >= 1
@@ -194,8 +166,8 @@ def test_a_large_array_is_cut_into_touches(bench, tmp_path):
         (["emulate", "--letter", "?"], ["unknown letter"]),
     ],
 )
-def test_mistakes_end_in_one_line(bench, tmp_path, words, parts):
-    refused(bench(*words), *parts)
+def test_mistakes_end_in_one_line(here, words, parts):
+    refused(here(*words), *parts)
 
 
 def test_a_simulation_is_validated_and_brought_nearer(bench, tmp_path):

@@ -44,17 +44,11 @@ def test_what_is_not_run_is_known():
     assert {(block.page, block.not_run) for block in BLOCKS if block.not_run} == NOT_RUN
 
 
-@pytest.fixture(scope="module")
-def cache(tmp_path_factory):
-    return tmp_path_factory.mktemp("cache")
-
-
 @pytest.mark.parametrize(
     "page", [pytest.param(page, marks=[pytest.mark.slow] if page in SLOW else []) for page in RUN_PAGES]
 )
-def test_a_pages_blocks_run(page, cache, tmp_path, monkeypatch):
+def test_a_pages_blocks_run(page, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("TACTSIM_CACHE_DIR", str(cache))
     monkeypatch.setenv("MPLBACKEND", "agg")
     monkeypatch.setenv("COLUMNS", "300")
     for name, text in OWN.items():

@@ -51,11 +51,6 @@ def wheel(tmp_path_factory):
     return place / "site"
 
 
-@pytest.fixture(scope="module")
-def cache(tmp_path_factory):
-    return tmp_path_factory.mktemp("cache")
-
-
 def run(notebook, folder, cache, wheel=""):
     """Run a copy of a notebook in a folder, with the package of the wheel or of the checkout."""
     for name in ("models", "bench", "estimators", "hardware"):
@@ -75,16 +70,16 @@ def run(notebook, folder, cache, wheel=""):
     assert result.returncode == 0, result.stderr
 
 
-def test_a_new_user_brings_an_estimator_with_the_wheel_alone(wheel, cache, tmp_path):
-    run(ROOT / "docs" / "tutorials" / "bring-an-estimator.ipynb", tmp_path, cache, wheel)
+def test_a_new_user_brings_an_estimator_with_the_wheel_alone(wheel, shared_cache, tmp_path):
+    run(ROOT / "docs" / "tutorials" / "bring-an-estimator.ipynb", tmp_path, shared_cache, wheel)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "notebook", [one for one in NOTEBOOKS if one.stem != "bring-an-estimator"], ids=lambda path: path.stem
 )
-def test_a_tutorial_runs(notebook, cache, tmp_path):
-    run(notebook, tmp_path, cache)
+def test_a_tutorial_runs(notebook, shared_cache, tmp_path):
+    run(notebook, tmp_path, shared_cache)
 
 
 def test_there_are_four_tutorials():

@@ -21,7 +21,7 @@ class Bench:
         """Start `bench` in a session of its own, so that all its processes can be killed together."""
         return subprocess.Popen(
             [BENCH, *map(str, words)], cwd=self.folder, env=self.environment, text=True,
-            stdout=subprocess.PIPE, stderr=subprocess.PIPE, start_new_session=True, **options,
+            stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE, start_new_session=True, **options,
         )  # fmt: skip
 
     def __call__(self, *words, **options):
