@@ -354,3 +354,9 @@ def test_a_wrong_press_is_refused_in_one_line(case):
     with pytest.raises(InputError, match=said) as caught:
         tactsim.press(*words, **named)
     assert "\n" not in str(caught.value)
+
+
+def test_a_picture_counts_whole_readings(run):
+    figure = run.plot()
+    for ax in figure.axes:
+        assert [tick for tick in ax.get_xticks() if tick % 1] == []
