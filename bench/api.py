@@ -14,7 +14,8 @@ from tactsim.bench.config import RunConfig, ScanWords, run_config, scan_options
 from tactsim.bench.run import Run
 from tactsim.bench.runner import perform, silent
 from tactsim.bench.trials import Progress
-from tactsim.core import Scan
+from tactsim.core import InputError, Scan
+from tactsim.core.errors import short
 from tactsim.estimators import Estimator
 from tactsim.press import scan_letters
 
@@ -57,7 +58,8 @@ def scan(
 
     Raises InputError for a letter, shape or option that does not exist, and if a press does not settle.
     """
-    options = scan_options(letters=letters if isinstance(letters, str | None) else tuple(letters), **words)
+    _check_jobs(jobs)
+    options = scan_options(letters=letters, **words)
     with _reporting(progress) as report:
         return scan_letters(
             options, jobs=jobs, cache=cache, progress=lambda done, total: report("press", done, total)
@@ -82,10 +84,20 @@ def run(
     given, shapes, test_poses, world, noise and scan_set. jobs: processes; the trials do not depend on their
     number. cache: whether readings may be read from the cache and kept there. progress: show bars.
 
+    `tactsim.run(**run.config)` does a run again; one on readings that were given asks for them, as `scan`.
+
     Raises InputError for a wrong option or value, and, with more than one job, for an estimator that cannot be
     sent to worker processes.
     """
+    _check_jobs(jobs)
+    if not isinstance(estimator, str | Estimator):
+        raise InputError(
+            f"estimator is {short(estimator)}; give a registered name or an Estimator, made with its options"
+        )
     given = scan if isinstance(scan, Scan) else None
+    digest = words.pop("given", None)
+    if digest is not None and (given is None or given.digest != digest):
+        raise InputError("the run was on readings that were given in Python; give the same again, as `scan`")
     if given is not None:
         words["given"] = given.digest
     elif scan is not None:
@@ -102,6 +114,11 @@ def run(
             cache=cache,
             progress=report,
         )
+
+
+def _check_jobs(jobs: int) -> None:
+    if not isinstance(jobs, int) or jobs < 1:
+        raise InputError(f"jobs is {short(jobs)}; give a number of processes, 1 or more")
 
 
 @contextmanager

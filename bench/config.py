@@ -34,9 +34,9 @@ class Flag:
 
 
 def _letters(words: Any) -> Any:
-    """Read letters from a text such as "AEIOU" or "A-Z0-9"; a list of names stays as it is."""
+    """Read letters from a text such as "AEIOU" or "A-Z0-9"; names in a list or an array stay as they are."""
     if not isinstance(words, str):
-        return words
+        return tuple(words) if isinstance(words, Iterable) else words
     from tactsim.models import parse_letters
 
     return parse_letters(words)
@@ -48,6 +48,23 @@ def _names(words: Any) -> Any:
     return tuple(sorted(set(names))) if isinstance(names, list | tuple) else names or ()
 
 
+def _paths(words: Any) -> Any:
+    """Take one path for a list of one."""
+    return (words,) if isinstance(words, str | Path) else words
+
+
+def _nested(words: Any) -> Any:
+    """Let dots in names nest, as on the command line: {"press.force": 5} is {"press": {"force": 5}}."""
+    if not isinstance(words, Mapping):
+        return words
+    result: dict[str, Any] = {}
+    for name, value in words.items():
+        for part in reversed(str(name).split(".")):
+            value = {part: value}
+        result = merged(result, value)
+    return result
+
+
 class ScanWords(BaseModel):
     """What is pressed: the long options of `bench scan`."""
 
@@ -56,7 +73,7 @@ class ScanWords(BaseModel):
     letters: Annotated[tuple[str, ...] | None, BeforeValidator(_letters)] = Field(
         None, description="Which letters: AEIOU, A-Z0-9, A,E,I. Default: AEIOU, or all that --scan holds."
     )
-    shapes: Annotated[tuple[Path, ...], Flag("--shape")] = Field(
+    shapes: Annotated[tuple[Path, ...], BeforeValidator(_paths), Flag("--shape")] = Field(
         (), description="A shape of your own beside the letters: STL, OBJ, GLB or SVG; repeat for several."
     )
     test_poses: Literal["same", "random"] = Field(
@@ -72,7 +89,7 @@ class ScanWords(BaseModel):
         None,
         description="Sensor noise, sd in kPa; 'off': no noise, resolution, saturation or placement error.",
     )
-    scan_set: dict[str, Any] = Field(
+    scan_set: Annotated[dict[str, Any], BeforeValidator(_nested)] = Field(
         {},
         description="Any option of the scan, e.g. press.force=5; `bench list scan-options` names them.",
     )
@@ -140,6 +157,13 @@ class RunConfig(ScanWords):
                 raise ValueError(
                     f"{name} says how letters are pressed, but the readings {where}; leave it out"
                 )
+        return self
+
+    @model_validator(mode="after")
+    def _an_option_is_said_once(self) -> RunConfig:
+        for name in ("bins", "particles"):
+            if name in self.set and getattr(self, name) is not None:
+                raise ValueError(f"{name} is given by itself and in set; leave one out")
         return self
 
     @property

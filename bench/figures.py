@@ -76,6 +76,8 @@ def readings_figure(run: Run) -> Picture:
     right.set(
         xlim=(1, max(2, number[-1])), yscale="log", xlabel="readings seen", ylabel="placement error, mm"
     )
+    for ax in (left, right):
+        ax.xaxis.set_major_locator(MaxNLocator(integer=True))  # there are no half readings
     right.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
     right.yaxis.set_major_formatter(lambda value, _: f"{value:g}")
     right.yaxis.set_minor_formatter(NullFormatter())

@@ -23,7 +23,7 @@ from tactsim.bench.trials import (
     source_of_trials,
 )
 from tactsim.core import InputError, Scan
-from tactsim.core.errors import short, unknown
+from tactsim.core.errors import unknown
 from tactsim.core.scan import train_on
 from tactsim.core.source_digest import git_commit
 from tactsim.estimators import NONE, Estimator, Options, create
@@ -88,22 +88,18 @@ def perform(
 
 
 def _with_estimator(config: RunConfig, estimator: Estimator) -> RunConfig:
-    """Name an estimator's class and options in the configuration. Raises InputError if it has none."""
+    """Name an estimator, by its class if it is not registered, and its options. Raises InputError if it has none."""
     kind = type(estimator)
-    if not isinstance(estimator, Estimator):
-        raise InputError(
-            f"estimator is {short(estimator)}; give a registered name or an Estimator, made with its options"
-        )
+    name = estimator.created_as or kind.__name__
     if not isinstance(getattr(estimator, "options", None), Options):
         raise InputError(
-            f"the estimator {kind.__name__} has no options; its __init__ must call super().__init__(options)"
+            f"the estimator {name} has no options; its __init__ must call super().__init__(options)"
         )
     if config.options:
-        raise InputError(
-            f"the estimator {kind.__name__} was given with its options; leave out bins, particles, set"
-        )
+        raise InputError(f"the estimator {name} was given with its options; leave out bins, particles, set")
     options = estimator.options.model_dump(mode="json", exclude_defaults=True)
-    return config.model_copy(update={"estimator": f"{kind.__module__}:{kind.__qualname__}", "set": options})
+    name = estimator.created_as or f"{kind.__module__}:{kind.__qualname__}"
+    return config.model_copy(update={"estimator": name, "set": options})
 
 
 def gather(
@@ -139,7 +135,7 @@ def gather(
         if letter not in letters:
             raise unknown("letter to hold out", letter, letters)
     if set(letters) <= set(config.hold_out):
-        raise InputError("--hold-out leaves no letter to train on")
+        raise InputError("--hold-out (in Python hold_out) names every letter; leave one to train on")
     scan = scan.of_letters(letters).untrained(config.hold_out)
     return Gathered(scan, letters, work, perf_counter() - start)
 

@@ -121,7 +121,7 @@ def check_readings(scan: Scan, letters: Iterable[str], readings: int, hold_out: 
         count = len(scan.where("test", letter))
         if readings > count:
             raise InputError(
-                f"--readings {readings}: letter {letter!r} has {count} test readings, drawn without "
+                f"{readings} readings a trial: letter {letter!r} has {count} test readings, drawn without "
                 f"replacement; ask for at most {count}"
             )
 

@@ -5,6 +5,7 @@ Without it the first run of an estimator compiles the kernels that it needs, whi
 
 from __future__ import annotations
 
+import logging
 import pkgutil
 from importlib import import_module
 
@@ -13,6 +14,7 @@ import tactsim.estimators
 
 def compile_kernels() -> None:
     """Import every module of the estimators: a kernel is compiled, or loaded from the cache, when it is imported."""
+    logging.getLogger("tactsim.estimators.compiling").setLevel(logging.ERROR)  # who calls this knows why
     for module in pkgutil.walk_packages(tactsim.estimators.__path__, "tactsim.estimators."):
         import_module(module.name)
 

@@ -6,6 +6,7 @@ All are serial: trials are what runs in parallel.
 from __future__ import annotations
 
 import ast
+import logging
 import sys
 from collections.abc import Callable
 from functools import cache
@@ -67,6 +68,20 @@ class _Cache(FunctionCache):
     def __init__(self, function: Callable[..., Any]) -> None:
         super().__init__(function)
         self._cache_file._source_stamp = _stamp(function.__module__)
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """Give what was compiled for a signature before; None, said once, if it has to be compiled."""
+        kept = super().load_overload(sig, target_context)
+        if kept is None:
+            _say_why_it_takes_long()
+        return kept
+
+
+@cache
+def _say_why_it_takes_long() -> None:
+    logging.getLogger(__name__).warning(
+        "compiling the inner loops for this machine: half a minute or more, kept for later runs"
+    )
 
 
 def _stamp(module: str) -> str:

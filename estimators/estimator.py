@@ -66,6 +66,8 @@ class Estimator(ABC):
     budget: str | None = None
     # Whether the rng of `reset` changes what is estimated.
     draws: bool = True
+    # The registered name that `create` made it by, if it did.
+    created_as: str | None = None
 
     def __init__(self, options: Options) -> None:
         self.options = options

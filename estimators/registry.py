@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 from tactsim.core import plug_ins
 from tactsim.core.checking import checked
-from tactsim.core.errors import unknown
+from tactsim.core.errors import InputError, short, unknown
 from tactsim.core.plug_ins import Listed
 from tactsim.estimators.estimator import Estimator, Options
 
@@ -60,15 +60,18 @@ def create(name: str, **options: Any) -> Estimator:
     """
     chosen = load(name)
     made = chosen(checked(chosen.options_type, options, f"estimator {name}"))
-    if name not in BUILT_IN:
-        return made
-    from tactsim.estimators.filters.wrapped import wrapped
+    if name in BUILT_IN:
+        from tactsim.estimators.filters.wrapped import wrapped
 
-    return wrapped(cast("MapFilter", made))
+        made = wrapped(cast("MapFilter", made))
+    made.created_as = name
+    return made
 
 
 def load(name: str) -> type[Estimator]:
     """Import the class of that name. Raises InputError if there is none or it is no Estimator."""
+    if not isinstance(name, str):
+        raise InputError(f"estimator {short(name)}: give a name, one of {', '.join(names())}")
     if name in BUILT_IN:
         module, attribute = BUILT_IN[name][0].split(":")
         return getattr(import_module(module), attribute)

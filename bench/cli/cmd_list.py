@@ -57,8 +57,9 @@ def command(
             if section in _MORE and not name:
                 console.print(f"({_MORE[section]})")
             table = Table.grid(padding=(0, 2))
-            for _ in range(3):
-                table.add_column(overflow="fold")
+            for column in range(3):
+                # A name in two pieces cannot be copied; the letters are one long row.
+                table.add_column(overflow="fold", no_wrap=column == 0 and section != "letters")
             for row in rows():
                 table.add_row(*("  " + row[0], *row[1:]))
             console.print(table)

@@ -14,6 +14,7 @@ from tactsim.bench.results import load
 from tactsim.bench.run import Run
 from tactsim.bench.runner import silent
 from tactsim.bench.trials import Progress
+from tactsim.core import InputError
 from tactsim.core.files import write_text
 
 
@@ -37,6 +38,8 @@ def write_pages(
     them too. Beside FILE.html stand FILE-readings.csv and so on; for report.html plain readings.csv.
     Raises InputError if `out` cannot be written.
     """
+    if out.is_dir():
+        raise InputError(f"cannot write {out}: it is a folder; name a file in it")
     groups = collect(runs)
     replayed, failed = replay_all(groups, progress=progress)
     remarks = [*remarks]

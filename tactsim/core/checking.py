@@ -29,6 +29,8 @@ def _first_fault(error: ValidationError, model: type[BaseModel]) -> str:
     if fault["type"] == "extra_forbidden":
         return str(unknown("option", place, _options(model)))
     message = fault["msg"].removeprefix("Value error, ")
+    if fault["type"] == "value_error" and not place:
+        return message  # of several options together: it names them
     given = "" if fault["type"] == "missing" else f", got {short(fault['input'])}"
     return f"{place or 'options'}: {message}{given}"
 

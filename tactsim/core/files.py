@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import shutil
 import stat
@@ -15,6 +16,12 @@ from typing import IO
 from tactsim.core.errors import InputError
 
 _PIECE = 1 << 20  # bytes that are read at a time
+_IN_THE_WAY = {
+    errno.ENOTEMPTY: "it holds something already; name a new folder",
+    errno.EEXIST: "it is there already; name a new folder",
+    errno.EISDIR: "it is a folder; name a file in it",
+    errno.ENOTDIR: "a file is in the way; name another folder",
+}
 
 
 @contextmanager
@@ -119,7 +126,8 @@ def read_bytes(path: str | Path, most: int) -> bytes:
 
 
 def _unwritable(target: Path, error: OSError) -> InputError:
-    return InputError(f"cannot write {target}: {error.strerror or error}; name a folder that can be written")
+    why = _IN_THE_WAY.get(error.errno or 0, f"{error.strerror or error}; name a folder that can be written")
+    return InputError(f"cannot write {target}: {why}")
 
 
 def _umask() -> int:

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactsim.core.documents import parse_json
-from tactsim.core.errors import InputError
+from tactsim.core.errors import InputError, short
 from tactsim.core.files import replacing
 from tactsim.core.finite import finite
 from tactsim.core.npz import read_npz
@@ -26,7 +26,7 @@ _ARRAYS = ("readings", "poses", "labels", "split", "taxel_xy")
 _LONGEST_NAME = 100  # characters of a label
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Scan:
     """Readings of objects pressed against a pad at known poses.
 
@@ -77,6 +77,12 @@ class Scan:
 
     def __len__(self) -> int:
         return len(self.readings)
+
+    def __repr__(self) -> str:
+        """Say in one line what was read: a notebook shows it."""
+        counts = ", ".join(f"{np.count_nonzero(self.split == split):,} to {split}" for split in SPLITS)
+        names = short(" ".join(self.letters)).strip("'\"")
+        return f"<Scan of {names}: {counts}, {self.readings.shape[1]} taxels>"
 
     @property
     def letters(self) -> tuple[str, ...]:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tactsim import models
-from tactsim.core.errors import InputError
+from tactsim.core.errors import InputError, short
 from tactsim.core.finite import finite
 from tactsim.core.poses import FloatArray
 from tactsim.press.engine import ideal_readings, ideal_sequence
@@ -41,12 +41,20 @@ def press_letter(
 
     Of `options` only pad, press, sensor and, for the pad's gains, seed count. `rng` draws noise and random
     taxels; without it there are none.
-    Raises InputError if the pose is not three finite numbers, UnsettledError if the press does not come to rest.
+    Raises InputError if the pose is not three finite numbers or another argument is of the wrong type,
+    UnsettledError if the press does not come to rest.
     """
+    for name, value, kind, right in (
+        ("letter", letter, models.Letter, "a name or what tactsim.models.letter or shape made"),
+        ("options", options, ScanOptions | None, "tactsim.ScanOptions(...)"),
+        ("rng", rng, np.random.Generator | None, "a generator, such as numpy.random.default_rng(0)"),
+    ):
+        if not isinstance(value, kind):
+            raise InputError(f"{name} is {short(value)}; give {right}")
     options = options or ScanOptions()
     pose = finite(sensor_in_object, "sensor_in_object")
     if pose.shape != (3,):
-        raise InputError(f"a pose is three numbers [x mm, y mm, theta rad], got {sensor_in_object!r}")
+        raise InputError(f"a pose is three numbers [x mm, y mm, theta rad], got {short(sensor_in_object)}")
     sensor = options.sensor
     if rng is None:
         sensor = sensor.model_copy(update={"noise": 0.0, "random_taxels": 0.0})

@@ -12,7 +12,7 @@ import pytest
 from made_up import make_run
 
 import tactsim
-from tactsim.bench.config import RunConfig, ScanWords
+from tactsim.bench.config import RunConfig, ScanWords, scan_options
 from tactsim.bench.results import to_json
 from tactsim.bench.runner import perform
 from tactsim.core import InputError
@@ -172,6 +172,9 @@ WRONG = {
     "options twice": ({"estimator": Even(Options()), "bins": 3}, "leave out bins"),
     "a word": ({"trails": 3}, "did you mean 'trials'"),
     "trials": ({"trials": 0}, "trials"),
+    "jobs": ({"jobs": 0}, "jobs is 0"),
+    "no estimator": ({"estimator": None}, "estimator is None"),
+    "a count twice": ({"bins": 100, "set": {"bins": 200}}, "bins is given by itself and in set"),
     "estimator": ({"estimator": "histogramm"}, "did you mean 'histogram'"),
     "letters": ({"letters": ["A", "Q"]}, "'Q'"),
     "readings": ({"readings": 193}, "at most 192"),
@@ -271,3 +274,89 @@ def test_the_command_line_and_python_do_the_same(run, scan):
     from tactsim.bench.config import run_config
 
     assert perform(run_config(letters="AE", **WORDS)).summary == run.summary
+
+
+def test_the_face_takes_what_the_command_line_takes():
+    dotted, nested = {"press.force": 3.0, "pad.seam": None}, {"press": {"force": 3.0}, "pad": {"seam": None}}
+    options = [scan_options(letters="A", scan_set=words) for words in (dotted, nested)]
+    assert options[0] == options[1]
+    assert (options[0].press.force, options[0].pad.seam) == (3.0, None)
+    assert scan_options(shapes="key.svg").shapes == scan_options(shapes=["key.svg"]).shapes == ("key.svg",)
+    assert scan_options(letters=np.array(["A", "E"])).letters == ("A", "E")
+
+
+WRONG_SCANS = {
+    "letters": ({"letters": 5}, "letters.*got 5"),
+    "a small letter": ({"letters": "a"}, "did you mean 'A'"),
+    "jobs": ({"letters": "A", "jobs": 0}, "jobs is 0"),
+    "jobs as text": ({"letters": "A", "jobs": "2"}, "jobs is '2'"),
+}
+
+
+@pytest.mark.parametrize("case", WRONG_SCANS)
+def test_wrong_words_of_a_scan_are_refused_in_one_line(case):
+    words, said = WRONG_SCANS[case]
+    with pytest.raises(InputError, match=said) as caught:
+        tactsim.scan(**words)
+    assert "\n" not in str(caught.value)
+
+
+def test_what_options_say_together_is_refused_without_repeating_them_all(scan):
+    with pytest.raises(InputError) as caught:
+        tactsim.run(scan, world="ideal")
+    said = "run: world says how letters are pressed, but the readings are given; leave it out"
+    assert str(caught.value) == said
+
+
+def test_a_run_is_done_again_from_its_configuration(run, scan):
+    pressed = tactsim.run(letters="AE", **WORDS)
+    assert tactsim.run(**pressed.config).summary == pressed.summary
+    assert tactsim.run(**run.config | {"scan": scan}).summary == run.summary
+
+
+def test_a_run_on_given_readings_is_not_done_again_on_others(run):
+    with pytest.raises(InputError, match="give the same again"):
+        tactsim.run(**run.config)
+    with pytest.raises(InputError, match="give the same again"):
+        tactsim.run(**run.config | {"scan": tactsim.scan("AE", seed=1)})
+
+
+def test_an_estimator_made_by_name_is_known_by_it(run, scan):
+    rest = {name: value for name, value in WORDS.items() if name not in ("estimator", "bins")}
+    made = tactsim.run(scan, estimator=tactsim.create("histogram", bins=1000), **rest)
+    assert made.estimator == "histogram"
+    assert made.summary == run.summary
+    assert tactsim.run(**made.config | {"scan": scan}).summary == run.summary
+
+
+def test_nothing_is_written_over(run, tmp_path):
+    run.save(tmp_path / "run")
+    with pytest.raises(InputError, match="holds something already"):
+        run.save(tmp_path / "run")
+    before = sorted(tmp_path.rglob("*"))
+    with pytest.raises(InputError, match="it is a folder"):
+        run.report(tmp_path / "run")
+    assert sorted(tmp_path.rglob("*")) == before
+
+
+WRONG_PRESSES = {
+    "letter": ((5,), {}, "letter is 5"),
+    "pose": (("A", "x"), {}, "only numbers"),
+    "two numbers": (("A", (1, 2)), {}, "three numbers"),
+    "options": (("A",), {"options": {"force": 3}}, "ScanOptions"),
+    "a seed": (("A",), {"rng": 0}, "default_rng"),
+}
+
+
+@pytest.mark.parametrize("case", WRONG_PRESSES)
+def test_a_wrong_press_is_refused_in_one_line(case):
+    words, named, said = WRONG_PRESSES[case]
+    with pytest.raises(InputError, match=said) as caught:
+        tactsim.press(*words, **named)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_picture_counts_whole_readings(run):
+    figure = run.plot()
+    for ax in figure.axes:
+        assert [tick for tick in ax.get_xticks() if tick % 1] == []

@@ -20,7 +20,7 @@ def emulated(bench, *words):
         yield process.stdout.readline().strip()
     finally:
         process.send_signal(signal.SIGINT)
-        assert process.wait(60) == 130
+        assert process.wait(10) == 130
 
 
 def right(result):

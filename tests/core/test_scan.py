@@ -232,3 +232,7 @@ def test_training_on_one_scan_and_testing_on_another_uses_what_both_have(scan):
     far = Scan(scan.readings, scan.poses, scan.labels, scan.split, scan.taxel_xy + 100)
     with pytest.raises(InputError, match="no taxel at the same place"):
         train_on(scan, far)
+
+
+def test_a_scan_shows_itself_in_one_line(scan):
+    assert repr(scan) == "<Scan of A E: 3 to train, 3 to test, 4 taxels>"
