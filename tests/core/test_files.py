@@ -5,8 +5,8 @@ from tactsim.core.files import replacing, write_text
 
 
 def test_a_file_is_written_with_its_folders(tmp_path):
-    write_text(tmp_path / "a" / "b.txt", "hello")
-    assert (tmp_path / "a" / "b.txt").read_text() == "hello"
+    write_text(tmp_path / "a" / "b" / "c.txt", "hello")
+    assert (tmp_path / "a" / "b" / "c.txt").read_text() == "hello"
 
 
 def test_an_interrupt_leaves_the_old_file_and_no_other(tmp_path):

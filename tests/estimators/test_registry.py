@@ -55,6 +55,12 @@ def test_a_wrong_option_is_named(option, message):
         estimators.create("histogram", **option)
 
 
+def test_cells_may_be_a_25th_of_sigma_and_no_finer():
+    estimators.create("histogram", sigma=2.5, cell=0.1)
+    with pytest.raises(InputError, match=r"cell 0\.1 mm is below sigma / 25 = 0\.1004 mm"):
+        estimators.create("histogram", sigma=2.51, cell=0.1)
+
+
 @pytest.mark.parametrize("name", BUILT_IN)
 def test_every_built_in_is_made_listed_and_documented(name, request):
     assert isinstance(estimators.create(name).filter, load(name))

@@ -1,4 +1,4 @@
-"""Mutate formulas of tactsim/ and estimators/ and tell which mutants the tests notice (docs/developers/mutants.md).
+"""Mutate the formulas of core, press and estimators; tell which mutants the tests notice (docs/developers/mutants.md).
 
 Run as `make mutants`. All happens in a copy of the working tree; results are kept in .venv/mutants, so that an
 interrupted run goes on, and a mutant is tried again only after the code or its tests have changed.
@@ -16,7 +16,6 @@ import subprocess
 import sys
 import tempfile
 import time
-import tomllib
 from pathlib import Path
 from typing import NamedTuple
 
@@ -24,14 +23,13 @@ from cosmic_ray.commands import execute
 from cosmic_ray.config import ConfigDict
 from cosmic_ray.work_db import WorkDB, use_db
 from cosmic_ray.work_item import TestOutcome, WorkResult
+from modules import ROOT, faults, read_modules
 from mutations import mutants_of
 
 from tactsim.bench.score import wilson
 
-HERE = Path(__file__).resolve().parent
-ROOT = HERE.parents[1]
 RESULTS = ROOT / ".venv" / "mutants"
-LISTED = tomllib.loads((HERE / "modules.toml").read_text(encoding="utf-8"))
+LISTED = read_modules()
 AIM = 0.8
 
 
@@ -51,7 +49,9 @@ class Tried(NamedTuple):
 def main() -> int:
     """Try the mutants that the command line names; 1 if fewer than AIM of them are killed."""
     chosen = _arguments()
-    tests = _tests_of_files()
+    if wrong := list(faults(LISTED)):
+        sys.exit("\n".join(f"tests/mutants/modules.toml: {fault}" for fault in wrong))
+    tests = LISTED.tests
     if unknown := set(chosen.modules) - set(tests):
         sys.exit(f"{min(unknown)} is not in tests/mutants/modules.toml, or left out there")
     RESULTS.mkdir(exist_ok=True)
@@ -60,8 +60,7 @@ def main() -> int:
         _copy_tree(copy)
         os.chdir(copy)  # Cosmic Ray takes paths from here
         os.environ |= _environment(Path(folder), copy)
-        compile_kernels = "import tactsim.estimators.filters.refined, tactsim.estimators.filters.particle"
-        subprocess.run([sys.executable, "-c", compile_kernels], check=True)
+        subprocess.run([sys.executable, "-m", "tactsim.estimators.compile_kernels"], check=True)
         done = []
         print(
             "| module | mutants | tried | killed | of these timed out | survived | share | 95 % |\n|"
@@ -88,29 +87,15 @@ def _arguments() -> argparse.Namespace:
     return parser.parse_args()
 
 
-def _tests_of_files() -> dict[str, list[str]]:
-    """List which tests are tried on the mutants of which file; exit if a file is forgotten."""
-    tests = {
-        f"{package}/{module}.py": paths
-        for package, modules in LISTED["files"].items()
-        for module, paths in modules.items()
-    }
-    there = {
-        str(path.relative_to(ROOT)) for package in LISTED["files"] for path in (ROOT / package).glob("*.py")
-    }
-    if forgotten := there - set(tests) - set(LISTED["left_out"]):
-        sys.exit(f"{min(forgotten)} is missing in tests/mutants/modules.toml")
-    return tests
-
-
 def _copy_tree(target: Path) -> None:
-    """Copy what Git tracks or would track; times are kept, so that what is compiled stays valid."""
+    """Copy what Git tracks or would track, links as links: those in tactsim/ then lead to the copied rooms."""
     listed = ["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"]
     names = subprocess.run(listed, cwd=ROOT, check=True, capture_output=True, text=True).stdout
     for name in filter(None, names.split("\0")):
-        if (ROOT / name).is_file():
+        source = ROOT / name
+        if source.is_file() or source.is_symlink():  # Git also names what was removed and not yet committed
             (target / name).parent.mkdir(parents=True, exist_ok=True)
-            shutil.copy2(ROOT / name, target / name)
+            shutil.copy2(source, target / name, follow_symlinks=False)
 
 
 def _environment(folder: Path, copy: Path) -> dict[str, str]:
@@ -126,6 +111,8 @@ def _environment(folder: Path, copy: Path) -> dict[str, str]:
 def _try_module(module: str, tests: list[str], chosen: argparse.Namespace) -> Tried:
     """Try a sample of a module's mutants, or all, but for those whose result is known."""
     mutants = mutants_of(Path(module))
+    if not mutants:
+        sys.exit(f"{module} has nothing to mutate: leave it out in tests/mutants/modules.toml")
     random.Random(f"{chosen.seed} {module}").shuffle(mutants)  # a larger sample holds the smaller one
     wanted = mutants if chosen.all else mutants[: chosen.sample]
     session = RESULTS / f"{module.replace('/', '.')}-{_digest(tests)}.sqlite"
@@ -149,13 +136,13 @@ def _try_module(module: str, tests: list[str], chosen: argparse.Namespace) -> Tr
 
 
 def _digest(tests: list[str]) -> str:
-    """Name what results depend on: all code, these tests and what they share, and what mutants there are."""
-    content = hashlib.sha256(repr((tests, LISTED["deselected"])).encode())
-    code = [path for package in ("models", "tactsim", "estimators") for path in Path(package).glob("*.py")]
-    own = [Path("tests", name) for name in tests]
-    shared = [
-        path for place in own for path in place.parent.glob("*.py") if not path.name.startswith("test_")
-    ]
+    """Name what results depend on: code with formulas, these tests and what they share, and what mutants there are."""
+    content = hashlib.sha256(repr((tests, LISTED.deselected)).encode())
+    code = [path for room in ("models", *LISTED.rooms) for path in Path(room).rglob("*.py")]
+    own = [Path(name) for name in tests]
+    # What test files share lies beside them, in a folder above, or where all tests find it (pyproject.toml).
+    folders = {Path("tests/support"), Path("tests/estimators"), *(up for path in own for up in path.parents)}
+    shared = [path for folder in folders for path in folder.glob("*.py") if not path.name.startswith("test_")]
     choice = [Path("tests/mutants/mutations.py"), Path("tests/mutants/same_examples.py")]
     for path in sorted({*code, *shared, *own, *choice}):
         content.update(f"{path}\0{len(path.read_bytes())}\0".encode() + path.read_bytes())
@@ -165,8 +152,8 @@ def _digest(tests: list[str]) -> str:
 def _settings(tests: list[str]) -> ConfigDict:
     """Configure Cosmic Ray, after the tests have passed without a mutation."""
     command = f"{sys.executable} -m pytest -q -x -p no:cacheprovider -p no:xdist -p same_examples "
-    command += " ".join(f"tests/{name}" for name in tests)
-    command += "".join(f" --deselect tests/{name}" for name in LISTED["deselected"])
+    command += " ".join(tests)
+    command += "".join(f" --deselect {name}" for name in LISTED.deselected)
     begin = time.monotonic()
     run = subprocess.run(shlex.split(command), capture_output=True, text=True)
     seconds = time.monotonic() - begin
