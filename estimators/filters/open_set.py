@@ -16,7 +16,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.special import expit, log_ndtr
 
 from tactsim.core import InputError, Scan, compose, transform
 from tactsim.core.poses import FloatArray
@@ -91,6 +90,8 @@ class OpenSet(Wrapper):
 
     def estimate(self) -> Estimate:
         """Give "none" its share: the prior odds, times those of the misfit of the best letter."""
+        from scipy.special import expit  # imported here: every filter imports this file, few need it
+
         known, total = self.filter.estimate(), 0.0
         if self._felt:
             readings, poses = (np.array(part) for part in zip(*self._felt, strict=True))
@@ -132,6 +133,8 @@ def _misfits(log_p: FloatArray, classes: NDArray[np.int8]) -> FloatArray:
 
 def _log_smeared(z: float, width: float) -> float:
     """Compute log of the mean of the normal density over [z, z + width], relative to that at z, less z^2 / 2."""
+    from scipy.special import log_ndtr
+
     if width < 1e-6:
         return -(z**2) / 2
     # The tail that is not rounded to 1.
