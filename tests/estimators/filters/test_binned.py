@@ -56,6 +56,22 @@ def test_tiles_that_hang_over_the_tables_read_nothing_beyond_them(model, split, 
         assert not np.isnan(belief.log_belief()).any()
 
 
+@pytest.mark.parametrize("away", [(25, 0), (-25, 0), (0, 25), (0, -25), (40, 3), (-3, -40)])
+def test_bins_beside_the_tables_are_those_of_the_field(model, away):
+    """Off the map along one axis alone, where the nodes beyond a row's end are those of the next row."""
+    grid = StateGrid(17, 33, 2)
+    field = field_of(model, grid)
+    belief = BinnedBelief(field, grid)
+    for index in (0, 7):
+        field.append(model[0].evidence(model[1].readings[index]), np.array([*away, 0.3], dtype=float))
+        belief.update()
+    x, y, angle = grid.centres
+    turned, up, across = np.meshgrid(angle, y, x, indexing="ij")
+    states = np.stack([across.ravel(), up.ravel(), turned.ravel()])
+    for letter, found in enumerate(belief.log_belief()):
+        assert np.allclose(found.ravel(), field.log_p(letter, states), rtol=0, atol=1e-3)
+
+
 def test_no_bin_is_above_its_upper_bound(model):
     # The bound is what makes skipping exact; check it bin by bin against all bins.
     grid = StateGrid(20, 20, 6)
