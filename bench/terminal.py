@@ -37,14 +37,20 @@ def progress_bars() -> Iterator[Report]:
         TextColumn("{task.description:10}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(),
         TextColumn("left"), TimeRemainingColumn(),
     )  # fmt: skip
-    with Progress(*columns, console=console) as display:
+    display = Progress(*columns, console=console)
 
-        def report(stage: str, done: int, total: int) -> None:
-            if stage not in bars:
-                bars[stage] = display.add_task(STAGES.get(stage, stage), total=total)
-            display.update(bars[stage], completed=done, total=total)
+    def report(stage: str, done: int, total: int) -> None:
+        if not bars:
+            display.start()  # not before: a display without bars leaves an empty line
+        if stage not in bars:
+            bars[stage] = display.add_task(STAGES.get(stage, stage), total=total)
+        display.update(bars[stage], completed=done, total=total)
 
+    try:
         yield report
+    finally:
+        if bars:
+            display.stop()
 
 
 def print_run(run: Run, folder: Path) -> None:

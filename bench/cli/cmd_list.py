@@ -53,6 +53,7 @@ def command(
     # The options of a scan are many, so they are listed on request only, as an estimator's are.
     for section, rows in sections.items():
         if what == section or (what is None and section != "scan-options"):
+            lines = rows()
             console.print(section, style="bold", end=" " if section in _MORE and not name else "\n")
             if section in _MORE and not name:
                 console.print(f"({_MORE[section]})")
@@ -60,7 +61,7 @@ def command(
             for column in range(3):
                 # A name in two pieces cannot be copied; the letters are one long row.
                 table.add_column(overflow="fold", no_wrap=column == 0 and section != "letters")
-            for row in rows():
+            for row in lines:
                 table.add_row(*("  " + row[0], *row[1:]))
             console.print(table)
 
