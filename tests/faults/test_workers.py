@@ -19,12 +19,16 @@ def workers_of(process):
     return found
 
 
-def kill_one_worker(process, wait=0.0):
+def wait_until(process, true):
     deadline = time.monotonic() + 60
-    while not workers_of(process):
+    while not true():
         assert process.poll() is None, process.communicate()
         assert time.monotonic() < deadline
         time.sleep(0.01)
+
+
+def kill_one_worker(process, wait=0.0):
+    wait_until(process, lambda: workers_of(process))
     time.sleep(wait)
     os.kill(workers_of(process)[0], signal.SIGKILL)
 
@@ -43,9 +47,10 @@ def test_a_run_whose_worker_dies_says_so_and_leaves_nothing(bench, wait):
 
 
 def test_a_sweep_whose_worker_dies_loses_nothing(bench):
-    (bench.folder / "s.toml").write_text(SWEEP.replace("trials = 60", "trials = 200"))
+    (bench.folder / "s.toml").write_text(SWEEP.replace("trials = 60", "trials = 400"))
     process = bench.start("sweep", "s.toml", "--jobs", "2", "--out", "out")
-    kill_one_worker(process, 1.5)
+    wait_until(process, lambda: any((bench.folder / "out" / "chunks").glob("*.npz")))  # 1 of 80
+    kill_one_worker(process)
     _, errors = process.communicate(timeout=240)
     assert process.returncode == 0, errors
     assert bench("sweep", "s.toml", "--jobs", "1", "--out", "again").returncode == 0
