@@ -23,6 +23,7 @@ from tactsim.bench.report.collect import find
 from tactsim.bench.report.pareto import recognition_seconds
 from tactsim.bench.results import load
 from tactsim.bench.run import Run
+from tactsim.bench.trials import source_of_trials
 from tactsim.core import InputError
 from tactsim.core.documents import read_text
 from tactsim.core.errors import unknown
@@ -35,7 +36,8 @@ LARGEST_PAGE = 10_000_000  # bytes
 def fill(text: str, sweeps: Path) -> str:
     """Replace every table of a page by what the sweeps in the folder `sweeps` found.
 
-    Raises InputError for an unknown figure, a sweep that is not there or has not ended, or a table without an end.
+    Raises InputError for an unknown figure, a sweep that is not there, has not ended or is of
+    other source code, sweeps of different commits, or a table without an end.
     """
     if text.count("<!-- table:") != len(TABLE.findall(text)):
         raise InputError("a table has no `<!-- end of table -->`")
@@ -52,7 +54,9 @@ def fill(text: str, sweeps: Path) -> str:
     filled = TABLE.sub(table, text)
     commits = {_commit(run) for of in pools.values() for one in of for run in one.runs}
     if len(commits) > 1:
-        raise InputError(f"the sweeps are of different commits: {', '.join(sorted(commits))}; do them anew")
+        raise InputError(
+            f"the sweeps are of different commits, {', '.join(sorted(commits))}; do them anew from one"
+        )
     return filled
 
 
@@ -77,7 +81,10 @@ def _pools(folder: Path) -> list[Pooled]:
     folders, remarks = find([folder])
     if remarks:
         raise InputError(remarks[0])
-    return pool(load(one) for one in folders)
+    runs = [load(one) for one in folders]
+    if any(run.about["source"] != source_of_trials(run.estimator) for run in runs):
+        raise InputError(f"{folder} was made by other source code than this; remove it and do the sweep anew")
+    return pool(runs)
 
 
 def _plain(pools: Sequence[Pooled], figures: Sequence[str]) -> list[list[str]]:

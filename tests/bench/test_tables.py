@@ -1,5 +1,7 @@
 """Tables of a page, filled from sweeps by the command that `make tables` calls."""
 
+import json
+import shutil
 import subprocess
 import sys
 
@@ -84,6 +86,21 @@ def test_a_wrong_wish_is_refused_in_one_line(folder, asked, said):
     with pytest.raises(InputError, match=said) as caught:
         fill(f"<!-- table: {asked} -->\n<!-- end of table -->\n", folder / "results" / "sweeps")
     assert "\n" not in str(caught.value)
+
+
+def test_a_sweep_of_other_source_code_is_refused(folder, monkeypatch):
+    monkeypatch.setattr("tactsim.bench.tables.source_of_trials", lambda estimator: "f" * 64)
+    with pytest.raises(InputError, match="s was made by other source code"):
+        fill(PAGE, folder / "results" / "sweeps")
+
+
+def test_sweeps_of_different_commits_are_refused(folder, tmp_path):
+    shutil.copytree(folder / "results" / "sweeps" / "s", tmp_path / "s")
+    changed = next((tmp_path / "s" / "runs").iterdir()) / "run.json"
+    content = json.loads(changed.read_text())
+    changed.write_text(json.dumps(content | {"commit": "f" * 40}))
+    with pytest.raises(InputError, match=r"different commits, .*ffffffffffff"):
+        fill(PAGE, tmp_path)
 
 
 def test_a_table_without_an_end_is_refused_and_the_page_stays(folder):
