@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from itertools import groupby
 from pathlib import Path
@@ -162,14 +162,19 @@ def headlines(run: Run) -> list[str]:
         f"estimate {1e3 * seconds['estimate_per_reading']:.3f} ms a reading"
         + (f", choice of the next {1e3 * propose:.1f} ms" if propose else "")
     )
-    done = ", ".join(
-        f"{name.replace('_', ' ')} {count:,}" for name, count in work.items() if name != "skipped"
-    )
-    skipped = ", ".join(
-        f"{name.replace('_', ' ')} {count:,}" for name, count in work["skipped"].items() if count
-    )
-    lines.append(f"work  {done}" + (f"; skipped: {skipped}" if skipped else ""))
+    lines.append(f"work  {work_line(work)}")
     return lines
+
+
+def work_line(work: Mapping[str, Any]) -> str:
+    """Write counts of work, and of what was skipped by reason, as one line."""
+
+    def listed(counts: Mapping[str, Any]) -> str:
+        return ", ".join(f"{name.replace('_', ' ')} {count:,}" for name, count in counts.items() if count)
+
+    done = listed({name: count for name, count in work.items() if name != "skipped"})
+    skipped = listed(work["skipped"])
+    return (done or "none") + (f"; skipped: {skipped}" if skipped else "")
 
 
 def _table(summary: dict[str, Any], readings: int) -> Table:
