@@ -20,11 +20,17 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from tactsim.models import Letter
+    from tactsim.press.attached_pad import AttachedPad, attach
+    from tactsim.press.pad_reader import PadReader, PadReading
     from tactsim.press.pressing import Press, press_letter
     from tactsim.press.scan_options import WORLDS, PressOptions, ScanOptions, SensorOptions
     from tactsim.press.scanning import scan_letters
 
 _HOME = {
+    "AttachedPad": "attached_pad",
+    "PadReader": "pad_reader",
+    "PadReading": "pad_reader",
+    "attach": "attached_pad",
     "PressOptions": "scan_options",
     "ScanOptions": "scan_options",
     "SensorOptions": "scan_options",
@@ -34,7 +40,19 @@ _HOME = {
     "scan_letters": "scanning",
 }
 
-__all__ = ["WORLDS", "Press", "PressOptions", "ScanOptions", "SensorOptions", "press_letter", "scan_letters"]
+__all__ = [
+    "WORLDS",
+    "AttachedPad",
+    "PadReader",
+    "PadReading",
+    "Press",
+    "PressOptions",
+    "ScanOptions",
+    "SensorOptions",
+    "attach",
+    "press_letter",
+    "scan_letters",
+]
 
 
 class CallablePackage(ModuleType):

@@ -1,0 +1,158 @@
+"""Put a taxel array on a geom of any MuJoCo model, flat or curved: which geom, which face of it, which layer.
+
+MuJoCo's contacts carry the load, as they do without the pad: nothing is added to the model but a name for a geom that
+has none, and nothing of its motion changes. `pad_reader` reads the pad after each step.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from tactsim.core.errors import InputError, short, unknown
+from tactsim.core.finite import finite
+from tactsim.core.pad import Pad
+from tactsim.core.poses import FloatArray
+from tactsim.press.pad_reader import PadReader
+from tactsim.press.pad_surface import pad_surface
+
+
+@dataclass(frozen=True, eq=False)
+class AttachedPad:
+    """A pad on a geom of a model that is not compiled yet; `attach` makes it."""
+
+    geom: mujoco.MjsGeom | mujoco.MjModel
+    name: str
+    pad: Pad
+    normal: FloatArray
+    at: FloatArray
+    stiffness: float
+    psf_sigma: float
+
+    def bind(self, model: mujoco.MjModel) -> PadReader:
+        """Find the geom in the compiled model.
+
+        Raises InputError if the model has no such geom, if the geom has no face there, or if the pad is larger
+        than the face.
+        """
+        # A model that was attached to another one with a prefix renames its geoms.
+        name = self.geom.name if isinstance(self.geom, mujoco.MjsGeom) else self.name
+        geom = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, name)
+        if geom < 0:
+            raise InputError(
+                f"the model has no geom {name!r}: compile it from the spec that the pad is attached to"
+            )
+        surface = pad_surface(int(model.geom_type[geom]), model.geom_size[geom], self.normal, self.at, name)
+        x_low, x_high, y_low, y_high = self.pad.load_bounds
+        free = np.minimum(np.array([x_low, y_low]) - surface.low, surface.high - np.array([x_high, y_high]))
+        if (free < -1e-9).any():
+            raise InputError(
+                f"the pad reaches from ({x_low:g}, {y_low:g}) to ({x_high:g}, {y_high:g}) mm and geom {name!r} from "
+                f"({surface.low[0]:.4g}, {surface.low[1]:.4g}) to ({surface.high[0]:.4g}, {surface.high[1]:.4g}) mm "
+                "about the pad's middle: choose a smaller pad"
+            )
+        return PadReader(model, geom, self.pad, surface, self.stiffness, self.psf_sigma)
+
+
+def attach(
+    spec: mujoco.MjSpec | mujoco.MjModel,
+    geom: str | mujoco.MjsGeom | mujoco.MjsBody,
+    pad: Pad | None = None,
+    *,
+    normal: Sequence[float] | None = None,
+    at: Sequence[float] = (0.0, 0.0),
+    stiffness: float = 1000.0,
+    psf_sigma: float = 1.0,
+) -> AttachedPad:
+    """Put a pad on a geom of `spec`; `bind` the result to the compiled model and `read` it after each step.
+
+    spec: or a compiled model. geom: the geom, or a body with one geom that can touch, or the name of either.
+    normal: (3,) in the geom's frame, where the pad's middle looks; by default +z, and +x on a capsule or a
+    cylinder. The pad's rows run along +y, which is the geom's z (its y where the pad looks along z); columns
+    along +x = y cross normal. at: mm along the pad's x and y from the middle of the geom's face.
+    stiffness: kPa/mm of the layer on the surface (assumed). psf_sigma: mm, standard deviation of the point
+    spread (assumed), 0 for none.
+
+    Raises InputError if there is no such geom, if it cannot touch anything, or if a number makes no sense.
+    """
+    pad = Pad() if pad is None else pad
+    if not stiffness > 0 or not np.isfinite(stiffness):
+        raise InputError(f"stiffness is {short(stiffness)}; it is a number of kPa/mm above 0")
+    if not (psf_sigma == 0 or 0.3 <= psf_sigma < np.inf):
+        raise InputError(f"psf_sigma is {short(psf_sigma)}; it is 0 or at least 0.3 mm")
+    found, name, kind = _find(spec, geom)
+    if normal is None:
+        upright = kind in (mujoco.mjtGeom.mjGEOM_CAPSULE, mujoco.mjtGeom.mjGEOM_CYLINDER)
+        normal = (1.0, 0.0, 0.0) if upright else (0.0, 0.0, 1.0)
+    direction = _vector(normal, 3, "normal")
+    if not direction.any():
+        raise InputError("normal is (0, 0, 0); it is the direction in which the pad looks")
+    return AttachedPad(found, name, pad, direction, _vector(at, 2, "at"), stiffness, psf_sigma)
+
+
+def _vector(values: Sequence[float], size: int, what: str) -> FloatArray:
+    vector = finite(values, what)
+    if vector.shape != (size,):
+        raise InputError(f"{what} has shape {vector.shape}; it is {size} numbers")
+    return vector
+
+
+def _find(
+    spec: mujoco.MjSpec | mujoco.MjModel, geom: str | mujoco.MjsGeom | mujoco.MjsBody
+) -> tuple[mujoco.MjsGeom | mujoco.MjModel, str, int]:
+    """Find the geom in a spec or in a model: the geom (or the model), its name and its type."""
+    if isinstance(spec, mujoco.MjModel):
+        if not isinstance(geom, str):
+            raise InputError(f"a compiled model's geom is given by its name, got {short(geom)}")
+        number = mujoco.mj_name2id(spec, mujoco.mjtObj.mjOBJ_GEOM, geom)
+        if number < 0:
+            raise unknown("geom", geom, [spec.geom(i).name for i in range(spec.ngeom) if spec.geom(i).name])
+        pairs = [*spec.pair_geom1, *spec.pair_geom2]
+        if not (spec.geom_contype[number] or spec.geom_conaffinity[number] or number in pairs):
+            raise _cannot_touch(geom)
+        return spec, geom, int(spec.geom_type[number])
+    if not isinstance(spec, mujoco.MjSpec):
+        raise InputError(
+            f"a pad is attached to a mujoco.MjSpec or an MjModel, got {short(type(spec).__name__)}"
+        )
+    if isinstance(geom, str):
+        named = spec.geom(geom) or spec.body(geom)
+        if named is None:
+            names = [one.name for one in [*spec.geoms, *spec.bodies] if one.name]
+            raise unknown("geom or body", geom, names)
+    else:
+        named = geom
+    if isinstance(named, mujoco.MjsBody):
+        named = _only_geom(spec, named)
+    if not named.name:
+        taken = {one.name for one in spec.geoms}
+        named.name = next(
+            name for i in range(len(taken) + 1) if (name := f"{named.parent.name}_pad{i}") not in taken
+        )
+    if not _touches(spec, named):
+        raise _cannot_touch(named.name)
+    return named, named.name, int(named.type)
+
+
+def _only_geom(spec: mujoco.MjSpec, body: mujoco.MjsBody) -> mujoco.MjsGeom:
+    touching = [one for one in body.geoms if _touches(spec, one)]
+    if len(touching) != 1:
+        names = ", ".join(one.name or "one without a name" for one in touching) or "none"
+        raise InputError(
+            f"body {body.name!r} has {len(touching)} geoms that can touch: name the geom ({names})"
+        )
+    return touching[0]
+
+
+def _touches(spec: mujoco.MjSpec, geom: mujoco.MjsGeom) -> bool:
+    paired = geom.name and any(geom.name in (pair.geomname1, pair.geomname2) for pair in spec.pairs)
+    return bool(geom.contype or geom.conaffinity or paired)
+
+
+def _cannot_touch(name: str) -> InputError:
+    return InputError(
+        f"geom {name!r} cannot touch anything: its contype and conaffinity are 0 and it is in no contact pair"
+    )

@@ -1,0 +1,271 @@
+"""How far a geom is from a surface: along each of the surface's normals, the distance to where the geom begins.
+
+A geom is convex, as MuJoCo's collision takes it: a mesh is its convex hull. Each line along a normal enters it
+at one point, ahead of the surface or, where the two overlap, behind it.
+
+Where the geom has an edge, the gap jumps. Facets that stand steeply on the surface (walls) therefore do not make
+gaps; they bound the part of the surface that the geom covers, and a cell of the lattice on such a bound is covered
+in part.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from tactsim.core.errors import InputError
+from tactsim.core.poses import FloatArray
+from tactsim.press.pad_surface import Lines
+
+_MM = 1e3  # mm in a metre
+_STEEP = 0.2  # a facet whose normal has a smaller part along the surface's normal is a wall: steeper than 78 degrees
+_ALIKE = 0.7  # walls at a smaller angle than 45 degrees cut a cell as one
+_SMALL = 1e-12
+_SQUARE = 1e-3  # a wall nearer to a cell's side than this is taken to be so far from it
+# The corners of a cell, from its middle along u and along v, behind a 1; their products; what turns a moment.
+_CORNERS = np.array([[1, 0.5, 0.5], [1, 0.5, -0.5], [1, -0.5, 0.5], [1, -0.5, -0.5]])
+_PARITY = 4 * _CORNERS[:, 1] * _CORNERS[:, 2]
+_TURNS = np.stack([_CORNERS[:, 2], _CORNERS[:, 1]])
+
+
+@dataclass(frozen=True, eq=False)
+class Facets:
+    """The flat faces of a convex body, {x: normals x <= offsets}: (f, 3) and (f,) mm in the body's frame.
+
+    middles (f, 3) mm and radii (f,) mm: balls that hold each face, where the faces are many.
+    """
+
+    normals: FloatArray
+    offsets: FloatArray
+    middles: FloatArray | None = None
+    radii: FloatArray | None = None
+
+    def near(self, points: FloatArray) -> Facets:
+        """Leave out faces that are further from points (n, 3) mm than the body is, by more than the points' spread.
+
+        The faces that are left rise above the points in all directions by that spread, far more than a layer gives way.
+        """
+        if self.middles is None or self.radii is None:
+            return self
+        middle = points.mean(axis=0)
+        spread = 1.5 * np.sqrt(((points - middle) ** 2).sum(axis=1).max())
+        away = np.sqrt(((self.middles - middle) ** 2).sum(axis=1)) - self.radii
+        some = away <= max(away.min(), 0.0) + spread
+        return Facets(self.normals[some], self.offsets[some])
+
+
+@dataclass(frozen=True, eq=False)
+class Round:
+    """A sphere or an ellipsoid by its half-axes, (3,) mm."""
+
+    half: FloatArray
+
+
+@dataclass(frozen=True)
+class Cylinder:
+    """A cylinder along z, by its radius and half its length, mm."""
+
+    radius: float
+    half: float
+
+
+@dataclass(frozen=True)
+class Capsule:
+    """A cylinder along z with half a sphere at each end, by its radius and half the cylinder's length, mm."""
+
+    radius: float
+    half: float
+
+
+Body = Facets | Round | Cylinder | Capsule
+
+
+def body_of(model: mujoco.MjModel, geom: int) -> Body:
+    """Describe a geom of a model in its own frame.
+
+    Raises InputError, naming the geom, if it is a height field or a signed distance field.
+    """
+    kind, size = mujoco.mjtGeom(model.geom_type[geom]), model.geom_size[geom] * _MM
+    if kind == mujoco.mjtGeom.mjGEOM_PLANE:
+        return Facets(np.array([[0.0, 0.0, 1.0]]), np.zeros(1))
+    if kind == mujoco.mjtGeom.mjGEOM_BOX:
+        return Facets(np.concatenate([np.eye(3), -np.eye(3)]), np.concatenate([size, size]))
+    if kind == mujoco.mjtGeom.mjGEOM_SPHERE:
+        return Round(np.full(3, size[0]))
+    if kind == mujoco.mjtGeom.mjGEOM_ELLIPSOID:
+        return Round(size)
+    if kind == mujoco.mjtGeom.mjGEOM_CYLINDER:
+        return Cylinder(size[0], size[1])
+    if kind == mujoco.mjtGeom.mjGEOM_CAPSULE:
+        return Capsule(size[0], size[1])
+    if kind == mujoco.mjtGeom.mjGEOM_MESH:
+        return _hull(model, model.geom_dataid[geom])
+    what = kind.name.removeprefix("mjGEOM_").lower()
+    raise InputError(
+        f"the pad touches geom {model.geom(geom).name!r} (number {geom}), a {what}: give it a primitive or a mesh"
+    )
+
+
+def _hull(model: mujoco.MjModel, mesh: int) -> Facets:
+    """Find the facets of a mesh's convex hull, which MuJoCo collides with in its place."""
+    from scipy.spatial import ConvexHull
+
+    first = model.mesh_vertadr[mesh]
+    vertices = model.mesh_vert[first : first + model.mesh_vertnum[mesh]].astype(float) * _MM
+    hull = ConvexHull(vertices)
+    corners = vertices[hull.simplices]
+    middles = corners.mean(axis=1)
+    radii = np.sqrt(((corners - middles[:, None]) ** 2).sum(axis=2).max(axis=1))
+    return Facets(hull.equations[:, :3], -hull.equations[:, 3], middles, radii)
+
+
+class Cover(NamedTuple):
+    """What of a surface a body covers, seen from n cells of a lattice.
+
+    gap: (n,) mm from the surface to the body along the normal, in the middle of the covered part of the cell;
+    below 0 where the two overlap, infinite where the line misses the body. share: (n,) of the cell that is
+    covered. shift: (2, n) in cells, from the cell's middle to the middle of the covered part along u and v, or
+    (2, 1) zeros.
+    """
+
+    gap: FloatArray
+    share: FloatArray
+    shift: FloatArray
+
+
+def gaps(
+    body: Body, rotation: FloatArray, position: FloatArray, lines: Lines, steps: tuple[float, float]
+) -> Cover:
+    """Measure from each point of a surface along its normal to where a body begins.
+
+    rotation (3, 3), position (3,) mm: the body's frame in that of the lines. steps: mm in u and v from
+    line to line of the lattice.
+    """
+    points, normals = (lines.points - position) @ rotation, lines.normals @ rotation
+    if isinstance(body, Round):
+        return _whole(_round_entry(points / body.half, normals / body.half))
+    if isinstance(body, Capsule):
+        ends = [np.array([0, 0, sign * body.half]) for sign in (-1.0, 1.0)]
+        entries = [_round_entry((points - end) / body.radius, normals / body.radius) for end in ends]
+        side = _side_entry(points, normals, body.radius)
+        height = points[:, 2] + np.where(np.isfinite(side), side, 0) * normals[:, 2]
+        side = np.where(np.abs(height) <= body.half, side, np.inf)
+        return _whole(np.minimum(np.minimum(*entries), side))
+    spans = np.stack([lines.along_u @ rotation * steps[0], lines.along_v @ rotation * steps[1]])
+    if isinstance(body, Cylinder):
+        return _cylinder(body, points, normals, spans)
+    return _faceted(body.near(points), points, normals, spans)
+
+
+def _whole(gap: FloatArray) -> Cover:
+    return Cover(gap, np.ones(len(gap)), np.zeros((2, 1)))
+
+
+def _round_entry(points: FloatArray, normals: FloatArray) -> FloatArray:
+    """Find where lines enter the unit sphere: (n,), infinite where they miss it."""
+    a, b = np.einsum("ij,ij->i", normals, normals), np.einsum("ij,ij->i", points, normals)
+    inside = b * b - a * (np.einsum("ij,ij->i", points, points) - 1)
+    return np.where(inside >= 0, (-b - np.sqrt(np.maximum(inside, 0))) / a, np.inf)
+
+
+def _side_entry(points: FloatArray, normals: FloatArray, radius: float) -> FloatArray:
+    """Find where lines enter an endless cylinder along z: (n,), infinite where they miss it."""
+    a = np.maximum(normals[:, 0] ** 2 + normals[:, 1] ** 2, _SMALL)
+    b = points[:, 0] * normals[:, 0] + points[:, 1] * normals[:, 1]
+    inside = b * b - a * (points[:, 0] ** 2 + points[:, 1] ** 2 - radius**2)
+    return np.where(inside >= 0, (-b - np.sqrt(np.maximum(inside, 0))) / a, np.inf)
+
+
+def _cylinder(body: Cylinder, points: FloatArray, normals: FloatArray, spans: FloatArray) -> Cover:
+    caps = Facets(np.array([[0.0, 0.0, 1.0], [0.0, 0.0, -1.0]]), np.full(2, body.half))
+    upright = np.hypot(normals[:, 0], normals[:, 1]) < _STEEP  # then the side is a wall
+    if not upright.all():
+        side = np.where(upright, -np.inf, _side_entry(points, normals, body.radius))
+        return _faceted(caps, points, normals, spans, before=side)
+    gap = _faceted(caps, points, normals, spans).gap
+    entry = points + gap[:, None] * normals
+    distance = np.maximum(np.hypot(entry[:, 0], entry[:, 1]), _SMALL)
+    # The rim is a wall that turns with the point: its part along each side of a cell.
+    across = np.einsum("kij,ij->ki", spans[..., :2], entry[:, :2]) / distance
+    return Cover(gap, *_cut(distance - body.radius, across))
+
+
+def _faceted(
+    body: Facets, points: FloatArray, normals: FloatArray, spans: FloatArray, before: FloatArray | None = None
+) -> Cover:
+    """Enter a body of flat faces: the last face that a line passes inwards, within the walls.
+
+    before: (n,) mm, where the line enters what else bounds the body.
+    """
+    rate = body.normals @ normals.T  # (f, n), or (f, 1) for a flat surface
+    height = body.offsets[:, None] - body.normals @ points.T
+    facing = rate < -_STEEP
+    if not facing.any():
+        facing = rate < -_SMALL if before is None else facing
+    entries = np.where(facing, height / np.where(facing, rate, 1), -np.inf)
+    last, columns = entries.argmax(axis=0), np.arange(len(points))
+    gap = entries[last, columns]
+    if before is not None:
+        gap = np.maximum(gap, before)
+    walls = ~facing.all(axis=1) & (rate < 1 - _SMALL).any(axis=1)
+    finite = np.isfinite(gap)
+    if not walls.any() or not finite.any():
+        return _whole(gap)
+    wall_rate = rate[walls]
+    steepness = np.sqrt(np.maximum(1 - wall_rate**2, _SMALL))
+    outside = (np.where(finite, gap, 0) * wall_rate - height[walls]) / steepness
+    outside = np.where(facing[walls], -np.inf, outside)
+    worst = outside.argmax(axis=0)
+    across = np.einsum("kij,fj->kfi", spans, body.normals[walls]) / steepness
+
+    def cut(wall: NDArray[np.intp], cells: NDArray[np.intp]) -> tuple[FloatArray, FloatArray]:
+        return _cut(outside[wall, cells], across[:, wall, cells if across.shape[2] > 1 else 0])
+
+    share, shift = cut(worst, columns)
+    # A second wall, across the first one (a corner) or behind it (a blade).
+    cells = np.flatnonzero((share > 0) & (share < 1))
+    if len(cells):
+        alike = body.normals[walls] @ body.normals[walls].T
+        turned_away = alike[worst[cells]] < _ALIKE
+        second = np.where(turned_away.T, outside[:, cells], -np.inf).argmax(axis=0)
+        reach = np.abs(across[..., 0 if across.shape[2] == 1 else cells]).sum(axis=0).max(axis=0) / 2
+        there = turned_away[np.arange(len(cells)), second] & (outside[second, cells] > -reach)
+        cells, second = cells[there], second[there]
+        further, moved = cut(second, cells)
+        behind = alike[worst[cells], second] < -_ALIKE
+        share[cells] = np.where(behind, np.maximum(share[cells] + further - 1, 0), share[cells] * further)
+        shift[:, cells] += moved
+    if before is None:  # the gap in the middle of the covered part
+        slopes = np.einsum("kij,fj->kfi", spans, body.normals) / np.where(facing, rate, 1)
+        gap = gap - (shift * slopes[:, last, columns if slopes.shape[2] > 1 else 0]).sum(axis=0)
+    return Cover(gap, share, shift)
+
+
+def _cut(outside: FloatArray, across: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Cut cells by straight walls, exactly.
+
+    outside: (n,) mm by which the cell's middle lies outside its wall. across: (2, n) mm, how far one goes outwards
+    along u and along v of the cell. Returns which share is inside, (n,), and where its middle is, (2, n) in cells.
+
+    Of a unit square, the part where a u + b v <= t has the area dG/dt and the first moment -dG/da, where G is the
+    integral of max(t - a u - b v, 0): a sum over the corners of the cube of max(t - a u - b v, 0) / 6 a b.
+    """
+    along = np.abs(across)
+    share, shift = (outside < 0).astype(float), np.zeros_like(across)
+    cells = np.flatnonzero(np.abs(outside) < (along[0] + along[1]) / 2)
+    if not len(cells):
+        return share, shift
+    along = along[:, cells]
+    a, b = np.maximum(along, _SQUARE * along.max(axis=0))
+    corners = np.maximum(_CORNERS @ np.stack([-outside[cells], a, b]), 0)
+    squares, area = corners**2 / 2, a * b
+    inside = _PARITY @ squares / area
+    integral = _PARITY @ (corners * squares) / (3 * area)
+    first = np.stack([integral / a, integral / b]) - _TURNS @ squares / area
+    share[cells] = inside
+    shift[:, cells] = np.sign(across[:, cells]) * first / np.maximum(inside, _SMALL)
+    return share, shift

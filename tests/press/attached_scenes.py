@@ -1,0 +1,108 @@
+"""Scenes for pads that are attached to a geom: one body that rests on a pad, and what the pad should read."""
+
+import mujoco
+import numpy as np
+from scipy.special import ndtr
+
+import tactsim
+
+GRAVITY = 9.81
+
+
+def rest(
+    body,
+    pad=None,
+    *,
+    mass=0.2,
+    x=0.0,
+    y=0.0,
+    height=5.0,
+    steps=1200,
+    face="0.02 0.02 0.005",
+    xml="",
+    **options,
+):
+    """Let a body rest on a box that carries a pad: its reader, the data, and the reading.
+
+    body: MJCF of a geom. x, y, height: mm, where its frame begins above the box's face. xml: more of the world.
+    """
+    spec = mujoco.MjSpec.from_string(f"""
+        <mujoco><option timestep="0.001"/>
+          <asset><mesh name="cube" vertex="1 1 1 -1 1 1 1 -1 1 -1 -1 1 1 1 -1 -1 1 -1 1 -1 -1 -1 -1 -1"
+                       scale=".003 .003 .003"/></asset>
+          <worldbody>
+            <geom name="finger" type="box" size="{face}"/>
+            <body name="body" pos="{x / 1e3} {y / 1e3} {height / 1e3 + float(face.split()[-1])}">
+              <joint type="slide" axis="0 0 1"/><geom name="object" {body} mass="{mass}"/>
+            </body>{xml}
+          </worldbody></mujoco>""")
+    attached = tactsim.press.attach(spec, "finger", pad, **options)
+    model = spec.compile()
+    data, reader = mujoco.MjData(model), attached.bind(model)
+    for _ in range(steps):
+        mujoco.mj_step(model, data)
+    return reader, data, reader.read(data)
+
+
+def image(pad, pressure, *, sigma=1.0, fineness=2400):
+    """Spread a pressure(x, y), N/mm^2 over mm, over the taxels by a fine lattice: (taxels,) kPa."""
+    x_low, x_high, y_low, y_high = pad.load_bounds
+
+    def middles(low, high):
+        edges = np.linspace(low, high, fineness + 1)
+        return (edges[1:] + edges[:-1]) / 2
+
+    def felt(at, edges):
+        return np.diff(ndtr((edges - at[:, None, None]) / sigma), axis=-1)[..., 0] / (
+            edges[0, 1] - edges[0, 0]
+        )
+
+    x, y = middles(x_low, x_high), middles(y_low, y_high)
+    lattice = pressure(*np.meshgrid(x, y)) * (x[1] - x[0]) * (y[1] - y[0])
+    return 1e3 * (felt(y, pad.row_edges).T @ lattice @ felt(x, pad.column_edges)).ravel()
+
+
+def errors(kpa, truth):
+    """Compare with the truth: the 95th percentile and the largest error over the taxels, as shares of the peak."""
+    off = np.abs(kpa - truth) / truth.max()
+    return np.percentile(off, 95), off.max()
+
+
+def block(force, half_x, half_y, angle=0.0, x=0.0, y=0.0, lever=0.0):
+    """Give the pressure under a flat rectangle, mm; `lever` mm is where along its x the force stands."""
+    cosine, sine = np.cos(angle), np.sin(angle)
+
+    def pressure(at_x, at_y):
+        across, along = cosine * (at_x - x) + sine * (at_y - y), cosine * (at_y - y) - sine * (at_x - x)
+        within = (np.abs(across) <= half_x) & (np.abs(along) <= half_y)
+        return within * force / (4 * half_x * half_y) * (1 + 3 * lever * across / half_x**2)
+
+    return pressure
+
+
+def ball(force, radius, x=0.0, y=0.0, stiffness=1.0):
+    """Give the pressure under a sphere: force = pi k d^2 (R - d / 3), of a spherical cap."""
+    depths = np.linspace(0, radius, 200_001)
+    depth = np.interp(force, np.pi * stiffness * depths**2 * (radius - depths / 3), depths)
+
+    def pressure(at_x, at_y):
+        height = np.sqrt(np.maximum(radius**2 - (at_x - x) ** 2 - (at_y - y) ** 2, 0))
+        return stiffness * np.maximum(depth - radius + height, 0)
+
+    return pressure
+
+
+def roll(force, radius, half, angle=0.0, x=0.0, y=0.0, stiffness=1.0):
+    """Give the pressure under a cylinder that lies along y, turned by `angle`: a circle's segment for a mm of it."""
+    depths = np.linspace(0, radius, 200_001)
+    inner = radius - depths
+    segments = radius**2 * np.arccos(inner / radius) - inner * np.sqrt(radius**2 - inner**2)
+    depth = np.interp(force, stiffness * 2 * half * segments, depths)
+    cosine, sine = np.cos(angle), np.sin(angle)
+
+    def pressure(at_x, at_y):
+        across, along = cosine * (at_x - x) + sine * (at_y - y), cosine * (at_y - y) - sine * (at_x - x)
+        height = np.sqrt(np.maximum(radius**2 - across**2, 0))
+        return stiffness * (np.abs(along) <= half) * np.maximum(depth - radius + height, 0)
+
+    return pressure

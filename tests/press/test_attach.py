@@ -1,0 +1,389 @@
+"""Pads on geoms of other models: closed forms, sums of forces, motions that change nothing, and wrong input."""
+
+import mujoco
+import numpy as np
+import pytest
+from attached_scenes import GRAVITY, ball, block, errors, image, rest, roll
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+import tactsim
+from tactsim import Pad
+from tactsim.core.errors import InputError
+from tactsim.press import geom_gap
+
+PAD = Pad()
+# Without gaps, so that the taxels' sum is the force; with 738 taxels.
+WIDE = Pad(
+    rows=18, columns=41, pitch_x=1, pitch_y=1, taxel_width=1, taxel_height=1, seam=None, unread_columns=0
+)
+
+
+def turned(angle):
+    return f'quat="{np.cos(angle / 2)} 0 0 {np.sin(angle / 2)}"'
+
+
+def contact_force(model, data, geom):
+    """Add MuJoCo's normal forces on a geom: N, and where they act, (3,) mm."""
+    force, total, moment = np.zeros(6), 0.0, np.zeros(3)
+    for index, contact in enumerate(data.contact):
+        if geom in contact.geom:
+            mujoco.mj_contactForce(model, data, index, force)
+            total += force[0]
+            moment += force[0] * contact.pos * 1e3
+    return total, moment / max(total, 1e-300)
+
+
+@pytest.mark.parametrize(
+    ("radius", "x", "y"), [(2, 0.5, 0.5), (5, 0, 0), (10, 1.3, -0.7), (20, 3, 2), (10, 5.5, 0)]
+)
+def test_a_sphere_is_the_closed_form(radius, x, y):
+    _, _, reading = rest(f'type="sphere" size="{radius / 1e3}"', x=x, y=y, height=radius)
+    most, largest = errors(reading.kpa, image(PAD, ball(reading.force, radius, x, y)))
+    assert most < 0.004
+    assert largest < 0.01
+
+
+@pytest.mark.parametrize("angle", [0, 0.4, 1.2, np.pi / 4])
+def test_a_cylinder_on_its_side_is_the_closed_form(angle):
+    lying = Rotation.from_euler("xz", [np.pi / 2, angle]).as_quat(scalar_first=True)
+    body = f'type="cylinder" size="0.004 0.004" quat="{" ".join(map(str, lying))}"'
+    _, _, reading = rest(body, x=0.5, y=0.2, height=4.1)
+    most, largest = errors(reading.kpa, image(PAD, roll(reading.force, 4, 4, angle, 0.5, 0.2)))
+    assert most < 0.005
+    assert largest < 0.01
+
+
+@pytest.mark.parametrize("body", ['type="box" size="0.003 0.003 0.003"', 'type="mesh" mesh="cube"'])
+@pytest.mark.parametrize(
+    ("angle", "x", "y"), [(0, 0, 0), (0.3, 1.1, 0.4), (np.pi / 4, 2, -1), (0.02, 3.3, 3.1)]
+)
+def test_the_edges_of_a_block_are_the_closed_form(body, angle, x, y):
+    _, _, reading = rest(f"{body} {turned(angle)}", x=x, y=y, height=3.1)
+    most, largest = errors(reading.kpa, image(PAD, block(reading.force, 3, 3, angle, x, y)))
+    assert most < 0.006
+    assert largest < 0.01
+
+
+def test_a_standing_cylinder_is_the_closed_form():
+    _, _, reading = rest('type="cylinder" size="0.003 0.004"', x=1, height=4.1)
+    truth = image(PAD, lambda x, y: ((x - 1) ** 2 + y**2 <= 9) * reading.force / (9 * np.pi))
+    assert errors(reading.kpa, truth)[1] < 0.01
+
+
+@pytest.mark.parametrize(
+    ("half_x", "half_y", "angle"), [(15, 5, 0.3), (15, 5, 0), (30, 30, 0.3), (2, 2, 0.5), (0.05, 8, 0.5)]
+)
+def test_738_taxels_feel_what_is_much_larger_and_much_smaller_than_they(half_x, half_y, angle):
+    body = f'type="box" size="{half_x / 1e3} {half_y / 1e3} 0.01" {turned(angle)}'
+    _, _, reading = rest(body, WIDE, x=1, height=10.1, face="0.04 0.04 0.005")
+    truth = image(WIDE, block(reading.force, half_x, half_y, angle, 1), fineness=4000)
+    most, largest = errors(reading.kpa, truth)
+    assert most < 0.01
+    assert largest < 0.04  # 0.033: a blade of a tenth of a taxel, askew
+
+
+@pytest.mark.parametrize("share", [0.1, 0.3])
+def test_a_load_beside_the_middle_tilts_the_pressure_as_its_moment_says(share):
+    """The block's weight stands off its middle; a stiff layer, so that it does not lean."""
+    xml = f"""<body name="loaded" pos="0 0 .00801"><freejoint/><geom type="box" size=".003 .003 .003" mass=".1"/>
+      <geom type="sphere" size=".001" pos="{2 * share * 3e-3} 0 0" mass=".1" contype="0" conaffinity="0"/></body>"""
+    reader, data, reading = rest(
+        'type="sphere" size=".001"', x=-15, height=50, steps=1500, xml=xml, stiffness=1e5
+    )
+    force, centre = contact_force(reader.model, data, reader.geom)
+    pose = data.body("loaded")
+    middle = (pose.xpos + pose.xmat.reshape(3, 3) @ [0, 0, -3e-3]) * 1e3
+    lever = centre[0] - middle[0]
+    assert lever == pytest.approx(share * 3, rel=0.1)  # MuJoCo's soft contacts let it lean a little
+    truth = image(PAD, block(force, 3, 3, x=middle[0], lever=lever))
+    assert errors(reading.kpa, truth)[1] < 0.01
+
+
+def test_the_image_does_not_depend_on_how_soft_mujocos_contacts_are():
+    images = [
+        rest(f'type="{kind}" size="0.004 0.004 0.004" solref="{solref}"', x=0.7, height=4.001, steps=4000)[2]
+        for kind in ("sphere", "box")
+        for solref in ("0.004 1", "0.05 1")
+    ]
+    for soft, hard in (images[:2], images[2:]):
+        assert soft.force == pytest.approx(hard.force, rel=1e-3)
+        np.testing.assert_allclose(soft.kpa, hard.kpa, atol=2e-3 * hard.kpa.max())
+
+
+@given(
+    st.sampled_from(['type="sphere" size=".004"', 'type="box" size=".003 .002 .004"', 'type="capsule" size=".003 .004"',
+                     'type="ellipsoid" size=".003 .004 .005"', 'type="mesh" mesh="cube"']),
+    st.floats(-6, 6), st.floats(-6, 6), st.integers(0, 10**6),
+)  # fmt: skip
+@settings(max_examples=25, deadline=None)
+def test_taxels_and_what_lies_outside_add_up_to_mujocos_force(body, x, y, seed):
+    """In any attitude, also half beside the pad. Taxels without gaps and without a point spread lose nothing."""
+    attitude = Rotation.random(rng=np.random.default_rng(seed)).as_quat(scalar_first=True)
+    pad = Pad(taxel_width=1.9, taxel_height=1.9, seam=None, unread_columns=0)
+    reader, data, reading = rest(
+        f'{body} quat="{" ".join(map(str, attitude))}"', pad, x=x, y=y, height=7.5, steps=400, psf_sigma=0
+    )
+    force, _ = contact_force(reader.model, data, reader.geom)
+    assert reading.force == pytest.approx(force, rel=1e-9)
+    felt = reading.kpa.sum() * 1.9 * 1.9 / 1e3
+    assert felt + reading.outside == pytest.approx(force, rel=1e-3)
+    assert reading.outside >= -1e-9
+
+
+def test_faces_of_a_mesh_that_are_far_from_the_pad_are_left_out_and_change_nothing(monkeypatch):
+    """A body of 400 corners in a random attitude, half beside the pad."""
+    places = np.random.default_rng(1).normal(size=(400, 3))
+    places *= [0.012, 0.009, 0.006] / np.linalg.norm(places, axis=1)[:, None]
+    spec = mujoco.MjSpec.from_string("""<mujoco><option timestep="0.001"/><worldbody>
+        <geom name="finger" type="box" size=".02 .02 .005"/></worldbody></mujoco>""")
+    spec.add_mesh(name="stone", uservert=places.ravel())
+    body = spec.worldbody.add_body(pos=[0.004, 0, 0.02])
+    body.add_joint(type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[0, 0, 1])
+    body.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname="stone", mass=0.2, quat=[0.8, 0.5, 0.3, 0.1])
+    reader = tactsim.press.attach(spec, "finger").bind(model := spec.compile())
+    data = mujoco.MjData(model)
+    for _ in range(1000):
+        mujoco.mj_step(model, data)
+    few = reader.read(data)
+    faces = []
+    monkeypatch.setattr(geom_gap.Facets, "near", lambda self, points: faces.append(len(self.offsets)) or self)
+    every = reader.read(data)
+    assert min(faces) > 700
+    assert few.kpa.max() > 20
+    np.testing.assert_allclose(few.kpa, every.kpa, atol=1e-9 * every.kpa.max())
+
+
+def test_a_load_beside_the_pad_is_outside_and_unread():
+    _, _, reading = rest('type="sphere" size="0.004"', x=15, height=4)
+    assert reading.force == pytest.approx(0.2 * GRAVITY, rel=1e-3)
+    assert reading.outside == pytest.approx(reading.force)
+    assert not reading.kpa.any()
+
+
+def test_two_bodies_are_felt_as_each_alone():
+    xml = """<body pos="-.003 0 .0095"><joint type="slide" axis="0 0 1"/>
+      <geom type="box" size=".002 .002 .0044" mass=".1"/></body>"""
+    sphere = 'type="sphere" size="0.003"'
+    both = rest(sphere, x=4, height=3, xml=xml)[2]
+    one, other = rest(sphere, x=4, height=3)[2], rest(sphere, x=15, height=3, xml=xml)[2]
+    assert both.contacts == 5
+    np.testing.assert_allclose(both.kpa, one.kpa + other.kpa, atol=1e-3 * both.kpa.max())
+
+
+def world(rotation, shift, kind="cylinder", size=".008 .02"):
+    """Press a ball on a finger askew, the whole world turned and shifted; gravity with it."""
+    down = rotation.apply([0, 0, -GRAVITY])
+    place = " ".join(map(str, rotation.as_quat(scalar_first=True)))
+    spec = mujoco.MjSpec.from_string(f"""
+        <mujoco><option timestep="0.001" gravity="{" ".join(map(str, down))}"/><worldbody>
+          <frame pos="{" ".join(map(str, shift))}" quat="{place}">
+            <body name="hand"><geom name="finger" type="{kind}" size="{size}"
+              quat=".7071067811865476 0 -.7071067811865476 0"/></body>
+            <body pos="0.001 -0.002 .0141"><joint type="slide" axis="0 0 1"/>
+              <geom type="sphere" size=".006" mass=".2"/></body>
+          </frame></worldbody></mujoco>""")
+    attached = tactsim.press.attach(spec, "finger", Pad(unread_columns=0))
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    for _ in range(300):
+        mujoco.mj_step(model, data)
+    return attached.bind(model).read(data)
+
+
+def test_a_world_turned_and_shifted_as_a_whole_is_felt_alike():
+    still = world(Rotation.identity(), [0, 0, 0])
+    assert still.kpa.max() > 20
+    for seed in range(3):
+        moved = world(Rotation.random(rng=np.random.default_rng(seed)), [0.3, -0.2, 0.5])
+        np.testing.assert_allclose(moved.kpa, still.kpa, atol=1e-4 * still.kpa.max())
+        np.testing.assert_allclose(moved.shear, still.shear, atol=1e-4 * still.force)
+
+
+def test_a_pad_is_felt_alike_on_a_body_that_moves():
+    """Carried at a constant speed, nothing changes."""
+    spec = mujoco.MjSpec.from_string("""
+        <mujoco><option timestep="0.001"/><worldbody><body name="hand"><joint name="x" type="slide" axis="1 0 0"/>
+          <geom name="finger" type="box" size=".02 .02 .005" mass="10"/>
+          <body pos="0.001 0.002 .0101"><joint type="slide" axis="0 0 1"/>
+              <geom type="sphere" size=".005" mass=".2"/></body>
+        </body></worldbody></mujoco>""")
+    reader = tactsim.press.attach(spec, "hand", PAD).bind(model := spec.compile())
+    images = []
+    for speed in (0.0, 0.5):
+        data = mujoco.MjData(model)
+        data.joint("x").qvel = speed
+        for _ in range(1000):
+            mujoco.mj_step(model, data)
+        images.append(reader.read(data).kpa)
+    assert data.joint("x").qpos > 0.4
+    np.testing.assert_allclose(images[0], images[1], atol=1e-6 * images[0].max())
+
+
+@pytest.mark.parametrize("kind", ["sphere", "cylinder", "capsule", "ellipsoid"])
+def test_a_curved_pad_tends_to_the_flat_one_as_its_radius_grows(kind):
+    """A ball of radius 5 mm on one of radius r is felt as one of 1 / (1 / 5 + 1 / r) on a flat pad."""
+    for radius in (0.02, 0.1, 0.4, 1.6):
+        size = {"ellipsoid": f"{radius} {radius} {radius}"}.get(kind, f"{radius} .05")
+        standing = (
+            'quat=".7071067811865476 0 -.7071067811865476 0"' if kind in ("cylinder", "capsule") else ""
+        )
+        spec = mujoco.MjSpec.from_string(f"""<mujoco><option timestep="0.001"/><worldbody>
+            <geom name="finger" type="{kind}" size="{size}" {standing}/>
+            <body pos="0 0 {radius + 0.00501}"><joint type="slide" axis="0 0 1"/>
+              <geom type="sphere" size=".005" mass=".2"/></body></worldbody></mujoco>""")
+        pad = Pad(unread_columns=0)
+        reader = tactsim.press.attach(spec, "finger", pad, stiffness=5000).bind(model := spec.compile())
+        data = mujoco.MjData(model)
+        for _ in range(1000):
+            mujoco.mj_step(model, data)
+        reading = reader.read(data)
+        across = 1 / (1 / 5 + 1e-3 / radius)
+        along = 5 if standing else across
+        depth = np.sqrt(reading.force / (np.pi * 5 * np.sqrt(across * along)))
+
+        def pressure(u, v, depth=depth, across=across, along=along):
+            return 5 * np.maximum(depth - u**2 / (2 * across) - v**2 / (2 * along), 0)
+
+        assert errors(reading.kpa, image(pad, pressure))[1] < 0.01
+
+
+@pytest.mark.parametrize("stiffness", [200.0, 1000.0, 20_000.0])
+def test_a_round_finger_on_a_plane_is_the_closed_form(stiffness):
+    """Of a ball with a soft skin: depth along its normals is (R - h) over their cosine, less R (1 / cosine - 1)."""
+    radius, stiff = 12.0, stiffness / 1e3
+    spec = mujoco.MjSpec.from_string("""<mujoco><option timestep="0.001"/><worldbody><geom type="plane" size="1 1 1"/>
+        <body pos="0 0 .0121"><joint type="slide" axis="0 0 1"/>
+              <geom name="tip" type="sphere" size=".012" mass=".3"/></body>
+        </worldbody></mujoco>""")
+    pad = Pad(unread_columns=0)
+    reader = tactsim.press.attach(spec, "tip", pad, normal=(0, 0, -1), stiffness=stiffness).bind(
+        model := spec.compile()
+    )
+    data = mujoco.MjData(model)
+    for _ in range(1000):
+        mujoco.mj_step(model, data)
+    reading = reader.read(data)
+    angle = np.linspace(0, 1, 20_001)
+
+    def force(depth):
+        pressure = stiff * np.maximum(radius - (radius - depth) / np.cos(angle), 0)
+        return np.trapezoid(pressure * np.cos(angle) * 2 * np.pi * radius**2 * np.sin(angle), angle)
+
+    depths = np.linspace(0, 3, 3001)
+    depth = np.interp(reading.force, [force(one) for one in depths], depths)
+
+    def pressure(u, v):  # on the foil around the ball
+        polar = np.hypot(u, v) / radius
+        return stiff * np.maximum(radius - (radius - depth) / np.cos(polar), 0) * np.sinc(polar / np.pi)
+
+    assert reading.outside == pytest.approx(0, abs=1e-9)
+    assert errors(reading.kpa, image(pad, pressure))[1] < (0.02 if stiffness < 1000 else 0.01)
+
+
+def test_friction_is_reported_and_not_felt():
+    """A block at rest on a slope of 0.2 rad: the weight's part along the slope is friction, which points downhill."""
+    spec = mujoco.MjSpec.from_string("""<mujoco><option timestep="0.001" cone="elliptic" impratio="10"/><worldbody>
+        <body name="slope" euler="0 11.4592 0"><geom name="finger" type="box" size=".02 .02 .005" friction="1"/></body>
+        <body name="block" euler="0 11.4592 0" pos="0.00159 0 .00785"><freejoint/>
+          <geom type="box" size=".003 .003 .003" mass=".2"/></body></worldbody></mujoco>""")
+    reader = tactsim.press.attach(spec, "slope", PAD).bind(model := spec.compile())
+    data = mujoco.MjData(model)
+    for _ in range(1000):
+        mujoco.mj_step(model, data)
+    reading = reader.read(data)
+    assert reading.force == pytest.approx(0.2 * GRAVITY * np.cos(0.2), rel=1e-2)
+    np.testing.assert_allclose(reading.shear, [0.2 * GRAVITY * np.sin(0.2), 0, 0], atol=0.01)
+
+
+def test_a_reading_changes_nothing_in_the_simulation():
+    reader, data, first = rest('type="box" size="0.003 0.003 0.003"', x=2, height=3)
+    before = np.concatenate([data.qpos, data.qvel, data.qacc_warmstart, data.efc_force])
+    second = reader.read(data)
+    np.testing.assert_array_equal(
+        before, np.concatenate([data.qpos, data.qvel, data.qacc_warmstart, data.efc_force])
+    )
+    np.testing.assert_array_equal(first.kpa, second.kpa)
+
+
+SCENE = """<mujoco><asset><mesh name="m" vertex="0 0 0 .01 0 0 0 .01 0 0 0 .01"/></asset><worldbody>
+  <body name="palm"><geom name="box" type="box" size=".02 .02 .02"/>
+    <geom name="ghost" size=".01" contype="0" conaffinity="0"/></body>
+  <body name="bone"><geom name="capsule" type="capsule" fromto="0 0 0 0 0 .04" size=".009"/></body>
+  <body name="two"><geom size=".01"/><geom name="other" size=".01"/></body>
+  <body name="empty"/><body name="plain"><geom size=".03"/></body>
+  <geom name="scan" type="mesh" mesh="m"/><geom name="tiny" size=".002"/>
+  </worldbody></mujoco>"""
+
+
+def test_a_pad_is_found_in_a_model_that_its_own_was_attached_to():
+    prefix = "left/"
+    hand, whole = mujoco.MjSpec.from_string(SCENE), mujoco.MjSpec()
+    whole.worldbody.add_geom(name="first", size=[0.1, 0.1, 0.1])
+    by_name, by_geom = tactsim.press.attach(hand, "bone"), tactsim.press.attach(hand, hand.geom("box"))
+    unnamed = tactsim.press.attach(hand, hand.body("plain"))
+    whole.attach(hand, prefix=prefix, frame=whole.worldbody.add_frame())
+    model = whole.compile()
+    assert model.geom(by_name.bind(model).geom).name == f"{prefix}capsule"
+    assert model.geom(by_geom.bind(model).geom).name == f"{prefix}box"
+    assert model.geom_size[unnamed.bind(model).geom, 0] == 0.03
+    assert tactsim.press.attach(model, f"{prefix}box").bind(model).geom == by_geom.bind(model).geom
+
+
+@pytest.mark.parametrize(
+    ("geom", "options", "message"),
+    [
+        ("bix", {}, "unknown geom or body 'bix': did you mean 'box'?"),
+        ("ghost", {}, "geom 'ghost' cannot touch anything: its contype and conaffinity are 0"),
+        ("palm", {"normal": (1, 1, 0)}, "geom 'box' is a box: its pad looks along an axis"),
+        ("two", {}, "body 'two' has 2 geoms that can touch: name the geom"),
+        ("empty", {}, "body 'empty' has 0 geoms that can touch: name the geom (none)"),
+        ("scan", {}, "geom 'scan' is a mesh: a pad lies on a box"),
+        ("tiny", {}, "the pad reaches from (-7.7, -5.65) to (7.7, 5.65) mm and geom 'tiny' from"),
+        ("box", {"at": (15, 0)}, "the pad reaches from (-7.7, -5.65) to (7.7, 5.65) mm and geom 'box' from"),
+        (
+            "capsule",
+            {"normal": (1, 0, 1)},
+            "geom 'capsule' is a capsule: its pad's normal lies across its axis z or",
+        ),
+        ("box", {"normal": (0, 0, 0)}, "normal is (0, 0, 0); it is the direction in which the pad looks"),
+        ("box", {"normal": (0, 1)}, "normal has shape (2,); it is 3 numbers"),
+        ("box", {"at": (0, np.nan)}, "at"),
+        ("box", {"stiffness": -1.0}, "stiffness is -1.0; it is a number of kPa/mm above 0"),
+        ("box", {"psf_sigma": 0.1}, "psf_sigma is 0.1; it is 0 or at least 0.3 mm"),
+        ("plain", {"at": (1, 0)}, "geom 'plain_pad0' is round: turn the pad's normal instead of giving `at`"),
+    ],
+)
+def test_wrong_input_is_one_line(geom, options, message):
+    spec = mujoco.MjSpec.from_string(SCENE)
+    with pytest.raises(InputError) as error:
+        tactsim.press.attach(spec, geom, **options).bind(spec.compile())
+    assert str(error.value).startswith(message)
+    assert "\n" not in str(error.value)
+
+
+def test_a_model_without_the_geom_is_one_line():
+    spec = mujoco.MjSpec.from_string(SCENE)
+    attached = tactsim.press.attach(spec, "box")
+    with pytest.raises(InputError, match="the model has no geom 'box': compile it from the spec"):
+        attached.bind(mujoco.MjSpec().compile())
+    with pytest.raises(InputError, match=r"a pad is attached to a mujoco\.MjSpec or an MjModel, got 'str'"):
+        tactsim.press.attach("hand.xml", "box")
+    with pytest.raises(InputError, match="unknown geom 'bix': did you mean 'box'"):
+        tactsim.press.attach(spec.compile(), "bix")
+
+
+def test_a_height_field_is_refused_when_it_touches():
+    spec = mujoco.MjSpec.from_string("""<mujoco><asset><hfield name="h" nrow="2" ncol="2"
+          size="1 1 1 1" elevation="1 1 1 1"/></asset>
+        <worldbody><geom name="ground" type="hfield" hfield="h"/><body pos="0 0 .0199"><freejoint/>
+        <geom name="finger" type="box" size=".02 .02 .02"/></body></worldbody></mujoco>""")
+    reader = tactsim.press.attach(spec, "finger", normal=(0, 0, -1)).bind(model := spec.compile())
+    data = mujoco.MjData(model)
+    for _ in range(20):
+        mujoco.mj_step(model, data)
+    with pytest.raises(
+        InputError, match=r"the pad touches geom 'ground' .*, a hfield: give it a primitive or a mesh"
+    ):
+        reader.read(data)
