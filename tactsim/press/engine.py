@@ -19,7 +19,7 @@ from tactsim.press.contact_forces import contact_forces, contact_history
 from tactsim.press.levels import levels
 from tactsim.press.scan_options import ScanOptions
 from tactsim.press.scene import UNREAD_STAGES
-from tactsim.press.spread import contact_map
+from tactsim.press.spread import cell_lines, contact_map
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,8 +103,10 @@ def _bed(face: list[Level], poses: FloatArray, options: ScanOptions) -> Bed:
 
 
 def _lines(options: ScanOptions) -> tuple[FloatArray, FloatArray]:
-    return options.pad.grid_lines(options.press.cells_per_taxel, gap_cells=options.sensor.psf_sigma == 0)
+    return cell_lines(options.pad, options.press.cells_per_taxel, options.sensor.psf_sigma)
 
 
 def _map(bed: Bed, forces: FloatArray, options: ScanOptions) -> FloatArray:
-    return contact_map(bed, forces, options.pad, options.press.cells_per_taxel, options.sensor.psf_sigma)
+    pressure = np.divide(forces, bed.area, out=np.zeros_like(forces), where=bed.area > 0)
+    cells, sigma = options.press.cells_per_taxel, options.sensor.psf_sigma
+    return contact_map(bed, pressure, None, options.pad, cells, sigma)

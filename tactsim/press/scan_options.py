@@ -11,8 +11,9 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
 from tactsim.core.pad import Pad
+from tactsim.press.spread import cell_lines
 
-_MOST_RESPONSES = 20_000_000  # of taxels to cells: 1 GB of them
+_MOST_CELLS = 200_000  # of the bed: 1 GB of moments for the presses that are laid out together
 _FROZEN = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 Share = Annotated[float, Field(ge=0, le=1)]
 
@@ -182,14 +183,12 @@ class ScanOptions(BaseModel):
 
     @model_validator(mode="after")
     def _pad_is_workable(self) -> ScanOptions:
-        x_lines, y_lines = self.pad.grid_lines(
-            self.press.cells_per_taxel, gap_cells=self.sensor.psf_sigma == 0
-        )
+        x_lines, y_lines = cell_lines(self.pad, self.press.cells_per_taxel, self.sensor.psf_sigma)
         cells = (len(x_lines) - 1) * (len(y_lines) - 1)
-        if cells * self.pad.taxels > _MOST_RESPONSES:
+        if cells > _MOST_CELLS:
             raise ValueError(
-                f"{self.pad.taxels} taxels over {cells:,} cells of the bed are {cells * self.pad.taxels:,} "
-                f"responses, more than {_MOST_RESPONSES:,}; choose fewer taxels or press.cells_per_taxel"
+                f"{self.pad.taxels} taxels make {cells:,} cells of the bed, more than {_MOST_CELLS:,}; choose "
+                f"fewer taxels, a smaller press.cells_per_taxel or a larger sensor.psf_sigma"
             )
         return self
 

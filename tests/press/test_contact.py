@@ -79,7 +79,7 @@ def test_a_rigid_sphere_presses_as_on_independent_springs():
     poses = np.array([[0.0, 0.0, 0.0], [1.3, -0.4, 0.5], [0.95, 0.95, 1.0]])
     bed = lay_bed(face, poses, *PAD.grid_lines(2))
     forces = contact_forces(bed, poses, models.letter("O"), PressOptions(stiffness=1e3 * stiffness))
-    maps = contact_map(bed, forces, PAD, 2, 1.0)
+    maps = contact_map(bed, forces / bed.area, None, PAD, 2, 1.0)
     # The closed form as a stack of thin discs: p is the integral of k over the depth.
     steps = (np.arange(60) + 0.5) / 60 * depth
     for reading, pose in zip(maps, poses, strict=True):
