@@ -97,8 +97,11 @@ def contact_map(
     for first in range(0, presses, block):
         count = min(block, presses - first)
         these = slice(bed.start[first], bed.start[first + count])
-        left, low = x[these].min(initial=columns), y[these].min(initial=rows)
-        across, up = x[these].max(initial=left) + 1 - left, y[these].max(initial=low) + 1 - low
+        if not len(x[these]):
+            result[first : first + count] = 0
+            continue
+        left, low = x[these].min(), y[these].min()
+        across, up = x[these].max() + 1 - left, y[these].max() + 1 - low
         # Columns of cells first, then presses, then rows: both products below then are of plain matrices.
         where = ((x[these] - left) * count + bed.press[these] - first) * up + (y[these] - low)
         bins = across * count * up
