@@ -33,7 +33,7 @@ def contact_forces(bed: Bed, poses: FloatArray, letter: models.Letter, options: 
         try:
             forces[springs.rows] = (rest if springs.area else fall)(stage, springs, options)
         except UnsettledError as error:
-            raise _named(error, letter, pose) from error
+            raise named(error, letter, pose) from error
     return forces
 
 
@@ -49,7 +49,7 @@ def contact_history(
     try:
         return press_through_time(stage, springs, options)
     except UnsettledError as error:
-        raise _named(error, letter, pose) from error
+        raise named(error, letter, pose) from error
 
 
 def _setup(letter: models.Letter, options: PressOptions, mass: float) -> Setup:
@@ -62,7 +62,7 @@ def _setup(letter: models.Letter, options: PressOptions, mass: float) -> Setup:
     )
 
 
-def _named(error: UnsettledError, letter: models.Letter, pose: FloatArray) -> UnsettledError:
+def named(error: UnsettledError, letter: models.Letter, pose: FloatArray) -> UnsettledError:
     """Name the press that did not settle."""
     x, y, angle = pose
     return UnsettledError(

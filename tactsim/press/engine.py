@@ -15,10 +15,10 @@ import numpy as np
 from tactsim import models
 from tactsim.core.poses import FloatArray
 from tactsim.press.bed import Bed, Level, lay_bed
-from tactsim.press.contact_forces import contact_forces, contact_history
+from tactsim.press.contact_forces import contact_forces, contact_history, named
 from tactsim.press.levels import levels
 from tactsim.press.scan_options import ScanOptions
-from tactsim.press.scene import UNREAD_STAGES
+from tactsim.press.scene import UNREAD_STAGES, UnsettledError
 from tactsim.press.spread import cell_lines, contact_map
 
 
@@ -62,8 +62,22 @@ def press_at(letter: models.Letter, poses: FloatArray, options: ScanOptions) -> 
     """
     face = levels(letter, options.press)
     bed = _bed(face, poses, options)
-    forces = contact_forces(bed, poses, letter, options.press)
+    if options.press.foundation == "winkler":
+        forces = contact_forces(bed, poses, letter, options.press)
+    else:
+        forces = _elastic_forces(bed, poses, letter, options)
     return Pressed(bed, forces, _work(bed, face, letter, options))
+
+
+def _elastic_forces(bed: Bed, poses: FloatArray, letter: models.Letter, options: ScanOptions) -> FloatArray:
+    """Press on an elastic solid: (contacts,) N. Raises UnsettledError for the first press that does not rest."""
+    from tactsim.press.elastic import press_elastic  # brings SciPy
+
+    tilts = np.tile((options.press.tilt_x, options.press.tilt_y), (len(poses), 1))
+    rested = press_elastic(bed, tilts, options)
+    for index, reason in rested.blanks.items():
+        raise named(UnsettledError(reason), letter, poses[index])
+    return rested.pressure * bed.area
 
 
 def ideal_sequence(

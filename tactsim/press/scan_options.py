@@ -60,6 +60,13 @@ class PressOptions(BaseModel):
     thickness: float = Field(
         1.0, ge=1e-3, le=100, description="mm of the pad's layer, past which it gives no more way (assumed)"
     )
+    foundation: Literal["winkler", "layer", "half-space"] = Field(
+        "winkler",
+        description="independent springs, an elastic layer bonded to a rigid base, or an elastic half-space",
+    )
+    poisson: float = Field(
+        0.45, ge=0, le=0.49, description="Poisson's ratio of a layer or half-space (assumed)"
+    )
     tilt_x: float = Field(0.0, ge=-0.2, le=0.2, description="rad about the pad's x between letter and pad")
     tilt_y: float = Field(0.0, ge=-0.2, le=0.2, description="rad about the pad's y between letter and pad")
     tilt_stiffness: float | None = Field(
