@@ -124,7 +124,13 @@ class SensorOptions(BaseModel):
         0.0, ge=0, le=1, description="standard deviation of the taxels' relative gains (assumed)"
     )
     hysteresis: float = Field(
-        0.0, ge=0, lt=1, description="share of the previous reading that is still felt (assumed)"
+        0.0,
+        ge=0,
+        le=0.25,
+        description="share of a touch's peak by which a falling load is read too high at most (assumed)",
+    )
+    lag: float = Field(
+        0.0, ge=0, lt=1, description="share of the previous touch's reading that is still felt (assumed)"
     )
     drift: float = Field(
         0.0, ge=-100, le=100, description="kPa that the zero moves from one reading to the next (assumed)"
