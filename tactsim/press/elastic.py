@@ -18,7 +18,8 @@ where the wrist gives way, the hinges about the pad's middle. Tilts count to fir
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections import Counter
+from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
 from typing import NamedTuple
@@ -31,12 +32,14 @@ from scipy.special import erf
 from tactsim.core.errors import InputError
 from tactsim.core.pad import Pad
 from tactsim.core.poses import FloatArray
-from tactsim.press.bed import Bed
+from tactsim.press.balance import MOST_TILT, TIPPED
+from tactsim.press.bed import Bed, lay_bed
+from tactsim.press.levels import levels
+from tactsim.press.pressed import Patches, Pressed
 from tactsim.press.scan_options import PressOptions, ScanOptions
 from tactsim.press.spread import cell_lines
+from tactsim.press.touches import Touches
 
-MOST_TILT = 0.35  # rad; a letter that tilts further has tipped over
-TIPPED = "the wrist gives way until it tips over; press with less force or a stiffer wrist"
 _RATIO = 2**0.4  # between the widths of two Gaussians: their sum is then exact to 3e-5
 _NARROWEST = 0.05  # times a cell's width, or half a layer's thickness; narrower ones act on their point alone
 _WIDEST = 100.0  # times the pad's size, under a half-space
@@ -67,7 +70,7 @@ class Rested:
     pressure: FloatArray
     depth: FloatArray
     tilt: FloatArray
-    blanks: dict[int, str] = field(default_factory=dict)
+    blanks: dict[int, str]
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,6 +113,24 @@ class _Influence:
         alone = 2 * (self.gaussians.weights @ (means[0] * means[1]) + self.gaussians.point / area)
         result[partial] = np.maximum(alone, result[partial])
         return result
+
+
+def press(touches: Touches, options: ScanOptions) -> Pressed:
+    """Press a letter on the elastic solid of `options.press` until it rests.
+
+    A press that tips over is a blank, with its reason. Raises what `press_elastic` does.
+    """
+    x_lines, y_lines = options.cell_lines
+    face = levels(touches.letter, options.press)
+    tilts = touches.tilts if touches.tilts.any() else None
+    bed = lay_bed(face, touches.poses, x_lines, y_lines, tilts=tilts)
+    rested = press_elastic(bed, touches.tilts, options)
+    touching = int(np.count_nonzero(bed.area_of_presses))
+    cells = (len(x_lines) - 1) * (len(y_lines) - 1) * len(face)
+    work = Counter(
+        presses=touching, no_contact=len(touches) - touching, cells=touching * cells - len(bed.area)
+    )
+    return Pressed(touches, Patches(bed, rested.pressure), work, rested.blanks)
 
 
 def press_elastic(bed: Bed, tilts: FloatArray, options: ScanOptions) -> Rested:
@@ -253,7 +274,7 @@ def _rest(
     moves: (n, n) mm/N. ways: (n, 3), by which depths answer to the place. gap: (n,) mm. tilt: (2,) rad
     before the wrist gives way.
     """
-    count, force, wrist = len(gap), press.force, press.tilt_stiffness
+    count, force, wrist = len(gap), press.force, press.wrist_stiffness
     carries = np.ones(count, dtype=bool)
     fewest, patience = count + 1, _BLOCK_STEPS
     while True:

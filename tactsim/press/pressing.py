@@ -14,6 +14,7 @@ from tactsim.core.poses import FloatArray
 from tactsim.press.engine import ideal_readings, ideal_sequence
 from tactsim.press.scan_options import ScanOptions
 from tactsim.press.sensor import gains, hysteretic, sense
+from tactsim.press.touches import Touches
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +38,7 @@ def press_letter(
     options: ScanOptions | None = None,
     rng: np.random.Generator | None = None,
 ) -> Press:
-    """Press `letter` at one pose [x, y, theta] (mm, rad), exactly there.
+    """Press `letter` at one pose [x, y, theta] (mm, rad), exactly there, tilted as the options' press is.
 
     Of `options` only pad, press, sensor and, for the pad's gains, seed count. `rng` draws noise and random
     taxels; without it there are none.
@@ -59,13 +60,14 @@ def press_letter(
     if rng is None:
         sensor = sensor.model_copy(update={"noise": 0.0, "random_taxels": 0.0})
         rng = np.random.default_rng(0)
+    touches = Touches.of(letter, pose[None], (options.press.tilt_x, options.press.tilt_y))
     times = sequence = None
     if options.press.dynamics == "full":
-        times, sequence = ideal_sequence(letter, pose, options)
+        times, sequence = ideal_sequence(touches, options)
     if sequence is not None and len(sequence):
         ideal = sequence[-1]
         felt = hysteretic(sequence, sensor.hysteresis)[-1]
     else:  # at rest, or beside the letter, where there is nothing to follow through time
         times = sequence = None
-        ideal = felt = ideal_readings(letter, pose[None], options)[0][0]
+        ideal = felt = ideal_readings(touches, options)[0][0]
     return Press(ideal, sense(felt[None], sensor, gains(options), rng)[0], times, sequence)

@@ -14,9 +14,11 @@ from tactsim.press import PressOptions, ScanOptions, SensorOptions
 from tactsim.press.bed import Level, lay_bed
 from tactsim.press.clip import edges_of
 from tactsim.press.elastic import gaussians_of, modulus, multiplier, press_elastic
+from tactsim.press.engine import ideal_readings
 from tactsim.press.levels import levels
 from tactsim.press.scan_poses import grid_poses
 from tactsim.press.spread import cell_lines, contact_map
+from tactsim.press.touches import Touches
 
 SOLIDS = ["layer", "half-space"]
 POSES = np.array([[-3.4, -3.4, 0.5], [3.4, 3.4, 2.1], [-3.4, 10.2, 4.2], [1.0, -2.0, 0.0]])
@@ -130,7 +132,7 @@ def test_a_layer_as_thick_as_the_pad_is_wide_nears_the_half_space():
 @pytest.mark.parametrize("wrist", [None, 50.0, 1000.0])
 @pytest.mark.parametrize("tilt", [(0.0, 0.0), (0.02, -0.01)])
 def test_force_and_hinges_balance_and_no_pressure_pulls(foundation, wrist, tilt):
-    options = solid(foundation, tilt_stiffness=wrist, stiffness=2000.0)
+    options = solid(foundation, wrist_stiffness=wrist, stiffness=2000.0)
     bed, rested = press("K", POSES, options, tilt)
     assert not rested.blanks
     assert (rested.pressure >= 0).all()
@@ -154,7 +156,10 @@ def test_a_strongly_tilted_face_lifts_off_and_enters_nowhere(foundation):
     # Each press again with only the parts that carry: the same pressure, so the others matter nothing.
     alone = replace(
         bed,
-        **{name: getattr(bed, name)[carries] for name in ("level", "cell", "centroid", "area", "gap")},
+        **{
+            name: getattr(bed, name)[carries]
+            for name in ("level", "cell", "centre", "centroid", "area", "gap")
+        },
         moments=bed.moments[:, carries],
         start=np.searchsorted(bed.press[carries], np.arange(len(POSES) + 1)),
     )
@@ -218,7 +223,7 @@ def test_a_sliver_and_no_contact_are_pressed_too(foundation):
 
 
 def test_a_wrist_softer_than_the_load_tips_over():
-    options = solid("half-space", tilt_stiffness=1.0)
+    options = solid("half-space", wrist_stiffness=1.0)
     _, rested = press("E", np.array([[-9.0, 4.0, 1.0], [100.0, 0, 0]]), options)
     assert list(rested.blanks) == [0]
     assert "tips over" in rested.blanks[0]
@@ -237,7 +242,7 @@ def test_a_wrist_softer_than_the_load_tips_over():
     st.floats(0, 0.49),
 )
 def test_any_press_balances_without_pulling(name, pose, tilt, foundation, wrist, force, thickness, poisson):
-    options = solid(foundation, force=force, thickness=thickness, poisson=poisson, tilt_stiffness=wrist)
+    options = solid(foundation, force=force, thickness=thickness, poisson=poisson, wrist_stiffness=wrist)
     bed, rested = press(name, np.array([pose]), options, tilt)
     assert (rested.pressure >= 0).all()
     if len(bed.area) and not rested.blanks:
@@ -297,3 +302,25 @@ def test_every_vowel_is_within_two_percent_of_a_fine_grid(foundation, thickness,
     errors = np.concatenate([compare(name, grid_poses()[5::24], options, tilt) for name in "AEIOU"])
     assert errors[:, 0].mean() < 0.02
     assert errors[:, 0].max() < 0.04
+
+
+def test_a_scan_is_pressed_on_the_foundation_asked_for():
+    letter = models.letter("E")
+    tilts = np.tile((0.01, 0.0), (len(POSES), 1))
+    options = solid("layer", wrist_stiffness=300.0)
+    touches = Touches(letter, POSES, tilts)
+    got, work = ideal_readings(touches, options)
+    assert work["presses"] == work["engine_elastic"] == len(POSES)
+    bed, rested = press("E", POSES, options, (0.01, 0.0))
+    assert got == pytest.approx(readings(bed, rested, options), rel=0.02, abs=0.01 * got.max())
+
+
+def test_what_the_elastic_foundations_cannot_do_is_refused():
+    letter = models.letter("E")
+    with pytest.raises(InputError, match=r"level flat faces alone, and press\.foundation is layer"):
+        ideal_readings(Touches.of(letter, POSES), solid("layer", engine="exact"))
+    with pytest.raises(ValueError, match="half-space is pressed at rest only; give dynamics = equilibrium"):
+        PressOptions(foundation="half-space", dynamics="full")
+    tipping = solid("layer", wrist_stiffness=1.0)
+    with pytest.raises(InputError, match="tips over"):
+        ideal_readings(Touches.of(letter, np.array([[-9.0, 4.0, 1.0]])), tipping)

@@ -19,6 +19,7 @@ from tactsim.press.clip import MOMENTS, cell_moments, edges_of
 from tactsim.press.engine import ideal_readings
 from tactsim.press.scan_poses import grid_poses
 from tactsim.press.spread import cell_lines, contact_map, point_map
+from tactsim.press.touches import Touches
 
 POSE = np.zeros((1, 3))
 POINTS, WEIGHTS = np.polynomial.legendre.leggauss(8)
@@ -122,7 +123,7 @@ def test_a_pitch_far_above_the_point_spread_is_read_right(pitch, sigma):
     options = ScanOptions(pad=pad, sensor=SensorOptions(psf_sigma=sigma))
     poses = np.array([[0.0, 0.0, 0.3], [2.0, -3.0, 1.0], [0.4 * pitch, 1.0, 0.0]])
     letter = models.letter("E")
-    readings, _ = ideal_readings(letter, poses, options)
+    readings, _ = ideal_readings(Touches.of(letter, poses), options)
     for reading, pose in zip(readings, poses, strict=True):
         exact, area = expected_reading(letter.footprint, pose, pad, 2.0, sigma)
         assert area > 1
@@ -150,7 +151,7 @@ def test_a_pad_of_4096_taxels_is_pressed():
     pad = square_pad(64, 0.5)
     options = ScanOptions(pad=pad, press=PressOptions(cells_per_taxel=2))
     letter, poses = models.letter("S"), grid_poses()[60:63]
-    readings, _ = ideal_readings(letter, poses, options)
+    readings, _ = ideal_readings(Touches.of(letter, poses), options)
     for reading, pose in zip(readings, poses, strict=True):
         exact, _ = expected_reading(letter.footprint, pose, pad, 2.0, 1.0)
         assert np.abs(reading - exact).max() < 1e-4 * exact.max()
