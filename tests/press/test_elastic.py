@@ -264,12 +264,17 @@ def test_cells_of_too_many_sizes_are_refused():
         press("E", POSES, solid("layer", pad))
 
 
-def compare(name, poses, options, tilt=(0.0, 0.0)):
-    """Give rms and largest error of the taxels over the largest one, for each press of 4 mm^2 or more."""
+def compare(name, poses, options, tilt=(0.0, 0.0), springs=False):
+    """Give rms and largest error of the taxels over the largest one, for each press of 4 mm^2 or more.
+
+    With `springs` a level press of independent springs is compared with the solid instead.
+    """
     setup = options.press
     thickness = setup.thickness if setup.foundation == "layer" else None
     reference = Reference(options.pad, thickness, setup.poisson)
     bed, rested = press(name, poses, options, tilt)
+    if springs:
+        rested = replace(rested, pressure=setup.force / bed.area_of_presses[bed.press])
     got, errors = readings(bed, rested, options), []
     for index, pose in enumerate(poses):
         area = bed.area[bed.press == index].sum()
