@@ -152,7 +152,7 @@ def bins_in_placement(worst: Worst) -> None:
 
 @case(
     "convergence.bed-cells",
-    varied="1, 2, 4 and 8 cells of the bed along a taxel, 12 presses of a curved letter",
+    varied="1, 2, 4 and 8 cells of the bed along a taxel, 12 presses of a curved letter, point spread 2 mm",
     deviation="slope of the rms error of the worst taxel over the cell's size",
     limit=3.0,
     because="the clip is exact, and what a taxel feels is quadratic in each cell: third order at least",
@@ -167,7 +167,7 @@ def bed_cells(worst: Worst) -> None:
     for count in counts:
         options = ScanOptions(
             press=PressOptions(cells_per_taxel=count),
-            sensor=SensorOptions(noise=0, resolution=0, psf_sigma=0.5),
+            sensor=SensorOptions(noise=0, resolution=0, psf_sigma=2.0),
         )
         errors.append(rms(np.array([error("S", pose, options) for pose in poses])))
     worst.see(

@@ -249,7 +249,7 @@ def refused_sensor(**options: Any) -> bool:
 
 @case(
     "press.sensor",
-    varied="saturation, resolution, gain, drift, hysteresis, noise and dead taxels at their bounds",
+    varied="saturation, resolution, gain, drift, lag, hysteresis, noise and dead taxels at their bounds",
     deviation="readings that are not finite, above saturation, off the steps or alive though dead",
     limit=0,
     because="what a sensor reports is a number it can report",
@@ -260,7 +260,8 @@ def sensor(worst: Worst) -> None:
     letter, pose = models.letter("E"), [1.0, 2.0, 0.3]
     settings: list[dict[str, Any]] = [
         {"saturation": 5.0}, {"saturation": 1e-9}, {"resolution": 1000.0}, {"resolution": 1e-6},
-        {"gain_spread": 1.0}, {"drift": 100.0}, {"drift": -100.0}, {"hysteresis": 0.999}, {"noise": 1000.0},
+        {"gain_spread": 1.0}, {"drift": 100.0}, {"drift": -100.0}, {"noise": 1000.0},
+        {"lag": 0.999}, {"hysteresis": 0.25},
         {"random_taxels": 1.0}, {"dead_taxels": tuple(range(36))}, {"dead_taxels": (0, 35)},
         {"psf_sigma": 10.0, "saturation": 1.0, "resolution": 0.3},
     ]  # fmt: skip

@@ -1,9 +1,9 @@
 """Choose the engine that presses a letter, and press: what an ideal pad would read.
 
-Three engines answer the same question, each in a file of its own: `exact` (a level flat face needs no
-solver), `balance` (the engine `bed`: exact areas, MuJoCo solves the balance of what may move) and, for a
-press through time, `dynamics`. Nothing random happens here and nothing that belongs to one sensor: its
-imperfections come afterwards, in `sensor`.
+Engines answer the same question, each in a file of its own: `exact` (a level flat face needs no
+solver), `balance` (the engine `bed`: exact areas, MuJoCo solves the balance of what may move), `elastic` (a
+layer or half-space instead of springs) and, for a press through time, `dynamics`. Nothing random happens here
+and nothing that belongs to one sensor: its imperfections come afterwards, in `sensor`.
 """
 
 from __future__ import annotations
@@ -24,9 +24,17 @@ from tactsim.press.scan_options import ScanOptions
 from tactsim.press.scene import Setup, UnsettledError, scene
 from tactsim.press.touches import Touches
 
+
+def _elastic(touches: Touches, options: ScanOptions) -> Pressed:
+    from tactsim.press import elastic  # brings SciPy
+
+    return elastic.press(touches, options)
+
+
 ENGINES: dict[str, Callable[[Touches, ScanOptions], Pressed]] = {
     "exact": exact.press,
     "bed": balance.press,
+    "elastic": _elastic,
 }
 
 
@@ -41,6 +49,8 @@ def engine_for(touches: Touches, options: ScanOptions) -> str:
         raise InputError(
             f"press.engine: exact presses level flat faces alone, and {obstacle}; give auto or bed"
         )
+    if options.press.foundation != "winkler":
+        return "elastic"  # bed and auto alike: springs do not move each other
     if asked != "auto":
         return asked
     return "exact" if skip.solver and skip.parts and not obstacle else "bed"
@@ -51,6 +61,8 @@ def _no_exact_answer(touches: Touches, options: ScanOptions) -> str:
     press = options.press
     if touches.letter.rounding:
         return f"{touches.letter.name!r} has rounded edges"
+    if press.foundation != "winkler":
+        return f"press.foundation is {press.foundation}"
     if press.wrist_stiffness is not None:
         return "the wrist gives way (press.wrist_stiffness)"
     if touches.tilts.any():

@@ -13,7 +13,7 @@ from tactsim.core.finite import finite
 from tactsim.core.poses import FloatArray
 from tactsim.press.engine import ideal_readings, ideal_sequence
 from tactsim.press.scan_options import ScanOptions
-from tactsim.press.sensor import gains, sense
+from tactsim.press.sensor import gains, hysteretic, sense
 from tactsim.press.touches import Touches
 
 
@@ -66,7 +66,8 @@ def press_letter(
         times, sequence = ideal_sequence(touches, options)
     if sequence is not None and len(sequence):
         ideal = sequence[-1]
+        felt = hysteretic(sequence, sensor.hysteresis)[-1]
     else:  # at rest, or beside the letter, where there is nothing to follow through time
         times = sequence = None
-        ideal = ideal_readings(touches, options)[0][0]
-    return Press(ideal, sense(ideal[None], sensor, gains(options), rng)[0], times, sequence)
+        ideal = felt = ideal_readings(touches, options)[0][0]
+    return Press(ideal, sense(felt[None], sensor, gains(options), rng)[0], times, sequence)

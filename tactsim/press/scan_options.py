@@ -12,8 +12,9 @@ from pydantic import BaseModel, ConfigDict, Field, field_validator, model_valida
 
 from tactsim.core.pad import Pad
 from tactsim.core.poses import FloatArray
+from tactsim.press.spread import cell_lines
 
-_MOST_RESPONSES = 20_000_000  # of taxels to cells: 1 GB of them
+_MOST_CELLS = 200_000  # of the bed: 1 GB of moments for the presses that are laid out together
 _FROZEN = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 Share = Annotated[float, Field(ge=0, le=1)]
 
@@ -64,6 +65,13 @@ class PressOptions(BaseModel):
     thickness: float = Field(
         1.0, ge=1e-3, le=100, description="mm of the pad's layer, past which it gives no more way (assumed)"
     )
+    foundation: Literal["winkler", "layer", "half-space"] = Field(
+        "winkler",
+        description="independent springs, an elastic layer bonded to a rigid base, or an elastic half-space",
+    )
+    poisson: float = Field(
+        0.45, ge=0, le=0.49, description="Poisson's ratio of a layer or half-space (assumed)"
+    )
     tilt_x: float = Field(0.0, ge=-0.2, le=0.2, description="rad about the pad's x between letter and pad")
     tilt_y: float = Field(0.0, ge=-0.2, le=0.2, description="rad about the pad's y between letter and pad")
     wrist_stiffness: float | None = Field(
@@ -103,6 +111,15 @@ class PressOptions(BaseModel):
         """
         return max(self.stiffness, 1e3 * self.force / (area * self.thickness))
 
+    @model_validator(mode="after")
+    def _steps_springs_alone(self) -> PressOptions:
+        if self.foundation != "winkler" and self.dynamics == "full":
+            raise ValueError(
+                f"foundation = {self.foundation} is pressed at rest only; give dynamics = equilibrium or "
+                f"foundation = winkler"
+            )
+        return self
+
 
 class SensorOptions(BaseModel):
     """How the pad turns contact pressure into readings. 0, None or () switches an effect off."""
@@ -116,7 +133,13 @@ class SensorOptions(BaseModel):
         0.0, ge=0, le=1, description="standard deviation of the taxels' relative gains (assumed)"
     )
     hysteresis: float = Field(
-        0.0, ge=0, lt=1, description="share of the previous reading that is still felt (assumed)"
+        0.0,
+        ge=0,
+        le=0.25,
+        description="share of a touch's peak by which a falling load is read too high at most (assumed)",
+    )
+    lag: float = Field(
+        0.0, ge=0, lt=1, description="share of the previous touch's reading that is still felt (assumed)"
     )
     drift: float = Field(
         0.0, ge=-100, le=100, description="kPa that the zero moves from one reading to the next (assumed)"
@@ -184,7 +207,7 @@ class ScanOptions(BaseModel):
     @property
     def cell_lines(self) -> tuple[FloatArray, FloatArray]:
         """Give the edges of the bed's cells along the pad's x and y, mm."""
-        return self.pad.grid_lines(self.press.cells_per_taxel, gap_cells=self.sensor.psf_sigma == 0)
+        return cell_lines(self.pad, self.press.cells_per_taxel, self.sensor.psf_sigma)
 
     @field_validator("pad", mode="before")
     @classmethod
@@ -195,10 +218,10 @@ class ScanOptions(BaseModel):
     def _pad_is_workable(self) -> ScanOptions:
         x_lines, y_lines = self.cell_lines
         cells = (len(x_lines) - 1) * (len(y_lines) - 1)
-        if cells * self.pad.taxels > _MOST_RESPONSES:
+        if cells > _MOST_CELLS:
             raise ValueError(
-                f"{self.pad.taxels} taxels over {cells:,} cells of the bed are {cells * self.pad.taxels:,} "
-                f"responses, more than {_MOST_RESPONSES:,}; choose fewer taxels or press.cells_per_taxel"
+                f"{self.pad.taxels} taxels make {cells:,} cells of the bed, more than {_MOST_CELLS:,}; choose "
+                f"fewer taxels, a smaller press.cells_per_taxel or a larger sensor.psf_sigma"
             )
         return self
 

@@ -1,4 +1,4 @@
-"""The sensor's imperfections: gain, hysteresis, drift, noise, random and dead taxels, saturation, resolution."""
+"""The sensor's imperfections: hysteresis, gain, lag, drift, noise, random and dead taxels, saturation, resolution."""
 
 from __future__ import annotations
 
@@ -12,20 +12,27 @@ from tactsim.press.scan_options import ScanOptions, SensorOptions
 
 
 def sense(
-    ideal: FloatArray, options: SensorOptions, gain: FloatArray, rng: np.random.Generator
+    ideal: FloatArray,
+    options: SensorOptions,
+    gain: FloatArray,
+    rng: np.random.Generator,
+    *,
+    one_touch: bool = False,
 ) -> FloatArray:
     """Turn a sequence of ideal readings into what the pad reports: (readings, taxels) kPa.
 
     ideal: (readings, taxels) kPa, in the order in which they are taken. gain: (taxels,), of `gains`.
+    one_touch: whether they are the images of one touch, which have hysteresis, instead of one reading of
+    each touch after another, between which there is lag.
     The order of the effects is that of docs/sensor.md. As many random numbers are drawn whichever effects
     are off, so switching one off changes nothing else. Readings may be below zero, as a tared sensor's are.
     """
     noise = rng.standard_normal(ideal.shape)
     replaced, level = rng.random(ideal.shape), rng.random(ideal.shape)
-    readings = ideal * gain
-    if options.hysteresis:
+    readings = gain * (hysteretic(ideal, options.hysteresis) if one_touch else ideal)
+    if options.lag and not one_touch:
         for before, now in pairwise(readings):
-            now += options.hysteresis * (before - now)
+            now += options.lag * (before - now)
     readings = readings + options.drift * np.arange(1, len(readings) + 1)[:, None] + options.noise * noise
     if options.random_taxels:
         # Uniform between 0 and 0.6 of the largest reading, so that eq. 3 calls half of them In Contact.
@@ -37,6 +44,47 @@ def sense(
         readings = np.round(readings / options.resolution) * options.resolution
     readings[:, list(options.dead_taxels)] = 0.0
     return readings
+
+
+def hysteretic(images: FloatArray, share: float) -> FloatArray:
+    """Let the images of one touch depend on how they came about: (images, taxels) kPa.
+
+    images: (images, taxels) kPa, from before the touch on. share: `SensorOptions.hysteresis`.
+
+    Preisach's model (I. D. Mayergoyz, Mathematical Models of Hysteresis, 1991) with Everett's function
+    E(a, b) = (b - a) (1 - 4 share a / b): a load that has only risen is read as it is; one that falls from
+    b to a is read as b - E(a, b), at most share * b too high (at half the load) and right again at 0. A small
+    loop within closes, and is forgotten when the load leaves it.
+    """
+    if not share:
+        return images
+    result = images.copy()
+    for taxel in np.flatnonzero((np.diff(images, axis=0) < 0).any(axis=0)):
+        turns = [
+            0.0
+        ]  # loads where the course turned and what has not been wiped out: low, high, low, ..., now
+        for index, load in enumerate(images[:, taxel].tolist()):
+            _follow(turns, max(load, 0.0))
+            result[index, taxel] = sum(
+                (high - low) * (1 - 4 * share * low / high) * (1 if after > before else -1)
+                for before, after in pairwise(turns)
+                for low, high in [sorted((before, after))]
+            )
+    return result
+
+
+def _follow(turns: list[float], load: float) -> None:
+    """Go on to `load`, and forget the turns of the loops that close on the way."""
+    rising = len(turns) % 2 == 0
+    if (load >= turns[-1]) == rising or load == turns[-1]:
+        turns[-1] = load
+    else:
+        turns.append(load)
+    while len(turns) > 2:
+        rising = len(turns) % 2 == 0
+        if not (load >= turns[-3] if rising else load <= turns[-3]):
+            break
+        del turns[-3:-1]
 
 
 def gains(options: ScanOptions) -> FloatArray:

@@ -79,10 +79,10 @@ def sensing(
 ) -> Callable[[float], FloatArray]:
     """Add the taxels' gains, noise and faults to the pressures (taxels,) kPa at a time, s; drawn anew each call.
 
-    The device's own steps come with its codec, so the sensor's resolution is left out; so are drift and
+    The device's own steps come with its codec, so the sensor's resolution is left out; so are drift, lag and
     hysteresis, which need the readings before.
     """
-    sensor = options.sensor.model_copy(update={"resolution": 0.0, "drift": 0.0, "hysteresis": 0.0})
+    sensor = options.sensor.model_copy(update={"resolution": 0.0, "drift": 0.0, "lag": 0.0})
     gain = gains(options)
     return lambda now: sense(pressures(now)[None], sensor, gain, rng)[0]
 

@@ -136,7 +136,7 @@ PLANTED = {
     "press.mass-stiffness-step": ("tactsim.press.scene._RANGE", 1e5),
     "press.slivers": ("tactsim.press.bed.SMALLEST_CONTACT", 1.0),
     "press.aligned-angles": ("tactsim.press.bed.SMALLEST_PART", 0.01),
-    "press.point-spread": ("tactsim.press.spread._QUADRATURE", 2),
+    "press.point-spread": ("tactsim.press.spread._QUADRATURE", 1),
     "convergence.bed-cells": ("tactsim.press.bed.SMALLEST_PART", 0.01),
     "convergence.map-cells": ("tactsim.estimators.likelihoods.occupancy._NOTHING", 0.5),
     "likelihood.classifier-edges": (

@@ -193,8 +193,8 @@ def test_a_wrist_gives_way_until_it_balances_the_layer(name, pose, press_options
     points, forces = rest_by_brute_force(letter, np.array(pose), options)
     assert load.forces.sum() == pytest.approx(options.force, rel=1e-9)
     pixel = 0.05**2
-    columns = felt_along(points[:, :1], PAD.column_edges, 1.0)
-    rows = felt_along(points[:, 1:], PAD.row_edges, 1.0)
+    columns = felt_along(points[:, 0], PAD.column_edges, 1.0)
+    rows = felt_along(points[:, 1], PAD.row_edges, 1.0)
     truth = (
         1e3 * np.einsum("ir,ic,i->rc", rows, columns, forces).ravel() / (PAD.taxel_width * PAD.taxel_height)
     )

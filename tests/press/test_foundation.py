@@ -29,8 +29,8 @@ def half_space_reading(letter, pose, force=2.0, sigma=1.0):
     sink += corner(dx - half, dy - half) - corner(dx - half, dy + half)
     pressure = np.linalg.solve(sink, np.ones(len(points)))
     load = force * pressure / pressure.sum()
-    columns = felt_along(points[:, :1], PAD.column_edges, sigma)
-    rows = felt_along(points[:, 1:], PAD.row_edges, sigma)
+    columns = felt_along(points[:, 0], PAD.column_edges, sigma)
+    rows = felt_along(points[:, 1], PAD.row_edges, sigma)
     return 1e3 * np.einsum("ir,ic,i->rc", rows, columns, load).ravel() / (PAD.taxel_width * PAD.taxel_height)
 
 

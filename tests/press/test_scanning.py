@@ -122,7 +122,7 @@ def test_a_pad_in_a_file_is_pressed(tmp_path):
 
 def test_a_pad_with_too_many_taxels_is_refused():
     with pytest.raises(ValueError, match="cells_per_taxel"):
-        ScanOptions(pad=Pad(rows=100, columns=100, seam=None))
+        ScanOptions(pad=Pad(rows=200, columns=200, seam=None), press=PressOptions(cells_per_taxel=4))
 
 
 def test_a_pad_s_gains_are_the_same_for_a_scan_and_a_single_press():

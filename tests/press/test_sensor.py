@@ -1,5 +1,7 @@
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from tactsim.press import ScanOptions, SensorOptions
 from tactsim.press.sensor import gains, sense
@@ -9,8 +11,8 @@ OFF = {"noise": 0.0, "resolution": 0.0}
 
 
 def sensed(ideal=IDEAL, seed=1, **options):
-    settings = SensorOptions(**{**OFF, **options})
-    return sense(ideal, settings, gains(ScanOptions(sensor=settings)), np.random.default_rng(seed))
+    sensor = SensorOptions(**{**OFF, **options})
+    return sense(ideal, sensor, gains(ScanOptions(sensor=sensor)), np.random.default_rng(seed))
 
 
 def test_with_everything_off_it_reads_the_pressure():
@@ -52,12 +54,80 @@ def test_gains_lie_about_1_and_none_is_below_zero():
         assert (gain <= limit).mean() == pytest.approx(share, abs=2.5 / np.sqrt(len(gain)))
 
 
-def test_hysteresis_keeps_a_share_of_the_last_reading():
+def test_lag_keeps_a_share_of_the_last_reading():
     ideal = np.zeros((4, 36))
     ideal[0] = 10.0
-    readings = sensed(ideal, hysteresis=0.5)
+    readings = sensed(ideal, lag=0.5)
     assert readings[:, 0] == pytest.approx([10, 5, 2.5, 1.25])
-    assert sensed(np.ones((4, 36)), hysteresis=0.5) == pytest.approx(1)
+    assert sensed(np.ones((4, 36)), lag=0.5) == pytest.approx(1)
+
+
+def one_touch(loads, **options):
+    sensor = SensorOptions(**{**OFF, **options})
+    images = np.outer(loads, np.ones(36))
+    return sense(images, sensor, np.ones(36), np.random.default_rng(0), one_touch=True)[:, 0]
+
+
+def test_a_load_that_falls_is_read_too_high_and_right_again_at_0():
+    loads = np.concatenate([np.linspace(0, 40, 21), np.linspace(40, 0, 21)])
+    read = one_touch(loads, hysteresis=0.1)
+    assert read[:21] == pytest.approx(loads[:21])
+    falling = read[21:] - loads[21:]
+    assert falling.max() == pytest.approx(0.1 * 40)
+    assert loads[21:][falling.argmax()] == pytest.approx(20)
+    assert read[-1] == pytest.approx(0, abs=1e-12)
+    # Preisach's descending branch b - E(a, b) in closed form.
+    assert falling == pytest.approx(4 * 0.1 * loads[21:] * (1 - loads[21:] / 40), abs=1e-12)
+
+
+def test_a_small_loop_closes_and_is_forgotten():
+    read = one_touch([0, 40, 10, 30, 10, 30, 40, 50], hysteresis=0.2)
+    assert read[2] == pytest.approx(read[4])
+    assert read[3] == pytest.approx(read[5])
+    assert read[6] == pytest.approx(40)
+    assert read[7] == pytest.approx(50)
+    straight = one_touch([0, 40, 10, 5], hysteresis=0.2)
+    assert one_touch([0, 40, 10, 30, 5], hysteresis=0.2)[-1] == pytest.approx(straight[-1])
+
+
+def brute_force_preisach(loads, share, relays=400):
+    """Switch every relay on above its b and off below its a; a relay's weight is that of its square of (a, b)."""
+    edge = np.linspace(0, 1, relays + 1)
+    a, b = np.meshgrid(edge[:-1] + 0.5 / relays, edge[:-1] + 0.5 / relays)
+    # Of a relay on the diagonal a half counts; the rest of E answers there, without hysteresis.
+    weight = np.heaviside(b - a, 0.5) * 8 * share * a / b**2 / relays**2
+    on, read = np.zeros(a.shape, dtype=bool), []
+    for load in loads:
+        on = (on | (b < load)) & ~(a > load)
+        read.append((weight * on).sum() + (1 - 4 * share) * load)
+    return np.array(read)
+
+
+def test_hysteresis_is_that_of_many_relays():
+    rng = np.random.default_rng(4)
+    loads = np.concatenate([[0.0], rng.uniform(0, 1, 30), [0.3, 0.9, 0.1, 0.6]])
+    assert one_touch(loads, hysteresis=0.15) == pytest.approx(brute_force_preisach(loads, 0.15), abs=0.005)
+
+
+@settings(max_examples=100, deadline=None)
+@given(st.lists(st.floats(0, 100), min_size=1, max_size=30), st.floats(0, 0.25))
+def test_hysteresis_keeps_between_the_load_and_its_bounds(loads, share):
+    read = one_touch(loads, hysteresis=share)
+    peak = np.maximum.accumulate(np.maximum(loads, 0))
+    assert (read >= -1e-9).all()
+    assert (read <= peak + 1e-9).all()
+    assert (np.abs(read - loads) <= 4 * share * peak + 1e-9).all()
+    # It follows the load's direction, and does not depend on how often it is read on the way.
+    assert (np.diff(read) * np.diff(loads) >= -1e-9).all()
+    twice = one_touch(np.repeat(loads, 2), hysteresis=share)
+    assert twice[1::2] == pytest.approx(read, abs=1e-9)
+    assert one_touch(np.multiply(loads, 3.0), hysteresis=share) == pytest.approx(3 * read, abs=1e-7)
+
+
+def test_touches_one_after_another_have_no_hysteresis_and_images_of_one_have_no_lag():
+    assert np.array_equal(sensed(hysteresis=0.25), IDEAL)
+    loads = [0.0, 5.0, 2.0]
+    assert one_touch(loads, lag=0.9) == pytest.approx(loads)
 
 
 def test_drift_moves_the_zero_from_reading_to_reading():
@@ -101,7 +171,8 @@ def test_an_effect_does_not_change_what_another_draws():
         {"noise": float("nan")},
         {"psf_sigma": 0.1},
         {"saturation": 0},
-        {"hysteresis": 1},
+        {"hysteresis": 0.3},
+        {"lag": 1},
         {"gian": 1},
     ],
 )
