@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactsim.core.poses import FloatArray, invert
-from tactsim.press.clip import MOMENTS, cell_moments
+from tactsim.press.clip import EVEN_MOMENTS, cell_moments
 
 MM = 1e-3  # m
 # A cell's force is proportional to its covered area. A cell with less than this share of the whole contact is
@@ -131,10 +131,10 @@ def lay_bed(
     """
     rows, columns = len(y_lines) - 1, len(x_lines) - 1
     object_in_sensor = invert(poses)
-    every = np.empty((MOMENTS, len(poses), len(levels), rows * columns))
+    every = np.empty((EVEN_MOMENTS, len(poses), len(levels), rows * columns))
     for index, level in enumerate(levels):
         moments = cell_moments(level.edges, object_in_sensor, x_lines, y_lines)
-        every[:, :, index] = moments.reshape(MOMENTS, len(poses), rows * columns)
+        every[:, :, index] = moments.reshape(EVEN_MOMENTS, len(poses), rows * columns)
     area = every[0]
     whole = area.sum(axis=(1, 2), keepdims=True)
     covered = (area > SMALLEST_PART * whole) & (whole > SMALLEST_CONTACT)

@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 from manifold3d import CrossSection
 
 from tactsim.core import invert
-from tactsim.press.clip import cell_moments, covers, edges_of
+from tactsim.press.clip import EVEN_MOMENTS, MOMENTS, POWERS, cell_moments, covers, edges_of
 
 X_LINES = np.array([-3.0, -2.0, -0.5, 0.5, 1.0, 4.0])
 Y_LINES = np.array([-2.0, -1.0, 0.0, 1.5, 2.5])
@@ -54,6 +54,69 @@ def test_moments_are_those_of_the_clipped_polygon(name, x, y, angle):
             assert moments[:, row, column] == pytest.approx(
                 moments_of(placed ^ cell, (low + high) / 2), abs=1e-6
             )
+
+
+def by_triangles(region, centre):
+    """All moments up to the third of a region, by a rule that is exact for cubics on triangles to a corner."""
+    total = np.zeros(MOMENTS)
+    barycentric = [(1 / 3, 1 / 3, -27 / 48), (0.6, 0.2, 25 / 48), (0.2, 0.6, 25 / 48), (0.2, 0.2, 25 / 48)]
+    for contour in region.to_polygons():
+        a = contour - centre
+        b = np.roll(a, -1, axis=0)
+        cross = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
+        for s, t, weight in barycentric:
+            u, v = (s * a + t * b).T
+            total += [(weight * cross / 2 * u**i * v**j).sum() for i, j in POWERS]
+    return total
+
+
+@given(
+    st.sampled_from(sorted(SHAPES)),
+    st.floats(-3, 3),
+    st.floats(-7, 7),
+    st.tuples(
+        st.floats(-2, 2), st.floats(-7, 7), st.one_of(st.sampled_from([0.0, 1e-300, 1e-13]), st.floats(1e-3, 1))
+    ),
+    st.floats(-0.3, 0.3),
+)
+@settings(deadline=None)
+def test_only_what_lies_deep_enough_counts_and_a_tilt_foreshortens(name, x, angle, surface, tilt):
+    shape = SHAPES[name]
+    level, towards, steepness = surface
+    a, b = steepness * np.cos(towards), steepness * np.sin(towards)
+    plane = np.array([[np.cos(tilt), 0.0], [0.1 * np.sin(tilt), 1.0]])
+    moments = cell_moments(
+        edges_of(shape.to_polygons()),
+        np.array([[x, 0.3, angle], [0.0, 0.0, 0.0]]),
+        X_LINES,
+        Y_LINES,
+        plane=np.stack([plane, np.eye(2)]),
+        depth=np.array([(level, a, b), (-1.0, 0.0, 0.0)]),
+        moments=MOMENTS,
+    )
+    assert not moments[:, 1].any()  # nothing of the second press is deep enough
+    placed = shape.rotate(np.degrees(angle)).translate((x, 0.3))
+    placed = placed.transform(np.column_stack([plane, np.zeros(2)]))
+    if steepness < 1e-3 or abs(level) > 20 * steepness:  # the line is far away, if there is one
+        kept = placed if level > 0 else CrossSection()
+    else:
+        up = np.array([a, b]) / steepness
+        along, middle = np.array([-up[1], up[0]]), -level / steepness * up
+        kept = placed ^ CrossSection([[middle + 50 * k for k in (-along, up - along, up + along, along)]])
+    for row in range(len(Y_LINES) - 1):
+        for column in range(len(X_LINES) - 1):
+            low = np.array([X_LINES[column], Y_LINES[row]])
+            high = np.array([X_LINES[column + 1], Y_LINES[row + 1]])
+            cell = CrossSection.square(tuple(high - low)).translate(tuple(low))
+            truth = by_triangles(kept ^ cell, (low + high) / 2)
+            assert moments[:, 0, row, column] == pytest.approx(truth, abs=2e-5)
+
+
+def test_second_moments_are_the_same_with_and_without_third_ones():
+    outline, poses = edges_of(SHAPES["star"].to_polygons()), np.array([[0.3, -0.2, 1.0]])
+    few = cell_moments(outline, poses, X_LINES, Y_LINES)
+    all_of_them = cell_moments(outline, poses, X_LINES, Y_LINES, moments=MOMENTS)
+    assert all_of_them[:EVEN_MOMENTS] == pytest.approx(few, abs=1e-12)
 
 
 def test_an_outline_on_the_grid_lines_fills_the_cells_that_it_bounds():
