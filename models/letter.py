@@ -178,7 +178,7 @@ class Letter:
         if self.relief is None:
             arrays = [part.vertices for part in self.parts]
         else:
-            arrays = [self.relief.vertices, self.relief.triangles]
+            arrays = [self.relief.vertices, self.relief.triangles.astype(float)]
         for array in (*self.contours, *arrays):
             content.update(np.array(array.shape, dtype="<i8").tobytes())
             content.update(np.ascontiguousarray(array, dtype="<f8").tobytes())
