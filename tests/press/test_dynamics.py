@@ -4,10 +4,12 @@ import numpy as np
 import pytest
 
 from tactsim import models
+from tactsim.core import InputError
 from tactsim.press import PressOptions, ScanOptions, press_letter, scan_letters
 from tactsim.press.engine import ideal_readings
 from tactsim.press.scan_poses import grid_poses
 from tactsim.press.scene import UnsettledError
+from tactsim.press.touches import Touches
 
 
 def both(name, pose, **press):
@@ -30,7 +32,7 @@ def test_it_ends_where_the_equilibrium_is(name):
         {"force": 0.01},
         {"force": 100.0},
         {"tilt_x": 0.01, "tilt_y": -0.005},
-        {"tilt_x": 0.01, "tilt_stiffness": 2000.0},
+        {"tilt_x": 0.01, "wrist_stiffness": 2000.0},
         {"relaxation": 0.0},
         {"ramp": 0.0, "approach_speed": 50.0},
         {"clearance": 0.0},
@@ -74,7 +76,7 @@ def test_a_press_that_does_not_settle_is_reported():
     options = ScanOptions(letters=("E",), press=PressOptions(dynamics="full", time_limit=0.05))
     with pytest.raises(UnsettledError, match=r"'E'.*time_limit"):
         press_letter(models.letter("E"), [0.0, 0.0, 0.0], options)
-    with pytest.raises(UnsettledError, match="'E'"):
+    with pytest.raises(InputError, match=r"192 of 192 presses of 'E' do not come to rest.*time_limit"):
         scan_letters(options, cache=False)
 
 
@@ -97,7 +99,7 @@ def test_a_scan_can_be_taken_with_full_dynamics():
 def test_a_scan_takes_the_last_image_of_each_press():
     letter, options = models.letter("I"), ScanOptions(press=PressOptions(dynamics="full"))
     poses = np.array([[0.0, 0.0, 0.3], [-3.4, 3.4, 0.0]])
-    readings, _ = ideal_readings(letter, poses, options)
+    readings, _ = ideal_readings(Touches.of(letter, poses), options)
     for reading, pose in zip(readings, poses, strict=True):
         assert reading == pytest.approx(press_letter(letter, pose, options).ideal, rel=1e-12)
 
@@ -114,14 +116,14 @@ def test_a_sliver_stops_where_the_layer_ends():
 def test_a_worker_s_unsettled_press_is_reported_too(monkeypatch):
     monkeypatch.setattr("tactsim.press.scanning.WORTH_A_WORKER", 1e-3)
     options = ScanOptions(letters=("E",), press=PressOptions(dynamics="full", time_limit=0.05))
-    with pytest.raises(UnsettledError, match=r"'E'.*time_limit"):
+    with pytest.raises(InputError, match=r"'E'.*time_limit"):
         scan_letters(options, jobs=2, cache=False)
 
 
 def test_a_press_that_failed_leaves_nothing_behind():
     """The same scene serves the next press: it must be as if compiled anew, bit for bit."""
     letter, pose = models.letter("E"), [0.0, 3.4, 0.2]
-    tilted = {"dynamics": "full", "tilt_x": 0.01, "tilt_stiffness": 3000.0}
+    tilted = {"dynamics": "full", "tilt_x": 0.01, "wrist_stiffness": 3000.0}
     with pytest.raises(UnsettledError):
         press_letter(letter, pose, ScanOptions(press=PressOptions(time_limit=0.04, **tilted)))
     used = press_letter(letter, pose, ScanOptions(press=PressOptions(**tilted)))
