@@ -107,6 +107,7 @@ class Relief:
         rise = self.normals @ rotation[:, 2]
         low, high = float(vertices[:, 2].min()), float(vertices[:, 2].max())
         seen = vertices[self.triangles[rise > LEAST_RISE]]
+        floor = -math.inf
         if window is not None:
             seen = seen[_within(seen, window)]
             floor = _height_at(seen, window) - window.reach
@@ -117,7 +118,7 @@ class Relief:
             if window is not None:
                 above = above[_within(above, window)]
             if len(above):
-                seen = _uncovered(vertices, self.triangles, window)
+                seen = _uncovered(vertices, self.triangles, window, floor)
         seen[:, :, 2] = high - seen[:, :, 2]
         front = seen[:, :, 2].min(axis=1)
         order = np.argsort(front, kind="stable")
@@ -188,19 +189,22 @@ def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
     return a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
 
 
-def _uncovered(vertices: FloatArray, triangles: NDArray[np.int64], window: Window | None) -> FloatArray:
+def _uncovered(
+    vertices: FloatArray, triangles: NDArray[np.int64], window: Window | None, floor: float
+) -> FloatArray:
     """List the facets of a mesh that look up, each where nothing hides it: (m, 3, 3).
 
-    What lies below the facets that look down is filled. Raises InputError if they are too many.
+    With a window, what lies outside or below the height `floor` is left out. What lies below the facets that look
+    down is filled. Raises InputError if they are too many.
     """
     from manifold3d import Manifold, Mesh64, OpType
 
     solid = Manifold(Mesh64(np.ascontiguousarray(vertices), triangles.astype(np.uint64)))
     if window is not None:
         _, _, low, _, _, high = solid.bounding_box()
-        side = 2 * window.radius
-        column = Manifold.cube((side, side, high - low + 2), True)
-        solid ^= column.translate((window.x, window.y, (low + high) / 2))
+        side, low = 2 * window.radius, max(low - 1, floor)
+        column = Manifold.cube((side, side, high + 1 - low), True)
+        solid ^= column.translate((window.x, window.y, (low + high + 1) / 2))
     mesh = Relief.of(solid)
     corners, rise = mesh.vertices[mesh.triangles], mesh.normals[:, 2]
     above, seen = corners[rise < -LEAST_RISE], corners[rise > LEAST_RISE]

@@ -21,7 +21,7 @@ _SUMS = 10  # what `integrate` adds up over the contact: 1, x, y, xx, xy, yy, an
 _CORNERS = 16  # room for a polygon: a triangle cut by nine lines at most
 _MOST_STEPS = 100
 _BALANCE = 1e-10  # share of the force that may be missing
-STEEPEST = 0.3  # rad: a shape that tilts further has tipped over
+STEEPEST = math.radians(20)  # a shape that tilts further has tipped over
 _LEAST_AREA = 1e-9  # mm^2; what touches less than this does not touch
 
 
