@@ -16,6 +16,7 @@ from tactsim.press import PressOptions, ScanOptions, press_letter
 from tactsim.press.engine import ideal_readings, press_at
 from tactsim.press.relief import press
 from tactsim.press.scan_poses import grid_poses
+from tactsim.press.scanning import scan_letters
 from tactsim.press.spread import felt_along
 from tactsim.press.touches import Touches
 
@@ -413,3 +414,17 @@ def test_a_press_from_a_side_by_the_public_face():
 def test_a_rotation_that_is_none(rotation):
     with pytest.raises(InputError, match="rotation"):
         tactsim.press("E", rotation=rotation)
+
+
+def test_a_mesh_is_scanned_as_the_command_line_does(tmp_path):
+    """A dome from a file: every press is worked out by the engine relief, and the scores' facts are the dome's."""
+    solid, _ = dome(20, 1.0, rings=12, sectors=48)
+    path = tmp_path / "dome.stl"
+    models.export(models.relief("dome", solid), path)
+    given = ScanOptions(letters=("I",), shapes=(str(path),))
+    scan, work = scan_letters(given, cache=False)
+    assert 300 < work["engine_relief"] < work["presses"]  # at some poses of the corners the pad is beside it
+    assert scan.meta["objects"]["dome"]["symmetry"] == 0  # of a disc
+    # In the middle the dome gives one peak, far above the even pressure under a letter.
+    middle = (scan.labels == "dome") & (np.abs(scan.poses[:, :2]) < 4).all(axis=1)
+    assert scan.readings[middle].max(axis=1).min() > 60
