@@ -14,7 +14,7 @@ import tactsim.estimators
 
 def compile_kernels() -> None:
     """Import every module of the estimators: a kernel is compiled, or loaded from the cache, when it is imported."""
-    logging.getLogger("tactsim.estimators.compiling").setLevel(logging.ERROR)  # who calls this knows why
+    logging.getLogger("tactsim.core.compiling").setLevel(logging.ERROR)  # who calls this knows why
     for module in pkgutil.walk_packages(tactsim.estimators.__path__, "tactsim.estimators."):
         import_module(module.name)
 

@@ -1,4 +1,4 @@
-"""The shapes that are pressed: CSG letters, their areas, moments and symmetry, and their export.
+"""The shapes that are pressed: CSG letters and solids with relief, their areas, moments and symmetry, and their export.
 
 Lives here: solids and outlines in mm, and what follows from a shape alone. Does not live here: anything
 that knows a sensor, a force, a reading or a map.
@@ -6,7 +6,7 @@ that knows a sensor, a force, a reading or a map.
 
 from tactsim.models.export import export
 from tactsim.models.glyphs import names, parse_letters
-from tactsim.models.letter import ConvexPart, Letter, Rectangle, letter
+from tactsim.models.letter import ConvexPart, Letter, Rectangle, letter, relief
 from tactsim.models.shapes import shape
 
 __all__ = [
@@ -17,5 +17,6 @@ __all__ = [
     "letter",
     "names",
     "parse_letters",
+    "relief",
     "shape",
 ]

@@ -14,6 +14,7 @@ import numpy as np
 from tactsim.core.errors import InputError, unknown
 from tactsim.core.poses import FloatArray
 from tactsim.models.convex import convex_pieces
+from tactsim.models.relief import FELT, Relief
 from tactsim.models.rounding import inset, rounded_solid, strips
 from tactsim.models.symmetry import rotational_order
 
@@ -61,15 +62,17 @@ class ConvexPart:
 
 @dataclass(frozen=True, eq=False)
 class Letter:
-    """A raised letter or other flat shape. It stands on z = 0; its pressed face, at z = height, faces +z.
+    """A raised letter or another shape. It stands on z = 0; its foremost point or face, at z = height, faces +z.
 
-    The object frame has its origin at the face's centre of area. The pad sees the letter as one reads it: x to
+    The object frame has its origin at the footprint's centre of area. The pad sees the letter as one reads it: x to
     the right, y up, z towards the pad. A sensor pose [x, y, theta] in this frame turns and shifts the pad's own
     x and y, so nothing is mirrored.
 
     name: what a scan calls it. contours: (k, 2) mm each, the footprint: outer outlines counter-clockwise,
     holes clockwise. height: thickness, mm. rounding: radius (mm) of the pressed face's edge, 0 for a sharp
     one. The footprint is that of the whole letter; the flat of a rounded face is smaller by the radius.
+    relief: the mesh of a shape that is more than its footprint raised, in the object frame; its footprint is
+    the region that lies less than `relief.FELT` mm behind the foremost point.
 
     Letters are equal when their names and digests are. They can be pickled.
     """
@@ -78,6 +81,7 @@ class Letter:
     contours: tuple[FloatArray, ...]
     height: float = HEIGHT
     rounding: float = 0.0
+    relief: Relief | None = None
 
     @cached_property
     def footprint(self) -> CrossSection:
@@ -89,6 +93,8 @@ class Letter:
     @cached_property
     def solid(self) -> Manifold:
         """Give the solid as a manifold3d.Manifold, mm, from z = 0 to the pressed face at z = height."""
+        if self.relief is not None:
+            return self.relief.solid
         if self.rounding:
             return rounded_solid(self.contours, self.rounding, self.height)
         return self.footprint.extrude(self.height)
@@ -98,7 +104,16 @@ class Letter:
         """Cut the letter into convex parts that tile it without overlap.
 
         With rounded edges the flat of the face comes first, then one strip along each edge of the outline.
+        A shape with relief is one part if it is convex, and a prism's parts if it is flat for FELT mm below its
+        face. Raises InputError if it is neither.
         """
+        if self.flat_depth < FELT and self.relief is not None:
+            if self.relief.hull is None:
+                raise InputError(
+                    f"{self.name!r} has relief and is not convex: it cannot be cut into convex parts"
+                )
+            vertices = self.relief.hull.vertices
+            return (_part(_hull_outline(vertices), vertices),)
         flat: Sequence[FloatArray] = self.contours
         edge = []
         if self.rounding:
@@ -109,8 +124,23 @@ class Letter:
 
     @cached_property
     def symmetry(self) -> int | float:
-        """Find the order of the rotational symmetry: 1, 2, ... or math.inf for a disc or ring."""
+        """Find the order of the rotational symmetry: 1, 2, ... or math.inf for a disc, ring or dome.
+
+        With relief, what lies less than FELT mm behind the foremost point is looked at.
+        """
+        if self.relief is not None:
+            return self.relief.symmetry
         return rotational_order(self.contours)
+
+    @property
+    def flat_depth(self) -> float:
+        """Tell how far below its foremost point the letter is a flat face with upright sides, mm.
+
+        Infinite if nothing else of it can be seen from above. A press that sinks in by less feels the face alone.
+        """
+        if self.relief is not None:
+            return self.relief.flat_depth
+        return 0.0 if self.rounding else math.inf
 
     @cached_property
     def area(self) -> float:
@@ -140,12 +170,16 @@ class Letter:
 
     @cached_property
     def digest(self) -> str:
-        """Hash what is pressed: footprint, height and convex parts, not the name. 64 hex digits.
+        """Hash what is pressed: footprint, height and convex parts or mesh, not the name. 64 hex digits.
 
         Readings can be cached under it.
         """
         content = hashlib.sha256(np.array([self.height, self.rounding], dtype="<f8").tobytes())
-        for array in (*self.contours, *(part.vertices for part in self.parts)):
+        if self.relief is None:
+            arrays = [part.vertices for part in self.parts]
+        else:
+            arrays = [self.relief.vertices, self.relief.triangles.astype(float)]
+        for array in (*self.contours, *arrays):
             content.update(np.array(array.shape, dtype="<i8").tobytes())
             content.update(np.ascontiguousarray(array, dtype="<f8").tobytes())
         return content.hexdigest()
@@ -200,6 +234,36 @@ def raised(name: str, footprint: CrossSection, *, height: float = HEIGHT, roundi
         except InputError as error:
             raise InputError(f"{name!r}: {error}") from error
     return Letter(name, tuple(contours), float(height), float(rounding))
+
+
+def relief(name: str, solid: Manifold) -> Letter:
+    """Make a Letter of a solid (manifold3d.Manifold, mm), whose upper side (+z) is pressed.
+
+    The solid is moved so that it stands on z = 0 and its footprint's centre of area is the origin.
+    Raises InputError if it is empty or damaged, or thicker than LARGEST_HEIGHT.
+    """
+    from manifold3d import Error
+
+    if solid.status() != Error.NoError or solid.is_empty():
+        raise InputError(f"{name!r}: the solid is empty or damaged ({solid.status().name})")
+    bottom, top = solid.bounding_box()[2], solid.bounding_box()[5]
+    if top - bottom > LARGEST_HEIGHT:
+        raise InputError(f"{name!r}: height is {top - bottom:.4g} mm; the most is {LARGEST_HEIGHT:g} mm")
+    # Straightened, because a fine mesh's outline has thousands of corners that nobody sees or feels.
+    footprint = Relief.of(solid).footprint().simplify(1e-3)
+    area, first, _ = _moments(footprint.to_polygons())
+    x, y = first / area
+    contours = footprint.translate((-x, -y)).to_polygons()
+    for contour in contours:
+        contour.setflags(write=False)
+    return Letter(name, tuple(contours), top - bottom, relief=Relief.of(solid, (-x, -y, -bottom)))
+
+
+def _hull_outline(vertices: FloatArray) -> FloatArray:
+    """Give the outline in plan, (k, 2) mm, of a convex solid's vertices."""
+    from manifold3d import CrossSection
+
+    return CrossSection.hull_points(np.ascontiguousarray(vertices[:, :2])).to_polygons()[0]
 
 
 def _prism(outline: FloatArray, height: float) -> tuple[FloatArray, FloatArray]:

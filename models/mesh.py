@@ -1,4 +1,4 @@
-"""Read the face to press from a mesh file: the highest one, which must be flat and face +z."""
+"""Read a solid from a mesh file."""
 
 from __future__ import annotations
 
@@ -13,25 +13,23 @@ from pydantic import BaseModel, Field, ValidationError
 from tactsim.core.errors import InputError
 
 if TYPE_CHECKING:
-    from manifold3d import CrossSection
+    from manifold3d import Manifold
     from trimesh import Trimesh
 
 MOST_FACES = 500_000
-FLATNESS = 0.01  # mm below the highest point that still belong to the face
-LEVEL_SHARE = 0.5  # least share of the section there that must be level
+MOST_BODIES = 2000  # uniting them takes a second or two
+LEAST_THICKNESS = 0.02  # mm
 LARGEST = 1e4  # mm: no coordinate of a thing that a pad could feel is larger
 _SCALE = {"stl": 1.0, "obj": 1.0, "glb": 1000.0}  # to mm; glTF prescribes metres
 
 
-def highest_face(content: bytes, kind: str, most_corners: int) -> tuple[CrossSection, float]:
-    """Read a mesh of `kind` "stl", "obj" or "glb": the outline of its highest face and its thickness, mm.
+def read_solid(content: bytes, kind: str) -> Manifold:
+    """Read a mesh of `kind` "stl", "obj" or "glb" as a solid, mm; bodies that overlap are united.
 
-    most_corners: the most corners that the outline may have before overlapping bodies are united.
-
-    Raises InputError if the file is damaged, too large or refers to other files, if the mesh is not
-    watertight, or if its highest part is not a flat face.
+    Raises InputError if the file is damaged, too large or refers to other files, or if the mesh is not
+    watertight, is of too many bodies or has no thickness.
     """
-    from manifold3d import Error, Manifold, Mesh64
+    from manifold3d import Error, Manifold, Mesh64, OpType
 
     _check_claims(content, kind)
     mesh = _load(content, kind)
@@ -49,28 +47,14 @@ def highest_face(content: bytes, kind: str, most_corners: int) -> tuple[CrossSec
         triangles = np.ascontiguousarray(triangles[:, ::-1])
         solid = Manifold(Mesh64(np.ascontiguousarray(mesh.vertices, dtype=float), triangles))
     bottom, top = float(mesh.bounds[0, 2]), float(mesh.bounds[1, 2])
-    if not top - bottom > 2 * FLATNESS:
+    if not top - bottom > LEAST_THICKNESS:
         raise InputError(
             f"the mesh is only {top - bottom:.2g} mm thick along z (lengths are mm in .stl and .obj, metres in .glb)"
         )
-    heights = mesh.vertices[:, 2][mesh.faces]
-    traced = np.count_nonzero((heights.min(axis=1) < top - FLATNESS) & (heights.max(axis=1) > top - FLATNESS))
-    if traced > most_corners:
-        raise InputError(
-            f"the face's outline has {traced:,} corners, the most is {most_corners:,}: simplify it"
-        )
-    face = solid.slice(top - FLATNESS)
-    corners = mesh.vertices[triangles.astype(np.intp)]
-    flat = (corners[:, :, 2] >= top - FLATNESS).all(axis=1)
-    sides = corners[flat, 1:, :2] - corners[flat, :1, :2]
-    upward = float(np.abs(sides[:, 0, 0] * sides[:, 1, 1] - sides[:, 0, 1] * sides[:, 1, 0]).sum() / 2)
-    # The section includes the rim of a rounded edge, which is not level. A dome's section is nearly all rim.
-    if upward < LEVEL_SHARE * face.area():
-        raise InputError(
-            "what is highest (largest z) is not flat: of the mesh's section just below the top only "
-            f"{100 * upward / face.area():.0f} % is a level face; turn the face to press towards +z"
-        )
-    return face, top - bottom
+    bodies = mesh.body_count
+    if bodies > MOST_BODIES:
+        raise InputError(f"it is made of {bodies:,} bodies, the most is {MOST_BODIES:,}: unite them")
+    return Manifold.batch_boolean(solid.decompose(), OpType.Add) if bodies > 1 else solid
 
 
 def _load(content: bytes, kind: str) -> Trimesh:

@@ -1,7 +1,8 @@
-"""A user's own shape: the flat face of a mesh file or the outline of a drawing, raised like a letter."""
+"""A user's own shape: a mesh, or the outline of a drawing raised like a letter."""
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -10,7 +11,8 @@ import numpy as np
 from tactsim.core.errors import InputError
 from tactsim.core.files import read_bytes
 from tactsim.core.poses import FloatArray
-from tactsim.models.letter import HEIGHT, LARGEST_HEIGHT, Letter, raised
+from tactsim.models.letter import HEIGHT, LARGEST_HEIGHT, Letter, raised, relief
+from tactsim.models.relief import FLATNESS, Relief
 
 if TYPE_CHECKING:
     from manifold3d import CrossSection
@@ -21,6 +23,7 @@ MOST_CORNERS = 2000  # corners of the face's outline after straightening
 DETAIL = 0.01  # mm: finer detail is left out
 TOUCHING = 1e-5  # mm: corners and edges nearer than this are moved apart by twice as much
 MOST_TRACED = 20_000  # corners before straightening, whose time grows with the square of their number
+UPRIGHT = 1e-6  # share of its volume by which a mesh may differ from its face raised
 LARGEST_FILE = 64 << 20  # bytes
 _UNITS = "lengths are mm in .stl and .obj, metres in .glb, and as the drawing says in .svg"
 
@@ -28,15 +31,17 @@ _UNITS = "lengths are mm in .stl and .obj, metres in .glb, and as the drawing sa
 def shape(
     path: str | Path, *, height: float | None = None, name: str | None = None, rounding: float = 0.0
 ) -> Letter:
-    """Read a shape from a file and raise its flat face like a letter.
+    """Read a shape to press from a file.
 
-    path: a mesh or a drawing. A mesh is watertight, in mm (.stl, .obj) or metres (.glb); its highest face, which
-    is flat and faces +z, is pressed. Of a drawing (.svg) the filled outlines are pressed, as they are seen.
+    path: a mesh or a drawing. A mesh is watertight, in mm (.stl, .obj) or metres (.glb); its upper side (+z) is
+    pressed. A flat face with upright sides becomes a letter, anything else a shape with relief. Of a drawing (.svg)
+    the filled outlines are pressed, as they are seen, raised like a letter.
     height: thickness in mm; by default the mesh's own, or HEIGHT for a drawing. name: what a scan calls the
     shape, by default the file's name without its ending. rounding: radius (mm) of the face's edge.
 
     Raises InputError if the file cannot be read, is damaged or refers to others, if the mesh is not
-    watertight or has no such face, or if the face is too small, too large for the stage or too detailed.
+    watertight, if the footprint is too small, too large for the stage or too detailed, or if a height or
+    rounding is given for a shape with relief, which has its own.
     """
     path = Path(path)
     name = path.stem if name is None else name
@@ -52,24 +57,44 @@ def shape(
         if suffix == ".svg":
             from tactsim.models.svg import filled_region
 
-            footprint, thickness = filled_region(content), HEIGHT
+            letter = _raised(name, filled_region(content), HEIGHT if height is None else height, rounding)
         else:
-            from tactsim.models.mesh import highest_face
-
-            footprint, thickness = highest_face(content, suffix[1:], MOST_TRACED)
-        _check_detail(footprint.num_vert(), MOST_TRACED)
-        footprint = cleaned(footprint)
-        _check_detail(footprint.num_vert(), MOST_CORNERS)
-        _check_area(footprint.area())
-        if thickness > LARGEST_HEIGHT:
-            raise InputError(
-                f"the mesh is {thickness:.4g} mm thick along z, the most is {LARGEST_HEIGHT:g} ({_UNITS})"
-            )
-        letter = raised(name, footprint, height=thickness if height is None else height, rounding=rounding)
+            letter = _shape_of_mesh(name, content, suffix[1:], height, rounding)
         _check_reach(np.concatenate(letter.contours))
     except InputError as error:
         raise InputError(f"{path}: {error}") from error
     return letter
+
+
+def _shape_of_mesh(name: str, content: bytes, kind: str, height: float | None, rounding: float) -> Letter:
+    """Make a letter of a mesh if it is a raised outline, else a shape with relief."""
+    from tactsim.models.mesh import read_solid
+
+    solid = read_solid(content, kind)
+    bottom, top = solid.bounding_box()[2], solid.bounding_box()[5]
+    if top - bottom > LARGEST_HEIGHT:
+        raise InputError(
+            f"the mesh is {top - bottom:.4g} mm thick along z, the most is {LARGEST_HEIGHT:g} ({_UNITS})"
+        )
+    _check_area(solid.project().area())
+    if Relief.of(solid).flat_depth == math.inf:
+        face = solid.slice(top - FLATNESS)
+        if abs(face.area() * (top - bottom) - solid.volume()) <= UPRIGHT * solid.volume():
+            return _raised(name, face, top - bottom if height is None else height, rounding)
+    if height is not None or rounding:
+        raise InputError(
+            "height and rounding are for a flat face with upright sides; this mesh has relief, change the mesh instead"
+        )
+    return relief(name, solid)
+
+
+def _raised(name: str, footprint: CrossSection, height: float, rounding: float) -> Letter:
+    """Raise a region that was cleaned, and is neither too small nor too detailed."""
+    _check_detail(footprint.num_vert(), MOST_TRACED)
+    footprint = cleaned(footprint)
+    _check_detail(footprint.num_vert(), MOST_CORNERS)
+    _check_area(footprint.area())
+    return raised(name, footprint, height=height, rounding=rounding)
 
 
 def cleaned(region: CrossSection) -> CrossSection:

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numba import float32, int64, uint64, void
 
-from tactsim.estimators.compiling import (
+from tactsim.core.compiling import (
     FLOATS_4D,
     INTS,
     REALS,

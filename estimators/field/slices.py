@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import float64, int64, types, void
 
-from tactsim.estimators.compiling import (
+from tactsim.core.compiling import (
     FLOATS,
     FLOATS_2D,
     INTS,

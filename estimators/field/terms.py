@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import float64, int64, types
 
-from tactsim.estimators.compiling import FLOATS, INTS, REALS, REALS_2D, Floats, Ints, Reals, compiled
+from tactsim.core.compiling import FLOATS, INTS, REALS, REALS_2D, Floats, Ints, Reals, compiled
 
 # How far one operation in float32 may be off, relative to its result.
 _ROUNDING = 2.0**-23

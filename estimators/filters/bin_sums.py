@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numba import float64, int64, void
 
-from tactsim.estimators.compiling import INTS, REALS, Ints, Reals, compiled
+from tactsim.core.compiling import INTS, REALS, Ints, Reals, compiled
 from tactsim.estimators.field.vectors import LANES, TALL
 from tactsim.estimators.filters.branch_and_bound import BELIEF, Belief
 

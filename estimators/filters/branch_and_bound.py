@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import float64, int64, types, uint64, void
 
-from tactsim.estimators.compiling import (
+from tactsim.core.compiling import (
     FLOATS,
     INTS,
     INTS_4D,

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numba import float32, float64, int64, uint64, void
 
-from tactsim.estimators.compiling import FLOATS_3D, REALS, REALS_2D, Floats, Reals, compiled
+from tactsim.core.compiling import FLOATS_3D, REALS, REALS_2D, Floats, Reals, compiled
 
 
 @compiled(void(FLOATS_3D, int64, REALS_2D, REALS, REALS, REALS, float64), ordered=False)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from numba import void
 
-from tactsim.estimators.compiling import INTS, INTS_2D, REALS, REALS_2D, Ints, Reals, compiled
+from tactsim.core.compiling import INTS, INTS_2D, REALS, REALS_2D, Ints, Reals, compiled
 
 
 @compiled(void(INTS_2D, REALS_2D, INTS, INTS, INTS, INTS, REALS))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import int64, void
 
-from tactsim.estimators.compiling import INTS, REALS, Ints, Reals, compiled
+from tactsim.core.compiling import INTS, REALS, Ints, Reals, compiled
 
 
 @compiled(void(REALS))

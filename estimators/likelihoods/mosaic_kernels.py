@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numba import float64, void
 
-from tactsim.estimators.compiling import Reals, compiled
+from tactsim.core.compiling import Reals, compiled
 
 
 @compiled(void(float64[:, :, ::1], float64[:, ::1], float64[::1], float64[::1], float64, float64))

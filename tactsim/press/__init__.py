@@ -64,17 +64,22 @@ class CallablePackage(ModuleType):
         pose: ArrayLike = (0.0, 0.0, 0.0),
         options: ScanOptions | None = None,
         rng: np.random.Generator | None = None,
+        rotation: ArrayLike | None = None,
     ) -> Press:
         """Press a letter, given by its name or as a `Letter`, at one pose, and return what the pad reads.
 
         pose: sensor_in_object [x, y, theta], mm and rad. Of `options` only pad, press, sensor and, for the
         pad's gains, seed count. `rng` draws noise and random taxels; without it there are none.
+        rotation: (3, 3) or a SciPy Rotation, to press from another side than above: its columns are the axes, in the
+        object frame, in which the letter is then seen as if from above; the pose lies in the plane of the first two.
         Raises InputError for an unknown letter, or if the pose is not three finite numbers.
         """
         from tactsim import models
         from tactsim.press.pressing import press_letter
 
-        return press_letter(models.letter(letter) if isinstance(letter, str) else letter, pose, options, rng)
+        return press_letter(
+            models.letter(letter) if isinstance(letter, str) else letter, pose, options, rng, rotation
+        )
 
 
 sys.modules[__name__].__class__ = CallablePackage

@@ -43,15 +43,16 @@ def folder() -> Path:
 
 def key(touches: Touches, options: ScanOptions) -> str:
     """Hash all that the ideal readings of `touches` depend on, 64 hex digits."""
-    poses, tilts = (
-        hashlib.sha256(np.ascontiguousarray(array, "<f8").tobytes()).hexdigest()
-        for array in (touches.poses, touches.tilts)
+    poses, tilts, rotations = (
+        hashlib.sha256(np.ascontiguousarray(() if array is None else array, "<f8").tobytes()).hexdigest()
+        for array in (touches.poses, touches.tilts, touches.rotations)
     )
     content = json.dumps(
         {
             "letter": touches.letter.digest,
             "poses": poses,
             "tilts": tilts,
+            "rotations": rotations,
             "pad": options.pad.model_dump(mode="json"),
             "press": options.press.model_dump(mode="json"),
             "psf_sigma": options.sensor.psf_sigma,

@@ -1,9 +1,10 @@
 """Choose the engine that presses a letter, and press: what an ideal pad would read.
 
-Engines answer the same question, each in a file of its own: `exact` (a level flat face needs no
-solver), `balance` (the engine `bed`: exact areas, MuJoCo solves the balance of what may move), `elastic` (a
-layer or half-space instead of springs) and, for a press through time, `dynamics`. Nothing random happens here
-and nothing that belongs to one sensor: its imperfections come afterwards, in `sensor`.
+Engines answer the same question, each in a file of its own: `exact` (a level flat face needs no solver),
+`balance` (the engine `bed`: exact areas, MuJoCo solves the balance of what may move), `relief` (any shape, from
+any side), `elastic` (a layer or half-space instead of springs) and, for a press through time, `dynamics`.
+Nothing random happens here and nothing that belongs to one sensor: its imperfections come afterwards, in
+`sensor`.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from tactsim.core.poses import FloatArray
 from tactsim.press import balance, exact
 from tactsim.press.bed import Bed, lay_bed
 from tactsim.press.dynamics import History, press_through_time
-from tactsim.press.levels import levels
+from tactsim.press.levels import has_relief, levels
 from tactsim.press.pressed import Patches, Pressed, unsettled
 from tactsim.press.scan_options import ScanOptions
 from tactsim.press.scene import Setup, UnsettledError, scene
@@ -31,10 +32,18 @@ def _elastic(touches: Touches, options: ScanOptions) -> Pressed:
     return elastic.press(touches, options)
 
 
+def _press_relief(touches: Touches, options: ScanOptions) -> Pressed:
+    # Its compiled loops take a while to load, and most scans do without.
+    from tactsim.press import relief
+
+    return relief.press(touches, options)
+
+
 ENGINES: dict[str, Callable[[Touches, ScanOptions], Pressed]] = {
     "exact": exact.press,
     "bed": balance.press,
     "elastic": _elastic,
+    "relief": _press_relief,
 }
 
 
@@ -44,6 +53,13 @@ def engine_for(touches: Touches, options: ScanOptions) -> str:
     Raises InputError if the engine asked for cannot press this.
     """
     asked, skip = options.press.engine, options.press.skip
+    if asked != "relief" and (touches.rotations is not None or has_relief(touches.letter, options.press)):
+        if asked == "auto":
+            return "relief"
+        raise InputError(
+            f"press.engine: {asked} presses flat faces from above, and {touches.letter.name!r} has relief or is "
+            "turned; give auto or relief"
+        )
     obstacle = _no_exact_answer(touches, options)
     if asked == "exact" and obstacle:
         raise InputError(
@@ -133,6 +149,8 @@ def _press_through_time(touches: Touches, options: ScanOptions) -> Pressed:
 
 
 def _bed(touches: Touches, options: ScanOptions) -> Bed:
+    if touches.rotations is not None:
+        raise InputError("a press from another side is worked out at rest alone; give dynamics = equilibrium")
     return lay_bed(levels(touches.letter, options.press), touches.poses, *options.cell_lines)
 
 

@@ -18,13 +18,25 @@ def levels(letter: models.Letter, options: PressOptions) -> list[Level]:
     """List the flat regions that a press can touch, the foremost first, or the letter's parts.
 
     A rounded edge is a quarter circle, cut into levels at equal angles; each lies at its mean gap.
-    Raises InputError if a rounded letter is to be pressed by its parts.
+    Raises InputError if a rounded letter is to be pressed by its parts, or if the letter has relief.
     """
+    if has_relief(letter, options):
+        raise InputError(
+            f"{letter.name!r} has relief, which is pressed at rest alone; give dynamics = equilibrium, engine = auto"
+        )
     if options.skip.parts:
         return [Level(edges_of(letter.contours))] if not letter.rounding else _rounded(letter)
     if letter.rounding:
         raise InputError(f"letter {letter.name!r} has rounded edges, which are no parts; leave skip.parts on")
     return [Level(edges_of([part.outline])) for part in letter.parts]
+
+
+def has_relief(letter: models.Letter, options: PressOptions) -> bool:
+    """Tell whether a press may feel more of a letter than a flat face or the rounded edge of one.
+
+    Only the layer's thickness matters, because a layer never gives way by more.
+    """
+    return letter.relief is not None and letter.flat_depth < options.thickness
 
 
 def _rounded(letter: models.Letter) -> list[Level]:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -37,13 +38,15 @@ def press_letter(
     sensor_in_object: ArrayLike,
     options: ScanOptions | None = None,
     rng: np.random.Generator | None = None,
+    rotation: ArrayLike | None = None,
 ) -> Press:
     """Press `letter` at one pose [x, y, theta] (mm, rad), exactly there, tilted as the options' press is.
 
     Of `options` only pad, press, sensor and, for the pad's gains, seed count. `rng` draws noise and random
-    taxels; without it there are none.
-    Raises InputError if the pose is not three finite numbers or another argument is of the wrong type,
-    UnsettledError if the press does not come to rest.
+    taxels; without it there are none. rotation: (3, 3), or anything with `as_matrix` such as a SciPy Rotation: presses
+    from another side, as `Touches.rotations` says.
+    Raises InputError if the pose is not three finite numbers, the rotation is none or another argument is of the
+    wrong type, UnsettledError if the press does not come to rest.
     """
     for name, value, kind, right in (
         ("letter", letter, models.Letter, "a name or what tactsim.models.letter or shape made"),
@@ -61,6 +64,8 @@ def press_letter(
         sensor = sensor.model_copy(update={"noise": 0.0, "random_taxels": 0.0})
         rng = np.random.default_rng(0)
     touches = Touches.of(letter, pose[None], (options.press.tilt_x, options.press.tilt_y))
+    if rotation is not None:
+        touches = replace(touches, rotations=_rotation(rotation)[None])
     times = sequence = None
     if options.press.dynamics == "full":
         times, sequence = ideal_sequence(touches, options)
@@ -71,3 +76,16 @@ def press_letter(
         times = sequence = None
         ideal = felt = ideal_readings(touches, options)[0][0]
     return Press(ideal, sense(felt[None], sensor, gains(options), rng)[0], times, sequence)
+
+
+def _rotation(given: Any) -> FloatArray:
+    matrix = finite(given.as_matrix() if hasattr(given, "as_matrix") else given, "rotation")
+    if (
+        matrix.shape != (3, 3)
+        or np.abs(matrix.T @ matrix - np.eye(3)).max() > 1e-6
+        or np.linalg.det(matrix) < 0
+    ):
+        raise InputError(
+            "rotation is no rotation: give a 3 x 3 matrix of three right-handed unit vectors as columns"
+        )
+    return matrix

@@ -47,7 +47,7 @@ class PressOptions(BaseModel):
 
     model_config = _FROZEN
 
-    engine: Literal["auto", "exact", "bed"] = Field(
+    engine: Literal["auto", "exact", "bed", "relief"] = Field(
         "auto", description="what works out a press; auto takes the cheapest that is exact for it"
     )
     force: float = Field(

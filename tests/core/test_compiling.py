@@ -8,7 +8,7 @@ import pytest
 
 CALLEE = """
 from numba import int64
-from tactsim.estimators.compiling import compiled
+from tactsim.core.compiling import compiled
 STEP = 1
 
 @compiled(int64(int64), called_from_python=False)
@@ -19,7 +19,7 @@ BETWEEN = "from inner_loops.callee import STEP, callee\n"
 CALLER = """
 from numba import int64
 from inner_loops.between import STEP, callee
-from tactsim.estimators.compiling import compiled
+from tactsim.core.compiling import compiled
 
 @compiled(int64(int64))
 def caller(x):

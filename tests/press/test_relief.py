@@ -1,0 +1,430 @@
+"""Shapes with relief against closed forms of domes, cylinders and cones, and against brute force on a fine grid."""
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from manifold3d import CrossSection, Manifold
+from scipy.spatial.transform import Rotation
+
+import tactsim
+from tactsim import models
+from tactsim.core import InputError, Pad
+from tactsim.core.poses import transform
+from tactsim.models.relief import Relief
+from tactsim.press import PressOptions, ScanOptions, press_letter
+from tactsim.press.engine import ideal_readings, press_at
+from tactsim.press.relief import press
+from tactsim.press.scan_poses import grid_poses
+from tactsim.press.scanning import scan_letters
+from tactsim.press.spread import felt_along
+from tactsim.press.touches import Touches
+
+PAD = Pad()
+POSES = np.array([[0, 0, 0], [1.3, -0.4, 0.5], [0.95, 0.95, 1.0], [-6.0, 2.5, 2.2]])
+
+
+def options(force=2.0, **press):
+    return ScanOptions(press=PressOptions(force=force, **press))
+
+
+def grid(fine):
+    left, right, low, high = PAD.load_bounds
+    columns, rows = round((right - left) / fine), round((high - low) / fine)
+    x = left + (np.arange(columns) + 0.5) * (right - left) / columns
+    y = low + (np.arange(rows) + 0.5) * (high - low) / rows
+    return x, y, (right - left) * (high - low) / (columns * rows)
+
+
+def brute_force(gap, pose, force, *, stiffness=1.0, tilt=(0.0, 0.0), fine=0.02):
+    """Press a height field on a fine grid of springs: the reading, kPa, and the depth, mm.
+
+    gap: of points (n, 2) in the object's frame, mm; infinite where there is nothing.
+    """
+    x, y, area = grid(fine)
+    points = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+    behind = gap(transform(pose, points)) - points[:, 1] * tilt[0] + points[:, 0] * tilt[1]
+    behind[~np.isfinite(behind)] = np.inf
+    order = np.sort(behind[np.isfinite(behind)])
+    unit = stiffness * area
+    # depth d with sum k a (d - gap)+ = F: the first of the sorted gaps that fits
+    depths = (force / unit + np.cumsum(order)) / np.arange(1, len(order) + 1)
+    depth = depths[np.searchsorted(order - depths, 0) - 1]
+    load = unit * np.maximum(depth - behind, 0).reshape(len(y), len(x))
+    columns, rows = felt_along(x[:, None], PAD.column_edges, 1.0), felt_along(y[:, None], PAD.row_edges, 1.0)
+    reading = 1e3 * np.einsum("yx,yr,xc->rc", load, rows, columns).ravel()
+    return reading / (PAD.taxel_width * PAD.taxel_height), depth
+
+
+def field_of(facets):
+    """Look down at facets (m, 3, 3), [x, y, gap]: a function that gives the gap at points."""
+
+    def gap(points):
+        result = np.full(len(points), np.inf)
+        low, high = facets[:, :, :2].min(axis=1), facets[:, :, :2].max(axis=1)
+        for (a, b, c), least, most in zip(facets, low, high, strict=True):
+            near = np.flatnonzero(((points > least) & (points < most)).all(axis=1))
+            s, t = np.linalg.solve(np.array([b[:2] - a[:2], c[:2] - a[:2]]).T, (points[near] - a[:2]).T)
+            inside = (s >= -1e-12) & (t >= -1e-12) & (s + t <= 1 + 1e-12)
+            there = a[2] + s * (b[2] - a[2]) + t * (c[2] - a[2])
+            result[near[inside]] = np.minimum(result[near[inside]], there[inside])
+        return result
+
+    return gap
+
+
+def dome(radius, depth, rings=40, sectors=96):
+    """Revolve the cap of a sphere that a press of `depth` can meet, on a short post."""
+    reach = min(1.3 * np.sqrt(2 * radius * depth - depth**2), 0.99 * radius)
+    r = reach * np.linspace(0, 1, rings)
+    z = np.sqrt(radius**2 - r**2) - radius
+    outline = np.concatenate([[[0, z[-1] - 3], [reach, z[-1] - 3]], np.stack([r, z], axis=1)[::-1]])
+    return CrossSection([outline]).revolve(sectors), reach
+
+
+def sphere_gap(radius, reach):
+    def gap(points):
+        r = np.hypot(*points.T)
+        return np.where(r < reach, radius - np.sqrt(np.maximum(radius**2 - r**2, 0)), np.inf)
+
+    return gap
+
+
+def worst(letter, gap, given, poses=POSES, tilt=(0.0, 0.0), fine=0.02):
+    """Press by both ways: the largest difference of a taxel as a share of the peak, and the depths of brute force."""
+    pressed = press(Touches.of(letter, poses, tilt), given)
+    assert not pressed.blanks
+    errors, depths = [], []
+    for reading, pose in zip(pressed.readings(given), poses, strict=True):
+        expected, depth = brute_force(
+            gap, pose, given.press.force, stiffness=1e-3 * given.press.stiffness, tilt=tilt, fine=fine
+        )
+        errors.append(np.abs(reading - expected).max() / expected.max())
+        depths.append(depth)
+    return max(errors), depths
+
+
+@pytest.mark.parametrize("radius", [3.0, 10.0, 50.0])
+@pytest.mark.parametrize("force", [0.1, 2.0, 30.0])
+def test_a_sphere(radius, force):
+    """Winkler: F = pi R k d^2 for a paraboloid, pi k d^2 (R - d / 3) for a cap."""
+    about = np.sqrt(force / (np.pi * radius))
+    solid, reach = dome(radius, about)
+    error, (depth, *_) = worst(
+        models.relief("dome", solid), sphere_gap(radius, reach), options(force, thickness=5)
+    )
+    if 2 * radius * depth < 5.6**2:  # else it reaches beyond the pad
+        assert np.pi * depth**2 * (radius - depth / 3) == pytest.approx(force, rel=1e-3)
+    assert error < 1e-3
+
+
+@pytest.mark.parametrize("yaw", [0.0, 0.7])
+@pytest.mark.parametrize("force", [0.1, 2.0, 30.0])
+def test_a_cylinder_on_its_side(yaw, force):
+    """Winkler: F = k L R^2 (a - sin a cos a), cos a = 1 - d / R."""
+    radius, length = 6.0, 9.0
+    solid = Manifold.cylinder(length, radius, radius, 1024, True).rotate((90, 0, 0)).rotate((0, 0, 40))
+    axis = np.array([-np.sin(np.radians(40)), np.cos(np.radians(40))])
+
+    def gap(points):
+        along, across = points @ axis, points @ np.array([axis[1], -axis[0]])
+        here = (np.abs(along) < length / 2) & (np.abs(across) < radius)
+        return np.where(here, radius - np.sqrt(np.maximum(radius**2 - across**2, 0)), np.inf)
+
+    poses = POSES + (0, 0, yaw)
+    error, (depth, *_) = worst(models.relief("roll", solid), gap, options(force, thickness=5), poses)
+    half = np.arccos(1 - depth / radius)
+    assert length * radius**2 * (half - np.sin(half) * np.cos(half)) == pytest.approx(force, rel=2e-3)
+    assert error < 2e-3
+
+
+@pytest.mark.parametrize("force", [0.1, 2.0, 30.0])
+def test_a_cone(force):
+    """Winkler: F = pi k d^3 / 3 s^2 at a slope s."""
+    solid, slope = Manifold.cylinder(4, 12, 0, 512), 4 / 12
+
+    def gap(points):
+        r = np.hypot(*points.T)
+        return np.where(r < 12, slope * r, np.inf)
+
+    error, (depth, *_) = worst(models.relief("cone", solid), gap, options(force, thickness=3))
+    if force < 30:  # else it reaches beyond the pad
+        assert np.pi * depth**3 / (3 * slope**2) == pytest.approx(force, rel=1e-3)
+    assert error < 1e-3
+
+
+def test_a_coarse_sphere_is_the_faceted_one():
+    letter = models.relief("ball", Manifold.sphere(10, 24))
+    gap = field_of(letter.relief.seen_from_above.facets)
+    assert worst(letter, gap, options(), POSES[:3], fine=0.05)[0] < 2e-3
+    assert worst(letter, sphere_gap(10, 10), options(), POSES[:3], fine=0.05)[0] > 0.02
+
+
+def test_a_dome_with_a_flat_top():
+    """A sphere cut flat 0.1 mm below its top: the flat and some of the flank carry."""
+    solid, reach = dome(10, 0.5)
+    letter = models.relief("dome", solid.trim_by_plane((0, 0, -1), 0.1))
+    assert letter.flat_depth == 0
+    whole = sphere_gap(10, reach)
+    error, (depth, *_) = worst(letter, lambda points: np.maximum(whole(points) - 0.1, 0), options())
+    assert depth > 0.1
+    assert error < 1e-3
+
+
+@pytest.mark.parametrize("step", [0.02, 0.2])
+def test_a_step(step):
+    """Both sides carry while F / A is more than k times the step; with 2 N on 8 x 8 mm at 0.02 mm they do."""
+    solid = Manifold.cube((8, 8, 4)) + Manifold.cube((8, 8, 4 - step)).translate((8, 0, 0))
+    letter = models.relief("step", solid)
+
+    def gap(points):
+        inside = (np.abs(points) < (8, 4)).all(axis=1)
+        return np.where(inside, np.where(points[:, 0] < 0, 0, step), np.inf)
+
+    # Steps of the grid along the outlines of a level pad.
+    poses = np.array([[0.0, 0.0, 0.0], [1.3, -0.4, 0.5]])
+    error, _ = worst(letter, gap, options(0.5), poses)
+    assert error < 3e-3
+
+
+@pytest.mark.parametrize("tilt", [(0.01, 0.0), (-0.05, 0.03), (0.0, 0.1)])
+def test_a_tilted_dome(tilt):
+    solid, reach = dome(30, 1.5)
+    error, _ = worst(models.relief("dome", solid), sphere_gap(30, reach), options(), POSES, tilt)
+    assert error < 1e-3
+
+
+@settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@given(
+    seed=st.integers(0, 10_000),
+    pose=st.tuples(st.floats(-3, 3), st.floats(-3, 3), st.floats(-4, 4)),
+    force=st.sampled_from([0.5, 4.0, 20.0]),
+    tilt=st.tuples(st.floats(-0.1, 0.1), st.floats(-0.1, 0.1)),
+)
+def test_any_rock_presses_as_springs_on_a_fine_grid(seed, pose, force, tilt):
+    """A convex hull of random points, pressed anywhere and tilted."""
+    points = np.random.default_rng(seed).normal(size=(30, 3)) * (4, 4, 1)
+    letter = models.relief("rock", Manifold.hull_points(points))
+    given = options(force, thickness=10)
+    pressed = press(Touches.of(letter, np.array([pose]), tilt), given)
+    gap = field_of(letter.relief.seen_from_above.facets)
+    expected, depth = brute_force(gap, np.array(pose), force, tilt=tilt, fine=0.04)
+    if pressed.blanks:
+        assert depth > 0.99 * letter.height
+    else:
+        peak = max(expected.max(), 10 * force)  # kPa; less where it lies beside the taxels that are read
+        assert np.abs(pressed.readings(given)[0] - expected).max() < 0.01 * peak
+
+
+def total(pressed):
+    """Sum what the cells carry: N, and the moments about the pad's middle, N mm."""
+    x_lines, y_lines = PAD.grid_lines(2)
+    x, y = np.meshgrid((x_lines[:-1] + x_lines[1:]) / 2, (y_lines[:-1] + y_lines[1:]) / 2)
+    force, along_x, along_y = pressed.load.moments[:3, 0]
+    return force.sum(), (along_x + x.ravel() * force).sum(), (along_y + y.ravel() * force).sum()
+
+
+@pytest.mark.parametrize("wrist", [100.0, 1e7])
+@pytest.mark.parametrize("force", [0.1, 10.0])
+def test_a_wrist_gives_way_until_it_balances_the_contact(force, wrist):
+    """The wrist's moments about the pad's middle are those of the contact; then both sides' tilts agree."""
+    solid, reach = dome(40, 1.5)
+    letter, pose = models.relief("dome", solid), np.array([[2.0, -1.0, 0.4]])
+    tilt = np.array([[0.01, -0.02]])
+    pressed = press(Touches(letter, pose, tilt), options(force, wrist_stiffness=wrist))
+    carried, about_y, about_x = total(pressed)
+    assert carried == pytest.approx(force, rel=1e-9)
+    found = tilt[0] + np.array([-about_x, about_y]) / wrist
+    expected, _ = brute_force(sphere_gap(40, reach), pose[0], force, tilt=found)
+    reading = pressed.readings(options(force))[0]
+    assert np.abs(reading - expected).max() < 2e-3 * expected.max()
+    if wrist == 100.0 and force == 10.0:
+        assert np.abs(found - tilt[0]).max() > 0.005
+
+
+def test_the_force_is_carried_at_any_scale():
+    solid, _ = dome(10, 1.0)
+    letter = models.relief("dome", solid)
+    for force in (1e-6, 1.0, 1e4):
+        pressed = press(Touches.of(letter, POSES[:1]), options(force))
+        assert total(pressed)[0] == pytest.approx(force, rel=1e-9)
+
+
+def test_a_layer_gives_way_by_no_more_than_its_thickness():
+    """Past it the layer is just stiff enough: F = pi k t^2 (R - t / 3) gives k."""
+    radius, thickness = 10.0, 0.4
+    solid, reach = dome(radius, 1.0)
+    letter, given = models.relief("dome", solid), options(30.0, thickness=thickness)
+    stiffness = 30.0 / (np.pi * thickness**2 * (radius - thickness / 3))
+    assert stiffness > 1
+    expected, depth = brute_force(sphere_gap(radius, reach), POSES[0], 30.0, stiffness=stiffness)
+    assert depth == pytest.approx(thickness, rel=1e-3)
+    assert press(Touches.of(letter, POSES[:1]), given).readings(given)[0] == pytest.approx(
+        expected, abs=1e-3 * expected.max()
+    )
+
+
+def test_presses_beside_the_shape_read_nothing_and_each_stands_alone():
+    solid, _ = dome(10, 1.0)
+    letter, given = models.relief("dome", solid), options()
+    poses = np.concatenate([POSES, [[40.0, 0, 0], [0, -30.0, 1.0]]])
+    pressed = press(Touches.of(letter, poses), given)
+    readings = pressed.readings(given)
+    assert pressed.work["presses"] == 4
+    assert pressed.work["no_contact"] == 2
+    assert not readings[4:].any()
+    alone = press(Touches.of(letter, poses[3:4]), given)
+    assert np.array_equal(alone.load.moments[:, 0], pressed.load.moments[:, 3])
+
+
+def test_a_shape_that_is_buried_or_tips_over_is_a_blank_with_its_reason():
+    low, _ = dome(10, 0.1)
+    flat = models.relief("dome", low.trim_by_plane((0, 0, 1), -0.2))
+    assert flat.height == pytest.approx(0.2)
+    pressed = press(Touches.of(flat, POSES[:1]), options(30.0))
+    assert "more than its height" in pressed.blanks[0]
+    assert not pressed.readings(options()).any()
+    solid, _ = dome(10, 1.0)
+    beside = Touches.of(models.relief("dome", solid), np.array([[6.0, 0, 0], [0.0, 0, 0]]))
+    pressed = press(beside, options(30.0, wrist_stiffness=10.0))
+    assert list(pressed.blanks) == [0]
+    assert "tips over" in pressed.blanks[0]
+
+
+def test_the_engine_is_chosen_by_how_far_a_press_can_sink_in():
+    """A stud on a plate, 1.5 mm high: a layer of 1 mm feels the stud alone, one of 2 mm may feel the plate."""
+    solid = Manifold.cube((30, 20, 2)) + Manifold.cylinder(3.5, 4, 4, 128).translate((15, 10, 0))
+    letter = models.relief("stud", solid)
+    touches = Touches.of(letter, POSES)
+    assert press_at(touches, options()).work["engine_exact"] == len(POSES)
+    given = options(40.0, thickness=2, stiffness=300)
+    pressed = press_at(touches, given)
+    assert pressed.work["engine_relief"] == len(POSES)
+    alone = ideal_readings(touches, options(40.0, stiffness=300))[0]
+    assert pressed.readings(given).max() < 0.99 * alone.max()
+
+
+@pytest.mark.parametrize("name", ["E", "O"])
+@pytest.mark.parametrize("tilt", [(0.0, 0.0), (0.003, -0.002)])
+def test_a_flat_letter_is_pressed_as_by_the_other_engines(name, tilt):
+    touches = Touches.of(models.letter(name), grid_poses()[::31], tilt)
+    expected, _ = ideal_readings(touches, options())
+    found, work = ideal_readings(touches, options(engine="relief"))
+    assert work["engine_relief"] == work["presses"]
+    assert np.abs(found - expected).max() < 1e-4 * expected.max()
+
+
+def test_a_wrist_gives_way_as_mujoco_finds():
+    touches = Touches.of(models.letter("E"), grid_poses()[::31], (0.01, 0.004))
+    given = options(wrist_stiffness=300.0)
+    expected, _ = ideal_readings(touches, given)
+    found, _ = ideal_readings(touches, options(wrist_stiffness=300.0, engine="relief"))
+    assert np.abs(found - expected).max() < 2e-3 * expected.max()
+
+
+def test_the_mesh_of_a_rounded_letter_is_pressed_as_its_levels_are_by_mujoco():
+    rounded = models.letter("E", rounding=0.5)
+    poses = grid_poses()[::31]
+    expected, work = ideal_readings(Touches.of(rounded, poses), options())
+    assert work["engine_bed"]
+    found, work = ideal_readings(Touches.of(models.relief("E", rounded.solid), poses), options())
+    assert work["engine_relief"]
+    assert np.abs(found - expected).max() < 5e-3 * expected.max()
+
+
+def test_what_relief_is_not_pressed_by():
+    letter = models.relief("ball", Manifold.sphere(10, 24))
+    with pytest.raises(InputError, match="'ball' has relief"):
+        press_letter(letter, [0, 0, 0], options(dynamics="full"))
+    for engine in ("exact", "bed"):
+        with pytest.raises(
+            InputError, match=f"{engine} presses flat faces from above, and 'ball' has relief"
+        ):
+            press_letter(letter, [0, 0, 0], options(engine=engine))
+    with pytest.raises(InputError, match="another side"):
+        press_letter(models.letter("E"), [0, 0, 0], options(dynamics="full"), rotation=np.eye(3))
+
+
+# --- from any side
+
+
+def every_side(count):
+    return Rotation.random(count, random_state=3).as_matrix()
+
+
+def test_a_ball_reads_the_same_from_every_side():
+    """A sphere about the origin has its foremost point in the middle whichever way it is turned."""
+    solid = Manifold.sphere(10, 512)
+    letter = models.relief("ball", solid)
+    centre = np.array([0.0, 0.0, 10.0])  # it stands on z = 0
+    turns = every_side(6)
+    poses = np.array([[*(centre @ turn)[:2], 0.3] for turn in turns])
+    sides = press(Touches(letter, poses, np.zeros((6, 2)), turns), options())
+    above = press(Touches.of(letter, np.array([[0.0, 0, 0.3]])), options())
+    expected = above.readings(options())[0]
+    assert np.abs(sides.readings(options()) - expected).max() < 2e-3 * expected.max()
+
+
+def test_a_turned_letter_is_the_letter_turned():
+    """An E with round edges, which hides parts of itself from most sides, against a turned copy seen from above."""
+    solid = models.letter("E", rounding=0.5).solid
+    letter, turns = models.relief("E", solid), every_side(5)
+    where = np.array([*letter.relief.vertices.mean(axis=0)])
+    poses = np.array([[*(where @ turn)[:2], 0.0] for turn in turns]) + (0.7, -0.3, 0.2)
+    sides = press(Touches(letter, poses, np.zeros((5, 2)), turns), options()).readings(options())
+    assert (sides.max(axis=1) > 0).all()
+    for turn, pose, reading in zip(turns, poses, sides, strict=True):
+        turned = letter.solid.transform(np.column_stack([turn.T, np.zeros(3)]))
+        moved = models.relief("E", turned)
+        # `relief` moves its origin to the footprint's centre; undo that.
+        shift = moved.relief.vertices.min(axis=0) - Relief.of(turned).vertices.min(axis=0)
+        there = press(Touches.of(moved, (pose + (*shift[:2], 0))[None]), options()).readings(options())[0]
+        assert np.abs(reading - there).max() < 1e-6 * there.max()
+
+
+def test_a_flat_letter_pressed_from_its_side_is_a_row_of_bars():
+    """The I is 25 mm tall, 4 mm wide and 4 mm thick: from its right side it is a bar of 25 x 4 mm."""
+    letter = models.letter("I")
+    right = np.array(
+        [[0.0, 0, 1], [1, 0, 0], [0, 1, 0]]
+    )  # the pad sees y to the right, z up, and x towards it
+    x_low, y_low, z_low, x_high, y_high, z_high = letter.solid.bounding_box()
+    bar = models.relief("bar", Manifold.cube((y_high - y_low, z_high - z_low, x_high - x_low)))
+    poses = np.array([[1.0, 2.0, 0.0], [-2.0, 3.0, 0.5]])
+    side = press(Touches(letter, poses, np.zeros((2, 2)), np.stack([right, right])), options())
+    # The bar's origin is its middle, the letter's z starts at its foot.
+    top = press(Touches.of(bar, poses - (0, 2.0, 0)), options())
+    expected = top.readings(options())
+    assert side.readings(options()) == pytest.approx(expected, abs=1e-6 * expected.max())
+
+
+def test_a_press_from_a_side_by_the_public_face():
+    ball = models.relief("ball", Manifold.sphere(8, 256))
+    above = tactsim.press(ball, [0, 0, 0.4]).ideal
+    turn = Rotation.from_euler("x", 90, degrees=True)  # the pad's normal is the object's -y then
+    pose = [0, (np.array([0, 0, 8.0]) @ turn.as_matrix())[1], 0.4]
+    assert tactsim.press(ball, pose, rotation=turn).ideal == pytest.approx(above, abs=2e-3 * above.max())
+    assert np.array_equal(
+        tactsim.press(ball, pose, rotation=turn.as_matrix()).ideal,
+        tactsim.press(ball, pose, rotation=turn).ideal,
+    )
+
+
+@pytest.mark.parametrize("rotation", [np.eye(2), 2 * np.eye(3), np.diag([1, 1, -1]), np.full((3, 3), np.nan)])
+def test_a_rotation_that_is_none(rotation):
+    with pytest.raises(InputError, match="rotation"):
+        tactsim.press("E", rotation=rotation)
+
+
+def test_a_mesh_is_scanned_as_the_command_line_does(tmp_path):
+    """A dome from a file: every press is worked out by the engine relief, and the scores' facts are the dome's."""
+    solid, _ = dome(20, 1.0, rings=12, sectors=48)
+    path = tmp_path / "dome.stl"
+    models.export(models.relief("dome", solid), path)
+    given = ScanOptions(letters=("I",), shapes=(str(path),))
+    scan, work = scan_letters(given, cache=False)
+    assert 300 < work["engine_relief"] < work["presses"]  # at some poses of the corners the pad is beside it
+    assert scan.meta["objects"]["dome"]["symmetry"] == 0  # of a disc
+    # In the middle the dome gives one peak, far above the even pressure under a letter.
+    middle = (scan.labels == "dome") & (np.abs(scan.poses[:, :2]) < 4).all(axis=1)
+    assert scan.readings[middle].max(axis=1).min() > 60
