@@ -1,9 +1,9 @@
 """Choose the engine that presses a letter, and press: what an ideal pad would read.
 
-Three engines answer the same question, each in a file of its own: `exact` (a level flat face needs no
-solver), `balance` (the engine `bed`: exact areas, MuJoCo solves the balance of what may move) and, for a
-press through time, `dynamics`. Nothing random happens here and nothing that belongs to one sensor: its
-imperfections come afterwards, in `sensor`.
+Four engines answer the same question, each in a file of its own: `exact` (a level flat face needs no
+solver), `balance` (the engine `bed`: exact areas, MuJoCo solves the balance of what may move), `collide`
+(MuJoCo alone, its collision detection included) and, for a press through time, `dynamics`. Nothing random
+happens here and nothing that belongs to one sensor: its imperfections come afterwards, in `sensor`.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import numpy as np
 
 from tactsim.core.errors import InputError
 from tactsim.core.poses import FloatArray
-from tactsim.press import balance, exact
+from tactsim.press import balance, collide, exact
 from tactsim.press.bed import Bed, lay_bed
 from tactsim.press.dynamics import History, press_through_time
 from tactsim.press.levels import levels
@@ -27,6 +27,7 @@ from tactsim.press.touches import Touches
 ENGINES: dict[str, Callable[[Touches, ScanOptions], Pressed]] = {
     "exact": exact.press,
     "bed": balance.press,
+    "collide": collide.press,
 }
 
 
