@@ -52,7 +52,8 @@ class _State:
 
     depth: (n,) mm at the pad's middle. tilt: (n, 2) rad. bed: what touches there. pressure, gradient: there,
     as in Patches. foot: (contacts, 2) mm, the centre of pressure of each part. below: (contacts,) mm, the mean
-    depth of each. energy: (n,) N mm. missing: (n,) how far force and moments are from balance, as a share of
+    depth of each. bending: (n, 2) N mm/rad, by which the parts resist a tilt about x and y, each about its own
+    centroid. energy: (n,) N mm. missing: (n,) how far force and moments are from balance, as a share of
     the force, and of force times _REACH.
     """
 
@@ -63,6 +64,7 @@ class _State:
     gradient: FloatArray
     foot: FloatArray
     below: FloatArray
+    bending: FloatArray
     energy: FloatArray
     missing: FloatArray
 
@@ -71,18 +73,30 @@ class _State:
         springs = self.bed.springs[row]
         rows = springs.rows
         return _Start(
-            springs, self.depth[row] * MM, self.tilt[row], self.foot[rows] * MM, self.below[rows] * MM
+            springs,
+            depth=self.depth[row] * MM,
+            tilt=self.tilt[row],
+            foot=self.foot[rows] * MM,
+            below=self.below[rows] * MM,
+            bending=self.bending[row],
+            unbent=self.tilt[row],
         )
 
 
 class _Start(NamedTuple):
-    """Where a step begins: springs, depth (m) and tilt (2,); each spring's foot (n, 2) m and depth (n,) m."""
+    """Where a step begins: springs, depth (m) and tilt (2,); each spring's foot (n, 2) m and depth (n,) m.
+
+    bending: (2,) N mm/rad, as in _State. unbent: (2,) rad, the tilt at which the springs at their feet have all
+    of the parts' moments.
+    """
 
     springs: Springs
     depth: float
     tilt: FloatArray
     foot: FloatArray
     below: FloatArray
+    bending: FloatArray
+    unbent: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,9 +172,17 @@ class _Problem:
             foot=bed.centre
             + np.divide(leaning, force[:, None], out=np.zeros_like(leaning), where=carrying[:, None]),
             below=np.divide(force, area, out=np.zeros_like(force), where=carrying),
+            bending=self.bending(bed, rows),
             energy=energy,
             missing=missing,
         )
+
+    def bending(self, bed: Bed, rows: NDArray[np.intp]) -> FloatArray:
+        """Sum what the parts of each press add to the wrist's stiffness about x and y: (n, 2) N mm/rad."""
+        area, first, second = bed.moments[0], bed.moments[1:3], bed.moments[[3, 5]]
+        own = second - np.divide(first**2, area, out=np.zeros_like(first), where=area > 0)
+        about_y, about_x = (np.bincount(bed.press, along, len(rows)) for along in own)
+        return self.stiffness[rows, None] * np.stack([about_x, about_y], axis=1)
 
     @property
     def allowed(self) -> float:
@@ -213,6 +235,7 @@ def _solve(
     done: list[tuple[NDArray[np.intp], _State]] = []
     blanks: dict[int, str] = {}
     starts: dict[int, _Start] = {}
+    bending = problem.bending(whole, np.arange(count))
     left = touching
     for _ in range(_MOST_ROUNDS):
         proposed, turned = np.empty(len(left)), np.empty((len(left), 2))
@@ -221,7 +244,7 @@ def _solve(
             springs = starts[index].springs if index in starts else whole.springs[index]
             placed = _placed(stage, springs, problem.touches, index)
             stiffness = 1e3 * problem.stiffness[index]
-            start = starts.get(index) or _all_touch(placed, springs, press.force / stiffness)
+            start = starts.get(index) or _all_touch(placed, springs, press.force / stiffness, bending[index])
             try:
                 proposed[row], turned[row] = _step(placed, start, stiffness, press.force)
             except UnsettledError as error:
@@ -283,11 +306,14 @@ def _placed(stage: Setup, springs: Springs, touches: Touches, index: int) -> Sce
     return placed
 
 
-def _all_touch(stage: Scene, springs: Springs, give: float) -> _Start:
+def _all_touch(stage: Scene, springs: Springs, give: float, bending: FloatArray) -> _Start:
     """Begin at the nominal tilt and so deep that all springs touch. give: F / stiffness, mm^2 m."""
     depth = stage.depth_of_touch(springs).max() + 1.05 * give / springs.area
     below = depth - stage.depth_of_touch(springs)
-    return _Start(springs, depth, stage.tilt.copy(), springs.position[:, :2], below)
+    # With their feet at the centroids the springs have the moments of a level face.
+    return _Start(
+        springs, depth, stage.tilt.copy(), springs.position[:, :2], below, bending, unbent=np.zeros(2)
+    )
 
 
 def _step(stage: Scene, start: _Start, stiffness: float, force: float) -> tuple[float, FloatArray]:
@@ -299,7 +325,7 @@ def _step(stage: Scene, start: _Start, stiffness: float, force: float) -> tuple[
     # and so placed, a sphere's foot on the face is where its part presses, and it answers to the depth there along
     # the pad's normal. The sphere stands above the face and feels it by its margin: one below the face could be
     # nearer to a part's side.
-    springs, depth, tilt, foot, below = start
+    springs, depth, tilt, foot, below, bending, unbent = start
     lean = math.cos(tilt[0]) * math.cos(tilt[1])
     slope = np.array([-math.tan(tilt[1]) / math.cos(tilt[0]), math.tan(tilt[0])])
     above = 2 * RADIUS
@@ -311,8 +337,12 @@ def _step(stage: Scene, start: _Start, stiffness: float, force: float) -> tuple[
         stiffness / lean**2,
         step=_time_step(stiffness * springs.area),
         margin=above - RADIUS + lean * below,
+        bending=bending,
     )
     stage.reset(depth, tilt)
+    wrist = stage.setup.wrist_stiffness
+    if wrist is not None:
+        stage.model.eq_data[:, 0] = (wrist * stage.tilt + bending * unbent) / (wrist + bending)
     data = stage.data
     data.qfrc_applied[0] = force
     stage.model.opt.tolerance = 0.0  # the solver goes on as long as it improves

@@ -133,11 +133,13 @@ class Scene:
         step: float,
         relaxation: float = 0.0,
         margin: FloatArray | float = 0.0,
+        bending: FloatArray | float = 0.0,
     ) -> None:
         """Put springs of `stiffness` (N/m per mm^2 of area) into the scene, for steps of `step` s.
 
         relaxation: s, damping over stiffness, of the bed and of the hinges. margin: (n,) m, distance at which
-        each sphere feels the letter. See the module's docstring for the equations.
+        each sphere feels the letter. bending: (2,) N mm/rad about x and y, by which the hinges resist tilts from
+        where the step begins, besides the wrist. See the module's docstring for the equations.
         """
         count, setup = len(springs.share), self.setup
         self.model.opt.timestep = step
@@ -156,7 +158,7 @@ class Scene:
         self.solimp[:count, :2] = impedance
         if setup.wrist_stiffness is not None:
             # A of the hinges such that their impedance is 1/2.
-            self.model.dof_invweight0[1:] = 1 / (setup.wrist_stiffness * MM * unit)
+            self.model.dof_invweight0[1:] = 1 / ((setup.wrist_stiffness + bending) * MM * unit)
             self.model.eq_solref[:] = -k / 2, -b / 2
             self.model.eq_solimp[:, :2] = 1 / 2
 
