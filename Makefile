@@ -22,7 +22,7 @@ REGRESSION := $(BIN)/python -m tactsim.bench.regression
 # What `make mutants` is given, such as MUTANTS="--all tactsim/press/clip.py".
 MUTANTS ?=
 
-.PHONY: run test check docs setup lock test-slow mutants bench-check bench-baseline clean help
+.PHONY: run test check docs setup lock test-slow mutants bench-check bench-baseline tables clean help
 
 help:            ## list these commands
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 18
@@ -64,6 +64,13 @@ bench-baseline: $(DEVELOP)  ## renew results/baseline.json
 	@$(MEASURE)-1.json
 	@$(MEASURE)-2.json
 	@$(REGRESSION) write results/baseline.json $(MEASURED)-1.json $(MEASURED)-2.json
+
+# The sweeps that the tables of the documentation are made of.
+TABLES := paper paper-like better active open-set pareto robustness
+
+tables: $(DEVELOP)  ## do the sweeps that are not done yet, and fill the tables of the documentation from them
+	@for suite in $(TABLES); do $(BIN)/bench sweep $$suite || exit; done
+	@$(BIN)/python -m tactsim.bench.tables README.md docs/results.md docs/choose-an-estimator.md
 
 setup: $(DEVELOP)  ## create .venv with all that work on the project needs
 

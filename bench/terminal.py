@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from itertools import groupby
 from pathlib import Path
 from typing import Any
 
@@ -19,9 +20,11 @@ from rich.progress import (
 from rich.table import Table
 
 from tactsim.bench.console import plain_console
+from tactsim.bench.pooled import Pooled, pool
 from tactsim.bench.report.collect import collect
 from tactsim.bench.results import load, pictures
 from tactsim.bench.run import Run
+from tactsim.bench.tables import cell
 from tactsim.bench.trials import Progress as Report
 
 STAGES = {"press": "pressing", "map": "mapping", "trials": "trials", "sweep": "trials", "replay": "replaying"}
@@ -71,9 +74,37 @@ def print_run(run: Run, folder: Path) -> None:
 
 
 def print_sweep(places: list[Path]) -> None:
-    """Print one line a run, a table for each protocol and task: only what may be compared shares a table."""
+    """Print one line a run, a table for each protocol and task: only what may be compared shares a table.
+
+    Runs that differ in the seed alone share a line, with intervals over scans and trials.
+    """
+    runs = [(place, load(place)) for place in places]
+    pools = pool(run for _, run in runs)
+    if len(pools) < len(runs):
+        _print_pooled(pools)
+    else:
+        _print_single(runs)
+
+
+def _print_pooled(pools: Sequence[Pooled]) -> None:
     console = plain_console()
-    for group in collect((place, load(place)) for place in places):
+    for (protocol, task), alike in groupby(pools, key=lambda one: (one.protocol, one.task)):
+        console.print(protocol, style="bold", end="; ")
+        console.print(f"{task}; 95 % intervals over scans and trials")
+        table = Table(box=None, pad_edge=False)
+        table.add_column("runs", overflow="fold")
+        for heading in ("seeds", "right @5", "right @end", "95 % by", "error mm @end"):
+            table.add_column(heading, justify="right")
+        for one in alike:
+            last = one.runs[0].readings
+            figures = [f"right@{min(5, last)}", f"right@{last}", "settled_95", f"error@{last}"]
+            table.add_row(one.label, str(len(one.runs)), *(cell(one, figure) for figure in figures))
+        console.print(table)
+
+
+def _print_single(runs: Sequence[tuple[Path, Run]]) -> None:
+    console = plain_console()
+    for group in collect(runs):
         console.print(group.protocol, style="bold", end="; ")
         console.print(group.task)
         table = Table(box=None, pad_edge=False)
@@ -131,14 +162,19 @@ def headlines(run: Run) -> list[str]:
         f"estimate {1e3 * seconds['estimate_per_reading']:.3f} ms a reading"
         + (f", choice of the next {1e3 * propose:.1f} ms" if propose else "")
     )
-    done = ", ".join(
-        f"{name.replace('_', ' ')} {count:,}" for name, count in work.items() if name != "skipped"
-    )
-    skipped = ", ".join(
-        f"{name.replace('_', ' ')} {count:,}" for name, count in work["skipped"].items() if count
-    )
-    lines.append(f"work  {done}" + (f"; skipped: {skipped}" if skipped else ""))
+    lines.append(f"work  {work_line(work)}")
     return lines
+
+
+def work_line(work: Mapping[str, Any]) -> str:
+    """Write counts of work, and of what was skipped by reason, as one line."""
+
+    def listed(counts: Mapping[str, Any]) -> str:
+        return ", ".join(f"{name.replace('_', ' ')} {count:,}" for name, count in counts.items() if count)
+
+    done = listed({name: count for name, count in work.items() if name != "skipped"})
+    skipped = listed(work["skipped"])
+    return (done or "none") + (f"; skipped: {skipped}" if skipped else "")
 
 
 def _table(summary: dict[str, Any], readings: int) -> Table:

@@ -22,7 +22,7 @@ def command(
     """Press the letters at 192 poses, twice (training and test), and write the readings."""
     from tactsim.bench.console import plain_console
     from tactsim.bench.places import check_new_file
-    from tactsim.bench.terminal import progress_bars
+    from tactsim.bench.terminal import progress_bars, work_line
     from tactsim.press import scan_letters
 
     check_new_file(out)
@@ -32,8 +32,7 @@ def command(
             options, jobs=jobs, cache=cache, progress=lambda done, total: progress("press", done, total)
         )
     scan.save(out)
-    skipped = ", ".join(f"{name.replace('_', ' ')} {n:,}" for name, n in work["skipped"].items() if n)
     plain_console().print(
         f"{len(scan):,} readings of {' '.join(scan.letters)}, {scan.readings.shape[1]} taxels, in {out}\n"
-        f"presses {work['presses']:,}" + (f"; skipped: {skipped}" if skipped else ""),
+        + work_line(work)
     )

@@ -173,10 +173,10 @@ def method_name(run: Run) -> str:
     return ", ".join([run.estimator, *words])
 
 
-def task_name(run: Run) -> str:
+def task_name(run: Run, *, with_seed: bool = True) -> str:
     """Say in which letters, readings and seed a run differs from the defaults; "defaults" if in none.
 
-    Runs with one protocol and one task name saw the same readings.
+    Runs with one protocol and one task name saw the same readings; without the seed, readings of the same kind.
     """
     config = run.config
     other = {name: config[name] for name in ("scan", "train_scan") if config.get(name)}
@@ -197,7 +197,7 @@ def task_name(run: Run) -> str:
             other = {name: value for name, value in other.items() if name not in settings}
     if "seed" in other:
         words.append(f"scan's seed {other.pop('seed')}")
-    if config["seed"] != 0:
+    if config["seed"] != 0 and with_seed:
         words.append(f"seed {config['seed']}")
     return ", ".join([*words, *(f"{name} {_word(value)}" for name, value in other.items())]) or "defaults"
 

@@ -1,0 +1,196 @@
+"""Fill the tables of a page with what sweeps found: `python -m tactsim.bench.tables PAGE...`.
+
+A page says itself which table it wants, between two comments. The first names the sweep and the figures:
+
+    <!-- table: SWEEP; right@5; settled_95; error@20 -->
+    <!-- end of table -->
+
+The sweep is a folder in results/sweeps, and its runs are pooled over their seeds. There is a row for each method and,
+if the sweep has several, for each protocol or condition. `SWEEP by method` makes a column of each method, and a row of
+each condition. What stands between the comments is replaced.
+"""
+
+from __future__ import annotations
+
+import re
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from tactsim.bench.places import SWEEPS
+from tactsim.bench.pooled import Figure, Pooled, pool
+from tactsim.bench.report.collect import find
+from tactsim.bench.report.pareto import recognition_seconds
+from tactsim.bench.results import load
+from tactsim.bench.run import Run
+from tactsim.bench.trials import source_of_trials
+from tactsim.core import InputError
+from tactsim.core.documents import read_text
+from tactsim.core.errors import unknown
+from tactsim.core.files import write_text
+
+TABLE = re.compile(r"(<!-- table: (?P<asked>[^>]*?) -->\n).*?(<!-- end of table -->)", re.DOTALL)
+LARGEST_PAGE = 10_000_000  # bytes
+
+
+def fill(text: str, sweeps: Path) -> str:
+    """Replace every table of a page by what the sweeps in the folder `sweeps` found.
+
+    Raises InputError for an unknown figure, a sweep that is not there, has not ended or is of
+    other source code, sweeps of different commits, or a table without an end.
+    """
+    if text.count("<!-- table:") != len(TABLE.findall(text)):
+        raise InputError("a table has no `<!-- end of table -->`")
+    pools: dict[str, list[Pooled]] = {}
+
+    def table(match: re.Match[str]) -> str:
+        sweep, *figures = (part.strip() for part in match["asked"].split(";"))
+        name, _, by = sweep.partition(" by ")
+        if name not in pools:
+            pools[name] = _pools(sweeps / name)
+        rows = _by_method(pools[name], figures) if by == "method" else _plain(pools[name], figures)
+        return f"{match[1]}{_markdown(rows)}\n{_origin(name, pools[name])}\n{match[3]}"
+
+    filled = TABLE.sub(table, text)
+    commits = {_commit(run) for of in pools.values() for one in of for run in one.runs}
+    if len(commits) > 1:
+        raise InputError(
+            f"the sweeps are of different commits, {', '.join(sorted(commits))}; do them anew from one"
+        )
+    return filled
+
+
+def _origin(sweep: str, pools: Sequence[Pooled]) -> str:
+    """Say beneath a table how it was made."""
+    of = pools[0]
+    return (
+        f"*`bench sweep {sweep}`: {_several(len(of.runs), 'scan')}, {_several(len(of.trials.truth), 'trial')} for each "
+        f"figure; in brackets 95 % intervals over scans and trials; commit {_commit(of.runs[0])}.*"
+    )
+
+
+def _several(count: int, what: str) -> str:
+    return f"{count} {what}{'s' * (count != 1)}"
+
+
+def _commit(run: Run) -> str:
+    return str(run.about["commit"] or "unknown")[:12]
+
+
+def _pools(folder: Path) -> list[Pooled]:
+    folders, remarks = find([folder])
+    if remarks:
+        raise InputError(remarks[0])
+    runs = [load(one) for one in folders]
+    if any(run.about["source"] != source_of_trials(run.estimator) for run in runs):
+        raise InputError(f"{folder} was made by other source code than this; remove it and do the sweep anew")
+    return pool(runs)
+
+
+def _plain(pools: Sequence[Pooled], figures: Sequence[str]) -> list[list[str]]:
+    """Write a row for each pool; what all of them share is in no column."""
+    marks = [("protocol", [one.protocol for one in pools]), ("condition", [one.task for one in pools])]
+    shown = [(name, values) for name, values in marks if len(set(values)) > 1]
+    rows = [["method", *(name for name, _ in shown), *(_heading(figure) for figure in figures)]]
+    for number, one in enumerate(pools):
+        rows.append(
+            [one.label, *(values[number] for _, values in shown), *(cell(one, figure) for figure in figures)]
+        )
+    return rows
+
+
+def _by_method(pools: Sequence[Pooled], figures: Sequence[str]) -> list[list[str]]:
+    """Write a row for each condition and a column for each method."""
+    methods = list(dict.fromkeys(one.label for one in pools))
+    rows = [["condition", *methods]]
+    for condition in dict.fromkeys((one.protocol, one.task) for one in pools):
+        cells = {
+            one.label: ", ".join(cell(one, figure) for figure in figures)
+            for one in pools
+            if (one.protocol, one.task) == condition
+        }
+        rows.append([_name(pools, *condition), *(cells.get(method, "") for method in methods)])
+    return rows
+
+
+def _name(pools: Sequence[Pooled], protocol: str, task: str) -> str:
+    """Name a condition by its task, and by its protocol if that is not the first one's."""
+    return task if protocol == pools[0].protocol else f"{task} ({protocol})"
+
+
+def cell(one: Pooled, figure: str) -> str:
+    """Write one figure of a pool, such as right@5, with its interval.
+
+    Raises InputError for an unknown figure or a reading that the runs do not have.
+    """
+    name, _, at = figure.partition("@")
+    if name in READINGS and not at:
+        found = READINGS[name](one)
+        value, low, high = (str(part or "later") for part in (found.value, found.low, found.high))
+        return value if low == high == value else f"{value} ({low}-{high})"
+    if name == "ms" and not at:
+        return f"{1e3 * recognition_seconds(one.trials, one.runs[0].readings):.3g}"
+    if name in CURVES and at.isdigit():
+        reading, readings = int(at), one.runs[0].readings
+        if not 1 <= reading <= readings:
+            raise InputError(f"the figure {figure} asks for reading {reading} of {readings}")
+        found = CURVES[name](one, reading - 1)
+        if found.value is None:
+            return "-"
+        digits = 2 if name.startswith("error") else 3
+        return f"{found.value:.{digits}f} ({found.low:.{digits}f}-{found.high:.{digits}f})"
+    raise unknown("figure", figure, (*READINGS, "ms", *(f"{curve}@5" for curve in CURVES)))
+
+
+def _error(one: Pooled, k: int) -> Figure:
+    return one.mean(one.errors[:, k], of=one.trials.named[:, k])
+
+
+# The figures that a table may ask for, of a pool of runs: after reading k + 1, and readings by which something holds.
+CURVES: dict[str, Callable[[Pooled, int], Figure]] = {
+    "right": lambda one, k: one.mean(one.trials.right[:, k]),
+    "error": _error,
+    "refused_unknown": lambda one, k: one.mean(one.trials.right[:, k], of=~one.trials.known),
+    "refused_known": lambda one, k: one.mean(one.trials.label[:, k] == "none", of=one.trials.known),
+}
+READINGS: dict[str, Callable[[Pooled], Figure]] = {
+    "settled_95": lambda one: one.settled(0.95),
+    "settled_50": lambda one: one.settled(0.5),
+    "all_right_from": Pooled.all_right_from,
+}
+HEADINGS = {
+    "right": "right after {}",
+    "error": "error after {}, mm",
+    "refused_unknown": "refused after {}",
+    "refused_known": "others refused after {}",
+    "settled_95": "95 % settled by",
+    "settled_50": "half settled by",
+    "all_right_from": "all right from",
+    "ms": "ms a recognition",
+}
+
+
+def _heading(figure: str) -> str:
+    name, _, at = figure.partition("@")
+    return HEADINGS.get(name, name).format(at)
+
+
+def _markdown(rows: Sequence[Sequence[str]]) -> str:
+    head, *body = ["| " + " | ".join(row) + " |\n" for row in rows]
+    return head + "|" + "---|" * len(rows[0]) + "\n" + "".join(body)
+
+
+def main(pages: Sequence[str]) -> int:
+    """Fill the tables of these pages; returns the exit status."""
+    try:
+        for page in pages:
+            text = read_text(Path(page), "page", LARGEST_PAGE)
+            write_text(Path(page), fill(text, SWEEPS))
+    except InputError as error:
+        print(f"tables: {error}", file=sys.stderr)
+        return 2
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

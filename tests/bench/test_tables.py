@@ -1,0 +1,112 @@
+"""Tables of a page, filled from sweeps by the command that `make tables` calls."""
+
+import json
+import shutil
+import subprocess
+import sys
+
+import pytest
+
+from tactsim.bench.tables import fill
+from tactsim.core import InputError
+
+SWEEP = """
+[defaults]
+letters = "IO"
+trials = 2
+readings = 3
+seed = [0, 1]
+test_poses = ["same", "random"]
+
+[[run]]
+estimator = "histogram"
+bins = [100, 1000]
+
+[[run]]
+estimator = "nearest"
+"""
+
+PAGE = """Words before.
+
+<!-- table: s; right@1; error@3; all_right_from -->
+what stood here
+<!-- end of table -->
+
+Words between.
+
+<!-- table: s by method; settled_95 -->
+<!-- end of table -->
+
+Words behind.
+"""
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory, shared_cache):
+    from command_line import Bench
+
+    place = tmp_path_factory.mktemp("tables")
+    (place / "s.toml").write_text(SWEEP)
+    swept = Bench(place, shared_cache)("sweep", "s.toml")
+    assert swept.returncode == 0, swept.stderr
+    assert "95 % intervals over scans and trials" in swept.stdout
+    assert (
+        swept.stdout.count("histogram, 100 bins") == 2
+    )  # a line for both seeds, in a table for each protocol
+    return place
+
+
+def test_a_page_gets_its_tables_and_keeps_its_words(folder):
+    (folder / "page.md").write_text(PAGE)
+    command = [sys.executable, "-m", "tactsim.bench.tables", "page.md"]
+    for _ in range(2):  # a filled page is filled again
+        assert subprocess.run(command, cwd=folder, check=True, capture_output=True).stderr == b""
+    page = (folder / "page.md").read_text()
+    assert "what stood here" not in page
+    lines = page.splitlines()
+    assert [lines[0], lines[-1]] == ["Words before.", "Words behind."]
+    assert "| method | protocol | right after 1 | error after 3, mm | all right from |" in lines
+    assert sum(line.startswith("| histogram, 100 bins | test poses same") for line in lines) == 1
+    assert sum(line.startswith("| nearest |") for line in lines) == 2
+    assert "| condition | histogram, 100 bins | histogram, 1,000 bins | nearest |" in lines
+    assert page.count("`bench sweep s`: 2 scans, 8 trials for each figure") == 2
+
+
+@pytest.mark.parametrize(
+    ("asked", "said"),
+    [
+        ("s; right@4", "reading 4 of 3"),
+        ("s; right@0", "reading 0 of 3"),
+        ("s; rigth@1", "did you mean 'right"),
+        ("s; right", "unknown figure 'right'"),
+        ("t; right@1", "there is no such folder"),
+    ],
+)
+def test_a_wrong_wish_is_refused_in_one_line(folder, asked, said):
+    with pytest.raises(InputError, match=said) as caught:
+        fill(f"<!-- table: {asked} -->\n<!-- end of table -->\n", folder / "results" / "sweeps")
+    assert "\n" not in str(caught.value)
+
+
+def test_a_sweep_of_other_source_code_is_refused(folder, monkeypatch):
+    monkeypatch.setattr("tactsim.bench.tables.source_of_trials", lambda estimator: "f" * 64)
+    with pytest.raises(InputError, match="s was made by other source code"):
+        fill(PAGE, folder / "results" / "sweeps")
+
+
+def test_sweeps_of_different_commits_are_refused(folder, tmp_path):
+    shutil.copytree(folder / "results" / "sweeps" / "s", tmp_path / "s")
+    changed = next((tmp_path / "s" / "runs").iterdir()) / "run.json"
+    content = json.loads(changed.read_text())
+    changed.write_text(json.dumps(content | {"commit": "f" * 40}))
+    with pytest.raises(InputError, match=r"different commits, .*ffffffffffff"):
+        fill(PAGE, tmp_path)
+
+
+def test_a_table_without_an_end_is_refused_and_the_page_stays(folder):
+    (folder / "cut.md").write_text("<!-- table: s; right@1 -->\nold\n")
+    command = [sys.executable, "-m", "tactsim.bench.tables", "cut.md"]
+    ended = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+    assert ended.returncode == 2
+    assert ended.stderr == "tables: a table has no `<!-- end of table -->`\n"
+    assert (folder / "cut.md").read_text() == "<!-- table: s; right@1 -->\nold\n"
