@@ -35,8 +35,8 @@ def main() -> None:
     area, expected = area[touching], expected[touching]
     contact, peak = 2e3 / area, expected.max(axis=1)
     print(
-        "| engine | 95 % of taxels below | largest | worst taxel / peak, 95 % below, largest | / contact pressure, largest "
-        "| slivers: / peak, 95 % below, largest | / contact pressure, largest |"
+        "| engine | 95 % of taxels below | largest | worst taxel / peak, 95 % below, largest "
+        "| / contact pressure, largest | slivers: / peak, 95 % below, largest | / contact pressure, largest |"
     )
     for engine, press in ENGINES:
         options = ScanOptions(press=PressOptions(engine=engine, wrist_stiffness=None, **press))
