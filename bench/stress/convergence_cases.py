@@ -174,3 +174,28 @@ def bed_cells(worst: Worst) -> None:
         slope([1 / count for count in counts], errors),
         f"rms errors {', '.join(f'{error:.2g}' for error in errors)}",
     )
+
+
+@case(
+    "convergence.collide-points",
+    varied="12, 24, 48, 96 and 192 points of the pad's lattice a taxel, 24 presses of three letters",
+    deviation="slope of the rms error of the worst taxel over the distance of the points",
+    limit=1.25,
+    because="n points sample an outline with n^-1/2 in a row and the rows' errors cancel like noise: n^-3/4, order 1.5",
+    at_least=True,
+)
+def collide_points(worst: Worst) -> None:
+    """Compare MuJoCo's own collision detection with the exact reading."""
+    poses = random_poses(np.random.default_rng(3), 24)
+    counts = (12, 24, 48, 96, 192)
+    errors = []
+    for count in counts:
+        options = ScanOptions(
+            press=PressOptions(engine="collide", points_per_taxel=count),
+            sensor=SensorOptions(noise=0, resolution=0),
+        )
+        errors.append(rms(np.array([error(name, pose, options) for name in "AES" for pose in poses])))
+    worst.see(
+        slope([count**-0.5 for count in counts], errors),
+        f"rms errors {', '.join(f'{error:.2g}' for error in errors)}",
+    )

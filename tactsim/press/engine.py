@@ -1,10 +1,10 @@
 """Choose the engine that presses a letter, and press: what an ideal pad would read.
 
-Engines answer the same question, each in a file of its own: `exact` (a level flat face needs no solver),
-`balance` (the engine `bed`: exact areas, MuJoCo solves the balance of what may move), `relief` (any shape, from
-any side), `elastic` (a layer or half-space instead of springs) and, for a press through time, `dynamics`.
-Nothing random happens here and nothing that belongs to one sensor: its imperfections come afterwards, in
-`sensor`.
+The engines answer the same question, each in a file of its own: `exact` (a level flat face needs no solver),
+`balance` (the engine `bed`: exact areas, MuJoCo solves the balance of what may move), `collide` (MuJoCo alone,
+its collision detection included), `relief` (any shape, from any side), `elastic` (a layer or half-space instead
+of springs) and, for a press through time, `dynamics`. Nothing random happens here and nothing that belongs to
+one sensor: its imperfections come afterwards, in `sensor`.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import numpy as np
 
 from tactsim.core.errors import InputError
 from tactsim.core.poses import FloatArray
-from tactsim.press import balance, exact
+from tactsim.press import balance, collide, exact
 from tactsim.press.bed import Bed, lay_bed
 from tactsim.press.dynamics import History, press_through_time
 from tactsim.press.levels import has_relief, levels
@@ -42,6 +42,7 @@ def _press_relief(touches: Touches, options: ScanOptions) -> Pressed:
 ENGINES: dict[str, Callable[[Touches, ScanOptions], Pressed]] = {
     "exact": exact.press,
     "bed": balance.press,
+    "collide": collide.press,
     "elastic": _elastic,
     "relief": _press_relief,
 }

@@ -47,7 +47,7 @@ class PressOptions(BaseModel):
 
     model_config = _FROZEN
 
-    engine: Literal["auto", "exact", "bed", "relief"] = Field(
+    engine: Literal["auto", "exact", "bed", "collide", "relief"] = Field(
         "auto", description="what works out a press; auto takes the cheapest that is exact for it"
     )
     force: float = Field(
@@ -55,6 +55,12 @@ class PressOptions(BaseModel):
     )
     cells_per_taxel: int = Field(
         2, ge=1, le=16, description="cells of the bed along each side of a taxel; more cost time"
+    )
+    points_per_taxel: int = Field(
+        48,
+        ge=1,
+        le=2000,
+        description="points of the pad's lattice on each taxel and its share of gaps; engine collide",
     )
     stiffness: float = Field(
         1000.0,

@@ -230,6 +230,8 @@ def _seconds_per_press(options: ScanOptions) -> float:
     if options.press.dynamics == "full":
         return 5e-3
     level = options.press.wrist_stiffness is None and not options.placement_tilt
+    if options.press.engine == "collide":
+        return 1e-3
     return 1e-3 if options.rounding or not options.press.skip.parts or not level else 1e-4
 
 

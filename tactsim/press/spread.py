@@ -8,13 +8,10 @@ times one of y, so the pressure is spread along x and then along y, and the work
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from functools import lru_cache
-from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tactsim.core.pad import Pad
 from tactsim.core.poses import FloatArray
@@ -147,33 +144,6 @@ def _loads(
     ]
 
 
-def point_map(
-    press: NDArray[np.intp],
-    xy: FloatArray,
-    force: FloatArray,
-    presses: int,
-    pad: Pad,
-    sigma: float,
-) -> FloatArray:
-    """Average the spread pressure of point forces over each taxel: (presses, taxels) kPa, no imperfections.
-
-    press: (points,) index of each point's press, in rising order. xy: (points, 2) mm in the sensor frame.
-    force: (points,) N along the pad's normal. sigma: mm, standard deviation of the point spread.
-    """
-    from scipy.special import erf
-
-    columns = (
-        felt_along(xy[:, 0], pad.column_edges, sigma, erf)
-        * (force / (pad.taxel_width * pad.taxel_height))[:, None]
-    )
-    rows = felt_along(xy[:, 1], pad.row_edges, sigma, erf)
-    start = np.searchsorted(press, np.arange(presses + 1))
-    result = np.empty((presses, pad.rows, pad.columns))
-    for index, (first, last) in enumerate(pairwise(start.tolist())):
-        result[index] = rows[first:last].T @ columns[first:last]
-    return _KPA * result.reshape(presses, pad.taxels)
-
-
 @lru_cache(maxsize=4)
 def _felt_by_cells(pad: Pad, cells_per_taxel: int, sigma: float) -> _Felt:
     x_lines, y_lines = cell_lines(pad, cells_per_taxel, sigma)
@@ -194,15 +164,13 @@ def _along(lines: FloatArray, edges: FloatArray, sigma: float) -> FloatArray:
     return np.einsum("pd,cpe->dce", values, felt)
 
 
-def felt_along(
-    x: FloatArray, edges: FloatArray, sigma: float, erf: Callable[[FloatArray], FloatArray] = _erf
-) -> FloatArray:
+def felt_along(x: FloatArray, edges: FloatArray, sigma: float) -> FloatArray:
     """Work out the share of a unit line force at x that falls on each taxel along one axis: (..., taxels).
 
     x: (...) mm. edges: (taxels, 2) mm, where each taxel begins and ends. sigma: mm, of the Gaussian that
-    spreads the force; 0 for none. erf: the error function; SciPy's is worth its import for many points.
+    spreads the force; 0 for none.
     """
     if sigma == 0:
         return ((x[..., None] > edges[:, 0]) & (x[..., None] < edges[:, 1])).astype(float)
-    felt: FloatArray = np.diff(erf((edges - x[..., None, None]) / (sigma * np.sqrt(2))), axis=-1)[..., 0] / 2
+    felt: FloatArray = np.diff(_erf((edges - x[..., None, None]) / (sigma * np.sqrt(2))), axis=-1)[..., 0] / 2
     return felt

@@ -137,6 +137,8 @@ PLANTED = {
     "press.slivers": ("tactsim.press.bed.SMALLEST_CONTACT", 1.0),
     "press.aligned-angles": ("tactsim.press.bed.SMALLEST_PART", 0.01),
     "press.point-spread": ("tactsim.press.spread._QUADRATURE", 1),
+    "engines.balance": ("tactsim.press.collide._BALANCE", 1e-2),
+    "engines.every-glyph": ("tactsim.press.points._KPA", 1.5e3),
     "convergence.bed-cells": ("tactsim.press.bed.SMALLEST_PART", 0.01),
     "convergence.map-cells": ("tactsim.estimators.likelihoods.occupancy._NOTHING", 0.5),
     "likelihood.classifier-edges": (

@@ -1,91 +1,234 @@
-"""Time the press against a plain MuJoCo scene with the same bed, both in one run.
+"""Print what a press costs and how exact it is: every engine, and plain MuJoCo scenes of the same bed, in one run.
 
     python tests/press/bench_press.py
 
-CPU time of one core, building of models apart. The plain scene is given its springs, so the press is timed
-twice: from its springs to contact forces, as the plain scene is, and from an outline to a reading.
+CPU time of one core, scenes and tables built before, the median of rounds in which all rows take turns. Times
+hold for one machine; their ratios to `exact` hold more widely. Errors are those of the worst taxel of each
+press that touches 4 mm^2 or more, 95 % of which are below the figure: in kPa, in % of the reading's peak, and
+in % of the contact pressure F / A. A row is a function that `row` marks; it returns a `Row`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from time import process_time
 
 import numpy as np
-from plain_press import compile_plain, press_plain
+from plain_press import DEFAULT, TUNED, compile_plain, press_plain
 
 from tactsim import models
+from tactsim.bench.stress.exact import expected_reading
 from tactsim.core.poses import FloatArray
-from tactsim.press import PressOptions, ScanOptions, balance, scan_letters
+from tactsim.press import PressOptions, ScanOptions, scan_letters
 from tactsim.press.bed import lay_bed
-from tactsim.press.engine import ideal_readings
+from tactsim.press.engine import press_at
 from tactsim.press.levels import levels
+from tactsim.press.pressed import Patches
 from tactsim.press.scan_options import Skips
 from tactsim.press.scan_poses import grid_poses
 from tactsim.press.touches import Touches
 
 LETTERS = "AEIOU"
-FEW_POSES = grid_poses()[5::37]
-WHOLE = PressOptions(skip=Skips(parts=False, cells=False, no_contact=False))
-COVERED = PressOptions(skip=Skips(parts=False))
+LEAST_AREA = 4.0  # mm^2
+FEW = slice(5, None, 37)  # of the grid's poses, for what takes long
+WHOLE = Skips(parts=False, cells=False, no_contact=False)
+COVERED = Skips(parts=False)
+TILT, WRIST = 0.0044, 300.0  # rad (0.25 degrees) and N mm/rad
 
 
-def ways_to_press(name: str) -> dict[str, tuple[Callable[[], object], int]]:
-    """List what presses one letter, and how many presses that are."""
-    options, letter = ScanOptions(), models.letter(name)
-    lines = options.pad.grid_lines(options.press.cells_per_taxel)
+@dataclass(frozen=True, eq=False)
+class Row:
+    """One way to press. run() does `presses` presses. errors: (n, 3) kPa, of peak, of F / A. counted: in words."""
 
-    def touching(poses: FloatArray) -> FloatArray:
-        bed = lay_bed(levels(letter, options.press), poses, *lines)
-        return poses[np.diff(bed.start) > 0]
+    name: str
+    run: Callable[[], object]
+    presses: int
+    errors: FloatArray
+    counted: str
 
-    many, few = touching(grid_poses()), touching(FEW_POSES)
-    ways: dict[str, tuple[Callable[[], object], int]] = {
-        "press, springs to forces": (lambda: balance.press(Touches.of(letter, many), options), len(many)),
-        "press, outline to reading": (lambda: ideal_readings(Touches.of(letter, many), options), len(many)),
-    }
-    for way, press in (("plain scene, whole", WHOLE), ("plain scene, only what touches", COVERED)):
-        plain = lay_bed(levels(letter, press), few, *lines, skip_empty=press.skip.cells)
-        scenes = [
-            (compile_plain(letter, pose, springs), len(springs.share))
-            for pose, springs in zip(few, plain.springs, strict=True)
-        ]
-        ways[way] = (
-            lambda scenes=scenes: [press_plain(*scene, options.press.force) for scene in scenes],
-            len(few),
+
+ROWS: list[Callable[[], Row]] = []
+
+
+def row(make: Callable[[], Row]) -> Callable[[], Row]:
+    """Mark a function that makes a row of the table."""
+    ROWS.append(make)
+    return make
+
+
+def level(engine: str = "auto", **press: object) -> ScanOptions:
+    """Describe presses that stay level, without sensor's imperfections."""
+    return ScanOptions(placement_tilt=0.0, press=PressOptions(engine=engine, wrist_stiffness=None, **press))
+
+
+def touching(name: str, poses: FloatArray) -> FloatArray:
+    """Keep the poses at which a letter touches the pad."""
+    options = level()
+    bed = lay_bed(levels(models.letter(name), options.press), poses, *options.cell_lines)
+    return poses[np.diff(bed.start) > 0]
+
+
+def errors_of(name: str, poses: FloatArray, readings: FloatArray, options: ScanOptions) -> FloatArray:
+    """Compare level presses with the exact clip of the whole footprint: (presses, 3), see `Row`."""
+    found = []
+    for pose, reading in zip(poses, readings, strict=True):
+        expected, area = expected_reading(
+            models.letter(name).footprint, pose, options.pad, options.press.force, options.sensor.psf_sigma
         )
-    return ways
+        if area >= LEAST_AREA:
+            worst = np.abs(reading - expected).max()
+            found.append((worst, worst / expected.max(), worst / (1e3 * options.press.force / area)))
+    return np.array(found)
 
 
-def time_presses(rounds: int = 5) -> dict[str, float]:
-    """Time every way to press the vowels: seconds of CPU per press, the median of rounds taken in turns."""
-    letters = [ways_to_press(name) for name in LETTERS]
-    times = {way: np.zeros((rounds, len(letters))) for way in letters[0]}
+def of_engine(name: str, options: ScanOptions, counted: str) -> Row:
+    """Make the row of an engine, from outlines to readings."""
+    every = [Touches.of(models.letter(letter), touching(letter, grid_poses())) for letter in LETTERS]
+
+    def run() -> list[FloatArray]:
+        return [press_at(touches, options).readings(options) for touches in every]
+
+    errors = [
+        errors_of(one.letter.name, one.poses, got, options) for one, got in zip(every, run(), strict=True)
+    ]
+    return Row(name, run, sum(map(len, every)), np.concatenate(errors), counted)
+
+
+@row
+def exact() -> Row:
+    """Level presses without a solver."""
+    return of_engine("exact", level("exact"), "an exact clip; no solver")
+
+
+@row
+def bed() -> Row:
+    """Level presses on a bed of springs."""
+    return of_engine("bed", level("bed"), "an exact clip; 1 step over the covered cells")
+
+
+@row
+def collide() -> Row:
+    """Level presses by MuJoCo's own collision detection."""
+    return of_engine("collide", level("collide"), "1 step over the points that MuJoCo finds to touch")
+
+
+def of_tilted(engine: str, counted: str) -> Row:
+    """Make the row of an engine that presses letters which are tilted and give way."""
+    fine = ScanOptions(press=PressOptions(engine="bed", wrist_stiffness=WRIST, cells_per_taxel=8))
+    options = ScanOptions(press=PressOptions(engine=engine, wrist_stiffness=WRIST))
+    rng = np.random.default_rng(0)
+    every = []
+    for letter in LETTERS:
+        poses = touching(letter, grid_poses())
+        every.append(Touches(models.letter(letter), poses, TILT * rng.standard_normal((len(poses), 2))))
+
+    def run() -> list[FloatArray]:
+        return [press_at(touches, options).readings(options) for touches in every]
+
+    errors = []
+    for touches, got in zip(every, run(), strict=True):
+        expected = press_at(touches, fine).readings(fine)
+        for pose, reading, right in zip(touches.poses, got, expected, strict=True):
+            _, area = expected_reading(touches.letter.footprint, pose, options.pad)
+            if area >= LEAST_AREA and right.any():
+                worst = np.abs(reading - right).max()
+                errors.append((worst, worst / right.max(), worst / (1e3 * options.press.force / area)))
+    return Row(f"{engine}, tilted", run, sum(map(len, every)), np.array(errors), counted)
+
+
+@row
+def bed_tilted() -> Row:
+    """Presses tilted by 0.25 degrees (sd) that a wrist lets give way, against a bed of 8 cells a taxel side."""
+    return of_tilted("bed", "clips and Newton steps until forces and moments balance")
+
+
+@row
+def collide_tilted() -> Row:
+    """The same presses by MuJoCo's own collision detection."""
+    return of_tilted("collide", "1 step; the solver finds what lets go")
+
+
+def of_plain(name: str, skips: Skips, constant: float) -> Row:
+    """Make the row of a plain scene that steps until nothing moves."""
+    options = level("bed", skip=skips)
+    scenes, beds = [], []
+    for letter in map(models.letter, LETTERS):
+        poses = touching(letter.name, grid_poses()[FEW])
+        plain = lay_bed(levels(letter, options.press), poses, *options.cell_lines, skip_empty=skips.cells)
+        beds.append((letter.name, poses, plain))
+        scenes += [
+            (compile_plain(letter, pose, springs, constant), len(springs.share), options.press.force)
+            for pose, springs in zip(poses, plain.springs, strict=True)
+        ]
+
+    def run() -> list[tuple[FloatArray, int]]:
+        return [press_plain(*scene) for scene in scenes]
+
+    done = run()
+    steps = np.mean([count for _, count in done])
+    forces = iter(force for force, _ in done)
+    errors = []
+    for letter, poses, plain in beds:
+        force = np.concatenate([next(forces) for _ in poses])
+        pressure = np.divide(force, plain.area, out=np.zeros_like(force), where=plain.area > 0)
+        errors.append(errors_of(letter, poses, Patches(plain, pressure).readings(options), options))
+    return Row(name, run, len(scenes), np.concatenate(errors), f"{steps:.0f} steps; the bed is given to it")
+
+
+@row
+def plain_tuned() -> Row:
+    """A plain scene whose contacts settle as fast as MuJoCo's default step allows."""
+    return of_plain("plain scene, tuned", WHOLE, TUNED)
+
+
+@row
+def plain_default() -> Row:
+    """A plain scene with MuJoCo's defaults."""
+    return of_plain("plain scene, default", WHOLE, DEFAULT)
+
+
+@row
+def plain_tuned_covered() -> Row:
+    """A tuned plain scene that is given the covered cells alone."""
+    return of_plain("plain scene, tuned, covered cells", COVERED, TUNED)
+
+
+def time_rows(rows: list[Row], rounds: int = 5) -> dict[str, float]:
+    """Time every row: seconds of CPU per press, the median of rounds taken in turns."""
+    times = {one.name: np.zeros(rounds) for one in rows}
     for index in range(rounds):
-        for column, ways in enumerate(letters):
-            for way, (run, presses) in ways.items():
-                start = process_time()
-                run()
-                times[way][index, column] = (process_time() - start) / presses
-    return {way: float(np.median(values, axis=0).mean()) for way, values in times.items()}
+        for one in rows:
+            start = process_time()
+            one.run()
+            times[one.name][index] = (process_time() - start) / one.presses
+    return {name: float(np.median(values)) for name, values in times.items()}
 
 
 def time_scan() -> float:
-    """Time the training and test readings of the vowels, 1,920 presses, scenes compiled: seconds of CPU."""
-    scan_letters(ScanOptions(letters=("A",)), cache=False)
+    """Time the training and test readings of the vowels, 1,920 level presses, without cache: seconds of CPU."""
+    options = level()
+    scan_letters(options.model_copy(update={"letters": ("A",)}), cache=False)
     start = process_time()
-    scan_letters(ScanOptions(), cache=False)
+    scan_letters(options, cache=False)
     return process_time() - start
 
 
 def main() -> None:
     """Print the table."""
-    seconds = time_presses()
-    forces, reading = seconds["press, springs to forces"], seconds["press, outline to reading"]
-    print(f"{'CPU per press':<34}{'us':>10}{'/ forces':>10}{'/ reading':>10}")
-    for way, value in seconds.items():
-        print(f"{way:<34}{value * 1e6:>10.1f}{value / forces:>10.0f}{value / reading:>10.0f}")
-    print(f"1,920 presses of five letters, all told: {time_scan():.3f} s of CPU")
+    rows = [make() for make in ROWS]
+    seconds = time_rows(rows)
+    print(
+        "| | us a press | / exact | worst taxel, kPa | of peak | of F / A | counted |\n|---|---|---|---|---|---|---|"
+    )
+    for one in rows:
+        kpa, peak, contact = np.percentile(one.errors, 95, axis=0)
+        took = seconds[one.name]
+        print(
+            f"| {one.name} | {took * 1e6:,.0f} | {took / seconds['exact']:,.1f} | {kpa:.2g} "
+            f"| {100 * peak:.2g} % | {100 * contact:.2g} % | {one.counted} |"
+        )
+    print(f"\n1,920 level presses of five letters, with sensing and noise: {time_scan():.3f} s of CPU")
 
 
 if __name__ == "__main__":

@@ -51,7 +51,7 @@ def brute_force(gap, pose, force, *, stiffness=1.0, tilt=(0.0, 0.0), fine=0.02):
     depths = (force / unit + np.cumsum(order)) / np.arange(1, len(order) + 1)
     depth = depths[np.searchsorted(order - depths, 0) - 1]
     load = unit * np.maximum(depth - behind, 0).reshape(len(y), len(x))
-    columns, rows = felt_along(x[:, None], PAD.column_edges, 1.0), felt_along(y[:, None], PAD.row_edges, 1.0)
+    columns, rows = felt_along(x, PAD.column_edges, 1.0), felt_along(y, PAD.row_edges, 1.0)
     reading = 1e3 * np.einsum("yx,yr,xc->rc", load, rows, columns).ravel()
     return reading / (PAD.taxel_width * PAD.taxel_height), depth
 

@@ -18,7 +18,7 @@ from tactsim.press.bed import Level, lay_bed
 from tactsim.press.clip import MOMENTS, cell_moments, edges_of
 from tactsim.press.engine import ideal_readings
 from tactsim.press.scan_poses import grid_poses
-from tactsim.press.spread import cell_lines, contact_map, point_map
+from tactsim.press.spread import cell_lines, contact_map
 from tactsim.press.touches import Touches
 
 POSE = np.zeros((1, 3))
@@ -160,25 +160,3 @@ def test_a_pad_of_4096_taxels_is_pressed():
 def test_a_bed_of_too_many_cells_is_refused():
     with pytest.raises(ValueError, match="cells of the bed, more than 200,000; choose fewer taxels"):
         ScanOptions(pad=square_pad(200, 10.0), sensor=SensorOptions(psf_sigma=0.3))
-
-
-def test_points_are_mapped_by_the_gaussian_of_each():
-    pad, rng = Pad(), np.random.default_rng(0)
-    press = np.array([0, 0, 2, 2, 2])
-    xy, force = rng.uniform(-6, 6, (5, 2)), rng.uniform(0, 1, 5)
-    expected = np.zeros((4, 36))
-    for index, (x, y), load in zip(press, xy, force, strict=True):
-        tiny = 1e-3
-        spot = CrossSection.square((tiny, tiny), True).translate((x, y))
-        expected[index] += fine_quadrature(spot, pad, 0.8) * load / tiny**2
-    maps = point_map(press, xy, force, 4, pad, 0.8)
-    assert maps == pytest.approx(expected, abs=1e-6 * expected.max())
-    assert not maps[[1, 3]].any()
-
-
-def test_without_a_point_spread_a_point_is_felt_by_the_taxel_under_it():
-    pad = Pad()
-    xy = np.vstack([pad.taxel_xy, [[0.0, 0.0]]])  # the last one lies in the seam
-    maps = point_map(np.arange(37), xy, np.full(37, 2.0), 37, pad, 0.0)
-    assert maps[:36] == pytest.approx(np.eye(36) * 2e3 / 1.8**2)
-    assert not maps[36].any()

@@ -1,0 +1,189 @@
+"""All engines press the same letters and must agree, each with its own error."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from test_accuracy import LEAST_AREA
+
+from tactsim import models
+from tactsim.bench.stress.exact import expected_reading
+from tactsim.core import Pad, transform
+from tactsim.core.errors import InputError
+from tactsim.press import PressOptions, ScanOptions
+from tactsim.press.clip import covers
+from tactsim.press.engine import press_at
+from tactsim.press.points import lattice, share
+from tactsim.press.scan_options import SensorOptions, Skips
+from tactsim.press.scan_poses import grid_poses, random_poses
+from tactsim.press.touches import Touches
+
+POSES = np.concatenate([grid_poses()[7::61], random_poses(np.random.default_rng(3), 2)])
+EVERY_POSE = np.concatenate([grid_poses(), random_poses(np.random.default_rng(4))])
+TILT, WRIST = 0.0044, 300.0  # rad, N mm/rad
+
+
+def options(engine, **press):
+    return ScanOptions(press=PressOptions(engine=engine, **({"wrist_stiffness": None} | press)))
+
+
+def read(engine, touches, **press):
+    chosen = options(engine, **press)
+    pressed = press_at(touches, chosen)
+    assert not pressed.blanks
+    return pressed.readings(chosen)
+
+
+def against_each_other(name, poses, tilt, wrist, **press):
+    """Press by every engine that applies: worst taxel's difference over the peak, where the letter touches enough."""
+    letter = models.letter(name)
+    tilts = tilt * np.random.default_rng(len(name)).standard_normal((len(poses), 2))
+    touches = Touches(letter, poses, tilts)
+    engines = ["bed", "collide"] if tilt or wrist else ["exact", "bed", "collide"]
+    readings = {engine: read(engine, touches, wrist_stiffness=wrist, **press) for engine in engines}
+    area = np.array([expected_reading(letter.footprint, pose, Pad())[1] for pose in poses])
+    enough = area >= LEAST_AREA
+    peak = readings["bed"][enough].max(axis=1)
+    return {
+        engine: np.abs(readings[engine] - readings["bed"])[enough].max(axis=1) / peak
+        for engine in engines
+        if engine != "bed"
+    }
+
+
+@pytest.mark.parametrize("name", models.names())
+def test_every_glyph_reads_the_same_by_every_engine(name):
+    level = against_each_other(name, POSES, 0.0, None)
+    assert level["exact"].max() < 1e-5
+    assert level["collide"].max() < 0.1
+    assert against_each_other(name, POSES, TILT, WRIST)["collide"].max() < 0.1
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", models.names())
+def test_every_glyph_reads_the_same_at_every_pose(name):
+    level = against_each_other(name, EVERY_POSE, 0.0, None)
+    assert level["exact"].max() < 1e-5
+    assert np.percentile(level["collide"], 95) < 0.03
+    tilted = against_each_other(name, EVERY_POSE, TILT, WRIST)["collide"]
+    assert np.percentile(tilted, 95) < 0.05
+
+
+def test_collide_keeps_to_the_figure_that_the_page_states():
+    """95 % of the worst taxels of the vowels are within 0.9 kPa, on the paper's poses and on any."""
+    for poses in (grid_poses(), random_poses(np.random.default_rng(4))):
+        worst = []
+        for name in "AEIOU":
+            letter = models.letter(name)
+            readings = read("collide", Touches.of(letter, poses))
+            for pose, reading in zip(poses, readings, strict=True):
+                expected, area = expected_reading(letter.footprint, pose, Pad())
+                if area >= LEAST_AREA:
+                    worst.append(np.abs(reading - expected).max())
+        assert np.percentile(worst, 95) < 0.9
+
+
+@pytest.mark.parametrize("name", ["E", "A", "O"])
+def test_mujoco_touches_the_points_that_the_letter_covers(name):
+    """No contact is lost to a mesh and none doubled, but at seams of parts and on the outline itself."""
+    letter, pad = models.letter(name), Pad()
+    chosen = options("collide")
+    touches = Touches.of(letter, random_poses(np.random.default_rng(5), 24))
+    load = press_at(touches, chosen).load
+    points = lattice(pad, chosen.press.points_per_taxel)
+    lost = twice = found = 0
+    for index, pose in enumerate(touches.poses):
+        inside = covers(letter.contours, transform(pose[None], points).reshape(-1, 2))
+        times = np.bincount(load.point[load.press == index], minlength=len(points))
+        assert times.max(initial=0) <= 2
+        lost += np.count_nonzero(inside & (times == 0))
+        twice += np.count_nonzero(times == 2)
+        found += np.count_nonzero((times > 0) & ~inside)
+    assert lost == 0
+    assert twice < 2e-3 * len(load.point)
+    assert found < 2e-3 * len(load.point)
+
+
+def test_collide_presses_rounded_edges_as_the_bed_does():
+    letter = models.letter("U", rounding=0.25)
+    touches = Touches(letter, POSES, np.full((len(POSES), 2), 0.003))
+    want, got = read("bed", touches), read("collide", touches, points_per_taxel=150)
+    touched = want.any(axis=1)
+    assert (np.abs(got - want)[touched].max(axis=1) / want[touched].max(axis=1)).max() < 0.03
+
+
+@settings(max_examples=20, deadline=None)
+@given(
+    st.floats(1e-3, 30.0),
+    st.floats(10.0, 1e4),
+    st.floats(-0.03, 0.03),
+    st.floats(-0.03, 0.03),
+    st.one_of(st.none(), st.floats(200.0, 1e5)),
+)
+def test_tilted_presses_agree_over_forces_and_stiffnesses(force, stiffness, tilt_x, tilt_y, wrist):
+    touches = Touches.of(models.letter("E"), np.array([[0.5, -1.0, 0.3]]), (tilt_x, tilt_y))
+    chosen = {"force": force, "stiffness": stiffness, "wrist_stiffness": wrist, "points_per_taxel": 150}
+    beds = press_at(touches, options("bed", **chosen))
+    collided = press_at(touches, options("collide", **chosen))
+    if beds.blanks or collided.blanks or len(collided.load.point) * share(Pad(), 150) < LEAST_AREA:
+        return
+    want, got = beds.readings(options("bed", **chosen)), collided.readings(options("collide", **chosen))
+    assert np.abs(got - want).max() < 0.06 * want.max()
+
+
+def test_collide_balances_the_force_on_any_pad_and_point_spread():
+    pad = Pad(rows=3, columns=5, pitch_x=3.0, pitch_y=2.0, taxel_width=3.0, taxel_height=2.0, no_seam=True,
+              unread_columns=0)  # fmt: skip
+    for sigma in (0.0, 0.5):
+        chosen = ScanOptions(
+            pad=pad,
+            press=PressOptions(engine="collide", wrist_stiffness=None),
+            sensor=SensorOptions(psf_sigma=sigma),
+        )
+        pressed = press_at(Touches.of(models.letter("E"), np.zeros((1, 3))), chosen)
+        assert pressed.load.force.sum() == pytest.approx(2.0, rel=1e-6)
+        felt = pressed.readings(chosen).sum() * pad.taxel_width * pad.taxel_height / 1e3
+        assert 1.6 < felt < 2.0 + 1e-9
+
+
+def test_points_share_the_pad_evenly():
+    for pad in (Pad(), Pad(rows=20, columns=2, no_seam=True, unread_columns=0)):
+        left, right, low, high = pad.load_bounds
+        points = lattice(pad, 48)
+        assert len(points) * share(pad, 48) == pytest.approx((right - left) * (high - low), rel=0.02)
+        apart = np.sort(np.hypot(*(points[:, None] - points).transpose(2, 0, 1)), axis=1)[:, 1]
+        assert apart.min() == pytest.approx(np.sqrt(share(pad, 48) * 2 / np.sqrt(3)), rel=1e-9)
+        assert np.ptp(apart) < 1e-9
+
+
+def test_a_press_beside_the_letter_reads_nothing_by_any_engine():
+    touches = Touches.of(models.letter("I"), np.array([[40.0, 0.0, 0.0]]))
+    for engine in ("exact", "bed", "collide"):
+        assert not read(engine, touches).any()
+
+
+def test_presses_do_not_depend_on_those_before():
+    touches = Touches(models.letter("A"), POSES, np.linspace(-0.01, 0.01, 2 * len(POSES)).reshape(-1, 2))
+    chosen = options("collide", wrist_stiffness=WRIST)
+    together = press_at(touches, chosen).readings(chosen)
+    backwards = Touches(touches.letter, touches.poses[::-1], touches.tilts[::-1])
+    assert np.array_equal(press_at(backwards, chosen).readings(chosen)[::-1], together)
+    chosen = chosen.model_copy(
+        update={"press": chosen.press.model_copy(update={"skip": Skips(stages=False)})}
+    )
+    assert np.array_equal(press_at(touches, chosen).readings(chosen), together)
+
+
+def test_a_letter_that_tips_over_is_a_blank_with_its_reason():
+    touches = Touches.of(models.letter("I"), np.array([[9.0, 0.0, 0.0]]))
+    for engine in ("bed", "collide"):
+        chosen = options(engine, wrist_stiffness=2.0, force=20.0)
+        pressed = press_at(touches, chosen)
+        assert pressed.blanks[0]
+        assert not pressed.readings(chosen).any()
+    assert "tips over" in pressed.blanks[0]
+
+
+def test_too_many_points_are_refused():
+    with pytest.raises(InputError, match=r"press\.points_per_taxel: the pad has .* points, more than 50,000"):
+        read("collide", Touches.of(models.letter("I"), np.zeros((1, 3))), points_per_taxel=2000)
