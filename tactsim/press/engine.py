@@ -10,12 +10,11 @@ from __future__ import annotations
 from collections import Counter
 from dataclasses import dataclass
 
-import numpy as np
-
 from tactsim import models
 from tactsim.core.poses import FloatArray
 from tactsim.press.bed import Bed, Level, lay_bed
 from tactsim.press.contact_forces import contact_forces, contact_history
+from tactsim.press.dynamics import ForceTrace
 from tactsim.press.levels import levels
 from tactsim.press.scan_options import ScanOptions
 from tactsim.press.scene import UNREAD_STAGES
@@ -42,6 +41,15 @@ class Pressed:
         return _map(self.bed, self.forces, options)
 
 
+@dataclass(frozen=True, eq=False)
+class Sequence:
+    """The images of one press through time, (frames, taxels) kPa at times (frames,) s, and its force."""
+
+    times: FloatArray
+    images: FloatArray
+    trace: ForceTrace
+
+
 def ideal_readings(
     letter: models.Letter, poses: FloatArray, options: ScanOptions
 ) -> tuple[FloatArray, Counter[str]]:
@@ -66,19 +74,18 @@ def press_at(letter: models.Letter, poses: FloatArray, options: ScanOptions) -> 
     return Pressed(bed, forces, _work(bed, face, letter, options))
 
 
-def ideal_sequence(
-    letter: models.Letter, pose: FloatArray, options: ScanOptions
-) -> tuple[FloatArray, FloatArray]:
-    """Press `letter` at one pose (3,) through time: returns times (frames,) s and (frames, taxels) kPa.
+def ideal_sequence(letter: models.Letter, pose: FloatArray, options: ScanOptions) -> Sequence | None:
+    """Press `letter` at one pose (3,) through time: its images, or None where nothing touches.
 
-    The last image is at rest and is the ideal reading. There are no frames where nothing touches.
+    The last image is at rest and is the ideal reading.
     Raises what `ideal_readings` does.
     """
     bed = _bed(levels(letter, options.press), pose[None], options)
     if not bed.area.any():
-        return np.zeros(0), np.zeros((0, options.pad.taxels))
+        return None
     history = contact_history(bed.springs[0], pose, letter, options.press)
-    return history.times, _map(bed.repeat(len(history.times)), history.forces.ravel(), options)
+    images = _map(bed.repeat(len(history.times)), history.forces.ravel(), options)
+    return Sequence(history.times, images, history.trace)
 
 
 def _work(bed: Bed, face: list[Level], letter: models.Letter, options: ScanOptions) -> Counter[str]:

@@ -11,6 +11,7 @@ from tactsim import models
 from tactsim.core.errors import InputError, short
 from tactsim.core.finite import finite
 from tactsim.core.poses import FloatArray
+from tactsim.press.dynamics import ForceTrace
 from tactsim.press.engine import ideal_readings, ideal_sequence
 from tactsim.press.scan_options import ScanOptions
 from tactsim.press.sensor import gains, sense
@@ -22,13 +23,19 @@ class Press:
 
     ideal: (taxels,) kPa without imperfections. reading: (taxels,) kPa, what the pad reports. With full
     dynamics `sequence` (frames, taxels) kPa holds the images of the press, without imperfections, taken
-    at `times` (frames,) s; the last is `ideal`.
+    at `times` (frames,) s; the last is `ideal`. `trace` is the contact force at every time step.
     """
 
     ideal: FloatArray
     reading: FloatArray
     times: FloatArray | None = None
     sequence: FloatArray | None = None
+    trace: ForceTrace | None = None
+
+    @property
+    def settle_time(self) -> float | None:
+        """Give the time from touch until the force stays within 2 % of the set force, s; None at rest."""
+        return None if self.trace is None else self.trace.settle_time
 
 
 def press_letter(
@@ -59,12 +66,10 @@ def press_letter(
     if rng is None:
         sensor = sensor.model_copy(update={"noise": 0.0, "random_taxels": 0.0})
         rng = np.random.default_rng(0)
-    times = sequence = None
-    if options.press.dynamics == "full":
-        times, sequence = ideal_sequence(letter, pose, options)
-    if sequence is not None and len(sequence):
-        ideal = sequence[-1]
-    else:  # at rest, or beside the letter, where there is nothing to follow through time
-        times = sequence = None
-        ideal = ideal_readings(letter, pose[None], options)[0][0]
-    return Press(ideal, sense(ideal[None], sensor, gains(options), rng)[0], times, sequence)
+    moved = ideal_sequence(letter, pose, options) if options.press.dynamics == "full" else None
+    # At rest, or beside the letter, there is nothing to follow through time.
+    ideal = ideal_readings(letter, pose[None], options)[0][0] if moved is None else moved.images[-1]
+    reading = sense(ideal[None], sensor, gains(options), rng)[0]
+    if moved is None:
+        return Press(ideal, reading)
+    return Press(ideal, reading, moved.times, moved.images, moved.trace)

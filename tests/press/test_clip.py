@@ -75,7 +75,9 @@ def by_triangles(region, centre):
     st.floats(-3, 3),
     st.floats(-7, 7),
     st.tuples(
-        st.floats(-2, 2), st.floats(-7, 7), st.one_of(st.sampled_from([0.0, 1e-300, 1e-13]), st.floats(1e-3, 1))
+        st.floats(-2, 2),
+        st.floats(-7, 7),
+        st.one_of(st.sampled_from([0.0, 1e-300, 1e-13]), st.floats(1e-3, 1)),
     ),
     st.floats(-0.3, 0.3),
 )
