@@ -181,9 +181,9 @@ class Scan:
         )
 
     def _chosen(self, chosen: NDArray[np.bool_]) -> Scan:
-        of_presses = ("readings", "poses", "labels", "split")
+        of_presses = ["readings", "poses", "labels", "split"]
         if self.sequence is not None:
-            of_presses += ("sequence", "sequence_force")
+            of_presses += ["sequence", "sequence_force"]
         return replace(self, **{name: getattr(self, name)[chosen] for name in of_presses})
 
     def save(self, path: str | Path) -> None:

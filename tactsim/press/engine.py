@@ -42,7 +42,7 @@ class Pressed:
 
 
 @dataclass(frozen=True, eq=False)
-class Sequence:
+class Moving:
     """The images of one press through time, (frames, taxels) kPa at times (frames,) s, and its force."""
 
     times: FloatArray
@@ -74,7 +74,7 @@ def press_at(letter: models.Letter, poses: FloatArray, options: ScanOptions) -> 
     return Pressed(bed, forces, _work(bed, face, letter, options))
 
 
-def ideal_sequence(letter: models.Letter, pose: FloatArray, options: ScanOptions) -> Sequence | None:
+def ideal_sequence(letter: models.Letter, pose: FloatArray, options: ScanOptions) -> Moving | None:
     """Press `letter` at one pose (3,) through time: its images, or None where nothing touches.
 
     The last image is at rest and is the ideal reading.
@@ -85,7 +85,7 @@ def ideal_sequence(letter: models.Letter, pose: FloatArray, options: ScanOptions
         return None
     history = contact_history(bed.springs[0], pose, letter, options.press)
     images = _map(bed.repeat(len(history.times)), history.forces.ravel(), options)
-    return Sequence(history.times, images, history.trace)
+    return Moving(history.times, images, history.trace)
 
 
 def _work(bed: Bed, face: list[Level], letter: models.Letter, options: ScanOptions) -> Counter[str]:

@@ -7,7 +7,8 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any
+from itertools import islice
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -21,6 +22,9 @@ from tactsim.press import cache as cached
 from tactsim.press.scan_options import ScanOptions
 from tactsim.press.scan_poses import grid_poses, random_poses
 from tactsim.press.sensor import gains, sense
+
+if TYPE_CHECKING:
+    from tactsim.press.sequences import Course
 
 Progress = Callable[[int, int], None]
 
@@ -44,21 +48,27 @@ def scan_letters(
     *,
     jobs: int = 1,
     cache: bool = True,
+    sequence: bool = False,
     progress: Progress | None = None,
 ) -> tuple[Scan, dict[str, Any]]:
     """Press every letter at 192 training and 192 test poses (paper, section II).
 
     jobs: processes to use at most, where the work is worth them. cache: whether readings of earlier
-    scans are used and new ones are kept. progress(done, total): called as presses are done.
+    scans are used and new ones are kept. sequence: whether the images of every press on its way to rest are
+    kept in the scan; they are of full dynamics and not in the cache. progress(done, total): called as presses
+    are done.
     Returns the scan and its work: `presses`, those that were worked out now, and `skipped` {reason:
-    count}. The same options give the same bits whatever `jobs` and `cache` are, and a letter's readings
-    do not depend on the other letters.
+    count}; of presses through time also `settle_time` {"median", "longest"} s and the largest `overshoot`.
+    The same options give the same bits whatever `jobs` and `cache` are, and a letter's readings do not
+    depend on the other letters.
 
     Raises InputError for a letter, shape or option that does not exist, and if a press does not settle.
     """
+    if sequence and options.press.dynamics != "full":
+        raise InputError("a sequence is of presses through time; set press.dynamics to full")
     letters = letters_of(options)
     batches = [_batch(letter, split, options) for letter in letters for split in SPLITS]
-    ideal, work = _ideal(batches, options, jobs, cache, progress)
+    ideal, work, courses = _ideal(batches, options, jobs, cache, sequence, progress)
     gain = gains(options)
     readings = [
         sense(values, options.sensor, gain, stream(options.seed, batch.letter.name, batch.split, "sense"))
@@ -71,9 +81,10 @@ def scan_letters(
         np.array([batch.split for batch in batches for _ in batch.stated]),
         options.pad.taxel_xy,
         _meta(options, letters),
+        **(_sequences(batches, courses, options) if sequence else {}),
     )
     presses = work.pop("presses")
-    return scan, {"presses": presses, "skipped": dict(work)}
+    return scan, {"presses": presses, "skipped": dict(work)} | _settling(courses)
 
 
 def letters_of(options: ScanOptions) -> list[models.Letter]:
@@ -103,9 +114,18 @@ def _batch(letter: models.Letter, split: str, options: ScanOptions) -> _Batch:
 
 
 def _ideal(
-    batches: Sequence[_Batch], options: ScanOptions, jobs: int, cache: bool, progress: Progress | None
-) -> tuple[list[FloatArray], Counter[str]]:
-    """Get each batch's ideal readings, (n, taxels) kPa: known already, from the cache, or pressed now."""
+    batches: Sequence[_Batch],
+    options: ScanOptions,
+    jobs: int,
+    cache: bool,
+    sequence: bool,
+    progress: Progress | None,
+) -> tuple[list[FloatArray], Counter[str], list[list[Course]]]:
+    """Get each batch's ideal readings, (n, taxels) kPa: known already, from the cache, or pressed now.
+
+    Returns them, the work, and for each batch the courses of its presses; none of what was not pressed through
+    time now.
+    """
     keys = [cached.key(batch.letter, batch.true, options) for batch in batches]
     names = [(key, 0 if options.press.skip.known else index) for index, key in enumerate(keys)]
     work = Counter(presses=0, known=0, cached=0, no_contact=0, cells=0, parts=0, stages=0)
@@ -116,7 +136,7 @@ def _ideal(
         if name in ideal or name in wanted:
             work["known"] += count
             continue
-        stored = cached.load(name[0], (count, options.pad.taxels)) if cache else None
+        stored = cached.load(name[0], (count, options.pad.taxels)) if cache and not sequence else None
         if stored is None:
             wanted[name] = batch
         else:
@@ -128,14 +148,16 @@ def _ideal(
     if progress is not None and done:
         progress(done, total)
     tasks = [
-        (name, batch.letter, batch.true[first : first + _CHUNK], options)
+        (name, batch.letter, batch.true[first : first + _CHUNK], options, sequence)
         for name, batch in wanted.items()
         for first in range(0, len(batch.true), _CHUNK)
     ]
     pressed: dict[tuple[str, int], list[FloatArray]] = {name: [] for name in wanted}
+    courses: dict[tuple[str, int], list[Course]] = {name: [] for name in names}
     with _workers(jobs, len(tasks) * _CHUNK * _seconds_per_press(options)) as mapped:
-        for (name, *_), (readings, piece) in zip(tasks, mapped(_press, tasks), strict=True):
+        for (name, *_), (readings, piece, course) in zip(tasks, mapped(_press, tasks), strict=True):
             pressed[name].append(readings)
+            courses[name] += [] if course is None else [course]
             work.update(piece)
             done += len(readings)
             if progress is not None:
@@ -146,15 +168,52 @@ def _ideal(
             cached.store(name[0], ideal[name])
     if cache and wanted:
         cached.prune()
-    return [ideal[name] for name in names], work
+    return [ideal[name] for name in names], work, [courses[name] for name in names]
 
 
-def _press(task: tuple[Any, models.Letter, FloatArray, ScanOptions]) -> tuple[FloatArray, Counter[str]]:
+def _press(
+    task: tuple[Any, models.Letter, FloatArray, ScanOptions, bool],
+) -> tuple[FloatArray, Counter[str], Course | None]:
     # Brings MuJoCo, which a scan from the cache does without.
     from tactsim.press.engine import ideal_readings
+    from tactsim.press.sequences import press_each
 
-    _, letter, poses, options = task
-    return ideal_readings(letter, poses, options)
+    _, letter, poses, options, sequence = task
+    if options.press.dynamics == "full":
+        return press_each(letter, poses, options, keep=sequence)
+    return *ideal_readings(letter, poses, options), None
+
+
+def _sequences(
+    batches: Sequence[_Batch], courses: Sequence[Sequence[Course]], options: ScanOptions
+) -> dict[str, Any]:
+    """Sense the images of all presses; each batch has a random stream for them of its own.
+
+    The zero drifts from press to press, so images on the way to one reading have no drift of their own.
+    """
+    from tactsim.press.sequences import aligned
+
+    presses = [moving for batch in courses for course in batch for moving in course.moving]
+    images, times, force = aligned(presses, options.press.frame_rate, options.pad.taxels)
+    gain, sensor = gains(options), options.sensor.model_copy(update={"drift": 0.0})
+    left = iter(images)
+    for batch in batches:
+        rng = stream(options.seed, batch.letter.name, batch.split, "sequence")
+        for image in islice(left, len(batch.true)):
+            image[:] = sense(image, sensor, gain, rng)
+    return {"sequence": images, "sequence_times": times, "sequence_force": force}
+
+
+def _settling(courses: Sequence[Sequence[Course]]) -> dict[str, Any]:
+    """Sum up how the presses settled that were stepped through time now; nothing if there are none."""
+    touching = [course for batch in courses for course in batch if len(course.settle_time)]
+    if not touching:
+        return {}
+    settle_time = np.concatenate([course.settle_time for course in touching])
+    return {
+        "settle_time": {"median": float(np.median(settle_time)), "longest": float(settle_time.max())},
+        "overshoot": max(float(course.overshoot.max()) for course in touching),
+    }
 
 
 @contextmanager
