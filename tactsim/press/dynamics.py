@@ -37,7 +37,7 @@ _LATER_STEP = 0.4
 _LAG = 0.02  # share of the ramp by which the set point may be followed late: a long step h lags by h^2 rate
 _TOUCH_CONSTANTS = 3.0  # time constants after a touch before they grow
 _GROWTH = 1.1
-_APPROACH_STEP = 0.3  # in time constants of braking
+_APPROACH_STEP = 0.15  # in time constants of braking
 _RAMP_STEPS = 25  # at least
 
 
@@ -108,7 +108,7 @@ def press_through_time(stage: Scene, springs: Springs, options: PressOptions) ->
         velocity = float(data.qvel[0])
         if touched is None:
             distance = touch_depth - float(data.qpos[0])
-            set_point, wanted = 0.0, control.approach(distance)
+            set_point = wanted = 0.0
             # Half of what is left at most, so that a long step does not carry it far into the layer.
             left = distance / max(velocity, control.touch_speed)
             step = min(in_approach, max(shortest, options.time_step * left / 2))
@@ -123,6 +123,8 @@ def press_through_time(stage: Scene, springs: Springs, options: PressOptions) ->
         frame_at = (len(times) + 1) / options.frame_rate
         steps = math.ceil((frame_at - now) / step)
         taken = (frame_at - now) / steps
+        if touched is None:
+            wanted = control.approach(distance, taken)
         data.qfrc_applied[0] = control.motor_force(wanted, velocity, measured, taken)
         depth = np.maximum(stage.depths(springs) + taken * velocity, 0.0)
         stage.set_step(

@@ -88,9 +88,13 @@ class ForceControl:
             ramp=ramp,
         )
 
-    def approach(self, distance: float) -> float:
-        """Give the wanted velocity, m/s, `distance` m before the touch: fast at first, the touch speed in the end."""
-        return min(self.approach_speed, self.touch_speed + self.braking * max(distance, 0.0))
+    def approach(self, distance: float, step: float) -> float:
+        """Give the wanted velocity, m/s, for the next `step` s, `distance` m before the touch.
+
+        It falls with the distance to the touch speed; over the step it is that of the step's middle.
+        """
+        middle = (self.touch_speed + self.braking * max(distance, 0.0)) / (1 + self.braking * step / 2)
+        return min(self.approach_speed, max(middle, self.touch_speed))
 
     def set_point(self, elapsed: float, touch_velocity: float) -> float:
         """Give the wanted force, N, `elapsed` s after the letter touched at `touch_velocity` m/s.
