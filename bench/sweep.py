@@ -13,8 +13,7 @@ import re
 import shutil
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import Executor, as_completed
-from concurrent.futures.process import BrokenProcessPool
+from concurrent.futures import BrokenExecutor, Executor, as_completed
 from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 
@@ -119,7 +118,11 @@ def dask_pool(address: str) -> Pool:
         except (OSError, ValueError, TypeError) as error:
             raise InputError(f"--dask {address}: no scheduler answers there ({error})") from error
         with client, client.get_executor(pure=False, retries=ATTEMPTS) as executor:
-            yield executor
+            try:
+                yield executor
+            except BaseException:
+                executor.shutdown(wait=False)  # cancels what is not done
+                raise
 
     return enter
 
@@ -142,16 +145,12 @@ def _work_off(
                     executor.submit(run_chunk, plans[chunk.run], list(chunk.tasks)): chunk
                     for chunk in left.values()
                 }
-                try:
-                    for future in as_completed(futures):
-                        chunk = futures[future]
-                        trials, work = future.result()
-                        del left[chunk.run, chunk.number]
-                        yield chunk, trials, work
-                except BaseException:
-                    executor.shutdown(wait=False, cancel_futures=True)
-                    raise
-        except BrokenProcessPool:
+                for future in as_completed(futures):
+                    chunk = futures[future]
+                    trials, work = future.result()
+                    del left[chunk.run, chunk.number]
+                    yield chunk, trials, work
+        except BrokenExecutor:
             if attempt == ATTEMPTS:
                 raise
 

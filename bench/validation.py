@@ -20,9 +20,11 @@ from tactsim.core.scan import train_on
 from tactsim.estimators.likelihoods.classifier import classify
 from tactsim.hardware.sensor_fit import SensorFit, TaxelError, class_agreement, fit_sensor, taxel_error
 from tactsim.press import ScanOptions
-from tactsim.press.engine import Pressed, press_at
+from tactsim.press.engine import press_at
+from tactsim.press.pressed import Pressed
 from tactsim.press.scanning import letters_of
 from tactsim.press.sensor import gains, sense
+from tactsim.press.touches import Touches
 
 CLASSES = ("no contact", "in contact", "unknown")
 
@@ -88,10 +90,14 @@ class _Simulator:
         if self._pressed is None or self._pressed[0] != wanted:
             poses = compose(self._recorded.poses, errors)
             labels = self._recorded.labels
+            tilt = options.press.tilt_x, options.press.tilt_y
             letters = ((name, self._letters[name]) for name in self._recorded.letters)
             self._pressed = (
                 wanted,
-                {name: press_at(letter, poses[labels == name], options) for name, letter in letters},
+                {
+                    name: press_at(Touches.of(letter, poses[labels == name], tilt), options).settled()
+                    for name, letter in letters
+                },
             )
         return self._pressed[1]
 

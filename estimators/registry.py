@@ -10,6 +10,7 @@ from tactsim.core.checking import checked
 from tactsim.core.errors import InputError, short, unknown
 from tactsim.core.plug_ins import Listed
 from tactsim.estimators.estimator import Estimator, Options
+from tactsim.estimators.options import FilterOptions
 
 if TYPE_CHECKING:
     from tactsim.estimators.filters.map_filter import MapFilter
@@ -43,6 +44,10 @@ BUILT_IN: dict[str, tuple[str, str]] = {
         "tactsim.estimators.filters.refined:ForceMosaicFilter",
         "coarse-to-fine on predicted pressures instead of classes",
     ),
+    "nearest": (
+        "tactsim.estimators.filters.nearest:Nearest",
+        "baseline without maps: which training readings are alike",
+    ),
 }
 
 
@@ -54,13 +59,13 @@ def names() -> tuple[str, ...]:
 def create(name: str, **options: Any) -> Estimator:
     """Make the estimator of that name with these options.
 
-    A built-in filter comes in wrappers: it can propose readings, and say "none of these".
+    A built-in filter on maps comes in wrappers: it can propose readings, and say "none of these".
     Raises InputError for an unknown name, a broken plug-in, or an option that is unknown or out of
     its bounds.
     """
     chosen = load(name)
     made = chosen(checked(chosen.options_type, options, f"estimator {name}"))
-    if name in BUILT_IN:
+    if name in BUILT_IN and issubclass(chosen.options_type, FilterOptions):
         from tactsim.estimators.filters.wrapped import wrapped
 
         made = wrapped(cast("MapFilter", made))

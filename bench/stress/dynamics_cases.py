@@ -11,21 +11,22 @@ from tactsim import models
 from tactsim.bench.stress.case import Worst, case, refused
 from tactsim.bench.stress.convergence_cases import slope
 from tactsim.bench.stress.press_cases import exact_pad, ideal
-from tactsim.core import Pad
 from tactsim.core.poses import FloatArray
-from tactsim.press import PressOptions, press_letter
+from tactsim.press import PressOptions, ScanOptions, press_letter
 from tactsim.press.bed import lay_bed
-from tactsim.press.contact_forces import contact_history
 from tactsim.press.dynamics import History
+from tactsim.press.engine import contact_history
 from tactsim.press.levels import levels
+from tactsim.press.touches import Touches
 
 
 def follow(**press: Any) -> History:
     """Press E through time without the sensor."""
-    letter, options = models.letter("E"), PressOptions(dynamics="full", **press)
-    pose = np.array([1.0, 2.0, 0.3])
-    (springs,) = lay_bed(levels(letter, options), pose[None], *Pad().grid_lines(2)).springs
-    return contact_history(springs, pose, letter, options)
+    options = ScanOptions(press=PressOptions(dynamics="full", **press))
+    tilt = (options.press.tilt_x, options.press.tilt_y)
+    touches = Touches.of(models.letter("E"), np.array([[1.0, 2.0, 0.3]]), tilt)
+    bed = lay_bed(levels(touches.letter, options.press), touches.poses, *options.cell_lines)
+    return contact_history(bed, touches, 0, options)
 
 
 @case(
@@ -42,7 +43,9 @@ def force_control(worst: Worst) -> None:
     settings: list[dict[str, float]] = [
         {"moving_mass": mass, "stiffness": stiffness, "force": force} for mass, stiffness, force in grid
     ]
-    settings += [{"moving_mass": m, "tilt_x": 0.004, "tilt_stiffness": 300.0} for m in (0.01, 0.1, 1.0, 10.0)]
+    settings += [
+        {"moving_mass": m, "tilt_x": 0.004, "wrist_stiffness": 300.0} for m in (0.01, 0.1, 1.0, 10.0)
+    ]
     for setting in settings:
         traces = [follow(time_step=share, **setting).trace for share in (1.0, 0.5, 0.25)]
         worst.see([trace.overshoot for trace in traces], str(setting))

@@ -19,6 +19,7 @@ from tactsim.press.engine import ideal_readings
 from tactsim.press.levels import levels
 from tactsim.press.scan_poses import grid_poses, random_poses
 from tactsim.press.scene import Setup, scene
+from tactsim.press.touches import Touches
 
 FORCE = 2.0  # N
 
@@ -30,7 +31,8 @@ def exact_pad(**press: Any) -> ScanOptions:
 
 def ideal(name: str, poses: FloatArray, options: ScanOptions) -> FloatArray:
     """Press a letter at poses (n, 3): (n, taxels) kPa."""
-    return ideal_readings(models.letter(name), np.atleast_2d(poses), options)[0]
+    tilt = options.press.tilt_x, options.press.tilt_y
+    return ideal_readings(Touches.of(models.letter(name), np.atleast_2d(poses), tilt), options)[0]
 
 
 def error(name: str, pose: FloatArray, options: ScanOptions, force: float = FORCE) -> float:
@@ -295,7 +297,7 @@ def tilt(worst: Worst) -> None:
     for tilt_x, tilt_y in ((1e-9, 0.0), (1e-3, -1e-3), (0.2, 0.0), (-0.2, 0.2)):
         for stiffness in (None, 1.0, 1e3, 1e7):
             for force in (0.01, 2.0, 100.0):
-                press = PressOptions(force=force, tilt_x=tilt_x, tilt_y=tilt_y, tilt_stiffness=stiffness)
+                press = PressOptions(force=force, tilt_x=tilt_x, tilt_y=tilt_y, wrist_stiffness=stiffness)
                 options = ScanOptions(pad=wide, press=press, sensor=SensorOptions(noise=0, psf_sigma=0))
                 for pose in poses:
                     where = f"tilt {tilt_x}, {tilt_y}, hinges {stiffness}, {force} N at {pose.tolist()}"

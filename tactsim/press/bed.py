@@ -2,8 +2,8 @@
 
 The bed is an elastic (Winkler) foundation: the pressure at a point is proportional to the depth there.
 Under a flat face, tilted or not, the depth is linear over a cell. One spring at the centroid of the
-covered part, with a stiffness proportional to the part's area, then carries exactly the force of that
-part. `clip` gives areas and centroids exactly.
+part that touches, with a stiffness proportional to the part's area, then carries exactly the force of
+that part. `clip` gives areas and centroids exactly.
 
 A face that is not flat is described by levels: flat regions, each at its own gap behind the foremost one.
 """
@@ -65,13 +65,15 @@ class Bed:
     """The covered cells of many presses, one row per contact, ordered by press, level and cell.
 
     level: (contacts,) index of the level (or part) that touches. cell: (contacts,) row * columns +
-    column in the grid of cells. centroid: (contacts, 2) mm in the sensor frame. area: (contacts,) mm^2.
-    gap: (contacts,) mm. moments: (6, contacts) about the cell's centre (`clip.MOMENTS`).
+    column in the grid of cells. centre: (contacts, 2) mm, of the cell in the sensor frame. centroid:
+    (contacts, 2) mm, of the part that touches. area: (contacts,) mm^2, of that part. gap: (contacts,) mm.
+    moments: (EVEN_MOMENTS or MOMENTS, contacts) of the part about the cell's centre (`clip.POWERS`).
     start: (presses + 1,) where each press's rows begin.
     """
 
     level: NDArray[np.intp]
     cell: NDArray[np.intp]
+    centre: FloatArray
     centroid: FloatArray
     area: FloatArray
     gap: FloatArray
@@ -84,11 +86,15 @@ class Bed:
         return np.repeat(np.arange(len(self.start) - 1), np.diff(self.start))
 
     @cached_property
+    def area_of_presses(self) -> FloatArray:
+        """Sum the areas of each press's contacts, (presses,) mm^2."""
+        # Added one by one, springs without area do not change a bit of the sum.
+        return np.asarray(np.bincount(self.press, self.area, len(self.start) - 1), dtype=float)
+
+    @cached_property
     def springs(self) -> list[Springs]:
         """Describe the springs of each press."""
         presses = len(self.start) - 1
-        # Added one by one, springs without area do not change a bit of the sum.
-        total = np.bincount(self.press, self.area, presses)
         largest = np.zeros(presses)
         some = np.diff(self.start) > 0
         if some.any():
@@ -99,20 +105,48 @@ class Bed:
         rows = [slice(*pair) for pair in pairwise(self.start.tolist())]
         return [
             Springs(here, position[here], share[here], self.level[here], area, most, flat)
-            for here, area, most in zip(rows, total.tolist(), largest.tolist(), strict=True)
+            for here, area, most in zip(rows, self.area_of_presses.tolist(), largest.tolist(), strict=True)
         ]
+
+    def of(self, rows: NDArray[np.intp], presses: NDArray[np.intp], count: int) -> Bed:
+        """Take the contacts `rows`, which are in order, and say that they belong to `presses`, out of `count`."""
+        return Bed(
+            level=self.level[rows],
+            cell=self.cell[rows],
+            centre=self.centre[rows],
+            centroid=self.centroid[rows],
+            area=self.area[rows],
+            gap=self.gap[rows],
+            moments=self.moments[:, rows],
+            start=np.searchsorted(presses, np.arange(count + 1)),
+        )
 
     def repeat(self, times: int) -> Bed:
         """List the contacts of a bed of one press `times` over, as if pressed again at the same pose."""
-        return Bed(
-            level=np.tile(self.level, times),
-            cell=np.tile(self.cell, times),
-            centroid=np.tile(self.centroid, (times, 1)),
-            area=np.tile(self.area, times),
-            gap=np.tile(self.gap, times),
-            moments=np.tile(self.moments, times),
-            start=len(self.area) * np.arange(times + 1),
-        )
+        rows = np.tile(np.arange(len(self.area)), times)
+        return self.of(rows, np.repeat(np.arange(times), len(self.area)), times)
+
+
+def join(
+    beds: Sequence[Bed], presses: Sequence[NDArray[np.intp]], count: int
+) -> tuple[Bed, NDArray[np.intp]]:
+    """Put beds of different presses together. presses: which of `count` presses each bed's are.
+
+    Returns the bed, and for each of its contacts the index among all contacts of `beds`, one after the other.
+    """
+    every = Bed(
+        level=np.concatenate([bed.level for bed in beds]),
+        cell=np.concatenate([bed.cell for bed in beds]),
+        centre=np.concatenate([bed.centre for bed in beds]),
+        centroid=np.concatenate([bed.centroid for bed in beds]),
+        area=np.concatenate([bed.area for bed in beds]),
+        gap=np.concatenate([bed.gap for bed in beds]),
+        moments=np.concatenate([bed.moments for bed in beds], axis=1),
+        start=np.zeros(1, dtype=np.intp),
+    )
+    press = np.concatenate([own[bed.press] for own, bed in zip(presses, beds, strict=True)])
+    order = np.argsort(press, kind="stable")
+    return every.of(order, press[order], count), order
 
 
 def lay_bed(
@@ -121,38 +155,73 @@ def lay_bed(
     x_lines: FloatArray,
     y_lines: FloatArray,
     *,
+    tilts: FloatArray | None = None,
+    depths: FloatArray | None = None,
+    moments: int = EVEN_MOMENTS,
     skip_empty: bool = True,
 ) -> Bed:
     """Find the contacts of a face at `poses` (n, 3) sensor_in_object with a grid of cells, mm.
 
-    x_lines (columns + 1,), y_lines (rows + 1,): the edges of the cells in the sensor frame.
+    x_lines (columns + 1,), y_lines (rows + 1,): the edges of the cells in the sensor frame. tilts: (n, 2)
+    rad about the pad's x and y, by which the face is turned about the pad's middle. depths: (n,) mm, how
+    deep the foremost level is at the pad's middle; what is not below the pad's surface then has no contact.
+    Without `depths` all that lies over the pad has one. moments: how many, as in `clip.cell_moments`.
     Without `skip_empty` a cell that a level does not cover gets a spring too, at the cell's centre; such a
     spring has no area and nothing touches it.
     """
     rows, columns = len(y_lines) - 1, len(x_lines) - 1
     object_in_sensor = invert(poses)
-    every = np.empty((EVEN_MOMENTS, len(poses), len(levels), rows * columns))
+    plane = surface = None
+    if tilts is not None:
+        plane = foreshortening(tilts)
+    if depths is not None:
+        slope = slopes(tilts) if tilts is not None else np.zeros((len(poses), 2))
+        surface = np.column_stack([depths, slope])
+    every = np.empty((moments, len(poses), len(levels), rows * columns))
     for index, level in enumerate(levels):
-        moments = cell_moments(level.edges, object_in_sensor, x_lines, y_lines)
-        every[:, :, index] = moments.reshape(EVEN_MOMENTS, len(poses), rows * columns)
+        depth = None if surface is None else surface - (level.gap, 0.0, 0.0)
+        of_level = cell_moments(
+            level.edges, object_in_sensor, x_lines, y_lines, plane=plane, depth=depth, moments=moments
+        )
+        every[:, :, index] = of_level.reshape(moments, len(poses), rows * columns)
     area = every[0]
     whole = area.sum(axis=(1, 2), keepdims=True)
     covered = (area > SMALLEST_PART * whole) & (whole > SMALLEST_CONTACT)
     if not skip_empty:
         every *= covered
         covered = np.ones_like(covered)
-    press, of_level, cell = np.nonzero(covered)
-    moments = every[:, covered]
-    area = moments[0]
+    press, level_index, cell = np.nonzero(covered)
+    kept = every[:, covered]
+    area = kept[0]
     row, column = np.divmod(cell, columns)
-    middle = ((x_lines[:-1] + x_lines[1:])[column] / 2, (y_lines[:-1] + y_lines[1:])[row] / 2)
-    offset = np.divide(moments[1:3], area, out=np.zeros((2, len(area))), where=area > 0)
+    centre = np.stack(
+        [((x_lines[:-1] + x_lines[1:]) / 2)[column], ((y_lines[:-1] + y_lines[1:]) / 2)[row]], axis=1
+    )
+    offset = np.divide(kept[1:3], area, out=np.zeros((2, len(area))), where=area > 0)
     return Bed(
-        level=of_level,
+        level=level_index,
         cell=cell,
-        centroid=np.stack(middle + offset, axis=1),
+        centre=centre,
+        centroid=centre + offset.T,
         area=area,
-        gap=np.array([level.gap for level in levels])[of_level],
-        moments=moments,
+        gap=np.array([level.gap for level in levels])[level_index],
+        moments=kept,
         start=np.searchsorted(press, np.arange(len(poses) + 1)),
+    )
+
+
+def slopes(tilts: FloatArray) -> FloatArray:
+    """Give how fast a tilted face gets deeper along the pad's x and y: (n, 2) from tilts (n, 2) rad.
+
+    The face is turned by Rx(tilt_x) Ry(tilt_y).
+    """
+    x, y = tilts.T
+    return np.stack([-np.tan(y) / np.cos(x), np.tan(x)], axis=1)
+
+
+def foreshortening(tilts: FloatArray) -> FloatArray:
+    """Give the plane maps (n, 2, 2) of a face turned by tilts (n, 2) rad about the pad's middle, seen along z."""
+    (cos_x, cos_y), (sin_x, sin_y) = np.cos(tilts.T), np.sin(tilts.T)
+    return np.stack(
+        [np.stack([cos_y, np.zeros_like(cos_y)], axis=1), np.stack([sin_x * sin_y, cos_x], axis=1)], axis=1
     )

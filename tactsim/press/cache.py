@@ -1,7 +1,7 @@
 """Keep ideal readings on disk, by everything that they depend on.
 
 A file holds the readings of one letter at one list of poses. Its name is a hash of the letter's shape, the
-poses, pad, press and point spread, the versions of NumPy and MuJoCo and the source that presses; the file
+poses, tilts, pad, press and point spread, the versions of NumPy and MuJoCo and the source that presses; the file
 repeats the hash and adds one of its content. A file that does not say both is made again.
 """
 
@@ -18,12 +18,12 @@ from pathlib import Path
 
 import numpy as np
 
-from tactsim import models
 from tactsim.core.errors import InputError
 from tactsim.core.files import read_bytes, write_bytes
 from tactsim.core.poses import FloatArray
 from tactsim.core.source_digest import source_digest
 from tactsim.press.scan_options import ScanOptions
+from tactsim.press.touches import Touches
 
 FOLDER_VARIABLE = "TACTSIM_CACHE_DIR"
 MOST_FILES = 2000  # of some 55 kB; the ones longest unused are removed beyond
@@ -41,12 +41,17 @@ def folder() -> Path:
     return user_cache_path("tactsim", appauthor=False)
 
 
-def key(letter: models.Letter, poses: FloatArray, options: ScanOptions) -> str:
-    """Hash all that the ideal readings of `letter` at `poses` depend on, 64 hex digits."""
+def key(touches: Touches, options: ScanOptions) -> str:
+    """Hash all that the ideal readings of `touches` depend on, 64 hex digits."""
+    poses, tilts = (
+        hashlib.sha256(np.ascontiguousarray(array, "<f8").tobytes()).hexdigest()
+        for array in (touches.poses, touches.tilts)
+    )
     content = json.dumps(
         {
-            "letter": letter.digest,
-            "poses": hashlib.sha256(np.ascontiguousarray(poses).tobytes()).hexdigest(),
+            "letter": touches.letter.digest,
+            "poses": poses,
+            "tilts": tilts,
             "pad": options.pad.model_dump(mode="json"),
             "press": options.press.model_dump(mode="json"),
             "psf_sigma": options.sensor.psf_sigma,

@@ -1,44 +1,34 @@
-"""What an ideal pad would read of a letter at a pose: lay the bed, let it press, spread the forces over the taxels.
+"""Choose the engine that presses a letter, and press: what an ideal pad would read.
 
-The way is `levels` (what of the letter can be met), `bed` (the springs that carry it), `contact_forces`
-(what each carries, by MuJoCo) and `spread` (what the taxels feel of that). Nothing random happens here and
-nothing that belongs to one sensor: its imperfections come afterwards, in `sensor`.
+Three engines answer the same question, each in a file of its own: `exact` (a level flat face needs no
+solver), `balance` (the engine `bed`: exact areas, MuJoCo solves the balance of what may move) and, for a
+press through time, `dynamics`. Nothing random happens here and nothing that belongs to one sensor: its
+imperfections come afterwards, in `sensor`.
 """
 
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Callable
 from dataclasses import dataclass
 
-from tactsim import models
+import numpy as np
+
+from tactsim.core.errors import InputError
 from tactsim.core.poses import FloatArray
-from tactsim.press.bed import Bed, Level, lay_bed
-from tactsim.press.contact_forces import contact_forces, contact_history
-from tactsim.press.dynamics import ForceTrace
+from tactsim.press import balance, exact
+from tactsim.press.bed import Bed, lay_bed
+from tactsim.press.dynamics import ForceTrace, History, press_through_time
 from tactsim.press.levels import levels
+from tactsim.press.pressed import Patches, Pressed, unsettled
 from tactsim.press.scan_options import ScanOptions
-from tactsim.press.scene import UNREAD_STAGES
-from tactsim.press.spread import contact_map
+from tactsim.press.scene import Setup, UnsettledError, scene
+from tactsim.press.touches import Touches
 
-
-@dataclass(frozen=True, eq=False)
-class Pressed:
-    """A letter pressed at poses until it rests: the springs that carry it, and what each carries.
-
-    forces: N, one a spring of `bed`. work: `presses`, and what was skipped by reason.
-    """
-
-    bed: Bed
-    forces: FloatArray
-    work: Counter[str]
-
-    def readings(self, options: ScanOptions) -> FloatArray:
-        """Spread the forces over the taxels: (n, taxels) kPa without imperfections.
-
-        `options` may differ from those of the press in the sensor's alone, and not in whether its point
-        spread is 0, which the bed's springs depend on.
-        """
-        return _map(self.bed, self.forces, options)
+ENGINES: dict[str, Callable[[Touches, ScanOptions], Pressed]] = {
+    "exact": exact.press,
+    "bed": balance.press,
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,68 +40,114 @@ class Moving:
     trace: ForceTrace
 
 
-def ideal_readings(
-    letter: models.Letter, poses: FloatArray, options: ScanOptions
-) -> tuple[FloatArray, Counter[str]]:
-    """Press `letter` at `poses` (n, 3) sensor_in_object [mm, mm, rad] until it rests.
+def engine_for(touches: Touches, options: ScanOptions) -> str:
+    """Name the engine that presses: the one asked for, or the cheapest that is exact here.
+
+    Raises InputError if the engine asked for cannot press this.
+    """
+    asked, skip = options.press.engine, options.press.skip
+    obstacle = _no_exact_answer(touches, options)
+    if asked == "exact" and obstacle:
+        raise InputError(
+            f"press.engine: exact presses level flat faces alone, and {obstacle}; give auto or bed"
+        )
+    if asked != "auto":
+        return asked
+    return "exact" if skip.solver and skip.parts and not obstacle else "bed"
+
+
+def _no_exact_answer(touches: Touches, options: ScanOptions) -> str:
+    """Say why the engine `exact` does not serve; nothing if it does."""
+    press = options.press
+    if touches.letter.rounding:
+        return f"{touches.letter.name!r} has rounded edges"
+    if press.wrist_stiffness is not None:
+        return "the wrist gives way (press.wrist_stiffness)"
+    if touches.tilts.any():
+        return "a press is tilted"
+    if press.dynamics == "full":
+        return "dynamics is full"
+    return ""
+
+
+def press_at(touches: Touches, options: ScanOptions) -> Pressed:
+    """Press a letter until it rests, and keep the pressure on the pad.
+
+    A press that does not come to rest is a blank, with its reason.
+    Raises InputError if the engine asked for cannot press this.
+    """
+    if options.press.dynamics == "full":
+        pressed, name = _press_through_time(touches, options), "full"
+    else:
+        name = engine_for(touches, options)
+        pressed = ENGINES[name](touches, options)
+    pressed.work[f"engine_{name}"] = pressed.work["presses"]
+    return pressed
+
+
+def ideal_readings(touches: Touches, options: ScanOptions) -> tuple[FloatArray, Counter[str]]:
+    """Press a letter until it rests.
 
     Returns (n, taxels) kPa without imperfections, and the work: `presses`, and what was skipped by reason.
-    Raises UnsettledError, naming letter and pose, if a press does not come to rest; InputError if a letter
-    with rounded edges is to be pressed by its parts.
+    Raises UnsettledError, naming letter and pose, if a press does not come to rest; InputError if the engine
+    asked for cannot press this.
     """
-    pressed = press_at(letter, poses, options)
+    pressed = press_at(touches, options).settled()
     return pressed.readings(options), pressed.work
 
 
-def press_at(letter: models.Letter, poses: FloatArray, options: ScanOptions) -> Pressed:
-    """Press `letter` at `poses` (n, 3) as `ideal_readings` does, and keep what the springs carry.
-
-    Raises what `ideal_readings` does.
-    """
-    face = levels(letter, options.press)
-    bed = _bed(face, poses, options)
-    forces = contact_forces(bed, poses, letter, options.press)
-    return Pressed(bed, forces, _work(bed, face, letter, options))
-
-
-def ideal_sequence(letter: models.Letter, pose: FloatArray, options: ScanOptions) -> Moving | None:
-    """Press `letter` at one pose (3,) through time: its images, or None where nothing touches.
+def ideal_sequence(touches: Touches, options: ScanOptions) -> Moving | None:
+    """Press a letter once, through time: its images, or None where nothing touches.
 
     The last image is at rest and is the ideal reading.
-    Raises what `ideal_readings` does.
+    Raises UnsettledError, naming letter and pose, if the press does not come to rest.
     """
-    bed = _bed(levels(letter, options.press), pose[None], options)
+    bed = _bed(touches, options)
     if not bed.area.any():
         return None
-    history = contact_history(bed.springs[0], pose, letter, options.press)
-    images = _map(bed.repeat(len(history.times)), history.forces.ravel(), options)
+    try:
+        history = contact_history(bed, touches, 0, options)
+    except UnsettledError as error:
+        raise unsettled(touches.letter.name, touches.poses[0], str(error)) from error
+    images = _even(bed.repeat(len(history.times)), history.forces.ravel()).readings(options)
     return Moving(history.times, images, history.trace)
 
 
-def _work(bed: Bed, face: list[Level], letter: models.Letter, options: ScanOptions) -> Counter[str]:
-    """Count presses and what each skip left out of them."""
-    skip = options.press.skip
-    touching = sum(springs.area > 0 for springs in bed.springs)
-    untouched = len(bed.springs) - touching
-    pressed = touching + (0 if skip.no_contact else untouched)
-    x_lines, y_lines = _lines(options)
-    cells = (len(x_lines) - 1) * (len(y_lines) - 1) * len(face)
-    return Counter(
-        presses=pressed,
-        no_contact=untouched if skip.no_contact else 0,
-        cells=touching * cells - len(bed.area) if skip.cells else 0,
-        parts=pressed * len(letter.parts) if skip.parts else 0,
-        stages=pressed * len(UNREAD_STAGES) if skip.stages else 0,
+def _press_through_time(touches: Touches, options: ScanOptions) -> Pressed:
+    """Step every press through time, and keep its last image."""
+    bed = _bed(touches, options)
+    forces, blanks = np.zeros(len(bed.area)), {}
+    touching = 0
+    for index, springs in enumerate(bed.springs):
+        if not springs.area:
+            continue
+        touching += 1
+        try:
+            forces[springs.rows] = contact_history(bed, touches, index, options).forces[-1]
+        except UnsettledError as error:
+            blanks[index] = str(error)
+    work = Counter(presses=touching, no_contact=len(touches) - touching)
+    return Pressed(touches, _even(bed, forces), work, blanks)
+
+
+def _bed(touches: Touches, options: ScanOptions) -> Bed:
+    return lay_bed(levels(touches.letter, options.press), touches.poses, *options.cell_lines)
+
+
+def contact_history(bed: Bed, touches: Touches, index: int, options: ScanOptions) -> History:
+    """Step press `index` through time until it rests; `bed` is of all presses. Raises UnsettledError if it does not."""
+    press, springs = options.press, bed.springs[index]
+    setup = Setup(
+        mass=press.moving_mass,
+        wrist_stiffness=press.wrist_stiffness,
+        letter=None if press.skip.parts else touches.letter,
+        skip_stages=press.skip.stages,
     )
+    stage = scene(setup, len(springs.share))
+    stage.place_letter(touches.poses[index], touches.tilts[index])
+    return press_through_time(stage, springs, press)
 
 
-def _bed(face: list[Level], poses: FloatArray, options: ScanOptions) -> Bed:
-    return lay_bed(face, poses, *_lines(options), skip_empty=options.press.skip.cells)
-
-
-def _lines(options: ScanOptions) -> tuple[FloatArray, FloatArray]:
-    return options.pad.grid_lines(options.press.cells_per_taxel, gap_cells=options.sensor.psf_sigma == 0)
-
-
-def _map(bed: Bed, forces: FloatArray, options: ScanOptions) -> FloatArray:
-    return contact_map(bed, forces, options.pad, options.press.cells_per_taxel, options.sensor.psf_sigma)
+def _even(bed: Bed, forces: FloatArray) -> Patches:
+    """Spread each contact's force evenly over its part."""
+    return Patches(bed, np.divide(forces, bed.area, out=np.zeros_like(forces), where=bed.area > 0))

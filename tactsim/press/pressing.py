@@ -15,6 +15,7 @@ from tactsim.press.dynamics import ForceTrace
 from tactsim.press.engine import ideal_readings, ideal_sequence
 from tactsim.press.scan_options import ScanOptions
 from tactsim.press.sensor import gains, sense
+from tactsim.press.touches import Touches
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +45,7 @@ def press_letter(
     options: ScanOptions | None = None,
     rng: np.random.Generator | None = None,
 ) -> Press:
-    """Press `letter` at one pose [x, y, theta] (mm, rad), exactly there.
+    """Press `letter` at one pose [x, y, theta] (mm, rad), exactly there, tilted as the options' press is.
 
     Of `options` only pad, press, sensor and, for the pad's gains, seed count. `rng` draws noise and random
     taxels; without it there are none.
@@ -66,9 +67,10 @@ def press_letter(
     if rng is None:
         sensor = sensor.model_copy(update={"noise": 0.0, "random_taxels": 0.0})
         rng = np.random.default_rng(0)
-    moved = ideal_sequence(letter, pose, options) if options.press.dynamics == "full" else None
+    touches = Touches.of(letter, pose[None], (options.press.tilt_x, options.press.tilt_y))
+    moved = ideal_sequence(touches, options) if options.press.dynamics == "full" else None
     # At rest, or beside the letter, there is nothing to follow through time.
-    ideal = ideal_readings(letter, pose[None], options)[0][0] if moved is None else moved.images[-1]
+    ideal = ideal_readings(touches, options)[0][0] if moved is None else moved.images[-1]
     reading = sense(ideal[None], sensor, gains(options), rng)[0]
     if moved is None:
         return Press(ideal, reading)

@@ -11,6 +11,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
 from tactsim.core.pad import Pad
+from tactsim.core.poses import FloatArray
 
 _MOST_RESPONSES = 20_000_000  # of taxels to cells: 1 GB of them
 _FROZEN = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
@@ -28,6 +29,7 @@ class Skips(BaseModel):
         True, description="one plane for a flat face instead of the letter's convex parts, near or far"
     )
     stages: bool = Field(True, description="no stage of MuJoCo that the press does not read")
+    solver: bool = Field(True, description="no solver for a flat face that stays level")
     known: bool = Field(True, description="no press of the same letter at exactly the same pose again")
 
     @model_validator(mode="after")
@@ -44,6 +46,9 @@ class PressOptions(BaseModel):
 
     model_config = _FROZEN
 
+    engine: Literal["auto", "exact", "bed"] = Field(
+        "auto", description="what works out a press; auto takes the cheapest that is exact for it"
+    )
     force: float = Field(
         2.0, ge=1e-6, le=1e4, description="N, constant force along the pad's normal (assumed)"
     )
@@ -61,11 +66,11 @@ class PressOptions(BaseModel):
     )
     tilt_x: float = Field(0.0, ge=-0.2, le=0.2, description="rad about the pad's x between letter and pad")
     tilt_y: float = Field(0.0, ge=-0.2, le=0.2, description="rad about the pad's y between letter and pad")
-    tilt_stiffness: float | None = Field(
+    wrist_stiffness: float | None = Field(
         None,
         ge=1,
         le=1e7,
-        description="N mm per rad of hinges in the pad's middle that let the tilt give way, None for rigid",
+        description="N mm per rad of hinges in the pad's middle that let a tilt give way, None for rigid",
     )
     dynamics: Literal["equilibrium", "full"] = Field(
         "equilibrium", description="solve for rest, or step through approach, touch and settling"
@@ -119,11 +124,6 @@ class PressOptions(BaseModel):
         A layer that the force would press by more than its thickness is stiffer: just enough to stop there.
         """
         return max(self.stiffness, 1e3 * self.force / (area * self.thickness))
-
-    @property
-    def level(self) -> bool:
-        """Tell whether letter and pad stay parallel."""
-        return self.tilt_x == 0 == self.tilt_y and self.tilt_stiffness is None
 
 
 class SensorOptions(BaseModel):
@@ -193,9 +193,20 @@ class ScanOptions(BaseModel):
     placement_rad: float = Field(
         0.005, ge=0, le=3.2, description="rad, standard deviation of a press's angle (assumed)"
     )
+    placement_tilt: float = Field(
+        0.0,
+        ge=0,
+        le=0.2,
+        description="rad, standard deviation of a press's tilt about either axis (assumed)",
+    )
     pad: Pad = Field(default_factory=Pad, description="its measures, or the path of a file that holds them")
     press: PressOptions = Field(default_factory=PressOptions)
     sensor: SensorOptions = Field(default_factory=SensorOptions)
+
+    @property
+    def cell_lines(self) -> tuple[FloatArray, FloatArray]:
+        """Give the edges of the bed's cells along the pad's x and y, mm."""
+        return self.pad.grid_lines(self.press.cells_per_taxel, gap_cells=self.sensor.psf_sigma == 0)
 
     @field_validator("pad", mode="before")
     @classmethod
@@ -204,9 +215,7 @@ class ScanOptions(BaseModel):
 
     @model_validator(mode="after")
     def _pad_is_workable(self) -> ScanOptions:
-        x_lines, y_lines = self.pad.grid_lines(
-            self.press.cells_per_taxel, gap_cells=self.sensor.psf_sigma == 0
-        )
+        x_lines, y_lines = self.cell_lines
         cells = (len(x_lines) - 1) * (len(y_lines) - 1)
         if cells * self.pad.taxels > _MOST_RESPONSES:
             raise ValueError(

@@ -11,6 +11,7 @@ from itertools import islice
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tactsim import models
 from tactsim.core.errors import InputError
@@ -22,6 +23,7 @@ from tactsim.press import cache as cached
 from tactsim.press.scan_options import ScanOptions
 from tactsim.press.scan_poses import grid_poses, random_poses
 from tactsim.press.sensor import gains, sense
+from tactsim.press.touches import Touches
 
 if TYPE_CHECKING:
     from tactsim.press.sequences import Course
@@ -33,14 +35,31 @@ _CHUNK = 64
 WORTH_A_WORKER = 2.0  # s of one core; a worker takes most of a second to start
 
 
+# Share of a letter's presses in one split that may fail to come to rest. A scan with more of them is no scan of that
+# letter any more.
+MOST_BLANKS = 0.05
+
+
+@dataclass(frozen=True, eq=False)
+class _Ideal:
+    """What a batch reads without imperfections: (n, taxels) kPa, and why a press has no reading, if any has none.
+
+    courses: how its presses went, if they were stepped through time now.
+    """
+
+    readings: FloatArray
+    blanks: dict[int, str]
+    courses: tuple[Course, ...] = ()
+
+
 @dataclass(frozen=True, eq=False)
 class _Batch:
-    """The presses of one letter and split: stated and true poses, (n, 3) each."""
+    """The presses of one letter and split: poses (n, 3) as stated, and how the letter is truly pressed."""
 
     letter: models.Letter
     split: str
     stated: FloatArray
-    true: FloatArray
+    touches: Touches
 
 
 def scan_letters(
@@ -53,38 +72,58 @@ def scan_letters(
 ) -> tuple[Scan, dict[str, Any]]:
     """Press every letter at 192 training and 192 test poses (paper, section II).
 
-    jobs: processes to use at most, where the work is worth them. cache: whether readings of earlier
-    scans are used and new ones are kept. sequence: whether the images of every press on its way to rest are
-    kept in the scan; they are of full dynamics and not in the cache. progress(done, total): called as presses
-    are done.
-    Returns the scan and its work: `presses`, those that were worked out now, and `skipped` {reason:
-    count}; of presses through time also `settle_time` {"median", "longest"} s and the largest `overshoot`.
-    The same options give the same bits whatever `jobs` and `cache` are, and a letter's readings do not
-    depend on the other letters.
+    A press that does not come to rest, such as one that tips over, is a blank: it has no reading, and the
+    scan's `meta["blanks"]` says why. jobs: processes to use at most, where the work is worth them. cache:
+    whether readings of earlier scans are used and new ones are kept. sequence: whether the images of every
+    press on its way to rest are kept in the scan; they are of full dynamics and not in the cache.
+    progress(done, total): called as presses are done. Returns the scan and its work: `presses`, those that
+    were worked out now, and by which engine, `blanks`, and `skipped` {reason: count}; of presses through time
+    also `settle_time` {"median", "longest"} s and the largest `overshoot`. The same options give the same bits
+    whatever `jobs` and `cache` are, and a letter's readings do not depend on the other letters.
 
-    Raises InputError for a letter, shape or option that does not exist, and if a press does not settle.
+    Raises InputError for a letter, shape or option that does not exist, and if more than MOST_BLANKS of a
+    letter's presses do not come to rest.
     """
     if sequence and options.press.dynamics != "full":
         raise InputError("a sequence is of presses through time; set press.dynamics to full")
     letters = letters_of(options)
     batches = [_batch(letter, split, options) for letter in letters for split in SPLITS]
-    ideal, work, courses = _ideal(batches, options, jobs, cache, sequence, progress)
+    ideal, work = _ideal(batches, options, jobs, cache, sequence, progress)
     gain = gains(options)
+    kept = [
+        np.setdiff1d(np.arange(len(batch.touches)), list(found.blanks))
+        for batch, found in zip(batches, ideal, strict=True)
+    ]
     readings = [
-        sense(values, options.sensor, gain, stream(options.seed, batch.letter.name, batch.split, "sense"))
-        for batch, values in zip(batches, ideal, strict=True)
+        sense(
+            found.readings[rows], options.sensor, gain,
+            stream(options.seed, batch.letter.name, batch.split, "sense"),
+        )
+        for batch, found, rows in zip(batches, ideal, kept, strict=True)
+    ]  # fmt: skip
+    blanks = [
+        {
+            "letter": batch.letter.name,
+            "split": batch.split,
+            "pose": batch.stated[row].tolist(),
+            "reason": reason,
+        }
+        for batch, found in zip(batches, ideal, strict=True)
+        for row, reason in sorted(found.blanks.items())
     ]
     scan = Scan(
         np.concatenate(readings),
-        np.concatenate([batch.stated for batch in batches]),
-        np.array([batch.letter.name for batch in batches for _ in batch.stated]),
-        np.array([batch.split for batch in batches for _ in batch.stated]),
+        np.concatenate([batch.stated[rows] for batch, rows in zip(batches, kept, strict=True)]),
+        np.array([batch.letter.name for batch, rows in zip(batches, kept, strict=True) for _ in rows]),
+        np.array([batch.split for batch, rows in zip(batches, kept, strict=True) for _ in rows]),
         options.pad.taxel_xy,
-        _meta(options, letters),
-        **(_sequences(batches, courses, options) if sequence else {}),
+        _meta(options, letters) | ({"blanks": blanks} if blanks else {}),
+        **(_sequences(batches, ideal, kept, options) if sequence else {}),
     )
-    presses = work.pop("presses")
-    return scan, {"presses": presses, "skipped": dict(work)} | _settling(courses)
+    engines = {name: count for name, count in work.items() if name.startswith("engine_")}
+    skipped = {name: count for name, count in work.items() if name != "presses" and name not in engines}
+    done = {"presses": work["presses"], **engines, **({"blanks": len(blanks)} if blanks else {})}
+    return scan, {**done, **_settling(ideal), "skipped": skipped}
 
 
 def letters_of(options: ScanOptions) -> list[models.Letter]:
@@ -106,11 +145,15 @@ def _batch(letter: models.Letter, split: str, options: ScanOptions) -> _Batch:
     stated = grid_poses()
     if split == "test" and options.test_poses == "random":
         stated = random_poses(stream(options.seed, letter.name, split, "poses"))
+    true, tilts = stated, np.tile((options.press.tilt_x, options.press.tilt_y), (len(stated), 1))
     spread = (options.placement_mm, options.placement_mm, options.placement_rad)
-    if not any(spread):
-        return _Batch(letter, split, stated, stated)
-    error = stream(options.seed, letter.name, split, "placement").standard_normal(stated.shape)
-    return _Batch(letter, split, stated, compose(stated, error * spread))
+    if any(spread):
+        error = stream(options.seed, letter.name, split, "placement").standard_normal(stated.shape)
+        true = compose(stated, error * spread)
+    if options.placement_tilt:
+        error = stream(options.seed, letter.name, split, "tilt").standard_normal(tilts.shape)
+        tilts = tilts + error * options.placement_tilt
+    return _Batch(letter, split, stated, Touches(letter, true, tilts))
 
 
 def _ideal(
@@ -120,19 +163,15 @@ def _ideal(
     cache: bool,
     sequence: bool,
     progress: Progress | None,
-) -> tuple[list[FloatArray], Counter[str], list[list[Course]]]:
-    """Get each batch's ideal readings, (n, taxels) kPa: known already, from the cache, or pressed now.
-
-    Returns them, the work, and for each batch the courses of its presses; none of what was not pressed through
-    time now.
-    """
-    keys = [cached.key(batch.letter, batch.true, options) for batch in batches]
+) -> tuple[list[_Ideal], Counter[str]]:
+    """Get what each batch reads without imperfections: known already, from the cache, or pressed now."""
+    keys = [cached.key(batch.touches, options) for batch in batches]
     names = [(key, 0 if options.press.skip.known else index) for index, key in enumerate(keys)]
-    work = Counter(presses=0, known=0, cached=0, no_contact=0, cells=0, parts=0, stages=0)
+    work = Counter(presses=0, known=0, cached=0, no_contact=0, solver=0, cells=0, parts=0, stages=0)
     wanted: dict[tuple[str, int], _Batch] = {}
-    ideal: dict[tuple[str, int], FloatArray] = {}
+    ideal: dict[tuple[str, int], _Ideal] = {}
     for name, batch in zip(names, batches, strict=True):
-        count = len(batch.true)
+        count = len(batch.touches)
         if name in ideal or name in wanted:
             work["known"] += count
             continue
@@ -140,73 +179,95 @@ def _ideal(
         if stored is None:
             wanted[name] = batch
         else:
-            ideal[name] = stored
+            ideal[name] = _Ideal(stored, {})
             work["cached"] += count
 
-    total = sum(len(batch.true) for batch in batches)
+    total = sum(len(batch.touches) for batch in batches)
     done = work["known"] + work["cached"]
     if progress is not None and done:
         progress(done, total)
     tasks = [
-        (name, batch.letter, batch.true[first : first + _CHUNK], options, sequence)
+        (name, batch.touches.some(slice(first, first + _CHUNK)), options, sequence)
         for name, batch in wanted.items()
-        for first in range(0, len(batch.true), _CHUNK)
+        for first in range(0, len(batch.touches), _CHUNK)
     ]
-    pressed: dict[tuple[str, int], list[FloatArray]] = {name: [] for name in wanted}
-    courses: dict[tuple[str, int], list[Course]] = {name: [] for name in names}
+    pressed: dict[tuple[str, int], list[_Ideal]] = {name: [] for name in wanted}
     with _workers(jobs, len(tasks) * _CHUNK * _seconds_per_press(options)) as mapped:
-        for (name, *_), (readings, piece, course) in zip(tasks, mapped(_press, tasks), strict=True):
-            pressed[name].append(readings)
-            courses[name] += [] if course is None else [course]
-            work.update(piece)
-            done += len(readings)
+        for (name, *_), (piece, of_piece) in zip(tasks, mapped(_press, tasks), strict=True):
+            pressed[name].append(piece)
+            work.update(of_piece)
+            done += len(piece.readings)
             if progress is not None:
                 progress(done, total)
     for name, pieces in pressed.items():
-        ideal[name] = np.concatenate(pieces)
-        if cache:
-            cached.store(name[0], ideal[name])
+        ideal[name] = _whole(wanted[name], pieces)
+        if cache and not ideal[name].blanks:  # a file of the cache has no room for reasons
+            cached.store(name[0], ideal[name].readings)
     if cache and wanted:
         cached.prune()
-    return [ideal[name] for name in names], work, [courses[name] for name in names]
+    return [ideal[name] for name in names], work
 
 
-def _press(
-    task: tuple[Any, models.Letter, FloatArray, ScanOptions, bool],
-) -> tuple[FloatArray, Counter[str], Course | None]:
+def _whole(batch: _Batch, pieces: Sequence[_Ideal]) -> _Ideal:
+    """Put a batch together. Raises InputError if too many of its presses are blank."""
+    blanks = {
+        number * _CHUNK + row: reason
+        for number, piece in enumerate(pieces)
+        for row, reason in piece.blanks.items()
+    }
+    count = len(batch.touches)
+    if len(blanks) > MOST_BLANKS * count:
+        reason = Counter(blanks.values()).most_common(1)[0][0]
+        raise InputError(
+            f"{len(blanks)} of {count} presses of {batch.letter.name!r} do not come to rest, and a scan takes "
+            f"{MOST_BLANKS:.0%} at most: {reason}"
+        )
+    courses = tuple(course for piece in pieces for course in piece.courses)
+    return _Ideal(np.concatenate([piece.readings for piece in pieces]), blanks, courses)
+
+
+def _press(task: tuple[Any, Touches, ScanOptions, bool]) -> tuple[_Ideal, Counter[str]]:
     # Brings MuJoCo, which a scan from the cache does without.
-    from tactsim.press.engine import ideal_readings
+    from tactsim.press.engine import press_at
     from tactsim.press.sequences import press_each
 
-    _, letter, poses, options, sequence = task
+    _, touches, options, sequence = task
     if options.press.dynamics == "full":
-        return press_each(letter, poses, options, keep=sequence)
-    return *ideal_readings(letter, poses, options), None
+        readings, blanks, work, course = press_each(touches, options, keep=sequence)
+        return _Ideal(readings, blanks, (course,)), work
+    pressed = press_at(touches, options)
+    return _Ideal(pressed.readings(options), pressed.blanks), pressed.work
 
 
 def _sequences(
-    batches: Sequence[_Batch], courses: Sequence[Sequence[Course]], options: ScanOptions
+    batches: Sequence[_Batch],
+    ideal: Sequence[_Ideal],
+    kept: Sequence[NDArray[np.intp]],
+    options: ScanOptions,
 ) -> dict[str, Any]:
-    """Sense the images of all presses; each batch has a random stream for them of its own.
+    """Sense the images of the presses `kept`; each batch has a random stream for them of its own.
 
     The zero drifts from press to press, so images on the way to one reading have no drift of their own.
     """
     from tactsim.press.sequences import aligned
 
-    presses = [moving for batch in courses for course in batch for moving in course.moving]
+    presses = []
+    for found, rows in zip(ideal, kept, strict=True):
+        moving = [one for course in found.courses for one in course.moving]
+        presses += [moving[row] for row in rows]
     images, times, force = aligned(presses, options.press.frame_rate, options.pad.taxels)
     gain, sensor = gains(options), options.sensor.model_copy(update={"drift": 0.0})
     left = iter(images)
-    for batch in batches:
+    for batch, rows in zip(batches, kept, strict=True):
         rng = stream(options.seed, batch.letter.name, batch.split, "sequence")
-        for image in islice(left, len(batch.true)):
+        for image in islice(left, len(rows)):
             image[:] = sense(image, sensor, gain, rng)
     return {"sequence": images, "sequence_times": times, "sequence_force": force}
 
 
-def _settling(courses: Sequence[Sequence[Course]]) -> dict[str, Any]:
+def _settling(ideal: Sequence[_Ideal]) -> dict[str, Any]:
     """Sum up how the presses settled that were stepped through time now; nothing if there are none."""
-    touching = [course for batch in courses for course in batch if len(course.settle_time)]
+    touching = [course for found in ideal for course in found.courses if len(course.settle_time)]
     if not touching:
         return {}
     settle_time = np.concatenate([course.settle_time for course in touching])
@@ -231,7 +292,8 @@ def _seconds_per_press(options: ScanOptions) -> float:
     """Guess the time of a press on one core, s."""
     if options.press.dynamics == "full":
         return 5e-3
-    return 1e-3 if options.rounding or not options.press.skip.parts else 1e-4
+    level = options.press.wrist_stiffness is None and not options.placement_tilt
+    return 1e-3 if options.rounding or not options.press.skip.parts or not level else 1e-4
 
 
 def _meta(options: ScanOptions, letters: Sequence[models.Letter]) -> dict[str, Any]:

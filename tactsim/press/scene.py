@@ -26,11 +26,11 @@ from numpy.typing import NDArray
 from tactsim.core.errors import InputError
 from tactsim.core.poses import FloatArray, invert
 from tactsim.models.letter import ConvexPart, Letter
-from tactsim.press.bed import MM, Springs
+from tactsim.press.bed import MM, Springs, slopes
 
 # m, of the spheres; less than half a cell, so that no sphere reaches beyond its cell. The letter starts one radius
 # behind their centres, so a sphere whose centre is at its spring's position just touches where the depth is 0.
-_RADIUS = 5e-5
+RADIUS = 5e-5
 # Largest d / (1 - d). MuJoCo clips impedances d at 1e-4 and 0.9999 without a word, so the stiffest spring may be 1e8
 # times as stiff as the softest.
 _RANGE = 0.9999 / (1 - 0.9999)
@@ -62,15 +62,13 @@ class UnsettledError(InputError):
 class Setup:
     """What a scene is compiled for.
 
-    mass: kg, of what moves. tilt: rad about x and y, between letter and pad where nothing pushes.
-    tilt_stiffness: N mm / rad, of the hinges that let the tilt give way; None: it is rigid.
-    letter: its convex parts are what the spheres can touch; None: one plane is, which is the same for a flat
+    mass: kg, of what moves. wrist_stiffness: N mm / rad, of the hinges that let a tilt give way; None: it is
+    rigid. letter: its convex parts are what the spheres can touch; None: one plane is, which is the same for a flat
     face, since spheres stand only where the face is.
     """
 
     mass: float
-    tilt: tuple[float, float] = (0.0, 0.0)
-    tilt_stiffness: float | None = None
+    wrist_stiffness: float | None = None
     letter: Letter | None = None
     skip_stages: bool = True
 
@@ -91,16 +89,31 @@ class Scene:
     solimp: FloatArray
     inverse_weight: FloatArray
     letter_body: int
+    gimbal_body: int
+    tilt: FloatArray  # rad about x and y, between letter and pad where nothing pushes
 
-    def reset(self, depth: float) -> None:
-        """Forget the last press, the solver's warm start included, and put the letter `depth` m into the bed."""
+    def reset(self, depth: float, tilt: FloatArray | None = None) -> None:
+        """Forget the last press, the solver's warm start included, and put the letter `depth` m into the bed.
+
+        tilt: (2,) rad, how far the wrist has given way to; the nominal tilt if it is None.
+        """
         mujoco.mj_setState(self.model, self.data, self.rest, _STATE)
         self.data.qpos[0] = depth
-        if self.setup.tilt_stiffness is not None:
-            self.data.qpos[1:] = self.setup.tilt
+        if self.setup.wrist_stiffness is not None:
+            self.data.qpos[1:] = self.tilt if tilt is None else tilt
 
-    def place_letter(self, sensor_in_object: FloatArray) -> None:
-        """Put the letter's parts where a pose [x mm, y mm, theta rad] has them, their faces at z = 0."""
+    def place_letter(self, sensor_in_object: FloatArray, tilt: FloatArray) -> None:
+        """Put the letter where a pose [x mm, y mm, theta rad] and a nominal tilt (2,) rad have it.
+
+        Its face is at z = 0 in the pad's middle.
+        """
+        self.tilt[:] = tilt
+        if self.setup.wrist_stiffness is not None:
+            self.model.eq_data[:, 0] = tilt
+        else:
+            (cos_x, cos_y), (sin_x, sin_y) = np.cos(tilt / 2), np.sin(tilt / 2)
+            quaternion = (cos_x * cos_y, sin_x * cos_y, cos_x * sin_y, sin_x * sin_y)
+            self.model.body_quat[self.gimbal_body] = quaternion
         letter = self.setup.letter
         if letter is not None:
             x, y, angle = invert(sensor_in_object)
@@ -108,30 +121,46 @@ class Scene:
             self.model.body_quat[self.letter_body] = (np.cos(angle / 2), 0, 0, np.sin(angle / 2))
 
     def depth_of_touch(self, springs: Springs) -> FloatArray:
-        """Work out how far the letter has to move to touch each spring, (n,) m."""
-        (x, y, gap), (tilt_x, tilt_y) = springs.position.T, self.setup.tilt
-        return gap - y * tilt_x + x * tilt_y
+        """Work out how far the letter has to move to touch each spring at the nominal tilt, (n,) m."""
+        slope = slopes(self.tilt[None])[0]
+        return springs.position[:, 2] - springs.position[:, :2] @ slope
 
     def depths(self, springs: Springs) -> FloatArray:
         """Work out how far the letter is into each spring now, (n,) m; below 0 where it does not touch."""
-        (x, y, gap), position = springs.position.T, self.data.qpos
-        tilt_x, tilt_y = self.setup.tilt if self.setup.tilt_stiffness is None else position[1:]
-        return position[0] - gap + y * tilt_x - x * tilt_y
+        position = self.data.qpos
+        slope = slopes((self.tilt if self.setup.wrist_stiffness is None else position[1:])[None])[0]
+        return position[0] + springs.position[:, :2] @ slope - springs.position[:, 2]
 
     def set_springs(
-        self, springs: Springs, stiffness: float, *, step: float, relaxation: float = 0.0
+        self,
+        springs: Springs,
+        stiffness: float,
+        *,
+        step: float,
+        relaxation: float = 0.0,
+        margin: FloatArray | float = 0.0,
+        bending: FloatArray | float = 0.0,
     ) -> None:
         """Put springs of `stiffness` (N/m per mm^2 of area) into the scene, for steps of `step` s.
 
-        relaxation: s, damping over stiffness, of the bed and of the hinges. See the module's docstring
-        for the equations.
+        relaxation: s, damping over stiffness, of the bed and of the hinges. margin: (n,) m, distance at which
+        each sphere feels the letter. bending: (2,) N mm/rad about x and y, by which the hinges resist tilts from
+        where the step begins, besides the wrist. See the module's docstring for the equations.
         """
         count = len(springs.share)
         self.position[:count] = springs.position
         self.position[count:, 2] = _FAR
+        self.model.pair_margin[:count] = margin
         if self.setup.letter is not None:
             self.touched[:count] = self.capacity + springs.level  # parts' geoms follow the spheres
-        self.set_step(springs, stiffness, step=step, bed_relaxation=relaxation, hinge_relaxation=relaxation)
+        self.set_step(
+            springs,
+            stiffness,
+            step=step,
+            bed_relaxation=relaxation,
+            hinge_relaxation=relaxation,
+            bending=bending,
+        )
 
     def set_step(
         self,
@@ -141,10 +170,12 @@ class Scene:
         step: float,
         bed_relaxation: float | FloatArray,
         hinge_relaxation: float,
+        bending: FloatArray | float = 0.0,
     ) -> None:
         """Set the length of the next steps, s, and the dampers beside the springs that are in the scene.
 
         bed_relaxation: s, damping over stiffness of all springs, or (n,) of each. hinge_relaxation: s.
+        bending: as for `set_springs`.
         """
         self.model.opt.timestep = step
         b, delay = 1 / step, step + bed_relaxation
@@ -159,17 +190,17 @@ class Scene:
         np.multiply(impedance, -b, out=solref[:, 1])
         np.divide(solref[:, 1], delay, out=solref[:, 0])
         solimp[:, 0] = solimp[:, 1] = impedance
-        if self.setup.tilt_stiffness is not None:
+        if self.setup.wrist_stiffness is not None:
             # A of the hinges such that their impedance is 1/2.
             unit = step * (step + hinge_relaxation)
-            self.model.dof_invweight0[1:] = 1 / (self.setup.tilt_stiffness * MM * unit)
+            self.model.dof_invweight0[1:] = 1 / ((self.setup.wrist_stiffness + bending) * MM * unit)
             self.model.eq_solref[:] = -1 / unit / 2, -b / 2
             self.model.eq_solimp[:, :2] = 1 / 2
 
     def forces(self, count: int) -> FloatArray:
         """Read the force along the pad's normal, N, of the first `count` springs."""
         data = self.data
-        oblique = self.setup.tilt_stiffness is not None or self.setup.tilt != (0.0, 0.0)
+        oblique = self.setup.wrist_stiffness is not None or self.tilt.any()
         if len(data.efc_force) == data.ncon == count and not oblique:
             return data.efc_force.copy()  # all springs touch, in their order
         contact = data.contact
@@ -205,20 +236,17 @@ _MOST_SCENES = 16
 
 
 def _compile(setup: Setup, capacity: int) -> Scene:
-    x, y = setup.tilt
-    gimbal = f'euler="{x} {y} 0"'
     hinges = springs = ""
-    if setup.tilt_stiffness is not None:
-        gimbal = ""
-        for axis, name, angle in (("1 0 0", "tilt_x", x), ("0 1 0", "tilt_y", y)):
+    if setup.wrist_stiffness is not None:
+        for axis, name in (("1 0 0", "tilt_x"), ("0 1 0", "tilt_y")):
             hinges += f'<joint name="{name}" type="hinge" axis="{axis}"/>'
-            springs += f'<joint joint1="{name}" polycoef="{angle} 0 0 0 0"/>'
+            springs += f'<joint joint1="{name}" polycoef="0 0 0 0 0"/>'
     meshes, geoms = "", '<geom name="part0" type="box" size="1 1 1" pos="0 0 -1"/>'
     if setup.letter is not None:
         described = [describe_part(index, part) for index, part in enumerate(setup.letter.parts)]
         meshes, geoms = ("".join(texts) for texts in zip(*described, strict=True))
     cells = range(capacity)
-    spheres = "".join(f'<geom name="cell{i}" size="{_RADIUS}" pos="0 0 {_FAR + i}"/>' for i in cells)
+    spheres = "".join(f'<geom name="cell{i}" size="{RADIUS}" pos="0 0 {_FAR + i}"/>' for i in cells)
     pairs = "".join(f'<pair geom1="cell{i}" geom2="part0" condim="1"/>' for i in cells)
     half = setup.mass / 2  # one half slides, the other tilts with the letter
     inertia = half * 25e-6  # kg m^2, of a body about as large as a letter
@@ -230,10 +258,10 @@ def _compile(setup: Setup, capacity: int) -> Scene:
         <asset>{meshes}</asset>
         <worldbody>
           {spheres}
-          <body name="carriage" pos="0 0 {-_RADIUS}">
+          <body name="carriage" pos="0 0 {-RADIUS}">
             <joint name="press" type="slide" axis="0 0 1"/>
             <inertial pos="0 0 0" mass="{half}" diaginertia="{inertia} {inertia} {inertia}"/>
-            <body name="gimbal" {gimbal}>
+            <body name="gimbal">
               {hinges}
               <inertial pos="0 0 0" mass="{half}" diaginertia="{inertia} {inertia} {inertia}"/>
               <body name="letter">{geoms}</body>
@@ -249,7 +277,7 @@ def _compile(setup: Setup, capacity: int) -> Scene:
     data = mujoco.MjData(model)
     rest = np.zeros(mujoco.mj_stateSize(model, _STATE))
     mujoco.mj_getState(model, data, rest, _STATE)
-    body = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, "letter")
+    body, gimbal = (mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, name) for name in ("letter", "gimbal"))
     return Scene(
         setup,
         capacity,
@@ -262,6 +290,8 @@ def _compile(setup: Setup, capacity: int) -> Scene:
         solimp=model.pair_solimp,
         inverse_weight=model.body_invweight0[body],
         letter_body=body,
+        gimbal_body=gimbal,
+        tilt=np.zeros(2),
     )
 
 

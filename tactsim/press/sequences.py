@@ -8,12 +8,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tactsim import models
 from tactsim.core.errors import InputError
 from tactsim.core.npz import LARGEST
 from tactsim.core.poses import FloatArray
 from tactsim.press.engine import Moving, ideal_sequence
 from tactsim.press.scan_options import ScanOptions
+from tactsim.press.scene import UnsettledError
+from tactsim.press.touches import Touches
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,26 +31,34 @@ class Course:
 
 
 def press_each(
-    letter: models.Letter, poses: FloatArray, options: ScanOptions, *, keep: bool
-) -> tuple[FloatArray, Counter[str], Course]:
-    """Press `letter` through time at poses (n, 3): its readings at rest, the work and the course.
+    touches: Touches, options: ScanOptions, *, keep: bool
+) -> tuple[FloatArray, dict[int, str], Counter[str], Course]:
+    """Press a letter through time: its readings at rest, the blanks with their reasons, the work and the course.
 
     The readings are (n, taxels) kPa without imperfections. keep: whether the images are kept.
-    Raises UnsettledError, naming letter and pose, if a press does not come to rest.
     """
-    readings = np.zeros((len(poses), options.pad.taxels))
+    readings = np.zeros((len(touches), options.pad.taxels))
+    blanks: dict[int, str] = {}
     settle_time, overshoot = [], []
     kept: list[Moving | None] = []
-    for row, pose in zip(readings, poses, strict=True):
-        moving = ideal_sequence(letter, pose, options)
+    untouched = 0
+    for index in range(len(touches)):
+        moving = None
+        try:
+            moving = ideal_sequence(touches.some(slice(index, index + 1)), options)
+        except UnsettledError as error:
+            blanks[index] = str(error.__cause__)
+        else:
+            untouched += moving is None
         if moving is not None:
-            row[:] = moving.images[-1]
+            readings[index] = moving.images[-1]
             settle_time.append(moving.trace.settle_time)
             overshoot.append(moving.trace.overshoot)
         if keep:
             kept.append(moving)
-    work = Counter(presses=len(settle_time), no_contact=len(poses) - len(settle_time))
-    return readings, work, Course(np.array(settle_time), np.array(overshoot), kept)
+    presses = len(touches) - untouched
+    work = Counter(presses=presses, no_contact=untouched, engine_full=presses)
+    return readings, blanks, work, Course(np.array(settle_time), np.array(overshoot), kept)
 
 
 def aligned(presses: Sequence[Moving | None], frame_rate: float, taxels: int) -> tuple[FloatArray, ...]:

@@ -14,6 +14,7 @@ import numpy as np
 from tactsim.core.pad import Pad
 from tactsim.core.poses import FloatArray
 from tactsim.press.bed import Bed
+from tactsim.press.clip import EVEN_MOMENTS, POWERS
 
 _erf = np.vectorize(math.erf, otypes=[float])  # a few thousand values: not worth the import of SciPy
 
@@ -23,12 +24,21 @@ _BLOCK = 32
 _QUADRATURE = 8  # points per axis and cell for the projection below; exact to 1e-12 for sigma >= 0.3 mm
 
 
-def contact_map(bed: Bed, forces: FloatArray, pad: Pad, cells_per_taxel: int, sigma: float) -> FloatArray:
+def contact_map(
+    bed: Bed,
+    pressure: FloatArray,
+    gradient: FloatArray | None,
+    pad: Pad,
+    cells_per_taxel: int,
+    sigma: float,
+) -> FloatArray:
     """Average the spread contact pressure over each taxel: (presses, taxels) kPa, no imperfections.
 
-    forces: (contacts,) N of the bed's contacts. sigma: mm, standard deviation of the point spread.
+    pressure: (contacts,) N/mm^2 at the centres of the contacts' cells. gradient: (contacts, 2) N/mm^3, by
+    which it varies within a cell, or None where it does not; it needs the bed's third moments.
+    sigma: mm, standard deviation of the point spread.
 
-    A contact's force lies evenly on the covered part of its cell. A taxel's response to a unit force is
+    A contact's force lies on the covered part of its cell. A taxel's response to a unit force is
     a smooth function of where in the cell the force is; its best quadratic there (least squares)
     replaces it. The integral over the covered part then needs only the part's moments. For a cell that
     is covered wholly the result is exact.
@@ -36,12 +46,15 @@ def contact_map(bed: Bed, forces: FloatArray, pad: Pad, cells_per_taxel: int, si
     x_lines, y_lines = pad.grid_lines(cells_per_taxel, gap_cells=sigma == 0)
     cells = (len(x_lines) - 1) * (len(y_lines) - 1)
     presses = len(bed.start) - 1
-    pressure = np.divide(forces, bed.area, out=np.zeros_like(forces), where=bed.area > 0)
     where = bed.press * cells + bed.cell
     responses = _responses(pad, cells_per_taxel, sigma)
     result = np.zeros((presses, pad.taxels))
-    for moment, response in zip(bed.moments, responses, strict=True):
-        load = np.bincount(where, moment * pressure, presses * cells).reshape(presses, cells)
+    for (i, j), moment, response in zip(POWERS, bed.moments, responses, strict=False):
+        force = moment * pressure
+        if gradient is not None:
+            force += bed.moments[POWERS.index((i + 1, j))] * gradient[:, 0]
+            force += bed.moments[POWERS.index((i, j + 1))] * gradient[:, 1]
+        load = np.bincount(where, force, presses * cells).reshape(presses, cells)
         for first in range(0, presses, _BLOCK):
             block = slice(first, first + _BLOCK)
             result[block] += load[block] @ response
@@ -57,9 +70,9 @@ def _responses(pad: Pad, cells_per_taxel: int, sigma: float) -> FloatArray:
     """
     x_lines, y_lines = pad.grid_lines(cells_per_taxel, gap_cells=sigma == 0)
     x, y = _along(x_lines, pad.column_edges, sigma), _along(y_lines, pad.row_edges, sigma)
-    # Powers of (u, v) in the order of clip.MOMENTS. Legendre's second polynomial has a constant part, so a power's
-    # coefficient comes from the projections on several polynomials.
-    powers = [(0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2)]
+    # Legendre's second polynomial has a constant part, so a power's coefficient comes from the projections on
+    # several polynomials.
+    powers = POWERS[:EVEN_MOMENTS]
     response = np.zeros((len(powers), len(y), len(x), len(pad.row_edges), len(pad.column_edges)))
     for k, (i, j) in enumerate(powers):
         for p, q in powers:

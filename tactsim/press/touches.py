@@ -27,5 +27,9 @@ class Touches:
         """Press `letter` at `poses` with the same tilt (rad about x and y) every time."""
         return cls(letter, poses, np.tile(np.array(tilt, dtype=float), (len(poses), 1)))
 
+    def some(self, which: slice) -> Touches:
+        """Take some of the presses."""
+        return Touches(self.letter, self.poses[which], self.tilts[which])
+
     def __len__(self) -> int:
         return len(self.poses)

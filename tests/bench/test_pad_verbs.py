@@ -65,7 +65,7 @@ def test_a_letter_is_recorded_from_tare_to_scan(bench, tmp_path):
         session = bench.start(*words)
         until = time.monotonic() + 60
         while time.monotonic() < until and not _marks(tmp_path):
-            time.sleep(0.2)
+            time.sleep(0.02)
         session.send_signal(signal.SIGKILL)
         session.communicate(timeout=10)
         assert not (tmp_path / "A.npz").exists()

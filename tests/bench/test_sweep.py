@@ -3,6 +3,7 @@
 import csv
 import json
 import shutil
+import signal
 import socket
 import subprocess
 import sys
@@ -191,10 +192,12 @@ def test_a_folder_in_use_or_of_another_sweep_is_refused(bench, tmp_path):
     while not (tmp_path / "out" / "sweep.json").exists():
         time.sleep(0.02)
         assert first.poll() is None
+    first.send_signal(signal.SIGSTOP)  # it stays at work until the second has looked
     second = bench.start("sweep", "s.toml", "--out", "out")
     _, errors = second.communicate(timeout=60)
     assert second.returncode == 2
     assert "another sweep is at work" in errors
+    first.send_signal(signal.SIGCONT)
     finish(first)
     other = bench.start("sweep", "other.toml", "--out", "out")
     _, errors = other.communicate(timeout=60)

@@ -14,7 +14,7 @@ from tactsim.core import InputError, Scan
 from tactsim.estimators import Estimator
 from tactsim.estimators.registry import load
 
-NAMES = (*estimators.names(), "nearest")  # the last from docs/estimators.md, as a stranger would install it
+NAMES = (*estimators.names(), "sorted")  # the last from docs/estimators.md, as a stranger would install it
 POSES = paper_poses(positions=4, angles=6)
 
 
@@ -25,9 +25,9 @@ def plug_in(tmp_path_factory):
     code = re.findall(r"```python\n(.*?)```", text, re.DOTALL)[-1]
     assert len(code.splitlines()) < 40
     place = tmp_path_factory.mktemp("site")
-    (place / "nearest.py").write_text(code)
+    (place / "sorted.py").write_text(code)
     with pytest.MonkeyPatch.context() as patch:
-        install_plug_in(place, patch, nearest="nearest:Nearest")
+        install_plug_in(place, patch, sorted="sorted:Sorted")
         yield
 
 

@@ -2,11 +2,20 @@
 
 import os
 import signal
+import sys
+import threading
 import time
+from concurrent.futures import BrokenExecutor
 from pathlib import Path
 
+import numpy as np
 import pytest
 from test_kills import SWEEP, whole
+
+from tactsim.core import InputError
+from tactsim.core.workers import worker_processes
+
+LARGE = 50_000_000  # bytes, far more than a pipe holds
 
 
 def workers_of(process):
@@ -27,29 +36,101 @@ def wait_until(process, true):
         time.sleep(0.01)
 
 
-def kill_one_worker(process, wait=0.0):
+def kill_one_worker(process):
     wait_until(process, lambda: workers_of(process))
-    time.sleep(wait)
     os.kill(workers_of(process)[0], signal.SIGKILL)
 
 
-@pytest.mark.parametrize("wait", [0.0, pytest.param(2.0, marks=pytest.mark.slow)])
-def test_a_run_whose_worker_dies_says_so_and_leaves_nothing(bench, wait):
-    words = ["run", "--letters", "IO", "--trials", "2000", "--readings", "30", "--out", "out"]
-    process = bench.start(*words, "--jobs", "2")
-    kill_one_worker(process, wait)
+def at_work(pid):
+    """Say whether a process exists and has not ended."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rsplit(")")[-1].split()[0] != "Z"
+    except OSError:
+        return False
+
+
+def kill_oneself():
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
+def die_while_sending(size):
+    """Give a large result, and kill the process when it has begun to send it."""
+    main = threading.main_thread().ident
+
+    def wait_and_kill():
+        while True:
+            frame = sys._current_frames()[main]
+            while frame is not None:
+                if frame.f_code.co_name == "_send_bytes":
+                    kill_oneself()
+                frame = frame.f_back
+
+    threading.Thread(target=wait_and_kill, daemon=True).start()
+    return bytes(size)
+
+
+def refuse(value):
+    raise InputError(f"{value} is wrong")
+
+
+RUN = ["run", "--letters", "IO", "--trials", "2000", "--readings", "30", "--out", "out"]
+
+
+def test_a_run_whose_worker_dies_at_its_start_says_so_and_leaves_nothing(bench):
+    process = bench.start(*RUN, "--jobs", "2")
+    kill_one_worker(process)
     _, errors = process.communicate(timeout=120)
     assert process.returncode == 1
     assert "Traceback" not in errors
     assert "bench: a worker process died" in errors
     assert not (bench.folder / "out").exists()
-    assert bench(*words[:4], "4", *words[5:]).returncode == 0
+    assert bench(*RUN[:4], "4", *RUN[5:]).returncode == 0
 
 
-def test_a_sweep_whose_worker_dies_loses_nothing(bench):
+def test_workers_end_with_a_run_that_is_killed(bench):
+    process = bench.start(*RUN, "--jobs", "2")
+    wait_until(process, lambda: len(workers_of(process)) == 2)
+    workers = workers_of(process)
+    process.kill()  # it alone
+    process.communicate(timeout=120)
+    deadline = time.monotonic() + 60
+    while any(map(at_work, workers)):
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+
+
+@pytest.mark.parametrize("task", [[kill_oneself], [die_while_sending, LARGE]])
+def test_whenever_a_worker_dies_its_result_says_so_and_the_block_ends(task):
+    with pytest.raises(BrokenExecutor, match="a worker process died"), worker_processes(2) as pool:
+        futures = [pool.submit(*task), pool.submit(np.zeros, LARGE // 8)]
+        for future in futures:
+            future.result(timeout=60)
+
+
+def test_an_exception_in_the_block_ends_work_that_would_last():
+    with pytest.raises(KeyboardInterrupt), worker_processes(2) as pool:
+        futures = [pool.submit(time.sleep, 600) for _ in range(8)]
+        raise KeyboardInterrupt
+    assert all(future.done() for future in futures)
+
+
+def test_an_error_of_a_task_comes_back_with_its_place_and_the_worker_lives_on():
+    with worker_processes(1) as pool:
+        error = pool.submit(refuse, 3).exception(timeout=60)
+        assert isinstance(error, InputError)
+        assert str(error) == "3 is wrong"
+        assert "in refuse" in error.__notes__[0]
+        with pytest.raises(AttributeError, match="local"):
+            pool.submit(lambda: None).result(timeout=60)
+        assert list(pool.map(abs, [-1, 2])) == [1, 2]
+
+
+@pytest.mark.parametrize("first", ["worker", "chunk"])
+def test_a_sweep_whose_worker_dies_loses_nothing(bench, first):
     (bench.folder / "s.toml").write_text(SWEEP.replace("trials = 60", "trials = 400"))
     process = bench.start("sweep", "s.toml", "--jobs", "2", "--out", "out")
-    wait_until(process, lambda: any((bench.folder / "out" / "chunks").glob("*.npz")))  # 1 of 80
+    if first == "chunk":
+        wait_until(process, lambda: any((bench.folder / "out" / "chunks").glob("*.npz")))  # 1 of 80
     kill_one_worker(process)
     _, errors = process.communicate(timeout=240)
     assert process.returncode == 0, errors

@@ -16,13 +16,13 @@ from plain_press import compile_plain, press_plain
 
 from tactsim import models
 from tactsim.core.poses import FloatArray
-from tactsim.press import PressOptions, ScanOptions, scan_letters
+from tactsim.press import PressOptions, ScanOptions, balance, scan_letters
 from tactsim.press.bed import lay_bed
-from tactsim.press.contact_forces import contact_forces
 from tactsim.press.engine import ideal_readings
 from tactsim.press.levels import levels
 from tactsim.press.scan_options import Skips
 from tactsim.press.scan_poses import grid_poses
+from tactsim.press.touches import Touches
 
 LETTERS = "AEIOU"
 FEW_POSES = grid_poses()[5::37]
@@ -40,10 +40,9 @@ def ways_to_press(name: str) -> dict[str, tuple[Callable[[], object], int]]:
         return poses[np.diff(bed.start) > 0]
 
     many, few = touching(grid_poses()), touching(FEW_POSES)
-    bed = lay_bed(levels(letter, options.press), many, *lines)
     ways: dict[str, tuple[Callable[[], object], int]] = {
-        "press, springs to forces": (lambda: contact_forces(bed, many, letter, options.press), len(many)),
-        "press, outline to reading": (lambda: ideal_readings(letter, many, options), len(many)),
+        "press, springs to forces": (lambda: balance.press(Touches.of(letter, many), options), len(many)),
+        "press, outline to reading": (lambda: ideal_readings(Touches.of(letter, many), options), len(many)),
     }
     for way, press in (("plain scene, whole", WHOLE), ("plain scene, only what touches", COVERED)):
         plain = lay_bed(levels(letter, press), few, *lines, skip_empty=press.skip.cells)

@@ -10,13 +10,14 @@ from tactsim.core import Pad
 from tactsim.press import PressOptions, ScanOptions, SensorOptions
 from tactsim.press.engine import ideal_readings
 from tactsim.press.scan_poses import grid_poses
+from tactsim.press.touches import Touches
 
 LEAST_AREA = 4.0  # mm^2; presses that touch less are judged apart
 
 
 def compare(name, options, poses):
     letter = models.letter(name)
-    readings, _ = ideal_readings(letter, poses, options)
+    readings, _ = ideal_readings(Touches.of(letter, poses), options)
     assert readings.min() >= 0
     expected, areas = zip(
         *(
@@ -87,7 +88,7 @@ def test_other_point_spreads_are_exact(sigma):
 def test_without_a_point_spread_an_taxel_reads_the_pressure_on_it():
     options = ScanOptions(sensor=SensorOptions(psf_sigma=0.0))
     letter, poses, pad = models.letter("E"), grid_poses()[::7], options.pad
-    readings, _ = ideal_readings(letter, poses, options)
+    readings, _ = ideal_readings(Touches.of(letter, poses), options)
     for reading, pose in zip(readings, poses, strict=True):
         region = overlap(letter.footprint, pose, pad)
         taxels = [

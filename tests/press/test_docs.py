@@ -20,7 +20,7 @@ def test_every_option_stands_there_with_its_default_and_what_is_assumed(options)
             assert ("assumed" in field.description) == ("assumed" in row), name
 
 
-@pytest.mark.parametrize("name", ["placement_mm", "placement_rad", "rounding", "seed"])
+@pytest.mark.parametrize("name", ["placement_mm", "placement_rad", "placement_tilt", "rounding", "seed"])
 def test_a_scan_s_options_stand_there(name):
     (row,) = [row for row in ROWS if f"`{name}`" in row.split("|")[1]]
     assert str(ScanOptions.model_fields[name].default) in row.split("|")[2]

@@ -132,3 +132,50 @@ def test_a_pad_s_gains_are_the_same_for_a_scan_and_a_single_press():
     press = press_letter(models.letter("E"), scan.poses[50], spread)
     assert press.reading == pytest.approx(scan.readings[50], abs=1e-9)
     assert press.reading != pytest.approx(press.ideal, rel=0.01)
+
+
+TIPPING = PressOptions(wrist_stiffness=16.0)
+
+
+def test_a_press_that_tips_over_is_a_blank_with_its_reason():
+    options = ScanOptions(letters=("O",), press=TIPPING)
+    scan, work = scan_letters(options, cache=False)
+    blanks = scan.meta["blanks"]
+    assert 0 < len(blanks) == work["blanks"] < 20
+    assert len(scan) == 384 - len(blanks)
+    assert work["presses"] + work["skipped"]["no_contact"] == 384
+    for blank in blanks:
+        assert (blank["letter"], "tips over" in blank["reason"]) == ("O", True)
+        stated = scan.where(split=blank["split"]).poses
+        assert not (stated == blank["pose"]).all(axis=1).any()
+    whole, _ = scan_letters(options.model_copy(update={"press": PressOptions()}), cache=False)
+    assert len(whole) == 384
+    assert "blanks" not in whole.meta
+
+
+def test_blanks_are_not_forgotten_by_the_cache():
+    options = ScanOptions(letters=("O",), press=TIPPING)
+    first, _ = scan_letters(options)
+    again, work = scan_letters(options)
+    assert work["blanks"] == len(first.meta["blanks"]) == len(again.meta["blanks"])
+    assert np.array_equal(first.readings, again.readings)
+
+
+def test_too_many_blanks_are_refused():
+    options = ScanOptions(letters=("O",), press=PressOptions(wrist_stiffness=2.0))
+    with pytest.raises(InputError, match=r"\d+ of 192 presses of 'O' .* 5% at most: .*stiffer wrist"):
+        scan_letters(options, cache=False)
+
+
+def test_every_press_has_a_tilt_of_its_own():
+    tilted = ScanOptions(letters=("O",), placement_tilt=0.01)
+    scan, work = scan_letters(tilted, cache=False)
+    level, _ = scan_letters(ScanOptions(letters=("O",)), cache=False)
+    assert work["engine_bed"] == work["presses"]
+    assert work["skipped"]["solver"] == 0
+    touched = level.readings.max(axis=1) > 20
+    change = np.abs(scan.readings - level.readings).max(axis=1)[touched]
+    assert (change > 0.5).mean() > 0.95
+    assert np.median(change / level.readings.max(axis=1)[touched]) > 0.1
+    train, test = (scan.where(split=split).readings for split in ("train", "test"))
+    assert np.abs(train - test).max() > 20

@@ -8,14 +8,24 @@ from tactsim.press import PressOptions, ScanOptions, scan_letters
 from tactsim.press.engine import ideal_readings
 from tactsim.press.scan_options import Skips
 from tactsim.press.scan_poses import grid_poses
+from tactsim.press.touches import Touches
 
 FAR = np.array([[40.0, 0.0, 0.0], [0.0, -30.0, 1.0]])
 POSES = np.concatenate([grid_poses()[::9], FAR])
 
 
-def ideal(name, **skips):
-    options = ScanOptions(press=PressOptions(skip=Skips(**skips)))
-    return ideal_readings(models.letter(name), POSES, options)
+def ideal(name, engine="bed", **skips):
+    options = ScanOptions(press=PressOptions(engine=engine, skip=Skips(**skips)))
+    return ideal_readings(Touches.of(models.letter(name), POSES), options)
+
+
+@pytest.mark.parametrize("name", ["A", "E", "I", "O", "8"])
+def test_a_level_flat_face_needs_no_solver(name):
+    usual, work = ideal(name, "auto")
+    solved, more = ideal(name, "auto", solver=False)
+    assert solved == pytest.approx(usual, abs=1e-8 * usual.max())
+    assert (work["solver"], work["engine_exact"], work["engine_bed"]) == (work["presses"], work["presses"], 0)
+    assert (more["solver"], more["engine_exact"], more["engine_bed"]) == (0, 0, work["presses"])
 
 
 @pytest.mark.parametrize("name", ["A", "E", "I", "O", "8"])
@@ -71,7 +81,7 @@ def test_a_known_pose_is_not_pressed_again():
 
 def test_all_switches_leave_a_scan_as_it_is():
     usual, _ = scan_letters(ScanOptions(letters=("E",)), cache=False)
-    off = Skips(no_contact=False, cells=False, parts=False, stages=False, known=False)
+    off = Skips(no_contact=False, cells=False, parts=False, stages=False, known=False, solver=False)
     other, work = scan_letters(ScanOptions(letters=("E",), press=PressOptions(skip=off)), cache=False)
     assert np.array_equal(usual.readings, other.readings)  # the resolution swallows the rounding
     assert work["presses"] == 384

@@ -1,0 +1,115 @@
+"""The baseline: compare a reading with every training reading, and learn no map."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+from pydantic import Field
+
+from tactsim.core import Scan, compose, invert
+from tactsim.core.poses import FloatArray
+from tactsim.estimators.estimator import Estimate, Estimator, Options, check_order, check_reading
+
+
+class NearestOptions(Options):
+    """What the baseline takes."""
+
+    width: float | None = Field(
+        None,
+        gt=0,
+        le=1e6,
+        description="kernel width of a taxel, kPa; learned if not given",
+    )
+
+
+class Nearest(Estimator):
+    """Estimate p(reading | letter) by a Gaussian kernel on each training reading of the letter (Parzen 1962).
+
+    It asks only whether a reading looks like one that was trained, not whether the readings of a sequence fit
+    together in space. So it shows how much of a task is done by remembering readings.
+    """
+
+    options_type = NearestOptions
+    draws = False
+
+    def __init__(self, options: NearestOptions) -> None:
+        super().__init__(options)
+        self._given = options.width
+        self.labels: tuple[str, ...] = ()
+        self._started = False
+        self._compared = 0
+
+    def fit(self, scan: Scan) -> None:
+        """Keep the training readings, in the order of their letters, and learn the kernel's width.
+
+        The width is the rms difference of a taxel between a training reading and the nearest other one of its
+        letter.
+        """
+        train = scan.where("train")
+        check_order(len(train) > 0, "a train reading", "fit")
+        self._started = False
+        self.labels = train.letters
+        of_letters = [train.where(label=label) for label in self.labels]
+        self._readings = np.concatenate([one.readings for one in of_letters])
+        self._poses = np.concatenate([one.poses for one in of_letters])
+        counts = [len(one) for one in of_letters]
+        self._first = np.cumsum([0, *counts[:-1]])
+        self._log_count = np.log(counts)
+        nearest = np.concatenate([_nearest_squares(one.readings) for one in of_letters])
+        learned = np.sqrt(nearest.mean() / self._readings.shape[1]) if len(nearest) else 0.0
+        self.width = self._given or max(float(learned), 1e-3)
+
+    def reset(self, rng: np.random.Generator) -> None:
+        """Forget the sequence: every letter is equally probable again."""
+        check_order(bool(self.labels), "fit", "reset")
+        self._log_p = np.zeros(len(self.labels))
+        self._started = True
+        self._unlike = np.full(len(self.labels), np.inf)
+        self._robot_in_object = np.zeros((len(self.labels), 3))
+
+    def update(self, reading: ArrayLike, sensor_in_robot: ArrayLike) -> None:
+        """Take in one reading (taxels,) kPa at the pose sensor_in_robot [mm, mm, rad]."""
+        check_order(self._started, "reset" if self.labels else "fit", "update")
+        values, pose = check_reading(reading, sensor_in_robot, self._readings.shape[1])
+        squares = ((self._readings - values) ** 2).sum(axis=1)
+        log_kernel = squares / (-2 * self.width**2)
+        self._log_p += np.logaddexp.reduceat(log_kernel, self._first) - self._log_count
+        self._compared += len(squares)
+        # Of the sequence, the match with the least difference per pressure says where: that of a reading beside the
+        # letter, where there is next to no pressure, says nothing.
+        best = [
+            first + one.argmin()
+            for first, one in zip(self._first, np.split(squares, self._first[1:]), strict=True)
+        ]
+        unlike = squares[best] / max((values**2).sum(), 1e-12)
+        closer = unlike < self._unlike
+        self._unlike[closer] = unlike[closer]
+        self._robot_in_object[closer] = compose(self._poses[best][closer], invert(pose))
+
+    def estimate(self) -> Estimate:
+        """Say which letter it is, and the place by the reading that was most like one of its training readings."""
+        check_order(self._started, "reset" if self.labels else "fit", "estimate")
+        p = np.exp(self._log_p - np.logaddexp.reduce(self._log_p))
+        best = int(p.argmax())
+        return Estimate(
+            self.labels[best],
+            dict(zip(self.labels, p.tolist(), strict=True)),
+            self._robot_in_object[best].copy(),
+        )
+
+    @property
+    def work(self) -> dict[str, Any]:
+        """Count the training readings that were compared."""
+        return {"likelihood_evaluations": self._compared, "skipped": {}}
+
+
+def _nearest_squares(readings: FloatArray) -> FloatArray:
+    """Give the squared distance of each of (n, taxels) readings to the nearest other; none for a single one."""
+    if len(readings) < 2:
+        return np.empty(0)
+    squares = (readings**2).sum(axis=1)
+    apart = squares[:, None] + squares - 2 * readings @ readings.T
+    np.fill_diagonal(apart, np.inf)
+    return apart.min(axis=1).clip(min=0)

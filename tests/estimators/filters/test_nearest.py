@@ -1,0 +1,81 @@
+"""The baseline: its kernel by hand, its width, and the reading that says where."""
+
+import numpy as np
+import pytest
+from scipy.stats import multivariate_normal
+
+from tactsim import estimators
+from tactsim.core import Scan, compose, invert
+
+
+def scan_of(readings, labels, poses=None):
+    """A scan of training readings (n, 2) kPa."""
+    readings = np.asarray(readings, float)
+    poses = np.zeros((len(readings), 3)) if poses is None else np.asarray(poses, float)
+    return Scan(
+        readings, poses, np.array(labels), np.full(len(readings), "train"), np.array([[0.0, 0.0], [1.0, 0.0]])
+    )
+
+
+def started(scan, **options):
+    estimator = estimators.create("nearest", **options)
+    estimator.fit(scan)
+    estimator.reset(np.random.default_rng(0))
+    return estimator
+
+
+def test_probabilities_are_those_of_kernels_summed_by_hand():
+    rng = np.random.default_rng(1)
+    readings = rng.uniform(0, 9, (7, 2))
+    labels = np.array(["B", "A", "C", "A", "B", "A", "A"])  # of unequal numbers
+    estimator = started(scan_of(readings, labels), width=2.5)
+    expected = dict.fromkeys("ABC", 1.0)
+    for reading in rng.uniform(0, 9, (4, 2)):
+        estimator.update(reading, [0, 0, 0])
+        for label in expected:
+            kernels = [multivariate_normal.pdf(reading, mean, 2.5**2) for mean in readings[labels == label]]
+            expected[label] *= np.mean(kernels)
+        total = sum(expected.values())
+        estimate = estimator.estimate()
+        assert estimate.probabilities == pytest.approx({label: p / total for label, p in expected.items()})
+        assert estimate.label == max(expected, key=expected.get)
+
+
+def test_the_width_is_the_rms_distance_to_the_nearest_other_of_the_letter():
+    scan = scan_of([[0, 0], [3, 4], [0, 1], [100, 100], [100, 102]], list("AAABB"))
+    # squared distances to the nearest: A 1, 18, 1; B 4, 4; of two taxels
+    assert started(scan).width == pytest.approx(np.sqrt((1 + 18 + 1 + 4 + 4) / 5 / 2))
+    assert started(scan, width=7.0).width == 7.0
+
+
+def test_a_remembered_reading_is_recognised_and_placed_at_once():
+    rng = np.random.default_rng(2)
+    readings, poses = rng.uniform(10, 90, (20, 2)), rng.uniform(-5, 5, (20, 3))
+    scan = scan_of(readings, list("ABCD" * 5), poses)
+    estimator = started(scan, width=0.1)
+    robot_in_object = np.array([3.0, -2.0, 0.5])
+    estimator.update(readings[6], compose(invert(robot_in_object), poses[6]))
+    estimate = estimator.estimate()
+    assert estimate.label == "C"
+    assert estimate.robot_in_object == pytest.approx(robot_in_object)
+
+
+def test_a_reading_beside_the_letter_does_not_say_where():
+    scan = scan_of([[50, 20], [0, 0.2]], ["A", "A"], [[1, 2, 0.3], [9, 9, 0]])
+    estimator = started(scan)
+    estimator.update([50, 21], [4, 0, 0])
+    before = estimator.estimate().robot_in_object
+    assert before == pytest.approx(compose([1, 2, 0.3], invert([4, 0, 0])))
+    estimator.update([0, 0.1], [0, 5, 0])  # nearer to its training reading, in kPa, than the first to its own
+    assert estimator.estimate().robot_in_object == pytest.approx(before)
+
+
+def test_readings_at_the_training_poses_are_remembered_and_others_are_not():
+    import tactsim
+
+    at = {}
+    for poses in ("same", "random"):
+        scan = tactsim.scan(letters="AEIOU", test_poses=poses)
+        at[poses] = tactsim.run(scan, estimator="nearest", trials=10, readings=1).accuracy[0]
+    assert at["same"] > 0.9
+    assert at["random"] < 0.6  # guessing has 0.2
