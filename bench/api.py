@@ -47,6 +47,7 @@ def scan(
     *,
     jobs: int = 1,
     cache: bool = True,
+    sequence: bool = False,
     progress: bool = False,
     **words: Any,
 ) -> Scan:
@@ -54,7 +55,8 @@ def scan(
 
     letters: such as "AEIOU", "A-Z0-9" or a list of names. words: the options of `bench scan` with underscores:
     shapes, test_poses, world, noise, scan_set (a table) and seed. jobs: processes; the readings do not depend
-    on their number. cache: whether readings may be read from the cache and kept there. progress: show a bar.
+    on their number. cache: whether readings may be read from the cache and kept there. sequence: whether the
+    images of every press on its way to rest are kept, which takes full dynamics. progress: show a bar.
 
     Raises InputError for a letter, shape or option that does not exist, and if a press does not settle.
     """
@@ -62,7 +64,11 @@ def scan(
     options = scan_options(letters=letters, **words)
     with _reporting(progress) as report:
         return scan_letters(
-            options, jobs=jobs, cache=cache, progress=lambda done, total: report("press", done, total)
+            options,
+            jobs=jobs,
+            cache=cache,
+            sequence=sequence,
+            progress=lambda done, total: report("press", done, total),
         )[0]
 
 

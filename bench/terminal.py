@@ -172,7 +172,7 @@ def work_line(work: Mapping[str, Any]) -> str:
     def listed(counts: Mapping[str, Any]) -> str:
         return ", ".join(f"{name.replace('_', ' ')} {count:,}" for name, count in counts.items() if count)
 
-    done = listed({name: count for name, count in work.items() if name != "skipped"})
+    done = listed({name: count for name, count in work.items() if isinstance(count, int)})
     skipped = listed(work["skipped"])
     return (done or "none") + (f"; skipped: {skipped}" if skipped else "")
 

@@ -260,7 +260,8 @@ def cut(scan: Scan, rows: int, columns: int, stride: int = 1) -> Scan:
     """Cut each reading of a large array into windows of `rows` x `columns` taxels, as a small pad feels them.
 
     The windows begin every `stride` taxels along both axes. Each becomes a reading of its own, at the
-    pose of its middle. Raises InputError if the taxels are no even grid or the window does not fit.
+    pose of its middle. Sequences are left out. Raises InputError if the taxels are no even grid or the window
+    does not fit.
     """
     grid = _grid(scan.taxel_xy)
     if not (1 <= rows <= grid.shape[0] and 1 <= columns <= grid.shape[1] and stride >= 1):

@@ -18,6 +18,9 @@ def command(
     out: Annotated[Path, typer.Option(help="The file to write, .npz.")],
     jobs: shared.Jobs = 1,
     cache: shared.Cache = True,
+    sequence: Annotated[
+        bool, typer.Option("--sequence", help="Keep the images of every press on its way to rest.")
+    ] = False,
 ) -> None:
     """Press the letters at 192 poses, twice (training and test), and write the readings."""
     from tactsim.bench.console import plain_console
@@ -29,10 +32,23 @@ def command(
     options = scan_options(**words)
     with progress_bars() as progress:
         scan, work = scan_letters(
-            options, jobs=jobs, cache=cache, progress=lambda done, total: progress("press", done, total)
+            options,
+            jobs=jobs,
+            cache=cache,
+            sequence=sequence,
+            progress=lambda done, total: progress("press", done, total),
         )
     scan.save(out)
-    plain_console().print(
-        f"{len(scan):,} readings of {' '.join(scan.letters)}, {scan.readings.shape[1]} taxels, in {out}\n"
-        + work_line(work)
-    )
+    lines = [
+        f"{len(scan):,} readings of {' '.join(scan.letters)}, {scan.readings.shape[1]} taxels, in {out}",
+        work_line(work),
+    ]
+    if "settle_time" in work:
+        median, longest = (1e3 * work["settle_time"][name] for name in ("median", "longest"))
+        lines.append(
+            f"settled {median:.0f} ms after touch (median; longest {longest:.0f} ms), overshoot at most "
+            f"{100 * work['overshoot']:.1f} %"
+        )
+    if scan.sequence_times is not None:
+        lines.append(f"{len(scan.sequence_times):,} images of each press, {scan.sequence_times[-1]:.3f} s")
+    plain_console().print("\n".join(lines))

@@ -65,9 +65,9 @@ def page(groups: Sequence[Group], replayed: Sequence[Replayed], remarks: Sequenc
     script = "\n".join((assets / name).read_text(encoding="utf-8") for name in SCRIPTS)
     script = f'"use strict";\n(() => {{\n{script}}})();\n'
     style = (assets / "page.css").read_text(encoding="utf-8")
-    title = f"tactsim: {len(entries)} run{'s' if len(entries) > 1 else ''}"
+    heading = f"tactsim: {len(entries)} run{'s' if len(entries) > 1 else ''}"
     parts = {
-        "title": html.escape(title),
+        "title": html.escape(heading),
         "policy": f"default-src 'none'; img-src data:; style-src {_hash(style)}; script-src {_hash(script)}",
         "style": style,
         "data": _inert(json.dumps(data, allow_nan=False, separators=(",", ":"))),
@@ -121,7 +121,15 @@ def _protocol(
         "recognitions": [_recognition(trial, one, arrays) for one in mine for trial in one.recognitions],
         "outlines": shown,
         "maps": _maps(mine, arrays),
+        "press": next((_press(one) for one in mine if one.scan.sequence is not None), None),
     }
+
+
+def _press(of: Replayed) -> dict[str, str]:
+    """Draw a press through time; the readings came with the images on the way."""
+    from tactsim.bench.report.press_picture import as_data, press_figure, press_shown, title
+
+    return {"title": title(of.scan, press_shown(of.scan)), "image": as_data(press_figure(of.scan))}
 
 
 def _task(group: Group, methods: Sequence[str], arrays: Arrays) -> dict[str, Any]:

@@ -59,5 +59,13 @@ def write_pages(
                 place = out.with_name(f"{prefix}{name}{'' if number == 1 else f'-{number}'}.{kind}")
                 save(figure, place)
                 written.append(place)
+    moving = next((one.scan for one in replayed if one.scan.sequence is not None), None)
+    if moving is not None:
+        from tactsim.bench.report.picture import save
+        from tactsim.bench.report.press_picture import press_figure
+
+        for kind in ("png", "svg"):
+            written.append(out.with_name(f"{prefix}press.{kind}"))
+            save(press_figure(moving), written[-1])
     write_text(out, page(groups, replayed, remarks))
     return written, remarks

@@ -20,6 +20,7 @@ TOPICS = (
     "particles",
     "press",
     "engines",
+    "dynamics",
     "foundations",
     "convergence",
 )

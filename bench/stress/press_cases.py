@@ -311,34 +311,6 @@ def tilt(worst: Worst) -> None:
 
 
 @case(
-    "press.through-time",
-    varied="full dynamics: mass 1e-3 to 100 kg, stiffness 1 to 1e6 kPa/mm, 1 uN to 10 kN, slack to stiff damping",
-    deviation="reading from the equilibrium's, relative to its largest taxel, where it settles",
-    limit=5e-3,
-    because="0.5 % is what full dynamics may be off; what does not settle is refused",
-)
-def through_time(worst: Worst) -> None:
-    """Step presses through time, from a fly's to a hammer's."""
-    pose = np.array([1.0, 2.0, 0.3])
-    rest = ideal("E", pose, exact_pad(force=1.0))[0]
-    settings: list[dict[str, float]] = [{"moving_mass": mass} for mass in (1e-3, 0.01, 1.0, 10.0, 100.0)]
-    settings += [{"stiffness": 10.0**decade} for decade in range(7)]
-    settings += [{"force": 10.0**decade} for decade in range(-6, 5)]
-    settings += [{"relaxation": value} for value in (0.0, 1e-4, 0.1, 1.0)]
-    settings += [{"approach_speed": 1000.0}, {"approach_speed": 0.5}, {"clearance": 10.0}, {"ramp": 0.0}]
-    settled = 0
-    for setting in settings:
-        options = exact_pad(dynamics="full", time_limit=2.0, **setting)
-        found: list[FloatArray] = []
-        if refused(lambda: found.append(press_letter(models.letter("E"), pose, options).ideal)):  # noqa: B023
-            continue
-        settled += 1
-        force = options.press.force
-        worst.see(np.abs(found[0] / force - rest).max() / rest.max(), str(setting))
-    worst.holds(settled >= len(settings) / 2, f"only {settled} of {len(settings)} settle")
-
-
-@case(
     "press.parts",
     varied="the convex parts of every letter and digit",
     deviation="their areas' sum from the footprint's area, relative",

@@ -22,8 +22,12 @@ _HEADERS = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.r
 _ENCRYPTED = 1  # bit of a member's flags
 
 
-def read_npz(source: str | Path | BytesIO, names: Iterable[str]) -> dict[str, NDArray[Any]]:
+def read_npz(
+    source: str | Path | BytesIO, names: Iterable[str], optional: Iterable[str] = ()
+) -> dict[str, NDArray[Any]]:
     """Read the named arrays: numbers or strings of at most three dimensions. Other members are ignored.
+
+    An `optional` array that is not there is left out.
 
     A claimed size is checked before memory is allocated. Raises InputError if the file is not a whole .npz,
     lacks an array or holds one of another kind. The message does not name the path.
@@ -31,7 +35,7 @@ def read_npz(source: str | Path | BytesIO, names: Iterable[str]) -> dict[str, ND
     with nullcontext(source) if isinstance(source, BytesIO) else opened(source) as stream:
         try:
             with zipfile.ZipFile(stream) as archive:
-                return _members(archive, tuple(names))
+                return _members(archive, tuple(names), tuple(optional))
         except InputError:
             raise
         # A name that is not UTF-8 is a ValueError.
@@ -39,8 +43,11 @@ def read_npz(source: str | Path | BytesIO, names: Iterable[str]) -> dict[str, ND
             raise InputError(f"it is not a whole .npz file: {error}") from error
 
 
-def _members(archive: zipfile.ZipFile, names: tuple[str, ...]) -> dict[str, NDArray[Any]]:
+def _members(
+    archive: zipfile.ZipFile, names: tuple[str, ...], optional: tuple[str, ...]
+) -> dict[str, NDArray[Any]]:
     known = {info.filename: info for info in archive.infolist()}
+    names += tuple(name for name in optional if f"{name}.npy" in known)
     left = LARGEST
     arrays = {}
     for name in names:

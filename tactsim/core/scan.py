@@ -23,6 +23,7 @@ from tactsim.core.poses import FloatArray
 
 SPLITS = ("train", "test")
 _ARRAYS = ("readings", "poses", "labels", "split", "taxel_xy")
+_SEQUENCE = ("sequence", "sequence_times", "sequence_force")
 _LONGEST_NAME = 100  # characters of a label
 
 
@@ -36,6 +37,11 @@ class Scan:
     `symmetry` (order of the rotational symmetry, 0 for a disc), `centre` ([x, y] mm) and
     `inertia_over_mass` (mm^2).
 
+    A scan may also hold the images of each press on its way to rest: sequence: (n, frames, taxels) kPa,
+    float32. sequence_times: (frames,) s since the letter began to move, the same for all presses; a press
+    that rests earlier keeps its last image until then. sequence_force: (n, frames) N, the contact force,
+    float32. All three or none.
+
     Raises InputError when shapes disagree, there are no taxels, a number is not finite or beyond 1e9, a
     label is empty, over 100 characters long or not printable, a split has another name, or `meta` is not JSON.
     """
@@ -46,10 +52,13 @@ class Scan:
     split: NDArray[np.str_]
     taxel_xy: FloatArray
     meta: Mapping[str, Any] = field(default_factory=dict)
+    sequence: NDArray[np.float32] | None = None
+    sequence_times: FloatArray | None = None
+    sequence_force: NDArray[np.float32] | None = None
 
     def __post_init__(self) -> None:
         for name in ("readings", "poses", "taxel_xy"):
-            object.__setattr__(self, name, _numbers(name, getattr(self, name)))
+            object.__setattr__(self, name, _numbers(name, getattr(self, name), 2))
         for name in ("labels", "split"):
             object.__setattr__(self, name, _names(name, getattr(self, name)))
         count, taxels = self.readings.shape
@@ -62,6 +71,7 @@ class Scan:
                 )
         if not taxels:
             raise InputError("scan: readings have no taxels")
+        self._check_sequence()
         for label in self.letters:
             if not is_label(label):
                 raise InputError(
@@ -74,6 +84,25 @@ class Scan:
         other = sorted(set(self.split.tolist()) - set(SPLITS))
         if other:
             raise InputError(f"scan: split says {other[0]!r}; only 'train' and 'test' have a meaning")
+
+    def _check_sequence(self) -> None:
+        given = [name for name in _SEQUENCE if getattr(self, name) is not None]
+        if not given:
+            return
+        if len(given) < len(_SEQUENCE):
+            missing = next(name for name in _SEQUENCE if name not in given)
+            raise InputError(f"scan: {given[0]} without {missing}; a sequence has {', '.join(_SEQUENCE)}")
+        sequence = _numbers("sequence", self.sequence, 3, np.float32)
+        times = _numbers("sequence_times", self.sequence_times, 1)
+        force = _numbers("sequence_force", self.sequence_force, 2, np.float32)
+        (count, taxels), frames = self.readings.shape, sequence.shape[1]
+        wanted = ((count, frames, taxels), (frames,), (count, frames))
+        for name, array, shape in zip(_SEQUENCE, (sequence, times, force), wanted, strict=True):
+            if array.shape != shape:
+                raise InputError(f"scan: {name} has shape {array.shape}, not {shape}")
+            object.__setattr__(self, name, array)
+        if not frames or (np.diff(times) <= 0).any():
+            raise InputError("scan: sequence_times do not rise from frame to frame, or there are none")
 
     def __len__(self) -> int:
         return len(self.readings)
@@ -89,11 +118,15 @@ class Scan:
         """List the labels in the order of their first appearance."""
         return tuple(dict.fromkeys(self.labels.tolist()))
 
+    @property
+    def _arrays(self) -> tuple[str, ...]:
+        return _ARRAYS if self.sequence is None else _ARRAYS + _SEQUENCE
+
     @cached_property
     def digest(self) -> str:
         """Name the scan by its content: equal scans have equal digests (SHA-256, hex)."""
         content = sha256(json.dumps(self.meta, sort_keys=True).encode())
-        for name in _ARRAYS:
+        for name in self._arrays:
             array = np.ascontiguousarray(getattr(self, name))
             content.update(f"{name} {array.dtype.str} {array.shape}".encode())
             content.update(array.tobytes())
@@ -119,6 +152,7 @@ class Scan:
     def joined(self, other: Scan, meta: Mapping[str, Any]) -> Scan:
         """Append another scan of the same pad; the result has the given `meta`.
 
+        Sequences are kept if both scans have them at the same times, one of them perhaps for longer.
         Raises InputError if the taxels lie elsewhere.
         """
         if self.taxel_xy.shape != other.taxel_xy.shape or not np.allclose(
@@ -130,7 +164,7 @@ class Scan:
             )
         both = [np.concatenate([getattr(self, name), getattr(other, name)]) for name in _ARRAYS[:4]]
         readings, poses, labels, split = both
-        return Scan(readings, poses, labels, split, self.taxel_xy, meta)
+        return Scan(readings, poses, labels, split, self.taxel_xy, meta, **_joined_sequences(self, other))
 
     def on_taxels_of(self, other: Scan) -> Scan:
         """Keep the taxels that `other` has at the same places, in the order of this scan.
@@ -141,20 +175,23 @@ class Scan:
         shared = (apart < 1e-3).any(axis=1)  # mm
         if not shared.any():
             raise InputError("two scans have no taxel at the same place: their pads differ")
-        return replace(self, readings=self.readings[:, shared], taxel_xy=self.taxel_xy[shared])
+        sequence = None if self.sequence is None else self.sequence[:, :, shared]
+        return replace(
+            self, readings=self.readings[:, shared], taxel_xy=self.taxel_xy[shared], sequence=sequence
+        )
 
     def _chosen(self, chosen: NDArray[np.bool_]) -> Scan:
-        return Scan(
-            self.readings[chosen], self.poses[chosen], self.labels[chosen], self.split[chosen],
-            self.taxel_xy, self.meta,
-        )  # fmt: skip
+        of_presses = ["readings", "poses", "labels", "split"]
+        if self.sequence is not None:
+            of_presses += ["sequence", "sequence_force"]
+        return replace(self, **{name: getattr(self, name)[chosen] for name in of_presses})
 
     def save(self, path: str | Path) -> None:
-        """Write the scan as .npz: the five arrays and `meta`, a JSON string. Whole or not at all.
+        """Write the scan as .npz: its arrays and `meta`, a JSON string. Whole or not at all.
 
         The same scan gives the same bytes. Raises InputError if `path` cannot be written.
         """
-        arrays = {name: getattr(self, name) for name in _ARRAYS}
+        arrays = {name: getattr(self, name) for name in self._arrays}
         arrays["meta"] = np.array(json.dumps(self.meta, sort_keys=True))
         content = BytesIO()
         # np.savez writes no dates and keeps the members' order, so the bytes depend on the scan alone.
@@ -170,7 +207,7 @@ class Scan:
         or holds what `Scan` refuses.
         """
         try:
-            arrays = read_npz(path, (*_ARRAYS, "meta"))
+            arrays = read_npz(path, (*_ARRAYS, "meta"), _SEQUENCE)
         except InputError as error:
             raise InputError(f"scan {path}: {error}; make one with `bench scan --out FILE`") from error
         try:
@@ -198,11 +235,32 @@ def is_label(name: str) -> bool:
     return name.isprintable() and 0 < len(name) <= _LONGEST_NAME
 
 
-def _numbers(name: str, values: Any) -> FloatArray:
+def _joined_sequences(first: Scan, second: Scan) -> dict[str, Any]:
+    """Append the sequences of two scans, the shorter ones held at their last image; nothing if times differ."""
+    times, more = first.sequence_times, second.sequence_times
+    if times is None or more is None:
+        return {}
+    if len(more) > len(times):
+        times, more = more, times
+    if not np.array_equal(times[: len(more)], more):
+        return {}
+    joined: dict[str, Any] = {"sequence_times": times}
+    for name in ("sequence", "sequence_force"):
+        longer = []
+        for array in (getattr(first, name), getattr(second, name)):
+            rest = [(0, 0)] * array.ndim
+            rest[1] = (0, len(times) - array.shape[1])
+            longer.append(np.pad(array, rest, mode="edge"))
+        joined[name] = np.concatenate(longer)
+    return joined
+
+
+def _numbers(name: str, values: Any, axes: int, kind: Any = float) -> NDArray[Any]:
     array = np.asarray(values)
-    if array.dtype.kind not in "fiu" or array.ndim != 2:
-        raise InputError(f"scan: {name} must be a table of numbers, got {array.dtype} {array.shape}")
-    array = finite(array, f"scan: {name}").copy()
+    if array.dtype.kind not in "fiu" or array.ndim != axes:
+        what = "a table of numbers" if axes == 2 else f"numbers along {axes} axes"
+        raise InputError(f"scan: {name} must be {what}, got {array.dtype} {array.shape}")
+    array = finite(array, f"scan: {name}").astype(kind)
     array.setflags(write=False)
     return array
 

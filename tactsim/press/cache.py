@@ -56,6 +56,7 @@ def key(touches: Touches, options: ScanOptions) -> str:
             "pad": options.pad.model_dump(mode="json"),
             "press": options.press.model_dump(mode="json"),
             "psf_sigma": options.sensor.psf_sigma,
+            "hysteresis": options.sensor.hysteresis if options.press.dynamics == "full" else 0.0,
             "source": _source(),
             "versions": versions(),
         },

@@ -1,13 +1,19 @@
-"""Press one letter through time under a force controller: approach, touch, settle.
+"""Press one letter through time under force control: approach, touch, settle.
 
-The scene is that of the equilibrium, but time steps are short, the letter has its real mass, and each
-spring of the bed has a damper beside it (a Kelvin-Voigt layer with the given relaxation time). The
-controller moves the letter at a set speed until the contact force shows a touch. Then it raises the
-force along a ramp and waits until the force and the contacts have settled.
+The scene is that of the equilibrium, but time steps are short, the letter has its real mass, and the layer
+is that of Hunt and Crossley (Coefficient of restitution interpreted as damping in vibroimpact, J. Appl. Mech.
+42(2), 1975) with exponent 1, as a bed of springs asks for: f = k A d (1 + c v), never below 0. Its damping is
+in proportion to the depth d, so force begins at 0 at touch, and the layer does not stick. `force_control` says
+how the carriage is driven.
+
+Each step is implicit (see `scene`): the spring is taken at the end of the step, and so is the velocity of the
+damper, while the damper's depth is that which the step's first velocity leads to. How long steps are follows
+from the rate of the controlled contact.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import mujoco
@@ -15,14 +21,45 @@ import numpy as np
 
 from tactsim.core.poses import FloatArray
 from tactsim.press.bed import MM, Springs
+from tactsim.press.force_control import ForceControl
 from tactsim.press.scan_options import PressOptions
 from tactsim.press.scene import Scene, UnsettledError
 
-_STEP = 5e-4  # s
-_TOUCH = 0.01  # share of the force above which contacts are a touch; or half of what the approach can push, if less
-_SETTLED = 1e-3  # share of the force that contacts may miss, and by which they may change in a settling time
-_SETTLING = round(0.02 / _STEP)  # steps
-_DAMPING = 2.0  # N s / m, of the controller once the letter touches
+_SETTLED = (
+    2e-4  # share of the force that contacts may miss, and by which they may change while they are at rest
+)
+_REST = 0.02  # s for which they do; or so many time constants of the controlled contact, if that is longer
+_REST_CONSTANTS = 2.0
+_BAND = 0.02  # share of the force: a press has settled once it stays within
+# Steps, in time constants (1 / rate) of the controlled contact: at touch, and later. They grow from one to the other.
+_TOUCH_STEP = 0.1
+_LATER_STEP = 0.4
+_LAG = 0.02  # share of the ramp by which the set point may be followed late: a long step h lags by h^2 rate
+_TOUCH_CONSTANTS = 3.0  # time constants after a touch before they grow
+_GROWTH = 1.1
+_APPROACH_STEP = 0.15  # in time constants of braking
+_RAMP_STEPS = 25  # at least
+
+
+@dataclass(frozen=True, eq=False)
+class ForceTrace:
+    """The force over a press, at the end of every time step.
+
+    times: (steps,) s since the letter began to move. force, set_point: (steps,) N, of all contacts and as
+    wanted. touch_time: s, when it first touched. settle_time: s from the touch until the force stays within
+    2 % of the set force.
+    """
+
+    times: FloatArray
+    force: FloatArray
+    set_point: FloatArray
+    touch_time: float
+    settle_time: float
+
+    @property
+    def overshoot(self) -> float:
+        """Give the most by which the force was above the set force, as a share of it; 0 if it never was."""
+        return max(0.0, float(self.force.max() / self.set_point[-1]) - 1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,6 +71,7 @@ class History:
 
     times: FloatArray
     forces: FloatArray
+    trace: ForceTrace
 
 
 def press_through_time(stage: Scene, springs: Springs, options: PressOptions) -> History:
@@ -41,43 +79,93 @@ def press_through_time(stage: Scene, springs: Springs, options: PressOptions) ->
 
     Raises UnsettledError if they have not at the time limit.
     """
-    force, count = options.force, len(springs.share)
-    stage.set_springs(
-        springs, options.stiffness_over(springs.area), step=_STEP, relaxation=options.relaxation
+    count, force = len(springs.share), options.force
+    stiffness = options.stiffness_over(springs.area)
+    dissipation = options.dissipation / MM
+    control = ForceControl.designed(
+        stage.setup.mass,
+        stiffness * springs.area,
+        force=force,
+        approach_speed=options.approach_speed * MM,
+        ramp=options.ramp,
+        dissipation=dissipation,
     )
-    stage.reset(stage.depth_of_touch(springs).min() - options.clearance * MM)
+    shortest, longest, in_approach = _steps(control, options)
+    touch_depth = stage.depth_of_touch(springs).min()
+    stage.set_springs(springs, stiffness, step=shortest)
+    stage.reset(touch_depth - options.clearance * MM)
     stage.model.opt.tolerance = 1e-10
     data = stage.data
-    frame_every = max(1, round(1 / (options.frame_rate * _STEP)))
-    follow = options.moving_mass / (10 * _STEP)  # N s / m, of the velocity loop
-    approach = options.approach_speed * MM
-    touch = min(_TOUCH * force, follow * approach / 2)
-    latest = np.zeros((_SETTLING, count))  # forces of the last steps, the oldest overwritten first
-    touched: int | None = None
-    times, frames = [], []
-    for index in range(round(options.time_limit / _STEP)):
+    now, measured, step, settled_at = 0.0, 0.0, shortest, 0.0
+    touched: float | None = None
+    touch_velocity = 0.0
+    rest_from, rest_forces = math.inf, np.zeros(count)
+    rest = max(_REST, _REST_CONSTANTS / control.rate)
+    times: list[float] = []
+    frames: list[FloatArray] = []
+    trace: list[tuple[float, float, float]] = []
+    while now < options.time_limit:
+        velocity = float(data.qvel[0])
         if touched is None:
-            data.qfrc_applied[0] = follow * (approach - data.qvel[0])
+            distance = touch_depth - float(data.qpos[0])
+            set_point = wanted = 0.0
+            # Half of what is left at most, so that a long step does not carry it far into the layer.
+            left = distance / max(velocity, control.touch_speed)
+            step = min(in_approach, max(shortest, options.time_step * left / 2))
         else:
-            ramp = min(1.0, (index - touched) * _STEP / options.ramp) if options.ramp else 1.0
-            data.qfrc_applied[0] = max(ramp, _TOUCH) * force - _DAMPING * data.qvel[0]
+            set_point = control.set_point(now - touched, touch_velocity)
+            wanted = control.contact(set_point, measured)
+            if now - touched > _TOUCH_CONSTANTS / control.rate:
+                # Over a long step the force that the motor makes up for is an old one. At full speed nothing else
+                # corrects that.
+                limited = abs(wanted) == control.contact_speed
+                step = min(step * _GROWTH, shortest * _LATER_STEP / _TOUCH_STEP if limited else longest)
+        frame_at = (len(times) + 1) / options.frame_rate
+        steps = math.ceil((frame_at - now) / step)
+        taken = (frame_at - now) / steps
+        if touched is None:
+            wanted = control.approach(distance, taken)
+        data.qfrc_applied[0] = control.motor_force(wanted, velocity, measured, taken)
+        depth = np.maximum(stage.depths(springs) + taken * velocity, 0.0)
+        stage.set_step(
+            springs,
+            stiffness,
+            step=taken,
+            bed_relaxation=dissipation * depth,
+            hinge_relaxation=options.wrist_relaxation,
+        )
         stage.check_position()
         mujoco.mj_step(stage.model, data)
+        now = frame_at if steps == 1 else now + taken
         forces = stage.forces(count)
-        if touched is None and forces.sum() > touch:
-            touched = index
-        oldest = latest[index % _SETTLING].copy()
-        latest[index % _SETTLING] = forces
-        at_rest = (
-            touched is not None
-            and index - touched >= _SETTLING
-            and np.abs(latest.sum(axis=1) - force).max() <= _SETTLED * force
-            and np.abs(forces - oldest).sum() <= _SETTLED * force
-        )
-        if at_rest or index % frame_every == 0:
-            times.append((index + 1) * _STEP)
-            frames.append(forces.copy())
-        if at_rest:
-            return History(np.array(times), np.array(frames))
-    state = "has not touched" if touched is None else f"carries {forces.sum():g} N of {force:g} N"
+        measured = float(forces.sum())
+        if touched is None and measured > 0:
+            touched, touch_velocity, step = now, velocity, shortest
+        trace.append((now, measured, set_point))
+        if abs(measured - force) > _BAND * force:
+            settled_at = now
+        if abs(measured - force) > _SETTLED * force or np.abs(forces - rest_forces).sum() > _SETTLED * force:
+            rest_from, rest_forces = now, forces
+        at_rest = now - rest_from >= rest
+        if at_rest or steps == 1:
+            times.append(now)
+            frames.append(forces)
+        if at_rest and touched is not None:
+            ends, total, aim = np.array(trace).T
+            return History(
+                np.array(times),
+                np.array(frames),
+                ForceTrace(ends, total, aim, touched, max(settled_at - touched, 0.0)),
+            )
+    state = "has not touched" if touched is None else f"carries {measured:g} N of {force:g} N"
     raise UnsettledError(f"after {options.time_limit:g} s it {state}; a longer time_limit may help")
+
+
+def _steps(control: ForceControl, options: PressOptions) -> tuple[float, float, float]:
+    """Choose the steps, s: the shortest, the longest in contact and the longest in approach."""
+    longest = max(_LATER_STEP / control.rate, math.sqrt(_LAG * options.ramp / control.rate))
+    if options.ramp:
+        longest = min(longest, options.ramp / _RAMP_STEPS)
+    shortest = min(_TOUCH_STEP / control.rate, longest)
+    approach = max(shortest, _APPROACH_STEP / control.braking)
+    return options.time_step * shortest, options.time_step * longest, options.time_step * approach

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -18,7 +19,7 @@ from tactsim.core.errors import InputError
 from tactsim.core.poses import FloatArray
 from tactsim.press import balance, collide, exact
 from tactsim.press.bed import Bed, lay_bed
-from tactsim.press.dynamics import History, press_through_time
+from tactsim.press.dynamics import ForceTrace, History, press_through_time
 from tactsim.press.levels import has_relief, levels
 from tactsim.press.pressed import Patches, Pressed, unsettled
 from tactsim.press.scan_options import ScanOptions
@@ -46,6 +47,15 @@ ENGINES: dict[str, Callable[[Touches, ScanOptions], Pressed]] = {
     "elastic": _elastic,
     "relief": _press_relief,
 }
+
+
+@dataclass(frozen=True, eq=False)
+class Moving:
+    """The images of one press through time, (frames, taxels) kPa at times (frames,) s, and its force."""
+
+    times: FloatArray
+    images: FloatArray
+    trace: ForceTrace
 
 
 def engine_for(touches: Touches, options: ScanOptions) -> str:
@@ -115,21 +125,21 @@ def ideal_readings(touches: Touches, options: ScanOptions) -> tuple[FloatArray, 
     return pressed.readings(options), pressed.work
 
 
-def ideal_sequence(touches: Touches, options: ScanOptions) -> tuple[FloatArray, FloatArray]:
-    """Press a letter once, through time: returns times (frames,) s and (frames, taxels) kPa.
+def ideal_sequence(touches: Touches, options: ScanOptions) -> Moving | None:
+    """Press a letter once, through time: its images, or None where nothing touches.
 
-    The last image is at rest and is the ideal reading. There are no frames where nothing touches.
+    The last image is at rest and is the ideal reading.
     Raises UnsettledError, naming letter and pose, if the press does not come to rest.
     """
     bed = _bed(touches, options)
     if not bed.area.any():
-        return np.zeros(0), np.zeros((0, options.pad.taxels))
+        return None
     try:
-        history = _history(bed, touches, 0, options)
+        history = contact_history(bed, touches, 0, options)
     except UnsettledError as error:
         raise unsettled(touches.letter.name, touches.poses[0], str(error)) from error
-    frames = len(history.times)
-    return history.times, _even(bed.repeat(frames), history.forces.ravel()).readings(options)
+    images = _even(bed.repeat(len(history.times)), history.forces.ravel()).readings(options)
+    return Moving(history.times, images, history.trace)
 
 
 def _press_through_time(touches: Touches, options: ScanOptions) -> Pressed:
@@ -142,7 +152,7 @@ def _press_through_time(touches: Touches, options: ScanOptions) -> Pressed:
             continue
         touching += 1
         try:
-            forces[springs.rows] = _history(bed, touches, index, options).forces[-1]
+            forces[springs.rows] = contact_history(bed, touches, index, options).forces[-1]
         except UnsettledError as error:
             blanks[index] = str(error)
     work = Counter(presses=touching, no_contact=len(touches) - touching)
@@ -155,8 +165,8 @@ def _bed(touches: Touches, options: ScanOptions) -> Bed:
     return lay_bed(levels(touches.letter, options.press), touches.poses, *options.cell_lines)
 
 
-def _history(bed: Bed, touches: Touches, index: int, options: ScanOptions) -> History:
-    """Step one press through time until it rests. Raises UnsettledError if it does not."""
+def contact_history(bed: Bed, touches: Touches, index: int, options: ScanOptions) -> History:
+    """Step press `index` through time until it rests; `bed` is of all presses. Raises UnsettledError if it does not."""
     press, springs = options.press, bed.springs[index]
     setup = Setup(
         mass=press.moving_mass,

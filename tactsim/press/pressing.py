@@ -12,6 +12,7 @@ from tactsim import models
 from tactsim.core.errors import InputError, short
 from tactsim.core.finite import finite
 from tactsim.core.poses import FloatArray
+from tactsim.press.dynamics import ForceTrace
 from tactsim.press.engine import ideal_readings, ideal_sequence
 from tactsim.press.scan_options import ScanOptions
 from tactsim.press.sensor import gains, hysteretic, sense
@@ -24,13 +25,19 @@ class Press:
 
     ideal: (taxels,) kPa without imperfections. reading: (taxels,) kPa, what the pad reports. With full
     dynamics `sequence` (frames, taxels) kPa holds the images of the press, without imperfections, taken
-    at `times` (frames,) s; the last is `ideal`.
+    at `times` (frames,) s; the last is `ideal`. `trace` is the contact force at every time step.
     """
 
     ideal: FloatArray
     reading: FloatArray
     times: FloatArray | None = None
     sequence: FloatArray | None = None
+    trace: ForceTrace | None = None
+
+    @property
+    def settle_time(self) -> float | None:
+        """Give the time from touch until the force stays within 2 % of the set force, s; None at rest."""
+        return None if self.trace is None else self.trace.settle_time
 
 
 def press_letter(
@@ -66,16 +73,15 @@ def press_letter(
     touches = Touches.of(letter, pose[None], (options.press.tilt_x, options.press.tilt_y))
     if rotation is not None:
         touches = replace(touches, rotations=_rotation(rotation)[None])
-    times = sequence = None
-    if options.press.dynamics == "full":
-        times, sequence = ideal_sequence(touches, options)
-    if sequence is not None and len(sequence):
-        ideal = sequence[-1]
-        felt = hysteretic(sequence, sensor.hysteresis)[-1]
-    else:  # at rest, or beside the letter, where there is nothing to follow through time
-        times = sequence = None
+    moved = ideal_sequence(touches, options) if options.press.dynamics == "full" else None
+    if moved is None:  # at rest, or beside the letter: there is nothing to follow through time
         ideal = felt = ideal_readings(touches, options)[0][0]
-    return Press(ideal, sense(felt[None], sensor, gains(options), rng)[0], times, sequence)
+    else:
+        ideal, felt = moved.images[-1], hysteretic(moved.images, sensor.hysteresis)[-1]
+    reading = sense(felt[None], sensor, gains(options), rng)[0]
+    if moved is None:
+        return Press(ideal, reading)
+    return Press(ideal, reading, moved.times, moved.images, moved.trace)
 
 
 def _rotation(given: Any) -> FloatArray:

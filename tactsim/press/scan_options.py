@@ -92,23 +92,45 @@ class PressOptions(BaseModel):
     moving_mass: float = Field(
         0.1, ge=1e-3, le=100, description="kg, of what is moved; full dynamics (assumed)"
     )
-    relaxation: float = Field(
-        0.005, ge=0, le=1, description="s, damping over stiffness of the pad's layer; full dynamics (assumed)"
+    dissipation: float = Field(
+        0.1,
+        ge=0,
+        le=10,
+        description="s/mm, Hunt and Crossley's c of the layer: its force is k d (1 + c v); full dynamics (assumed)",
+    )
+    wrist_relaxation: float = Field(
+        0.005, ge=0, le=1, description="s, damping over stiffness of the hinges; full dynamics (assumed)"
     )
     approach_speed: float = Field(
-        10.0, gt=0, le=1000, description="mm/s before contact; full dynamics (assumed)"
+        10.0, gt=0, le=1000, description="mm/s at most before contact; full dynamics (assumed)"
     )
     clearance: float = Field(
         0.2, ge=0, le=10, description="mm between letter and pad at first; full dynamics (assumed)"
     )
     ramp: float = Field(
-        0.05, ge=0, le=10, description="s in which the force rises to its full value; full dynamics (assumed)"
+        0.05, ge=0, le=10, description="s from touch to the full set point; full dynamics (assumed)"
     )
     time_limit: float = Field(
         5.0, gt=0, le=100, description="s after which a press counts as unsettled; full dynamics"
     )
+    time_step: float = Field(
+        1.0,
+        ge=0.01,
+        le=1,
+        description="share of the steps that follow from stiffness, mass and force control; full dynamics",
+    )
     frame_rate: float = Field(200.0, gt=0, le=1e4, description="images a second; full dynamics (assumed)")
     skip: Skips = Field(default_factory=Skips)
+
+    @model_validator(mode="after")
+    def _time_suffices(self) -> PressOptions:
+        least = self.clearance / self.approach_speed + self.ramp
+        if self.dynamics == "full" and self.time_limit <= least:
+            raise ValueError(
+                f"time_limit = {self.time_limit:g} s is over before the force is: approach (clearance / "
+                f"approach_speed) and ramp take {least:g} s"
+            )
+        return self
 
     def stiffness_over(self, area: float) -> float:
         """Give the layer's stiffness, kPa/mm, under a contact of `area` mm^2.

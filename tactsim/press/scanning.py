@@ -7,9 +7,11 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any
+from itertools import islice
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tactsim import models
 from tactsim.core.errors import InputError
@@ -22,6 +24,9 @@ from tactsim.press.scan_options import ScanOptions
 from tactsim.press.scan_poses import grid_poses, random_poses
 from tactsim.press.sensor import gains, sense
 from tactsim.press.touches import Touches
+
+if TYPE_CHECKING:
+    from tactsim.press.sequences import Course
 
 Progress = Callable[[int, int], None]
 
@@ -37,10 +42,14 @@ MOST_BLANKS = 0.05
 
 @dataclass(frozen=True, eq=False)
 class _Ideal:
-    """What a batch reads without imperfections: (n, taxels) kPa, and why a press has no reading, if any has none."""
+    """What a batch reads without imperfections: (n, taxels) kPa, and why a press has no reading, if any has none.
+
+    courses: how its presses went, if they were stepped through time now.
+    """
 
     readings: FloatArray
     blanks: dict[int, str]
+    courses: tuple[Course, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,23 +67,28 @@ def scan_letters(
     *,
     jobs: int = 1,
     cache: bool = True,
+    sequence: bool = False,
     progress: Progress | None = None,
 ) -> tuple[Scan, dict[str, Any]]:
     """Press every letter at 192 training and 192 test poses (paper, section II).
 
     A press that does not come to rest, such as one that tips over, is a blank: it has no reading, and the
     scan's `meta["blanks"]` says why. jobs: processes to use at most, where the work is worth them. cache:
-    whether readings of earlier scans are used and new ones are kept. progress(done, total): called as presses
-    are done. Returns the scan and its work: `presses`, those that were worked out now, and by which engine,
-    `blanks`, and `skipped` {reason: count}. The same options give the same bits whatever `jobs` and `cache`
-    are, and a letter's readings do not depend on the other letters.
+    whether readings of earlier scans are used and new ones are kept. sequence: whether the images of every
+    press on its way to rest are kept in the scan; they are of full dynamics and not in the cache.
+    progress(done, total): called as presses are done. Returns the scan and its work: `presses`, those that
+    were worked out now, and by which engine, `blanks`, and `skipped` {reason: count}; of presses through time
+    also `settle_time` {"median", "longest"} s and the largest `overshoot`. The same options give the same bits
+    whatever `jobs` and `cache` are, and a letter's readings do not depend on the other letters.
 
     Raises InputError for a letter, shape or option that does not exist, and if more than MOST_BLANKS of a
     letter's presses do not come to rest.
     """
+    if sequence and options.press.dynamics != "full":
+        raise InputError("a sequence is of presses through time; set press.dynamics to full")
     letters = letters_of(options)
     batches = [_batch(letter, split, options) for letter in letters for split in SPLITS]
-    ideal, work = _ideal(batches, options, jobs, cache, progress)
+    ideal, work = _ideal(batches, options, jobs, cache, sequence, progress)
     gain = gains(options)
     kept = [
         np.setdiff1d(np.arange(len(batch.touches)), list(found.blanks))
@@ -104,11 +118,12 @@ def scan_letters(
         np.array([batch.split for batch, rows in zip(batches, kept, strict=True) for _ in rows]),
         options.pad.taxel_xy,
         _meta(options, letters) | ({"blanks": blanks} if blanks else {}),
+        **(_sequences(batches, ideal, kept, options) if sequence else {}),
     )
     engines = {name: count for name, count in work.items() if name.startswith("engine_")}
     skipped = {name: count for name, count in work.items() if name != "presses" and name not in engines}
     done = {"presses": work["presses"], **engines, **({"blanks": len(blanks)} if blanks else {})}
-    return scan, {**done, "skipped": skipped}
+    return scan, {**done, **_settling(ideal), "skipped": skipped}
 
 
 def letters_of(options: ScanOptions) -> list[models.Letter]:
@@ -142,7 +157,12 @@ def _batch(letter: models.Letter, split: str, options: ScanOptions) -> _Batch:
 
 
 def _ideal(
-    batches: Sequence[_Batch], options: ScanOptions, jobs: int, cache: bool, progress: Progress | None
+    batches: Sequence[_Batch],
+    options: ScanOptions,
+    jobs: int,
+    cache: bool,
+    sequence: bool,
+    progress: Progress | None,
 ) -> tuple[list[_Ideal], Counter[str]]:
     """Get what each batch reads without imperfections: known already, from the cache, or pressed now."""
     keys = [cached.key(batch.touches, options) for batch in batches]
@@ -155,7 +175,7 @@ def _ideal(
         if name in ideal or name in wanted:
             work["known"] += count
             continue
-        stored = cached.load(name[0], (count, options.pad.taxels)) if cache else None
+        stored = cached.load(name[0], (count, options.pad.taxels)) if cache and not sequence else None
         if stored is None:
             wanted[name] = batch
         else:
@@ -167,7 +187,7 @@ def _ideal(
     if progress is not None and done:
         progress(done, total)
     tasks = [
-        (name, batch.touches.some(slice(first, first + _CHUNK)), options)
+        (name, batch.touches.some(slice(first, first + _CHUNK)), options, sequence)
         for name, batch in wanted.items()
         for first in range(0, len(batch.touches), _CHUNK)
     ]
@@ -202,16 +222,59 @@ def _whole(batch: _Batch, pieces: Sequence[_Ideal]) -> _Ideal:
             f"{len(blanks)} of {count} presses of {batch.letter.name!r} do not come to rest, and a scan takes "
             f"{MOST_BLANKS:.0%} at most: {reason}"
         )
-    return _Ideal(np.concatenate([piece.readings for piece in pieces]), blanks)
+    courses = tuple(course for piece in pieces for course in piece.courses)
+    return _Ideal(np.concatenate([piece.readings for piece in pieces]), blanks, courses)
 
 
-def _press(task: tuple[Any, Touches, ScanOptions]) -> tuple[_Ideal, Counter[str]]:
+def _press(task: tuple[Any, Touches, ScanOptions, bool]) -> tuple[_Ideal, Counter[str]]:
     # Brings MuJoCo, which a scan from the cache does without.
     from tactsim.press.engine import press_at
+    from tactsim.press.sequences import press_each
 
-    _, touches, options = task
+    _, touches, options, sequence = task
+    if options.press.dynamics == "full":
+        readings, blanks, work, course = press_each(touches, options, keep=sequence)
+        return _Ideal(readings, blanks, (course,)), work
     pressed = press_at(touches, options)
     return _Ideal(pressed.readings(options), pressed.blanks), pressed.work
+
+
+def _sequences(
+    batches: Sequence[_Batch],
+    ideal: Sequence[_Ideal],
+    kept: Sequence[NDArray[np.intp]],
+    options: ScanOptions,
+) -> dict[str, Any]:
+    """Sense the images of the presses `kept`; each batch has a random stream for them of its own.
+
+    The zero drifts from press to press, so images on the way to one reading have no drift of their own.
+    """
+    from tactsim.press.sequences import aligned
+
+    presses = []
+    for found, rows in zip(ideal, kept, strict=True):
+        moving = [one for course in found.courses for one in course.moving]
+        presses += [moving[row] for row in rows]
+    images, times, force = aligned(presses, options.press.frame_rate, options.pad.taxels)
+    gain, sensor = gains(options), options.sensor.model_copy(update={"drift": 0.0})
+    left = iter(images)
+    for batch, rows in zip(batches, kept, strict=True):
+        rng = stream(options.seed, batch.letter.name, batch.split, "sequence")
+        for image in islice(left, len(rows)):
+            image[:] = sense(image, sensor, gain, rng, one_touch=True)
+    return {"sequence": images, "sequence_times": times, "sequence_force": force}
+
+
+def _settling(ideal: Sequence[_Ideal]) -> dict[str, Any]:
+    """Sum up how the presses settled that were stepped through time now; nothing if there are none."""
+    touching = [course for found in ideal for course in found.courses if len(course.settle_time)]
+    if not touching:
+        return {}
+    settle_time = np.concatenate([course.settle_time for course in touching])
+    return {
+        "settle_time": {"median": float(np.median(settle_time)), "longest": float(settle_time.max())},
+        "overshoot": max(float(course.overshoot.max()) for course in touching),
+    }
 
 
 @contextmanager

@@ -125,6 +125,12 @@ class Scene:
         slope = slopes(self.tilt[None])[0]
         return springs.position[:, 2] - springs.position[:, :2] @ slope
 
+    def depths(self, springs: Springs) -> FloatArray:
+        """Work out how far the letter is into each spring now, (n,) m; below 0 where it does not touch."""
+        position = self.data.qpos
+        slope = slopes((self.tilt if self.setup.wrist_stiffness is None else position[1:])[None])[0]
+        return position[0] + springs.position[:, :2] @ slope - springs.position[:, 2]
+
     def set_springs(
         self,
         springs: Springs,
@@ -141,25 +147,54 @@ class Scene:
         each sphere feels the letter. bending: (2,) N mm/rad about x and y, by which the hinges resist tilts from
         where the step begins, besides the wrist. See the module's docstring for the equations.
         """
-        count, setup = len(springs.share), self.setup
-        self.model.opt.timestep = step
+        count = len(springs.share)
         self.position[:count] = springs.position
         self.position[count:, 2] = _FAR
         self.model.pair_margin[:count] = margin
-        if setup.letter is not None:
+        if self.setup.letter is not None:
             self.touched[:count] = self.capacity + springs.level  # parts' geoms follow the spheres
-        k, b, unit = 1 / (step * (step + relaxation)), 1 / step, step * (step + relaxation)
+        self.set_step(
+            springs,
+            stiffness,
+            step=step,
+            bed_relaxation=relaxation,
+            hinge_relaxation=relaxation,
+            bending=bending,
+        )
+
+    def set_step(
+        self,
+        springs: Springs,
+        stiffness: float,
+        *,
+        step: float,
+        bed_relaxation: float | FloatArray,
+        hinge_relaxation: float,
+        bending: FloatArray | float = 0.0,
+    ) -> None:
+        """Set the length of the next steps, s, and the dampers beside the springs that are in the scene.
+
+        bed_relaxation: s, damping over stiffness of all springs, or (n,) of each. hinge_relaxation: s.
+        bending: as for `set_springs`.
+        """
+        self.model.opt.timestep = step
+        b, delay = 1 / step, step + bed_relaxation
+        longest = delay.max() if isinstance(delay, np.ndarray) else delay
         # MuJoCo uses A for nothing but to turn an impedance into 1 / R. A is set so that the stiffest spring gets
         # the largest impedance: then all springs lie within MuJoCo's limits.
-        self.inverse_weight[0] = _RANGE / (stiffness * (springs.largest or 1.0) * unit)
-        impedance = (springs.share * _RANGE)[:, None]
+        self.inverse_weight[0] = _RANGE / (stiffness * (springs.largest or 1.0) * step * longest)
+        impedance = springs.share * (delay / longest) * _RANGE
         impedance /= 1 + impedance
-        np.multiply(impedance, (-k, -b), out=self.solref[:count])
-        self.solimp[:count, :2] = impedance
-        if setup.wrist_stiffness is not None:
+        count = len(impedance)
+        solref, solimp = self.solref[:count], self.solimp[:count]
+        np.multiply(impedance, -b, out=solref[:, 1])
+        np.divide(solref[:, 1], delay, out=solref[:, 0])
+        solimp[:, 0] = solimp[:, 1] = impedance
+        if self.setup.wrist_stiffness is not None:
             # A of the hinges such that their impedance is 1/2.
-            self.model.dof_invweight0[1:] = 1 / ((setup.wrist_stiffness + bending) * MM * unit)
-            self.model.eq_solref[:] = -k / 2, -b / 2
+            unit = step * (step + hinge_relaxation)
+            self.model.dof_invweight0[1:] = 1 / ((self.setup.wrist_stiffness + bending) * MM * unit)
+            self.model.eq_solref[:] = -1 / unit / 2, -b / 2
             self.model.eq_solimp[:, :2] = 1 / 2
 
     def forces(self, count: int) -> FloatArray:

@@ -114,6 +114,20 @@ def test_noise_off_makes_readings_without_chance(here, tmp_path):
     assert np.array_equal(train.readings, test.readings)
 
 
+def test_a_scan_keeps_the_images_of_each_press_if_asked_to(here, tmp_path):
+    full = ("--scan-set", "press.dynamics=full", "--scan-set", "press.frame_rate=50")
+    result = here("scan", "--out", "full.npz", "--letters", "I", *full, "--sequence")
+    assert result.returncode == 0, result.stderr
+    assert "ms after touch" in result.stdout
+    scan = Scan.load(tmp_path / "full.npz")
+    assert f"{len(scan.sequence_times)} images of each press" in result.stdout
+    assert scan.sequence.shape == (384, len(scan.sequence_times), 36)
+    touching = scan.sequence_force[:, -1] > 0
+    assert (
+        np.abs(scan.sequence[touching, -1] - scan.readings[touching]).std() < 2 * 2.0
+    )  # both with noise of 2 kPa
+
+
 def test_help_names_every_verb_and_list_every_estimator(here):
     text = here("--help").stdout
     for verb in ("run", "scan", "list", "sweep"):
@@ -156,6 +170,19 @@ BAD = {
     "out is a file": (["run", "--out", "file"], ["file"]),
     "out below a file": (["run", "--out", "file/x"], ["file"]),
     "out is full": (["run", "--out", "full"], ["full", "holds something"]),
+    "a sequence of presses at rest": (["scan", "--out", "x.npz", "--sequence"], ["press.dynamics"]),
+    "a press too short for its ramp": (
+        [
+            "scan",
+            "--out",
+            "x.npz",
+            "--scan-set",
+            "press.dynamics=full",
+            "--scan-set",
+            "press.time_limit=0.05",
+        ],
+        ["time_limit", "ramp"],
+    ),
     "scan out is a folder": (["scan", "--out", "full"], ["full"]),
     "verb": (["rum"], ["rum"]),
     "no sweep": (["sweep", "nowhere"], ["nowhere", "paper"]),

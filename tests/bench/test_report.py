@@ -11,16 +11,18 @@ from importlib.resources import files
 
 import numpy as np
 import pytest
+from conftest import make_run_in
 from hypothesis import given
 from hypothesis import strategies as st
 from made_up import make_run
 
-from tactsim.bench import results, score
+from tactsim.bench import api, results, score
 from tactsim.bench.config import run_config
 from tactsim.bench.report import recognition as replay
 from tactsim.bench.report.collect import budget, collect, find, method_name, task_name
 from tactsim.bench.report.curves import confusion_counts
 from tactsim.bench.report.pareto import frontier, points, recognition_seconds
+from tactsim.bench.report.press_picture import images_shown
 from tactsim.bench.report.write import write_report
 from tactsim.bench.runner import about_estimator
 from tactsim.bench.trials import Task, Trials
@@ -396,3 +398,31 @@ def test_a_letter_held_out_is_right_when_it_is_refused(open_set_run):
     answers = {(trial.task.truth, trial.answer) for trial in replayed.recognitions}
     assert answers <= {("A", "A"), ("E", "E"), ("U", "none")}
     assert all(trial.same for trial in replayed.recognitions)
+
+
+def test_a_press_through_time_is_shown_where_readings_have_their_sequence(own_cache, tmp_path):
+    scan_set = {"press": {"dynamics": "full", "frame_rate": 100.0}}
+    scan = api.scan("IO", sequence=True, scan_set=scan_set)
+    hostile = replace(scan, labels=np.where(scan.labels == "I", "<b>$x$", scan.labels))
+    hostile.save(tmp_path / "scan.npz")
+    make_run_in(tmp_path / "run", letters=None, scan=str(tmp_path / "scan.npz"), bins=100)
+    written, _ = write_report([tmp_path / "run"], tmp_path / "out" / "report.html")
+    assert {"press.png", "press.svg"} <= {path.name for path in written}
+    (protocol,) = data_of(tmp_path / "out" / "report.html")["protocols"]
+    kind, image = protocol["press"]["image"].split(",")
+    assert kind == "data:image/png;base64"
+    assert base64.b64decode(image).startswith(b"\x89PNG")
+    assert " at x = " in protocol["press"]["title"]
+
+
+def test_no_press_is_shown_of_readings_at_rest(report):
+    assert all(of["press"] is None for of in data_of(report)["protocols"])
+
+
+def test_the_images_shown_run_from_before_touch_to_the_settled_force():
+    force = np.concatenate([np.zeros(10), np.linspace(0.1, 2, 30), np.full(60, 2.0)])
+    shown = images_shown(force)
+    assert shown[0] == 9
+    assert 36 < shown[-1] <= 40
+    assert len(shown) == 8
+    assert images_shown(np.array([2.0])) == [0]

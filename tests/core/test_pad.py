@@ -82,7 +82,7 @@ def test_equal_pads_are_equal_after_their_arrays_were_asked_for():
     "change",
     [
         {"pad": {"pitch_x": 1e-300, "taxel_width": 1e-300}},
-        {"pad": {"rows": 200, "columns": 200}},
+        {"pad": {"rows": 300, "columns": 300}},
         {"pad": {"rows": 60, "columns": 60}, "press": {"cells_per_taxel": 16}},
         {"sensor": {"resolution": 1e-320}},
     ],

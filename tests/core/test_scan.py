@@ -2,6 +2,7 @@ import io
 import pickle
 import tracemalloc
 import zipfile
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -236,3 +237,101 @@ def test_training_on_one_scan_and_testing_on_another_uses_what_both_have(scan):
 
 def test_a_scan_shows_itself_in_one_line(scan):
     assert repr(scan) == "<Scan of A E: 3 to train, 3 to test, 4 taxels>"
+
+
+@pytest.fixture
+def moving(scan):
+    rng = np.random.default_rng(1)
+    return replace(
+        scan,
+        sequence=rng.normal(size=(6, 5, 4)),
+        sequence_times=np.arange(1, 6) / 200,
+        sequence_force=rng.normal(size=(6, 5)),
+    )
+
+
+def test_a_sequence_is_saved_and_loaded(moving, tmp_path):
+    moving.save(tmp_path / "scan.npz")
+    again = Scan.load(tmp_path / "scan.npz")
+    assert again.sequence.dtype == again.sequence_force.dtype == np.float32
+    for name in ("readings", "sequence", "sequence_times", "sequence_force"):
+        assert np.array_equal(getattr(again, name), getattr(moving, name))
+    assert again.digest == moving.digest
+
+
+def test_a_sequence_is_part_of_the_digest(scan, moving):
+    assert moving.digest != scan.digest
+    assert replace(moving, sequence=moving.sequence + 1).digest != moving.digest
+
+
+def test_a_sequence_goes_with_its_readings(moving):
+    rows = [0, 4]
+    chosen = moving.where(split="train", label="A")
+    assert np.array_equal(chosen.sequence, moving.sequence[rows])
+    assert np.array_equal(chosen.sequence_force, moving.sequence_force[rows])
+    assert np.array_equal(chosen.sequence_times, moving.sequence_times)
+    assert np.array_equal(moving.of_letters(["E"]).sequence, moving.sequence[[2, 3, 5]])
+    assert np.array_equal(moving.untrained(["A"]).sequence, moving.sequence[[1, 2, 3, 5]])
+    fewer = replace(
+        moving,
+        readings=moving.readings[:, 1:],
+        taxel_xy=moving.taxel_xy[1:],
+        sequence=moving.sequence[:, :, 1:],
+    )
+    assert np.array_equal(moving.on_taxels_of(fewer).sequence, fewer.sequence)
+
+
+def test_joined_sequences_hold_the_last_image_of_the_shorter(moving):
+    short = replace(
+        moving,
+        sequence=moving.sequence[:, :3],
+        sequence_times=moving.sequence_times[:3],
+        sequence_force=moving.sequence_force[:, :3],
+    )
+    for one, other in ((moving, short), (short, moving)):
+        both = one.joined(other, {})
+        assert np.array_equal(both.sequence_times, moving.sequence_times)
+        held = both.sequence[6:] if other is short else both.sequence[:6]
+        assert np.array_equal(held[:, :3], short.sequence)
+        assert np.array_equal(held[:, 3:], np.repeat(short.sequence[:, 2:], 2, axis=1))
+        held = both.sequence_force[6:] if other is short else both.sequence_force[:6]
+        assert np.array_equal(held[:, 4], short.sequence_force[:, 2])
+
+
+def test_sequences_at_other_times_or_of_one_scan_alone_are_not_joined(scan, moving):
+    assert moving.joined(scan, {}).sequence is None
+    late = replace(moving, sequence_times=moving.sequence_times + 0.001)
+    assert moving.joined(late, {}).sequence is None
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"sequence_force": None}, "sequence without sequence_force"),
+        ({"sequence": np.zeros((5, 5, 4))}, r"sequence has shape \(5, 5, 4\), not \(6, 5, 4\)"),
+        ({"sequence": np.zeros((6, 5, 3))}, "sequence has shape"),
+        ({"sequence": np.zeros((6, 5))}, "numbers along 3 axes"),
+        ({"sequence": np.full((6, 5, 4), np.nan)}, "sequence"),
+        ({"sequence_force": np.zeros((6, 4))}, "sequence_force has shape"),
+        ({"sequence_times": np.zeros(5)}, "do not rise"),
+        ({"sequence_times": np.arange(4.0)}, "sequence_times has shape"),
+        ({"sequence_force": np.full((6, 5), np.inf)}, "sequence_force"),
+        ({"sequence": np.array([[["a"] * 4] * 5] * 6)}, "numbers"),
+    ],
+)
+def test_a_sequence_that_does_not_fit_is_refused(moving, change, said):
+    with pytest.raises(InputError, match=said):
+        replace(moving, **change)
+
+
+def test_a_file_whose_sequence_does_not_fit_is_refused(moving, tmp_path):
+    moving.save(tmp_path / "scan.npz")
+    with np.load(tmp_path / "scan.npz") as arrays:
+        content = dict(arrays)
+    np.savez(tmp_path / "bad.npz", **(content | {"sequence": content["sequence"][:, :2]}))
+    with pytest.raises(InputError, match=r"bad\.npz.*sequence"):
+        Scan.load(tmp_path / "bad.npz")
+    del content["sequence_times"]
+    np.savez(tmp_path / "part.npz", **content)
+    with pytest.raises(InputError, match="sequence without sequence_times"):
+        Scan.load(tmp_path / "part.npz")
