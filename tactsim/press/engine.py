@@ -63,39 +63,53 @@ def engine_for(touches: Touches, options: ScanOptions) -> str:
 
     Raises InputError if the engine asked for cannot press this.
     """
-    asked, skip = options.press.engine, options.press.skip
-    if asked != "relief" and (touches.rotations is not None or has_relief(touches.letter, options.press)):
-        if asked == "auto":
-            return "relief"
-        raise InputError(
-            f"press.engine: {asked} presses flat faces from above, and {touches.letter.name!r} has relief or is "
-            "turned; give auto or relief"
-        )
-    obstacle = _no_exact_answer(touches, options)
-    if asked == "exact" and obstacle:
-        raise InputError(
-            f"press.engine: exact presses level flat faces alone, and {obstacle}; give auto or bed"
-        )
-    if options.press.foundation != "winkler":
-        return "elastic"  # bed and auto alike: springs do not move each other
-    if asked != "auto":
-        return asked
-    return "exact" if skip.solver and skip.parts and not obstacle else "bed"
-
-
-def _no_exact_answer(touches: Touches, options: ScanOptions) -> str:
-    """Say why the engine `exact` does not serve; nothing if it does."""
     press = options.press
+    if press.engine != "auto":
+        obstacle = _obstacle(press.engine, touches, options)
+        if obstacle:
+            raise InputError(f"press.engine: {press.engine} cannot press this: {obstacle}; give auto")
+        return press.engine
+    if press.foundation != "winkler":
+        obstacle = _of_shape(touches, options)
+        if obstacle:
+            raise InputError(
+                f"press.foundation: {press.foundation} cannot carry this: {obstacle}; give winkler"
+            )
+        return "elastic"
+    if _of_shape(touches, options):
+        return "relief"
+    cheapest = press.skip.solver and press.skip.parts and not _obstacle("exact", touches, options)
+    return "exact" if cheapest else "bed"
+
+
+def _obstacle(engine: str, touches: Touches, options: ScanOptions) -> str:
+    """Say why an engine cannot press this; nothing if it can."""
+    press = options.press
+    if press.foundation != "winkler":
+        return f"press.foundation is {press.foundation}, and it has springs that do not move each other"
+    if engine in ("exact", "bed"):
+        shape = _of_shape(touches, options)
+        if shape:
+            return shape
+    if engine == "collide" and touches.rotations is not None:
+        return f"{touches.letter.name!r} is pressed from a side"
+    if engine != "exact":
+        return ""
     if touches.letter.rounding:
         return f"{touches.letter.name!r} has rounded edges"
-    if press.foundation != "winkler":
-        return f"press.foundation is {press.foundation}"
     if press.wrist_stiffness is not None:
         return "the wrist gives way (press.wrist_stiffness)"
     if touches.tilts.any():
         return "a press is tilted"
-    if press.dynamics == "full":
-        return "dynamics is full"
+    return ""
+
+
+def _of_shape(touches: Touches, options: ScanOptions) -> str:
+    """Say what makes a press more than that of a flat face or a rounded edge; nothing if it is one."""
+    if touches.rotations is not None:
+        return f"{touches.letter.name!r} is pressed from a side"
+    if has_relief(touches.letter, options.press):
+        return f"{touches.letter.name!r} has relief"
     return ""
 
 
@@ -160,6 +174,11 @@ def _press_through_time(touches: Touches, options: ScanOptions) -> Pressed:
 
 
 def _bed(touches: Touches, options: ScanOptions) -> Bed:
+    """Lay the bed of presses that are stepped through time. Raises InputError for what cannot be."""
+    if options.press.engine != "auto":
+        raise InputError(
+            f"press.engine: {options.press.engine} works out presses at rest; with dynamics = full give auto"
+        )
     if touches.rotations is not None:
         raise InputError("a press from another side is worked out at rest alone; give dynamics = equilibrium")
     return lay_bed(levels(touches.letter, options.press), touches.poses, *options.cell_lines)

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from manifold3d import Manifold
 from elastic_reference import Reference, surface_movement
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -322,8 +323,12 @@ def test_a_scan_is_pressed_on_the_foundation_asked_for():
 
 def test_what_the_elastic_foundations_cannot_do_is_refused():
     letter = models.letter("E")
-    with pytest.raises(InputError, match=r"level flat faces alone, and press\.foundation is layer"):
-        ideal_readings(Touches.of(letter, POSES), solid("layer", engine="exact"))
+    for engine in ("exact", "bed", "collide", "relief"):
+        with pytest.raises(InputError, match=rf"{engine} cannot press this: press\.foundation is layer"):
+            ideal_readings(Touches.of(letter, POSES), solid("layer", engine=engine))
+    ball = models.relief("ball", Manifold.sphere(10, 24))
+    with pytest.raises(InputError, match=r"press\.foundation: layer cannot carry this: 'ball' has relief"):
+        ideal_readings(Touches.of(ball, POSES), solid("layer"))
     with pytest.raises(ValueError, match="half-space is pressed at rest only; give dynamics = equilibrium"):
         PressOptions(foundation="half-space", dynamics="full")
     tipping = solid("layer", wrist_stiffness=1.0)
