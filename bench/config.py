@@ -82,12 +82,12 @@ class ScanWords(BaseModel):
     )
     world: str = Field(
         "default",
-        description="How good the data are: default, paper-like (placement error, random classes), or a file of "
-        "`bench validate`.",
+        description="How good the data are: default, level, paper-like (rigid tilt), rough (placement error, random "
+        "classes), ideal, or a file of `bench validate`.",
     )
     noise: str | float | None = Field(
         None,
-        description="Sensor noise, sd in kPa; 'off': no noise, resolution, saturation or placement error.",
+        description="Sensor noise, sd in kPa; 'off': no noise, resolution, saturation, placement error or tilt.",
     )
     scan_set: Annotated[dict[str, Any], BeforeValidator(_nested)] = Field(
         {},

@@ -8,11 +8,11 @@ is so high that little of it flatters what the taxels read.
 """
 
 import numpy as np
+from level_world import level_press, level_scan
 from test_accuracy import LEAST_AREA
 
 from tactsim import models
 from tactsim.bench.stress.exact import expected_reading
-from tactsim.press import PressOptions, ScanOptions
 from tactsim.press.engine import press_at
 from tactsim.press.scan_poses import grid_poses
 from tactsim.press.touches import Touches
@@ -24,7 +24,7 @@ ENGINES += [("collide", {"points_per_taxel": points}) for points in (24, 48, 96)
 
 def main() -> None:
     """Print a row for each engine and fineness."""
-    pad, poses = ScanOptions().pad, grid_poses()
+    pad, poses = level_scan().pad, grid_poses()
     truth = {
         name: [expected_reading(models.letter(name).footprint, pose, pad) for pose in poses]
         for name in models.names()
@@ -39,7 +39,7 @@ def main() -> None:
         "| / contact pressure, largest | slivers: / peak, 95 % below, largest | / contact pressure, largest |"
     )
     for engine, press in ENGINES:
-        options = ScanOptions(press=PressOptions(engine=engine, wrist_stiffness=None, **press))
+        options = level_scan(press=level_press(engine=engine, wrist_stiffness=None, **press))
         got = [press_at(Touches.of(models.letter(name), poses), options).readings(options) for name in truth]
         errors = np.abs(np.concatenate(got)[touching] - expected)
         worst = errors.max(axis=1)

@@ -2,12 +2,13 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from level_world import level_press, level_scan
 from manifold3d import CrossSection
 
 from tactsim import models
 from tactsim.bench.stress.exact import expected_reading, overlap
 from tactsim.core import Pad
-from tactsim.press import PressOptions, ScanOptions, SensorOptions
+from tactsim.press import SensorOptions
 from tactsim.press.engine import ideal_readings
 from tactsim.press.scan_poses import grid_poses
 from tactsim.press.touches import Touches
@@ -33,7 +34,7 @@ def compare(name, options, poses):
 
 @pytest.mark.parametrize("name", models.names())
 def test_every_taxel_of_every_press_is_as_exact_as_promised(name):
-    errors, area = compare(name, ScanOptions(), grid_poses())
+    errors, area = compare(name, level_scan(), grid_poses())
     touching = area > 0
     enough = area >= LEAST_AREA
     assert enough.any()
@@ -54,7 +55,7 @@ def test_every_taxel_of_every_press_is_as_exact_as_promised(name):
     st.sampled_from([0.01, 2.0, 100.0]),
 )
 def test_any_pose_and_force_is_exact(name, x, y, angle, force):
-    options = ScanOptions(press=PressOptions(force=force))
+    options = level_scan(press=level_press(force=force))
     errors, area = compare(name, options, np.array([[x, y, angle]]))
     if area[0] < 1e-4:  # the oracle rounds corners to 1e-8 mm, which then counts
         return
@@ -70,7 +71,7 @@ def test_an_edge_on_the_pad_s_border_is_pressed_right(quarter, shift):
         away = np.array([half + border + shift, 0.0])
         turn = quarter * np.pi / 2
         pose = np.array([*(-away if quarter % 2 == 0 else away[::-1]), turn])
-        errors, area = compare("I", ScanOptions(), pose[None])
+        errors, area = compare("I", level_scan(), pose[None])
         if area[0] > 1e-4:
             assert errors.max() / (2e3 / area[0]) < 2e-3
         elif area[0] < 1e-10:
@@ -79,14 +80,14 @@ def test_an_edge_on_the_pad_s_border_is_pressed_right(quarter, shift):
 
 @pytest.mark.parametrize("sigma", [0.3, 0.6, 1.5, 3.0])
 def test_other_point_spreads_are_exact(sigma):
-    options = ScanOptions(sensor=SensorOptions(psf_sigma=sigma))
+    options = level_scan(sensor=SensorOptions(psf_sigma=sigma))
     errors, area = compare("A", options, grid_poses()[::7])
     enough = area >= LEAST_AREA
     assert (errors[enough].max(axis=1) / (2e3 / area[enough])).max() < 0.02
 
 
 def test_without_a_point_spread_an_taxel_reads_the_pressure_on_it():
-    options = ScanOptions(sensor=SensorOptions(psf_sigma=0.0))
+    options = level_scan(sensor=SensorOptions(psf_sigma=0.0))
     letter, poses, pad = models.letter("E"), grid_poses()[::7], options.pad
     readings, _ = ideal_readings(Touches.of(letter, poses), options)
     for reading, pose in zip(readings, poses, strict=True):
@@ -104,9 +105,9 @@ def test_finer_cells_err_less():
     """The response in a cell is taken as a quadratic: halving cells must divide the error by 8 or more."""
     sensor = SensorOptions(psf_sigma=2.0)  # no cell is so wide that it is cut
     worst = [
-        compare(
-            "S", ScanOptions(press=PressOptions(cells_per_taxel=cells), sensor=sensor), grid_poses()[::11]
-        )[0].max()
+        compare("S", level_scan(press=level_press(cells_per_taxel=cells), sensor=sensor), grid_poses()[::11])[
+            0
+        ].max()
         for cells in (1, 2, 4)
     ]
     assert worst[1] < worst[0] / 6
@@ -124,5 +125,5 @@ def test_another_pad_is_exact():
         seam=1.5,
         unread_rows=1,
     )
-    errors, area = compare("G", ScanOptions(pad=pad), grid_poses()[::11])
+    errors, area = compare("G", level_scan(pad=pad), grid_poses()[::11])
     assert (errors.max(axis=1) / (2e3 / area)).max() < 5e-3

@@ -2,10 +2,11 @@ import multiprocessing
 
 import numpy as np
 import pytest
+from level_world import level_press, level_scan
 
-from tactsim.press import PressOptions, ScanOptions, cache, scan_letters
+from tactsim.press import cache, scan_letters
 
-OPTIONS = ScanOptions(letters=("E", "I"))
+OPTIONS = level_scan(letters=("E", "I"))
 
 
 def files(folder):
@@ -62,9 +63,9 @@ def test_another_key_s_file_is_not_taken(own_cache):
 @pytest.mark.parametrize(
     "other",
     [
-        ScanOptions(letters=("E", "I"), seed=1),
-        ScanOptions(letters=("E", "I"), press=PressOptions(force=1.0)),
-        ScanOptions(letters=("E", "I"), rounding=0.2, placement_mm=0, placement_rad=0),
+        level_scan(letters=("E", "I"), seed=1),
+        level_scan(letters=("E", "I"), press=level_press(force=1.0)),
+        level_scan(letters=("E", "I"), rounding=0.2, placement_mm=0, placement_rad=0),
     ],
 )
 def test_what_changes_a_reading_changes_the_key(other):

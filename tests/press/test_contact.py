@@ -3,13 +3,14 @@
 import mujoco
 import numpy as np
 import pytest
+from level_world import level_press, level_scan
 from manifold3d import CrossSection
 from scipy.optimize import root
 
 from tactsim import models
 from tactsim.bench.stress.exact import integral
 from tactsim.core import InputError, Pad, transform
-from tactsim.press import PressOptions, ScanOptions, balance, press_letter
+from tactsim.press import balance, press_letter
 from tactsim.press.bed import Level, lay_bed
 from tactsim.press.clip import covers, edges_of
 from tactsim.press.engine import ideal_readings
@@ -25,7 +26,7 @@ PAD = Pad()
 def press(name, poses, options, rounding=0.0):
     """Press with MuJoCo, whatever is pressed: where it rests, and the force on each contact."""
     touches = Touches.of(models.letter(name, rounding=rounding), poses, (options.tilt_x, options.tilt_y))
-    return balance.press(touches, ScanOptions(press=options)).settled().load
+    return balance.press(touches, level_scan(press=options)).settled().load
 
 
 def readings_of(letter, poses, options):
@@ -35,7 +36,7 @@ def readings_of(letter, poses, options):
 @pytest.mark.parametrize("force", [0.001, 2.0, 100.0])
 def test_contacts_balance_the_force(force):
     poses = grid_poses()
-    load = press("A", poses, PressOptions(force=force))
+    load = press("A", poses, level_press(force=force))
     bed, forces = load.bed, load.forces
     total = np.bincount(bed.press, forces, len(poses))
     assert total == pytest.approx(np.full(len(poses), force), rel=1e-6)
@@ -44,7 +45,7 @@ def test_contacts_balance_the_force(force):
 
 def test_pressure_under_a_level_face_is_even():
     poses = grid_poses()
-    load = press("K", poses, PressOptions())
+    load = press("K", poses, level_press())
     bed, forces = load.bed, load.forces
     area = np.bincount(bed.press, bed.area, len(poses))
     assert forces / bed.area == pytest.approx(2.0 / area[bed.press], rel=1e-6)
@@ -52,7 +53,7 @@ def test_pressure_under_a_level_face_is_even():
 
 def test_a_press_does_not_depend_on_the_ones_before():
     poses = grid_poses()[:24]
-    load, backwards = press("R", poses, PressOptions()), press("R", poses[::-1], PressOptions())
+    load, backwards = press("R", poses, level_press()), press("R", poses[::-1], level_press())
     for index in range(len(poses)):
         first = load.forces[load.bed.press == index]
         again = backwards.forces[backwards.bed.press == len(poses) - 1 - index]
@@ -60,7 +61,7 @@ def test_a_press_does_not_depend_on_the_ones_before():
 
 
 def test_a_sliver_is_laid_out_beside_a_full_press_as_alone():
-    letter, options = models.letter("I"), ScanOptions()
+    letter, options = models.letter("I"), level_scan()
     edge = np.concatenate(letter.contours)[:, 0].max() - options.pad.load_bounds[0]
     poses = np.array([[edge - 1e-7, 0, 0], [0, 0, 0]])
     grid = options.pad.grid_lines(2)
@@ -83,7 +84,7 @@ def test_a_rigid_sphere_presses_as_on_independent_springs():
         for inner, outer, low, high in zip(circles[:-1], circles[1:], gaps[:-1], gaps[1:], strict=True)
     ]
     poses = np.array([[0.0, 0.0, 0.0], [1.3, -0.4, 0.5], [0.95, 0.95, 1.0]])
-    options = ScanOptions(press=PressOptions(stiffness=1e3 * stiffness))
+    options = level_scan(press=level_press(stiffness=1e3 * stiffness))
     maps = balance.press_face(face, Touches.of(models.letter("O"), poses), options).readings(options)
     # The closed form as a stack of thin discs: p is the integral of k over the depth.
     steps = (np.arange(60) + 0.5) / 60 * depth
@@ -120,7 +121,7 @@ def brute_force_tilt(letter, pose, options):
 @pytest.mark.parametrize(("tilt_x", "tilt_y"), [(0.01, 0.0), (0.0, 0.02), (-0.05, 0.03)])
 def test_a_rigidly_tilted_face_presses_one_side(tilt_x, tilt_y):
     letter, pose = models.letter("E"), np.array([-3.4, 3.4, 0.7])
-    options = PressOptions(tilt_x=tilt_x, tilt_y=tilt_y, cells_per_taxel=8)
+    options = level_press(tilt_x=tilt_x, tilt_y=tilt_y, cells_per_taxel=8)
     pressed = press("E", pose[None], options)
     bed, forces = pressed.bed, pressed.forces
     points, load = brute_force_tilt(letter, pose, options)
@@ -144,7 +145,7 @@ def test_a_level_press_is_found_in_one_step_of_newton_s_method(force, monkeypatc
 
     monkeypatch.setattr(mujoco, "mj_step", count)
     poses = grid_poses()[60:70]
-    press("E", poses, PressOptions(force=force))
+    press("E", poses, level_press(force=force))
     assert len(steps) == len(poses)
 
 
@@ -188,7 +189,7 @@ def rest_by_brute_force(letter, pose, options):
     ],
 )
 def test_a_wrist_gives_way_until_it_balances_the_layer(name, pose, press_options):
-    letter, options = models.letter(name), PressOptions(**press_options)
+    letter, options = models.letter(name), level_press(**press_options)
     load = press(name, np.array([pose]), options)
     points, forces = rest_by_brute_force(letter, np.array(pose), options)
     assert load.forces.sum() == pytest.approx(options.force, rel=1e-9)
@@ -198,7 +199,7 @@ def test_a_wrist_gives_way_until_it_balances_the_layer(name, pose, press_options
     truth = (
         1e3 * np.einsum("ir,ic,i->rc", rows, columns, forces).ravel() / (PAD.taxel_width * PAD.taxel_height)
     )
-    reading = load.readings(ScanOptions(press=options))[0]
+    reading = load.readings(level_scan(press=options))[0]
     # The brute force itself is as coarse as its pixels: they are in or out, along the outline and the line of contact.
     assert pixel * len(points) > 150
     assert np.abs(reading - truth).max() < 5e-3 * truth.max()
@@ -206,17 +207,17 @@ def test_a_wrist_gives_way_until_it_balances_the_layer(name, pose, press_options
 
 def test_stiff_hinges_are_a_rigid_tilt_and_no_tilt_is_none():
     pose = np.array([[1.0, -2.0, 0.4]])
-    rigid = press("S", pose, PressOptions(tilt_x=0.01, tilt_y=-0.01))
-    stiff = press("S", pose, PressOptions(tilt_x=0.01, tilt_y=-0.01, wrist_stiffness=1e7))
+    rigid = press("S", pose, level_press(tilt_x=0.01, tilt_y=-0.01))
+    stiff = press("S", pose, level_press(tilt_x=0.01, tilt_y=-0.01, wrist_stiffness=1e7))
     assert stiff.forces == pytest.approx(rigid.forces, abs=1e-4)
-    level = press("S", pose, PressOptions())
-    held = press("S", pose, PressOptions(wrist_stiffness=1e7))
+    level = press("S", pose, level_press())
+    held = press("S", pose, level_press(wrist_stiffness=1e7))
     assert held.forces == pytest.approx(level.forces, abs=1e-5)
 
 
 def test_a_rounded_edge_nears_the_sharp_one_as_its_radius_vanishes():
     poses = grid_poses()[40:60]
-    options = ScanOptions()
+    options = level_scan()
     sharp = readings_of(models.letter("H"), poses, options)
     peak = sharp.max(axis=1, keepdims=True)
     change = [
@@ -231,7 +232,7 @@ def test_a_rounded_edge_nears_the_sharp_one_as_its_radius_vanishes():
 def test_a_level_of_a_rounded_edge_lies_at_its_mean_gap():
     """A quarter circle of radius r stands r - sqrt(r^2 - s^2) behind the front, s mm outside the flat."""
     radius = 0.7
-    flat, *rounded = levels(models.letter("I", rounding=radius), PressOptions())
+    flat, *rounded = levels(models.letter("I", rounding=radius), level_press())
     assert flat.gap == 0
     reach = [np.abs(level.edges[..., 0]).max() for level in (flat, *rounded)]  # the outer side of each
     assert reach[-1] - reach[0] == pytest.approx(radius, abs=1e-6)
@@ -242,7 +243,7 @@ def test_a_level_of_a_rounded_edge_lies_at_its_mean_gap():
 
 
 def test_a_rounded_edge_is_finely_enough_cut(monkeypatch):
-    poses, options = grid_poses()[::24], ScanOptions()
+    poses, options = grid_poses()[::24], level_scan()
     letter = models.letter("E", rounding=0.5)
     coarse = readings_of(letter, poses, options)
     monkeypatch.setattr("tactsim.press.levels.ROUNDING_LEVELS", 48)
@@ -251,13 +252,13 @@ def test_a_rounded_edge_is_finely_enough_cut(monkeypatch):
 
 
 def test_a_soft_bed_under_a_rounded_letter_balances_too():
-    options = PressOptions(stiffness=50.0, force=50.0)
+    options = level_press(stiffness=50.0, force=50.0)
     load = press("B", grid_poses()[::17], options, rounding=0.3)
     assert np.bincount(load.bed.press, load.forces) == pytest.approx(50.0, rel=1e-5)
 
 
 def test_a_rounded_letter_cannot_be_pressed_by_its_parts():
-    options = ScanOptions(press=PressOptions(skip=Skips(parts=False)))
+    options = level_scan(press=level_press(skip=Skips(parts=False)))
     with pytest.raises(InputError, match="rounded"):
         press_letter(models.letter("E", rounding=0.2), [0, 0, 0], options)
 
@@ -269,7 +270,7 @@ def test_a_pose_that_is_none_is_refused(pose):
 
 
 def test_a_letter_that_tips_over_is_refused():
-    options = ScanOptions(press=PressOptions(force=5.0, tilt_x=0.1, wrist_stiffness=20.0))
+    options = level_scan(press=level_press(force=5.0, tilt_x=0.1, wrist_stiffness=20.0))
     with pytest.raises(
         InputError, match=r"'E' pressed at x = 10\.2 mm, y = 0 mm, 0\.4 rad does not settle: .*wrist"
     ):
@@ -308,9 +309,9 @@ def tilted_truth(letter, pose, load, tilt, force):
 @pytest.mark.parametrize("force", [0.1, 2.0, 30.0])
 def test_pressure_is_linear_under_a_tilted_face(tilt, force):
     """Within 0.5 % of the peak at 2 cells a taxel side, on any part of the face that still touches."""
-    options = PressOptions(force=force, tilt_x=tilt[0], tilt_y=tilt[1])
+    options = level_press(force=force, tilt_x=tilt[0], tilt_y=tilt[1])
     for name, pose in (("E", [-3.4, 3.4, 0.7]), ("O", [5.0, 2.0, 0.0]), ("A", [0.0, 0.0, 1.5])):
         load = press(name, np.array([pose]), options)
-        got = load.readings(ScanOptions(press=options))[0]
+        got = load.readings(level_scan(press=options))[0]
         truth = tilted_truth(models.letter(name), pose, load, np.array(tilt), force)
         assert np.abs(got - truth).max() < 5e-3 * truth.max(), name

@@ -3,12 +3,13 @@ from concurrent.futures import ThreadPoolExecutor
 import mujoco
 import numpy as np
 import pytest
+from level_world import level_press, level_scan
 from pydantic import ValidationError
 from scipy.optimize import brentq
 
 from tactsim import models
 from tactsim.core import InputError, Pad
-from tactsim.press import PressOptions, ScanOptions, press_letter, scan_letters
+from tactsim.press import press_letter, scan_letters
 from tactsim.press.bed import lay_bed
 from tactsim.press.engine import contact_history, ideal_readings
 from tactsim.press.force_control import ForceControl
@@ -20,8 +21,8 @@ from tactsim.press.touches import Touches
 
 def both(name, pose, **press):
     letter = models.letter(name)
-    still = press_letter(letter, pose, ScanOptions(press=PressOptions(**press)))
-    moving = press_letter(letter, pose, ScanOptions(press=PressOptions(dynamics="full", **press)))
+    still = press_letter(letter, pose, level_scan(press=level_press(**press)))
+    moving = press_letter(letter, pose, level_scan(press=level_press(dynamics="full", **press)))
     return still, moving
 
 
@@ -54,8 +55,8 @@ def test_it_does_whatever_the_press_is_like(press):
 
 def test_a_rounded_letter_settles_too():
     letter, pose = models.letter("E", rounding=0.3), [0.0, 3.4, 0.5]
-    still = press_letter(letter, pose)
-    moving = press_letter(letter, pose, ScanOptions(press=PressOptions(dynamics="full")))
+    still = press_letter(letter, pose, level_scan())
+    moving = press_letter(letter, pose, level_scan(press=level_press(dynamics="full")))
     assert moving.ideal == pytest.approx(still.ideal, abs=5e-3 * still.ideal.max())
 
 
@@ -82,7 +83,7 @@ def test_images_come_as_often_as_asked_for(rate):
 
 
 def test_a_press_that_does_not_settle_is_reported():
-    options = ScanOptions(letters=("E",), press=PressOptions(dynamics="full", time_limit=0.08))
+    options = level_scan(letters=("E",), press=level_press(dynamics="full", time_limit=0.08))
     with pytest.raises(UnsettledError, match=r"'E'.*time_limit"):
         press_letter(models.letter("E"), [0.0, 0.0, 0.0], options)
     with pytest.raises(InputError, match=r"192 of 192 presses of 'E' do not come to rest.*time_limit"):
@@ -96,17 +97,15 @@ def test_a_letter_beside_the_pad_has_no_sequence():
 
 
 def test_a_scan_can_be_taken_with_full_dynamics():
-    options = ScanOptions(
-        letters=("I",), press=PressOptions(dynamics="full"), placement_mm=0, placement_rad=0
-    )
+    options = level_scan(letters=("I",), press=level_press(dynamics="full"), placement_mm=0, placement_rad=0)
     scan, work = scan_letters(options, cache=False)
-    usual, _ = scan_letters(options.model_copy(update={"press": PressOptions()}), cache=False)
+    usual, _ = scan_letters(options.model_copy(update={"press": level_press()}), cache=False)
     assert work["presses"] > 100
     assert np.abs(scan.readings - usual.readings).max() <= 0.7 + 5e-3 * usual.readings.max()
 
 
 def test_a_scan_takes_the_last_image_of_each_press():
-    letter, options = models.letter("I"), ScanOptions(press=PressOptions(dynamics="full"))
+    letter, options = models.letter("I"), level_scan(press=level_press(dynamics="full"))
     poses = np.array([[0.0, 0.0, 0.3], [-3.4, 3.4, 0.0]])
     readings, _ = ideal_readings(Touches.of(letter, poses), options)
     for reading, pose in zip(readings, poses, strict=True):
@@ -124,7 +123,7 @@ def test_a_sliver_stops_where_the_layer_ends():
 
 def test_a_worker_s_unsettled_press_is_reported_too(monkeypatch):
     monkeypatch.setattr("tactsim.press.scanning.WORTH_A_WORKER", 1e-3)
-    options = ScanOptions(letters=("E",), press=PressOptions(dynamics="full", time_limit=0.08))
+    options = level_scan(letters=("E",), press=level_press(dynamics="full", time_limit=0.08))
     with pytest.raises(InputError, match=r"'E'.*time_limit"):
         scan_letters(options, jobs=2, cache=False)
 
@@ -134,16 +133,16 @@ def test_a_press_that_failed_leaves_nothing_behind():
     letter, pose = models.letter("E"), [0.0, 3.4, 0.2]
     tilted = {"dynamics": "full", "tilt_x": 0.01, "wrist_stiffness": 3000.0}
     with pytest.raises(UnsettledError):
-        press_letter(letter, pose, ScanOptions(press=PressOptions(time_limit=0.08, **tilted)))
-    used = press_letter(letter, pose, ScanOptions(press=PressOptions(**tilted)))
+        press_letter(letter, pose, level_scan(press=level_press(time_limit=0.08, **tilted)))
+    used = press_letter(letter, pose, level_scan(press=level_press(**tilted)))
     with ThreadPoolExecutor(1) as other:  # another thread has scenes of its own
-        fresh = other.submit(press_letter, letter, pose, ScanOptions(press=PressOptions(**tilted))).result()
+        fresh = other.submit(press_letter, letter, pose, level_scan(press=level_press(**tilted))).result()
     assert np.array_equal(used.sequence, fresh.sequence)
 
 
 def history(*, name="E", pose=(1.0, 2.0, 0.3), **press):
     """Press through time without the sensor: the history and the springs' areas."""
-    options = ScanOptions(press=PressOptions(dynamics="full", **press))
+    options = level_scan(press=level_press(dynamics="full", **press))
     touches = Touches.of(models.letter(name), np.array([pose]), (options.press.tilt_x, options.press.tilt_y))
     bed = lay_bed(levels(touches.letter, options.press), touches.poses, *options.cell_lines)
     return contact_history(bed, touches, 0, options), bed.area
@@ -229,7 +228,7 @@ def test_the_servo_is_exact_without_contact_at_any_step():
 @pytest.mark.parametrize("dissipation", [0.0, 3.0, 30.0])  # s/m
 def test_a_free_letter_bounces_as_hunt_and_crossley_say(speed, dissipation):
     """m v dv = -k x (1 + c v) dx gives c u + log(1 - c u) = -(c v - log(1 + c v)) for leaving at speed u."""
-    letter, options = models.letter("I"), PressOptions(dynamics="full")
+    letter, options = models.letter("I"), level_press(dynamics="full")
     bed = lay_bed(levels(letter, options), np.zeros((1, 3)), *Pad().grid_lines(2))
     (springs,) = bed.springs
     stage = scene(Setup(mass=0.1), len(springs.share))
@@ -284,5 +283,5 @@ def test_a_tilted_letter_changes_its_picture_on_the_way():
 )
 def test_a_time_limit_that_cannot_do_is_refused(press):
     with pytest.raises(ValidationError, match="time_limit"):
-        PressOptions(dynamics="full", **press)
-    PressOptions(**press)
+        level_press(dynamics="full", **press)
+    level_press(**press)

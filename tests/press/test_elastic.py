@@ -4,14 +4,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from manifold3d import Manifold
 from elastic_reference import Reference, surface_movement
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from level_world import level_press, level_scan
+from manifold3d import Manifold
 
 from tactsim import models
 from tactsim.core import InputError, Pad
-from tactsim.press import PressOptions, ScanOptions, SensorOptions
+from tactsim.press import SensorOptions
 from tactsim.press.bed import Level, lay_bed
 from tactsim.press.clip import edges_of
 from tactsim.press.elastic import gaussians_of, modulus, multiplier, press_elastic
@@ -26,9 +27,9 @@ POSES = np.array([[-3.4, -3.4, 0.5], [3.4, 3.4, 2.1], [-3.4, 10.2, 4.2], [1.0, -
 
 
 def solid(foundation, pad=None, sigma=1.0, **press):
-    return ScanOptions(
+    return level_scan(
         pad=pad or Pad(),
-        press=PressOptions(foundation=foundation, **press),
+        press=level_press(foundation=foundation, **press),
         sensor=SensorOptions(psf_sigma=sigma, noise=0, resolution=0),
     )
 
@@ -330,7 +331,7 @@ def test_what_the_elastic_foundations_cannot_do_is_refused():
     with pytest.raises(InputError, match=r"press\.foundation: layer cannot carry this: 'ball' has relief"):
         ideal_readings(Touches.of(ball, POSES), solid("layer"))
     with pytest.raises(ValueError, match="half-space is pressed at rest only; give dynamics = equilibrium"):
-        PressOptions(foundation="half-space", dynamics="full")
+        level_press(foundation="half-space", dynamics="full")
     tipping = solid("layer", wrist_stiffness=1.0)
     with pytest.raises(InputError, match="tips over"):
         ideal_readings(Touches.of(letter, np.array([[-9.0, 4.0, 1.0]])), tipping)

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from level_world import level_press, level_scan
 from test_accuracy import LEAST_AREA
 
 from tactsim import models
 from tactsim.bench.stress.exact import expected_reading
 from tactsim.core import Pad, transform
 from tactsim.core.errors import InputError
-from tactsim.press import PressOptions, ScanOptions
 from tactsim.press.clip import covers
 from tactsim.press.engine import press_at
 from tactsim.press.points import lattice, share
@@ -24,7 +24,7 @@ TILT, WRIST = 0.0044, 300.0  # rad, N mm/rad
 
 
 def options(engine, **press):
-    return ScanOptions(press=PressOptions(engine=engine, **({"wrist_stiffness": None} | press)))
+    return level_scan(press=level_press(engine=engine, **({"wrist_stiffness": None} | press)))
 
 
 def read(engine, touches, **press):
@@ -135,9 +135,9 @@ def test_collide_balances_the_force_on_any_pad_and_point_spread():
     pad = Pad(rows=3, columns=5, pitch_x=3.0, pitch_y=2.0, taxel_width=3.0, taxel_height=2.0, no_seam=True,
               unread_columns=0)  # fmt: skip
     for sigma in (0.0, 0.5):
-        chosen = ScanOptions(
+        chosen = level_scan(
             pad=pad,
-            press=PressOptions(engine="collide", wrist_stiffness=None),
+            press=level_press(engine="collide", wrist_stiffness=None),
             sensor=SensorOptions(psf_sigma=sigma),
         )
         pressed = press_at(Touches.of(models.letter("E"), np.zeros((1, 3))), chosen)

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 from bench_press import COVERED, exact, plain_default, time_rows, time_scan
+from level_world import level_press
 from plain_press import DEFAULT, TUNED, compile_plain, press_plain
 
 from tactsim import models
 from tactsim.core import Pad
-from tactsim.press import PressOptions
 from tactsim.press.bed import lay_bed
 from tactsim.press.levels import levels
 from tactsim.press.scan_poses import grid_poses
@@ -17,7 +17,7 @@ from tactsim.press.scan_poses import grid_poses
 def test_the_plain_scene_ends_where_the_press_does(constant, share):
     """Else it would be no plain scene of the same bed: its forces are the shares of the covered areas."""
     letter, poses = models.letter("E"), grid_poses()[[16, 90]]
-    bed = lay_bed(levels(letter, PressOptions(skip=COVERED)), poses, *Pad().grid_lines(2))
+    bed = lay_bed(levels(letter, level_press(skip=COVERED)), poses, *Pad().grid_lines(2))
     for springs, pose in zip(bed.springs, poses, strict=True):
         forces, _ = press_plain(compile_plain(letter, pose, springs, constant), len(springs.share), 2.0)
         area = bed.area[springs.rows]

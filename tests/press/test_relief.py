@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from level_world import level_press, level_scan
 from manifold3d import CrossSection, Manifold
 from scipy.spatial.transform import Rotation
 
@@ -12,7 +13,7 @@ from tactsim import models
 from tactsim.core import InputError, Pad
 from tactsim.core.poses import transform
 from tactsim.models.relief import Relief
-from tactsim.press import PressOptions, ScanOptions, press_letter
+from tactsim.press import press_letter
 from tactsim.press.engine import ideal_readings, press_at
 from tactsim.press.relief import press
 from tactsim.press.scan_poses import grid_poses
@@ -25,7 +26,7 @@ POSES = np.array([[0, 0, 0], [1.3, -0.4, 0.5], [0.95, 0.95, 1.0], [-6.0, 2.5, 2.
 
 
 def options(force=2.0, **press):
-    return ScanOptions(press=PressOptions(force=force, **press))
+    return level_scan(press=level_press(force=force, **press))
 
 
 def grid(fine):
@@ -421,7 +422,7 @@ def test_a_mesh_is_scanned_as_the_command_line_does(tmp_path):
     solid, _ = dome(20, 1.0, rings=12, sectors=48)
     path = tmp_path / "dome.stl"
     models.export(models.relief("dome", solid), path)
-    given = ScanOptions(letters=("I",), shapes=(str(path),))
+    given = level_scan(letters=("I",), shapes=(str(path),))
     scan, work = scan_letters(given, cache=False)
     assert 300 < work["engine_relief"] < work["presses"]  # at some poses of the corners the pad is beside it
     assert scan.meta["objects"]["dome"]["symmetry"] == 0  # of a disc

@@ -2,8 +2,9 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from level_world import level_scan
 
-from tactsim.press import ScanOptions, SensorOptions
+from tactsim.press import SensorOptions
 from tactsim.press.sensor import gains, sense
 
 IDEAL = np.random.default_rng(0).uniform(0, 60, (400, 36))
@@ -12,7 +13,7 @@ OFF = {"noise": 0.0, "resolution": 0.0}
 
 def sensed(ideal=IDEAL, seed=1, **options):
     sensor = SensorOptions(**{**OFF, **options})
-    return sense(ideal, sensor, gains(ScanOptions(sensor=sensor)), np.random.default_rng(seed))
+    return sense(ideal, sensor, gains(level_scan(sensor=sensor)), np.random.default_rng(seed))
 
 
 def test_with_everything_off_it_reads_the_pressure():
@@ -40,14 +41,14 @@ def test_saturation_is_the_most_that_is_read():
 
 
 def test_gains_spread_and_stay():
-    gain = gains(ScanOptions(sensor=SensorOptions(gain_spread=0.1)))
+    gain = gains(level_scan(sensor=SensorOptions(gain_spread=0.1)))
     assert 0.05 < gain.std() < 0.2
     assert sensed(gain_spread=0.1) == pytest.approx(IDEAL * gain)
 
 
 def test_gains_lie_about_1_and_none_is_below_zero():
     sensor = SensorOptions(gain_spread=1.0)
-    gain = np.concatenate([gains(ScanOptions(seed=seed, sensor=sensor)) for seed in range(40)])
+    gain = np.concatenate([gains(level_scan(seed=seed, sensor=sensor)) for seed in range(40)])
     # Shares of a normal distribution, within five standard deviations.
     assert gain.min() == 0
     for limit, share in ((0, 0.1587), (0.5, 0.3085), (1, 0.5), (2, 0.8413)):

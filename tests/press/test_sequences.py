@@ -1,13 +1,14 @@
 import numpy as np
 import pytest
+from level_world import level_press, level_scan
 
 from tactsim import models
 from tactsim.core import InputError
-from tactsim.press import PressOptions, ScanOptions, SensorOptions, press_letter, scan_letters
+from tactsim.press import SensorOptions, press_letter, scan_letters
 
-FULL = ScanOptions(
+FULL = level_scan(
     letters=("I",),
-    press=PressOptions(dynamics="full", frame_rate=100.0),
+    press=level_press(dynamics="full", frame_rate=100.0),
     sensor=SensorOptions(noise=0, resolution=0),
     placement_mm=0,
     placement_rad=0,
@@ -80,7 +81,7 @@ def test_the_number_of_processes_changes_no_bit(monkeypatch):
 
 def test_a_sequence_of_a_press_at_rest_is_refused():
     with pytest.raises(InputError, match=r"press\.dynamics"):
-        scan_letters(ScanOptions(letters=("I",)), sequence=True)
+        scan_letters(level_scan(letters=("I",)), sequence=True)
 
 
 def test_sequences_that_no_file_would_hold_are_refused(monkeypatch):

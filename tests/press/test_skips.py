@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
+from level_world import level_press, level_scan
 
 from tactsim import models
-from tactsim.press import PressOptions, ScanOptions, scan_letters
+from tactsim.press import scan_letters
 from tactsim.press.engine import ideal_readings
 from tactsim.press.scan_options import Skips
 from tactsim.press.scan_poses import grid_poses
@@ -15,7 +16,7 @@ POSES = np.concatenate([grid_poses()[::9], FAR])
 
 
 def ideal(name, engine="bed", **skips):
-    options = ScanOptions(press=PressOptions(engine=engine, skip=Skips(**skips)))
+    options = level_scan(press=level_press(engine=engine, skip=Skips(**skips)))
     return ideal_readings(Touches.of(models.letter(name), POSES), options)
 
 
@@ -72,17 +73,17 @@ def test_a_plane_cannot_leave_cells_out():
 
 def test_a_known_pose_is_not_pressed_again():
     exact = {"letters": ("U",), "placement_mm": 0.0, "placement_rad": 0.0}
-    scan, work = scan_letters(ScanOptions(**exact), cache=False)
-    other, more = scan_letters(ScanOptions(**exact, press=PressOptions(skip=Skips(known=False))), cache=False)
+    scan, work = scan_letters(level_scan(**exact), cache=False)
+    other, more = scan_letters(level_scan(**exact, press=level_press(skip=Skips(known=False))), cache=False)
     assert (work["presses"], work["skipped"]["known"]) == (192, 192)
     assert (more["presses"], more["skipped"]["known"]) == (384, 0)
     assert np.array_equal(scan.readings, other.readings)
 
 
 def test_all_switches_leave_a_scan_as_it_is():
-    usual, _ = scan_letters(ScanOptions(letters=("E",)), cache=False)
+    usual, _ = scan_letters(level_scan(letters=("E",)), cache=False)
     off = Skips(no_contact=False, cells=False, parts=False, stages=False, known=False, solver=False)
-    other, work = scan_letters(ScanOptions(letters=("E",), press=PressOptions(skip=off)), cache=False)
+    other, work = scan_letters(level_scan(letters=("E",), press=level_press(skip=off)), cache=False)
     assert np.array_equal(usual.readings, other.readings)  # the resolution swallows the rounding
     assert work["presses"] == 384
     assert not any(work["skipped"].values())
@@ -91,7 +92,7 @@ def test_all_switches_leave_a_scan_as_it_is():
 @pytest.mark.parametrize("jobs", [2, 3])
 def test_any_number_of_processes_gives_the_same_bits(jobs, monkeypatch):
     monkeypatch.setattr("tactsim.press.scanning.WORTH_A_WORKER", 1e-3)
-    options = ScanOptions(letters=("I", "O"), test_poses="random")
+    options = level_scan(letters=("I", "O"), test_poses="random")
     done = []
     alone, work = scan_letters(options, cache=False)
     many, same = scan_letters(

@@ -7,13 +7,14 @@ import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
+from level_world import level_press, level_scan
 from manifold3d import CrossSection
 from scipy.special import erf
 
 from tactsim import models
 from tactsim.bench.stress.exact import expected_reading
 from tactsim.core import Pad
-from tactsim.press import PressOptions, ScanOptions, SensorOptions
+from tactsim.press import SensorOptions
 from tactsim.press.bed import Level, lay_bed
 from tactsim.press.clip import MOMENTS, cell_moments, edges_of
 from tactsim.press.engine import ideal_readings
@@ -120,7 +121,7 @@ def test_wholly_covered_cells_under_an_even_pressure_are_exact():
 @pytest.mark.parametrize(("pitch", "sigma"), [(100.0, 1.0), (20.0, 0.3), (200.0, 0.3), (6.0, 0.4)])
 def test_a_pitch_far_above_the_point_spread_is_read_right(pitch, sigma):
     pad = square_pad(2, pitch)
-    options = ScanOptions(pad=pad, sensor=SensorOptions(psf_sigma=sigma))
+    options = level_scan(pad=pad, sensor=SensorOptions(psf_sigma=sigma))
     poses = np.array([[0.0, 0.0, 0.3], [2.0, -3.0, 1.0], [0.4 * pitch, 1.0, 0.0]])
     letter = models.letter("E")
     readings, _ = ideal_readings(Touches.of(letter, poses), options)
@@ -149,7 +150,7 @@ def test_cut_cells_are_narrow_where_an_edge_is_felt(pitch, sigma):
 
 def test_a_pad_of_4096_taxels_is_pressed():
     pad = square_pad(64, 0.5)
-    options = ScanOptions(pad=pad, press=PressOptions(cells_per_taxel=2))
+    options = level_scan(pad=pad, press=level_press(cells_per_taxel=2))
     letter, poses = models.letter("S"), grid_poses()[60:63]
     readings, _ = ideal_readings(Touches.of(letter, poses), options)
     for reading, pose in zip(readings, poses, strict=True):
@@ -159,4 +160,4 @@ def test_a_pad_of_4096_taxels_is_pressed():
 
 def test_a_bed_of_too_many_cells_is_refused():
     with pytest.raises(ValueError, match="cells of the bed, more than 200,000; choose fewer taxels"):
-        ScanOptions(pad=square_pad(200, 10.0), sensor=SensorOptions(psf_sigma=0.3))
+        level_scan(pad=square_pad(200, 10.0), sensor=SensorOptions(psf_sigma=0.3))
