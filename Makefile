@@ -70,7 +70,7 @@ TABLES := paper paper-like better tilt active open-set pareto robustness
 
 tables: $(DEVELOP)  ## do the sweeps that are not done yet, and fill the tables of the documentation from them
 	@for suite in $(TABLES); do $(BIN)/bench sweep $$suite || exit; done
-	@$(BIN)/python -m tactsim.bench.tables README.md docs/results.md docs/choose-an-estimator.md
+	@$(BIN)/python -m tactsim.bench.page_tables README.md docs/results.md docs/choose-an-estimator.md
 
 setup: $(DEVELOP)  ## create .venv with all that work on the project needs
 

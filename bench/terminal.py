@@ -20,11 +20,11 @@ from rich.progress import (
 from rich.table import Table
 
 from tactsim.bench.console import plain_console
+from tactsim.bench.page_tables import cell
 from tactsim.bench.pooled import Pooled, pool
 from tactsim.bench.report.collect import collect
 from tactsim.bench.results import load, pictures
 from tactsim.bench.run import Run
-from tactsim.bench.tables import cell
 from tactsim.bench.trials import Progress as Report
 
 STAGES = {"press": "pressing", "map": "mapping", "trials": "trials", "sweep": "trials", "replay": "replaying"}

@@ -8,7 +8,7 @@ import numpy as np
 
 from tactsim import models
 from tactsim.bench.stress.case import Worst, case
-from tactsim.bench.stress.exact import expected_reading
+from tactsim.bench.stress.exact_readings import expected_reading
 from tactsim.core.poses import FloatArray
 from tactsim.press import PressOptions, ScanOptions
 from tactsim.press.engine import press_at

@@ -10,7 +10,7 @@ import numpy as np
 
 from tactsim import models
 from tactsim.bench.stress.case import Worst, case, refused
-from tactsim.bench.stress.exact import expected_reading, overlap
+from tactsim.bench.stress.exact_readings import expected_reading, overlap
 from tactsim.core import Pad
 from tactsim.core.poses import FloatArray
 from tactsim.press import PressOptions, ScanOptions, SensorOptions, press_letter

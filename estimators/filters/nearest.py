@@ -74,7 +74,8 @@ class Nearest(Estimator):
         check_order(self._started, "reset" if self.labels else "fit", "update")
         values, pose = check_reading(reading, sensor_in_robot, self._readings.shape[1])
         squares = ((self._readings - values) ** 2).sum(axis=1)
-        log_kernel = squares / (-2 * self.width**2)
+        # Relative to the nearest of all, so that letters stay apart however far away all readings are.
+        log_kernel = (squares - squares.min()) / (-2 * self.width**2)
         self._log_p += np.logaddexp.reduceat(log_kernel, self._first) - self._log_count
         self._compared += len(squares)
         # Of the sequence, the match with the least difference per pressure says where: that of a reading beside the
@@ -91,7 +92,8 @@ class Nearest(Estimator):
     def estimate(self) -> Estimate:
         """Say which letter it is, and the place by the reading that was most like one of its training readings."""
         check_order(self._started, "reset" if self.labels else "fit", "estimate")
-        p = np.exp(self._log_p - np.logaddexp.reduce(self._log_p))
+        p = np.exp(self._log_p - self._log_p.max())
+        p /= p.sum()
         best = int(p.argmax())
         return Estimate(
             self.labels[best],

@@ -35,9 +35,9 @@ def _elastic(touches: Touches, options: ScanOptions) -> Pressed:
 
 def _press_relief(touches: Touches, options: ScanOptions) -> Pressed:
     # Its compiled loops take a while to load, and most scans do without.
-    from tactsim.press import relief
+    from tactsim.press import facets
 
-    return relief.press(touches, options)
+    return facets.press(touches, options)
 
 
 ENGINES: dict[str, Callable[[Touches, ScanOptions], Pressed]] = {

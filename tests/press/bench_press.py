@@ -18,7 +18,7 @@ import numpy as np
 from plain_press import DEFAULT, TUNED, compile_plain, press_plain
 
 from tactsim import models
-from tactsim.bench.stress.exact import expected_reading
+from tactsim.bench.stress.exact_readings import expected_reading
 from tactsim.core.poses import FloatArray
 from tactsim.press import PressOptions, ScanOptions, scan_letters
 from tactsim.press.bed import lay_bed

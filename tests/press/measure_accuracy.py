@@ -12,7 +12,7 @@ from level_world import level_press, level_scan
 from test_accuracy import LEAST_AREA
 
 from tactsim import models
-from tactsim.bench.stress.exact import expected_reading
+from tactsim.bench.stress.exact_readings import expected_reading
 from tactsim.press.engine import press_at
 from tactsim.press.scan_poses import grid_poses
 from tactsim.press.touches import Touches

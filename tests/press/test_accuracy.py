@@ -6,7 +6,7 @@ from level_world import level_press, level_scan
 from manifold3d import CrossSection
 
 from tactsim import models
-from tactsim.bench.stress.exact import expected_reading, overlap
+from tactsim.bench.stress.exact_readings import expected_reading, overlap
 from tactsim.core import Pad
 from tactsim.press import SensorOptions
 from tactsim.press.engine import ideal_readings

@@ -8,7 +8,7 @@ from manifold3d import CrossSection
 from scipy.optimize import root
 
 from tactsim import models
-from tactsim.bench.stress.exact import integral
+from tactsim.bench.stress.exact_readings import integral
 from tactsim.core import InputError, Pad, transform
 from tactsim.press import balance, press_letter
 from tactsim.press.bed import Level, lay_bed

@@ -8,7 +8,7 @@ from level_world import level_press, level_scan
 from test_accuracy import LEAST_AREA
 
 from tactsim import models
-from tactsim.bench.stress.exact import expected_reading
+from tactsim.bench.stress.exact_readings import expected_reading
 from tactsim.core import Pad, transform
 from tactsim.core.errors import InputError
 from tactsim.press.clip import covers

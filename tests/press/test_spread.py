@@ -12,7 +12,7 @@ from manifold3d import CrossSection
 from scipy.special import erf
 
 from tactsim import models
-from tactsim.bench.stress.exact import expected_reading
+from tactsim.bench.stress.exact_readings import expected_reading
 from tactsim.core import Pad
 from tactsim.press import SensorOptions
 from tactsim.press.bed import Level, lay_bed

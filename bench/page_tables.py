@@ -1,4 +1,4 @@
-"""Fill the tables of a page with what sweeps found: `python -m tactsim.bench.tables PAGE...`.
+"""Fill the tables of a page with what sweeps found: `python -m tactsim.bench.page_tables PAGE...`.
 
 A page says itself which table it wants, between two comments. The first names the sweep and the figures:
 

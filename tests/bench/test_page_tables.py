@@ -7,7 +7,7 @@ import sys
 
 import pytest
 
-from tactsim.bench.tables import fill
+from tactsim.bench.page_tables import fill
 from tactsim.core import InputError
 
 SWEEP = """
@@ -58,7 +58,7 @@ def folder(tmp_path_factory, shared_cache):
 
 def test_a_page_gets_its_tables_and_keeps_its_words(folder):
     (folder / "page.md").write_text(PAGE)
-    command = [sys.executable, "-m", "tactsim.bench.tables", "page.md"]
+    command = [sys.executable, "-m", "tactsim.bench.page_tables", "page.md"]
     for _ in range(2):  # a filled page is filled again
         assert subprocess.run(command, cwd=folder, check=True, capture_output=True).stderr == b""
     page = (folder / "page.md").read_text()
@@ -89,7 +89,7 @@ def test_a_wrong_wish_is_refused_in_one_line(folder, asked, said):
 
 
 def test_a_sweep_of_other_source_code_is_refused(folder, monkeypatch):
-    monkeypatch.setattr("tactsim.bench.tables.source_of_trials", lambda estimator: "f" * 64)
+    monkeypatch.setattr("tactsim.bench.page_tables.source_of_trials", lambda estimator: "f" * 64)
     with pytest.raises(InputError, match="s was made by other source code"):
         fill(PAGE, folder / "results" / "sweeps")
 
@@ -105,7 +105,7 @@ def test_sweeps_of_different_commits_are_refused(folder, tmp_path):
 
 def test_a_table_without_an_end_is_refused_and_the_page_stays(folder):
     (folder / "cut.md").write_text("<!-- table: s; right@1 -->\nold\n")
-    command = [sys.executable, "-m", "tactsim.bench.tables", "cut.md"]
+    command = [sys.executable, "-m", "tactsim.bench.page_tables", "cut.md"]
     ended = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
     assert ended.returncode == 2
     assert ended.stderr == "tables: a table has no `<!-- end of table -->`\n"
