@@ -166,7 +166,7 @@ def bed_cells(worst: Worst) -> None:
     errors = []
     for count in counts:
         options = ScanOptions(
-            press=PressOptions(cells_per_taxel=count),
+            press=PressOptions(wrist_stiffness=None, cells_per_taxel=count),
             sensor=SensorOptions(noise=0, resolution=0, psf_sigma=2.0),
         )
         errors.append(rms(np.array([error("S", pose, options) for pose in poses])))
@@ -191,7 +191,7 @@ def collide_points(worst: Worst) -> None:
     errors = []
     for count in counts:
         options = ScanOptions(
-            press=PressOptions(engine="collide", points_per_taxel=count),
+            press=PressOptions(engine="collide", wrist_stiffness=None, points_per_taxel=count),
             sensor=SensorOptions(noise=0, resolution=0),
         )
         errors.append(rms(np.array([error(name, pose, options) for name in "AES" for pose in poses])))

@@ -22,7 +22,7 @@ from tactsim.press.touches import Touches
 
 def follow(**press: Any) -> History:
     """Press E through time without the sensor."""
-    options = ScanOptions(press=PressOptions(dynamics="full", **press))
+    options = ScanOptions(press=PressOptions(**({"dynamics": "full", "wrist_stiffness": None} | press)))
     tilt = (options.press.tilt_x, options.press.tilt_y)
     touches = Touches.of(models.letter("E"), np.array([[1.0, 2.0, 0.3]]), tilt)
     bed = lay_bed(levels(touches.letter, options.press), touches.poses, *options.cell_lines)

@@ -22,7 +22,7 @@ LEAST_AREA = 4.0  # mm^2, of a contact that is no sliver
 
 def pressed_by(engine: str, touches: Touches, **press: Any) -> tuple[Pressed, FloatArray]:
     """Press by an engine: what it gives, and its readings (n, taxels) kPa."""
-    options = ScanOptions(press=PressOptions(engine=engine, **press))
+    options = ScanOptions(press=PressOptions(**({"engine": engine, "wrist_stiffness": None} | press)))
     pressed = press_at(touches, options)
     return pressed, pressed.readings(options)
 

@@ -26,7 +26,9 @@ def press_on(
 ) -> tuple[Bed, Rested, PressOptions]:
     """Press a face at poses (n, 3) with one tilt, on the foundation that the options state."""
     setup = ScanOptions(
-        pad=Pad(), press=PressOptions(**options), sensor=SensorOptions(psf_sigma=2.0, noise=0, resolution=0)
+        pad=Pad(),
+        press=PressOptions(**({"wrist_stiffness": None} | options)),
+        sensor=SensorOptions(psf_sigma=2.0, noise=0, resolution=0),
     )
     bed = lay_bed(face, poses, *setup.cell_lines)
     return bed, press_elastic(bed, np.tile(tilt, (len(poses), 1)), setup), setup.press
@@ -42,7 +44,7 @@ def press_on(
 )
 def balance(worst: Worst) -> None:
     """Press from a breath to a truck, on a film and on a mattress."""
-    letter, usual = models.letter("K"), PressOptions()
+    letter, usual = models.letter("K"), PressOptions(wrist_stiffness=None)
     half = float(np.concatenate(letter.contours)[:, 0].max())
     left = Pad().load_bounds[0]
     poses = np.concatenate([random_poses(np.random.default_rng(5), 3), [[half - left - 1e-5, 0.0, 0.0]]])

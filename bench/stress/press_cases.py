@@ -25,8 +25,9 @@ FORCE = 2.0  # N
 
 
 def exact_pad(**press: Any) -> ScanOptions:
-    """Describe a pad without imperfections, with these options of the press."""
-    return ScanOptions(press=PressOptions(**press), sensor=SensorOptions(noise=0, resolution=0))
+    """Describe a pad without imperfections and a rigid wrist, with these options of the press."""
+    rigid = PressOptions(**({"wrist_stiffness": None} | press))
+    return ScanOptions(press=rigid, sensor=SensorOptions(noise=0, resolution=0))
 
 
 def ideal(name: str, poses: FloatArray, options: ScanOptions) -> FloatArray:
@@ -216,7 +217,8 @@ def pads(worst: Worst) -> None:
             seam=None, unread_columns=0,
         )  # fmt: skip
         for sigma in (0.0, 1.0):
-            options = ScanOptions(pad=pad, sensor=SensorOptions(noise=0, resolution=0, psf_sigma=sigma))
+            sensor = SensorOptions(noise=0, resolution=0, psf_sigma=sigma)
+            options = exact_pad().model_copy(update={"pad": pad, "sensor": sensor})
             reading = ideal("E", np.array([-4.0, 1.0, 0.4]), options)
             felt = reading.sum() * taxel**2 / 1e3
             worst.see(max(0.0, felt / FORCE - 1), f"{rows} x {columns}, {pitch} mm, sigma {sigma}")
@@ -233,7 +235,8 @@ def pads(worst: Worst) -> None:
 def point_spread(worst: Worst) -> None:
     """Spread the pressure by next to nothing, and over the whole pad."""
     for sigma in (0.3, 0.5, 1.0, 3.0, 10.0):
-        options = ScanOptions(sensor=SensorOptions(noise=0, resolution=0, psf_sigma=sigma))
+        sensor = SensorOptions(noise=0, resolution=0, psf_sigma=sigma)
+        options = exact_pad().model_copy(update={"sensor": sensor})
         for pose in random_poses(np.random.default_rng(2), 12):
             worst.see(error("S", pose, options), f"sigma {sigma}, {pose.round(2).tolist()}")
     for sigma in (1e-300, 1e-3, 0.29, -1.0, math.nan, math.inf):
@@ -266,9 +269,9 @@ def sensor(worst: Worst) -> None:
         {"psf_sigma": 10.0, "saturation": 1.0, "resolution": 0.3},
     ]  # fmt: skip
     for setting in settings:
-        options = ScanOptions(sensor=SensorOptions(**setting))
+        options = exact_pad().model_copy(update={"sensor": SensorOptions(**setting)})
         for force in (1e-6, 2.0, 1e4):
-            pressed = options.model_copy(update={"press": PressOptions(force=force)})
+            pressed = options.model_copy(update={"press": exact_pad(force=force).press})
             reading = press_letter(letter, pose, pressed, np.random.default_rng(0)).reading
             sound = np.isfinite(reading).all() and (reading[list(options.sensor.dead_taxels)] == 0).all()
             step = options.sensor.resolution
