@@ -206,11 +206,19 @@ def scan_options(**words: Any) -> ScanOptions:
 
 
 def _world(name: str) -> Mapping[str, Any]:
-    """Get the options of a ready-made world, or of a TOML file as `bench validate` writes."""
+    """Get the options of a ready-made world, or of a TOML file as `bench validate` writes.
+
+    TOML has no word for None, so "none" stands for it in a file, as it does on the command line.
+    """
     from tactsim.press import WORLDS
 
+    def read(value: Any) -> Any:
+        if isinstance(value, dict):
+            return {key: read(inner) for key, inner in value.items()}
+        return None if value == "none" else value
+
     if name.endswith(".toml"):
-        return read_toml(name, "world")
+        return {key: read(value) for key, value in read_toml(name, "world").items()}
     if name not in WORLDS:
         raise unknown("world", name, [*WORLDS, "FILE.toml"])
     return WORLDS[name]

@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 
 from tactsim.core import InputError, Pad, transform
-from tactsim.hardware.sensor_fit import class_agreement, fit_sensor, taxel_error
+from tactsim.hardware.sensor_fit import Guess, fit_sensor
+from tactsim.hardware.taxel_error import class_agreement, taxel_error
 
 
 class Bumps:
