@@ -31,6 +31,7 @@ _HALVINGS = 2
 _BELIEVED = 15.0
 _DECADES = 0.5  # between the layers of the profile likelihood
 _TOO_STEEP = 0.3  # rad, of a tilt that tips over
+_LIFTED = 0.6  # of the mean pressure
 _CONFIDENT = 1.96  # standard errors of a 95 % interval
 
 
@@ -68,9 +69,11 @@ class SensorFit:
     times placement_tilt, which readings do tell. tilt_gain: by how much the logarithm of the likelihood rises
     with tilts and a wrist that gives way; they are not believed, and 0, if that is little.
     yielding, yielding_low, yielding_high: kPa/mm per N mm/rad, stiffness over wrist and its 95 % interval; an
-    end of the interval is 0 or infinite if the readings do not bound it. stiffness_low, stiffness_high: kPa/mm,
+    end of the interval is 0 or infinite if the readings do not bound it. There is none where tilts lift many faces from
+    the pad with a side: a linearised fit is biased then. stiffness_low, stiffness_high: kPa/mm,
     a 95 % interval of the profile likelihood, in which tilts and wrist follow; 0 or infinite likewise. held:
     "layer" or "wrist", whose stiffness was taken as it is, so that the other's follows from their ratio.
+    lifted: whether tilts lift a side of many faces from the pad, so that the figures of tilt, layer and wrist are rough.
     blanks: presses that do not come to rest in the fitted simulation, which says nothing of them.
     """
 
@@ -97,6 +100,7 @@ class SensorFit:
     yielding_low: float
     yielding_high: float
     held: Literal["layer", "wrist"]
+    lifted: bool
     misfit: float
     blanks: int
 
@@ -200,41 +204,59 @@ class _Fit:
         return state
 
     def tilted(self, level: _State) -> _State:
-        """Fit presses that tilt on a wrist that may give way; returns `level` if neither can be believed."""
+        """Let presses tilt, and the wrist give way, where the readings are much more likely so.
+
+        Of level, tilted and giving way, the simplest that is about as likely as the likeliest is taken, each
+        linearised where it fits best (Laplace's approximation).
+        """
+        soft = self.rounds(level, yields=True)
+        if not soft.give and len(_known(soft).sd) == 3:
+            return replace(level, give_range=soft.give_range)
+        rigid = self.rounds(level, yields=False)
+        variance = min(self.residual(state)[3] for state in (level, rigid, soft))
+        likely = [self.linearised(state, variance).found(*_shape(state)) for state in (level, rigid, soft)]
+        logs = [found.log_likelihood for found in likely]
+        chosen = next(number for number in range(3) if logs[number] > max(logs) - _BELIEVED)
+        state = replace((level, rigid, soft)[chosen], likelier=logs[chosen] - logs[0])
+        if not state.give:
+            both = self.linearised(state, variance).found(True, True)
+            state = replace(state, give_range=(0.0, both.shared + _CONFIDENT * both.shared_error))
+        return state
+
+    def rounds(self, level: _State, *, yields: bool) -> _State:
+        """Fit tilted presses on a rigid wrist, or on one that yields; level ones if tilts cannot be believed."""
         ratio = 1e-3 * self.stated.stiffness * self.bending / self.stated.wrist
-        state = replace(level, give=ratio / (1 + ratio))
-        leans, yields = True, True
+        state = replace(level, give=ratio / (1 + ratio) if yields else 0.0)
+        leans = True
         for number in range(_TILTED_ROUNDS):
             state = self.with_sigma(state)
-            predicted, residual, gain, variance = self.residual(state)
-            slopes = gain[:, None] * self.slopes(state, range(5), central=False)
-            softer = gain * self.softer(state, predicted)
-            about = residual + np.einsum("nti,ni->nt", slopes, state.errors) + state.give * softer
-            common = np.concatenate([softer[..., None], self.common(state, predicted)], axis=2)
-            bounds = max(0.0, state.give - _LONGEST), min(_MOST_GIVE, state.give + _LONGEST)
-            round_ = _Round(about, slopes, common, variance, bounds)
-            if number in _DECISIONS:
-                both = round_.found(True, True)
-                leans, yields = (
-                    both.log_likelihood - round_.found(*without).log_likelihood > _BELIEVED
-                    for without in ((False, True), (True, False))
-                )
-                if not yields:
-                    state = replace(state, give_range=(0.0, both.shared + _CONFIDENT * both.shared_error))
-                if not leans and not yields:
-                    return replace(level, give_range=state.give_range)
-                if number != _DECISIONS[-1]:
-                    leans, yields = True, True
+            variance = self.residual(state)[3]
+            round_ = self.linearised(state, variance)
             now = round_.found(leans, yields)
+            if number in _DECISIONS:
+                believed = now.log_likelihood - round_.found(False, yields).log_likelihood > _BELIEVED
+                gives = yields and now.log_likelihood - round_.found(leans, False).log_likelihood > _BELIEVED
+                if not believed and not gives:
+                    reach = _CONFIDENT * now.shared_error if yields else 0.0
+                    return replace(level, give_range=(0.0, now.shared + reach))
+                if not believed and number == _DECISIONS[-1]:
+                    leans = False
+                    now = round_.found(leans, yields)
+            state = replace(state, give=now.shared if yields else 0.0)
             reach = _CONFIDENT * now.shared_error
-            give = now.shared if yields else 0.0
-            state = self.stepped(replace(state, give=give), now, variance)
-            state = replace(
-                self.with_gains(state),
-                give_range=(now.shared - reach, now.shared + reach) if yields else state.give_range,
-                likelier=now.log_likelihood - round_.found(False, False).log_likelihood,
-            )
+            state = self.with_gains(self.stepped(state, now, variance))
+            state = replace(state, give_range=(now.shared - reach, now.shared + reach))
         return state
+
+    def linearised(self, state: _State, variance: float) -> _Round:
+        """Linearise the readings about a state."""
+        predicted, residual, gain, _ = self.residual(state)
+        slopes = gain[:, None] * self.slopes(state, range(5), central=False)
+        softer = gain * self.softer(state, predicted)
+        about = residual + np.einsum("nti,ni->nt", slopes, state.errors) + state.give * softer
+        common = np.concatenate([softer[..., None], self.common(state, predicted)], axis=2)
+        bounds = max(0.0, state.give - _LONGEST), min(_MOST_GIVE, state.give + _LONGEST)
+        return _Round(about, slopes, common, variance, bounds)
 
     def stepped(self, old: _State, found: PressErrors, variance: float) -> _State:
         """Go to what was found; for a press that this brings no nearer, a part of the way."""
@@ -331,13 +353,15 @@ class _Fit:
     def summary(self, state: _State) -> SensorFit:
         """Put a fit into physical units, and say how well its parameters are known."""
         predicted, left, _, variance = self.residual(state)
-        guess, found = self.guess(state.sigma, state.give, state.errors), state.found
-        assert found is not None
+        guess, found = self.guess(state.sigma, state.give, state.errors), _known(state)
         rested = np.isfinite(predicted).all(axis=1)
         per_lean = 1 / (guess.stiffness * (1 - state.give))
         tilts = state.errors[:, 3:] * per_lean
         steep = float(found.sd[3]) * per_lean if len(found.sd) > 3 else 0.0
         low, high = (self.yielding(give) for give in state.give_range)
+        lifted = self.lifts(found, predicted[rested])
+        if lifted:
+            low, high = 0.0, np.inf
         softest, stiffest = self.stiffness_range(state, variance)
         return SensorFit(
             psf_sigma=state.sigma,
@@ -363,6 +387,7 @@ class _Fit:
             yielding_low=low,
             yielding_high=high,
             held="wrist" if state.give and np.isfinite(self.stated.wrist) else "layer",
+            lifted=lifted,
             misfit=float(np.sqrt((left**2).mean())),
             blanks=int((~rested).sum()),
         )
@@ -388,18 +413,38 @@ class _Fit:
             gain = _gain(self.recorded, state.relative * predicted) * state.relative
             left = np.where(np.isfinite(predicted), self.recorded - gain * predicted, self.recorded)
             squares.append(float((left**2).sum()))
-        as_good = np.flatnonzero(np.array(squares) - min(squares) < _CONFIDENT**2 * variance)
+        as_good = np.flatnonzero(np.array(squares) - min(squares) < 2 * _BELIEVED * variance)
         first, last = int(as_good[0]), int(as_good[-1])
         return (
             0.0 if first == 0 else float(10 ** steps[first - 1]),
             np.inf if last == len(steps) - 1 else float(10 ** steps[last + 1]),
         )
 
+    def lifts(self, found: PressErrors, predicted: FloatArray) -> bool:
+        """Tell whether tilts are so large that many faces leave the pad with a side.
+
+        A linearised fit then puts `give` too high: by 20 % to 100 % in stiffness over wrist where tilts are known.
+        """
+        if len(found.sd) < 4:
+            return False
+        half = (12 * self.bending) ** 0.25 / 2  # of a square with this second moment
+        return float(found.sd[3]) * half > _LIFTED * float(predicted[~untouched(predicted)].mean())
+
     def yielding(self, give: float) -> float:
         """Turn a give into stiffness over wrist, kPa/mm per N mm/rad."""
         if give <= 0:
             return 0.0
         return np.inf if give >= _MOST_GIVE else 1e3 * give / (1 - give) / self.bending
+
+
+def _known(state: _State) -> PressErrors:
+    assert state.found is not None
+    return state.found
+
+
+def _shape(state: _State) -> tuple[bool, bool]:
+    """Tell whether presses tilt and whether the wrist gives way."""
+    return len(_known(state).sd) > 3, state.give > 0
 
 
 def _relative_gains(recorded: FloatArray, predicted: FloatArray) -> FloatArray:

@@ -143,6 +143,10 @@ def _tilt_lines(fit: SensorFit) -> list[str]:
     open_end = alone[0] == 0 or alone[1] == rigid
     which = f"not identified ({_range(*alone)})" if open_end else _range(*alone)
     lines = [tilted, known, f"alone   the layer's stiffness in kPa/mm: {which}; tilts and wrist follow it"]
+    if fit.lifted:
+        lines.append(
+            "rough   tilts lift a side of many faces from the pad; tilt, layer and wrist may be far off"
+        )
     if fit.blanks:
         lines.append(f"blank   {fit.blanks:,} presses that tip over in the fitted simulation")
     return lines
