@@ -31,8 +31,13 @@ def fitted(stated, *, tilt=0.0, seed=5, every=2, **press):
 RIGID, SOFT = {"wrist_stiffness": None}, {"wrist_stiffness": 300.0}
 
 
-@pytest.mark.parametrize("stated", [RIGID, SOFT])
-@pytest.mark.parametrize("stiffness", [100.0, 10000.0])
+def slow(*values):
+    return pytest.param(*values, marks=pytest.mark.slow)
+
+
+@pytest.mark.parametrize(
+    ("stated", "stiffness"), [(RIGID, 10000.0), (SOFT, 100.0), slow(RIGID, 100.0), slow(SOFT, 10000.0)]
+)
 def test_a_level_world_is_not_taken_for_a_tilted_one(stated, stiffness):
     fit, world = fitted(stated, stiffness=stiffness, **RIGID)
     assert not fit.tilts.any()
@@ -44,7 +49,7 @@ def test_a_level_world_is_not_taken_for_a_tilted_one(stated, stiffness):
     assert fit.psf_sigma == pytest.approx(1.0, abs=0.03)
 
 
-@pytest.mark.parametrize(("stiffness", "degrees"), [(100.0, 1.0), (1000.0, 0.25)])
+@pytest.mark.parametrize(("stiffness", "degrees"), [slow(100.0, 1.0), (1000.0, 0.25), slow(1000.0, 0.5)])
 def test_on_a_rigid_wrist_stiffness_times_tilt_is_found_and_nothing_else(stiffness, degrees):
     tilt = float(np.radians(degrees))
     fit, world = fitted(RIGID, tilt=tilt, stiffness=stiffness, **RIGID)
@@ -56,7 +61,7 @@ def test_on_a_rigid_wrist_stiffness_times_tilt_is_found_and_nothing_else(stiffne
 
 
 @pytest.mark.parametrize(
-    ("stiffness", "degrees"), [(100.0, 1.0), (1000.0, 0.0), (1000.0, 0.25), (10000.0, 0.25)]
+    ("stiffness", "degrees"), [slow(100.0, 1.0), slow(1000.0, 0.0), (1000.0, 0.25), slow(10000.0, 0.25)]
 )
 def test_with_a_known_wrist_the_layer_and_the_tilt_are_found(stiffness, degrees):
     tilt = float(np.radians(degrees))
@@ -70,6 +75,7 @@ def test_with_a_known_wrist_the_layer_and_the_tilt_are_found(stiffness, degrees)
     assert fit.stiffness_high == np.inf
 
 
+@pytest.mark.slow
 def test_with_a_known_layer_the_wrist_is_found_though_a_rigid_one_was_simulated():
     fit, world = fitted(RIGID, tilt=0.0044, stiffness=1000.0, force=2.5, **SOFT)
     assert fit.held == "layer"
