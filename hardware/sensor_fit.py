@@ -25,7 +25,7 @@ from tactsim.hardware.taxel_error import untouched
 
 _DECADES = 0.5  # between the layers of the profile likelihood
 _TOO_STEEP = 0.3  # rad, of a tilt that tips over
-_LIFTED = 1.0  # of the mean pressure
+_LIFTED = 0.6  # of the mean pressure; on the safe side
 
 
 @dataclass(frozen=True, eq=False)
