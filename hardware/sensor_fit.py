@@ -1,42 +1,31 @@
-"""How far the simulated pad is from a recorded one, and the sensor's parameters that bring it nearer."""
+"""Find the parameters of the simulated pad that bring its readings nearest to recorded ones."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
-from tactsim.core.errors import InputError
 from tactsim.core.poses import FloatArray
+from tactsim.hardware.press_errors import PressErrors
+from tactsim.hardware.press_fit import (
+    BELIEVED,
+    SOFTEST,
+    STIFFEST,
+    STIFFEST_WRIST,
+    Guess,
+    Predict,
+    PressFit,
+    State,
+    best_gain,
+    known,
+)
+from tactsim.hardware.taxel_error import untouched
 
-# predict(sigma, errors) gives what the simulated pad would read without imperfections, (n, taxels) kPa. sigma: mm, of
-# the point spread. errors: (n, 3) [mm, mm, rad], by which each press is off its stated pose.
-Predict = Callable[[float, FloatArray], FloatArray]
-
-NARROWEST, WIDEST = 0.3, 4.0  # mm, of a point spread
-_PLACEMENT = np.array([2.0, 2.0, 0.2])  # mm, mm, rad: how far presses may be off, as a prior
-_STEP = np.array([0.05, 0.05, 0.01])  # of the differences by which the effect of a placement is found
-_ROUNDS = 4
-_EXPECTATIONS = 50
-_UNTOUCHED = 0.02  # share of a reading's largest predicted pressure below which a taxel is untouched
-
-
-@dataclass(frozen=True, eq=False)
-class TaxelError:
-    """How far recorded readings are from predicted ones, over all taxels.
-
-    rms, bias: kPa. relative: rms over the mean pressure of touched taxels. correlation: Pearson's.
-    per_taxel: (taxels,) rms, kPa. per_press: (n,) rms, kPa.
-    """
-
-    rms: float
-    bias: float
-    relative: float
-    correlation: float
-    per_taxel: FloatArray
-    per_press: FloatArray
+_DECADES = 0.5  # between the layers of the profile likelihood
+_TOO_STEEP = 0.3  # rad, of a tilt that tips over
+_LIFTED = 0.6  # of the mean pressure; on the safe side
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,6 +38,18 @@ class SensorFit:
     touches. placement: (n, 3) [mm, mm, rad] in the sensor frame, by how much each press seems to be off;
     offset: (3,) its median; placement_mm, placement_rad: its standard deviation. misfit: kPa, root mean
     square of what is left unexplained.
+
+    tilts: (n, 2) rad about the pad's x and y; tilt_offset: (2,) their mean; placement_tilt: their standard
+    deviation; all for `stiffness` (kPa/mm) and `wrist` (N mm/rad, infinite if rigid). lean: kPa/mm, stiffness
+    times placement_tilt, which readings do tell. tilt_gain: by how much the logarithm of the likelihood rises
+    with tilts and a wrist that gives way; they are not believed, and 0, if that is little.
+    yielding, yielding_low, yielding_high: kPa/mm per N mm/rad, stiffness over wrist and its 95 % interval; an
+    end of the interval is 0 or infinite if the readings do not bound it. There is none where tilts lift many faces from
+    the pad with a side: a linearised fit is biased then. stiffness_low, stiffness_high: kPa/mm,
+    a 95 % interval of the profile likelihood, in which tilts and wrist follow; 0 or infinite likewise. held:
+    "layer" or "wrist", whose stiffness was taken as it is, so that the other's follows from their ratio.
+    lifted: whether tilts lift a side of many faces from the pad: then tilt, layer and wrist are rough figures.
+    blanks: presses that do not come to rest in the fitted simulation, which says nothing of them.
     """
 
     psf_sigma: float
@@ -61,144 +62,141 @@ class SensorFit:
     offset: FloatArray
     placement_mm: float
     placement_rad: float
+    tilts: FloatArray
+    tilt_offset: FloatArray
+    placement_tilt: float
+    lean: float
+    tilt_gain: float
+    stiffness: float
+    stiffness_low: float
+    stiffness_high: float
+    wrist: float
+    yielding: float
+    yielding_low: float
+    yielding_high: float
+    held: Literal["layer", "wrist"]
+    lifted: bool
     misfit: float
+    blanks: int
+
+    @property
+    def guess(self) -> Guess:
+        """Give the parameters that a prediction takes."""
+        return Guess(self.psf_sigma, self.stiffness, self.wrist)
+
+    @property
+    def errors(self) -> FloatArray:
+        """Give placement and tilt of each press, (n, 5), as a prediction takes them."""
+        return np.column_stack([self.placement, self.tilts])
 
 
-def taxel_error(recorded: FloatArray, predicted: FloatArray) -> TaxelError:
-    """Compare readings (n, taxels) kPa with what was predicted for the same presses."""
-    difference = recorded - predicted
-    touched = ~_untouched(predicted)
-    rms = float(np.sqrt((difference**2).mean()))
-    typical = float(predicted[touched].mean()) if touched.any() else np.nan
-    varies = recorded.std() > 0 and predicted.std() > 0
-    return TaxelError(
-        rms=rms,
-        bias=float(difference.mean()),
-        relative=rms / typical,
-        correlation=float(np.corrcoef(recorded.ravel(), predicted.ravel())[0, 1]) if varies else np.nan,
-        per_taxel=np.sqrt((difference**2).mean(axis=0)),
-        per_press=np.sqrt((difference**2).mean(axis=1)),
-    )
+def fit_sensor(recorded: FloatArray, predict: Predict, stated: Guess, bending: float) -> SensorFit:
+    """Fit point spread, gain, noise, placement, tilt and stiffness to readings (n, taxels) kPa.
 
+    stated: the simulation's own parameters. bending: mm^4, a typical second moment of the area that touches.
 
-def fit_sensor(recorded: FloatArray, predict: Predict) -> SensorFit:
-    """Fit point spread, gain, noise and placement to readings (n, taxels) kPa.
+    Level presses on a rigid wrist are fitted first. Then presses may tilt and the wrist give way; this is kept
+    if the readings are much more likely with it. Each round finds the point spread with the best gain, and then
+    each press's errors by a linearised step (`press_errors`). Errors have a normal prior whose spread is itself
+    fitted, so that what a letter's symmetry leaves open stays where it was. Without them, wrong placement would
+    pass for a wider point spread, and a tilt for both.
 
-    Rounds of two least-squares fits: sigma with the best gain, then each press's placement by a
-    linearised step. Placements have a normal prior whose spread is itself fitted (expectation
-    maximisation), so that what a letter's symmetry leaves open stays where it was. Without them, wrong
-    placement would pass for a wider point spread.
+    Under a flat face on an elastic (Winkler) foundation the pressure is max(0, p0 + g . r), and moments balance
+    where g = stiffness * tilt - (stiffness / wrist) * moment(g). So readings tell stiffness * tilt and
+    stiffness / wrist, and no more. What is left open is taken as stated: the wrist, if it gives way and the
+    ratio is known, else the layer's stiffness.
 
     Raises InputError if nothing in the readings follows the prediction.
     """
-    errors, relative = np.zeros((len(recorded), 3)), np.ones(recorded.shape[1])
-    sigma, spread, prior = 1.0, np.inf, _PLACEMENT
+    fit = PressFit(recorded, predict, stated, bending)
+    return _summary(fit, fit.tilted(fit.level()))
 
-    def scaled(sigma: float, errors: FloatArray) -> FloatArray:
-        return relative * predict(sigma, errors)
 
-    for _ in range(_ROUNDS):
-        sigma, spread = _fit_sigma(recorded, scaled, errors)
-        errors, prior = _step(recorded, scaled, sigma, errors)
-        relative = _relative_gains(recorded, predict(sigma, errors))
-    predicted = predict(sigma, errors)
-    gain = _gain(recorded, relative * predicted)
-    left = recorded - gain * relative * predicted
+def _summary(fit: PressFit, state: State) -> SensorFit:
+    """Put a fit into physical units, and say how well its parameters are known."""
+    predicted, left, _, variance = fit.residual(state)
+    guess, found = fit.guess(state.sigma, state.give, state.errors), known(state)
+    rested = np.isfinite(predicted).all(axis=1)
+    per_lean = 1 / (guess.stiffness * (1 - state.give))
+    tilts = state.errors[:, 3:] * per_lean
+    steep = float(found.sd[3]) * per_lean if len(found.sd) > 3 else 0.0
+    low, high = (fit.yielding(give) for give in state.give_range)
+    lifted = _lifts(found, predicted[rested], fit.bending)
+    if lifted:
+        low, high = 0.0, np.inf
+    softest, stiffest = _stiffness_range(fit, state, variance)
     return SensorFit(
-        psf_sigma=sigma,
-        psf_sigma_error=spread,
-        gain=gain,
-        gain_per_taxel=relative,
-        gain_spread=float(relative.std(ddof=1)) if len(relative) > 1 else 0.0,
-        noise=_noise(left, predicted),
-        placement=errors,
-        offset=np.median(errors, axis=0),
-        placement_mm=float(prior[0]),
-        placement_rad=float(prior[2]),
+        psf_sigma=state.sigma,
+        psf_sigma_error=state.sigma_error,
+        gain=best_gain(fit.recorded, state.relative * predicted),
+        gain_per_taxel=state.relative,
+        gain_spread=float(state.relative.std(ddof=1)) if len(state.relative) > 1 else 0.0,
+        noise=_noise(left[rested], predicted[rested]),
+        placement=state.errors[:, :3],
+        offset=np.median(state.errors[:, :3], axis=0),
+        placement_mm=float(found.sd[0]),
+        placement_rad=float(found.sd[2]),
+        tilts=tilts,
+        tilt_offset=tilts.mean(axis=0),
+        placement_tilt=steep,
+        lean=steep * guess.stiffness,
+        tilt_gain=state.likelier,
+        stiffness=guess.stiffness,
+        stiffness_low=softest,
+        stiffness_high=stiffest,
+        wrist=guess.wrist,
+        yielding=fit.yielding(state.give),
+        yielding_low=low,
+        yielding_high=high,
+        held="wrist" if state.give and np.isfinite(fit.stated.wrist) else "layer",
+        lifted=lifted,
         misfit=float(np.sqrt((left**2).mean())),
+        blanks=int((~rested).sum()),
     )
 
 
-def class_agreement(one: ArrayLike, other: ArrayLike, kinds: int) -> tuple[float, NDArray[np.int64]]:
-    """Compare two classifications (n, taxels) of the same taxels into classes 0 to kinds - 1.
+def _stiffness_range(fit: PressFit, state: State, variance: float) -> tuple[float, float]:
+    """Find the layers that explain the readings as well, kPa/mm: a profile likelihood.
 
-    Returns the share that agrees and the counts (kinds, kinds), rows for the first.
+    Tilts and wrist follow the stiffness, so that lean and give stay. An end that the readings do not bound
+    is 0 or infinite.
     """
-    pairs = kinds * np.asarray(one, dtype=np.int64).ravel() + np.asarray(other, dtype=np.int64).ravel()
-    counts = np.bincount(pairs, minlength=kinds * kinds).reshape(kinds, kinds)
-    return float(np.trace(counts) / counts.sum()), counts
+    errors = state.errors.copy()
+    chosen = fit.guess(state.sigma, state.give, errors)
+    steps = np.arange(np.log10(SOFTEST), np.log10(STIFFEST) + 1e-9, _DECADES)
+    squares = []
+    for stiffness in 10**steps:
+        wrist = chosen.wrist * stiffness / chosen.stiffness
+        errors[:, 3:] = state.errors[:, 3:] / (stiffness * (1 - state.give))
+        steep = np.abs(errors[:, 3:]).max() > _TOO_STEEP
+        if steep or not (np.isinf(wrist) or 1 <= wrist <= STIFFEST_WRIST):
+            squares.append(np.inf)
+            continue
+        predicted = fit.predict(Guess(state.sigma, float(stiffness), wrist), errors)
+        gain = best_gain(fit.recorded, state.relative * predicted) * state.relative
+        left = np.where(np.isfinite(predicted), fit.recorded - gain * predicted, fit.recorded)
+        squares.append(float((left**2).sum()))
+    as_good = np.flatnonzero(np.array(squares) - min(squares) < 2 * BELIEVED * variance)
+    first, last = int(as_good[0]), int(as_good[-1])
+    return (
+        0.0 if first == 0 else float(10 ** steps[first - 1]),
+        np.inf if last == len(steps) - 1 else float(10 ** steps[last + 1]),
+    )
 
 
-def _fit_sigma(recorded: FloatArray, predict: Predict, errors: FloatArray) -> tuple[float, float]:
-    """Find the point spread with the least squares at its best gain; returns it and its standard error, mm."""
-    from scipy.optimize import minimize_scalar
+def _lifts(found: PressErrors, predicted: FloatArray, bending: float) -> bool:
+    """Tell whether tilts are so large that many faces leave the pad with a side.
 
-    def squares(sigma: float) -> float:
-        predicted = predict(sigma, errors)
-        return float(((recorded - _gain(recorded, predicted) * predicted) ** 2).sum())
-
-    best = minimize_scalar(squares, bounds=(NARROWEST, WIDEST), method="bounded", options={"xatol": 1e-3})
-    step = 0.02
-    low, high = max(best.x - step, NARROWEST), min(best.x + step, WIDEST)
-    curvature = (squares(low) + squares(high) - 2 * best.fun) / step**2
-    variance = best.fun / max(recorded.size - 2, 1)
-    return float(best.x), float(np.sqrt(2 * variance / curvature)) if curvature > 0 else np.inf
-
-
-def _step(
-    recorded: FloatArray, predict: Predict, sigma: float, errors: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Improve each press's placement by a Gauss-Newton step; returns it, (n, 3), and the sd of placements, (3,)."""
-    predicted = predict(sigma, errors)
-    gain = _gain(recorded, predicted)
-    residual = recorded - gain * predicted
-    slopes = np.empty((*recorded.shape, 3))  # kPa per mm, mm and rad
-    for axis in range(3):
-        shift = np.zeros(3)
-        shift[axis] = _STEP[axis]
-        slopes[..., axis] = (
-            gain * (predict(sigma, errors + shift) - predict(sigma, errors - shift)) / (2 * _STEP[axis])
-        )
-    variance = max(float((residual**2).mean()), 1e-12)
-    information = np.einsum("nti,ntj->nij", slopes, slopes) / variance
-    # Linearised about `errors`: the readings alone would put a press at the x for which information @ x = told.
-    told = np.einsum("nti,nt->ni", slopes, residual) / variance
-    told += np.einsum("nij,nj->ni", information, errors)
-    prior, middle = _PLACEMENT**2, np.zeros(3)
-    for _ in range(_EXPECTATIONS):
-        covariance = np.linalg.inv(information + np.diag(1 / prior))
-        placed = np.einsum("nij,nj->ni", covariance, told + middle / prior)
-        middle = placed.mean(axis=0)
-        second = ((placed - middle) ** 2 + np.diagonal(covariance, axis1=1, axis2=2)).mean(axis=0)
-        along = second[:2].mean()
-        prior = np.maximum([along, along, second[2]], 1e-8)
-    return np.clip(placed, -3 * _PLACEMENT, 3 * _PLACEMENT), np.sqrt(prior)
-
-
-def _relative_gains(recorded: FloatArray, predicted: FloatArray) -> FloatArray:
-    """Fit each taxel's gain about their mean, (taxels,). Raises InputError if nothing follows the prediction."""
-    power = (predicted**2).sum(axis=0)
-    relative = np.ones(recorded.shape[1])  # of a taxel that is never pressed nothing can be said
-    pressed = power > 1e-3 * np.median(power)
-    gains = (recorded * predicted).sum(axis=0)[pressed] / power[pressed]
-    if not gains.mean() > 0:
-        raise InputError(
-            "the recorded readings do not follow the simulated ones at all: are the poses right?"
-        )
-    relative[pressed] = gains / gains.mean()
-    return relative
-
-
-def _gain(recorded: FloatArray, predicted: FloatArray) -> float:
-    return float((recorded * predicted).sum() / max(float((predicted**2).sum()), 1e-12))
+    A linearised fit then puts `give` too high: by 20 % to 100 % in stiffness over wrist where tilts are known.
+    """
+    if len(found.sd) < 4:
+        return False
+    half = (12 * bending) ** 0.25 / 2  # of a square with this second moment
+    return float(found.sd[3]) * half > _LIFTED * float(predicted[~untouched(predicted)].mean())
 
 
 def _noise(left: FloatArray, predicted: FloatArray) -> float:
     """Take the spread of what is `left` at taxels that nothing touches; at all, if all are touched."""
-    free = _untouched(predicted)
+    free = untouched(predicted)
     values = left[free] if free.sum() >= 10 else left.ravel()
     return float(1.4826 * np.median(np.abs(values - np.median(values))))  # sd of a normal distribution
-
-
-def _untouched(predicted: FloatArray) -> NDArray[np.bool_]:
-    return predicted <= _UNTOUCHED * np.max(predicted, axis=1, keepdims=True, initial=1e-9)

@@ -12,6 +12,7 @@ from tactsim.bench.cli import shared_options as shared
 
 if TYPE_CHECKING:
     from tactsim.bench.validation import Validation
+    from tactsim.hardware.sensor_fit import SensorFit
 
 
 def command(
@@ -91,6 +92,8 @@ def _show(result: Validation, out: Path | None) -> None:
         f"placed  off by {x:+.2f}, {y:+.2f} mm and {angle:+.4f} rad in all presses; {fit.placement_mm:.2f} mm and "
         f"{fit.placement_rad:.4f} rad from press to press"
     )
+    for line in _tilt_lines(fit):
+        console.print(line)
     console.print(
         f"eq. 3   {100 * result.class_agreement:.1f} % of the taxels in the same class; simulated against "
         f"simulated {100 * result.class_ceiling:.1f} %"
@@ -115,3 +118,44 @@ def _show(result: Validation, out: Path | None) -> None:
         console.print(
             f"all figures in {out / 'validation.json'}; press as fitted by --world {out / 'world.toml'}"
         )
+
+
+def _tilt_lines(fit: SensorFit) -> list[str]:
+    """Say what the readings tell of tilt, layer and wrist, and what they leave open."""
+    rigid = float("inf")
+    layer, wrist = f"{fit.stiffness:,.0f} kPa/mm", f"{fit.wrist:,.0f} N mm/rad"
+    tilted = "tilted  no press, as far as readings tell"
+    if fit.placement_tilt:
+        x, y = fit.gain * fit.tilt_offset
+        tilted = (
+            f"tilted  by {x:+.4f}, {y:+.4f} rad in all presses; {fit.gain * fit.placement_tilt:.4f} rad from press "
+            f"to press, which on a layer of {layer} is {fit.gain * fit.lean:.2f} kPa/mm along the pad"
+        )
+    if fit.held == "wrist":
+        ends = fit.yielding_low * fit.wrist, fit.yielding_high * fit.wrist
+        known = f"layer   {layer}, {_range(*ends)}, if the wrist has {wrist} as simulated"
+    else:
+        ratios = fit.yielding_high, fit.yielding_low
+        low, high = (fit.stiffness / ratio if ratio else rigid for ratio in ratios)
+        found = "rigid" if fit.wrist == rigid else wrist
+        known = f"wrist   {found}, {_range(low, high)}, if the layer has {layer}"
+    alone = fit.stiffness_low, fit.stiffness_high
+    open_end = alone[0] == 0 or alone[1] == rigid
+    which = f"not identified ({_range(*alone)})" if open_end else _range(*alone)
+    lines = [tilted, known, f"alone   the layer's stiffness in kPa/mm: {which}; tilts and wrist follow it"]
+    if fit.lifted:
+        lines.append(
+            "rough   tilts lift a side of many faces from the pad; tilt, layer and wrist may be far off"
+        )
+    if fit.blanks:
+        lines.append(f"blank   {fit.blanks:,} presses that tip over in the fitted simulation")
+    return lines
+
+
+def _range(low: float, high: float) -> str:
+    """Write an interval; 0 and infinity are no bounds."""
+    if not low and high == float("inf"):
+        return "any"
+    if high == float("inf"):
+        return f"at least {low:,.4g}"
+    return f"{low:,.4g} to {high:,.4g}" if low else f"at most {high:,.4g}"

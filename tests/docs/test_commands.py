@@ -62,6 +62,7 @@ def test_every_block_says_its_language():
         "console",
         "python",
         "toml",
+        "xml",
         "csv",
         "text",
         "math",

@@ -1,8 +1,9 @@
 import numpy as np
 import pytest
 
-from tactsim.core import InputError, Pad, transform
-from tactsim.hardware.sensor_fit import class_agreement, fit_sensor, taxel_error
+from tactsim.core import InputError, Pad, compose, transform
+from tactsim.hardware.sensor_fit import Guess, fit_sensor
+from tactsim.hardware.taxel_error import class_agreement, taxel_error
 
 
 class Bumps:
@@ -14,13 +15,20 @@ class Bumps:
         self.poses = np.column_stack([rng.uniform(-8, 8, (presses, 2)), rng.uniform(0, 6.28, presses)])
         self.taxel_xy = Pad().taxel_xy
 
-    def __call__(self, sigma, errors):
-        from tactsim.core import compose
-
-        points = transform(compose(self.poses, errors), self.taxel_xy)
+    def __call__(self, guess, errors):
+        sigma = guess.psf_sigma
+        points = transform(compose(self.poses, errors[:, :3]), self.taxel_xy)
         square = ((points[:, :, None] - self.bumps) ** 2).sum(axis=-1)
         width = self.width**2 + sigma**2
         return 40 / width * np.exp(-square / (2 * width)).sum(axis=-1)
+
+
+STATED = Guess(1.0, 1000.0, np.inf)
+BENDING = 200.0  # mm^4
+
+
+def read(world, sigma, errors):
+    return world(Guess(sigma, 1000.0, np.inf), np.asarray(errors))
 
 
 @pytest.fixture
@@ -32,8 +40,8 @@ def test_known_parameters_are_found_again(rng):
     world = Bumps(rng)
     errors = rng.standard_normal((60, 3)) * [0.4, 0.4, 0.03] + [0.5, -0.3, 0.05]
     gains = 1 + 0.05 * rng.standard_normal(36)
-    recorded = 1.3 * gains * world(0.8, errors) + 0.3 * rng.standard_normal((60, 36))
-    fit = fit_sensor(recorded, world)
+    recorded = 1.3 * gains * read(world, 0.8, errors) + 0.3 * rng.standard_normal((60, 36))
+    fit = fit_sensor(recorded, world, STATED, BENDING)
     assert fit.psf_sigma == pytest.approx(0.8, abs=0.05)
     assert fit.psf_sigma_error < 0.05
     assert fit.gain == pytest.approx(1.3 * gains.mean(), rel=0.03)
@@ -46,7 +54,7 @@ def test_known_parameters_are_found_again(rng):
 
 def test_a_perfect_recording_of_the_simulation_needs_no_change(rng):
     world = Bumps(rng)
-    fit = fit_sensor(world(1.2, np.zeros((60, 3))), world)
+    fit = fit_sensor(read(world, 1.2, np.zeros((60, 3))), world, STATED, BENDING)
     assert fit.psf_sigma == pytest.approx(1.2, abs=2e-3)
     assert fit.gain == pytest.approx(1.0, abs=1e-3)
     assert fit.placement_mm < 0.01
@@ -56,7 +64,7 @@ def test_a_perfect_recording_of_the_simulation_needs_no_change(rng):
 def test_readings_that_follow_nothing_are_refused(rng):
     world = Bumps(rng)
     with pytest.raises(InputError, match="do not follow the simulated ones"):
-        fit_sensor(-world(1.0, np.zeros((60, 3))), world)
+        fit_sensor(-read(world, 1.0, np.zeros((60, 3))), world, STATED, BENDING)
 
 
 def test_noise_is_what_untouched_taxels_say(rng):
@@ -66,7 +74,7 @@ def test_noise_is_what_untouched_taxels_say(rng):
         return values
 
     recorded = half(1.0, None) + 1.7 * rng.standard_normal((200, 10))
-    assert fit_sensor(recorded, half).noise == pytest.approx(1.7, rel=0.1)
+    assert fit_sensor(recorded, half, STATED, BENDING).noise == pytest.approx(1.7, rel=0.1)
 
 
 def test_errors_are_counted_by_hand():
