@@ -135,6 +135,19 @@ def test_taxels_and_what_lies_outside_add_up_to_mujocos_force(body, x, y, seed):
     assert reading.outside >= -1e-9
 
 
+@pytest.mark.parametrize("x", [4.75, 4.9, 10.5])
+@pytest.mark.parametrize("angle", [0, 0.3, np.pi / 4])
+def test_what_lies_beyond_the_rim_is_the_share_of_the_block_there(angle, x):
+    """The pad ends at x = 7.7 mm, in the middle of cells that the block covers in part."""
+    _, _, reading = rest(
+        f'type="box" size=".003 .003 .003" {turned(angle)}', x=x, height=3.1, face=".03 .02 .005"
+    )
+    at_x, at_y = np.meshgrid(np.linspace(x - 5, x + 5, 2001), np.linspace(-5, 5, 2001))
+    pressure = block(1, 3, 3, angle, x)(at_x, at_y)
+    beyond = pressure[at_x > 7.7].sum() / pressure.sum()
+    assert reading.outside / reading.force == pytest.approx(beyond, abs=1e-3)
+
+
 @pytest.mark.parametrize(
     ("kind", "size", "normal", "height"),
     [
