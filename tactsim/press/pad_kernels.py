@@ -13,7 +13,7 @@ STEEP = 0.2  # a facet whose normal has a smaller part along the surface's norma
 SMALL = 1e-12
 _ALIKE = 0.7  # walls at a smaller angle than 45 degrees cut a cell as one
 _SQUARE = 1e-3  # a wall nearer to a cell's side than this is taken to be so far from it
-_NARROW = 1e-6  # of a cell, to which forces are spread at least
+_NARROW = 1e-4  # of a cell, to which forces are spread at least
 _FAR = 8.0  # standard deviations of the point spread, beyond which it is less than what a double resolves
 
 

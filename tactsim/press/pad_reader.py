@@ -28,6 +28,7 @@ _LINES = (24, 64)  # of the lattice that is laid over what touches, along each a
 _LINES_A_PITCH = 3  # between the two
 _SEARCH = 10  # of the lattices that find what touches
 _SEARCHES = 12
+_POINT = 0.01  # of a pitch: what touches less than this is not looked at more closely
 _MARGIN = 1.0  # mm about the contact points where the search begins
 _FACING = (
     0.7  # a contact whose normal has a smaller part along the pad's is at the geom's rim or on another face
@@ -195,8 +196,12 @@ class PadReader:
             below, above = (first == 0) & (low > surface.low), (last == _SEARCH - 1) & (high < surface.high)
             high = np.minimum(np.where(above, high + size, low + (last + 2) * cell), surface.high)
             low = np.maximum(np.where(below, low - size, low + (first - 1) * cell), surface.low)
-            if not (below | above).any() and (high - low > size / 2).all():
-                pitch = np.array([self.pad.pitch_x, self.pad.pitch_y])
+            pitch = np.array([self.pad.pitch_x, self.pad.pitch_y])
+            if (below | above).any():
+                continue
+            if (high - low < _POINT * pitch).all():
+                break
+            if (high - low > size / 2).all():
                 columns, rows = np.clip(np.ceil(_LINES_A_PITCH * (high - low) / pitch), *_LINES).astype(int)
                 return self._pressed(load, body, pose, low, high, (columns, rows))[0]
         return carried
