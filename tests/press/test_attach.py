@@ -187,6 +187,24 @@ def test_a_body_that_tumbles_over_a_finger_is_felt_or_outside(kind, size, normal
     assert np.count_nonzero(felt) > 100
 
 
+def test_a_blade_that_stands_on_its_very_end_is_felt_as_a_point():
+    """No turn centres the pressure where the load is, as the blade ends there."""
+    spec = mujoco.MjSpec.from_string("""<mujoco><option timestep="0.001"/><worldbody>
+        <geom name="finger" type="capsule" size=".008 .02" quat=".7071067811865476 0 -.7071067811865476 0"/>
+        <body pos="-2.5410732979850083e-05 0.0018263291819031657 .02"
+          quat="-0.04597527954807743 -0.06298545743404521 0.3365835168228612 0.938419225093697"><freejoint/>
+          <geom type="box" size=".0001 .005 .004" mass=".2"/></body></worldbody></mujoco>""")
+    pad = Pad(taxel_width=1.9, taxel_height=1.9, seam=None, unread_columns=0)
+    attached = tactsim.press.attach(spec, "finger", pad, normal=(1, 0, 0), psf_sigma=0)
+    data, reader = mujoco.MjData(model := spec.compile()), attached.bind(model)
+    for _ in range(46):
+        mujoco.mj_step(model, data)
+    reading = reader.read(data)
+    assert reading.force > 1
+    assert reading.kpa.sum() * 1.9 * 1.9 / 1e3 == pytest.approx(reading.force, rel=1e-9)
+    assert reading.kpa.max() > 0.999 * reading.kpa.sum()
+
+
 def test_faces_of_a_mesh_that_are_far_from_the_pad_are_left_out_and_change_nothing(monkeypatch):
     """A body of 400 corners in a random attitude, half beside the pad."""
     places = np.random.default_rng(1).normal(size=(400, 3))
