@@ -15,21 +15,13 @@ from typing import NamedTuple
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from tactsim.core.errors import InputError
 from tactsim.core.poses import FloatArray
+from tactsim.press.pad_kernels import SMALL, STEEP, cut_all, enter
 from tactsim.press.pad_surface import Lines
 
 _MM = 1e3  # mm in a metre
-_STEEP = 0.2  # a facet whose normal has a smaller part along the surface's normal is a wall: steeper than 78 degrees
-_ALIKE = 0.7  # walls at a smaller angle than 45 degrees cut a cell as one
-_SMALL = 1e-12
-_SQUARE = 1e-3  # a wall nearer to a cell's side than this is taken to be so far from it
-# The corners of a cell, from its middle along u and along v, behind a 1; their products; what turns a moment.
-_CORNERS = np.array([[1, 0.5, 0.5], [1, 0.5, -0.5], [1, -0.5, 0.5], [1, -0.5, -0.5]])
-_PARITY = 4 * _CORNERS[:, 1] * _CORNERS[:, 2]
-_TURNS = np.stack([_CORNERS[:, 2], _CORNERS[:, 1]])
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,7 +112,7 @@ def _hull(model: mujoco.MjModel, mesh: int) -> Facets:
     corners = vertices[hull.simplices]
     middles = corners.mean(axis=1)
     radii = np.sqrt(((corners - middles[:, None]) ** 2).sum(axis=2).max(axis=1))
-    return Facets(hull.equations[:, :3], -hull.equations[:, 3], middles, radii)
+    return Facets(np.ascontiguousarray(hull.equations[:, :3]), -hull.equations[:, 3], middles, radii)
 
 
 class Cover(NamedTuple):
@@ -174,7 +166,7 @@ def _round_entry(points: FloatArray, normals: FloatArray) -> FloatArray:
 
 def _side_entry(points: FloatArray, normals: FloatArray, radius: float) -> FloatArray:
     """Find where lines enter an endless cylinder along z: (n,), infinite where they miss it."""
-    a = np.maximum(normals[:, 0] ** 2 + normals[:, 1] ** 2, _SMALL)
+    a = np.maximum(normals[:, 0] ** 2 + normals[:, 1] ** 2, SMALL)
     b = points[:, 0] * normals[:, 0] + points[:, 1] * normals[:, 1]
     inside = b * b - a * (points[:, 0] ** 2 + points[:, 1] ** 2 - radius**2)
     return np.where(inside >= 0, (-b - np.sqrt(np.maximum(inside, 0))) / a, np.inf)
@@ -182,16 +174,18 @@ def _side_entry(points: FloatArray, normals: FloatArray, radius: float) -> Float
 
 def _cylinder(body: Cylinder, points: FloatArray, normals: FloatArray, spans: FloatArray) -> Cover:
     caps = Facets(np.array([[0.0, 0.0, 1.0], [0.0, 0.0, -1.0]]), np.full(2, body.half))
-    upright = np.hypot(normals[:, 0], normals[:, 1]) < _STEEP  # then the side is a wall
+    upright = np.hypot(normals[:, 0], normals[:, 1]) < STEEP  # then the side is a wall
     if not upright.all():
         side = np.where(upright, -np.inf, _side_entry(points, normals, body.radius))
         return _faceted(caps, points, normals, spans, before=side)
     gap = _faceted(caps, points, normals, spans).gap
     entry = points + gap[:, None] * normals
-    distance = np.maximum(np.hypot(entry[:, 0], entry[:, 1]), _SMALL)
+    distance = np.maximum(np.hypot(entry[:, 0], entry[:, 1]), SMALL)
     # The rim is a wall that turns with the point: its part along each side of a cell.
     across = np.einsum("kij,ij->ki", spans[..., :2], entry[:, :2]) / distance
-    return Cover(gap, *_cut(distance - body.radius, across))
+    share, shift = np.empty_like(gap), np.empty_like(across)
+    cut_all(distance - body.radius, across, share, shift)
+    return Cover(gap, share, shift)
 
 
 def _faceted(
@@ -201,71 +195,8 @@ def _faceted(
 
     before: (n,) mm, where the line enters what else bounds the body.
     """
-    rate = body.normals @ normals.T  # (f, n), or (f, 1) for a flat surface
-    height = body.offsets[:, None] - body.normals @ points.T
-    facing = rate < -_STEEP
-    if not facing.any():
-        facing = rate < -_SMALL if before is None else facing
-    entries = np.where(facing, height / np.where(facing, rate, 1), -np.inf)
-    last, columns = entries.argmax(axis=0), np.arange(len(points))
-    gap = entries[last, columns]
-    if before is not None:
-        gap = np.maximum(gap, before)
-    walls = ~facing.all(axis=1) & (rate < 1 - _SMALL).any(axis=1)
-    finite = np.isfinite(gap)
-    if not walls.any() or not finite.any():
-        return _whole(gap)
-    wall_rate = rate[walls]
-    steepness = np.sqrt(np.maximum(1 - wall_rate**2, _SMALL))
-    outside = (np.where(finite, gap, 0) * wall_rate - height[walls]) / steepness
-    outside = np.where(facing[walls], -np.inf, outside)
-    worst = outside.argmax(axis=0)
-    across = np.einsum("kij,fj->kfi", spans, body.normals[walls]) / steepness
-
-    def cut(wall: NDArray[np.intp], cells: NDArray[np.intp]) -> tuple[FloatArray, FloatArray]:
-        return _cut(outside[wall, cells], across[:, wall, cells if across.shape[2] > 1 else 0])
-
-    share, shift = cut(worst, columns)
-    # A second wall, across the first one (a corner) or behind it (a blade).
-    cells = np.flatnonzero((share > 0) & (share < 1))
-    if len(cells):
-        alike = body.normals[walls] @ body.normals[walls].T
-        turned_away = alike[worst[cells]] < _ALIKE
-        second = np.where(turned_away.T, outside[:, cells], -np.inf).argmax(axis=0)
-        reach = np.abs(across[..., 0 if across.shape[2] == 1 else cells]).sum(axis=0).max(axis=0) / 2
-        there = turned_away[np.arange(len(cells)), second] & (outside[second, cells] > -reach)
-        cells, second = cells[there], second[there]
-        further, moved = cut(second, cells)
-        behind = alike[worst[cells], second] < -_ALIKE
-        share[cells] = np.where(behind, np.maximum(share[cells] + further - 1, 0), share[cells] * further)
-        shift[:, cells] += moved
-    if before is None:  # the gap in the middle of the covered part
-        slopes = np.einsum("kij,fj->kfi", spans, body.normals) / np.where(facing, rate, 1)
-        gap = gap - (shift * slopes[:, last, columns if slopes.shape[2] > 1 else 0]).sum(axis=0)
-    return Cover(gap, share, shift)
-
-
-def _cut(outside: FloatArray, across: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Cut cells by straight walls, exactly.
-
-    outside: (n,) mm by which the cell's middle lies outside its wall. across: (2, n) mm, how far one goes outwards
-    along u and along v of the cell. Returns which share is inside, (n,), and where its middle is, (2, n) in cells.
-
-    Of a unit square, the part where a u + b v <= t has the area dG/dt and the first moment -dG/da, where G is the
-    integral of max(t - a u - b v, 0): a sum over the corners of the cube of max(t - a u - b v, 0) / 6 a b.
-    """
-    along = np.abs(across)
-    share, shift = (outside < 0).astype(float), np.zeros_like(across)
-    cells = np.flatnonzero(np.abs(outside) < (along[0] + along[1]) / 2)
-    if not len(cells):
-        return share, shift
-    along = along[:, cells]
-    a, b = np.maximum(along, _SQUARE * along.max(axis=0))
-    corners = np.maximum(_CORNERS @ np.stack([-outside[cells], a, b]), 0)
-    squares, area = corners**2 / 2, a * b
-    inside = _PARITY @ squares / area
-    integral = _PARITY @ (corners * squares) / (3 * area)
-    first = np.stack([integral / a, integral / b]) - _TURNS @ squares / area
-    share[cells] = inside
-    shift[:, cells] = np.sign(across[:, cells]) * first / np.maximum(inside, _SMALL)
-    return share, shift
+    cells = len(points)
+    gap, share, shift = np.empty(cells), np.empty(cells), np.empty((2, cells))
+    before = np.empty(0) if before is None else before
+    cuts = enter(body.normals, body.offsets, points, normals, spans[0], spans[1], before, gap, share, shift)
+    return Cover(gap, share, shift if cuts else np.zeros((2, 1)))

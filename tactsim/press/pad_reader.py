@@ -13,22 +13,22 @@ from typing import NamedTuple
 
 import mujoco
 import numpy as np
-from scipy.special import ndtr
 
 from tactsim.core.errors import InputError
 from tactsim.core.pad import Pad
 from tactsim.core.poses import FloatArray
 from tactsim.press.geom_gap import Body, body_of, gaps
 from tactsim.press.layer_balance import balance
+from tactsim.press.pad_kernels import spread_forces
 from tactsim.press.pad_surface import PadSurface
 
 _MM = 1e3  # mm in a metre
 _KPA = 1e3  # kPa in a N/mm^2
-_ROOT_2_PI = np.sqrt(2 * np.pi)
 _LINES = (24, 64)  # of the lattice that is laid over what touches, along each axis: at least and at most
 _LINES_A_PITCH = 3  # between the two
 _SEARCH = 10  # of the lattices that find what touches
 _SEARCHES = 12
+_POINT = 0.01  # of a pitch: what touches less than this is not looked at more closely
 _MARGIN = 1.0  # mm about the contact points where the search begins
 _FACING = (
     0.7  # a contact whose normal has a smaller part along the pad's is at the geom's rim or on another face
@@ -106,7 +106,8 @@ class PadReader:
         self._stiffness = stiffness / _KPA  # N/mm^3
         self._sigma = psf_sigma
         x_low, x_high, y_low, y_high = pad.load_bounds
-        self._bounds = ((x_low, x_high), (y_low, y_high))
+        self._bounds = np.array([[x_low, x_high], [y_low, y_high]])
+        self._columns, self._rows = pad.column_edges, pad.row_edges
         self._bodies: dict[int, Body] = {}
 
     def read(self, data: mujoco.MjData) -> PadReading:
@@ -195,8 +196,12 @@ class PadReader:
             below, above = (first == 0) & (low > surface.low), (last == _SEARCH - 1) & (high < surface.high)
             high = np.minimum(np.where(above, high + size, low + (last + 2) * cell), surface.high)
             low = np.maximum(np.where(below, low - size, low + (first - 1) * cell), surface.low)
-            if not (below | above).any() and (high - low > size / 2).all():
-                pitch = np.array([self.pad.pitch_x, self.pad.pitch_y])
+            pitch = np.array([self.pad.pitch_x, self.pad.pitch_y])
+            if (below | above).any():
+                continue
+            if (high - low < _POINT * pitch).all():
+                break
+            if (high - low > size / 2).all():
                 columns, rows = np.clip(np.ceil(_LINES_A_PITCH * (high - low) / pitch), *_LINES).astype(int)
                 return self._pressed(load, body, pose, low, high, (columns, rows))[0]
         return carried
@@ -242,16 +247,14 @@ class PadReader:
 
     def _felt(self, carried: _Carried) -> tuple[FloatArray, float]:
         """Spread forces over the taxels: (taxels,) kPa, and the force that the pad carries, N."""
-        columns, rows = self.pad.column_edges, self.pad.row_edges
-        on_u, felt_u, rise_u = _felt_on(carried.u, self._bounds[0], columns, self._sigma)
-        on_v, felt_v, rise_v = _felt_on(carried.v, self._bounds[1], rows, self._sigma)
-        forces = carried.forces * on_v[:, None] * on_u
-        image = felt_v.T @ forces @ felt_u
-        if carried.shift.shape[1] > 1:
-            shift_u, shift_v = forces * carried.shift.reshape(2, *forces.shape)
-            image += felt_v.T @ shift_u @ rise_u + rise_v.T @ shift_v @ felt_u
+        columns, rows = self._columns, self._rows
+        image = np.zeros((len(rows), len(columns)))
+        inside = spread_forces(
+            carried.forces, carried.shift, carried.u, carried.v, self._bounds[0], self._bounds[1], columns, rows,
+            self._sigma, image,
+        )  # fmt: skip
         area = (columns[0, 1] - columns[0, 0]) * (rows[0, 1] - rows[0, 0])
-        return _KPA / area * np.maximum(image.ravel(), 0), float(forces.sum())
+        return _KPA / area * np.maximum(image.ravel(), 0), inside
 
 
 def _basis(
@@ -304,31 +307,3 @@ def _turns(points: FloatArray, centre: FloatArray, direction: FloatArray) -> lis
         _Turn(wide, direction @ _crossing(side))
         for wide, side in zip(spread[:2].tolist(), across, strict=False)
     ]
-
-
-def _felt_on(
-    edges: FloatArray, bounds: tuple[float, float], taxels: FloatArray, sigma: float
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Tell along one axis what the taxels feel of a unit force spread evenly on the part of a cell that is on the pad.
-
-    edges: (cells + 1,) mm. bounds: mm, of the pad. taxels: (taxels, 2) mm. sigma: mm, of the point spread.
-    Returns (cells,) which share of the cell is on the pad, (cells, taxels) which share of the force each taxel feels,
-    and (cells, taxels) how much more per cell by which the force is shifted.
-    """
-    inside = np.clip(edges, *bounds)
-    length = np.diff(inside)
-    at = inside[:, None, None]
-    if sigma == 0:
-        passed, rest = (at > taxels).astype(float), np.maximum(at - taxels, 0)
-    else:
-        # The integral of the normal distribution's function is z ndtr(z) + its density.
-        z = (at - taxels) / sigma
-        passed = ndtr(z)
-        rest = sigma * (z * passed + np.exp(-z * z / 2) / _ROOT_2_PI)
-    felt = np.diff(rest[..., 0] - rest[..., 1], axis=0)
-    whole = length[:, None] > 0
-    return (
-        length / np.diff(edges),
-        np.divide(felt, length[:, None], out=np.zeros_like(felt), where=whole),
-        np.diff(passed[..., 0] - passed[..., 1], axis=0),
-    )

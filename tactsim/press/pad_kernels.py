@@ -1,0 +1,255 @@
+"""The inner loops of reading an attached pad: where lines enter a body of flat faces, and what the taxels feel."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import float64, int64, types, void
+
+from tactsim.core.compiling import REALS, REALS_2D, Reals, compiled
+
+STEEP = 0.2  # a facet whose normal has a smaller part along the surface's normal is a wall: steeper than 78 degrees
+SMALL = 1e-12
+_ALIKE = 0.7  # walls at a smaller angle than 45 degrees cut a cell as one
+_SQUARE = 1e-3  # a wall nearer to a cell's side than this is taken to be so far from it
+_NARROW = 1e-4  # of a cell, to which forces are spread at least
+_FAR = 8.0  # standard deviations of the point spread, beyond which it is less than what a double resolves
+
+
+@compiled(types.UniTuple(float64, 3)(float64, float64, float64), called_from_python=False)
+def cut(outside: float, across_u: float, across_v: float) -> tuple[float, float, float]:
+    """Cut a cell by a straight wall, exactly.
+
+    outside: mm by which the cell's middle lies outside the wall. across_u, across_v: mm, how far one goes outwards
+    along u and along v of the cell. Returns which share is inside, and where its middle is along u and v, in cells.
+
+    Of a unit square, the part where a u + b v <= t has the area dG/dt and the first moment -dG/da, where G is the
+    integral of max(t - a u - b v, 0): a sum over the corners of the cube of max(t - a u - b v, 0) / 6 a b.
+    """
+    a, b = abs(across_u), abs(across_v)
+    if abs(outside) >= (a + b) / 2:
+        return 1.0 if outside < 0 else 0.0, 0.0, 0.0
+    a, b = max(a, _SQUARE * b), max(b, _SQUARE * a)
+    inside = integral = turn_u = turn_v = 0.0
+    for u in (0.5, -0.5):
+        for v in (0.5, -0.5):
+            corner = max(a * u + b * v - outside, 0.0)
+            square = corner * corner / 2
+            inside += 4 * u * v * square
+            integral += 4 * u * v * square * corner
+            turn_u += v * square
+            turn_v += u * square
+    area = a * b
+    inside, integral = inside / area, integral / (3 * area)
+    least = max(inside, SMALL)
+    return (
+        inside,
+        np.sign(across_u) * (integral / a - turn_u / area) / least,
+        np.sign(across_v) * (integral / b - turn_v / area) / least,
+    )
+
+
+@compiled(void(REALS, REALS_2D, REALS, REALS_2D))
+def cut_all(outside: Reals, across: Reals, share: Reals, shift: Reals) -> None:
+    """Cut n cells, each by its own wall: as `cut`, of (n,) and (2, n). Fills share (n,) and shift (2, n)."""
+    for i in range(len(outside)):
+        share[i], shift[0, i], shift[1, i] = cut(outside[i], across[0, i], across[1, i])
+
+
+@compiled(float64(REALS_2D, int64, REALS_2D, int64), called_from_python=False)
+def dot(left: Reals, row: int, right: Reals, other: int) -> float:
+    """Multiply a row of left (n, 3) with one of right (m, 3)."""
+    return left[row, 0] * right[other, 0] + left[row, 1] * right[other, 1] + left[row, 2] * right[other, 2]
+
+
+@compiled(int64(REALS_2D, REALS, REALS_2D, REALS_2D, REALS_2D, REALS_2D, REALS, REALS, REALS, REALS_2D))
+def enter(
+    normals: Reals, offsets: Reals, points: Reals, lines: Reals, along_u: Reals, along_v: Reals, before: Reals,
+    gap: Reals, share: Reals, shift: Reals,
+) -> int:  # fmt: skip
+    """Find where lines enter a body of flat faces: at the last face that they pass inwards, within the walls.
+
+    normals (f, 3), offsets (f,) mm: the faces. points: (n, 3) mm, the middles of cells. lines: (n, 3), or (1, 3) for
+    a flat surface, the directions of the lines. along_u, along_v: as many, mm, the sides of a cell.
+    before: (n,) mm where the line enters what else bounds the body, or (0,).
+    Fills gap (n,) mm, share (n,) and shift (2, n) as in `Cover`. Returns how many cells are cut.
+    """
+    faces, own, bounded = len(offsets), len(lines) > 1, len(before) > 0
+    rate, steep = np.empty(faces), np.empty(faces)
+    lowest, highest = np.full(faces, np.inf), np.full(faces, -np.inf)
+    for line in range(len(lines)):
+        for face in range(faces):
+            rate[face] = dot(normals, face, lines, line)
+            lowest[face] = min(lowest[face], rate[face])
+            highest[face] = max(highest[face], rate[face])
+    limit = -STEEP if bounded or lowest.min() < -STEEP else -SMALL
+    wall = (highest >= limit) & (lowest < 1 - SMALL)
+    cuts = 0
+    for i in range(len(points)):
+        line = i if own else 0
+        if own or i == 0:
+            for face in range(faces):
+                rate[face] = dot(normals, face, lines, line)
+                steep[face] = math.sqrt(max(1 - rate[face] ** 2, SMALL))
+        last, entry = -1, -np.inf
+        for face in range(faces):
+            if rate[face] < limit:
+                here = (offsets[face] - dot(normals, face, points, i)) / rate[face]
+                if here > entry:
+                    last, entry = face, here
+        gap[i] = max(entry, before[i]) if bounded else entry
+        share[i], shift[0, i], shift[1, i] = 1.0, 0.0, 0.0
+        if not np.isfinite(gap[i]):
+            continue
+        worst, most = -1, -np.inf
+        for face in range(faces):
+            if wall[face] and rate[face] >= limit:
+                outside = gap[i] * rate[face] - offsets[face] + dot(normals, face, points, i)
+                if outside > most * steep[face]:
+                    worst, most = face, outside / steep[face]
+        if worst < 0:
+            continue
+        share[i], shift[0, i], shift[1, i] = cut(
+            most,
+            dot(normals, worst, along_u, line) / steep[worst],
+            dot(normals, worst, along_v, line) / steep[worst],
+        )
+        if not 0 < share[i] < 1:
+            continue
+        cuts += 1
+        # A second wall, across the first one (a corner) or behind it (a blade).
+        second, most = -1, -np.inf
+        for face in range(faces):
+            if wall[face] and rate[face] >= limit and dot(normals, worst, normals, face) < _ALIKE:
+                outside = gap[i] * rate[face] - offsets[face] + dot(normals, face, points, i)
+                if outside > most * steep[face]:
+                    second, most = face, outside / steep[face]
+        if second >= 0:
+            further, moved_u, moved_v = cut(
+                most,
+                dot(normals, second, along_u, line) / steep[second],
+                dot(normals, second, along_v, line) / steep[second],
+            )
+            if dot(normals, worst, normals, second) < -_ALIKE:
+                share[i] = max(share[i] + further - 1, 0.0)
+            else:
+                share[i] *= further
+            shift[0, i] += moved_u
+            shift[1, i] += moved_v
+        if not bounded:  # the gap in the middle of the covered part
+            slope_u, slope_v = dot(normals, last, along_u, line), dot(normals, last, along_v, line)
+            gap[i] -= (shift[0, i] * slope_u + shift[1, i] * slope_v) / rate[last]
+    return cuts
+
+
+@compiled(float64(float64, float64), called_from_python=False)
+def passed(distance: float, sigma: float) -> float:
+    """Integrate the normal distribution's function up to `distance` mm from its middle, mm."""
+    if distance >= _FAR * sigma:
+        return distance
+    if distance <= -_FAR * sigma:
+        return 0.0
+    z = distance / sigma
+    return sigma * (z * math.erfc(-z / math.sqrt(2.0)) / 2 + math.exp(-z * z / 2) / math.sqrt(2 * math.pi))
+
+
+@compiled(void(float64, REALS, REALS_2D, float64, REALS), called_from_python=False)
+def reach(at: float, bounds: Reals, taxels: Reals, sigma: float, felt: Reals) -> None:
+    """Tell what each taxel feels of a force of 1 N/mm all along the axis up to `at`, or the pad's end: fills felt, N.
+
+    at: mm. bounds: (2,) mm, of the pad. taxels: (taxels, 2) mm. sigma: mm. felt: (taxels,). What lies before the pad's
+    beginning is not felt either: that is left to the caller, who takes the difference of two ends.
+    """
+    at = min(max(at, bounds[0]), bounds[1])
+    for taxel in range(len(taxels)):
+        felt[taxel] = passed(at - taxels[taxel, 0], sigma) - passed(at - taxels[taxel, 1], sigma)
+
+
+@compiled(
+    float64(REALS, REALS_2D, int64, float64, REALS, REALS_2D, float64, REALS, REALS), called_from_python=False
+)
+def feel(
+    edges: Reals, reached: Reals, cell: int, shift: float, bounds: Reals, taxels: Reals, sigma: float, spare: Reals,
+    felt: Reals,
+) -> float:  # fmt: skip
+    """Tell along one axis what the taxels feel of 1 N that is spread evenly over the covered part of a cell.
+
+    edges: (cells + 1,) mm. reached: (cells + 1, taxels) N, as `reach` gives for each edge. shift: in cells, from the
+    cell's middle to that of the covered part, which begins at the side that it is shifted to.
+    bounds: (2,) mm, of the pad. taxels: (taxels, 2) mm. sigma: mm. spare: as felt. Fills felt (taxels,) N and
+    returns how much of the force is on the pad.
+    """
+    low, high = edges[cell], edges[cell + 1]
+    bare = min(2 * abs(shift), 1 - _NARROW) * (high - low)
+    count = len(felt)
+    if bare == 0:
+        for taxel in range(count):
+            felt[taxel] = reached[cell + 1, taxel] - reached[cell, taxel]
+    elif shift > 0:
+        low += bare
+        reach(low, bounds, taxels, sigma, spare)
+        for taxel in range(count):
+            felt[taxel] = reached[cell + 1, taxel] - spare[taxel]
+    else:
+        high -= bare
+        reach(high, bounds, taxels, sigma, spare)
+        for taxel in range(count):
+            felt[taxel] = spare[taxel] - reached[cell, taxel]
+    for taxel in range(count):
+        felt[taxel] /= high - low
+    return (min(max(high, bounds[0]), bounds[1]) - min(max(low, bounds[0]), bounds[1])) / (high - low)
+
+
+@compiled(
+    float64(REALS_2D, REALS_2D, REALS, REALS, REALS, REALS, REALS_2D, REALS_2D, float64, REALS_2D),
+)
+def spread_forces(
+    forces: Reals, shift: Reals, u: Reals, v: Reals, bounds_u: Reals, bounds_v: Reals, columns: Reals, rows: Reals,
+    sigma: float, image: Reals,
+) -> float:  # fmt: skip
+    """Spread the forces on a lattice of cells over the taxels.
+
+    forces: (cells along v, cells along u) N, evenly on the covered part of each cell. shift: (2, cells) or (2, 1), in
+    cells, from the cell's middle to that of the covered part along u and v. u, v: mm, the edges of the cells. bounds_u,
+    bounds_v: (2,) mm, of the pad; what lies beyond is not felt. columns, rows: (taxels, 2) mm, the edges of the
+    taxels. sigma: mm, of the point spread, 0 for none.
+    Adds N to image (rows, columns) and returns the force on the pad, N.
+    """
+    across, up, some = len(u) - 1, len(v) - 1, shift.shape[1] > 1
+    reached_u, reached_v = np.empty((len(u), len(columns))), np.empty((len(v), len(rows)))
+    for edge in range(len(u)):
+        reach(u[edge], bounds_u, columns, sigma, reached_u[edge])
+    for edge in range(len(v)):
+        reach(v[edge], bounds_v, rows, sigma, reached_v[edge])
+    whole_u, whole_v = np.empty((across, len(columns))), np.empty((up, len(rows)))
+    on_u, on_v = np.empty(across), np.empty(up)
+    felt_u, felt_v = np.empty(len(columns)), np.empty(len(rows))
+    spare_u, spare_v = np.empty(len(columns)), np.empty(len(rows))
+    for column in range(across):
+        on_u[column] = feel(u, reached_u, column, 0.0, bounds_u, columns, sigma, spare_u, whole_u[column])
+    for row in range(up):
+        on_v[row] = feel(v, reached_v, row, 0.0, bounds_v, rows, sigma, spare_v, whole_v[row])
+    inside = 0.0
+    strip = np.empty(len(columns))
+    for row in range(up):
+        strip[:] = 0.0
+        for column in range(across):
+            force, cell = forces[row, column], row * across + column
+            if force == 0:
+                continue
+            if some and (shift[0, cell] != 0 or shift[1, cell] != 0):
+                on = feel(u, reached_u, column, shift[0, cell], bounds_u, columns, sigma, spare_u, felt_u)
+                on *= feel(v, reached_v, row, shift[1, cell], bounds_v, rows, sigma, spare_v, felt_v)
+                inside += force * on
+                for i in range(len(rows)):
+                    for j in range(len(columns)):
+                        image[i, j] += force * felt_v[i] * felt_u[j]
+            else:
+                inside += force * on_u[column] * on_v[row]
+                for j in range(len(columns)):
+                    strip[j] += force * whole_u[column, j]
+        for i in range(len(rows)):
+            for j in range(len(columns)):
+                image[i, j] += whole_v[row, i] * strip[j]
+    return inside
