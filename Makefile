@@ -82,7 +82,7 @@ $(READY): requirements.lock pyproject.toml
 	$(PYTHON) -m venv $(VENV) && $(INSTALL) -r requirements.lock && \
 	$(INSTALL) --no-deps --no-build-isolation -e . && \
 	echo "setting up $(VENV): compiling the inner loops, after $$(($$(date +%s) - start)) s ..." && \
-	$(BIN)/python -m tactsim.estimators.compile_kernels && \
+	$(BIN)/python -m tactsim.bench.compile_kernels && \
 	echo "set up in $$(($$(date +%s) - start)) s"
 	@touch $@
 

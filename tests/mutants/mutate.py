@@ -60,7 +60,7 @@ def main() -> int:
         _copy_tree(copy)
         os.chdir(copy)  # Cosmic Ray takes paths from here
         os.environ |= _environment(Path(folder), copy)
-        subprocess.run([sys.executable, "-m", "tactsim.estimators.compile_kernels"], check=True)
+        subprocess.run([sys.executable, "-m", "tactsim.bench.compile_kernels"], check=True)
         done = []
         print(
             "| module | mutants | tried | killed | of these timed out | survived | share | 95 % |\n|"
