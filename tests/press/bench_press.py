@@ -15,7 +15,12 @@ from dataclasses import dataclass
 from time import process_time
 
 import numpy as np
+from bench_attach import compare as compare_pads
+from bench_attach import time_readings
 from plain_press import DEFAULT, TUNED, compile_plain, press_plain
+from test_elastic import compare, solid
+from test_relief import POSES as BALL_POSES
+from test_relief import brute_force, dome, sphere_gap
 
 from tactsim import models
 from tactsim.bench.stress.exact_readings import expected_reading
@@ -194,6 +199,75 @@ def plain_tuned_covered() -> Row:
     return of_plain("plain scene, tuned, covered cells", COVERED, TUNED)
 
 
+def of_shares(name: str, run: Callable[[], object], presses: int, shares: FloatArray, counted: str) -> Row:
+    """Make a row whose errors are known relative to the peak alone: `shares` (n,)."""
+    errors = np.full((len(shares), 3), np.nan)
+    errors[:, 1] = shares
+    return Row(name, run, presses, errors, counted)
+
+
+def of_solid(foundation: str) -> Row:
+    """Make the row of an elastic foundation, against an FFT on a grid of 0.1 mm."""
+    options = solid(foundation, wrist_stiffness=None)
+    every = [Touches.of(models.letter(letter), touching(letter, grid_poses())) for letter in LETTERS]
+
+    def run() -> list[FloatArray]:
+        return [press_at(touches, options).readings(options) for touches in every]
+
+    shares = np.concatenate([compare(letter, grid_poses()[5::48], options)[:, 1] for letter in LETTERS])
+    return of_shares(foundation, run, sum(map(len, every)), shares, "an influence matrix; a Cholesky solve")
+
+
+@row
+def layer() -> Row:
+    """A bonded elastic layer of 1 mm instead of springs."""
+    return of_solid("layer")
+
+
+@row
+def half_space() -> Row:
+    """An elastic half-space instead of springs."""
+    return of_solid("half-space")
+
+
+@row
+def sphere() -> Row:
+    """A ball of 10 mm pressed as a shape with relief, against springs 0.02 mm apart under the closed form."""
+    options = level()
+    solid_of, reach = dome(10.0, 0.3, rings=20, sectors=64)
+    touches = Touches.of(models.relief("ball", solid_of), np.tile(BALL_POSES, (12, 1)))
+
+    def run() -> FloatArray:
+        return press_at(touches, options).readings(options)
+
+    shares = []
+    for pose, reading in zip(BALL_POSES, run(), strict=False):
+        expected, _ = brute_force(sphere_gap(10.0, reach), pose, options.press.force)
+        shares.append(np.abs(reading - expected).max() / expected.max())
+    return of_shares("relief, a sphere", run, len(touches), np.array(shares), "integrals over the facets")
+
+
+@row
+def through_time() -> Row:
+    """Presses under force control, stepped through time, against the same presses at rest."""
+    options, still = level(dynamics="full"), level("bed")
+    every = [Touches.of(models.letter(letter), touching(letter, grid_poses()[FEW])) for letter in LETTERS]
+
+    def run() -> list[FloatArray]:
+        return [press_at(touches, options).readings(options) for touches in every]
+
+    shares = [
+        np.abs(moved - rest).max(axis=1) / rest.max(axis=1)
+        for moved, rest in zip(
+            run(), (press_at(touches, still).readings(still) for touches in every), strict=True
+        )
+    ]
+    presses = sum(map(len, every))
+    return of_shares(
+        "full dynamics", run, presses, np.concatenate(shares), "steps of force control until it rests"
+    )
+
+
 def time_rows(rows: list[Row], rounds: int = 5) -> dict[str, float]:
     """Time every row: seconds of CPU per press, the median of rounds taken in turns."""
     times = {one.name: np.zeros(rounds) for one in rows}
@@ -224,11 +298,20 @@ def main() -> None:
     for one in rows:
         kpa, peak, contact = np.percentile(one.errors, 95, axis=0)
         took = seconds[one.name]
+        cells = [f"{kpa:.2g}", f"{100 * peak:.2g} %", f"{100 * contact:.2g} %"]
+        shown = " | ".join("" if "nan" in cell else cell for cell in cells)
         print(
-            f"| {one.name} | {took * 1e6:,.0f} | {took / seconds['exact']:,.1f} | {kpa:.2g} "
-            f"| {100 * peak:.2g} % | {100 * contact:.2g} % | {one.counted} |"
+            f"| {one.name} | {took * 1e6:,.0f} | {took / seconds['exact']:,.1f} | {shown} | {one.counted} |"
         )
     print(f"\n1,920 level presses of five letters, with sensing and noise: {time_scan():.3f} s of CPU")
+    print("\n| attached pad, CPU | us | / exact |\n|---|---|---|")
+    for name, took in time_readings().items():
+        print(f"| {name} | {took * 1e6:,.0f} | {took / seconds['exact']:,.1f} |")
+    print("\n| attached pad, mean over a ball, a roll and a block | correlation | rms / peak | p95 / peak |")
+    print("|---|---|---|---|")
+    for name, found in compare_pads().items():
+        alike, rms, share = found.mean(axis=0)
+        print(f"| {name} | {alike:.3f} | {100 * rms:.1f} % | {100 * share:.1f} % |")
 
 
 if __name__ == "__main__":
