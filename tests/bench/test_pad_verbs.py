@@ -56,7 +56,8 @@ def test_a_probe_of_something_else_shows_its_bytes(bench, tmp_path):
 
 
 def test_a_letter_is_recorded_from_tare_to_scan(bench, tmp_path):
-    with emulated(bench, "--port", "pty:pad", "--follow", "A.tactrec", "--rate", "200", "--lift", "0.2"):
+    with emulated(bench, "--port", "pty:pad", "--follow", "A.tactrec", "--rate", "200", "--lift", "0.2",
+                  "--scan-set", "placement_tilt=0"):  # fmt: skip
         assert "36 taxels" in right(bench("tare", "--port", "pad", "--out", "cal.toml"))
         words = [
             "record", "--port", "pad", "--letter", "A", "--calibration", "cal.toml", "--out", "A.npz",
