@@ -3,6 +3,11 @@
 Lives here: the physics of a press, what the sensor makes of it, and the cache of readings. Does not live
 here: what is learned from readings (estimators), or how a real pad is read (hardware).
 
+`engine` chooses who presses: `exact`, `balance` (the engine bed, over `bed`, `clip`, `levels` and `scene`), `collide`
+with its `points`, `facets` (the engine relief) or `elastic`; `dynamics` with `force_control` goes through time.
+`spread` and `sensor` turn pressure into readings, and `scanning` takes all of them. `attached_pad`, with
+`pad_surface`, `geom_gap`, `layer_balance` and `pad_reader`, reads a pad on a geom of anybody's MuJoCo model.
+
 The package can be called: `tactsim.press("A", pose=(1, 0, 0.5))` presses one letter once.
 
 What needs pydantic, MuJoCo or a letter is imported when it is first used.
