@@ -308,8 +308,9 @@ def _placed(stage: Setup, springs: Springs, touches: Touches, index: int) -> Sce
 
 def _all_touch(stage: Scene, springs: Springs, give: float, bending: FloatArray) -> _Start:
     """Begin at the nominal tilt and so deep that all springs touch. give: F / stiffness, mm^2 m."""
-    depth = stage.depth_of_touch(springs).max() + 1.05 * give / springs.area
-    below = depth - stage.depth_of_touch(springs)
+    touch = stage.depth_of_touch(springs)
+    depth = touch.max() + 1.05 * give / springs.area
+    below = depth - touch
     # With their feet at the centroids the springs have the moments of a level face.
     return _Start(
         springs, depth, stage.tilt.copy(), springs.position[:, :2], below, bending, unbent=np.zeros(2)

@@ -33,7 +33,7 @@ from tactsim.press.bed import MM, slopes
 from tactsim.press.points import Points, lattice, share
 from tactsim.press.pressed import Pressed
 from tactsim.press.scan_options import PressOptions, ScanOptions
-from tactsim.press.scene import UNREAD_STAGES, describe_part
+from tactsim.press.scene import UNREAD_STAGES, describe_carriage, describe_part
 from tactsim.press.touches import Touches
 
 # m. A sphere beside a letter's outline touches it from sqrt(2 radius depth) away, at most 3 um. Its centre stays above
@@ -225,13 +225,7 @@ def _compile(setup: _Setup) -> _Scene:
     )
     parts = [_compressed(part, setup) for part in setup.letter.parts]
     meshes, geoms = zip(*(describe_part(index, part) for index, part in enumerate(parts)), strict=True)
-    hinges = springs = ""
-    if setup.hinged:
-        for axis, name in (("1 0 0", "tilt_x"), ("0 1 0", "tilt_y")):
-            hinges += f'<joint name="{name}" type="hinge" axis="{axis}"/>'
-            springs += f'<joint joint1="{name}" polycoef="0 0 0 0 0"/>'
-    half = _MASS / 2
-    inertia = half * 25e-6  # kg m^2, of a body about as large as a letter
+    carriage, springs = describe_carriage("".join(geoms), _MASS, hinged=setup.hinged)
     model = mujoco.MjModel.from_xml_string(
         f"""<mujoco>
         <compiler angle="radian"/>
@@ -246,15 +240,7 @@ def _compile(setup: _Setup) -> _Scene:
         <asset>{"".join(meshes)}</asset>
         <worldbody>
           {spheres}
-          <body name="carriage">
-            <joint name="press" type="slide" axis="0 0 1"/>
-            <inertial pos="0 0 0" mass="{half}" diaginertia="{inertia} {inertia} {inertia}"/>
-            <body name="gimbal">
-              {hinges}
-              <inertial pos="0 0 0" mass="{half}" diaginertia="{inertia} {inertia} {inertia}"/>
-              <body name="letter">{"".join(geoms)}</body>
-            </body>
-          </body>
+          {carriage}
         </worldbody>
         <equality>{springs}</equality>
         </mujoco>"""

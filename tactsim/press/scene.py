@@ -236,11 +236,6 @@ _MOST_SCENES = 16
 
 
 def _compile(setup: Setup, capacity: int) -> Scene:
-    hinges = springs = ""
-    if setup.wrist_stiffness is not None:
-        for axis, name in (("1 0 0", "tilt_x"), ("0 1 0", "tilt_y")):
-            hinges += f'<joint name="{name}" type="hinge" axis="{axis}"/>'
-            springs += f'<joint joint1="{name}" polycoef="0 0 0 0 0"/>'
     meshes, geoms = "", '<geom name="part0" type="box" size="1 1 1" pos="0 0 -1"/>'
     if setup.letter is not None:
         described = [describe_part(index, part) for index, part in enumerate(setup.letter.parts)]
@@ -248,8 +243,8 @@ def _compile(setup: Setup, capacity: int) -> Scene:
     cells = range(capacity)
     spheres = "".join(f'<geom name="cell{i}" size="{RADIUS}" pos="0 0 {_FAR + i}"/>' for i in cells)
     pairs = "".join(f'<pair geom1="cell{i}" geom2="part0" condim="1"/>' for i in cells)
-    half = setup.mass / 2  # one half slides, the other tilts with the letter
-    inertia = half * 25e-6  # kg m^2, of a body about as large as a letter
+    hinged = setup.wrist_stiffness is not None
+    carriage, springs = describe_carriage(geoms, setup.mass, hinged=hinged, height=-RADIUS)
     model = mujoco.MjModel.from_xml_string(
         f"""<mujoco>
         <compiler angle="radian"/>
@@ -258,15 +253,7 @@ def _compile(setup: Setup, capacity: int) -> Scene:
         <asset>{meshes}</asset>
         <worldbody>
           {spheres}
-          <body name="carriage" pos="0 0 {-RADIUS}">
-            <joint name="press" type="slide" axis="0 0 1"/>
-            <inertial pos="0 0 0" mass="{half}" diaginertia="{inertia} {inertia} {inertia}"/>
-            <body name="gimbal">
-              {hinges}
-              <inertial pos="0 0 0" mass="{half}" diaginertia="{inertia} {inertia} {inertia}"/>
-              <body name="letter">{geoms}</body>
-            </body>
-          </body>
+          {carriage}
         </worldbody>
         <contact>{pairs}</contact>
         <equality>{springs}</equality>
@@ -292,6 +279,33 @@ def _compile(setup: Setup, capacity: int) -> Scene:
         letter_body=body,
         gimbal_body=gimbal,
         tilt=np.zeros(2),
+    )
+
+
+def describe_carriage(geoms: str, mass: float, *, hinged: bool, height: float = 0.0) -> tuple[str, str]:
+    """Write what moves a letter's geoms as MJCF, and the constraints that make its hinges springs.
+
+    It slides along the pad's normal from `height` m, and tilts about x and y if it is `hinged`. mass: kg.
+    """
+    hinges = springs = ""
+    if hinged:
+        for axis, name in (("1 0 0", "tilt_x"), ("0 1 0", "tilt_y")):
+            hinges += f'<joint name="{name}" type="hinge" axis="{axis}"/>'
+            springs += f'<joint joint1="{name}" polycoef="0 0 0 0 0"/>'
+    half = mass / 2  # one half slides, the other tilts with the letter
+    moment = half * 25e-6  # kg m^2, of a body about as large as a letter
+    inertia = f'<inertial pos="0 0 0" mass="{half}" diaginertia="{moment} {moment} {moment}"/>'
+    return (
+        f"""<body name="carriage" pos="0 0 {height}">
+            <joint name="press" type="slide" axis="0 0 1"/>
+            {inertia}
+            <body name="gimbal">
+              {hinges}
+              {inertia}
+              <body name="letter">{geoms}</body>
+            </body>
+          </body>""",
+        springs,
     )
 
 
