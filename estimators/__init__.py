@@ -11,6 +11,7 @@ from tactsim.estimators.estimator import (
     Estimator,
     Options,
     PlaneBelief,
+    PoseSamples,
     check_order,
     check_reading,
 )
@@ -22,6 +23,7 @@ __all__ = [
     "Estimator",
     "Options",
     "PlaneBelief",
+    "PoseSamples",
     "check_order",
     "check_reading",
     "create",

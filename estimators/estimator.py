@@ -25,18 +25,31 @@ class Options(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
 
+@dataclass(frozen=True, eq=False)
+class PoseSamples:
+    """Weighted poses T_R^O that stand for the belief about where an object of one letter is.
+
+    poses: (n, 3) robot_in_object, mm, mm, rad. weights: (n,), summing to 1.
+    """
+
+    poses: FloatArray
+    weights: FloatArray
+
+
 @dataclass(frozen=True)
 class Estimate:
     """What an estimator holds to be true after the readings so far.
 
     label: the most probable letter (eq. 9, 14), or NONE. probabilities: p(letter), summing to 1, with NONE
     among them if the estimator considers that. robot_in_object: [x, y, theta] mm, rad: the most probable
-    T_R^O within the most probable letter.
+    T_R^O within the most probable letter. samples: the belief about the pose of that letter, from which
+    covariance and regions are computed; None if the estimator does not say how sure it is of the pose.
     """
 
     label: str
     probabilities: Mapping[str, float]
     robot_in_object: FloatArray
+    samples: PoseSamples | None = None
 
 
 @dataclass(frozen=True, eq=False)
