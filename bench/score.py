@@ -228,8 +228,8 @@ def recovered_within(trials: Trials, objects: Mapping[str, Properties], readings
     for letter in np.unique(trials.truth):
         chosen = trials.truth == letter
         middle = transform(invert(trials.true_pose[chosen]), np.array([objects[str(letter)].centre]))
-        step = np.diff(middle[:, :, 0], axis=1)
-        jumped[chosen, 1:] = np.hypot(step[:, :, 0], step[:, :, 1]) >= JUMP
+        step = middle[:, 1:, 0] - middle[:, :-1, 0]
+        jumped[chosen, 1:] = np.hypot(step[..., 0], step[..., 1]) >= JUMP
     jumped[~trials.known] = False
     jumped[:, max(0, jumped.shape[1] - readings + 1) :] = False
     found = trials.right & (errors(trials, objects) <= RECOVERED)
