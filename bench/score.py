@@ -169,7 +169,7 @@ def recovered_within(trials: Trials, objects: Mapping[str, Properties], readings
         step = middle[:, 1:, 0] - middle[:, :-1, 0]
         jumped[chosen, 1:] = np.hypot(step[..., 0], step[..., 1]) >= JUMP
     jumped[~trials.known] = False
-    jumped[:, max(0, jumped.shape[1] - readings + 1) :] = False
+    jumped[:, max(0, trials.label.shape[1] - readings + 1) :] = False
     found = trials.right & (errors(trials, objects) <= RECOVERED)
     trial, touch = np.nonzero(jumped)
     if not len(trial):
