@@ -68,6 +68,9 @@ class Run:
     error_all_mm = _Curve(score.error_all_mm)
     negative_log_likelihood = _Curve(score.negative_log_likelihood)
     calibration_gap = _Curve(score.calibration_gap)
+    coverage_50 = _Curve(score.coverage_50)
+    coverage_90 = _Curve(score.coverage_90)
+    sharpness_mm = _Curve(score.sharpness_mm)
     refused_known = _Curve(score.refused_known)
     refused_unknown = _Curve(score.refused_unknown)
     evaluations = _Curve(score.evaluations)
@@ -91,6 +94,11 @@ class Run:
     def settled_50(self) -> int | None:
         """The reading by which half of the trials are and stay right; None if there is none."""
         return self.summary["settled_50"]
+
+    @property
+    def recovered_within_3(self) -> float | None:
+        """The share of the jumps after which an estimate is right to 1 mm within three readings; None without jumps."""
+        return self.summary["recovered_within_3"]
 
     @property
     def confusion(self) -> dict[str, dict[str, int]]:
