@@ -79,6 +79,9 @@ class PressModel:
             letter.name: corner + float(np.hypot(*np.concatenate(letter.contours).T).max())
             for letter in letters
         }
+        self.symmetry: Mapping[str, int] = {
+            letter.name: 0 if math.isinf(letter.symmetry) else int(letter.symmetry) for letter in letters
+        }
         flipped = np.allclose(pad.taxel_xy[::-1], -pad.taxel_xy) and np.allclose(
             self._bounds, -self._bounds[[1, 0, 3, 2]]
         )
