@@ -168,7 +168,7 @@ def columns(trials: Trials) -> dict[str, NDArray[Any]]:
     """Give the columns of trials.csv and times.csv, one row a trial and reading."""
     readings = trials.label.shape[1]
     x, y, theta = np.moveaxis(trials.pose, 2, 0)
-    true_x, true_y, true_theta = trials.true_pose.T[:, :, None]
+    true_x, true_y, true_theta = np.moveaxis(trials.true_pose, 2, 0)
     values: dict[str, NDArray[Any]] = {
         "truth": trials.truth[:, None], "trial": trials.trial[:, None],
         "reading_number": np.arange(1, readings + 1), "x": x, "y": y, "theta": theta,
@@ -220,9 +220,7 @@ def _trials(
         truth=truth,
         known=~np.isin(truth, list(hold_out)),
         trial=_integers(table, "trial")[::readings],
-        true_pose=np.stack(
-            [floats(table, name)[:, 0] for name in ("true_x", "true_y", "true_theta")], axis=-1
-        ),
+        true_pose=np.stack([floats(table, name) for name in ("true_x", "true_y", "true_theta")], axis=-1),
         reading=_integers(table, "reading").reshape(trials, readings),
         label=_labels(table, "label").reshape(trials, readings),
         pose=np.stack([floats(table, name) for name in ("x", "y", "theta")], axis=-1),

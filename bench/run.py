@@ -93,6 +93,11 @@ class Run:
         return self.summary["settled_50"]
 
     @property
+    def recovered_within_3(self) -> float | None:
+        """The share of the jumps after which an estimate is right to 1 mm within three readings; None without jumps."""
+        return self.summary["recovered_within_3"]
+
+    @property
     def confusion(self) -> dict[str, dict[str, int]]:
         """The estimates after the last reading: {true letter: {estimated letter: trials}}."""
         return self.summary["confusion"]

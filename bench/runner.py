@@ -143,7 +143,14 @@ def gather(
 def plan_of(config: RunConfig, scan: Scan, given: Estimator | None = None) -> TrialPlan:
     """Put together what a worker needs to do this run's trials on these readings."""
     return TrialPlan(
-        config.estimator, config.options, scan, config.readings, config.seed, config.explore, given
+        config.estimator,
+        config.options,
+        scan,
+        config.readings,
+        config.seed,
+        config.explore,
+        config.moving,
+        given,
     )
 
 
@@ -167,6 +174,7 @@ def finished_run(
     about: dict[str, Any] = {
         "protocol": _protocol_name(config, gathered.scan),
         "letters": list(gathered.letters),
+        "slip": config.moving.describe(),
         **about_estimator(made),
         "classifier_agreement": eq3_agreement(gathered.scan, made.options),
         "scan": dict(gathered.scan.meta),

@@ -23,6 +23,7 @@ from tactsim.core.poses import FloatArray
 from tactsim.estimators import NONE
 
 _Length = Annotated[float, Field(ge=-LARGEST, le=LARGEST)]
+JUMP, RECOVERED = 4.0, 1.0  # mm: a step that is a jump, and the placement error that ends it
 Z_95 = 1.959963984540054  # standard normal quantile of a two-sided 95 % interval
 
 
@@ -108,9 +109,7 @@ def errors(trials: Trials, objects: Mapping[str, Properties]) -> FloatArray:
     result = np.empty(trials.label.shape)
     for letter in np.unique(trials.truth):
         chosen = trials.truth == letter
-        result[chosen] = placement_error(
-            trials.pose[chosen], trials.true_pose[chosen, None], objects[str(letter)]
-        )
+        result[chosen] = placement_error(trials.pose[chosen], trials.true_pose[chosen], objects[str(letter)])
     return result
 
 
@@ -213,6 +212,33 @@ def settled_50(trials: Trials, objects: Mapping[str, Properties]) -> int | None:
     return settled_by(trials.right, 0.5)
 
 
+def recovered_within_3(trials: Trials, objects: Mapping[str, Properties]) -> float | None:
+    """Share of the jumps (steps of 4 mm or more) after which one of the next three estimates is right to 1 mm."""
+    return recovered_within(trials, objects, 3)
+
+
+def recovered_within(trials: Trials, objects: Mapping[str, Properties], readings: int) -> float | None:
+    """Give the share of the jumps that are recovered in so many readings; None if there is none to judge.
+
+    A jump is a step of the object's centre of mass of at least JUMP mm between two touches. It is recovered as
+    soon as the letter is right and the placement error at most RECOVERED mm; the touch right after the jump
+    counts as the first. Jumps with fewer readings left are not judged, nor those of letters that were held out.
+    """
+    jumped = np.zeros(trials.label.shape, dtype=bool)
+    for letter in np.unique(trials.truth):
+        chosen = trials.truth == letter
+        middle = transform(invert(trials.true_pose[chosen]), np.array([objects[str(letter)].centre]))
+        step = np.diff(middle[:, :, 0], axis=1)
+        jumped[chosen, 1:] = np.hypot(step[:, :, 0], step[:, :, 1]) >= JUMP
+    jumped[~trials.known] = False
+    jumped[:, max(0, jumped.shape[1] - readings + 1) :] = False
+    found = trials.right & (errors(trials, objects) <= RECOVERED)
+    trial, touch = np.nonzero(jumped)
+    if not len(trial):
+        return None
+    return float(found[trial[:, None], touch[:, None] + np.arange(readings)].any(axis=1).mean())
+
+
 def confusion(trials: Trials, objects: Mapping[str, Properties]) -> dict[str, dict[str, int]]:
     """Count the estimates after the last reading: {true letter: {estimated letter: trials}}."""
     last = trials.label[:, -1]
@@ -237,7 +263,8 @@ CURVES: dict[str, Metric] = {
     )
 }  # fmt: skip
 HEADLINES: dict[str, Metric] = {
-    metric.__name__: metric for metric in (all_right_from, settled_95, settled_50, confusion)
+    metric.__name__: metric
+    for metric in (all_right_from, settled_95, settled_50, recovered_within_3, confusion)
 }
 
 

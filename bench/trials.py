@@ -16,6 +16,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from tactsim.bench.slip import STILL, Slip
 from tactsim.core import InputError, Scan, compose, invert
 from tactsim.core.errors import short
 from tactsim.core.poses import FloatArray
@@ -44,7 +45,7 @@ class Trials:
     """What was estimated after every reading of n trials of r readings: the raw result of a run.
 
     truth: (n,) letters. known: (n,) whether the estimator was trained on that letter; if not, NONE is the right
-    label. trial: (n,) number within the letter. true_pose: (n, 3) robot_in_object.
+    label. trial: (n,) number within the letter. true_pose: (n, r, 3) robot_in_object at each touch.
     reading: (n, r) which of the letter's test readings was taken. label: (n, r) the estimate (eq. 9,
     14). p_truth, p_label: (n, r) probabilities given to the right and to the estimated label. pose:
     (n, r, 3) estimated robot_in_object. evaluations: (n, r) likelihood evaluations of that update.
@@ -104,7 +105,7 @@ def draw_true_pose(rng: np.random.Generator) -> FloatArray:
 
 
 def generator(seed: int, task: Task, stream: int) -> np.random.Generator:
-    """Make the generator of one trial; stream 0 draws pose and order, stream 1 is the estimator's.
+    """Make the generator of one trial; stream 0 draws pose and order, 1 is the estimator's, 2 moves the object.
 
     It depends on its arguments alone. So the trials are the same in any order, in any number of processes and
     for any estimator.
@@ -135,21 +136,26 @@ def run_trial(
     readings: int,
     seed: int,
     explore: Explore = "random",
+    slip: Slip = STILL,
     observe: Callable[[Estimate], None] | None = None,
 ) -> Trials:
     """Recognise one hidden object: present `readings` of its test readings, estimate after each.
 
     `test` holds the letter's test readings only; `letters` are those that the estimator was trained on.
     Readings come in random order without replacement, or, with explore="information", as the estimator
-    proposes. observe(estimate) is called after each reading, and its time does not count. Times are this
-    process's processor time, so that other programs on the machine do not count either.
+    proposes. slip: how the object moves between touches; the sensor's poses, candidates' too, are those that
+    go with the object's pose at that touch. observe(estimate) is called after each reading, and its time does
+    not count. Times are this process's processor time, so that other programs on the machine do not count either.
 
     Raises InputError that names the estimator if its answer is not a valid estimate or proposal.
     """
     rng = generator(seed, task, 0)
-    true_pose = draw_true_pose(rng)
+    first = draw_true_pose(rng)
     order = rng.permutation(len(test))[:readings]
-    sensor_in_robot = compose(invert(true_pose), test.poses)
+    true_pose = np.tile(first, (readings, 1))
+    if not slip.still:
+        true_pose = slip.poses(first, readings, generator(seed, task, 2))
+    sensor_in_robot = compose(invert(first), test.poses)
     estimator.reset(generator(seed, task, 1))
 
     left = np.arange(len(test))
@@ -162,6 +168,8 @@ def run_trial(
     pose = np.empty((readings, 3))
     before = _evaluations(estimator)
     for k in range(readings):
+        if not slip.still:
+            sensor_in_robot = compose(invert(true_pose[k]), test.poses)
         if explore == "information":
             start = process_time()
             chosen = estimator.propose(sensor_in_robot[left])
@@ -213,6 +221,7 @@ class TrialPlan:
     readings: int
     seed: int
     explore: Explore = "random"
+    slip: Slip = STILL
     given: Estimator | bytes | None = None
 
     def make(self) -> Estimator:
@@ -313,7 +322,7 @@ def _run_here(
         parts.append(
             run_trial(
                 estimator, tests[task.truth], task, letters=letters,
-                readings=plan.readings, seed=plan.seed, explore=plan.explore,
+                readings=plan.readings, seed=plan.seed, explore=plan.explore, slip=plan.slip,
             )
         )  # fmt: skip
         report(number)

@@ -222,7 +222,7 @@ def _recognition(trial: Recognition, of: Replayed, arrays: Arrays) -> dict[str, 
         "ghost": arrays.add(trial.estimate_in_object, "f4"),
         "probabilities": arrays.add(trial.probabilities, "f4"),
         "pose": arrays.add(trial.robot_in_object, "f4"),
-        "truePose": _column(trial.true_pose),
+        "truePose": arrays.add(trial.true_pose, "f4"),
         "error": arrays.add(trial.error, "f4"),
         "plane": plane,
     }

@@ -106,8 +106,8 @@ def test_an_estimator_that_ignores_its_input_scores_one_in_the_number_of_letters
 def test_the_frames_compose_so_that_an_estimator_that_knows_the_reading_finds_the_pose():
     trials = trials_of(Witness(Options()), make_scan(), count=3)
     assert trials.right.all()
-    assert np.allclose(trials.pose[..., :2], trials.true_pose[:, None, :2], atol=1e-9)
-    turn = trials.pose[..., 2] - trials.true_pose[:, None, 2]
+    assert np.allclose(trials.pose[..., :2], trials.true_pose[..., :2], atol=1e-9)
+    turn = trials.pose[..., 2] - trials.true_pose[..., 2]
     assert np.allclose(np.cos(turn), 1)
 
 
