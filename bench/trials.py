@@ -16,6 +16,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from tactsim.bench.fitting import fit
 from tactsim.bench.slip import STILL, Slip
 from tactsim.core import InputError, Scan, compose, invert
 from tactsim.core.errors import short
@@ -348,7 +349,7 @@ def _fitted(plan: TrialPlan) -> Estimator:
     key = plan.digest
     if key not in _memo:
         estimator = plan.make()
-        estimator.fit(plan.scan)
+        fit(estimator, plan.scan)
         _memo[key] = estimator
         if len(_memo) > _MEMO_SIZE:
             _memo.popitem(last=False)
