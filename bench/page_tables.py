@@ -17,6 +17,7 @@ import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+from tactsim.bench.bound.efficiency import ENOUGH, determined
 from tactsim.bench.places import SWEEPS
 from tactsim.bench.pooled import Figure, Pooled, pool
 from tactsim.bench.report.collect import find
@@ -137,7 +138,7 @@ def cell(one: Pooled, figure: str) -> str:
         found = CURVES[name](one, reading - 1)
         if found.value is None:
             return "-"
-        digits = 2 if name.startswith("error") else 3
+        digits = 2 if name in ("error", "efficiency") else 3
         return f"{found.value:.{digits}f} ({found.low:.{digits}f}-{found.high:.{digits}f})"
     raise unknown("figure", figure, (*READINGS, "ms", *(f"{curve}@5" for curve in CURVES)))
 
@@ -146,10 +147,25 @@ def _error(one: Pooled, k: int) -> Figure:
     return one.mean(one.errors[:, k], of=one.trials.named[:, k])
 
 
+def _bound(one: Pooled, k: int) -> Figure:
+    if one.bounds is None:
+        return Figure(None, None, None)
+    return one.mean(one.bounds[:, k], of=determined(one.bounds[:, k]))
+
+
+def _efficiency(one: Pooled, k: int) -> Figure:
+    if one.bounds is None or determined(one.bounds[:, k]).mean() < ENOUGH:
+        return Figure(None, None, None)
+    counted = one.trials.named[:, k] & determined(one.bounds[:, k])
+    return one.ratio(one.errors[:, k] * counted, one.bounds[:, k] * counted)
+
+
 # The figures that a table may ask for, of a pool of runs: after reading k + 1, and readings by which something holds.
 CURVES: dict[str, Callable[[Pooled, int], Figure]] = {
     "right": lambda one, k: one.mean(one.trials.right[:, k]),
     "error": _error,
+    "bound": _bound,
+    "efficiency": _efficiency,
     "refused_unknown": lambda one, k: one.mean(one.trials.right[:, k], of=~one.trials.known),
     "refused_known": lambda one, k: one.mean(one.trials.label[:, k] == "none", of=one.trials.known),
 }
@@ -161,6 +177,8 @@ READINGS: dict[str, Callable[[Pooled], Figure]] = {
 HEADINGS = {
     "right": "right after {}",
     "error": "error after {}, mm",
+    "bound": "Cramer-Rao bound after {}, mm",
+    "efficiency": "error / bound after {}",
     "refused_unknown": "refused after {}",
     "refused_known": "others refused after {}",
     "settled_95": "95 % settled by",

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from itertools import groupby
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rich.progress import (
     BarColumn,
@@ -27,7 +27,17 @@ from tactsim.bench.results import load, pictures
 from tactsim.bench.run import Run
 from tactsim.bench.trials import Progress as Report
 
-STAGES = {"press": "pressing", "map": "mapping", "trials": "trials", "sweep": "trials", "replay": "replaying"}
+if TYPE_CHECKING:
+    from tactsim.bench.bound.bound import Bound
+
+STAGES = {
+    "press": "pressing",
+    "map": "mapping",
+    "trials": "trials",
+    "sweep": "trials",
+    "replay": "replaying",
+    "bound": "bounding",
+}
 ROWS = (1, 2, 3, 5, 7, 9, 10, 12, 15, 20, 25, 30, 40, 46, 50, 60, 80, 100, 150, 192)
 
 
@@ -140,6 +150,8 @@ def headlines(run: Run) -> list[str]:
             f"error at reading {readings}: {summary['error_mm'][-1]:.2f} mm where the letter is right, "
             f"{summary['error_all_mm'][-1]:.2f} mm over all trials"
         )
+    if run.about.get("no_bound"):
+        lines.append(f"no bound of the error is known: {run.about['no_bound']}")
     if run.config.get("hold_out"):
         lines.append(
             f"taken for none of the known letters at reading {readings}: {summary['refused_unknown'][-1]:.1%} of the "
@@ -179,7 +191,9 @@ def work_line(work: Mapping[str, Any]) -> str:
 
 def _table(summary: dict[str, Any], readings: int) -> Table:
     table = Table(box=None, pad_edge=False)
-    for heading in ("readings", "accuracy", "95 % interval", "error mm", "all trials mm"):
+    headings = ["readings", "accuracy", "95 % interval", "error mm", "all trials mm"]
+    bounded = any(bound is not None for bound in summary["bound_mm"])
+    for heading in [*headings, "bound mm", "x bound"] if bounded else headings:
         table.add_column(heading, justify="right")
     for reading in sorted({row for row in (*ROWS, readings) if row <= readings}):
         k = reading - 1
@@ -190,8 +204,42 @@ def _table(summary: dict[str, Any], readings: int) -> Table:
             f"{summary['accuracy_low'][k]:.3f} - {summary['accuracy_high'][k]:.3f}",
             "-" if error is None else f"{error:.2f}",
             f"{summary['error_all_mm'][k]:.2f}",
+            *([_number(summary["bound_mm"][k], 3), _number(summary["efficiency"][k], 2)] if bounded else []),
         )
     return table
+
+
+def print_bound(found: Bound) -> None:
+    """Print the best possible by reading: exact Bayes, and the Cramer-Rao bounds where readings determine the pose."""
+    console, values = plain_console(), found.as_json()
+    console.print("the best possible", style="bold", end="; ")
+    console.print(
+        f"{' '.join(values['letters'])}: {values['trials']} trials each, {values['protocol']}, seed {values['seed']}"
+    )
+    table = Table(box=None, pad_edge=False)
+    for heading in ("readings", "right", "error mm", "bound mm", "determined", "of classes mm", "determined"):
+        table.add_column(heading, justify="right")
+    for reading in sorted({row for row in (*ROWS, values["readings"]) if row <= values["readings"]}):
+        k = reading - 1
+        table.add_row(
+            str(reading),
+            f"{values['bayes_accuracy'][k]:.3f}",
+            _number(values["bayes_error_mm"][k], 3),
+            _number(values["bound_mm"][k], 3),
+            f"{values['determined'][k]:.3f}",
+            _number(values["classes_bound_mm"][k], 3),
+            f"{values['classes_determined'][k]:.3f}",
+        )
+    console.print(table)
+    console.print(
+        "right, error: exact Bayes, which knows the press. bound: Cramer and Rao's, of the pressures and of the three "
+        "classes of eq. 3, over the trials that their readings determine to "
+        f"{values['determined_below_mm']:g} mm; - where these are too few, and the bound is the prior's."
+    )
+
+
+def _number(value: float | None, digits: int) -> str:
+    return "-" if value is None else f"{value:.{digits}f}"
 
 
 def _or_never(reading: int | None, readings: int) -> str:

@@ -15,21 +15,22 @@ from tactsim.core.poses import FloatArray
 # A trial counts as determined by its readings if its bound is at most this. Beyond, what is known beforehand and what
 # was not touched say more than the slopes of the readings: the bound is then the prior's.
 MOST_MM = 0.5
+FARTHEST_MM = 1000.0  # the bound where readings determine nothing: no object is lost by more
 _LOGS = np.arange(-80.0, 80.5, 0.5)  # nodes of the integral in `mean_length`
 
 
 def bound_mm(information: FloatArray, of: Properties) -> FloatArray:
     """Bound the mean placement error (...,) mm by the inverse of information (..., 3, 3) on an object's small move.
 
-    A disc has no turn. Where the information is singular the bound is inf.
+    A disc has no turn. Where the information is singular the bound is FARTHEST_MM, as it is beyond.
     """
     weights = np.array([1.0, 1.0, np.sqrt(of.inertia_over_mass)])[: 2 if of.symmetry == 0 else 3]
     size = len(weights)
     eigen = np.linalg.eigvalsh(information[..., :size, :size] / weights[:, None] / weights)
     # Rounding leaves some 1e-16 of the largest where there is nothing.
     whole = eigen[..., 0] > 1e-12 * np.maximum(eigen[..., -1], 1e-300)
-    result = np.full(eigen.shape[:-1], np.inf)
-    result[whole] = mean_length(1 / eigen[whole])
+    result = np.full(eigen.shape[:-1], FARTHEST_MM)
+    result[whole] = np.minimum(mean_length(1 / eigen[whole]), FARTHEST_MM)
     return result
 
 

@@ -26,13 +26,17 @@ SIDE, ANGLES = 16, 40  # cells along x and y and round the circle, before any is
 _DEPTH = 6  # times that a cell may be halved along x, y and angle
 _SPLIT = 1e-3  # share of the belief above which a cell is split
 _DEAD = 30.0  # nats below the heaviest cell, at which a cell is given up
+_STEEPEST = (
+    1e4  # kPa, by which a taxel changes at most over a cell: beyond, as in a sliver, rounding eats the noise
+)
 _EDGES = 2  # rounds of splitting cells that do not touch and lie beside such that do
 
 
 @dataclass(frozen=True, eq=False)
 class _Cells:
     """Parts of the state space: letter (n,), robot_in_object of their middles (n, 3), how often halved (n,), and the
-    log-likelihood of the readings so far, averaged over the cell (n,)."""
+    log-likelihood of the readings so far, averaged over the cell (n,).
+    """
 
     letter: NDArray[np.int64]
     pose: FloatArray
@@ -152,7 +156,11 @@ class ExactBayes(Estimator):
             for first in range(0, len(rows), 4096):
                 some = rows[first : first + 4096]
                 found, touching[some] = self._log_likelihood(
-                    name, cells.pose[some], self._size / 2.0 ** cells.depth[some, None], reading, sensor_in_robot
+                    name,
+                    cells.pose[some],
+                    self._size / 2.0 ** cells.depth[some, None],
+                    reading,
+                    sensor_in_robot,
                 )
                 log_p[some] += found
         self._evaluations += len(log_p)
@@ -174,10 +182,10 @@ class ExactBayes(Estimator):
         within = np.concatenate([along, turn[:, None]], axis=1) * (size / np.sqrt(12))[..., None]
         spread = np.concatenate([found.nuisance, within], axis=1)
         apart = reading - found.mean
-        touching = found.mean.any(axis=1)
+        touching = (found.mean != 0).any(axis=1)
         squared = (apart**2).sum(axis=1)
         log_p = -squared / (2 * self._noise)
-        u = spread[touching]
+        u = spread[touching].clip(-_STEEPEST, _STEEPEST)
         inner = self._noise * np.eye(u.shape[1]) + u @ u.swapaxes(1, 2)
         seen = np.einsum("nkt,nt->nk", u, apart[touching])
         solved = np.linalg.solve(inner, seen[..., None])[..., 0]

@@ -47,7 +47,7 @@ class ScanInformation:
     objects: Mapping[str, Properties]
 
     def bounds(self, trials: Trials, of: str = "pressures") -> FloatArray:
-        """Bound the mean placement error of every trial after each reading, (n, r) mm; inf where nothing bounds it.
+        """Bound the mean placement error of every trial after each reading, (n, r) mm.
 
         of: "pressures", or "classes" for an estimator that sees the three classes of eq. 3 only.
         """
