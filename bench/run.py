@@ -71,6 +71,9 @@ class Run:
     error_all_mm = _Curve(score.error_all_mm)
     negative_log_likelihood = _Curve(score.negative_log_likelihood)
     calibration_gap = _Curve(score.calibration_gap)
+    coverage_50 = _Curve(score.coverage_50)
+    coverage_90 = _Curve(score.coverage_90)
+    sharpness_mm = _Curve(score.sharpness_mm)
     refused_known = _Curve(score.refused_known)
     refused_unknown = _Curve(score.refused_unknown)
     evaluations = _Curve(score.evaluations)
@@ -78,17 +81,22 @@ class Run:
     @property
     def bound_mm(self) -> FloatArray:
         """Mean Cramer-Rao bound of the trials, (readings,) mm; NaN where it is the prior's or not known."""
-        return np.array(self.summary["bound_mm"], dtype=float)
+        return np.array(self.against_bound["bound_mm"], dtype=float)
 
     @property
     def efficiency(self) -> FloatArray:
         """Mean error over mean bound of the same trials, (readings,); NaN where the bound is."""
-        return np.array(self.summary["efficiency"], dtype=float)
+        return np.array(self.against_bound["efficiency"], dtype=float)
 
     @cached_property
     def summary(self) -> dict[str, Any]:
         """Every metric by name, computed from the trials: lists over the reading count, and headlines."""
-        return summarise(self.trials, self.objects) | bound_curves(self.bounds, self.trials, self.objects)
+        return summarise(self.trials, self.objects)
+
+    @cached_property
+    def against_bound(self) -> dict[str, Any]:
+        """The bound of the error, and error over bound, by reading: `bound_mm`, `determined`, `efficiency`."""
+        return bound_curves(self.bounds, self.trials, self.objects)
 
     @property
     def all_right_from(self) -> int | None:
@@ -169,6 +177,7 @@ class Run:
         )
         return {
             **self.summary,
+            **self.against_bound,
             **{name: self.config[name] for name in asked},
             **{name: self.about[name] for name in found},
             "seconds": self.times["seconds"],

@@ -13,8 +13,8 @@ from tactsim.bench.bound.efficiency import bounds_of_trials
 from tactsim.bench.config import RunConfig
 from tactsim.bench.fitting import fit
 from tactsim.bench.machine import machine, peak_memory_mb, versions
+from tactsim.bench.placement_error import properties
 from tactsim.bench.run import Run
-from tactsim.bench.score import properties
 from tactsim.bench.trials import (
     Progress,
     Task,

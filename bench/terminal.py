@@ -75,7 +75,7 @@ def print_run(run: Run, folder: Path) -> None:
         f"{about['description']}\n"
         f"{' '.join(about['letters'])}: {config['trials']} trials each, {about['protocol']}, seed {config['seed']}"
     )
-    console.print(_table(summary, run.trials.label.shape[1]))
+    console.print(_table(summary, run.against_bound, run.readings))
     for line in headlines(run):
         console.print(line)
     console.print(f"results  {folder}")
@@ -130,7 +130,7 @@ def _print_single(runs: Sequence[tuple[Path, Run]]) -> None:
                 f"{accuracy[-1]:.3f}",
                 str(summary["all_right_from"] or "-"),
                 str(summary["settled_95"] or "-"),
-                "-" if error is None else f"{error:.2f}",
+                _number(error, 2),
                 f"{1e3 * float(trials.seconds.mean()):.3f}",
             )
         console.print(table)
@@ -150,8 +150,17 @@ def headlines(run: Run) -> list[str]:
             f"error at reading {readings}: {summary['error_mm'][-1]:.2f} mm where the letter is right, "
             f"{summary['error_all_mm'][-1]:.2f} mm over all trials"
         )
+    if run.against_bound["bound_mm"][-1] is not None:
+        lines.append(
+            f"bound of the error at reading {readings} (Cramer and Rao): {run.against_bound['bound_mm'][-1]:.3f} mm"
+        )
     if run.about.get("no_bound"):
         lines.append(f"no bound of the error is known: {run.about['no_bound']}")
+    if run.summary["sharpness_mm"][-1] is not None:
+        lines.append(
+            f"the place at reading {readings}: 90 % sure of it within {run.summary['sharpness_mm'][-1]:.2f} mm, "
+            f"and so it was in {run.summary['coverage_90'][-1]:.0%} of the trials whose letter is right"
+        )
     if run.config.get("hold_out"):
         lines.append(
             f"taken for none of the known letters at reading {readings}: {summary['refused_unknown'][-1]:.1%} of the "
@@ -189,11 +198,13 @@ def work_line(work: Mapping[str, Any]) -> str:
     return (done or "none") + (f"; skipped: {skipped}" if skipped else "")
 
 
-def _table(summary: dict[str, Any], readings: int) -> Table:
+def _table(summary: Mapping[str, Any], against_bound: Mapping[str, Any], readings: int) -> Table:
     table = Table(box=None, pad_edge=False)
-    headings = ["readings", "accuracy", "95 % interval", "error mm", "all trials mm"]
-    bounded = any(bound is not None for bound in summary["bound_mm"])
-    for heading in [*headings, "bound mm", "x bound"] if bounded else headings:
+    sure = any(value is not None for value in summary["sharpness_mm"])
+    bounded = any(bound is not None for bound in against_bound["bound_mm"])
+    headings = ["readings", "accuracy", "95 % interval", "error mm"]
+    headings += ["x bound"] * bounded + ["all mm"] + ["90 % in mm", "held"] * sure
+    for heading in headings:
         table.add_column(heading, justify="right")
     for reading in sorted({row for row in (*ROWS, readings) if row <= readings}):
         k = reading - 1
@@ -202,9 +213,10 @@ def _table(summary: dict[str, Any], readings: int) -> Table:
             str(reading),
             f"{summary['accuracy'][k]:.3f}",
             f"{summary['accuracy_low'][k]:.3f} - {summary['accuracy_high'][k]:.3f}",
-            "-" if error is None else f"{error:.2f}",
+            _number(error, 2),
+            *([_number(against_bound["efficiency"][k], 2)] if bounded else []),
             f"{summary['error_all_mm'][k]:.2f}",
-            *([_number(summary["bound_mm"][k], 3), _number(summary["efficiency"][k], 2)] if bounded else []),
+            *(_number(summary[name][k], 2) for name in ("sharpness_mm", "coverage_90") if sure),
         )
     return table
 

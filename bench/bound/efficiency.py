@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from tactsim.bench.bound.cramer_rao import MOST_MM
 from tactsim.bench.bound.response import is_quick
 from tactsim.bench.bound.scan_information import pressed_letters, scan_information, stated_options
-from tactsim.bench.score import Properties, errors
+from tactsim.bench.placement_error import Properties
+from tactsim.bench.score import errors
 from tactsim.bench.trials import Trials
 from tactsim.core.errors import InputError
 from tactsim.core.poses import FloatArray

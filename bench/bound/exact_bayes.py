@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from tactsim.bench.bound.response import noise_variance
 from tactsim.bench.bound.scan_information import pressed_letters, stated_options
-from tactsim.bench.score import Properties, fold_angle, properties
+from tactsim.bench.placement_error import Properties, fold_angle, properties
 from tactsim.bench.trials import TRANSLATION_MM
 from tactsim.core.forward import ForwardModel
 from tactsim.core.poses import FloatArray, compose, invert

@@ -14,7 +14,7 @@ import numpy as np
 from tactsim.bench.bound.cramer_rao import bound_mm
 from tactsim.bench.bound.information import of_classes, of_pressures
 from tactsim.bench.bound.response import noise_variance, respond
-from tactsim.bench.score import Properties, properties
+from tactsim.bench.placement_error import Properties, properties
 from tactsim.bench.trials import Trials
 from tactsim.core.checking import checked
 from tactsim.core.errors import InputError

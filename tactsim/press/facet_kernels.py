@@ -351,8 +351,8 @@ def press_all(
     """Find where each press rests, and what each cell of the pad carries there.
 
     facets, front: as `gather` takes them. poses: (presses, 4) x, y, cos, sin. tilts: (presses, 2) rad. x_lines,
-    y_lines: edges of the cells, mm. forces: (presses,) N. stiffness: N/mm^3. thickness: mm of the layer. wrist: N mm / rad,
-    infinite for a rigid one. height: mm to which the shape may sink in.
+    y_lines: edges of the cells, mm. forces: (presses,) N. stiffness: N/mm^3. thickness: mm of the layer.
+    wrist: N mm / rad, infinite for a rigid one. height: mm to which the shape may sink in.
     Fills states (presses, STATE) and loads (presses, 6 * cells): of each cell N times 1, u, v, uu, uv, vv, mm from
     its centre.
     """

@@ -142,9 +142,7 @@ class PressOptions(BaseModel):
 
         A layer that the force would press by more than its thickness is stiffer: just enough to stop there.
         """
-        return max(
-            self.stiffness, 1e3 * (self.force if force is None else force) / (area * self.thickness)
-        )
+        return max(self.stiffness, 1e3 * (self.force if force is None else force) / (area * self.thickness))
 
     @model_validator(mode="after")
     def _steps_springs_alone(self) -> PressOptions:

@@ -1,4 +1,4 @@
-"""The sensor's imperfections: hysteresis, gain, response, lag, drift, noise, random and dead taxels, saturation, resolution."""
+"""The sensor's imperfections: gain, response, hysteresis, lag, drift, noise, broken taxels, saturation, resolution."""
 
 from __future__ import annotations
 

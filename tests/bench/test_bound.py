@@ -14,7 +14,8 @@ import tactsim
 from tactsim import models
 from tactsim.bench.bound import cramer_rao, information, response
 from tactsim.bench.bound.scan_information import scan_information
-from tactsim.bench.score import Properties, errors
+from tactsim.bench.placement_error import Properties
+from tactsim.bench.score import errors
 from tactsim.core import InputError, compose
 from tactsim.estimators.likelihoods.classifier import CONTACT, NO_CONTACT, classify
 from tactsim.press import SensorOptions
