@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
+from tactsim.bench.slip import SLIPS, Slip
 from tactsim.core import InputError
 from tactsim.core.checking import checked
 from tactsim.core.documents import read_toml
@@ -77,13 +78,13 @@ class ScanWords(BaseModel):
         (), description="A shape of your own beside the letters: STL, OBJ, GLB or SVG; repeat for several."
     )
     test_poses: Literal["same", "random"] = Field(
-        "same",
-        description="Test readings at the training poses (same, as in the paper) or off the grid (random).",
+        "random",
+        description="Test readings at random poses within 12 mm, or at the training poses (same: as in the paper).",
     )
     world: str = Field(
         "default",
         description="How good the data are: default, level, paper-like (rigid tilt), rough (placement error, random "
-        "classes), ideal, or a file of `bench validate`.",
+        "classes), ideal, slip (the object moves between touches), or a file of `bench validate`.",
     )
     noise: str | float | None = Field(
         None,
@@ -103,7 +104,7 @@ class ScanWords(BaseModel):
         """
         from tactsim.press import WORLDS, ScanOptions
 
-        values = _world(self.world)
+        values = {name: value for name, value in _world(self.world).items() if name != "slip"}
         if self.noise == "off":
             values = merged(values, WORLDS["ideal"])
         elif self.noise is not None:
@@ -117,7 +118,7 @@ class ScanWords(BaseModel):
 
 
 class RunConfig(ScanWords):
-    """One run of the paper's protocol: an estimator, its readings and how it is tried.
+    """One run: an estimator, its readings and how it is tried.
 
     By default letters are pressed as the fields of `ScanWords` say. With `scan` the readings come from that
     file, and with `given` from Python; `letters` then selects some of their letters. With `train_scan` the
@@ -138,6 +139,11 @@ class RunConfig(ScanWords):
     readings: int = Field(60, ge=1, description="Readings a trial, without replacement.")
     explore: Literal["random", "information"] = Field(
         "random", description="Order of the readings: random, or information (the estimator proposes)."
+    )
+    slip: Annotated[dict[str, Any], BeforeValidator(_nested)] = Field(
+        {},
+        description="How the object moves between touches, e.g. walk_mm=1; `bench list slip` names all. Default: "
+        "as the world says.",
     )
     scan: Path | None = Field(None, description="Readings from a file instead of the press.")
     train_scan: Path | None = Field(
@@ -171,6 +177,11 @@ class RunConfig(ScanWords):
         """Tell whether the readings are pressed for this run."""
         return self.scan is None and self.given is None
 
+    @cached_property
+    def moving(self) -> Slip:
+        """Resolve how the object moves: as the world says, changed by `slip`. Raises InputError for a wrong value."""
+        return checked(Slip, merged(_world(self.world).get("slip", {}), self.slip), "slip")
+
     @property
     def options(self) -> dict[str, Any]:
         """Give the estimator's options: `set`, `bins` and `particles`."""
@@ -188,13 +199,15 @@ class RunConfig(ScanWords):
     def digest(self) -> str:
         """Hash what the run is asked to do; equal values have one digest, whatever a world's file is called."""
         rest = self.model_dump(mode="json", include={"estimator", "trials", "readings", "explore", "seed"})
-        content = json.dumps([self.source, self.options, rest], sort_keys=True, default=str)
+        moves = [] if self.moving.still else [self.moving.model_dump(mode="json")]
+        content = json.dumps([self.source, self.options, rest, *moves], sort_keys=True, default=str)
         return hashlib.sha256(content.encode()).hexdigest()
 
 
 def run_config(**words: Any) -> RunConfig:
     """Build a run's configuration. Raises InputError with one line, also for a wrong option of the scan."""
     config = checked(RunConfig, words, "run")
+    _ = config.moving
     if config.pressed:
         _ = config.scan_options
     return config
@@ -211,9 +224,10 @@ def _world(name: str) -> Mapping[str, Any]:
 
     if name.endswith(".toml"):
         return read_toml(name, "world")
-    if name not in WORLDS:
-        raise unknown("world", name, [*WORLDS, "FILE.toml"])
-    return WORLDS[name]
+    worlds = WORLDS | SLIPS
+    if name not in worlds:
+        raise unknown("world", name, [*worlds, "FILE.toml"])
+    return worlds[name]
 
 
 def merged(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:

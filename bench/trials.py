@@ -16,6 +16,10 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from tactsim.bench.certainty import certainty
+from tactsim.bench.fitting import fit
+from tactsim.bench.placement_error import Properties, properties
+from tactsim.bench.slip import STILL, Slip
 from tactsim.core import InputError, Scan, compose, invert
 from tactsim.core.errors import short
 from tactsim.core.poses import FloatArray
@@ -44,10 +48,11 @@ class Trials:
     """What was estimated after every reading of n trials of r readings: the raw result of a run.
 
     truth: (n,) letters. known: (n,) whether the estimator was trained on that letter; if not, NONE is the right
-    label. trial: (n,) number within the letter. true_pose: (n, 3) robot_in_object.
+    label. trial: (n,) number within the letter. true_pose: (n, r, 3) robot_in_object at each touch.
     reading: (n, r) which of the letter's test readings was taken. label: (n, r) the estimate (eq. 9,
     14). p_truth, p_label: (n, r) probabilities given to the right and to the estimated label. pose:
-    (n, r, 3) estimated robot_in_object. evaluations: (n, r) likelihood evaluations of that update.
+    (n, r, 3) estimated robot_in_object. credibility, radius_90: (n, r) how sure the estimator was of the pose, see
+    `certainty.Certainty`; NaN where it did not say. evaluations: (n, r) likelihood evaluations of that update.
     update_s, estimate_s, propose_s: (n, r) seconds of processor time.
     """
 
@@ -60,6 +65,8 @@ class Trials:
     p_truth: FloatArray
     p_label: FloatArray
     pose: FloatArray
+    credibility: FloatArray
+    radius_90: FloatArray
     evaluations: NDArray[np.int64]
     update_s: FloatArray
     estimate_s: FloatArray
@@ -79,6 +86,11 @@ class Trials:
     def named(self) -> NDArray[np.bool_]:
         """Tell for (n, r) whether the letter is known and right: only then is a placement error counted."""
         return self.right & self.known[:, None]
+
+    @property
+    def sure(self) -> NDArray[np.bool_]:
+        """Tell for (n, r) whether the letter is known and right, and the estimator said how sure it is of the pose."""
+        return self.named & ~np.isnan(self.credibility)
 
     @property
     def seconds(self) -> FloatArray:
@@ -104,7 +116,7 @@ def draw_true_pose(rng: np.random.Generator) -> FloatArray:
 
 
 def generator(seed: int, task: Task, stream: int) -> np.random.Generator:
-    """Make the generator of one trial; stream 0 draws pose and order, stream 1 is the estimator's.
+    """Make the generator of one trial; stream 0 draws pose and order, 1 is the estimator's, 2 moves the object.
 
     It depends on its arguments alone. So the trials are the same in any order, in any number of processes and
     for any estimator.
@@ -138,34 +150,44 @@ def run_trial(
     letters: Sequence[str],
     readings: int,
     seed: int,
+    of: Properties,
     explore: Explore = "random",
+    slip: Slip = STILL,
     observe: Callable[[Estimate], None] | None = None,
 ) -> Trials:
     """Recognise one hidden object: present `readings` of its test readings, estimate after each.
 
-    `test` holds the letter's test readings only; `letters` are those that the estimator was trained on.
+    `test` holds the letter's test readings only; `letters` are those that the estimator was trained on; `of` are
+    the letter's properties, for the metric of its placement.
     Readings come in random order without replacement, or, with explore="information", as the estimator
-    proposes. observe(estimate) is called after each reading, and its time does not count. Times are this
-    process's processor time, so that other programs on the machine do not count either.
+    proposes. slip: how the object moves between touches; the sensor's poses, candidates' too, are those that
+    go with the object's pose at that touch. observe(estimate) is called after each reading, and its time does
+    not count. Times are this process's processor time, so that other programs on the machine do not count either.
 
     Raises InputError that names the estimator if its answer is not a valid estimate or proposal.
     """
     rng = generator(seed, task, 0)
-    true_pose = draw_true_pose(rng)
+    first = draw_true_pose(rng)
     order = rng.permutation(len(test))[:readings]
-    sensor_in_robot = compose(invert(true_pose), test.poses)
+    true_pose = np.tile(first, (readings, 1))
+    if not slip.still:
+        true_pose = slip.poses(first, readings, generator(seed, task, 2))
+    sensor_in_robot = compose(invert(first), test.poses)
     estimator.reset(generator(seed, task, 1))
 
     left = np.arange(len(test))
     known = task.truth in letters
     right, label = task.truth if known else NONE, []
     taken = np.empty(readings, dtype=np.int64)
-    numbers = {name: np.empty(readings) for name in ("p_truth", "p_label", "update_s", "estimate_s")}
+    measured = ("p_truth", "p_label", "credibility", "radius_90", "update_s", "estimate_s")
+    numbers = {name: np.empty(readings) for name in measured}
     propose_s = np.zeros(readings)
     evaluations = np.empty(readings, dtype=np.int64)
     pose = np.empty((readings, 3))
     before = _evaluations(estimator)
     for k in range(readings):
+        if not slip.still:
+            sensor_in_robot = compose(invert(true_pose[k]), test.poses)
         if explore == "information":
             start = process_time()
             chosen = estimator.propose(sensor_in_robot[left])
@@ -188,6 +210,8 @@ def run_trial(
         numbers["p_truth"][k] = estimate.probabilities.get(right, 0.0)
         numbers["p_label"][k] = estimate.probabilities[estimate.label]
         pose[k] = estimate.robot_in_object
+        sure = certainty(estimate, true_pose[k], of)
+        numbers["credibility"][k], numbers["radius_90"][k] = sure.credibility, sure.radius
         after = _evaluations(estimator)
         evaluations[k], before = after - before, after
         if observe is not None:
@@ -217,6 +241,7 @@ class TrialPlan:
     readings: int
     seed: int
     explore: Explore = "random"
+    slip: Slip = STILL
     given: Estimator | bytes | None = None
 
     def make(self) -> Estimator:
@@ -310,14 +335,15 @@ def _run_here(
     plan: TrialPlan, estimator: Estimator, tasks: list[Task], report: Callable[[int], None]
 ) -> tuple[Trials, dict[str, Any]]:
     tests = {truth: plan.scan.where("test", truth) for truth in {task.truth for task in tasks}}
-    letters = plan.scan.where("train").letters
+    letters, objects = plan.scan.where("train").letters, properties(plan.scan)
     before = Counter(flatten_work(estimator.work))
     parts = []
     for number, task in enumerate(tasks, start=1):
         parts.append(
             run_trial(
                 estimator, tests[task.truth], task, letters=letters,
-                readings=plan.readings, seed=plan.seed, explore=plan.explore,
+                readings=plan.readings, seed=plan.seed, of=objects[task.truth], explore=plan.explore,
+                slip=plan.slip,
             )
         )  # fmt: skip
         report(number)
@@ -343,7 +369,7 @@ def _fitted(plan: TrialPlan) -> Estimator:
     key = plan.digest
     if key not in _memo:
         estimator = plan.make()
-        estimator.fit(plan.scan)
+        fit(estimator, plan.scan)
         _memo[key] = estimator
         if len(_memo) > _MEMO_SIZE:
             _memo.popitem(last=False)
