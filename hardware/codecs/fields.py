@@ -136,6 +136,12 @@ class FieldsFormat(CodecFormat):
     kpa_per_count: float = Field(description="kPa of one count; kPa = (value - zero) * kpa_per_count")
     start: Bytes = Field(b"", max_length=256, description="bytes that make the device speak, sent once")
     request: Bytes = Field(b"", max_length=256, description="bytes that ask for one frame")
+    request_every_s: float = Field(
+        0.0,
+        ge=0,
+        le=60,
+        description="s from one request to the next, at least: no less than the device measures in",
+    )
 
     @model_validator(mode="after")
     def _makes_sense(self) -> FieldsFormat:
@@ -277,7 +283,8 @@ class FieldsCodec(Codec[Frame]):
 
     def dialogue(self, addresses: tuple[int, ...], counters: Counters) -> Dialogue:
         """Listen, or ask for each frame if the format says how."""
-        return Listening(counters, self.format.start, self.format.request)
+        form = self.format
+        return Listening(counters, form.start, form.request, form.request_every_s)
 
     def fails_checksum(self, buffer: bytes | bytearray, start: int) -> bool:
         """Tell whether header, lengths and fixed bytes of a frame agree at `start`, and the checksum does not."""
