@@ -72,6 +72,8 @@ def readings_figure(run: Run) -> Picture:
         label="95 % interval of the mean",
     )  # fmt: skip
     right.plot(number, error, color=ORANGE, lw=1.8, label="where the letter is right")
+    if run.bounds is not None:
+        right.plot(number, run.bound_mm, color="black", lw=1, ls=(0, (5, 3)), label="Cramer-Rao bound")
     right.plot(number, summary["error_all_mm"], color=GREY, lw=1, ls="--", label="over all trials")
     right.set(
         xlim=(1, max(2, number[-1])), yscale="log", xlabel="readings seen", ylabel="placement error, mm"

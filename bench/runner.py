@@ -9,7 +9,9 @@ from time import perf_counter
 from typing import Any
 
 from tactsim.bench.agreement import eq3_agreement
+from tactsim.bench.bound.efficiency import bounds_of_trials
 from tactsim.bench.config import RunConfig
+from tactsim.bench.fitting import fit
 from tactsim.bench.machine import machine, peak_memory_mb, versions
 from tactsim.bench.placement_error import properties
 from tactsim.bench.run import Run
@@ -76,7 +78,7 @@ def perform(
 
     fitting = perf_counter()
     progress("map", 0, 1)
-    fitted.fit(gathered.scan)
+    fit(fitted, gathered.scan)
     progress("map", 1, 1)
 
     trying = perf_counter()
@@ -172,11 +174,13 @@ def finished_run(
     the trials of several runs at once, has none.
     """
     objects = properties(gathered.scan)
+    bounds, no_bound = bounds_of_trials(gathered.scan, trials, config.explore)
     made = estimator or create(config.estimator, **config.options)
     about: dict[str, Any] = {
         "protocol": _protocol_name(config, gathered.scan),
         "letters": list(gathered.letters),
         "slip": config.moving.describe(),
+        "no_bound": no_bound,
         **about_estimator(made),
         "classifier_agreement": eq3_agreement(gathered.scan, made.options),
         "scan": dict(gathered.scan.meta),
@@ -205,6 +209,7 @@ def finished_run(
         work=gathered.work | work | {"skipped": gathered.work["skipped"] | work["skipped"]},
         trials=trials,
         times=times,
+        bounds=bounds,
     )
 
 

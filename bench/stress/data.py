@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from tactsim.bench.fitting import fit
 from tactsim.bench.trials import draw_true_pose
 from tactsim.core import InputError, Pad, Scan, compose, invert
 from tactsim.core.poses import FloatArray
@@ -30,7 +31,7 @@ def pressed(letters: str = "AEIOU", world: str = "default", pad: Pad | None = No
 def fitted(name: str, scan: Scan, **options: Any) -> Estimator:
     """Make an estimator, fit it and begin a sequence with seed 0."""
     estimator = create(name, **options)
-    estimator.fit(scan)
+    fit(estimator, scan)
     estimator.reset(np.random.default_rng(0))
     return estimator
 
