@@ -25,7 +25,8 @@ def tables(groups: Sequence[Group], replayed: Sequence[Replayed]) -> dict[str, s
     made: dict[str, Table] = {
         "readings": (
             (*_WHO, "reading", "accuracy", "accuracy_low", "accuracy_high",
-             "error_mm", "error_low_mm", "error_high_mm", "error_all_mm"), _readings(groups),
+             "error_mm", "error_low_mm", "error_high_mm", "error_all_mm", "bound_mm", "error_over_bound"),
+            _readings(groups),
         ),
         "pareto": (
             (*_WHO, "method", "budget_option", "budget", "readings", "seconds_per_recognition",
@@ -80,6 +81,7 @@ def _readings(groups: Sequence[Group]) -> Iterator[Sequence[Any]]:
             columns = (
                 s["accuracy"], s["accuracy_low"], s["accuracy_high"],
                 s["error_mm"], *error_band(s), s["error_all_mm"],
+                entry.run.against_bound["bound_mm"], entry.run.against_bound["efficiency"],
             )  # fmt: skip
             for number, row in enumerate(zip(*columns, strict=True), start=1):
                 yield *_who(group, entry), number, *row
