@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from pydantic import Field
 
 from tactsim.core import Scan, compose
+from tactsim.core.forward import Linearised
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.estimator import (
     Estimate,
@@ -19,7 +21,7 @@ from tactsim.estimators.estimator import (
     check_order,
     check_reading,
 )
-from tactsim.estimators.filters.modes import Modes
+from tactsim.estimators.filters.modes import GYRATION, Modes, sensor_motion
 from tactsim.estimators.filters.placement import mean_around
 from tactsim.estimators.filters.pose_bank import PoseBank
 from tactsim.estimators.filters.weights import Weights
@@ -33,6 +35,13 @@ _LOST = 1e-6  # probability that the true mode was given up
 _OUTLIER = 1e-3  # probability of a reading that no mode explains
 _SAMPLES = 256
 _ROUNDS = 4  # of Gauss and Newton after a reading, at most
+_CANDIDATES = 10  # places of the bank that are looked at closely for each mode that is begun
+_CELL = 0.6  # standard deviation of a cell's prior over its size; a sum of such Gaussians is nearly even
+_ROUGH = 1.5  # times the noise: what a bank's linear predictions are off by within a cell
+_FEW = 200  # modes; more are not compared with each other
+_RESTARTS = 4
+# A reading is expanded again where its mode has moved by this share of its standard deviation, within limits in mm.
+_STALE, _STALE_MM = 0.25, (0.02, 0.25)
 
 
 class SynthesisOptions(Options):
@@ -73,7 +82,7 @@ class Synthesis(Estimator):
         forward = self.forward
         self.noise = forward.noise
         self.banks = [
-            PoseBank.pressed(forward, label, self.options.spacing, self.options.angles, self.noise)
+            PoseBank.pressed(forward, label, self.options.spacing, self.options.angles)
             for label in self.labels
         ]
         self._typical = float(
@@ -93,6 +102,7 @@ class Synthesis(Estimator):
         self._floor = np.empty(0)
         self._scouts = np.zeros((len(self.labels), _SCOUTS))
         self._modes: Modes | None = None
+        self._restarts = 0
 
     def update(self, reading: ArrayLike, sensor_in_robot: ArrayLike) -> None:
         """Take in one reading (taxels,) kPa at the pose sensor_in_robot [mm, mm, rad]."""
@@ -104,113 +114,130 @@ class Synthesis(Estimator):
         self._floor = np.append(
             self._floor, math.log(_OUTLIER) - len(values) / 2 * (math.log(2 * math.pi * broad) + 1)
         )
-        if self._modes is not None:
-            self._modes = self._followed(self._modes)
+        says_where = float((values**2).sum()) > _CONTACT * self.noise**2
+        if self._modes is None:
+            self._scout(values, pose)
+            if says_where:
+                self._modes = self._settled(self._begun())
             return
-        if (values**2).sum() > _CONTACT * self.noise**2:
-            self._modes = self._begun()
-            return
+        number = len(self._readings) - 1
+        modes = self._settled(self._taken_in(self._modes, number))
+        best = int(modes.log_weight.argmax())
+        unexplained = modes.log_p_of_readings()[best, number] < self._floor[number]
+        if unexplained and says_where and self._restarts < _RESTARTS:
+            self._restarts += 1
+            modes = self._settled(modes.joined(self._begun()))
+        self._modes = modes
+
+    def _scout(self, reading: FloatArray, pose: FloatArray) -> None:
+        """Weigh states all over the prior, for as long as no reading says where the letter is."""
         poses = compose(self._scout_states, pose)
         for log_p, bank in zip(self._scouts, self.banks, strict=True):
-            log_p += bank.log_p_at(values, poses)
+            log_p += bank.log_p_at(reading, poses)
 
     def _begun(self) -> Modes:
-        """Begin with the best places of the last reading, and take in all readings so far."""
-        states, scores, letters = [], [], []
-        for number, bank in enumerate(self.banks):
-            found, score = bank.seeds(self._readings[-1], self._poses[-1], self.options.reach)
-            states.append(found)
-            scores.append(score)
-            letters.append(np.full(len(found), number))
-        score = np.concatenate(scores)
-        best = _highest(score, self.options.modes)
-        spacing = self.banks[0].spacing
-        modes = Modes.begun(
-            np.concatenate(letters)[best], np.concatenate(states)[best], np.diag((0.6 * spacing) ** 2)
-        )
+        """Begin with the best places of the last reading, and take in all readings before it."""
         last = len(self._readings) - 1
-        for number in [last, *range(last)]:
-            modes = modes.with_reading(modes.mean, *self._expanded(modes.letter, modes.mean, number))
-            modes = modes.posterior(self._floor[[last, *range(last)][: modes.log_p.shape[1]]])
-            modes = modes.heaviest(self.options.modes, _NEGLIGIBLE)
-        order = np.argsort([last, *range(last)])
-        modes = Modes(
-            **{
-                name: value[:, order] if name in ("at", "log_p", "gradient", "information") else value
-                for name, value in vars(modes).items()
-            }
-        )
-        return self._settled(modes)
+        places = [
+            bank.places(self._readings[last], self._poses[last], self.options.reach) for bank in self.banks
+        ]
+        letter = np.repeat(np.arange(len(places)), [len(one.score) for one in places])
+        entry, turned, state, score = (np.concatenate(column) for column in zip(*places, strict=True))
+        copies = np.log([bank.copies for bank in self.banks])[letter]
+        best = np.sort(_highest(score + copies, _CANDIDATES * self.options.modes))
+        letter, entry, turned, state = letter[best], entry[best], turned[best], state[best]
 
-    def _followed(self, modes: Modes) -> Modes:
-        """Take in the last reading."""
+        def from_bank(one: int, which: NDArray[np.intp]) -> Linearised:
+            return self.banks[one].predicted(entry[which], turned[which])
+
+        modes = Modes.begun(letter, state, np.diag((_CELL * self.banks[0].spacing) ** 2), copies[best])
         modes = modes.with_reading(
-            modes.mean, *self._expanded(modes.letter, modes.mean, len(self._readings) - 1)
+            last, state, *self._expand(letter, state, np.full(len(letter), last), from_bank, _ROUGH)
         )
-        return self._settled(modes.posterior(self._floor))
-
-    def _settled(self, modes: Modes) -> Modes:
-        """Merge, give up, and expand again what was expanded too far from where its mode now is."""
-        for _ in range(_ROUNDS):
-            modes = modes.heaviest(self.options.modes, _NEGLIGIBLE)
-            if len(modes) <= 200:
-                modes = modes.together(_APART)
-            spread = np.sqrt(np.einsum("nii->n", modes.cov * np.array([1, 1, 64.0])[:, None]))
-            stale = modes.moved() > np.maximum(0.02, 0.25 * np.minimum(spread, 1.0))[:, None]
-            if not stale.any():
-                break
-            mode, number = np.nonzero(stale)
-            found = self._expanded(modes.letter[mode], modes.mean[mode], number)
-            modes.at[mode, number] = modes.mean[mode]
-            for array, new in zip((modes.log_p, modes.gradient, modes.information), found, strict=True):
-                array[mode, number] = new
-            self._kept += int((~stale).sum())
-            modes = modes.posterior(self._floor)
+        modes = self._refreshed(self._heaviest(modes.posterior(self._floor)))
+        for number in range(last):
+            modes = self._heaviest(self._taken_in(modes, number))
         return modes
 
+    def _taken_in(self, modes: Modes, number: int) -> Modes:
+        """Take in a reading, expanded at the modes' means."""
+        expanded = self._expanded(modes.letter, modes.mean, np.full(len(modes), number))
+        return modes.with_reading(number, modes.mean, *expanded).posterior(self._floor)
+
+    def _heaviest(self, modes: Modes) -> Modes:
+        return modes.heaviest(self.options.modes, _NEGLIGIBLE)
+
+    def _settled(self, modes: Modes) -> Modes:
+        """Merge, give up, and expand again until no mode moves."""
+        for _ in range(_ROUNDS):
+            modes = self._heaviest(modes)
+            if len(modes) <= _FEW:
+                modes = modes.together(_APART)
+            refreshed = self._refreshed(modes)
+            if refreshed is modes:
+                break
+            modes = refreshed
+        return modes
+
+    def _refreshed(self, modes: Modes) -> Modes:
+        """Expand readings again that were expanded too far from where their mode is now."""
+        variance = np.einsum("nii,i->n", modes.cov, [1.0, 1.0, GYRATION**2])
+        allowed = np.clip(_STALE * np.sqrt(variance), *_STALE_MM)
+        mode, column = np.nonzero(modes.moved() > allowed[:, None])
+        self._kept += modes.log_p.size - len(mode)
+        if not len(mode):
+            return modes
+        found = self._expanded(modes.letter[mode], modes.mean[mode], modes.number[column])
+        return modes.expanded_again(mode, column, *found).posterior(self._floor)
+
     def _expanded(
-        self, letter: NDArray[np.int64], states: FloatArray, number: int | NDArray[np.intp]
+        self, letter: NDArray[np.int64], state: FloatArray, number: NDArray[np.int64]
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Expand reading `number` (n,) at states (n, 3): log p, gradient and information in the states' terms."""
+        """Expand readings `number` (n,) at states (n, 3) with presses there, as `_expand`."""
+        sensor_in_object = compose(state, np.array(self._poses)[number])
+
+        def pressed(one: int, which: NDArray[np.intp]) -> Linearised:
+            return self.forward.linearised(self.labels[one], sensor_in_object[which])
+
+        self._pressed += len(letter)
+        return self._expand(letter, state, number, pressed, 1.0)
+
+    def _expand(
+        self,
+        letter: NDArray[np.int64],
+        state: FloatArray,
+        number: NDArray[np.int64],
+        predict: Callable[[int, NDArray[np.intp]], Linearised],
+        rough: float,
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Expand readings `number` (n,) at states (n, 3): log p, its gradient and its information in x, y and theta.
+
+        predict(letter, which) predicts some of them. rough: by which the noise is multiplied.
+        """
         n = len(letter)
-        number = np.broadcast_to(np.asarray(number), n)
-        sensor_in_robot = np.array(self._poses)[number]
-        poses = compose(states, sensor_in_robot)
         log_p, misfit = np.empty(n), np.empty(n)
         gradient, information = np.empty((n, 3)), np.empty((n, 3, 3))
         readings = np.array(self._readings)
-        for one in np.unique(letter):
-            mine = np.flatnonzero(letter == one)
-            found = self.forward.linearised(self.labels[one], poses[mine])
-            out = (
-                np.empty(len(mine)),
-                np.empty(len(mine)),
-                np.empty((len(mine), 3)),
-                np.empty((len(mine), 3, 3)),
+        for one in np.unique(letter).tolist():
+            which = np.flatnonzero(letter == one)
+            found = predict(one, which)
+            own = (
+                np.empty(len(which)),
+                np.empty(len(which)),
+                np.empty((len(which), 3)),
+                np.empty((len(which), 3, 3)),
             )
             log_gaussian(
-                readings,
-                number[mine].astype(np.int64),
-                found.mean,
-                found.by_pose,
-                found.nuisance,
-                self.noise,
-                *out,
+                readings, number[which], found.mean, found.by_pose, found.nuisance, rough * self.noise, *own
             )
-            for array, new in zip((log_p, misfit, gradient, information), out, strict=True):
-                array[mine] = new
-        self._pressed += n
-        # How the sensor moves in its own frame when the state changes.
-        cos, sin = np.cos(poses[:, 2]), np.sin(poses[:, 2])
-        turned = states[:, 2]
-        arm_x = -np.sin(turned) * sensor_in_robot[:, 0] - np.cos(turned) * sensor_in_robot[:, 1]
-        arm_y = np.cos(turned) * sensor_in_robot[:, 0] - np.sin(turned) * sensor_in_robot[:, 1]
-        motion = np.zeros((n, 3, 3))
-        motion[:, 0, 0], motion[:, 0, 1], motion[:, 0, 2] = cos, sin, cos * arm_x + sin * arm_y
-        motion[:, 1, 0], motion[:, 1, 1], motion[:, 1, 2] = -sin, cos, -sin * arm_x + cos * arm_y
-        motion[:, 2, 2] = 1
-        gradient = np.einsum("ni,nij->nj", gradient, motion)
-        return log_p, gradient, motion.transpose(0, 2, 1) @ information @ motion
+            for array, values in zip((log_p, misfit, gradient, information), own, strict=True):
+                array[which] = values
+        motion = sensor_motion(state, np.array(self._poses)[number])
+        return (
+            log_p,
+            np.einsum("ni,nij->nj", gradient, motion),
+            motion.transpose(0, 2, 1) @ information @ motion,
+        )
 
     def estimate(self) -> Estimate:
         """Say which letter it is and where, after the readings so far."""

@@ -28,14 +28,16 @@ class ForwardModel(Protocol):
     """Predict what a pad reads of known objects at given poses.
 
     letters: the objects. taxels: of a reading. noise: kPa, standard deviation of a taxel's independent errors.
-    reach: mm for each letter: where the pad's middle is farther from the object's origin nothing touches. turns: how
-    many turns of the pad on itself reverse a reading: 2 if half a turn does, else 1.
+    reach: mm for each letter: where the pad's middle is farther from the object's origin nothing touches. turns: 2 if
+    a pad turned by half a turn reads the same in reverse, else 1. symmetry: of each letter, the order of its rotational
+    symmetry about its origin, 0 for a disc.
     """
 
     letters: tuple[str, ...]
     noise: float
     reach: Mapping[str, float]
     turns: int
+    symmetry: Mapping[str, int]
 
     @property
     def taxels(self) -> int:

@@ -70,12 +70,17 @@ class PressModel:
         # A step of the reading adds the variance of what is rounded off.
         self.noise = math.hypot(sensor.noise, sensor.resolution / math.sqrt(12))
         self.placement = np.array([options.placement_mm, options.placement_mm, options.placement_rad])
-        self._spread = np.array([options.placement_tilt, options.placement_tilt, 0.0])
+        load_spread = math.sqrt(math.log1p(options.load_spread**2))
+        self._spread = np.array([options.placement_tilt, options.placement_tilt, load_spread])
+        self._response, self._response_pressure = sensor.response, sensor.response_pressure
         # Beyond this distance of the pad's middle from the letter's nothing touches.
         corner = math.hypot(*np.abs(self._bounds).reshape(2, 2).max(axis=1))
         self.reach: Mapping[str, float] = {
             letter.name: corner + float(np.hypot(*np.concatenate(letter.contours).T).max())
             for letter in letters
+        }
+        self.symmetry: Mapping[str, int] = {
+            letter.name: 0 if math.isinf(letter.symmetry) else int(letter.symmetry) for letter in letters
         }
         flipped = np.allclose(pad.taxel_xy[::-1], -pad.taxel_xy) and np.allclose(
             self._bounds, -self._bounds[[1, 0, 3, 2]]
@@ -94,7 +99,7 @@ class PressModel:
         """Predict readings and their derivatives, as `ForwardModel.linearised` says."""
         mean, by = self._pressed(letter, sensor_in_object, tilts, derive=True)
         nuisance = np.concatenate(
-            [by[:, :_MOTIONS] * self.placement[:, None], by[:, _MOTIONS:5] * self._spread[:2, None]], axis=1
+            [by[:, :_MOTIONS] * self.placement[:, None], by[:, _MOTIONS:] * self._spread[:, None]], axis=1
         )
         return Linearised(mean, np.ascontiguousarray(by[:, :_MOTIONS]), nuisance)
 
@@ -113,6 +118,10 @@ class PressModel:
             outline, start, poses, tilted, self._bounds, self._press, self._felt_x, self._felt_y, self._table,
             int(derive), mean, by,
         )  # fmt: skip
+        if self._response != 1:  # the sensor's response curve, as `sensor.sense` bends it
+            relative = np.maximum(mean, 1e-3) / self._response_pressure
+            by *= (self._response * relative ** (self._response - 1))[:, None]
+            mean = self._response_pressure * relative**self._response
         if self._taxel is None:
             return mean, by
         return np.ascontiguousarray(mean[:, self._taxel]), np.ascontiguousarray(by[:, :, self._taxel])
