@@ -27,13 +27,8 @@ def tables(groups: Sequence[Group], replayed: Sequence[Replayed]) -> dict[str, s
     made: dict[str, Table] = {
         "readings": (
             (*_WHO, "reading", "accuracy", "accuracy_low", "accuracy_high",
-<<<<<<< HEAD
-             "error_mm", "error_low_mm", "error_high_mm", "error_all_mm", "bound_mm", "error_over_bound"),
-            _readings(groups),
-=======
              "error_mm", "error_low_mm", "error_high_mm", "error_all_mm",
-             "coverage_50", "coverage_90", "sharpness_mm"), _readings(groups),
->>>>>>> main
+             "coverage_50", "coverage_90", "sharpness_mm", "bound_mm", "error_over_bound"), _readings(groups),
         ),
         "reliability": ((*_WHO, "probability", "right", "estimates"), _reliability(groups)),
         "pareto": (
@@ -111,11 +106,8 @@ def _readings(groups: Sequence[Group]) -> Iterator[Sequence[Any]]:
             columns = (
                 s["accuracy"], s["accuracy_low"], s["accuracy_high"],
                 s["error_mm"], *error_band(s), s["error_all_mm"],
-<<<<<<< HEAD
-                entry.run.against_bound["bound_mm"], entry.run.against_bound["efficiency"],
-=======
                 s["coverage_50"], s["coverage_90"], s["sharpness_mm"],
->>>>>>> main
+                entry.run.against_bound["bound_mm"], entry.run.against_bound["efficiency"],
             )  # fmt: skip
             for number, row in enumerate(zip(*columns, strict=True), start=1):
                 yield *_who(group, entry), number, *row
