@@ -17,6 +17,8 @@ import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+import numpy as np
+
 from tactsim.bench.places import SWEEPS
 from tactsim.bench.pooled import Figure, Pooled, pool
 from tactsim.bench.report.collect import find
@@ -137,7 +139,7 @@ def cell(one: Pooled, figure: str) -> str:
         found = CURVES[name](one, reading - 1)
         if found.value is None:
             return "-"
-        digits = 2 if name.startswith("error") else 3
+        digits = 2 if name in ("error", "sharpness") else 3
         return f"{found.value:.{digits}f} ({found.low:.{digits}f}-{found.high:.{digits}f})"
     raise unknown("figure", figure, (*READINGS, "ms", *(f"{curve}@5" for curve in CURVES)))
 
@@ -146,10 +148,23 @@ def _error(one: Pooled, k: int) -> Figure:
     return one.mean(one.errors[:, k], of=one.trials.named[:, k])
 
 
+def _coverage(one: Pooled, k: int, share: float) -> Figure:
+    return one.mean(one.trials.credibility[:, k] < share, of=one.trials.sure[:, k])
+
+
+def _sharpness(one: Pooled, k: int) -> Figure:
+    sure = one.trials.sure[:, k]
+    return one.mean(np.where(sure, one.trials.radius_90[:, k], 0), of=sure)
+
+
 # The figures that a table may ask for, of a pool of runs: after reading k + 1, and readings by which something holds.
 CURVES: dict[str, Callable[[Pooled, int], Figure]] = {
     "right": lambda one, k: one.mean(one.trials.right[:, k]),
     "error": _error,
+    "coverage_50": lambda one, k: _coverage(one, k, 0.5),
+    "coverage_90": lambda one, k: _coverage(one, k, 0.9),
+    "sharpness": _sharpness,
+    "calibration_gap": lambda one, k: one.mean(one.trials.p_label[:, k] - one.trials.right[:, k]),
     "refused_unknown": lambda one, k: one.mean(one.trials.right[:, k], of=~one.trials.known),
     "refused_known": lambda one, k: one.mean(one.trials.label[:, k] == "none", of=one.trials.known),
 }
@@ -161,6 +176,10 @@ READINGS: dict[str, Callable[[Pooled], Figure]] = {
 HEADINGS = {
     "right": "right after {}",
     "error": "error after {}, mm",
+    "coverage_50": "50 % regions hold the truth after {}",
+    "coverage_90": "90 % regions hold the truth after {}",
+    "sharpness": "90 % within, after {}, mm",
+    "calibration_gap": "letter's probability less its accuracy after {}",
     "refused_unknown": "refused after {}",
     "refused_known": "others refused after {}",
     "settled_95": "95 % settled by",

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict
 
+from tactsim.bench.placement_error import Properties
 from tactsim.bench.run import Run
-from tactsim.bench.score import Properties
 from tactsim.bench.trials import Trials
 from tactsim.core import InputError
 from tactsim.core.checking import checked
@@ -29,12 +29,12 @@ from tactsim.core.scan import is_label
 if TYPE_CHECKING:
     from tactsim.bench.figures import Picture
 
-SCHEMA = 2
+SCHEMA = 3
 _LARGEST_TABLE = 1 << 30  # bytes
 # trials.csv: one row per trial and reading, the same on every machine for the same seed.
 COLUMNS = (
     "truth", "trial", "reading_number", "reading", "label", "p_truth", "p_label", "x", "y", "theta",
-    "true_x", "true_y", "true_theta", "evaluations",
+    "true_x", "true_y", "true_theta", "credibility", "radius_90", "evaluations",
 )  # fmt: skip
 # times.csv: one row per trial and reading, in the same order; the times differ whenever a run is repeated.
 TIME_COLUMNS = ("truth", "trial", "reading_number", "update_s", "estimate_s", "propose_s")
@@ -226,6 +226,10 @@ def _trials(
         pose=np.stack([floats(table, name) for name in ("x", "y", "theta")], axis=-1),
         evaluations=_integers(table, "evaluations").reshape(trials, readings),
         **{name: floats(table, name) for name in ("p_truth", "p_label")},
+        **{
+            name: _floats(table, name, unknown=True).reshape(trials, readings)
+            for name in ("credibility", "radius_90")
+        },
         **{name: floats(times, name) for name in ("update_s", "estimate_s", "propose_s")},
     )
 
@@ -237,12 +241,14 @@ def _integers(table: Mapping[str, list[str]], name: str) -> NDArray[np.int64]:
         raise InputError(f"the column {name} holds what is no whole number of 64 bits") from error
 
 
-def _floats(table: Mapping[str, list[str]], name: str) -> FloatArray:
+def _floats(table: Mapping[str, list[str]], name: str, unknown: bool = False) -> FloatArray:
+    """Read a column of finite numbers; with `unknown`, an entry may be "nan"."""
     try:
         values = np.array(table[name], dtype=np.float64)
     except ValueError as error:
         raise InputError(f"the column {name} holds what is no number") from error
-    return finite(values, f"the column {name}")
+    finite(np.where(np.isnan(values), 0, values) if unknown else values, f"the column {name}")
+    return values
 
 
 def _labels(table: Mapping[str, list[str]], name: str) -> NDArray[np.str_]:

@@ -11,8 +11,8 @@ from typing import Any
 from tactsim.bench.agreement import eq3_agreement
 from tactsim.bench.config import RunConfig
 from tactsim.bench.machine import machine, peak_memory_mb, versions
+from tactsim.bench.placement_error import properties
 from tactsim.bench.run import Run
-from tactsim.bench.score import properties
 from tactsim.bench.trials import (
     Progress,
     Task,

@@ -120,7 +120,7 @@ def _print_single(runs: Sequence[tuple[Path, Run]]) -> None:
                 f"{accuracy[-1]:.3f}",
                 str(summary["all_right_from"] or "-"),
                 str(summary["settled_95"] or "-"),
-                "-" if error is None else f"{error:.2f}",
+                _number(error, 2),
                 f"{1e3 * float(trials.seconds.mean()):.3f}",
             )
         console.print(table)
@@ -139,6 +139,11 @@ def headlines(run: Run) -> list[str]:
         lines.append(
             f"error at reading {readings}: {summary['error_mm'][-1]:.2f} mm where the letter is right, "
             f"{summary['error_all_mm'][-1]:.2f} mm over all trials"
+        )
+    if run.summary["sharpness_mm"][-1] is not None:
+        lines.append(
+            f"the place at reading {readings}: 90 % sure of it within {run.summary['sharpness_mm'][-1]:.2f} mm, "
+            f"and so it was in {run.summary['coverage_90'][-1]:.0%} of the trials whose letter is right"
         )
     if run.config.get("hold_out"):
         lines.append(
@@ -179,7 +184,9 @@ def work_line(work: Mapping[str, Any]) -> str:
 
 def _table(summary: dict[str, Any], readings: int) -> Table:
     table = Table(box=None, pad_edge=False)
-    for heading in ("readings", "accuracy", "95 % interval", "error mm", "all trials mm"):
+    sure = any(value is not None for value in summary["sharpness_mm"])
+    headings = ["readings", "accuracy", "95 % interval", "error mm", "all trials mm"]
+    for heading in [*headings, *(["90 % within mm", "held"] if sure else [])]:
         table.add_column(heading, justify="right")
     for reading in sorted({row for row in (*ROWS, readings) if row <= readings}):
         k = reading - 1
@@ -188,10 +195,15 @@ def _table(summary: dict[str, Any], readings: int) -> Table:
             str(reading),
             f"{summary['accuracy'][k]:.3f}",
             f"{summary['accuracy_low'][k]:.3f} - {summary['accuracy_high'][k]:.3f}",
-            "-" if error is None else f"{error:.2f}",
+            _number(error, 2),
             f"{summary['error_all_mm'][k]:.2f}",
+            *(_number(summary[name][k], 2) for name in ("sharpness_mm", "coverage_90") if sure),
         )
     return table
+
+
+def _number(value: float | None, digits: int) -> str:
+    return "-" if value is None else f"{value:.{digits}f}"
 
 
 def _or_never(reading: int | None, readings: int) -> str:

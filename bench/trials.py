@@ -16,6 +16,8 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from tactsim.bench.certainty import certainty
+from tactsim.bench.placement_error import Properties, properties
 from tactsim.bench.slip import STILL, Slip
 from tactsim.core import InputError, Scan, compose, invert
 from tactsim.core.errors import short
@@ -48,7 +50,8 @@ class Trials:
     label. trial: (n,) number within the letter. true_pose: (n, r, 3) robot_in_object at each touch.
     reading: (n, r) which of the letter's test readings was taken. label: (n, r) the estimate (eq. 9,
     14). p_truth, p_label: (n, r) probabilities given to the right and to the estimated label. pose:
-    (n, r, 3) estimated robot_in_object. evaluations: (n, r) likelihood evaluations of that update.
+    (n, r, 3) estimated robot_in_object. credibility, radius_90: (n, r) how sure the estimator was of the pose, see
+    `certainty.Certainty`; NaN where it did not say. evaluations: (n, r) likelihood evaluations of that update.
     update_s, estimate_s, propose_s: (n, r) seconds of processor time.
     """
 
@@ -61,6 +64,8 @@ class Trials:
     p_truth: FloatArray
     p_label: FloatArray
     pose: FloatArray
+    credibility: FloatArray
+    radius_90: FloatArray
     evaluations: NDArray[np.int64]
     update_s: FloatArray
     estimate_s: FloatArray
@@ -80,6 +85,11 @@ class Trials:
     def named(self) -> NDArray[np.bool_]:
         """Tell for (n, r) whether the letter is known and right: only then is a placement error counted."""
         return self.right & self.known[:, None]
+
+    @property
+    def sure(self) -> NDArray[np.bool_]:
+        """Tell for (n, r) whether the letter is known and right, and the estimator said how sure it is of the pose."""
+        return self.named & ~np.isnan(self.credibility)
 
     @property
     def seconds(self) -> FloatArray:
@@ -135,13 +145,15 @@ def run_trial(
     letters: Sequence[str],
     readings: int,
     seed: int,
+    of: Properties,
     explore: Explore = "random",
     slip: Slip = STILL,
     observe: Callable[[Estimate], None] | None = None,
 ) -> Trials:
     """Recognise one hidden object: present `readings` of its test readings, estimate after each.
 
-    `test` holds the letter's test readings only; `letters` are those that the estimator was trained on.
+    `test` holds the letter's test readings only; `letters` are those that the estimator was trained on; `of` are
+    the letter's properties, for the metric of its placement.
     Readings come in random order without replacement, or, with explore="information", as the estimator
     proposes. slip: how the object moves between touches; the sensor's poses, candidates' too, are those that
     go with the object's pose at that touch. observe(estimate) is called after each reading, and its time does
@@ -162,7 +174,8 @@ def run_trial(
     known = task.truth in letters
     right, label = task.truth if known else NONE, []
     taken = np.empty(readings, dtype=np.int64)
-    numbers = {name: np.empty(readings) for name in ("p_truth", "p_label", "update_s", "estimate_s")}
+    measured = ("p_truth", "p_label", "credibility", "radius_90", "update_s", "estimate_s")
+    numbers = {name: np.empty(readings) for name in measured}
     propose_s = np.zeros(readings)
     evaluations = np.empty(readings, dtype=np.int64)
     pose = np.empty((readings, 3))
@@ -192,6 +205,8 @@ def run_trial(
         numbers["p_truth"][k] = estimate.probabilities.get(right, 0.0)
         numbers["p_label"][k] = estimate.probabilities[estimate.label]
         pose[k] = estimate.robot_in_object
+        sure = certainty(estimate, true_pose[k], of)
+        numbers["credibility"][k], numbers["radius_90"][k] = sure.credibility, sure.radius
         after = _evaluations(estimator)
         evaluations[k], before = after - before, after
         if observe is not None:
@@ -315,14 +330,15 @@ def _run_here(
     plan: TrialPlan, estimator: Estimator, tasks: list[Task], report: Callable[[int], None]
 ) -> tuple[Trials, dict[str, Any]]:
     tests = {truth: plan.scan.where("test", truth) for truth in {task.truth for task in tasks}}
-    letters = plan.scan.where("train").letters
+    letters, objects = plan.scan.where("train").letters, properties(plan.scan)
     before = Counter(flatten_work(estimator.work))
     parts = []
     for number, task in enumerate(tasks, start=1):
         parts.append(
             run_trial(
                 estimator, tests[task.truth], task, letters=letters,
-                readings=plan.readings, seed=plan.seed, explore=plan.explore, slip=plan.slip,
+                readings=plan.readings, seed=plan.seed, of=objects[task.truth], explore=plan.explore,
+                slip=plan.slip,
             )
         )  # fmt: skip
         report(number)

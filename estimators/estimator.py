@@ -156,6 +156,18 @@ def _fault_of_estimate(estimate: Any, letters: Sequence[str]) -> str | None:
         return f"has probabilities {short(p.tolist())}, which are negative or do not sum to 1"
     if pose.shape != (3,) or not (np.abs(pose) <= LARGEST).all():
         return f"has the pose {short(pose.tolist())}, which is no finite [x, y, theta]"
+    return None if estimate.samples is None else _fault_of_samples(estimate.samples)
+
+
+def _fault_of_samples(samples: Any) -> str | None:
+    try:
+        poses, weights = np.asarray(samples.poses, dtype=float), np.asarray(samples.weights, dtype=float)
+    except (AttributeError, TypeError, ValueError, OverflowError):
+        return f"has samples {short(samples)}, which are no poses with weights"
+    if poses.ndim != 2 or poses.shape[1] != 3 or weights.shape != poses.shape[:1] or not len(weights):
+        return f"has samples of shapes {poses.shape} and {weights.shape}; they are (n, 3) and (n,), n from 1"
+    if not ((weights >= 0).all() and abs(weights.sum() - 1) <= 1e-6 and (np.abs(poses) <= LARGEST).all()):
+        return "has samples that are not finite, or weights that are negative or do not sum to 1"
     return None
 
 

@@ -167,7 +167,7 @@ def _recognise(entry: Entry, estimator: Estimator, plan: TrialPlan, task: Task, 
 
     trial = run_trial(
         estimator, test, task, letters=plan.scan.where("train").letters, readings=entry.readings,
-        seed=plan.seed, explore=plan.explore, slip=plan.slip, observe=keep,
+        seed=plan.seed, of=entry.run.objects[task.truth], explore=plan.explore, slip=plan.slip, observe=keep,
     )  # fmt: skip
     true_pose, pose = trial.true_pose[0], trial.pose[0]
     labels = tuple(estimates[0].probabilities)

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from tactsim.bench.score import placement_error, properties
+from tactsim.bench.placement_error import placement_error, properties
 from tactsim.bench.stress.case import Worst, case, refused
 from tactsim.bench.stress.data import draws, every_estimator, fitted, flaw, hidden, pressed, probabilities
 from tactsim.bench.stress.likelihood_cases import (

@@ -119,6 +119,18 @@ class BinnedBelief:
         found = pick(self._belief, any_state, readings, least, flat, log_p)
         return flat[:found].copy(), log_p[:found].copy()
 
+    def heavy(self, within: float) -> tuple[NDArray[np.int64], FloatArray]:
+        """List the bins less than `within` nats below the best, but for those left alone.
+
+        Returns flat indices into (letters, angles, rows, columns), and log-beliefs.
+        """
+        readings = len(self._field)
+        any_state = float(self._field.terms.upper[readings])
+        least = float(self._belief.upper.ravel()[self._incumbent]) + any_state - within
+        flat, log_p = self._room
+        found = pick(self._belief, any_state, readings, least, flat, log_p)
+        return flat[:found].copy(), log_p[:found] * (readings > 0)
+
     @cached_property
     def _room(self) -> tuple[NDArray[np.int64], FloatArray]:
         bins = len(self._field.labels) * self._grid.bins

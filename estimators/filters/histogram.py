@@ -8,16 +8,18 @@ import numpy as np
 from pydantic import Field
 
 from tactsim.core.poses import FloatArray
-from tactsim.estimators.estimator import Estimate, Options, PlaneBelief
+from tactsim.estimators.estimator import Estimate, Options, PlaneBelief, PoseSamples
 from tactsim.estimators.filters.binned import BinnedBelief
-from tactsim.estimators.filters.grid import StateGrid, state_grid
+from tactsim.estimators.filters.grid import Cells, StateGrid, state_grid
 from tactsim.estimators.filters.map_filter import MapFilter
 from tactsim.estimators.filters.motion import parse_motion
 from tactsim.estimators.filters.moving_bins import MovingBins
-from tactsim.estimators.filters.states import WeightedStates, probabilities
+from tactsim.estimators.filters.states import WeightedStates, pose_samples, probabilities
 from tactsim.estimators.filters.weights import Weights
 from tactsim.estimators.options import FilterOptions
 
+# Nats below the best bin from which a bin is left out of the belief about the pose: all of them hold next to nothing.
+_IN_BELIEF = 20.0
 # Bins that are left alone hold together at most this share of the belief.
 _NEGLIGIBLE = 1e-8
 
@@ -88,7 +90,15 @@ class HistogramFilter(MapFilter):
             label=self.labels[best],
             probabilities=probabilities(self.labels, mass),
             robot_in_object=np.array([x[column], y[row], theta[angle]]),
+            samples=self._samples(best),
         )
+
+    def _samples(self, letter: int) -> PoseSamples:
+        """Give the bins of a letter that hold its belief."""
+        flat, log_p = self._belief.heavy(_IN_BELIEF)
+        mine = np.flatnonzero(flat // self.grid.bins == letter)
+        cells = Cells(self.grid, np.zeros(len(mine), dtype=np.int64), flat[mine])
+        return pose_samples(cells.states(), Weights(log_p[mine]), cells.size)
 
     def log_belief(self) -> FloatArray:
         """Give the log-belief of all bins: (letters, angles, rows, columns), not normalised.

@@ -20,6 +20,7 @@ from tactsim.estimators.filters.states import (
     WeightedStates,
     letter_mass,
     plane_histogram,
+    pose_samples,
     probabilities,
     uniform_states,
 )
@@ -106,6 +107,7 @@ class ParticleFilter(MapFilter):
             label=self.labels[best],
             probabilities=probabilities(self.labels, mass),
             robot_in_object=parzen_mode(state, weight, self.options.rho),
+            samples=pose_samples(state, Weights(self._weights.log[mine])),
         )
 
     def weighted_states(self) -> WeightedStates:

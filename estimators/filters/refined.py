@@ -17,7 +17,7 @@ from tactsim.estimators.filters.grid import Cells, StateGrid, state_grid
 from tactsim.estimators.filters.halving import halve
 from tactsim.estimators.filters.map_filter import MapFilter
 from tactsim.estimators.filters.placement import mean_around
-from tactsim.estimators.filters.states import WeightedStates, letter_mass, probabilities
+from tactsim.estimators.filters.states import WeightedStates, letter_mass, pose_samples, probabilities
 from tactsim.estimators.filters.weights import Weights
 from tactsim.estimators.options import OpenSetOptions
 
@@ -129,10 +129,13 @@ class RefinedFilter(MapFilter):
         mine = np.flatnonzero(letter == best)
         mine = mine[log_weight[mine] > log_weight[mine].max() - _NEGLIGIBLE_IN_MEAN]
         log_p = log_weight[mine] + math.log(8) * cells.times[mine]
+        cells, weights = cells[mine], Weights(log_weight[mine])
+        state = cells.states()
         return Estimate(
             label=self.labels[best],
             probabilities=probabilities(self.labels, mass),
-            robot_in_object=mean_around(cells[mine].states(), Weights(log_weight[mine]), int(log_p.argmax())),
+            robot_in_object=mean_around(state, weights, int(log_p.argmax())),
+            samples=pose_samples(state, weights, cells.size),
         )
 
     def weighted_states(self) -> WeightedStates:

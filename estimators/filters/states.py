@@ -9,11 +9,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactsim.core.poses import FloatArray
-from tactsim.estimators.estimator import PlaneBelief
+from tactsim.estimators.estimator import PlaneBelief, PoseSamples
 from tactsim.estimators.filters.weights import Weights
 
 # Cells along a side of a picture of the belief, whatever `reach` is.
 _MOST_CELLS = 200
+# A cell with more than this share of the belief stands for eight poses, in its corners' directions, one with less for
+# its middle: so a belief in few cells is not a belief in few points.
+_SPREAD = 1e-3
+# The eight poses of a cell, in units of its size: as far from the middle as the cell's points are, rms.
+_CORNERS = np.array([[i, j, k] for i in (-1, 1) for j in (-1, 1) for k in (-1, 1)]).T / np.sqrt(12)
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,6 +41,20 @@ class WeightedStates:
         if self.size is not None:
             state = state + rng.uniform(-0.5, 0.5, (3, count)) * self.size[:, chosen]
         return letter, state
+
+
+def pose_samples(state: FloatArray, weights: Weights, size: FloatArray | None = None) -> PoseSamples:
+    """Make the belief about the pose of one letter from its states (3, n) and n weights.
+
+    size: (3, n) mm, mm, rad, of the cells whose middles the states are; None if they are points.
+    """
+    weight = weights.normalised
+    if size is None:
+        return PoseSamples(np.ascontiguousarray(state.T), weight)
+    heavy = weight > _SPREAD
+    parts = state[:, heavy, None] + size[:, heavy, None] * _CORNERS[:, None, :]
+    poses = np.concatenate([state[:, ~heavy], parts.reshape(3, -1)], axis=1)
+    return PoseSamples(poses.T, np.concatenate([weight[~heavy], np.repeat(weight[heavy] / 8, 8)]))
 
 
 def letter_mass(letter: NDArray[np.int64], weights: Weights, letters: int) -> FloatArray:

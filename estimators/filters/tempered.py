@@ -14,7 +14,13 @@ from tactsim.core.poses import FloatArray
 from tactsim.estimators.estimator import Estimate, Options, PlaneBelief
 from tactsim.estimators.filters.map_filter import MapFilter
 from tactsim.estimators.filters.placement import mean_around
-from tactsim.estimators.filters.states import WeightedStates, plane_histogram, probabilities, uniform_states
+from tactsim.estimators.filters.states import (
+    WeightedStates,
+    plane_histogram,
+    pose_samples,
+    probabilities,
+    uniform_states,
+)
 from tactsim.estimators.filters.weights import Weights
 from tactsim.estimators.options import OpenSetOptions
 
@@ -128,6 +134,7 @@ class TemperedFilter(MapFilter):
             label=self.labels[best],
             probabilities=probabilities(self.labels, evidence.relative),
             robot_in_object=mean_around(one.state, one.rest, int(one.log_p.argmax())),
+            samples=pose_samples(one.state, one.rest),
         )
 
     def weighted_states(self) -> WeightedStates:

@@ -137,12 +137,12 @@ class PressOptions(BaseModel):
             )
         return self
 
-    def stiffness_over(self, area: float) -> float:
-        """Give the layer's stiffness, kPa/mm, under a contact of `area` mm^2.
+    def stiffness_over(self, area: float, force: float | None = None) -> float:
+        """Give the layer's stiffness, kPa/mm, under a contact of `area` mm^2 that carries `force` N, or the set force.
 
         A layer that the force would press by more than its thickness is stiffer: just enough to stop there.
         """
-        return max(self.stiffness, 1e3 * self.force / (area * self.thickness))
+        return max(self.stiffness, 1e3 * (self.force if force is None else force) / (area * self.thickness))
 
     @model_validator(mode="after")
     def _steps_springs_alone(self) -> PressOptions:
@@ -164,6 +164,15 @@ class SensorOptions(BaseModel):
     )
     gain_spread: float = Field(
         0.0, ge=0, le=1, description="standard deviation of the taxels' relative gains (assumed)"
+    )
+    response: float = Field(
+        1.0,
+        ge=0.2,
+        le=5,
+        description="exponent g of the response curve p0 (p / p0)^g, with p0 = response_pressure; 1: linear (assumed)",
+    )
+    response_pressure: float = Field(
+        25.0, ge=1e-3, le=1e6, description="kPa, p0: the pressure that a bent response reads right (assumed)"
     )
     hysteresis: float = Field(
         0.0,
@@ -232,6 +241,16 @@ class ScanOptions(BaseModel):
         ge=0,
         le=0.2,
         description="rad, standard deviation of a press's tilt about either axis (assumed)",
+    )
+    load_spread: float = Field(
+        0.0,
+        ge=0,
+        le=1,
+        description="standard deviation of a press's load as a share of press.force, log-normal with that mean "
+        "(assumed exact)",
+    )
+    test_load: float = Field(
+        1.0, ge=1e-3, le=1e3, description="load of the test presses as a share of the training presses'"
     )
     pad: Pad = Field(default_factory=Pad, description="its measures, or the path of a file that holds them")
     press: PressOptions = Field(default_factory=PressOptions)

@@ -153,7 +153,21 @@ def _batch(letter: models.Letter, split: str, options: ScanOptions) -> _Batch:
     if options.placement_tilt:
         error = stream(options.seed, letter.name, split, "tilt").standard_normal(tilts.shape)
         tilts = tilts + error * options.placement_tilt
-    return _Batch(letter, split, stated, Touches(letter, true, tilts))
+    return _Batch(letter, split, stated, Touches(letter, true, tilts, load=_loads(letter, split, options)))
+
+
+def _loads(letter: models.Letter, split: str, options: ScanOptions) -> FloatArray | None:
+    """Draw each press's force as a share of the options': (192,); None if all presses have just that force.
+
+    Log-normal with mean 1 and the standard deviation `load_spread`: a load is never below 0. Those of the test presses
+    are `test_load` times as large.
+    """
+    share = options.test_load if split == "test" else 1.0
+    if not options.load_spread:
+        return None if share == 1 else np.full(len(grid_poses()), share)
+    variance = math.log1p(options.load_spread**2)
+    normal = stream(options.seed, letter.name, split, "load").standard_normal(len(grid_poses()))
+    return share * np.exp(math.sqrt(variance) * normal - variance / 2)
 
 
 def _ideal(

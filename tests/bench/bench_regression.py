@@ -10,6 +10,7 @@ import pytest
 
 from tactsim.bench import score
 from tactsim.bench.config import run_config
+from tactsim.bench.placement_error import properties
 from tactsim.bench.runner import perform
 from tactsim.bench.trials import Task, run_trial
 from tactsim.estimators import create
@@ -82,11 +83,19 @@ def test_map(benchmark, against_reference, scan):
 def test_trial(benchmark, against_reference, scan, name):
     estimator = create(name)
     estimator.fit(scan)
-    test = scan.where("test", "A")
+    test, objects = scan.where("test", "A"), properties(scan)
     trial = against_reference(
-        lambda: run_trial(estimator, test, Task("A", 0), letters=estimator.labels, readings=READINGS, seed=0)
+        lambda: run_trial(
+            estimator,
+            test,
+            Task("A", 0),
+            letters=estimator.labels,
+            readings=READINGS,
+            seed=0,
+            of=objects["A"],
+        )
     )
-    errors = score.errors(trial, score.properties(scan))[0]
+    errors = score.errors(trial, objects)[0]
     benchmark.extra_info["error_mm"] = float(errors[-1])
     benchmark.extra_info["mean_p_truth"] = float(trial.p_truth.mean())
 

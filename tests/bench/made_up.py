@@ -3,8 +3,8 @@
 import numpy as np
 
 from tactsim.bench.config import RunConfig
+from tactsim.bench.placement_error import Properties
 from tactsim.bench.run import Run
-from tactsim.bench.score import Properties
 from tactsim.bench.trials import Trials
 
 
@@ -14,7 +14,8 @@ def make_run(n=3, r=4, seed=0):
         truth=np.array(["A", "E", "A"])[:n], known=np.ones(n, dtype=bool), trial=np.array([0, 0, 1])[:n],
         true_pose=np.repeat(rng.normal(size=(n, 1, 3)), r, axis=1), reading=rng.integers(192, size=(n, r)),
         label=rng.choice(["A", "E"], size=(n, r)), p_truth=rng.random((n, r)), p_label=rng.random((n, r)),
-        pose=rng.normal(size=(n, r, 3)), evaluations=rng.integers(10**9, size=(n, r)),
+        pose=rng.normal(size=(n, r, 3)), credibility=rng.random((n, r)),
+        radius_90=rng.random((n, r)), evaluations=rng.integers(10**9, size=(n, r)),
         update_s=rng.random((n, r)), estimate_s=rng.random((n, r)), propose_s=rng.random((n, r)),
     )  # fmt: skip
     objects = {"A": Properties(1, (0.0, 0.0), 60.0), "E": Properties(0, (0.1, 0.2), 55.0)}

@@ -89,7 +89,7 @@ DAMAGES = {
     "nan for a number": lambda f: (f / "trials.csv").write_text(
         re.sub(r"0\.\d+", "nan", (f / "trials.csv").read_text(), count=1)
     ),
-    "objects": lambda f: (f / "run.json").write_text(json.dumps({"schema": 2, "config": {}, "objects": [1]})),
+    "objects": lambda f: (f / "run.json").write_text(json.dumps({"schema": 3, "config": {}, "objects": [1]})),
 }
 
 

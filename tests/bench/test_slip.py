@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from test_score import make_trials
-from test_trials import Witness, make_scan
+from test_trials import PLAIN, Witness, make_scan
 
 from tactsim.bench.config import run_config
 from tactsim.bench.runner import silent
@@ -55,10 +55,17 @@ def test_the_sensor_pose_of_each_touch_goes_with_the_pose_of_the_object_then():
     witness.fit(scan)
     slip = Slip(walk_mm=2, walk_rad=0.2, jump_mm=5)
     still = run_trial(
-        witness, scan.where("test", "E"), Task("E", 1), letters=scan.letters, readings=12, seed=5
+        witness, scan.where("test", "E"), Task("E", 1), letters=scan.letters, readings=12, seed=5, of=PLAIN
     )
     moving = run_trial(
-        witness, scan.where("test", "E"), Task("E", 1), letters=scan.letters, readings=12, seed=5, slip=slip
+        witness,
+        scan.where("test", "E"),
+        Task("E", 1),
+        letters=scan.letters,
+        readings=12,
+        seed=5,
+        slip=slip,
+        of=PLAIN,
     )
     assert np.array_equal(still.reading, moving.reading)
     assert np.array_equal(still.true_pose[:, 0], moving.true_pose[:, 0])

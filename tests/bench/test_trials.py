@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from tactsim.bench.config import run_config
+from tactsim.bench.placement_error import Properties
 from tactsim.bench.runner import gather, silent
 from tactsim.bench.score import wilson
 from tactsim.bench.trials import (
@@ -22,6 +23,7 @@ from tactsim.core import InputError, Scan, compose
 from tactsim.estimators import NONE, Estimate, Estimator, Options
 
 LETTERS = "AEIOU"
+PLAIN = Properties(symmetry=1, centre=(0.0, 0.0), inertia_over_mass=60.0)
 
 
 def make_scan(readings=20, letters=LETTERS):
@@ -115,7 +117,8 @@ def test_readings_are_the_letters_own_test_readings_without_replacement():
     scan = make_scan()
     witness = Witness(Options())
     witness.fit(scan)
-    run_trial(witness, scan.where("test", "I"), Task("I", 4), letters=scan.letters, readings=20, seed=3)
+    test = scan.where("test", "I")
+    run_trial(witness, test, Task("I", 4), letters=scan.letters, readings=20, seed=3, of=PLAIN)
     letters, indices = np.array([reading for reading, _ in witness.seen]).T
     assert set(letters) == {2}
     assert sorted(indices) == list(range(20, 40))
@@ -161,6 +164,7 @@ def test_a_proposing_estimator_chooses_among_the_readings_that_are_left():
         letters=scan.letters,
         readings=5,
         seed=0,
+        of=PLAIN,
         explore="information",
     )
     assert trial.reading[0].tolist() == [19, 18, 17, 16, 15]
@@ -238,7 +242,7 @@ def test_a_proposal_that_is_none_names_the_estimator(proposal):
     with pytest.raises(InputError, match="Broken is broken: it proposed"):
         run_trial(
             broken, scan.where("test", "A"), Task("A", 0),
-            letters=scan.letters, readings=2, seed=0, explore="information",
+            letters=scan.letters, readings=2, seed=0, of=PLAIN, explore="information",
         )  # fmt: skip
 
 

@@ -18,11 +18,11 @@ from tactsim import models
 from tactsim.bench import chunks, regression, results, sweep_file
 from tactsim.bench.compare import compare
 from tactsim.bench.config import run_config, scan_options
+from tactsim.bench.placement_error import properties
 from tactsim.bench.report.collect import collect, find
 from tactsim.bench.report.curves import tables
 from tactsim.bench.report.page import page
 from tactsim.bench.runner import perform
-from tactsim.bench.score import properties
 from tactsim.core import Pad, Scan
 from tactsim.core.errors import InputError
 from tactsim.core.reading import Reading
