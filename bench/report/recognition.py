@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from tactsim.bench.config import RunConfig
+from tactsim.bench.fitting import fit
 from tactsim.bench.report.collect import Entry, Group
 from tactsim.bench.runner import gather, plan_of, silent
 from tactsim.bench.score import errors, settled_at
@@ -122,7 +123,7 @@ def replay_all(
 def _replay(entry: Entry, tasks: Mapping[str, Task], scans: dict[str, Scan]) -> Replayed:
     plan = entry.run.plan or _plan_anew(entry, tasks, scans)
     estimator = plan.make()
-    estimator.fit(plan.scan)
+    fit(estimator, plan.scan)
     recognitions = tuple(_recognise(entry, estimator, plan, task, kind) for kind, task in tasks.items())
     return Replayed(entry, plan.scan, maps_of(estimator), recognitions)
 
