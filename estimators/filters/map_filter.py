@@ -91,6 +91,10 @@ class MapFilter(Estimator):
     def weighted_states(self) -> WeightedStates:
         """Give the belief as weighted states of all letters; those that are negligible may be left out."""
 
+    def path(self, estimate: Estimate) -> FloatArray:
+        """Give robot_in_object at each touch so far (n, 3), given an estimate: of an object that lies still."""
+        return np.tile(estimate.robot_in_object, (len(self.field), 1))
+
     def log_evidence(self) -> FloatArray:
         """Give log p(readings so far | letter) if the object lies still, (letters,), up to what no model changes."""
         raise NotImplementedError(f"{type(self).__name__} is not compared with a moving belief")

@@ -17,8 +17,7 @@ _JUMP, _JUMPS = 4.0, 0.02  # mm, standard deviation of a jump along an axis, and
 _SWITCH = 0.02  # how often the scale changes from one touch to the next
 # By what power a reading's likelihood counts when scales are compared. Taxels side by side err together, and a
 # press is misplaced: a belief that may move follows such errors, and would be taken for the better one.
-import os
-EVIDENCE = float(os.environ.get("EV", "0.25"))
+EVIDENCE = 0.25
 _LEAST = 0.01, 0.0006  # mm, rad: densities need a width
 
 

@@ -68,6 +68,12 @@ class MovingBins:
         with np.errstate(divide="ignore"):
             return np.log(self._p.sum(axis=0))
 
+    def heavy(self, within: float) -> tuple[NDArray[np.int64], FloatArray]:
+        """List the bins at most `within` nats below the best: flat indices over the letters, and log-beliefs."""
+        log_p = self.log_belief().ravel()
+        flat = np.flatnonzero(log_p >= log_p.max() - within)
+        return flat, log_p[flat]
+
     def _move(self) -> None:
         """Convolve the belief of each scale; some of what moves jumps, and changes its scale."""
         motion, first = self._motion, 0 if self._motion.still is None else 1
@@ -85,7 +91,9 @@ class MovingBins:
         self._p = moved
 
 
-def _kernels(grid: StateGrid, variance: float, ratio: float) -> tuple[FloatArray, FloatArray, FloatArray] | None:
+def _kernels(
+    grid: StateGrid, variance: float, ratio: float
+) -> tuple[FloatArray, FloatArray, FloatArray] | None:
     """Build the kernels along angle, y and x as matrices; None for a kernel that changes nothing.
 
     variance: mm^2 along each axis, ratio: rad for each mm.
