@@ -23,7 +23,7 @@ from tactsim.press import cache as cached
 from tactsim.press.scan_options import ScanOptions
 from tactsim.press.scan_poses import grid_poses, random_poses
 from tactsim.press.sensor import gains, sense
-from tactsim.press.touches import Touches
+from tactsim.press.touches import Touches, draw_loads
 
 if TYPE_CHECKING:
     from tactsim.press.sequences import Course
@@ -153,21 +153,19 @@ def _batch(letter: models.Letter, split: str, options: ScanOptions) -> _Batch:
     if options.placement_tilt:
         error = stream(options.seed, letter.name, split, "tilt").standard_normal(tilts.shape)
         tilts = tilts + error * options.placement_tilt
-    return _Batch(letter, split, stated, Touches(letter, true, tilts, load=_loads(letter, split, options)))
+    load = _loads(letter, split, len(stated), options)
+    return _Batch(letter, split, stated, Touches(letter, true, tilts, load=load))
 
 
-def _loads(letter: models.Letter, split: str, options: ScanOptions) -> FloatArray | None:
-    """Draw each press's force as a share of the options': (192,); None if all presses have just that force.
+def _loads(letter: models.Letter, split: str, count: int, options: ScanOptions) -> FloatArray | None:
+    """Draw each press's force (count,) as a share of the options'; None if all presses have just that force.
 
-    Log-normal with mean 1 and the standard deviation `load_spread`: a load is never below 0. Those of the test presses
-    are `test_load` times as large.
+    Those of the test presses are `test_load` times as large as those of the training presses.
     """
     share = options.test_load if split == "test" else 1.0
     if not options.load_spread:
-        return None if share == 1 else np.full(len(grid_poses()), share)
-    variance = math.log1p(options.load_spread**2)
-    normal = stream(options.seed, letter.name, split, "load").standard_normal(len(grid_poses()))
-    return share * np.exp(math.sqrt(variance) * normal - variance / 2)
+        return None if share == 1 else np.full(count, share)
+    return share * draw_loads(count, options.load_spread, stream(options.seed, letter.name, split, "load"))
 
 
 def _ideal(
