@@ -10,6 +10,7 @@ from typing import Any
 
 from tactsim.bench.agreement import eq3_agreement
 from tactsim.bench.config import RunConfig
+from tactsim.bench.fitting import fit
 from tactsim.bench.machine import machine, peak_memory_mb, versions
 from tactsim.bench.placement_error import properties
 from tactsim.bench.run import Run
@@ -75,7 +76,7 @@ def perform(
 
     fitting = perf_counter()
     progress("map", 0, 1)
-    fitted.fit(gathered.scan)
+    fit(fitted, gathered.scan)
     progress("map", 1, 1)
 
     trying = perf_counter()

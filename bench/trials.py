@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactsim.bench.certainty import certainty
+from tactsim.bench.fitting import fit
 from tactsim.bench.placement_error import Properties, properties
 from tactsim.bench.slip import STILL, Slip
 from tactsim.core import InputError, Scan, compose, invert
@@ -364,7 +365,7 @@ def _fitted(plan: TrialPlan) -> Estimator:
     key = plan.digest
     if key not in _memo:
         estimator = plan.make()
-        estimator.fit(plan.scan)
+        fit(estimator, plan.scan)
         _memo[key] = estimator
         if len(_memo) > _MEMO_SIZE:
             _memo.popitem(last=False)

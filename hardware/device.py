@@ -51,6 +51,12 @@ class Device(BaseModel):
     largest_offset_kpa: float = Field(
         10.0, gt=0, le=1e5, description="kPa that an unloaded taxel may read before the tare"
     )
+    pair_within_s: float | None = Field(
+        None,
+        gt=0,
+        le=10,
+        description="s within which the parts' frames of one reading are measured; None: their counters are equal",
+    )
     codec: Format
     pad: Pad = Field(default_factory=Pad)
     part: tuple[Part, ...] = Field((Part(),), min_length=1, max_length=64)
@@ -84,6 +90,13 @@ class Device(BaseModel):
             raise ValueError("two parts have the same port and address")
         if sorted({part.port for part in self.part}) != list(range(self.ports)):
             raise ValueError("ports must be numbered 0, 1, 2 ... without a gap")
+        codec = self.codec.build()
+        counted = codec.index_common and codec.index_wrap is not None and codec.index_wrap > 256
+        if len(self.part) > 1 and self.pair_within_s is None and not counted:
+            raise ValueError(
+                f"the pad has {len(self.part)} parts, and their frames have no counter of two bytes or more that they "
+                "share: state pair_within_s, the s within which the frames of one reading are measured"
+            )
         return self
 
     @property

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from tactsim.bench.certainty import covariance
 from tactsim.bench.config import RunConfig
+from tactsim.bench.fitting import fit
+from tactsim.bench.placement_error import Properties
 from tactsim.bench.report.collect import Entry, Group
 from tactsim.bench.runner import gather, plan_of, silent
 from tactsim.bench.score import errors, settled_at
@@ -22,6 +26,8 @@ from tactsim.estimators import Estimate, Estimator, PlaneBelief
 from tactsim.estimators.likelihoods.occupancy import OccupancyMap, maps_of
 from tactsim.press import ScanOptions, scan_letters
 
+# A Gaussian in the plane is within so many standard deviations with 90 %.
+_TWO_DIMENSIONS_90 = math.sqrt(-2 * math.log(0.1))
 MOST = 8  # runs of a protocol that are done again, one for each method
 
 
@@ -32,7 +38,9 @@ class Recognition:
     answer: the right label. kind: "typical" or "hardest". same: whether it gave again what the run recorded.
     pressures: (n, taxels) kPa. sensor_in_object: (n, 3). estimate_in_object: (n, 3), where the estimate
     puts the object, in the frame in which it truly lies. probabilities: (n, labels). robot_in_object:
-    (n, 3) estimated. plane: one belief a reading, or None if the estimator shows none.
+    (n, 3) estimated. region: (n, 5) where the centre of mass is with 90 %, if the belief is taken as Gaussian: an
+    ellipse's centre x, y, half axes and angle, in the frame in which the object truly lies; None if the estimator does
+    not say. radius: (n,) mm, of the 90 % region. plane: one belief a reading, or None if the estimator shows none.
     """
 
     entry: Entry
@@ -49,6 +57,8 @@ class Recognition:
     robot_in_object: FloatArray
     true_pose: FloatArray
     error: FloatArray
+    region: FloatArray | None
+    radius: FloatArray
     plane: list[PlaneBelief] | None
 
 
@@ -122,7 +132,7 @@ def replay_all(
 def _replay(entry: Entry, tasks: Mapping[str, Task], scans: dict[str, Scan]) -> Replayed:
     plan = entry.run.plan or _plan_anew(entry, tasks, scans)
     estimator = plan.make()
-    estimator.fit(plan.scan)
+    fit(estimator, plan.scan)
     recognitions = tuple(_recognise(entry, estimator, plan, task, kind) for kind, task in tasks.items())
     return Replayed(entry, plan.scan, maps_of(estimator), recognitions)
 
@@ -180,8 +190,23 @@ def _recognise(entry: Entry, estimator: Estimator, plan: TrialPlan, task: Task, 
         probabilities=np.array([[e.probabilities[label] for label in labels] for e in estimates]),
         robot_in_object=pose, true_pose=true_pose,
         error=errors(trial, entry.run.objects)[0],
+        region=regions(estimates, true_pose, entry.run.objects[task.truth]), radius=trial.radius_90[0],
         plane=beliefs if len(beliefs) == len(estimates) else None,
     )  # fmt: skip
+
+
+def regions(estimates: Sequence[Estimate], true_pose: FloatArray, of: Properties) -> FloatArray | None:
+    """Draw the belief about the centre of mass as an ellipse after each reading: (n, 5), see `Recognition`."""
+    found = []
+    for estimate in estimates:
+        if estimate.samples is None:
+            return None
+        mean, spread = covariance(estimate.samples, estimate.robot_in_object, of)
+        x, y, _ = compose(true_pose, [*mean[:2], 0.0])
+        squares, axes = np.linalg.eigh(spread[:2, :2])
+        half = _TWO_DIMENSIONS_90 * np.sqrt(np.maximum(squares[::-1], 0))
+        found.append([x, y, *half, true_pose[2] + np.arctan2(axes[1, 1], axes[0, 1])])
+    return np.array(found)
 
 
 def _same(trial: Trials, recorded: Trials) -> bool:

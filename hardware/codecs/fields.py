@@ -103,6 +103,7 @@ class Checksum(_Item):
     is_: Literal["checksum"] = Field(alias="is")
     kind: str
     skip: int = Field(0, ge=0, le=4096)
+    endian: Literal["big", "little"] | None = Field(None, description="None: as the frame's other numbers")
 
     @model_validator(mode="after")
     def _known(self) -> Checksum:
@@ -209,7 +210,7 @@ class FieldsCodec(Codec[Frame]):
             if isinstance(item, Clock):
                 self.tick_s, self.tick_wrap = item.tick_s, 256**item.size
             if isinstance(item, Number) and item.is_ == "index":
-                self.index_wrap = 256**item.size
+                self.index_wrap, self.index_common = 256**item.size, True
             if isinstance(item, Checksum):
                 self._checksum = item
         self._header = self._fixed.pop(0)[1]
@@ -275,17 +276,27 @@ class FieldsCodec(Codec[Frame]):
         """Listen, or ask for each frame if the format says how."""
         return Listening(counters, self.format.start, self.format.request)
 
+    def fails_checksum(self, buffer: bytes | bytearray, start: int) -> bool:
+        """Tell whether header, lengths and fixed bytes of a frame agree at `start`, and the checksum does not."""
+        frame = bytes(buffer[start : start + self.size])
+        whole = len(frame) == self.size and frame.startswith(self._header) and self._fixed_agree(frame)
+        return whole and not self._sum_agrees(frame)
+
     def _agrees(self, frame: bytes) -> bool:
         """Check what is known of a frame besides its header."""
-        if any(not frame.startswith(content, at) for at, content in self._fixed):
-            return False
+        return self._fixed_agree(frame) and self._sum_agrees(frame)
+
+    def _fixed_agree(self, frame: bytes) -> bool:
+        return all(frame.startswith(content, at) for at, content in self._fixed)
+
+    def _sum_agrees(self, frame: bytes) -> bool:
         return self._checksum is None or frame[self._spans["checksum"]] == self._sum(frame)
 
     def _sum(self, frame: bytes | bytearray) -> bytes:
         assert self._checksum is not None
         size, function = CHECKSUMS[self._checksum.kind]
         covered = bytes(frame[self._checksum.skip : self._spans["checksum"].start])
-        return function(covered).to_bytes(size, self._endian)
+        return function(covered).to_bytes(size, self._checksum.endian or self._endian)
 
     def _number(self, frame: bytes, name: str) -> int | None:
         span = self._spans.get(name)

@@ -210,8 +210,7 @@ def test_every_fault_at_once_never_makes_a_reading_up(paper_pad, emulated_pad):
     with serving(emulated_pad, faults=faults) as url, LiveSource([url], paper_pad) as source:
         readings = [source.read(5.0) for _ in range(150)]
     expected = np.array([ramp(paper_pad)(reading.index / 200.0) for reading in readings])
-    # the two arrays' frames may be of neighbouring moments when one was lost; the pressures differ by little
-    assert np.abs([reading.pressures for reading in readings] - expected).max() < 1.0
+    assert np.abs([reading.pressures for reading in readings] - expected).max() <= 0.35 + 1e-9
     assert source.counters.garbage_bytes > 0
 
 

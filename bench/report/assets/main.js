@@ -102,6 +102,45 @@ function readingsSection(task) {
     scrolling("Values at the chosen reading", table));
 }
 
+// How sure the methods are, and how rightly: regions of the place, and the letter's probability.
+function certaintySection(task) {
+  const last = Math.max(...task.runs.map((run) => run.readings));
+  const sure = task.runs.filter((run) => run.coverage90.some((value) => value !== null));
+  const held = (run) => ({ method: run.method, dash: run.dash, values: run.coverage90 });
+  const control = slider("Values at reading", last, Math.min(10, last), update);
+  const left = sure.length && curves({
+    title: "Share of 90 % regions that hold the truth", alt: "Coverage of the 90 % regions against readings seen",
+    y: { kind: "linear", low: 0, high: 1, ideal: 0.9 }, series: sure.map(held),
+  }, (k) => {
+    if (String(k) !== control.input.value) control.set(k);
+  });
+  const right = reliability({
+    title: "Share right against the probability stated", alt: "Reliability diagram of the letter's probability.",
+    points: task.runs.flatMap((run) => run.reliability.map((bin) => ({
+      ...bin, method: run.method,
+      text: `${run.label}: ${bin.count} estimates stated with ${fixed(bin.p, 3)} on average, of which ${fixed(bin.right, 3)} are right`,
+    }))),
+  });
+  const values = h("tbody");
+  const heads = ["run", "90 % regions that hold the truth", "50 % regions", "90 % within, mm", "error, mm"];
+  function update(reading) {
+    if (left) left.show(sure.map(held), reading);
+    const k = reading - 1;
+    values.replaceChildren(...task.runs.map((run) =>
+      h("tr", {}, h("th", { scope: "row" }, swatch(run.method), run.label),
+        h("td", {}, fixed(run.coverage90[k], 3)), h("td", {}, fixed(run.coverage50[k], 3)),
+        h("td", {}, fixed(run.sharpness[k], 2)), h("td", {}, fixed(run.error[k], 2)))));
+  }
+  update(Math.min(10, last));
+  return section("How sure, and how rightly",
+    h("p", { class: "lead" }, "A region is all placements within a distance of the estimate that hold together 90 % of the belief. Its radius is the error that the method itself expects not to exceed in nine of ten trials."),
+    h("div", { class: "two" }, left, right),
+    h("p", { class: "hint" }, "Dashed: as it should be. Left: over the trials whose letter is right. Right: all readings of all trials; the larger a mark, the more estimates it stands for."),
+    h("div", { class: "controls" }, control.field),
+    scrolling("How sure at the chosen reading", h("table", { class: "values" },
+      h("thead", {}, h("tr", {}, heads.map((text) => h("th", { scope: "col" }, text)))), values)));
+}
+
 function paretoSection(task, methods) {
   const points = task.pareto.map((point) => ({ ...point, of: task.runs[point.run], ms: 1e3 * point.seconds }));
   const xName = "processor time of a recognition, ms";
@@ -170,6 +209,7 @@ function taskSections(task, protocol) {
     section("Headlines", headlineTable(task)),
     task.runs.length > 1 && paretoSection(task, protocol.methods),
     readingsSection(task),
+    certaintySection(task),
     confusionSection(task),
   ];
 }
