@@ -23,7 +23,7 @@ from tactsim.press import cache as cached
 from tactsim.press.scan_options import ScanOptions
 from tactsim.press.scan_poses import grid_poses, random_poses
 from tactsim.press.sensor import gains, sense
-from tactsim.press.touches import Touches
+from tactsim.press.touches import Touches, draw_loads
 
 if TYPE_CHECKING:
     from tactsim.press.sequences import Course
@@ -174,17 +174,14 @@ def as_pressed(
 def _loads(
     count: int, split: str, options: ScanOptions, draw: Callable[[str], np.random.Generator]
 ) -> FloatArray | None:
-    """Draw each press's force as a share of the options': (count,); None if all presses have just that force.
+    """Draw each press's force (count,) as a share of the options'; None if all presses have just that force.
 
-    Log-normal with mean 1 and the standard deviation `load_spread`: a load is never below 0. Those of the test presses
-    are `test_load` times as large.
+    Those of the test presses are `test_load` times as large as those of the training presses.
     """
     share = options.test_load if split == "test" else 1.0
     if not options.load_spread:
         return None if share == 1 else np.full(count, share)
-    variance = math.log1p(options.load_spread**2)
-    normal = draw("load").standard_normal(count)
-    return share * np.exp(math.sqrt(variance) * normal - variance / 2)
+    return share * draw_loads(count, options.load_spread, draw("load"))
 
 
 def _ideal(
