@@ -78,8 +78,8 @@ class ScanWords(BaseModel):
         (), description="A shape of your own beside the letters: STL, OBJ, GLB or SVG; repeat for several."
     )
     test_poses: Literal["same", "random"] = Field(
-        "same",
-        description="Test readings at the training poses (same, as in the paper) or off the grid (random).",
+        "random",
+        description="Test readings at random poses within 12 mm, or at the training poses (same: as in the paper).",
     )
     world: str = Field(
         "default",
@@ -118,7 +118,7 @@ class ScanWords(BaseModel):
 
 
 class RunConfig(ScanWords):
-    """One run of the paper's protocol: an estimator, its readings and how it is tried.
+    """One run: an estimator, its readings and how it is tried.
 
     By default letters are pressed as the fields of `ScanWords` say. With `scan` the readings come from that
     file, and with `given` from Python; `letters` then selects some of their letters. With `train_scan` the

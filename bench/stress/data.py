@@ -20,8 +20,10 @@ USUAL_BUDGET = 1000  # of an estimator, if a case asks for no other
 
 @cache
 def pressed(letters: str = "AEIOU", world: str = "default", pad: Pad | None = None) -> Scan:
-    """Press letters in one of the ready-made worlds."""
-    options = ScanOptions(**WORLDS[world], letters=parse_letters(letters), pad=pad or Pad())
+    """Press letters in one of the ready-made worlds; test readings at the training poses, some of them at angle 0."""
+    options = ScanOptions(
+        **WORLDS[world], letters=parse_letters(letters), pad=pad or Pad(), test_poses="same"
+    )
     return scan_letters(options, cache=False)[0]
 
 

@@ -225,7 +225,8 @@ class ScanOptions(BaseModel):
     )
     seed: int = Field(0, ge=0, lt=2**63, description="of every random number in the scan")
     test_poses: Literal["same", "random"] = Field(
-        "same", description="test readings at the training poses (the paper) or off the grid"
+        "random",
+        description="test readings at random poses within 12 mm, or at the training poses (the paper's)",
     )
     placement_mm: float = Field(
         0.1,
