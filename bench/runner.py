@@ -131,12 +131,13 @@ def gather(
     for letter in letters:
         if letter not in scan.letters:
             raise unknown("letter of the scan", letter, scan.letters)
-    for letter in config.hold_out:
+    held_out = () if config.each_held_out else config.hold_out
+    for letter in held_out:
         if letter not in letters:
             raise unknown("letter to hold out", letter, letters)
-    if set(letters) <= set(config.hold_out):
+    if set(letters) <= set(held_out) or (config.each_held_out and len(letters) == 1):
         raise InputError("--hold-out (in Python hold_out) names every letter; leave one to train on")
-    scan = scan.of_letters(letters).untrained(config.hold_out)
+    scan = scan.of_letters(letters).untrained(held_out)
     return Gathered(scan, letters, work, perf_counter() - start)
 
 
@@ -151,6 +152,7 @@ def plan_of(config: RunConfig, scan: Scan, given: Estimator | None = None) -> Tr
         config.explore,
         config.moving,
         given,
+        config.each_held_out,
     )
 
 
@@ -231,6 +233,8 @@ def _protocol_name(config: RunConfig, scan: Scan) -> str:
     poses = "from a file" if config.scan else _stated_test_poses(scan) or "given"
     order = "random order" if config.explore == "random" else "order chosen by information"
     held_out = f", {' '.join(config.hold_out)} held out" if config.hold_out else ""
+    if config.each_held_out:
+        held_out = ", each letter held out in turn"
     return f"test poses {poses}, {order}{held_out}"
 
 

@@ -8,6 +8,7 @@ up in mosaics without itself.
 
 from __future__ import annotations
 
+import copy
 import math
 from dataclasses import dataclass, replace
 
@@ -76,6 +77,14 @@ class OpenSet(Wrapper):
         self._mosaics = TiltedMosaics(self.options)
         self._mosaics.fit(scan, self.maps)
         self._misfit = {label: learn_misfit(self._mosaics, label) for label in self.labels}
+
+    def without(self, letter: str, scan: Scan) -> OpenSet:
+        """Wrap the filter without the letter; what was learned of the others' misfits does not depend on it."""
+        other = copy.copy(self)
+        other.filter = self.filter.without(letter, scan)
+        other._mosaics = self._mosaics.of(other.labels)
+        other._misfit = {label: self._misfit[label] for label in other.labels}
+        return other
 
     def reset(self, rng: np.random.Generator) -> None:
         """Forget the sequence."""

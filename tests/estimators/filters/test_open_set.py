@@ -117,6 +117,19 @@ def test_a_letter_that_was_not_learned_is_refused_and_the_others_are_not(scan):
     assert refused == {"E": 5, "I": 0, "L": 0, "T": 0}
 
 
+def test_a_letter_that_is_left_out_afterwards_is_refused_too(scan):
+    estimator = create("refined", unknown=0.1, bins=1000)
+    estimator.fit(scan)
+    other = estimator.without("E", scan)
+    assert other.labels == ("I", "L", "T")
+    for label, refused in (("E", True), ("T", False)):
+        for one, answer in ((other, refused), (estimator, False)):
+            one.reset(np.random.default_rng(0))
+            for reading, pose in zip(*draw_trial(scan, label, 12, np.random.default_rng(1))[:2], strict=True):
+                one.update(reading, pose)
+            assert (one.estimate().label == NONE) == answer
+
+
 def test_without_the_option_nothing_differs(scan):
     answers = []
     for unknown in (0, 1e-3):
