@@ -145,28 +145,45 @@ def _batch(letter: models.Letter, split: str, options: ScanOptions) -> _Batch:
     stated = grid_poses()
     if split == "test" and options.test_poses == "random":
         stated = random_poses(stream(options.seed, letter.name, split, "poses"))
+    touches = as_pressed(
+        letter, stated, split, options, lambda purpose: stream(options.seed, letter.name, split, purpose)
+    )
+    return _Batch(letter, split, stated, touches)
+
+
+def as_pressed(
+    letter: models.Letter,
+    stated: FloatArray,
+    split: str,
+    options: ScanOptions,
+    draw: Callable[[str], np.random.Generator],
+) -> Touches:
+    """Say how a letter is truly pressed at stated poses (n, 3) sensor_in_object: misplaced, tilted, with what load.
+
+    draw(purpose): the generator for one purpose, so that no error depends on whether another is switched on.
+    """
     true, tilts = stated, np.tile((options.press.tilt_x, options.press.tilt_y), (len(stated), 1))
     spread = (options.placement_mm, options.placement_mm, options.placement_rad)
     if any(spread):
-        error = stream(options.seed, letter.name, split, "placement").standard_normal(stated.shape)
-        true = compose(stated, error * spread)
+        true = compose(stated, draw("placement").standard_normal(stated.shape) * spread)
     if options.placement_tilt:
-        error = stream(options.seed, letter.name, split, "tilt").standard_normal(tilts.shape)
-        tilts = tilts + error * options.placement_tilt
-    return _Batch(letter, split, stated, Touches(letter, true, tilts, load=_loads(letter, split, options)))
+        tilts = tilts + draw("tilt").standard_normal(tilts.shape) * options.placement_tilt
+    return Touches(letter, true, tilts, load=_loads(len(stated), split, options, draw))
 
 
-def _loads(letter: models.Letter, split: str, options: ScanOptions) -> FloatArray | None:
-    """Draw each press's force as a share of the options': (192,); None if all presses have just that force.
+def _loads(
+    count: int, split: str, options: ScanOptions, draw: Callable[[str], np.random.Generator]
+) -> FloatArray | None:
+    """Draw each press's force as a share of the options': (count,); None if all presses have just that force.
 
     Log-normal with mean 1 and the standard deviation `load_spread`: a load is never below 0. Those of the test presses
     are `test_load` times as large.
     """
     share = options.test_load if split == "test" else 1.0
     if not options.load_spread:
-        return None if share == 1 else np.full(len(grid_poses()), share)
+        return None if share == 1 else np.full(count, share)
     variance = math.log1p(options.load_spread**2)
-    normal = stream(options.seed, letter.name, split, "load").standard_normal(len(grid_poses()))
+    normal = draw("load").standard_normal(count)
     return share * np.exp(math.sqrt(variance) * normal - variance / 2)
 
 
