@@ -131,7 +131,11 @@ def check_readings(scan: Scan, letters: Iterable[str], readings: int, hold_out: 
     for letter in letters:
         for split in ("test",) if letter in hold_out else ("train", "test"):
             if not len(scan.where(split, letter)):
-                raise InputError(f"the scan has no {split} readings of letter {letter!r}")
+                here = ", but for others" if len(scan.where(split)) else ""
+                raise InputError(
+                    f"the scan has no {split} readings of letter {letter!r}{here}; record them (`bench record --split "
+                    f"{split}`), or take them from another scan (`bench run --scan TEST --train-scan TRAIN`)"
+                )
         count = len(scan.where("test", letter))
         if readings > count:
             raise InputError(
