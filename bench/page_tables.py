@@ -5,9 +5,9 @@ A page says itself which table it wants, between two comments. The first names t
     <!-- table: SWEEP; right@5; settled_95; error@20 -->
     <!-- end of table -->
 
-The sweep is a folder in results/sweeps, and its runs are pooled over their seeds. There is a row for each method and,
-if the sweep has several, for each protocol or condition. `SWEEP by method` makes a column of each method, and a row of
-each condition. What stands between the comments is replaced.
+The sweep is a folder in results/sweeps, and its runs are pooled over their seeds, of which there are five at least.
+There is a row for each method and, if the sweep has several, for each protocol or condition. `SWEEP by method` makes a
+column of each method, and a row of each condition. What stands between the comments is replaced.
 """
 
 from __future__ import annotations
@@ -33,13 +33,15 @@ from tactsim.core.errors import unknown
 from tactsim.core.files import write_text
 
 TABLE = re.compile(r"(<!-- table: (?P<asked>[^>]*?) -->\n).*?(<!-- end of table -->)", re.DOTALL)
+# Of how many scans, of different seeds, a published figure is made at least: those of one scan share its maps.
+LEAST_SCANS = 5
 LARGEST_PAGE = 10_000_000  # bytes
 
 
 def fill(text: str, sweeps: Path) -> str:
     """Replace every table of a page by what the sweeps in the folder `sweeps` found.
 
-    Raises InputError for an unknown figure, a sweep that is not there, has not ended or is of
+    Raises InputError for an unknown figure, a sweep that is not there, has not ended, has too few seeds or is of
     other source code, sweeps of different commits, or a table without an end.
     """
     if text.count("<!-- table:") != len(TABLE.findall(text)):
@@ -87,7 +89,13 @@ def _pools(folder: Path) -> list[Pooled]:
     runs = [load(one) for one in folders]
     if any(run.about["source"] != source_of_trials(run.estimator, on_demand=run.on_demand) for run in runs):
         raise InputError(f"{folder} was made by other source code than this; remove it and do the sweep anew")
-    return pool(runs)
+    pools = pool(runs)
+    fewest = min(len(of.runs) for of in pools)
+    if fewest < LEAST_SCANS:
+        raise InputError(
+            f"{folder} has {_several(fewest, 'seed')}; a published figure takes {LEAST_SCANS} at least"
+        )
+    return pools
 
 
 def _plain(pools: Sequence[Pooled], figures: Sequence[str]) -> list[list[str]]:

@@ -265,3 +265,22 @@ def test_a_letter_can_be_left_out_of_what_was_learned(name, small_scan):
         assert one[0] == two[0]
         assert one[1] == pytest.approx(two[1], abs=1e-6)
     assert run(fitted, readings, poses) == before
+
+
+LEARNING = [name for name in NAMES if name == "sorted" or not load(name).uses_forward_model]
+
+
+@pytest.mark.parametrize("name", LEARNING)
+def test_five_letters_that_are_one_share_its_probability(name, small_scan):
+    """Training readings under five labels say nothing of which label it is, whatever is felt and drawn."""
+    one = small_scan.where("train", "E")
+    five = Scan(
+        np.tile(one.readings, (5, 1)), np.tile(one.poses, (5, 1)), np.repeat(list("ABCDE"), len(one)),
+        np.full(5 * len(one), "train"), one.taxel_xy,
+    )  # fmt: skip
+    estimator = estimators.create(name)
+    estimator.fit(five)
+    readings, poses = trial(small_scan, count=6)
+    for seed in (0, 1):
+        for _, probabilities, _ in run(estimator, readings, poses, seed):
+            assert probabilities == pytest.approx(dict.fromkeys("ABCDE", 0.2), abs=1e-9)
