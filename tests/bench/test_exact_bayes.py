@@ -134,7 +134,7 @@ def test_a_runs_bound_is_kept_with_it(tmp_path):
     assert run.efficiency[-1] > 1
     table = (tmp_path / "run" / "bounds.csv").read_text()
     (tmp_path / "run" / "bounds.csv").write_text(table.replace("A,1,", "A,2,", 1))
-    with pytest.raises(InputError, match="bounds.csv does not have the rows"):
+    with pytest.raises(InputError, match=r"bounds\.csv does not have the rows"):
         tactsim.Run.load(tmp_path / "run")
 
 
