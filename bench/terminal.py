@@ -240,7 +240,7 @@ def print_bound(found: Bound) -> None:
         k = reading - 1
         table.add_row(
             str(reading),
-            f"{values['bayes_accuracy'][k]:.3f}",
+            _number(values["bayes_accuracy"][k], 3),
             _number(values["bayes_error_mm"][k], 3),
             _number(values["bound_mm"][k], 3),
             f"{values['determined'][k]:.3f}",
@@ -248,6 +248,8 @@ def print_bound(found: Bound) -> None:
             f"{values['classes_determined'][k]:.3f}",
         )
     console.print(table)
+    if values["no_bayes"]:
+        console.print(f"no exact Bayes: {values['no_bayes']}")
     console.print(
         "right, error: exact Bayes, which knows the press. bound: Cramer and Rao's, of the pressures and of the three "
         "classes of eq. 3, over the trials that their readings determine to "
