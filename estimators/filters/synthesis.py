@@ -71,7 +71,7 @@ class Synthesis(Estimator):
         super().__init__(options)
         self.labels: tuple[str, ...] = ()
         self._started = False
-        self._pressed = self._compared = self._kept = 0
+        self._compared = 0
 
     def fit(self, scan: Scan) -> None:
         """Press the bank of the letters that the training readings name."""
@@ -117,8 +117,9 @@ class Synthesis(Estimator):
         says_where = float((values**2).sum()) > _CONTACT * self.noise**2
         if self._modes is None:
             self._scout(values, pose)
-            if says_where:
-                self._modes = self._settled(self._begun())
+            begun = self._begun() if says_where else None
+            if begun is not None:
+                self._modes = self._settled(begun)
             return
         number = len(self._readings) - 1
         modes = self._settled(self._taken_in(self._modes, number))
@@ -126,7 +127,9 @@ class Synthesis(Estimator):
         unexplained = modes.log_p_of_readings()[best, number] < self._floor[number]
         if unexplained and says_where and self._restarts < _RESTARTS:
             self._restarts += 1
-            modes = self._settled(modes.joined(self._begun()))
+            begun = self._begun()
+            if begun is not None:
+                modes = self._settled(modes.joined(begun))
         self._modes = modes
 
     def _scout(self, reading: FloatArray, pose: FloatArray) -> None:
@@ -134,15 +137,21 @@ class Synthesis(Estimator):
         poses = compose(self._scout_states, pose)
         for log_p, bank in zip(self._scouts, self.banks, strict=True):
             log_p += bank.log_p_at(reading, poses)
+        self._compared += self._scouts.size
 
-    def _begun(self) -> Modes:
-        """Begin with the best places of the last reading, and take in all readings before it."""
+    def _begun(self) -> Modes | None:
+        """Begin with the best places of the last reading, and take in all readings before it.
+
+        None if no state within `reach` lets the pad touch at all.
+        """
         last = len(self._readings) - 1
         places = [
             bank.places(self._readings[last], self._poses[last], self.options.reach) for bank in self.banks
         ]
         letter = np.repeat(np.arange(len(places)), [len(one.score) for one in places])
         entry, turned, state, score = (np.concatenate(column) for column in zip(*places, strict=True))
+        if not len(score):
+            return None
         copies = np.log([bank.copies for bank in self.banks])[letter]
         best = np.sort(_highest(score + copies, _CANDIDATES * self.options.modes))
         letter, entry, turned, state = letter[best], entry[best], turned[best], state[best]
@@ -184,7 +193,6 @@ class Synthesis(Estimator):
         variance = np.einsum("nii,i->n", modes.cov, [1.0, 1.0, GYRATION**2])
         allowed = np.clip(_STALE * np.sqrt(variance), *_STALE_MM)
         mode, column = np.nonzero(modes.moved() > allowed[:, None])
-        self._kept += modes.log_p.size - len(mode)
         if not len(mode):
             return modes
         found = self._expanded(modes.letter[mode], modes.mean[mode], modes.number[column])
@@ -199,7 +207,6 @@ class Synthesis(Estimator):
         def pressed(one: int, which: NDArray[np.intp]) -> Linearised:
             return self.forward.linearised(self.labels[one], sensor_in_object[which])
 
-        self._pressed += len(letter)
         return self._expand(letter, state, number, pressed, 1.0)
 
     def _expand(
@@ -232,6 +239,7 @@ class Synthesis(Estimator):
             )
             for array, values in zip((log_p, misfit, gradient, information), own, strict=True):
                 array[which] = values
+        self._compared += n
         motion = sensor_motion(state, np.array(self._poses)[number])
         return (
             log_p,
@@ -273,8 +281,8 @@ class Synthesis(Estimator):
 
     @property
     def work(self) -> dict[str, Any]:
-        """Count the presses, one for a mode and a reading, and the expansions that were kept."""
-        return {"likelihood_evaluations": self._pressed, "skipped": {"expansions": self._kept}}
+        """Count the readings that were compared with predictions: with the bank's and with presses, one a mode."""
+        return {"likelihood_evaluations": self._compared, "skipped": {}}
 
 
 def _highest(values: FloatArray, count: int) -> NDArray[np.intp]:
