@@ -28,7 +28,9 @@ from tactsim.estimators.filters.weights import Weights
 from tactsim.estimators.likelihoods.gaussian_kernels import log_gaussian
 
 _SCOUTS = 1500  # states a letter that wait for the first reading which says where
-_CONTACT = 1000.0  # squared pressures over the noise's variance from which a reading says where
+# Squared pressures over the noise's variance. From the first on a reading says where it was taken; a fainter one
+# does, as well as it can, when few scouts are left. For a taxel the latter; noise alone has 1.
+_CONTACT, _FAINT = 1000.0, 3.0
 _NEGLIGIBLE = 14.0  # nats below the heaviest mode at which one is given up
 _APART = 0.7  # standard deviations; modes that are nearer to each other are one
 _LOST = 1e-6  # probability that the true mode was given up
@@ -114,20 +116,23 @@ class Synthesis(Estimator):
         self._floor = np.append(
             self._floor, math.log(_OUTLIER) - len(values) / 2 * (math.log(2 * math.pi * broad) + 1)
         )
-        says_where = float((values**2).sum()) > _CONTACT * self.noise**2
+        energy = (np.array(self._readings) ** 2).sum(axis=1) / self.noise**2
+        number = len(energy) - 1
         if self._modes is None:
             self._scout(values, pose)
-            begun = self._begun() if says_where else None
-            if begun is not None:
-                self._modes = self._settled(begun)
+            strongest = int(energy.argmax())
+            if energy[strongest] > _CONTACT or (
+                energy[strongest] > _FAINT * len(values) and Weights(self._scouts.ravel()).ess < _SCOUTS / 4
+            ):
+                begun = self._begun(strongest)
+                self._modes = None if begun is None else self._settled(begun)
             return
-        number = len(self._readings) - 1
         modes = self._settled(self._taken_in(self._modes, number))
         best = int(modes.log_weight.argmax())
         unexplained = modes.log_p_of_readings()[best, number] < self._floor[number]
-        if unexplained and says_where and self._restarts < _RESTARTS:
+        if unexplained and energy[number] > _CONTACT and self._restarts < _RESTARTS:
             self._restarts += 1
-            begun = self._begun()
+            begun = self._begun(number)
             if begun is not None:
                 modes = self._settled(modes.joined(begun))
         self._modes = modes
@@ -139,14 +144,13 @@ class Synthesis(Estimator):
             log_p += bank.log_p_at(reading, poses)
         self._compared += self._scouts.size
 
-    def _begun(self) -> Modes | None:
-        """Begin with the best places of the last reading, and take in all readings before it.
+    def _begun(self, first: int) -> Modes | None:
+        """Begin with the best places of reading `first`, and take in all others so far.
 
         None if no state within `reach` lets the pad touch at all.
         """
-        last = len(self._readings) - 1
         places = [
-            bank.places(self._readings[last], self._poses[last], self.options.reach) for bank in self.banks
+            bank.places(self._readings[first], self._poses[first], self.options.reach) for bank in self.banks
         ]
         letter = np.repeat(np.arange(len(places)), [len(one.score) for one in places])
         entry, turned, state, score = (np.concatenate(column) for column in zip(*places, strict=True))
@@ -161,11 +165,12 @@ class Synthesis(Estimator):
 
         modes = Modes.begun(letter, state, np.diag((_CELL * self.banks[0].spacing) ** 2), copies[best])
         modes = modes.with_reading(
-            last, state, *self._expand(letter, state, np.full(len(letter), last), from_bank, _ROUGH)
+            first, state, *self._expand(letter, state, np.full(len(letter), first), from_bank, _ROUGH)
         )
         modes = self._refreshed(self._heaviest(modes.posterior(self._floor)))
-        for number in range(last):
-            modes = self._heaviest(self._taken_in(modes, number))
+        for number in range(len(self._readings)):
+            if number != first:
+                modes = self._heaviest(self._taken_in(modes, number))
         return modes
 
     def _taken_in(self, modes: Modes, number: int) -> Modes:

@@ -15,7 +15,9 @@ from tactsim.estimators import Estimator
 from tactsim.estimators.registry import load
 
 NAMES = (*estimators.names(), "sorted")  # the last from docs/estimators.md, as a stranger would install it
-COARSE = {"synthesis": {"spacing": 2.5, "angles": 8, "modes": 100}}  # options that make an estimator cheaper to fit
+COARSE = {
+    "synthesis": {"spacing": 2.5, "angles": 8, "modes": 100}
+}  # options that make an estimator cheaper to fit
 POSES = paper_poses(positions=4, angles=6)
 
 
