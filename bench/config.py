@@ -84,7 +84,8 @@ class ScanWords(BaseModel):
     world: str = Field(
         "default",
         description="How good the data are: default, level, paper-like (rigid tilt), rough (placement error, random "
-        "classes), ideal, slip (the object moves between touches), or a file of `bench validate`.",
+        "classes), handheld (loads, tilt, response), ideal, slip (the object moves between touches), or a file of "
+        "`bench validate`.",
     )
     noise: str | float | None = Field(
         None,
@@ -137,8 +138,10 @@ class RunConfig(ScanWords):
     )
     trials: int = Field(10, ge=1, le=1_000_000, description="Trials for each letter.")
     readings: int = Field(60, ge=1, description="Readings a trial, without replacement.")
-    explore: Literal["random", "information"] = Field(
-        "random", description="Order of the readings: random, or information (the estimator proposes)."
+    explore: Literal["random", "information", "blind"] = Field(
+        "random",
+        description="The scan's test readings in random order, or touches in the robot's frame, pressed on demand: "
+        "proposed by the estimator (information) or in random order (blind).",
     )
     slip: Annotated[dict[str, Any], BeforeValidator(_nested)] = Field(
         {},
@@ -166,6 +169,15 @@ class RunConfig(ScanWords):
         return self
 
     @model_validator(mode="after")
+    def _blind_touches_need_a_press(self) -> RunConfig:
+        if self.explore == "blind" and not self.pressed:
+            where = f"come from {self.scan}" if self.scan else "are given"
+            raise ValueError(
+                f"explore=blind presses on demand, but the readings {where}; give random or information"
+            )
+        return self
+
+    @model_validator(mode="after")
     def _an_option_is_said_once(self) -> RunConfig:
         for name in ("bins", "particles"):
             if name in self.set and getattr(self, name) is not None:
@@ -176,6 +188,11 @@ class RunConfig(ScanWords):
     def pressed(self) -> bool:
         """Tell whether the readings are pressed for this run."""
         return self.scan is None and self.given is None
+
+    @property
+    def on_demand(self) -> bool:
+        """Tell whether each touch of a trial is pressed when it is chosen."""
+        return self.pressed and self.explore != "random"
 
     @cached_property
     def moving(self) -> Slip:

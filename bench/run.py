@@ -144,6 +144,12 @@ class Run:
         return self.trials.label.shape[1]
 
     @property
+    def on_demand(self) -> bool:
+        """Whether each touch of a trial was pressed when it was chosen."""
+        given = self.config["scan"] is not None or self.config["given"] is not None
+        return self.config["explore"] != "random" and not given
+
+    @property
     def seed(self) -> int:
         """The seed of the trials."""
         return self.config["seed"]

@@ -15,6 +15,7 @@ from tactsim.bench.fitting import fit
 from tactsim.bench.machine import machine, peak_memory_mb, versions
 from tactsim.bench.placement_error import properties
 from tactsim.bench.run import Run
+from tactsim.bench.touching import OnDemand
 from tactsim.bench.trials import (
     Progress,
     Task,
@@ -152,6 +153,7 @@ def plan_of(config: RunConfig, scan: Scan, given: Estimator | None = None) -> Tr
         config.seed,
         config.explore,
         config.moving,
+        OnDemand(config.scan_options) if config.on_demand else None,
         given,
     )
 
@@ -184,7 +186,7 @@ def finished_run(
         "scan": dict(gathered.scan.meta),
         "readings_digest": gathered.scan.digest,
         "versions": versions(),
-        "source": source_of_trials(estimator or config.estimator),
+        "source": source_of_trials(estimator or config.estimator, on_demand=config.on_demand),
         "commit": git_commit(),
         "machine": machine(),
     }
@@ -233,10 +235,17 @@ def budget_of(estimator: Estimator) -> dict[str, Any] | None:
 
 def _protocol_name(config: RunConfig, scan: Scan) -> str:
     """Name the protocol of a run; only results of one protocol share a table."""
-    poses = "from a file" if config.scan else _stated_test_poses(scan) or "given"
-    order = "random order" if config.explore == "random" else "order chosen by information"
+    where = "test poses " + ("from a file" if config.scan else _stated_test_poses(scan) or "given")
+    order = "random order"
+    if config.on_demand:
+        where = "touches in the robot's frame"
+    if config.explore == "information":
+        # Recorded readings lie around the object: the poses to choose among tell where it is.
+        order = "chosen by information" + (
+            "" if config.on_demand else " among recorded poses, which tell the place"
+        )
     held_out = f", {' '.join(config.hold_out)} held out" if config.hold_out else ""
-    return f"test poses {poses}, {order}{held_out}"
+    return f"{where}, {order}{held_out}"
 
 
 def _stated_test_poses(scan: Scan) -> str | None:

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from pydantic import Field
 
 from tactsim.bench.bound.response import noise_variance
 from tactsim.bench.bound.scan_information import pressed_letters, stated_options
@@ -24,7 +25,6 @@ from tactsim.press.forward import PressModel
 
 SIDE, ANGLES = 16, 40  # cells along x and y and round the circle, before any is split
 _DEPTH = 6  # times that a cell may be halved along x, y and angle
-_SPLIT = 1e-3  # share of the belief above which a cell is split
 _DEAD = 30.0  # nats below the heaviest cell, at which a cell is given up
 _STEEPEST = (
     1e4  # kPa, by which a taxel changes at most over a cell: beyond, as in a sliver, rounding eats the noise
@@ -62,6 +62,12 @@ class _Cells:
 _HALVES = np.stack(np.meshgrid(*3 * [(-0.25, 0.25)], indexing="ij"), axis=-1).reshape(-1, 3)
 
 
+class ExactBayesOptions(Options):
+    """Options of exact Bayes."""
+
+    split: float = Field(1e-3, gt=0, le=1, description="share of the belief above which a cell is split")
+
+
 class ExactBayes(Estimator):
     """Sum the exact likelihood over cells of the state space, and split those that hold much of the belief.
 
@@ -73,10 +79,12 @@ class ExactBayes(Estimator):
     model or the noise's variance does not know.
     """
 
+    options_type = ExactBayesOptions
+    options: ExactBayesOptions
     draws = False
 
-    def __init__(self, options: Options | None = None) -> None:
-        super().__init__(options or Options())
+    def __init__(self, options: ExactBayesOptions | None = None) -> None:
+        super().__init__(options or ExactBayesOptions())
         self._forward: ForwardModel | None = None
         self._cells: _Cells | None = None
         self._evaluations = 0
@@ -124,7 +132,7 @@ class ExactBayes(Estimator):
             cells = cells.some(~beside).and_also(cells.some(whole)).and_also(halves.some(kept))
         for _ in range(_DEPTH):
             mass = cells.log_mass
-            heavy = (mass > np.log(_SPLIT)) & (cells.depth < _DEPTH)
+            heavy = (mass > np.log(self.options.split)) & (cells.depth < _DEPTH)
             alive = mass > mass.max() - _DEAD
             cells, heavy = cells.some(alive), heavy[alive]
             if not heavy.any():

@@ -179,6 +179,8 @@ def _run(entry: Entry, methods: Sequence[str], arrays: Arrays) -> dict[str, Any]
         "errorLow": _column(low),
         "errorHigh": _column(high),
         "errorAll": _column(summary["error_all_mm"]),
+        "bound": _column(run.against_bound["bound_mm"]),
+        "efficiency": _column(run.against_bound["efficiency"]),
         "coverage90": _column(summary["coverage_90"]),
         "coverage50": _column(summary["coverage_50"]),
         "sharpness": _column(summary["sharpness_mm"]),

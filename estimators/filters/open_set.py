@@ -21,6 +21,7 @@ from tactsim.core import InputError, Scan, compose, transform
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.estimator import NONE, Estimate
 from tactsim.estimators.filters.map_filter import MapFilter
+from tactsim.estimators.filters.moving import Moving
 from tactsim.estimators.filters.wrapper import Wrapper
 from tactsim.estimators.likelihoods.calibrated import CalibratedLikelihood
 
@@ -59,7 +60,7 @@ class OpenSet(Wrapper):
     fits as badly as another object would.
     """
 
-    def __init__(self, filter: MapFilter, unknown: float) -> None:
+    def __init__(self, filter: MapFilter | Moving, unknown: float) -> None:
         super().__init__(filter)
         self._unknown = unknown
 
@@ -95,7 +96,7 @@ class OpenSet(Wrapper):
         known, total = self.filter.estimate(), 0.0
         if self._felt:
             readings, poses = (np.array(part) for part in zip(*self._felt, strict=True))
-            xy = transform(compose(known.robot_in_object, poses), self.taxel_xy)
+            xy = transform(compose(self.filter.path(known), poses), self.taxel_xy)
             total = float(misfits(self._model, known.label, xy, self._model.classes(readings)).sum())
         odds = self._misfit[known.label].log_odds(total, len(self._felt))
         none = float(expit(odds + math.log(self._unknown) - math.log1p(-self._unknown)))

@@ -143,6 +143,13 @@ class RefinedFilter(MapFilter):
         cells, weights = self._belief_in_cells()
         return WeightedStates(cells.letter, cells.states(), weights, cells.size)
 
+    def log_evidence(self) -> FloatArray:
+        """Sum what the cells of each letter hold; the prior of a letter's bins is 1 in all."""
+        cells, weights = self._belief_in_cells()
+        mass = letter_mass(cells.letter, weights, len(self.labels))
+        with np.errstate(divide="ignore"):
+            return np.log(mass) + weights.log.max() + self._highest - math.log(self.grid.bins)
+
     def belief_over_plane(self) -> PlaneBelief:
         """Sum the belief of each coarse bin and over the angle."""
         cells, weights = self._belief_in_cells()
@@ -183,7 +190,7 @@ class RefinedFilter(MapFilter):
         """Give the cells that were not split and are not negligible, and what they hold."""
         volume = -math.log(8) * np.arange(len(self._leaves))
         tops = [log_p.max(initial=-math.inf) for _, log_p in self._leaves]
-        highest = (volume + tops).max()
+        highest = self._highest = float((volume + tops).max())
         times, index, log_weight = [], [], []
         for depth, (cell, log_p) in enumerate(self._leaves):
             held = log_p + (volume[depth] - highest)
