@@ -28,7 +28,9 @@ from tactsim.estimators.filters.weights import Weights
 from tactsim.estimators.likelihoods.gaussian_kernels import log_gaussian
 
 _SCOUTS = 1500  # states a letter that wait for the first reading which says where
-_CONTACT = 1000.0  # squared pressures over the noise's variance from which a reading says where
+# Squared pressures over the noise's variance. From the first on a reading says where it was taken; a fainter one
+# does, as well as it can, when few scouts are left. For a taxel the latter; noise alone has 1.
+_CONTACT, _FAINT = 1000.0, 3.0
 _NEGLIGIBLE = 14.0  # nats below the heaviest mode at which one is given up
 _APART = 0.7  # standard deviations; modes that are nearer to each other are one
 _LOST = 1e-6  # probability that the true mode was given up
@@ -71,7 +73,7 @@ class Synthesis(Estimator):
         super().__init__(options)
         self.labels: tuple[str, ...] = ()
         self._started = False
-        self._pressed = self._compared = self._kept = 0
+        self._compared = 0
 
     def fit(self, scan: Scan) -> None:
         """Press the bank of the letters that the training readings name."""
@@ -114,19 +116,25 @@ class Synthesis(Estimator):
         self._floor = np.append(
             self._floor, math.log(_OUTLIER) - len(values) / 2 * (math.log(2 * math.pi * broad) + 1)
         )
-        says_where = float((values**2).sum()) > _CONTACT * self.noise**2
+        energy = (np.array(self._readings) ** 2).sum(axis=1) / self.noise**2
+        number = len(energy) - 1
         if self._modes is None:
             self._scout(values, pose)
-            if says_where:
-                self._modes = self._settled(self._begun())
+            strongest = int(energy.argmax())
+            if energy[strongest] > _CONTACT or (
+                energy[strongest] > _FAINT * len(values) and Weights(self._scouts.ravel()).ess < _SCOUTS / 4
+            ):
+                begun = self._begun(strongest)
+                self._modes = None if begun is None else self._settled(begun)
             return
-        number = len(self._readings) - 1
         modes = self._settled(self._taken_in(self._modes, number))
         best = int(modes.log_weight.argmax())
         unexplained = modes.log_p_of_readings()[best, number] < self._floor[number]
-        if unexplained and says_where and self._restarts < _RESTARTS:
+        if unexplained and energy[number] > _CONTACT and self._restarts < _RESTARTS:
             self._restarts += 1
-            modes = self._settled(modes.joined(self._begun()))
+            begun = self._begun(number)
+            if begun is not None:
+                modes = self._settled(modes.joined(begun))
         self._modes = modes
 
     def _scout(self, reading: FloatArray, pose: FloatArray) -> None:
@@ -134,15 +142,20 @@ class Synthesis(Estimator):
         poses = compose(self._scout_states, pose)
         for log_p, bank in zip(self._scouts, self.banks, strict=True):
             log_p += bank.log_p_at(reading, poses)
+        self._compared += self._scouts.size
 
-    def _begun(self) -> Modes:
-        """Begin with the best places of the last reading, and take in all readings before it."""
-        last = len(self._readings) - 1
+    def _begun(self, first: int) -> Modes | None:
+        """Begin with the best places of reading `first`, and take in all others so far.
+
+        None if no state within `reach` lets the pad touch at all.
+        """
         places = [
-            bank.places(self._readings[last], self._poses[last], self.options.reach) for bank in self.banks
+            bank.places(self._readings[first], self._poses[first], self.options.reach) for bank in self.banks
         ]
         letter = np.repeat(np.arange(len(places)), [len(one.score) for one in places])
         entry, turned, state, score = (np.concatenate(column) for column in zip(*places, strict=True))
+        if not len(score):
+            return None
         copies = np.log([bank.copies for bank in self.banks])[letter]
         best = np.sort(_highest(score + copies, _CANDIDATES * self.options.modes))
         letter, entry, turned, state = letter[best], entry[best], turned[best], state[best]
@@ -152,11 +165,12 @@ class Synthesis(Estimator):
 
         modes = Modes.begun(letter, state, np.diag((_CELL * self.banks[0].spacing) ** 2), copies[best])
         modes = modes.with_reading(
-            last, state, *self._expand(letter, state, np.full(len(letter), last), from_bank, _ROUGH)
+            first, state, *self._expand(letter, state, np.full(len(letter), first), from_bank, _ROUGH)
         )
         modes = self._refreshed(self._heaviest(modes.posterior(self._floor)))
-        for number in range(last):
-            modes = self._heaviest(self._taken_in(modes, number))
+        for number in range(len(self._readings)):
+            if number != first:
+                modes = self._heaviest(self._taken_in(modes, number))
         return modes
 
     def _taken_in(self, modes: Modes, number: int) -> Modes:
@@ -184,7 +198,6 @@ class Synthesis(Estimator):
         variance = np.einsum("nii,i->n", modes.cov, [1.0, 1.0, GYRATION**2])
         allowed = np.clip(_STALE * np.sqrt(variance), *_STALE_MM)
         mode, column = np.nonzero(modes.moved() > allowed[:, None])
-        self._kept += modes.log_p.size - len(mode)
         if not len(mode):
             return modes
         found = self._expanded(modes.letter[mode], modes.mean[mode], modes.number[column])
@@ -199,7 +212,6 @@ class Synthesis(Estimator):
         def pressed(one: int, which: NDArray[np.intp]) -> Linearised:
             return self.forward.linearised(self.labels[one], sensor_in_object[which])
 
-        self._pressed += len(letter)
         return self._expand(letter, state, number, pressed, 1.0)
 
     def _expand(
@@ -232,6 +244,7 @@ class Synthesis(Estimator):
             )
             for array, values in zip((log_p, misfit, gradient, information), own, strict=True):
                 array[which] = values
+        self._compared += n
         motion = sensor_motion(state, np.array(self._poses)[number])
         return (
             log_p,
@@ -273,8 +286,8 @@ class Synthesis(Estimator):
 
     @property
     def work(self) -> dict[str, Any]:
-        """Count the presses, one for a mode and a reading, and the expansions that were kept."""
-        return {"likelihood_evaluations": self._pressed, "skipped": {"expansions": self._kept}}
+        """Count the readings that were compared with predictions: with the bank's and with presses, one a mode."""
+        return {"likelihood_evaluations": self._compared, "skipped": {}}
 
 
 def _highest(values: FloatArray, count: int) -> NDArray[np.intp]:

@@ -109,7 +109,7 @@ class PressModel:
         if letter not in self._outlines:
             raise unknown("letter of the forward model", letter, self.letters)
         outline, start = self._outlines[letter]
-        poses = np.ascontiguousarray(poses, dtype=float)
+        poses = np.array(poses, dtype=float, order="C")  # the compiled loops take no read-only array
         tilted = np.tile(self._tilt, (len(poses), 1)) if tilts is None else tilts + self._tilt
         taxels = self._felt_x.shape[2] * self._felt_y.shape[2]
         mean = np.empty((len(poses), taxels))

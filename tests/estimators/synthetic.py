@@ -5,6 +5,7 @@ from numpy.typing import NDArray
 from scipy.special import erf
 
 from tactsim.core import Scan, compose, invert, transform
+from tactsim.core.forward import Linearised
 from tactsim.estimators import Estimator
 
 # Bars as (centre x, centre y, half length x, half length y) mm, axis-aligned and disjoint.
@@ -78,6 +79,35 @@ def placement_error(
         turn = (ours[2] - theirs[2] + period / 2) % period - period / 2
     shift = ours[:2] - theirs[:2]
     return float(np.sqrt(shift @ shift + inertia_over_mass * 2 * (1 - np.cos(turn))))
+
+
+class SyntheticForward:
+    """The forward model of the readings that `make_scan` makes, with derivatives by differences."""
+
+    noise = 2.0
+    turns = 1
+
+    def __init__(self, shapes: str, taxel_xy: NDArray[np.float64]) -> None:
+        self.letters = tuple(shapes)
+        self.taxel_xy, self.taxels = taxel_xy, len(taxel_xy)
+        self.reach = dict.fromkeys(shapes, 18.0 + float(np.hypot(*taxel_xy.T).max()))
+        self.symmetry = dict.fromkeys(shapes, 1)
+
+    def readings(self, letter: str, sensor_in_object: NDArray[np.float64]) -> NDArray[np.float64]:
+        return 30 * pressures(letter, transform(sensor_in_object, self.taxel_xy))
+
+    def linearised(self, letter: str, sensor_in_object: NDArray[np.float64]) -> Linearised:
+        mean = self.readings(letter, sensor_in_object)
+        steps = 1e-3 * np.eye(3)
+        by_pose = [(self.readings(letter, compose(sensor_in_object, step)) - mean) / 1e-3 for step in steps]
+        return Linearised(mean, np.stack(by_pose, axis=1), np.empty((len(mean), 0, self.taxels)))
+
+
+def fit(estimator: Estimator, scan: Scan) -> None:
+    """Fit an estimator to a scan of `make_scan`, and bring it a forward model if it asks for one."""
+    if estimator.uses_forward_model:
+        estimator.bring(SyntheticForward("".join(scan.letters), scan.taxel_xy))
+    estimator.fit(scan)
 
 
 def draw_trial(

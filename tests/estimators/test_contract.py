@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from plugging import install_plug_in
-from synthetic import draw_trial, make_scan, paper_poses, square_pad
+from synthetic import draw_trial, fit, make_scan, paper_poses, square_pad
 
 from tactsim import estimators
 from tactsim.core import InputError, Scan
@@ -15,6 +15,9 @@ from tactsim.estimators import Estimator
 from tactsim.estimators.registry import load
 
 NAMES = (*estimators.names(), "sorted")  # the last from docs/estimators.md, as a stranger would install it
+COARSE = {
+    "synthesis": {"spacing": 2.5, "angles": 8, "modes": 100}
+}  # options that make an estimator cheaper to fit
 POSES = paper_poses(positions=4, angles=6)
 
 
@@ -38,9 +41,13 @@ def small_scan() -> Scan:
 
 @pytest.fixture(scope="module", params=NAMES)
 def fitted(request, small_scan):
-    estimator = estimators.create(request.param)
-    estimator.fit(small_scan)
+    estimator = create(request.param)
+    fit(estimator, small_scan)
     return estimator
+
+
+def create(name):
+    return estimators.create(name, **COARSE.get(name, {}))
 
 
 def run(estimator, readings, poses, seed=0):
@@ -64,14 +71,14 @@ def trial(scan, label="E", count=4, seed=5):
 @pytest.mark.parametrize("name", NAMES)
 def test_calls_out_of_order_are_refused(name, small_scan):
     readings, poses = trial(small_scan)
-    estimator = estimators.create(name)
+    estimator = create(name)
     with pytest.raises(InputError, match="fit"):
         estimator.reset(np.random.default_rng(0))
     with pytest.raises(InputError, match="fit"):
         estimator.update(readings[0], poses[0])
     with pytest.raises(InputError, match="fit"):
         estimator.estimate()
-    estimator.fit(small_scan)
+    fit(estimator, small_scan)
     with pytest.raises(InputError, match="reset"):
         estimator.update(readings[0], poses[0])
     with pytest.raises(InputError, match="reset"):
@@ -81,7 +88,7 @@ def test_calls_out_of_order_are_refused(name, small_scan):
 @pytest.mark.parametrize("name", NAMES)
 def test_a_scan_without_training_readings_is_refused(name, small_scan):
     with pytest.raises(InputError, match="train"):
-        estimators.create(name).fit(small_scan.where("test"))
+        fit(create(name), small_scan.where("test"))
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -216,9 +223,9 @@ def test_test_readings_teach_nothing(name, small_scan):
         small_scan.split, small_scan.taxel_xy,
     )  # fmt: skip
     readings, poses = trial(small_scan)
-    ours, theirs = estimators.create(name), estimators.create(name)
-    ours.fit(small_scan)
-    theirs.fit(swapped)
+    ours, theirs = create(name), create(name)
+    fit(ours, small_scan)
+    fit(theirs, swapped)
     assert run(ours, readings, poses) == run(theirs, readings, poses)
 
 
@@ -228,9 +235,9 @@ def test_test_readings_teach_nothing(name, small_scan):
 )
 def test_any_pad_will_do_and_a_new_fit_replaces_the_old(name, pad, small_scan):
     scan = make_scan("LT", pad, POSES)
-    estimator = estimators.create(name)
-    estimator.fit(small_scan)
-    estimator.fit(scan)
+    estimator = create(name)
+    fit(estimator, small_scan)
+    fit(estimator, scan)
     for estimate in run(estimator, *trial(scan, "T")):
         assert set(estimate[1]) >= {"L", "T"}
         assert "E" not in estimate[1]
@@ -239,8 +246,8 @@ def test_any_pad_will_do_and_a_new_fit_replaces_the_old(name, pad, small_scan):
 
 @pytest.mark.parametrize("name", NAMES)
 def test_a_single_object_can_be_localised(name, small_scan):
-    estimator = estimators.create(name)
-    estimator.fit(small_scan.where(label="E"))
+    estimator = create(name)
+    fit(estimator, small_scan.where(label="E"))
     assert run(estimator, *trial(small_scan))[-1][0] == "E"
 
 

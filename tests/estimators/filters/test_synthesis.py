@@ -1,0 +1,152 @@
+"""Analysis by synthesis, on readings whose forward model is known."""
+
+import numpy as np
+import pytest
+from synthetic import SyntheticForward, make_scan, placement_error, pressures, square_pad
+
+from tactsim import estimators
+from tactsim.core import InputError, Scan, compose, invert, transform
+from tactsim.core.forward import Linearised
+
+
+class Forward(SyntheticForward):
+    """Every label is the shape of its first letter; presses are misplaced by `placement` mm and rad."""
+
+    placement = np.zeros(3)
+
+    def __init__(self, labels, placement=0.0):
+        super().__init__("".join(dict.fromkeys(label[0] for label in labels)), square_pad())
+        self.letters = tuple(labels)
+        self.reach = dict.fromkeys(labels, 27.0)
+        self.symmetry = dict.fromkeys(labels, 1)
+        self.placement = np.array([placement, placement, placement / 10])
+        self.turns = 2
+
+    def readings(self, letter, sensor_in_object):
+        return super().readings(letter[0], sensor_in_object)
+
+    def linearised(self, letter, sensor_in_object):
+        found = super().linearised(letter[0], sensor_in_object)
+        return Linearised(found.mean, found.by_pose, found.by_pose * self.placement[:, None])
+
+
+def fitted(labels, placement=0.0, **options):
+    """Fit to a scan that holds nothing but the labels."""
+    count = len(labels)
+    scan = Scan(
+        np.zeros((count, 36)),
+        np.zeros((count, 3)),
+        np.array(labels),
+        np.array(["train"] * count),
+        square_pad(),
+    )
+    estimator = estimators.create("synthesis", **{"spacing": 1.5, "angles": 12, "modes": 200} | options)
+    estimator.bring(Forward(labels, placement))
+    estimator.fit(scan)
+    return estimator
+
+
+@pytest.fixture(scope="module")
+def letters():
+    return fitted(["E", "I", "L", "T"], placement=0.1)
+
+
+def hidden(shape, count, rng, placement=0.0, within=9.0):
+    """Press a hidden shape at random poses: readings, sensor_in_robot, true robot_in_object."""
+    truth = rng.uniform([-9, -9, -np.pi], [9, 9, np.pi])
+    stated = rng.uniform([-within, -within, -np.pi], [within, within, np.pi], (count, 3))
+    true = compose(stated, placement * rng.standard_normal((count, 3)) * [1, 1, 0.1])
+    readings = 30 * pressures(shape, transform(true, square_pad()))
+    return readings + 2 * rng.standard_normal(readings.shape), compose(invert(truth), stated), truth
+
+
+def follow(estimator, readings, poses):
+    estimator.reset(np.random.default_rng(0))
+    for reading, pose in zip(readings, poses, strict=True):
+        estimator.update(reading, pose)
+    return estimator.estimate()
+
+
+def test_it_reaches_the_bound_and_says_how_sure_it_is(letters):
+    """The Cramer-Rao bound of x and y (van Trees): placement marginalised, averaged over trials."""
+    rng = np.random.default_rng(0)
+    squares, bounds, held, right = [], [], [], []
+    for trial in range(40):
+        shape = "ELT"[trial % 3]
+        readings, poses, truth = hidden(shape, 8, rng, placement=0.1)
+        estimate = follow(letters, readings, poses)
+        right.append(estimate.label == shape)
+        at = np.concatenate(
+            [letters.forward.linearised(shape, compose(truth, pose)[None]).by_pose for pose in poses]
+        )
+        information = np.zeros((3, 3))
+        for by_pose, pose in zip(at, poses, strict=True):
+            nuisance = by_pose * np.array([[0.1], [0.1], [0.01]])
+            inverse = np.linalg.inv(4 * np.eye(36) + nuisance.T @ nuisance)
+            step = 1e-6
+            own = [
+                compose(invert(compose(truth, pose)), compose(truth + step * axis, pose)) / step
+                for axis in np.eye(3)
+            ]
+            motion = np.array(own).T
+            information += motion.T @ by_pose @ inverse @ by_pose.T @ motion
+        cov = np.linalg.inv(information)
+        away = estimate.robot_in_object - truth
+        away[2] = (away[2] + np.pi) % (2 * np.pi) - np.pi
+        squares.append(away @ information @ away / 3)
+        bounds.append(np.sqrt(np.trace(cov[:2, :2])))
+        samples = estimate.samples
+        assert samples.weights.sum() == pytest.approx(1)
+        centred = samples.poses - samples.weights @ samples.poses
+        own_cov = (centred * samples.weights[:, None]).T @ centred
+        held.append(away @ np.linalg.solve(own_cov, away) < 6.251)  # 90 % of chi^2 with 3 degrees
+    assert np.mean(right) > 0.95
+    assert max(bounds) < 0.5
+    assert np.median(squares) < 1.3  # 0.79 for a Gaussian at the bound
+    assert np.mean(np.minimum(squares, 9)) < 1.5
+    assert np.mean(held) >= 0.75
+
+
+def test_letters_that_are_alike_share_the_probability():
+    estimator = fitted(["L1", "L2", "L3", "L4", "L5"], spacing=2.0, angles=9, modes=100)
+    readings, poses, _ = hidden("L", 6, np.random.default_rng(1))
+    for count in (1, 3, 6):
+        p = follow(estimator, readings[:count], poses[:count]).probabilities
+        np.testing.assert_allclose(list(p.values()), 0.2, atol=0.01)
+
+
+def test_until_the_letter_is_touched_every_place_beside_it_stays(letters):
+    rng = np.random.default_rng(2)
+    truth = np.array([2.0, 1.0, 0.5])
+    beside = compose(invert(truth), np.array([[40.0, 0, 0], [0, 45.0, 1.0]]))
+    noise = 2 * rng.standard_normal((2, 36))
+    before = follow(letters, noise, beside)
+    assert 0.1 < min(before.probabilities.values()) < max(before.probabilities.values()) < 0.5
+    on = compose(invert(truth), np.array([[0.0, 0, 0], [-6.0, -9.0, 1], [-6.0, 5.0, 2], [1.0, -9.0, 3]]))
+    readings = 30 * pressures("L", transform(compose(truth, on), square_pad()))
+    readings += 2 * rng.standard_normal(readings.shape)
+    estimate = follow(letters, np.concatenate([noise, readings]), np.concatenate([beside, on]))
+    assert estimate.label == "L"
+    assert placement_error(estimate.robot_in_object, truth, 1, 64.0) < 1
+
+
+def test_a_first_reading_that_misleads_is_overcome(letters):
+    rng = np.random.default_rng(3)
+    readings, poses, truth = hidden("E", 6, rng)
+    other = compose(invert(truth), np.array([8.0, 3.0, 1.0]))
+    wrong = 30 * pressures("T", transform(np.array([0.0, 8.0, 2.0]), square_pad()))
+    estimate = follow(letters, np.concatenate([wrong[None], readings]), np.concatenate([other[None], poses]))
+    assert estimate.label == "E"
+    assert placement_error(estimate.robot_in_object, truth, 1, 64.0) < 0.5
+
+
+def test_the_order_of_readings_matters_little(letters):
+    readings, poses, _ = hidden("T", 8, np.random.default_rng(4))
+    there, back = follow(letters, readings, poses), follow(letters, readings[::-1], poses[::-1])
+    assert there.label == back.label == "T"
+    assert placement_error(there.robot_in_object, back.robot_in_object, 1, 64.0) < 0.02
+
+
+def test_without_a_forward_model_it_says_what_to_do():
+    with pytest.raises(InputError, match=r"bring\(tactsim.press.forward_model\(scan\)\)"):
+        estimators.create("synthesis").fit(make_scan("L"))

@@ -1,0 +1,149 @@
+"""The forward model of estimators against the press itself, and against its own differences."""
+
+import numpy as np
+import pytest
+
+import tactsim
+from tactsim import models
+from tactsim.core import InputError, Scan, compose
+from tactsim.press import WORLDS, PressModel, ScanOptions, forward_model, scan_letters
+from tactsim.press.engine import press_at
+from tactsim.press.touches import Touches
+
+
+def options(world="default", **press):
+    named = WORLDS[world]
+    return ScanOptions(**named | {"press": named.get("press", {}) | press})
+
+
+def presses(rng, count=25):
+    return rng.uniform([-10, -10, -np.pi], [10, 10, np.pi], (count, 3))
+
+
+@pytest.mark.parametrize("world", ["default", "level", "paper-like"])
+@pytest.mark.parametrize("name", ["A", "O"])
+def test_it_reads_what_the_press_reads(world, name):
+    rng = np.random.default_rng(0)
+    given, letter, poses = options(world), models.letter(name), presses(rng)
+    tilts = given.placement_tilt * rng.standard_normal((len(poses), 2))
+    pressed = press_at(Touches(letter, poses, tilts), given)
+    ideal = pressed.readings(given)
+    ours = PressModel([letter], given).readings(name, poses, tilts)
+    assert ideal.max() > 30
+    assert len(pressed.blanks) == 0
+    np.testing.assert_allclose(ours, ideal, atol=2e-3 * ideal.max(), rtol=0)
+    assert np.median(np.abs(ours - ideal).max(axis=1)) < 2e-4 * ideal.max()
+
+
+def test_the_press_comes_nearer_to_it_with_finer_cells():
+    rng = np.random.default_rng(1)
+    letter, poses = models.letter("E"), presses(rng)
+    ours = PressModel([letter], options("level")).readings("E", poses)
+    apart = []
+    for cells in (2, 6):
+        given = options("level", cells_per_taxel=cells)
+        apart.append(np.abs(press_at(Touches.of(letter, poses), given).readings(given) - ours).max())
+    assert apart[0] > 4 * apart[1]
+    assert apart[1] < 2e-5 * ours.max()
+
+
+@pytest.mark.parametrize("world", ["default", "level"])
+def test_derivatives_are_those_of_differences(world):
+    rng = np.random.default_rng(2)
+    given = options(world).model_copy(update={"load_spread": 0.3})
+    model = PressModel([models.letter("A")], given)
+    poses = presses(rng, 40)
+    found = model.linearised("A", poses)
+    np.testing.assert_array_equal(found.mean, model.readings("A", poses))
+    step = 1e-3
+    for axis in range(3):
+        moved = [compose(poses, sign * step * np.eye(3)[axis]) for sign in (1, -1)]
+        by = (model.readings("A", moved[0]) - model.readings("A", moved[1])) / (2 * step)
+        # Where a part of the face is about to lift off, differences are taken across a bend.
+        off = np.abs(by - found.by_pose[:, axis]).max(axis=1) / np.abs(by).max()
+        assert np.median(off) < 0.005
+        assert np.quantile(off, 0.9) < 0.03
+    np.testing.assert_allclose(
+        found.nuisance[:, :3], found.by_pose * [[[0.1], [0.1], [0.005]]], atol=1e-9, rtol=1e-9
+    )
+    for axis in range(2):
+        turn = np.zeros((len(poses), 2))
+        turn[:, axis] = 1e-5
+        by = (model.readings("A", poses, turn) - model.readings("A", poses, -turn)) / 2e-5
+        off = np.abs(by * given.placement_tilt - found.nuisance[:, 3 + axis]).max(axis=1)
+        assert np.quantile(off, 0.9) < 0.02 * max(np.abs(found.nuisance[:, 3 + axis]).max(), 1e-6)
+    stronger = given.model_copy(update={"press": given.press.model_copy(update={"force": 2.002})})
+    by = (PressModel([models.letter("A")], stronger).readings("A", poses) - found.mean) / 1e-3
+    off = np.abs(by * np.sqrt(np.log1p(0.09)) - found.nuisance[:, 5]).max(axis=1)
+    assert np.quantile(off, 0.9) < 0.01 * np.abs(found.nuisance[:, 5]).max()
+
+
+def test_beside_the_letter_nothing_is_felt():
+    model = PressModel([models.letter("I")], options())
+    found = model.linearised("I", np.array([[model.reach["I"] + 0.1, 0, 0], [12.0, 0, 0], [1e9, 1e9, 1]]))
+    assert not found.mean.any()
+    assert not found.by_pose.any()
+    assert not found.nuisance.any()
+
+
+@pytest.mark.parametrize("name", ["E", "I", "O"])
+def test_half_a_turn_of_the_pad_reverses_a_reading_and_symmetry_hides_a_turn_of_the_letter(name):
+    model = PressModel([models.letter(name)], options("level"))
+    assert model.turns == 2
+    pose = np.array([[3.0, -2.0, 0.4]])
+    turned = compose(pose, [0, 0, np.pi])
+    np.testing.assert_allclose(
+        model.readings(name, turned)[:, ::-1], model.readings(name, pose), atol=1e-3, rtol=0
+    )
+    angle = 1.0 if model.symmetry[name] == 0 else 2 * np.pi / model.symmetry[name]
+    alike = compose([0, 0, angle], pose)
+    # An O's outline is a polygon, so it is nearly a disc.
+    np.testing.assert_allclose(model.readings(name, alike), model.readings(name, pose), atol=0.05, rtol=0)
+
+
+def test_the_response_curve_is_bent_as_the_sensor_bends_it():
+    given = options("level").model_copy(
+        update={"sensor": options().sensor.model_copy(update={"response": 0.7})}
+    )
+    letter, poses = models.letter("U"), presses(np.random.default_rng(3), 5)
+    straight = PressModel([letter], options("level")).linearised("U", poses)
+    bent = PressModel([letter], given).linearised("U", poses)
+    felt = straight.mean > 1
+    np.testing.assert_allclose(bent.mean[felt], 25 * (straight.mean[felt] / 25) ** 0.7, rtol=1e-9)
+    slope = 0.7 * (straight.mean[felt] / 25) ** -0.3
+    np.testing.assert_allclose(bent.by_pose[:, 0][felt], straight.by_pose[:, 0][felt] * slope, rtol=1e-9)
+
+
+def test_a_scan_says_how_it_was_pressed():
+    given = ScanOptions(letters=("I", "L"), **WORLDS["ideal"])
+    scan, _ = scan_letters(given, cache=False)
+    model = forward_model(scan)
+    mine = scan.where("train", "L")
+    assert model.letters == ("I", "L")
+    np.testing.assert_allclose(
+        model.readings("L", mine.poses), mine.readings, atol=3e-3 * mine.readings.max(), rtol=0
+    )
+    some = Scan(
+        scan.readings[:, ::5], scan.poses, scan.labels, scan.split, scan.taxel_xy[::5], scan.meta
+    ).where("train", "L")
+    fewer = forward_model(some)
+    assert (fewer.taxels, fewer.turns) == (8, 1)
+    np.testing.assert_array_equal(fewer.readings("L", mine.poses), model.readings("L", mine.poses)[:, ::5])
+
+
+def test_what_cannot_be_pressed_is_refused_in_one_line():
+    scan = tactsim.scan(letters="I", cache=False)
+    for meta, message in (
+        ({}, "does not say how"),
+        ({**scan.meta, "options": {**scan.meta["options"], "letters": ["L"]}}, "letter"),
+        ({**scan.meta, "objects": {"I": {"digest": "other"}}}, "another shape"),
+        ({"options": {**scan.meta["options"], "rounding": 0.5}}, "flat faces"),
+    ):
+        with pytest.raises(InputError, match=message) as caught:
+            forward_model(Scan(scan.readings, scan.poses, scan.labels, scan.split, scan.taxel_xy, meta))
+        assert "\n" not in str(caught.value)
+    moved = Scan(scan.readings, scan.poses, scan.labels, scan.split, scan.taxel_xy + 0.5, scan.meta)
+    with pytest.raises(InputError, match="taxels lie elsewhere"):
+        forward_model(moved)
+    with pytest.raises(InputError, match="letter of the forward model"):
+        forward_model(scan).readings("A", np.zeros((1, 3)))
