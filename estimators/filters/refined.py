@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
+from tactsim.core import Scan
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.estimator import Estimate, Options, PlaneBelief
 from tactsim.estimators.filters.binned import BinnedBelief
@@ -18,9 +19,13 @@ from tactsim.estimators.filters.halving import halve
 from tactsim.estimators.filters.map_filter import MapFilter
 from tactsim.estimators.filters.placement import mean_around
 from tactsim.estimators.filters.states import WeightedStates, letter_mass, pose_samples, probabilities
+from tactsim.estimators.filters.trust import learn_trust
 from tactsim.estimators.filters.weights import Weights
 from tactsim.estimators.options import OpenSetOptions
 
+# Cells are halved so often in any case, and on until the smallest hold the belief in so many cells (effective sample
+# size): then they are about as large as the belief is wide.
+_AT_LEAST, _ENOUGH = 3, 64.0
 # Cells this many nats below the heaviest are left out of sums; of means of poses, sooner.
 _NEGLIGIBLE, _NEGLIGIBLE_IN_MEAN = 30.0, 20.0
 
@@ -34,7 +39,9 @@ class RefinedOptions(OpenSetOptions):
         None, description="coarse bins in x, y and angle such as 16x16x36, instead of bins"
     )
     cells: int = Field(100, ge=1, le=100_000, description="how many of the best cells are halved, each time")
-    halvings: int = Field(3, ge=0, le=8, description="how many times cells are halved in x, y and angle")
+    halvings: int = Field(
+        6, ge=0, le=8, description="how many times cells are halved in x, y and angle, at most"
+    )
     skip: bool = Field(
         True, description="replay only the new reading in cells halved before; the answer is the same"
     )
@@ -99,6 +106,11 @@ class RefinedFilter(MapFilter):
         every = np.arange(len(self.labels) * self.grid.bins)
         self._prior: _Leaves = every, np.zeros(len(every))
 
+    def fit(self, scan: Scan) -> None:
+        """Learn the maps, the measurement model, and how much the readings of a sequence count."""
+        super().fit(scan)
+        self._trust = learn_trust(self.likelihood, scan)
+
     def _reset(self, rng: np.random.Generator) -> None:
         self._coarse.reset()
         self._halved: list[_Halved] = []
@@ -109,13 +121,16 @@ class RefinedFilter(MapFilter):
         bins, _ = self._coarse.update()
         self._evaluated += bins
         before, self._halved, self._leaves = self._halved, [], []
-        cell, log_p = self._coarse.best(self.options.cells, _NEGLIGIBLE)
+        weight = self._trust
+        cell, log_p = self._coarse.best(self.options.cells, _NEGLIGIBLE / weight)
         for times in range(self.options.halvings):
+            if times >= _AT_LEAST and Weights(weight * log_p).ess > _ENOUGH:
+                break
             chosen = _highest(log_p, self.options.cells)
             rest = np.ones(len(cell), dtype=bool)
             rest[chosen] = False
             self._leaves.append((cell[rest], log_p[rest]))
-            halved = self._halve(times, np.sort(cell[chosen]), before[times] if before else None)
+            halved = self._halve(times, np.sort(cell[chosen]), before[times] if times < len(before) else None)
             self._halved.append(halved)
             cell, log_p = halved.half.ravel(), halved.log_p.ravel()
         self._leaves.append((cell, log_p))
@@ -181,12 +196,12 @@ class RefinedFilter(MapFilter):
 
     def _belief_in_cells(self) -> tuple[Cells, Weights]:
         """Give the cells that were not split and are not negligible, and what they hold."""
-        volume = -math.log(8) * np.arange(len(self._leaves))
-        tops = [log_p.max(initial=-math.inf) for _, log_p in self._leaves]
+        volume, trust = -math.log(8) * np.arange(len(self._leaves)), self._trust
+        tops = [trust * log_p.max(initial=-math.inf) for _, log_p in self._leaves]
         highest = (volume + tops).max()
         times, index, log_weight = [], [], []
         for depth, (cell, log_p) in enumerate(self._leaves):
-            held = log_p + (volume[depth] - highest)
+            held = trust * log_p + (volume[depth] - highest)
             heavy = np.flatnonzero(held > -_NEGLIGIBLE)
             times.append(np.full(len(heavy), depth))
             index.append(cell[heavy])
