@@ -124,7 +124,7 @@ class RefinedFilter(MapFilter):
         weight = self._trust
         cell, log_p = self._coarse.best(self.options.cells, _NEGLIGIBLE / weight)
         for times in range(self.options.halvings):
-            if times >= _AT_LEAST and Weights(weight * log_p).ess > _ENOUGH:
+            if times >= _AT_LEAST and len(log_p) and Weights(weight * log_p).ess > _ENOUGH:
                 break
             chosen = _highest(log_p, self.options.cells)
             rest = np.ones(len(cell), dtype=bool)
