@@ -93,12 +93,13 @@ def _check_same_trials(base: Run, new: Run) -> None:
             f"the runs follow different protocols ({base.about['protocol']}; {new.about['protocol']}) "
             "and cannot be compared"
         )
-    pairs = [
-        (getattr(base.trials, name), getattr(new.trials, name)) for name in ("truth", "trial", "true_pose")
-    ]
+    pairs = [(getattr(base.trials, name), getattr(new.trials, name)) for name in ("truth", "trial")]
+    pairs.append((base.trials.true_pose[:, 0], new.trials.true_pose[:, 0]))
     if any(a.shape != b.shape or not np.array_equal(a, b) for a, b in pairs):
         raise InputError(
             "the runs do not have the same trials; give both the same --seed, --letters and --trials"
         )
     if base.trials.reading.shape != new.trials.reading.shape:
         raise InputError("the runs saw different numbers of readings; give both the same --readings")
+    if not np.array_equal(base.trials.true_pose, new.trials.true_pose):
+        raise InputError("the objects do not move alike in both runs; give both the same --slip and --world")

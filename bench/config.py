@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
+from tactsim.bench.slip import SLIPS, Slip
 from tactsim.core import InputError
 from tactsim.core.checking import checked
 from tactsim.core.documents import read_toml
@@ -24,6 +25,9 @@ from tactsim.core.errors import unknown
 
 if TYPE_CHECKING:
     from tactsim.press import ScanOptions
+
+
+EACH = "each"  # of hold_out: every trial's own letter is held out, one after another
 
 
 @dataclass(frozen=True)
@@ -46,6 +50,11 @@ def _names(words: Any) -> Any:
     """Read names from a text such as "A,E", sorted and without repeats; a list of names likewise."""
     names = words.replace(",", " ").split() if isinstance(words, str) else words
     return tuple(sorted(set(names))) if isinstance(names, list | tuple) else names or ()
+
+
+def _held_out(words: Any) -> Any:
+    """Read the letters to hold out, or `EACH` alone."""
+    return (EACH,) if words in (EACH, [EACH]) else _names(words)
 
 
 def _paths(words: Any) -> Any:
@@ -77,13 +86,14 @@ class ScanWords(BaseModel):
         (), description="A shape of your own beside the letters: STL, OBJ, GLB or SVG; repeat for several."
     )
     test_poses: Literal["same", "random"] = Field(
-        "same",
-        description="Test readings at the training poses (same, as in the paper) or off the grid (random).",
+        "random",
+        description="Test readings at random poses within 12 mm, or at the training poses (same: as in the paper).",
     )
     world: str = Field(
         "default",
         description="How good the data are: default, level, paper-like (rigid tilt), rough (placement error, random "
-        "classes), ideal, or a file of `bench validate`.",
+        "classes), handheld (loads, tilt, response), ideal, slip (the object moves between touches), or a file of "
+        "`bench validate`.",
     )
     noise: str | float | None = Field(
         None,
@@ -103,7 +113,7 @@ class ScanWords(BaseModel):
         """
         from tactsim.press import WORLDS, ScanOptions
 
-        values = _world(self.world)
+        values = {name: value for name, value in _world(self.world).items() if name != "slip"}
         if self.noise == "off":
             values = merged(values, WORLDS["ideal"])
         elif self.noise is not None:
@@ -117,7 +127,7 @@ class ScanWords(BaseModel):
 
 
 class RunConfig(ScanWords):
-    """One run of the paper's protocol: an estimator, its readings and how it is tried.
+    """One run: an estimator, its readings and how it is tried.
 
     By default letters are pressed as the fields of `ScanWords` say. With `scan` the readings come from that
     file, and with `given` from Python; `letters` then selects some of their letters. With `train_scan` the
@@ -130,14 +140,22 @@ class RunConfig(ScanWords):
     )
     particles: int | None = Field(None, description="Particles over all letters (n_P).")
     set: dict[str, Any] = Field({}, description="An option of the estimator, key=value; repeat for several.")
-    hold_out: Annotated[tuple[str, ...], BeforeValidator(_names)] = Field(
+    hold_out: Annotated[tuple[str, ...], BeforeValidator(_held_out)] = Field(
         (),
-        description="Letters to try but not to train on, e.g. A,E: 'none' is then right (see `--set unknown`).",
+        description="Letters to try but not to train on, e.g. A,E: 'none' is then right (see `--set unknown`). each: "
+        "in its own trials each letter is held out, the others are known.",
     )
     trials: int = Field(10, ge=1, le=1_000_000, description="Trials for each letter.")
     readings: int = Field(60, ge=1, description="Readings a trial, without replacement.")
-    explore: Literal["random", "information"] = Field(
-        "random", description="Order of the readings: random, or information (the estimator proposes)."
+    explore: Literal["random", "information", "blind"] = Field(
+        "random",
+        description="The scan's test readings in random order, or touches in the robot's frame, pressed on demand: "
+        "proposed by the estimator (information) or in random order (blind).",
+    )
+    slip: Annotated[dict[str, Any], BeforeValidator(_nested)] = Field(
+        {},
+        description="How the object moves between touches, e.g. walk_mm=1; `bench list slip` names all. Default: "
+        "as the world says.",
     )
     scan: Path | None = Field(None, description="Readings from a file instead of the press.")
     train_scan: Path | None = Field(
@@ -160,6 +178,15 @@ class RunConfig(ScanWords):
         return self
 
     @model_validator(mode="after")
+    def _blind_touches_need_a_press(self) -> RunConfig:
+        if self.explore == "blind" and not self.pressed:
+            where = f"come from {self.scan}" if self.scan else "are given"
+            raise ValueError(
+                f"explore=blind presses on demand, but the readings {where}; give random or information"
+            )
+        return self
+
+    @model_validator(mode="after")
     def _an_option_is_said_once(self) -> RunConfig:
         for name in ("bins", "particles"):
             if name in self.set and getattr(self, name) is not None:
@@ -170,6 +197,21 @@ class RunConfig(ScanWords):
     def pressed(self) -> bool:
         """Tell whether the readings are pressed for this run."""
         return self.scan is None and self.given is None
+
+    @property
+    def on_demand(self) -> bool:
+        """Tell whether each touch of a trial is pressed when it is chosen."""
+        return self.pressed and self.explore != "random"
+
+    @cached_property
+    def moving(self) -> Slip:
+        """Resolve how the object moves: as the world says, changed by `slip`. Raises InputError for a wrong value."""
+        return checked(Slip, merged(_world(self.world).get("slip", {}), self.slip), "slip")
+
+    @property
+    def each_held_out(self) -> bool:
+        """Tell whether each letter is held out in its own trials."""
+        return self.hold_out == (EACH,)
 
     @property
     def options(self) -> dict[str, Any]:
@@ -188,13 +230,15 @@ class RunConfig(ScanWords):
     def digest(self) -> str:
         """Hash what the run is asked to do; equal values have one digest, whatever a world's file is called."""
         rest = self.model_dump(mode="json", include={"estimator", "trials", "readings", "explore", "seed"})
-        content = json.dumps([self.source, self.options, rest], sort_keys=True, default=str)
+        moves = [] if self.moving.still else [self.moving.model_dump(mode="json")]
+        content = json.dumps([self.source, self.options, rest, *moves], sort_keys=True, default=str)
         return hashlib.sha256(content.encode()).hexdigest()
 
 
 def run_config(**words: Any) -> RunConfig:
     """Build a run's configuration. Raises InputError with one line, also for a wrong option of the scan."""
     config = checked(RunConfig, words, "run")
+    _ = config.moving
     if config.pressed:
         _ = config.scan_options
     return config
@@ -211,9 +255,10 @@ def _world(name: str) -> Mapping[str, Any]:
 
     if name.endswith(".toml"):
         return read_toml(name, "world")
-    if name not in WORLDS:
-        raise unknown("world", name, [*WORLDS, "FILE.toml"])
-    return WORLDS[name]
+    worlds = WORLDS | SLIPS
+    if name not in worlds:
+        raise unknown("world", name, [*worlds, "FILE.toml"])
+    return worlds[name]
 
 
 def merged(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:

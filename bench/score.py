@@ -14,9 +14,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from tactsim.bench.placement_error import Properties, placement_error
 from tactsim.bench.trials import Trials
+from tactsim.core import invert, transform
 from tactsim.core.poses import FloatArray
 from tactsim.estimators import NONE
 
+JUMP, RECOVERED = 4.0, 1.0  # mm: a step that is a jump, and the placement error that ends it
 Z_95 = 1.959963984540054  # standard normal quantile of a two-sided 95 % interval
 
 
@@ -25,9 +27,7 @@ def errors(trials: Trials, objects: Mapping[str, Properties]) -> FloatArray:
     result = np.empty(trials.label.shape)
     for letter in np.unique(trials.truth):
         chosen = trials.truth == letter
-        result[chosen] = placement_error(
-            trials.pose[chosen], trials.true_pose[chosen, None], objects[str(letter)]
-        )
+        result[chosen] = placement_error(trials.pose[chosen], trials.true_pose[chosen], objects[str(letter)])
     return result
 
 
@@ -77,7 +77,7 @@ def error_mm(trials: Trials, objects: Mapping[str, Properties]) -> Curve:
 
 def error_all_mm(trials: Trials, objects: Mapping[str, Properties]) -> Curve:
     """Mean placement error over all trials of known letters, the wrong estimates included."""
-    return errors(trials, objects)[trials.known].mean(axis=0)
+    return _mean(errors(trials, objects), trials.known[:, None] & np.ones_like(trials.right))
 
 
 def error_standard_error_mm(trials: Trials, objects: Mapping[str, Properties]) -> Curve:
@@ -121,8 +121,8 @@ def sharpness_mm(trials: Trials, objects: Mapping[str, Properties]) -> Curve:
 
 
 def refused_known(trials: Trials, objects: Mapping[str, Properties]) -> Curve:
-    """Share of the trials of known letters whose estimate is 'none'."""
-    return (trials.label[trials.known] == NONE).mean(axis=0)
+    """Share of the trials of known letters whose estimate is 'none'; None without such trials."""
+    return _mean((trials.label == NONE).astype(float), trials.known[:, None] & np.ones_like(trials.right))
 
 
 def refused_unknown(trials: Trials, objects: Mapping[str, Properties]) -> Curve:
@@ -150,6 +150,33 @@ def settled_50(trials: Trials, objects: Mapping[str, Properties]) -> int | None:
     return settled_by(trials.right, 0.5)
 
 
+def recovered_within_3(trials: Trials, objects: Mapping[str, Properties]) -> float | None:
+    """Share of the jumps (steps of 4 mm or more) after which one of the next three estimates is right to 1 mm."""
+    return recovered_within(trials, objects, 3)
+
+
+def recovered_within(trials: Trials, objects: Mapping[str, Properties], readings: int) -> float | None:
+    """Give the share of the jumps that are recovered in so many readings; None if there is none to judge.
+
+    A jump is a step of the object's centre of mass of at least JUMP mm between two touches. It is recovered as
+    soon as the letter is right and the placement error at most RECOVERED mm; the touch right after the jump
+    counts as the first. Jumps with fewer readings left are not judged, nor those of letters that were held out.
+    """
+    jumped = np.zeros(trials.label.shape, dtype=bool)
+    for letter in np.unique(trials.truth):
+        chosen = trials.truth == letter
+        middle = transform(invert(trials.true_pose[chosen]), np.array([objects[str(letter)].centre]))
+        step = middle[:, 1:, 0] - middle[:, :-1, 0]
+        jumped[chosen, 1:] = np.hypot(step[..., 0], step[..., 1]) >= JUMP
+    jumped[~trials.known] = False
+    jumped[:, max(0, trials.label.shape[1] - readings + 1) :] = False
+    found = trials.right & (errors(trials, objects) <= RECOVERED)
+    trial, touch = np.nonzero(jumped)
+    if not len(trial):
+        return None
+    return float(found[trial[:, None], touch[:, None] + np.arange(readings)].any(axis=1).mean())
+
+
 def confusion(trials: Trials, objects: Mapping[str, Properties]) -> dict[str, dict[str, int]]:
     """Count the estimates after the last reading: {true letter: {estimated letter: trials}}."""
     last = trials.label[:, -1]
@@ -175,7 +202,8 @@ CURVES: dict[str, Metric] = {
     )
 }  # fmt: skip
 HEADLINES: dict[str, Metric] = {
-    metric.__name__: metric for metric in (all_right_from, settled_95, settled_50, confusion)
+    metric.__name__: metric
+    for metric in (all_right_from, settled_95, settled_50, recovered_within_3, confusion)
 }
 
 

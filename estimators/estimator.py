@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -14,6 +15,7 @@ from pydantic import BaseModel, ConfigDict
 from tactsim.core import InputError, Scan
 from tactsim.core.errors import short
 from tactsim.core.finite import LARGEST, finite
+from tactsim.core.forward import ForwardModel
 from tactsim.core.poses import FloatArray
 
 NONE = "none"  # the label of an object that is none of the known letters
@@ -79,11 +81,28 @@ class Estimator(ABC):
     budget: str | None = None
     # Whether the rng of `reset` changes what is estimated.
     draws: bool = True
+    # Whether it wants to press: `bring` is then called before `fit`.
+    uses_forward_model: bool = False
     # The registered name that `create` made it by, if it did.
     created_as: str | None = None
+    _forward: ForwardModel | None = None
 
     def __init__(self, options: Options) -> None:
         self.options = options
+
+    def bring(self, forward: ForwardModel) -> None:
+        """Take the forward model that predicts readings of the scan's objects, from `fit` on."""
+        self._forward = forward
+
+    @property
+    def forward(self) -> ForwardModel:
+        """Give the forward model. Raises InputError if none was brought."""
+        if self._forward is None:
+            raise InputError(
+                f"estimator {self.created_as or type(self).__name__} presses the letters itself; give it what presses: "
+                "estimator.bring(tactsim.press.forward_model(scan)) before fit"
+            )
+        return self._forward
 
     @abstractmethod
     def fit(self, scan: Scan) -> None:
@@ -103,6 +122,15 @@ class Estimator(ABC):
     @abstractmethod
     def estimate(self) -> Estimate:
         """Say which letter it is and where, after the readings so far."""
+
+    def without(self, letter: str, scan: Scan) -> Estimator:
+        """Give an estimator like this one that was fitted to a scan, as this one was, but for one letter.
+
+        This one stays as it is. An estimator that learns letters one by one need not learn the others anew.
+        """
+        other = copy.deepcopy(self)
+        other.fit(scan.untrained([letter]))
+        return other
 
     def describe(self) -> str:
         """Say in one line how the estimator is set up, beyond its name."""

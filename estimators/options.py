@@ -45,6 +45,10 @@ class LikelihoodOptions(MapOptions):
 class FilterOptions(LikelihoodOptions):
     """What every filter over (letter, T_R^O) takes."""
 
+    motion: str = Field(
+        "off",
+        description="how the object moves between touches: off, auto (learned) or MM,RAD of a random walk",
+    )
     reach: float = Field(10.0, gt=0, le=1000, description="T_R^O has x and y in [-reach, reach], mm")
 
 

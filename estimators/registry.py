@@ -44,6 +44,10 @@ BUILT_IN: dict[str, tuple[str, str]] = {
         "tactsim.estimators.filters.refined:ForceMosaicFilter",
         "coarse-to-fine on predicted pressures instead of classes",
     ),
+    "synthesis": (
+        "tactsim.estimators.filters.synthesis:Synthesis",
+        "analysis by synthesis: presses the known letters itself",
+    ),
     "nearest": (
         "tactsim.estimators.filters.nearest:Nearest",
         "baseline without maps: which training readings are alike",

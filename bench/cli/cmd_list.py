@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 _MORE = {
     "estimators": "with its options: bench list estimators NAME",
-    "worlds": "all that can be set: bench list scan-options",
+    "worlds": "all that can be set: bench list scan-options, bench list slip",
 }
 Row = tuple[str, str, str]  # a name, its default or status, what it is
 
@@ -21,7 +21,8 @@ def command(
     what: Annotated[
         str | None,
         typer.Argument(
-            help="Only this: estimators, letters, worlds, scan-options, metrics, suites.", show_default=False
+            help="Only this: estimators, letters, worlds, scan-options, slip, metrics, suites.",
+            show_default=False,
         ),
     ] = None,
     name: Annotated[
@@ -40,6 +41,7 @@ def command(
         "letters": _letters,
         "worlds": _worlds,
         "scan-options": _scan_options,
+        "slip": _slip,
         "metrics": _metrics,
         "suites": _suites,
     }
@@ -52,7 +54,7 @@ def command(
     console = plain_console()
     # The options of a scan are many, so they are listed on request only, as an estimator's are.
     for section, rows in sections.items():
-        if what == section or (what is None and section != "scan-options"):
+        if what == section or (what is None and section not in ("scan-options", "slip")):
             lines = rows()
             console.print(section, style="bold", end=" " if section in _MORE and not name else "\n")
             if section in _MORE and not name:
@@ -98,15 +100,23 @@ def _letters() -> list[Row]:
 
 
 def _worlds() -> list[Row]:
+    from tactsim.bench.slip import SLIPS
     from tactsim.press import WORLDS
 
-    return [(name, "", ", ".join(_settings(world)) or "the defaults") for name, world in WORLDS.items()]
+    worlds = WORLDS | SLIPS
+    return [(name, "", ", ".join(_settings(world)) or "the defaults") for name, world in worlds.items()]
 
 
 def _scan_options() -> list[Row]:
     from tactsim.press import ScanOptions
 
     return [("--scan-set NAME=VALUE", "default", ""), *_fields(ScanOptions)]
+
+
+def _slip() -> list[Row]:
+    from tactsim.bench.slip import Slip
+
+    return [("--slip NAME=VALUE", "default", ""), *_fields(Slip)]
 
 
 def _metrics() -> list[Row]:

@@ -174,7 +174,7 @@ def method_name(run: Run) -> str:
 
 
 def task_name(run: Run, *, with_seed: bool = True) -> str:
-    """Say in which letters, readings and seed a run differs from the defaults; "defaults" if in none.
+    """Say in which motion, letters, readings and seed a run differs from the defaults; "defaults" if in none.
 
     Runs with one protocol and one task name saw the same readings; without the seed, readings of the same kind.
     """
@@ -189,7 +189,7 @@ def task_name(run: Run, *, with_seed: bool = True) -> str:
             del other["seed"]
     elif config.get("letters"):
         other["letters"] = config["letters"]
-    words = []
+    words = [run.about["slip"]] if run.about.get("slip") else []
     for world, values in WORLDS.items():
         settings = _flat(values)
         if settings and settings.items() <= other.items():

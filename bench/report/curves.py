@@ -28,7 +28,7 @@ def tables(groups: Sequence[Group], replayed: Sequence[Replayed]) -> dict[str, s
         "readings": (
             (*_WHO, "reading", "accuracy", "accuracy_low", "accuracy_high",
              "error_mm", "error_low_mm", "error_high_mm", "error_all_mm",
-             "coverage_50", "coverage_90", "sharpness_mm"), _readings(groups),
+             "coverage_50", "coverage_90", "sharpness_mm", "bound_mm", "error_over_bound"), _readings(groups),
         ),
         "reliability": ((*_WHO, "probability", "right", "estimates"), _reliability(groups)),
         "pareto": (
@@ -107,6 +107,7 @@ def _readings(groups: Sequence[Group]) -> Iterator[Sequence[Any]]:
                 s["accuracy"], s["accuracy_low"], s["accuracy_high"],
                 s["error_mm"], *error_band(s), s["error_all_mm"],
                 s["coverage_50"], s["coverage_90"], s["sharpness_mm"],
+                entry.run.against_bound["bound_mm"], entry.run.against_bound["efficiency"],
             )  # fmt: skip
             for number, row in enumerate(zip(*columns, strict=True), start=1):
                 yield *_who(group, entry), number, *row

@@ -12,6 +12,7 @@ import numpy as np
 
 from tactsim.bench.certainty import covariance
 from tactsim.bench.config import RunConfig
+from tactsim.bench.fitting import fit
 from tactsim.bench.placement_error import Properties
 from tactsim.bench.report.collect import Entry, Group
 from tactsim.bench.runner import gather, plan_of, silent
@@ -131,7 +132,7 @@ def replay_all(
 def _replay(entry: Entry, tasks: Mapping[str, Task], scans: dict[str, Scan]) -> Replayed:
     plan = entry.run.plan or _plan_anew(entry, tasks, scans)
     estimator = plan.make()
-    estimator.fit(plan.scan)
+    fit(estimator, plan.scan)
     recognitions = tuple(_recognise(entry, estimator, plan, task, kind) for kind, task in tasks.items())
     return Replayed(entry, plan.scan, maps_of(estimator), recognitions)
 
@@ -167,24 +168,30 @@ def _recognise(entry: Entry, estimator: Estimator, plan: TrialPlan, task: Task, 
     test = plan.scan.where("test", task.truth)
     estimates: list[Estimate] = []
     beliefs: list[PlaneBelief] = []
+    pressures: list[FloatArray] = []
+    touched: list[FloatArray] = []
 
-    def keep(estimate: Estimate) -> None:
+    def keep(estimate: Estimate, reading: FloatArray, sensor_in_robot: FloatArray) -> None:
         estimates.append(estimate)
+        pressures.append(reading)
+        touched.append(sensor_in_robot)
         belief = estimator.belief_over_plane()
         if belief is not None:
             beliefs.append(belief)
 
+    estimator = plan.fitted_for(task.truth, estimator)
     trial = run_trial(
-        estimator, test, task, letters=plan.scan.where("train").letters, readings=entry.readings,
-        seed=plan.seed, of=entry.run.objects[task.truth], explore=plan.explore, observe=keep,
+        estimator, test, task, letters=plan.letters_known(task.truth), readings=entry.readings,
+        seed=plan.seed, of=entry.run.objects[task.truth], explore=plan.explore, press=plan.press,
+        slip=plan.slip, observe=keep,
     )  # fmt: skip
     true_pose, pose = trial.true_pose[0], trial.pose[0]
     labels = tuple(estimates[0].probabilities)
     return Recognition(
         entry=entry, task=task, answer=str(trial.answer[0]), kind=kind, same=_same(trial, entry.run.trials),
         labels=labels, label=trial.label[0].tolist(),
-        pressures=test.readings[trial.reading[0]],
-        sensor_in_object=test.poses[trial.reading[0]],
+        pressures=np.array(pressures),
+        sensor_in_object=compose(true_pose, np.array(touched)),
         estimate_in_object=compose(true_pose, invert(pose)),
         probabilities=np.array([[e.probabilities[label] for label in labels] for e in estimates]),
         robot_in_object=pose, true_pose=true_pose,

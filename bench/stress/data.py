@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from tactsim.bench.fitting import fit
 from tactsim.bench.trials import draw_true_pose
 from tactsim.core import InputError, Pad, Scan, compose, invert
 from tactsim.core.poses import FloatArray
@@ -20,15 +21,17 @@ USUAL_BUDGET = 1000  # of an estimator, if a case asks for no other
 
 @cache
 def pressed(letters: str = "AEIOU", world: str = "default", pad: Pad | None = None) -> Scan:
-    """Press letters in one of the ready-made worlds."""
-    options = ScanOptions(**WORLDS[world], letters=parse_letters(letters), pad=pad or Pad())
+    """Press letters in one of the ready-made worlds; test readings at the training poses, some of them at angle 0."""
+    options = ScanOptions(
+        **WORLDS[world], letters=parse_letters(letters), pad=pad or Pad(), test_poses="same"
+    )
     return scan_letters(options, cache=False)[0]
 
 
 def fitted(name: str, scan: Scan, **options: Any) -> Estimator:
     """Make an estimator, fit it and begin a sequence with seed 0."""
     estimator = create(name, **options)
-    estimator.fit(scan)
+    fit(estimator, scan)
     estimator.reset(np.random.default_rng(0))
     return estimator
 

@@ -62,6 +62,18 @@ class BinnedBelief:
         )  # fmt: skip
         return bins, blocks
 
+    def of_last_reading(self) -> tuple[FloatArray, int]:
+        """Give log p(last reading | bin) of all bins, and how many bins took it in; earlier readings are forgotten.
+
+        Returns (letters, angles, rows, columns), and a count.
+        """
+        belief, count = self._belief, len(self._field)
+        belief.log_p[:] = belief.edge
+        belief.upper[:] = np.inf
+        belief.seen[:] = count - 1
+        bins, _ = self.update()
+        return self.log_belief(), bins
+
     def summary(self) -> tuple[FloatArray, NDArray[np.int64]]:
         """Sum the bins of each letter (eq. 14), relative to the best bin, and find its mode (eq. 15): (letters,) each.
 

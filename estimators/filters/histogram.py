@@ -12,6 +12,8 @@ from tactsim.estimators.estimator import Estimate, Options, PlaneBelief, PoseSam
 from tactsim.estimators.filters.binned import BinnedBelief
 from tactsim.estimators.filters.grid import Cells, StateGrid, state_grid
 from tactsim.estimators.filters.map_filter import MapFilter
+from tactsim.estimators.filters.motion import parse_motion
+from tactsim.estimators.filters.moving_bins import MovingBins
 from tactsim.estimators.filters.states import WeightedStates, pose_samples, probabilities
 from tactsim.estimators.filters.weights import Weights
 from tactsim.estimators.options import FilterOptions
@@ -42,6 +44,7 @@ class HistogramFilter(MapFilter):
     options_type: type[Options] = HistogramOptions
     budget = "bins"
     draws = False
+    moves = True
     options: HistogramOptions
     grid: StateGrid
 
@@ -50,6 +53,7 @@ class HistogramFilter(MapFilter):
         self.grid = state_grid(options.bins, options.split, options.reach)
         if options.split is not None:
             self.budget = "split"
+        self._motion = parse_motion(options.motion)
         self._evaluated = self._bounds = self._skipped = 0
 
     def describe(self) -> str:
@@ -61,7 +65,11 @@ class HistogramFilter(MapFilter):
         return self.grid.spacing[:2]
 
     def _fit(self) -> None:
-        self._belief = BinnedBelief(self.field, self.grid, _NEGLIGIBLE if self.options.skip else None)
+        self._belief: BinnedBelief | MovingBins
+        if self._motion is not None:
+            self._belief = MovingBins(self.field, self.grid, self._motion)
+        else:
+            self._belief = BinnedBelief(self.field, self.grid, _NEGLIGIBLE if self.options.skip else None)
 
     def _reset(self, rng: np.random.Generator) -> None:
         self._belief.reset()

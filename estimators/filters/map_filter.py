@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from abc import abstractmethod
 from collections.abc import Mapping
 
@@ -30,6 +31,8 @@ class MapFilter(Estimator):
 
     options_type: type[Options] = FilterOptions
     options: FilterOptions
+    # Whether the filter's own belief follows `options.motion`; a `Moving` is put around one that does not.
+    moves = False
     taxel_xy: FloatArray
     field: LikelihoodField
 
@@ -43,11 +46,23 @@ class MapFilter(Estimator):
     def fit(self, scan: Scan) -> None:
         """Learn the maps (eq. 2 to 6) and the measurement model from the training readings."""
         chosen = self.options
-        self._started = False
-        self.maps = learn_maps(
+        maps = learn_maps(
             scan, sigma=chosen.sigma, peak=chosen.peak, prior=chosen.prior, threshold=chosen.threshold,
             ratio=chosen.ratio, cell=chosen.cell,
         )  # fmt: skip
+        self._fit_with(maps, scan)
+
+    def without(self, letter: str, scan: Scan) -> MapFilter:
+        """Give a filter of the other letters, with the maps that are known and a measurement model of their own."""
+        other = copy.copy(self)
+        other.likelihood = likelihood.create(self.options)
+        maps = {label: chart for label, chart in self.maps.items() if label != letter}
+        other._fit_with(maps, scan.untrained([letter]))
+        return other
+
+    def _fit_with(self, maps: Mapping[str, OccupancyMap], scan: Scan) -> None:
+        self._started = False
+        self.maps = maps
         self.labels = tuple(self.maps)
         self.taxel_xy = scan.taxel_xy
         self.likelihood.fit(scan, self.maps)
@@ -68,10 +83,17 @@ class MapFilter(Estimator):
 
         Raises InputError, and leaves the belief as it was, for a wrong length or a NaN.
         """
+        self.take(reading, sensor_in_robot)
+        self._update()
+
+    def take(self, reading: ArrayLike, sensor_in_robot: ArrayLike) -> None:
+        """Add a reading to `field` and leave the belief alone, for a wrapper that has a belief of its own.
+
+        Raises InputError, and adds nothing, for a wrong length or a NaN.
+        """
         self._check_started("update")
         values, pose = check_reading(reading, sensor_in_robot, len(self.taxel_xy))
         self.field.append(self.likelihood.evidence(values), pose)
-        self._update()
 
     def estimate(self) -> Estimate:
         """Give the letter's probabilities, and the pose T_R^O of the most probable letter."""
@@ -81,6 +103,14 @@ class MapFilter(Estimator):
     @abstractmethod
     def weighted_states(self) -> WeightedStates:
         """Give the belief as weighted states of all letters; those that are negligible may be left out."""
+
+    def path(self, estimate: Estimate) -> FloatArray:
+        """Give robot_in_object at each touch so far (n, 3), given an estimate: of an object that lies still."""
+        return np.tile(estimate.robot_in_object, (len(self.field), 1))
+
+    def log_evidence(self) -> FloatArray:
+        """Give log p(readings so far | letter) if the object lies still, (letters,), up to what no model changes."""
+        raise NotImplementedError(f"{type(self).__name__} is not compared with a moving belief")
 
     @property
     def calibrated(self) -> CalibratedLikelihood | None:

@@ -13,6 +13,7 @@ from tactsim.core.poses import FloatArray
 from tactsim.estimators.estimator import Estimate, Options, PlaneBelief
 from tactsim.estimators.filters.injection import Injection
 from tactsim.estimators.filters.map_filter import MapFilter
+from tactsim.estimators.filters.motion import Motion, parse_motion
 from tactsim.estimators.filters.multinomial import draw
 from tactsim.estimators.filters.parzen import parzen_mode
 from tactsim.estimators.filters.states import (
@@ -46,14 +47,17 @@ class ParticleFilter(MapFilter):
 
     options_type: type[Options] = ParticleOptions
     budget = "particles"
+    moves = True
     options: ParticleOptions
     _letter: NDArray[np.int64]
     _state: FloatArray
     _weights: Weights
+    _scale: NDArray[np.int64]
 
     def __init__(self, options: ParticleOptions, injection: Injection | None = None) -> None:
         super().__init__(options)
         self._injection = injection
+        self._motion = parse_motion(options.motion)
         self._evaluated = self._injected = 0
 
     def _fit(self) -> None:
@@ -80,11 +84,14 @@ class ParticleFilter(MapFilter):
             self._resample()
             if self._injection is not None:
                 self._inject(self._injection)
-        noise = self._rng.standard_normal(self._state.shape)
-        noise[:2] *= chosen.noise_mm
-        noise[2] *= chosen.noise_rad
-        self._state += noise
-        np.clip(self._state[:2], -chosen.reach, chosen.reach, out=self._state[:2])
+        if self._motion is not None:
+            self._move(self._motion)
+        else:
+            noise = self._rng.standard_normal(self._state.shape)
+            noise[:2] *= chosen.noise_mm
+            noise[2] *= chosen.noise_rad
+            self._state += noise
+            np.clip(self._state[:2], -chosen.reach, chosen.reach, out=self._state[:2])
         self._weights = Weights(self.field.log_p(self._letter, self._state, readings - 1))
         self._evaluated += len(self._letter)
         if self._injection is not None:
@@ -120,11 +127,31 @@ class ParticleFilter(MapFilter):
         counts: dict[str, Any] = {"likelihood_evaluations": self._evaluated, "skipped": {}}
         return counts if self._injection is None else {**counts, "injected": self._injected}
 
+    def _move(self, motion: Motion) -> None:
+        """Move the particles as the object may move, each with a scale of its own (command update).
+
+        The noise of the command update in the paper is a random walk too, of 1 mm and 0.1 rad whatever the object
+        does; the motion takes its place. A scale that moves as the object does survives the resampling.
+        """
+        count, rng = len(self._letter), self._rng
+        if len(self.field) == 1:
+            self._scale = rng.choice(len(motion.variance), size=count, p=motion.prior)
+            return
+        anew = rng.random(count) < motion.switch
+        self._scale[anew] = rng.choice(len(motion.variance), size=int(anew.sum()), p=motion.prior)
+        variance = motion.variance[self._scale]
+        variance[rng.random(count) < motion.jump] = motion.jump_variance
+        variance += (self.options.noise_mm / len(self.field)) ** 2
+        step = rng.standard_normal((count, 3)) * np.sqrt(variance)[:, None]
+        self._state = motion.state(motion.placed(self._state) + step)
+
     def _resample(self) -> None:
         """Draw n_P particles with replacement, with probability proportional to their weights."""
         chosen = np.empty(len(self._letter), dtype=np.int64)
         draw(chosen, self._weights.relative, self._rng.random(len(chosen)))
         self._letter, self._state = self._letter[chosen], self._state.take(chosen, axis=1)
+        if self._motion is not None:
+            self._scale = self._scale[chosen]
 
     def _inject(self, injection: Injection) -> None:
         """Replace the particles that the injection chooses by random ones."""

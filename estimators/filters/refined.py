@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -21,6 +22,7 @@ from tactsim.estimators.filters.placement import mean_around
 from tactsim.estimators.filters.states import WeightedStates, letter_mass, pose_samples, probabilities
 from tactsim.estimators.filters.trust import learn_trust
 from tactsim.estimators.filters.weights import Weights
+from tactsim.estimators.likelihoods.occupancy import OccupancyMap
 from tactsim.estimators.options import OpenSetOptions
 
 # Cells are halved so often in any case, and on until the smallest hold the belief in so many cells (effective sample
@@ -70,6 +72,10 @@ class RefinedFilter(MapFilter):
     each new cell. The bins are ranked, and not compared with a limit: the longer the sequence, the less likely
     is the middle of the bin that holds the truth beside the truth itself.
 
+    The log-likelihood of the readings is weighted by what left-out training readings say of how far a posterior may be
+    trusted (`trust`). Halving ends, after the third time, when the smallest cells are about as large as the belief is
+    wide.
+
     The belief is what the leaves hold: a cell's likelihood is that of its middle, times its volume. So a
     cell that was split is worth the mean of its parts.
     """
@@ -91,7 +97,7 @@ class RefinedFilter(MapFilter):
         """Say how the state space is split, in one line."""
         dx, dy, da = (gap / 2**self.options.halvings for gap in self.grid.spacing)
         return (
-            f"{self.grid.describe()}; the {self.options.cells} best halved {self.options.halvings} times, "
+            f"{self.grid.describe()}; the {self.options.cells} best halved up to {self.options.halvings} times, "
             f"to {dx:.2g} mm x {dy:.2g} mm x {math.degrees(da):.2g} deg"
         )
 
@@ -106,9 +112,8 @@ class RefinedFilter(MapFilter):
         every = np.arange(len(self.labels) * self.grid.bins)
         self._prior: _Leaves = every, np.zeros(len(every))
 
-    def fit(self, scan: Scan) -> None:
-        """Learn the maps, the measurement model, and how much the readings of a sequence count."""
-        super().fit(scan)
+    def _fit_with(self, maps: Mapping[str, OccupancyMap], scan: Scan) -> None:
+        super()._fit_with(maps, scan)
         self._trust = learn_trust(self.likelihood, scan)
 
     def _reset(self, rng: np.random.Generator) -> None:
@@ -158,6 +163,13 @@ class RefinedFilter(MapFilter):
         cells, weights = self._belief_in_cells()
         return WeightedStates(cells.letter, cells.states(), weights, cells.size)
 
+    def log_evidence(self) -> FloatArray:
+        """Sum what the cells of each letter hold; the prior of a letter's bins is 1 in all."""
+        cells, weights = self._belief_in_cells()
+        mass = letter_mass(cells.letter, weights, len(self.labels))
+        with np.errstate(divide="ignore"):
+            return np.log(mass) + weights.log.max() + self._highest - math.log(self.grid.bins)
+
     def belief_over_plane(self) -> PlaneBelief:
         """Sum the belief of each coarse bin and over the angle."""
         cells, weights = self._belief_in_cells()
@@ -198,7 +210,7 @@ class RefinedFilter(MapFilter):
         """Give the cells that were not split and are not negligible, and what they hold."""
         volume, trust = -math.log(8) * np.arange(len(self._leaves)), self._trust
         tops = [trust * log_p.max(initial=-math.inf) for _, log_p in self._leaves]
-        highest = (volume + tops).max()
+        highest = self._highest = float((volume + tops).max())
         times, index, log_weight = [], [], []
         for depth, (cell, log_p) in enumerate(self._leaves):
             held = trust * log_p + (volume[depth] - highest)

@@ -145,6 +145,10 @@ class TemperedFilter(MapFilter):
             Weights(np.concatenate([one.log_evidence + one.rest.log for one in self._populations])),
         )
 
+    def log_evidence(self) -> FloatArray:
+        """Give each letter's evidence: its prior is 1 over the poses within reach."""
+        return np.array([population.log_total for population in self._populations])
+
     def belief_over_plane(self) -> PlaneBelief:
         """Count the weighted particles in cells of about 1 mm."""
         return plane_histogram(self.labels, self.weighted_states(), self.options.reach)

@@ -4,14 +4,20 @@ from __future__ import annotations
 
 from tactsim.estimators.filters.active_touch import ActiveTouch
 from tactsim.estimators.filters.map_filter import MapFilter
+from tactsim.estimators.filters.motion import parse_motion
+from tactsim.estimators.filters.moving import Moving
 from tactsim.estimators.options import OpenSetOptions
 
 
 def wrapped(filter: MapFilter) -> ActiveTouch:
     """Let a filter propose readings, and say "none of these" if its options give that a probability."""
     options = filter.options
+    inner: MapFilter | Moving = filter
+    motion = parse_motion(options.motion)
+    if motion is not None and not filter.moves:
+        inner = Moving(filter, motion)
     if isinstance(options, OpenSetOptions) and options.unknown:
         from tactsim.estimators.filters.open_set import OpenSet  # needs SciPy, as no other filter does
 
-        return ActiveTouch(OpenSet(filter, options.unknown))
-    return ActiveTouch(filter)
+        return ActiveTouch(OpenSet(inner, options.unknown))
+    return ActiveTouch(inner)

@@ -8,6 +8,8 @@ with its `points`, `facets` (the engine relief) or `elastic`; `dynamics` with `f
 `spread` and `sensor` turn pressure into readings, and `scanning` takes all of them. `attached_pad`, with
 `pad_surface`, `geom_gap`, `layer_balance` and `pad_reader`, reads a pad on a geom of anybody's MuJoCo model.
 
+`forward` predicts readings, and their derivatives, for estimators that press by themselves.
+
 The package can be called: `tactsim.press("A", pose=(1, 0, 0.5))` presses one letter once.
 
 What needs pydantic, MuJoCo or a letter is imported when it is first used.
@@ -26,6 +28,7 @@ if TYPE_CHECKING:
 
     from tactsim.models import Letter
     from tactsim.press.attached_pad import AttachedPad, attach
+    from tactsim.press.forward import PressModel, forward_model
     from tactsim.press.pad_reader import PadReader, PadReading
     from tactsim.press.pressing import Press, press_letter
     from tactsim.press.scan_options import WORLDS, PressOptions, ScanOptions, SensorOptions
@@ -35,7 +38,9 @@ _HOME = {
     "AttachedPad": "attached_pad",
     "PadReader": "pad_reader",
     "PadReading": "pad_reader",
+    "PressModel": "forward",
     "attach": "attached_pad",
+    "forward_model": "forward",
     "PressOptions": "scan_options",
     "ScanOptions": "scan_options",
     "SensorOptions": "scan_options",
@@ -51,10 +56,12 @@ __all__ = [
     "PadReader",
     "PadReading",
     "Press",
+    "PressModel",
     "PressOptions",
     "ScanOptions",
     "SensorOptions",
     "attach",
+    "forward_model",
     "press_letter",
     "scan_letters",
 ]

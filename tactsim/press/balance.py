@@ -101,11 +101,12 @@ class _Start(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class _Problem:
-    """The presses that are to be solved. stiffness: (n,) N/mm^3, of the layer under each."""
+    """The presses that are to be solved. force: (n,) N of each. stiffness: (n,) N/mm^3, of the layer under each."""
 
     touches: Touches
     face: Sequence[Level]
     options: ScanOptions
+    force: FloatArray
     stiffness: FloatArray
 
     @property
@@ -141,14 +142,14 @@ class _Problem:
         leaning = at_centre[:, None] * first + bent
         arm = bed.centre * force[:, None] + leaning
         squared = at_centre * (force + along) + np.einsum("ci,ci->c", slope, bent)
-        stiffness = self.stiffness[rows]
+        stiffness, force_set = self.stiffness[rows], self.force[rows]
 
         def over_press(values: FloatArray) -> FloatArray:
             return stiffness * np.bincount(bed.press, values, len(rows))
 
-        energy = over_press(squared) / 2 - press.force * depth
+        energy = over_press(squared) / 2 - force_set * depth
         carried = over_press(force)
-        missing = np.abs(carried - press.force) / press.force
+        missing = np.abs(carried - force_set) / force_set
         if press.wrist_stiffness is not None:
             bend = tilt - self.touches.tilts[rows]
             energy += press.wrist_stiffness * (bend**2).sum(axis=1) / 2
@@ -159,9 +160,9 @@ class _Problem:
             about_y = -moment_x / (cos_y**2 * cos_x)
             for about, gave in zip((about_x, about_y), bend.T, strict=True):
                 imbalance = np.abs(about + press.wrist_stiffness * gave)
-                missing = np.maximum(missing, imbalance / (press.force * _REACH))
+                missing = np.maximum(missing, imbalance / (force_set * _REACH))
         # What is missing in the balance is made up for, so that every reading is one of exactly the press's force.
-        here = (stiffness * press.force / np.where(carried > 0, carried, np.inf))[bed.press]
+        here = (stiffness * force_set / np.where(carried > 0, carried, np.inf))[bed.press]
         carrying = force > 0
         return _State(
             depth=depth,
@@ -202,12 +203,15 @@ def press(touches: Touches, options: ScanOptions) -> Pressed:
 def press_face(face: Sequence[Level], touches: Touches, options: ScanOptions) -> Pressed:
     """Press a face that is given by its levels, as `press` does."""
     setup = options.press
-    stiffness = np.ones(len(touches))
-    problem = _Problem(touches, face, options, stiffness)
+    force, stiffness = touches.forces(setup.force), np.ones(len(touches))
+    problem = _Problem(touches, face, options, force, stiffness)
     whole = problem.lay(np.arange(len(touches)), touches.tilts)
     area = whole.area_of_presses
     touching = np.flatnonzero(area)
-    stiffness[touching] = [1e-3 * setup.stiffness_over(some) for some in area[touching].tolist()]
+    stiffness[touching] = [
+        1e-3 * setup.stiffness_over(some, carried)
+        for some, carried in zip(area[touching].tolist(), force[touching].tolist(), strict=True)
+    ]
     stage = Setup(
         mass=MASS,
         wrist_stiffness=setup.wrist_stiffness,
@@ -216,7 +220,7 @@ def press_face(face: Sequence[Level], touches: Touches, options: ScanOptions) ->
     )
     if not setup.skip.no_contact:
         for index in np.flatnonzero(area == 0).tolist():
-            _fall(stage, whole.springs[index], touches, index, setup.force)
+            _fall(stage, whole.springs[index], touches, index, force[index])
     load, blanks = _solve(problem, stage, whole, touching)
     return Pressed(touches, load, _work(whole, face, touches, options), blanks)
 
@@ -229,7 +233,6 @@ def _solve(
     whole: the springs under all of the face, which the first step begins with.
     """
     count = len(problem.touches)
-    press = problem.options.press
     depth, tilt = np.zeros(count), problem.touches.tilts.copy()
     energy, missing = np.full(count, np.inf), np.full(count, np.inf)
     done: list[tuple[NDArray[np.intp], _State]] = []
@@ -241,12 +244,13 @@ def _solve(
         proposed, turned = np.empty(len(left)), np.empty((len(left), 2))
         lost = np.zeros(len(left), dtype=bool)
         for row, index in enumerate(left.tolist()):
+            force = float(problem.force[index])
             springs = starts[index].springs if index in starts else whole.springs[index]
             placed = _placed(stage, springs, problem.touches, index)
             stiffness = 1e3 * problem.stiffness[index]
-            start = starts.get(index) or _all_touch(placed, springs, press.force / stiffness, bending[index])
+            start = starts.get(index) or _all_touch(placed, springs, force / stiffness, bending[index])
             try:
-                proposed[row], turned[row] = _step(placed, start, stiffness, press.force)
+                proposed[row], turned[row] = _step(placed, start, stiffness, force)
             except UnsettledError as error:
                 blanks[index], lost[row] = str(error), True
         trying, proposed, turned = left[~lost], proposed[~lost], turned[~lost]

@@ -1,7 +1,7 @@
 """Keep ideal readings on disk, by everything that they depend on.
 
 A file holds the readings of one letter at one list of poses. Its name is a hash of the letter's shape, the
-poses, tilts, pad, press and point spread, the versions of NumPy and MuJoCo and the source that presses; the file
+poses, tilts, loads, pad, press and point spread, the versions of NumPy and MuJoCo and the source that presses; the file
 repeats the hash and adds one of its content. A file that does not say both is made again.
 """
 
@@ -43,9 +43,9 @@ def folder() -> Path:
 
 def key(touches: Touches, options: ScanOptions) -> str:
     """Hash all that the ideal readings of `touches` depend on, 64 hex digits."""
-    poses, tilts, rotations = (
+    poses, tilts, rotations, load = (
         hashlib.sha256(np.ascontiguousarray(() if array is None else array, "<f8").tobytes()).hexdigest()
-        for array in (touches.poses, touches.tilts, touches.rotations)
+        for array in (touches.poses, touches.tilts, touches.rotations, touches.load)
     )
     content = json.dumps(
         {
@@ -53,6 +53,7 @@ def key(touches: Touches, options: ScanOptions) -> str:
             "poses": poses,
             "tilts": tilts,
             "rotations": rotations,
+            "load": load,
             "pad": options.pad.model_dump(mode="json"),
             "press": options.press.model_dump(mode="json"),
             "psf_sigma": options.sensor.psf_sigma,

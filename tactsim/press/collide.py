@@ -91,7 +91,8 @@ def press(touches: Touches, options: ScanOptions) -> Pressed:
     # mm by which the corners of the pad lie higher or lower than its middle, of each press.
     reach = np.abs(slope) @ (max(-left, right), max(-low, high))
     # Compressed by so much, the letter is _DEPTH deep at most when the step begins.
-    give = press.force / (1e-3 * press.stiffness * (right - left) * (high - low))
+    forces_set = touches.forces(press.force)
+    give = forces_set / (1e-3 * press.stiffness * (right - left) * (high - low))
     compression = (1 - _MARGIN) * _DEPTH / MM / np.maximum(relief + 2 * reach, give)
     if relief:  # a compiled scene depends on it, and a few such scenes serve
         compression = 2.0 ** np.floor(np.log2(compression))
@@ -111,7 +112,8 @@ def press(touches: Touches, options: ScanOptions) -> Pressed:
             )
         )
         _place(stage, pose, factor * slope[index])
-        point, force, reason = _rest(stage, float(depth[index]), factor, elastic, press)
+        set_now = press.model_copy(update={"force": float(forces_set[index])})
+        point, force, reason = _rest(stage, float(depth[index]), factor, elastic, set_now)
         if reason:
             blanks[index] = reason
             continue

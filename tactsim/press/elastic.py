@@ -124,7 +124,7 @@ def press(touches: Touches, options: ScanOptions) -> Pressed:
     face = levels(touches.letter, options.press)
     tilts = touches.tilts if touches.tilts.any() else None
     bed = lay_bed(face, touches.poses, x_lines, y_lines, tilts=tilts)
-    rested = press_elastic(bed, touches.tilts, options)
+    rested = press_elastic(bed, touches.tilts, options, touches.forces(options.press.force))
     touching = int(np.count_nonzero(bed.area_of_presses))
     cells = (len(x_lines) - 1) * (len(y_lines) - 1) * len(face)
     work = Counter(
@@ -133,11 +133,13 @@ def press(touches: Touches, options: ScanOptions) -> Pressed:
     return Pressed(touches, Patches(bed, rested.pressure), work, rested.blanks)
 
 
-def press_elastic(bed: Bed, tilts: FloatArray, options: ScanOptions) -> Rested:
+def press_elastic(
+    bed: Bed, tilts: FloatArray, options: ScanOptions, force: FloatArray | None = None
+) -> Rested:
     """Press a face on the solid of `options.press` until it rests.
 
     bed: all parts of the face over the pad, each at its gap, laid on `cell_lines`. tilts: (presses, 2) rad
-    about the pad's x and y, before the wrist gives way.
+    about the pad's x and y, before the wrist gives way. force: (presses,) N; None: that of the options.
     A press that tips over is a blank.
     Raises InputError if the pad's cells are of too many different sizes.
     """
@@ -149,6 +151,7 @@ def press_elastic(bed: Bed, tilts: FloatArray, options: ScanOptions) -> Rested:
     alone = influence.under_itself(bed)
     pressure, depth = np.zeros(len(bed.area)), np.zeros(len(tilts))
     tilt, blanks = np.array(tilts, dtype=float), {}
+    force = np.full(len(tilts), press.force) if force is None else force
     for index, (first, last) in enumerate(pairwise(bed.start.tolist())):
         rows = np.arange(first, last)[bed.area[first:last] > 0]
         if not len(rows):
@@ -156,11 +159,13 @@ def press_elastic(bed: Bed, tilts: FloatArray, options: ScanOptions) -> Rested:
         area = bed.area[rows]
         moves = influence.between(bed.cell[rows])
         np.fill_diagonal(moves, alone[rows])
-        moves /= modulus(press, float(area.sum()))
+        moves /= modulus(press, float(area.sum()), float(force[index]))
         centroid = bed.centroid[rows]
         # How depths answer to the face's place: at the pad's middle (mm), and to the tilts about x and y.
         ways = np.column_stack([np.ones(len(rows)), centroid[:, 1], -centroid[:, 0]])
-        forces, place = _rest(moves, ways, bed.gap[rows], tilt[index], press)
+        forces, place = _rest(
+            moves, ways, bed.gap[rows], tilt[index], float(force[index]), press.wrist_stiffness
+        )
         depth[index], tilt[index] = place[0], place[1:]
         if np.abs(place[1:]).max() > MOST_TILT:
             blanks[index] = TIPPED
@@ -169,14 +174,14 @@ def press_elastic(bed: Bed, tilts: FloatArray, options: ScanOptions) -> Rested:
     return Rested(pressure, depth, tilt, blanks)
 
 
-def modulus(press: PressOptions, area: float) -> float:
-    """Give E / (1 - nu^2) of the solid under a contact of `area` mm^2, N/mm^2.
+def modulus(press: PressOptions, area: float, force: float | None = None) -> float:
+    """Give E / (1 - nu^2) of the solid under a contact of `area` mm^2 that carries `force` N, N/mm^2.
 
     The material is that of a layer of `thickness` which, under a wide flat contact, has `stiffness`: there
     the layer cannot give way sideways, so stiffness * thickness is its modulus of uniaxial strain, E (1 - nu) /
     ((1 + nu) (1 - 2 nu)). The half-space is of the same material.
     """
-    uniaxial = 1e-3 * press.stiffness_over(area) * press.thickness
+    uniaxial = 1e-3 * press.stiffness_over(area, force) * press.thickness
     return uniaxial * (1 - 2 * press.poisson) / (1 - press.poisson) ** 2
 
 
@@ -267,14 +272,14 @@ def _classes(lines: FloatArray) -> tuple[NDArray[np.intp], FloatArray]:
 
 
 def _rest(
-    moves: FloatArray, ways: FloatArray, gap: FloatArray, tilt: FloatArray, press: PressOptions
+    moves: FloatArray, ways: FloatArray, gap: FloatArray, tilt: FloatArray, force: float, wrist: float | None
 ) -> tuple[FloatArray, FloatArray]:
     """Find the forces (n,) N and the place (3,) [mm, rad, rad] of a face at rest.
 
     moves: (n, n) mm/N. ways: (n, 3), by which depths answer to the place. gap: (n,) mm. tilt: (2,) rad
-    before the wrist gives way.
+    before the wrist gives way. force: N. wrist: N mm/rad, None if it is rigid.
     """
-    count, force, wrist = len(gap), press.force, press.wrist_stiffness
+    count = len(gap)
     carries = np.ones(count, dtype=bool)
     fewest, patience = count + 1, _BLOCK_STEPS
     while True:

@@ -195,7 +195,8 @@ def contact_history(bed: Bed, touches: Touches, index: int, options: ScanOptions
     )
     stage = scene(setup, len(springs.share))
     stage.place_letter(touches.poses[index], touches.tilts[index])
-    return press_through_time(stage, springs, press)
+    force = float(touches.forces(press.force)[index])
+    return press_through_time(stage, springs, press.model_copy(update={"force": force}))
 
 
 def _even(bed: Bed, forces: FloatArray) -> Patches:

@@ -23,7 +23,7 @@ def press(touches: Touches, options: ScanOptions) -> Pressed:
     x_lines, y_lines = options.cell_lines
     bed = lay_bed(face, touches.poses, x_lines, y_lines)
     area = bed.area_of_presses
-    pressure = options.press.force / area[bed.press]
+    pressure = touches.forces(options.press.force)[bed.press] / area[bed.press]
     touching = int(np.count_nonzero(area))
     cells = (len(x_lines) - 1) * (len(y_lines) - 1)
     work = Counter(

@@ -340,19 +340,19 @@ def carry(
 
 @compiled(
     void(
-        REALS_3D, REALS, REALS_2D, REALS_2D, REALS, REALS, float64, float64, float64, float64, float64, REALS_2D,
+        REALS_3D, REALS, REALS_2D, REALS_2D, REALS, REALS, REALS, float64, float64, float64, float64, REALS_2D,
         REALS_2D,
     )
 )  # fmt: skip
 def press_all(
-    facets: Reals, front: Reals, poses: Reals, tilts: Reals, x_lines: Reals, y_lines: Reals, force: float,
+    facets: Reals, front: Reals, poses: Reals, tilts: Reals, x_lines: Reals, y_lines: Reals, forces: Reals,
     stiffness: float, thickness: float, wrist: float, height: float, states: Reals, loads: Reals,
 ) -> None:  # fmt: skip
     """Find where each press rests, and what each cell of the pad carries there.
 
     facets, front: as `gather` takes them. poses: (presses, 4) x, y, cos, sin. tilts: (presses, 2) rad. x_lines,
-    y_lines: edges of the cells, mm. force: N. stiffness: N/mm^3. thickness: mm of the layer. wrist: N mm / rad,
-    infinite for a rigid one. height: mm to which the shape may sink in.
+    y_lines: edges of the cells, mm. forces: (presses,) N. stiffness: N/mm^3. thickness: mm of the layer.
+    wrist: N mm / rad, infinite for a rigid one. height: mm to which the shape may sink in.
     Fills states (presses, STATE) and loads (presses, 6 * cells): of each cell N times 1, u, v, uu, uv, vv, mm from
     its centre.
     """
@@ -363,7 +363,7 @@ def press_all(
     farthest = math.hypot(max(-bounds[0], bounds[1]), max(-bounds[2], bounds[3]))
     before = np.empty((len(facets) + 4 * _CORNERS, 3, 3))
     for press in range(len(poses)):
-        state, tilt = states[press], tilts[press]
+        state, tilt, force = states[press], tilts[press], forces[press]
         state[:] = 0.0
         loads[press, :] = 0.0
         slope = math.hypot(tilt[0], tilt[1]) if wrist == np.inf else STEEPEST

@@ -74,6 +74,7 @@ def press(touches: Touches, options: ScanOptions) -> Pressed:
     x, y, angle = touches.poses.T
     poses = np.column_stack([x, y, np.cos(angle), np.sin(angle)])
     tilts = np.ascontiguousarray(touches.tilts, dtype=float)
+    forces = touches.forces(layer.force)
     farthest = float(np.hypot(np.abs(x_lines).max(), np.abs(y_lines).max()))
     steepest = np.hypot(*tilts.T).max(initial=0) if np.isinf(wrist) else STEEPEST
     reach = layer.thickness + 2 * farthest * steepest
@@ -87,7 +88,7 @@ def press(touches: Touches, options: ScanOptions) -> Pressed:
         ]
     for here, (facets, front, height) in fields:
         press_all(
-            facets, front, poses[here], tilts[here], x_lines, y_lines, layer.force, 1e-3 * layer.stiffness,
+            facets, front, poses[here], tilts[here], x_lines, y_lines, forces[here], 1e-3 * layer.stiffness,
             layer.thickness, float(wrist), height, states[here], loads[here],
         )  # fmt: skip
     ended = states[:, -1]

@@ -137,12 +137,12 @@ class PressOptions(BaseModel):
             )
         return self
 
-    def stiffness_over(self, area: float) -> float:
-        """Give the layer's stiffness, kPa/mm, under a contact of `area` mm^2.
+    def stiffness_over(self, area: float, force: float | None = None) -> float:
+        """Give the layer's stiffness, kPa/mm, under a contact of `area` mm^2 that carries `force` N, or the set force.
 
         A layer that the force would press by more than its thickness is stiffer: just enough to stop there.
         """
-        return max(self.stiffness, 1e3 * self.force / (area * self.thickness))
+        return max(self.stiffness, 1e3 * (self.force if force is None else force) / (area * self.thickness))
 
     @model_validator(mode="after")
     def _steps_springs_alone(self) -> PressOptions:
@@ -164,6 +164,15 @@ class SensorOptions(BaseModel):
     )
     gain_spread: float = Field(
         0.0, ge=0, le=1, description="standard deviation of the taxels' relative gains (assumed)"
+    )
+    response: float = Field(
+        1.0,
+        ge=0.2,
+        le=5,
+        description="exponent g of the response curve p0 (p / p0)^g, with p0 = response_pressure; 1: linear (assumed)",
+    )
+    response_pressure: float = Field(
+        25.0, ge=1e-3, le=1e6, description="kPa, p0: the pressure that a bent response reads right (assumed)"
     )
     hysteresis: float = Field(
         0.0,
@@ -216,7 +225,8 @@ class ScanOptions(BaseModel):
     )
     seed: int = Field(0, ge=0, lt=2**63, description="of every random number in the scan")
     test_poses: Literal["same", "random"] = Field(
-        "same", description="test readings at the training poses (the paper) or off the grid"
+        "random",
+        description="test readings at random poses within 12 mm, or at the training poses (the paper's)",
     )
     placement_mm: float = Field(
         0.1,
@@ -232,6 +242,16 @@ class ScanOptions(BaseModel):
         ge=0,
         le=0.2,
         description="rad, standard deviation of a press's tilt about either axis (assumed)",
+    )
+    load_spread: float = Field(
+        0.0,
+        ge=0,
+        le=1,
+        description="standard deviation of a press's load as a share of press.force, log-normal with that mean "
+        "(assumed exact)",
+    )
+    test_load: float = Field(
+        1.0, ge=1e-3, le=1e3, description="load of the test presses as a share of the training presses'"
     )
     pad: Pad = Field(default_factory=Pad, description="its measures, or the path of a file that holds them")
     press: PressOptions = Field(default_factory=PressOptions)
@@ -271,13 +291,15 @@ class ScanOptions(BaseModel):
 # Ready-made worlds: what differs from the defaults. In "level" letter and pad stay parallel, as in a textbook. In
 # "paper-like" a rigid wrist tilts every press by 0.4 degrees about either axis, which alone lets a particle filter
 # level out where the paper's does. "rough" adds other faults that real data may have: poses off by 1.5 mm and 0.1 rad
-# and 20 % random classes. "ideal" has no noise, no steps and exact, level poses.
+# and 20 % random classes. In "handheld" no robot presses: loads vary by 30 %, presses are tilted by one degree about
+# either axis, and the sensor's response is bent. "ideal" has no noise, no steps and exact, level poses.
 _LEVEL: dict[str, Any] = {"placement_tilt": 0.0, "press": {"wrist_stiffness": None}}
 WORLDS: dict[str, dict[str, Any]] = {
     "default": {},
     "level": _LEVEL,
     "paper-like": {"placement_tilt": 0.007, "press": {"wrist_stiffness": None}},
     "rough": {"placement_mm": 1.5, "placement_rad": 0.1, "sensor": {"random_taxels": 0.2}},
+    "handheld": {"load_spread": 0.3, "placement_tilt": 0.0175, "sensor": {"response": 2.0}},
     "ideal": {
         **_LEVEL,
         "placement_mm": 0.0,

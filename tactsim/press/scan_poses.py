@@ -1,4 +1,4 @@
-"""The poses of the paper's scan: 16 positions in a square grid, 12 angles at each (section II)."""
+"""Where a scan presses: the paper's grid of 16 positions with 12 angles each (section II), or poses drawn off it."""
 
 from __future__ import annotations
 
@@ -9,6 +9,8 @@ from tactsim.core.poses import FloatArray
 POSITIONS = (-10.2, -3.4, 3.4, 10.2)  # mm along x and along y: 4 x 4 positions, 6.8 mm apart
 ANGLES = 12
 POSES = len(POSITIONS) ** 2 * ANGLES
+# mm; test poses off the grid have x and y in [-REACH, REACH], which is wider than what is trained on.
+REACH = 12.0
 
 
 def grid_poses() -> FloatArray:
@@ -21,6 +23,5 @@ def grid_poses() -> FloatArray:
 
 
 def random_poses(rng: np.random.Generator, count: int = POSES) -> FloatArray:
-    """Draw poses off the grid, uniform over the grid's range and all angles: (count, 3)."""
-    low, high = (POSITIONS[0], POSITIONS[0], 0.0), (POSITIONS[-1], POSITIONS[-1], 2 * np.pi)
-    return rng.uniform(low, high, size=(count, 3))
+    """Draw poses off the grid, (count, 3): x and y uniform in [-REACH, REACH] mm, theta on the circle."""
+    return rng.uniform((-REACH, -REACH, 0.0), (REACH, REACH, 2 * np.pi), size=(count, 3))

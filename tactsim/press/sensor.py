@@ -1,4 +1,4 @@
-"""The sensor's imperfections: hysteresis, gain, lag, drift, noise, random and dead taxels, saturation, resolution."""
+"""The sensor's imperfections: gain, response, hysteresis, lag, drift, noise, broken taxels, saturation, resolution."""
 
 from __future__ import annotations
 
@@ -30,6 +30,9 @@ def sense(
     noise = rng.standard_normal(ideal.shape)
     replaced, level = rng.random(ideal.shape), rng.random(ideal.shape)
     readings = gain * (hysteretic(ideal, options.hysteresis) if one_touch else ideal)
+    if options.response != 1:
+        at = options.response_pressure
+        readings = at * (np.maximum(readings, 0) / at) ** options.response
     if options.lag and not one_touch:
         for before, now in pairwise(readings):
             now += options.lag * (before - now)

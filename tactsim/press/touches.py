@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,6 +17,7 @@ class Touches:
 
     poses: (n, 3) sensor_in_object [mm, mm, rad]. tilts: (n, 2) rad about the pad's x and y, between letter
     and pad before the wrist gives way; +tilt_x brings the side at +y closer, +tilt_y the side at -x.
+    load: (n,) the force of each as a share of the options' `press.force`; None: all press with that force.
     rotations: (n, 3, 3) where the letter is pressed from other sides than above, else None. A press sees the
     letter in axes whose directions in the object frame are its matrix's columns: the third is the pad's normal,
     pointing away from the letter, and the pose lies in the plane of the other two. The pad's own axes are
@@ -26,6 +28,7 @@ class Touches:
     poses: FloatArray
     tilts: FloatArray
     rotations: FloatArray | None = None
+    load: FloatArray | None = None
 
     @classmethod
     def of(cls, letter: Letter, poses: FloatArray, tilt: tuple[float, float] = (0.0, 0.0)) -> Touches:
@@ -35,7 +38,21 @@ class Touches:
     def some(self, which: slice) -> Touches:
         """Take some of the presses."""
         rotations = None if self.rotations is None else self.rotations[which]
-        return Touches(self.letter, self.poses[which], self.tilts[which], rotations)
+        load = None if self.load is None else self.load[which]
+        return Touches(self.letter, self.poses[which], self.tilts[which], rotations, load)
+
+    def forces(self, nominal: float) -> FloatArray:
+        """Give the force of each press (n,), N, if that of the options is `nominal` N."""
+        return np.full(len(self), nominal) if self.load is None else nominal * self.load
 
     def __len__(self) -> int:
         return len(self.poses)
+
+
+def draw_loads(count: int, spread: float, rng: np.random.Generator) -> FloatArray:
+    """Draw the loads (count,) of presses as shares of the set force: log-normal, with mean 1 and deviation `spread`.
+
+    A log-normal load is above 0 whatever the spread.
+    """
+    variance = math.log1p(spread**2)
+    return np.exp(math.sqrt(variance) * rng.standard_normal(count) - variance / 2)

@@ -53,7 +53,7 @@ def run(scan):
 def test_readings_that_are_given_give_what_pressed_ones_give(scan, run):
     pressed = tactsim.run(letters="AE", **WORDS)
     assert run.summary == pressed.summary
-    assert run.protocol == pressed.protocol == "test poses same, random order"
+    assert run.protocol == pressed.protocol == "test poses random, random order"
     assert scan.letters == ("A", "E")
     assert np.array_equal(scan.readings, tactsim.scan(letters=["A", "E"]).readings)
 

@@ -15,8 +15,8 @@ def run_with(right_share, error, seed, n=300, r=6):
     base = make_run()
     trials = base.trials
     right = rng.random((n, r)) < right_share
-    true_pose = np.tile([1.0, 2.0, 0.0], (n, 1))
-    pose = np.repeat(true_pose[:, None], r, axis=1)
+    true_pose = np.tile([1.0, 2.0, 0.0], (n, r, 1))
+    pose = true_pose.copy()
     pose[..., 0] += error * rng.uniform(0.5, 1.5, size=(n, r))
     many = {name: np.zeros((n, r)) for name in ("p_truth", "p_label", "update_s", "estimate_s", "propose_s")}
     trials = replace(
@@ -93,5 +93,8 @@ def test_runs_of_other_trials_or_protocols_are_not_compared():
     moved = replace(base.trials, true_pose=base.trials.true_pose + 1)
     with pytest.raises(InputError, match="same trials"):
         compare(base, replace(base, trials=moved))
+    slipped = base.trials.true_pose + np.arange(6)[:, None]
+    with pytest.raises(InputError, match="move"):
+        compare(base, replace(base, trials=replace(base.trials, true_pose=slipped)))
     with pytest.raises(InputError, match="readings"):
         compare(base, run_with(0.9, 1.0, seed=0, r=5))

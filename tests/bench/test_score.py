@@ -26,13 +26,13 @@ def make_trials(label, truth="A", pose_error=0.0):
     """Build trials from a table of labels, their estimates off by `pose_error` mm in x."""
     label = np.array(label)
     n, r = label.shape
-    true_pose = np.tile([1.0, 2.0, 0.5], (n, 1))
+    true_pose = np.tile([1.0, 2.0, 0.5], (n, r, 1))
     estimated = invert(compose([pose_error, 0.0, 0.0], invert(true_pose)))
     zeros = np.zeros((n, r))
     return Trials(
         truth=np.full(n, truth), known=np.ones(n, dtype=bool), trial=np.arange(n), true_pose=true_pose,
         reading=zeros.astype(int), label=label, p_truth=np.full((n, r), 0.5), p_label=np.full((n, r), 0.75),
-        pose=np.repeat(estimated[:, None], r, axis=1), evaluations=zeros.astype(int),
+        pose=estimated, evaluations=zeros.astype(int),
         credibility=zeros, radius_90=zeros, update_s=zeros, estimate_s=zeros, propose_s=zeros,
     )  # fmt: skip
 

@@ -15,10 +15,10 @@ def test_the_grid_is_the_paper_s():
     assert grid_poses() == pytest.approx(np.array(expected))
 
 
-def test_random_poses_are_uniform_over_the_grid_s_range_and_all_angles():
+def test_random_poses_are_uniform_over_12_mm_and_all_angles():
     poses = random_poses(np.random.default_rng(0), 4000)
     assert random_poses(np.random.default_rng(0)).shape == (192, 3)
-    for values, low, high in zip(poses.T, (-10.2, -10.2, 0), (10.2, 10.2, 2 * np.pi), strict=True):
+    for values, low, high in zip(poses.T, (-12.0, -12.0, 0), (12.0, 12.0, 2 * np.pi), strict=True):
         share, _ = np.histogram(values, 8, (low, high))
         assert share.sum() == 4000
         assert share / 4000 == pytest.approx(1 / 8, abs=5 * np.sqrt(1 / 8 * 7 / 8 / 4000))

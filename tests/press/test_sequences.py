@@ -12,6 +12,7 @@ FULL = level_scan(
     sensor=SensorOptions(noise=0, resolution=0),
     placement_mm=0,
     placement_rad=0,
+    test_poses="same",
 )
 
 

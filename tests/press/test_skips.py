@@ -72,7 +72,7 @@ def test_a_plane_cannot_leave_cells_out():
 
 
 def test_a_known_pose_is_not_pressed_again():
-    exact = {"letters": ("U",), "placement_mm": 0.0, "placement_rad": 0.0}
+    exact = {"letters": ("U",), "test_poses": "same", "placement_mm": 0.0, "placement_rad": 0.0}
     scan, work = scan_letters(level_scan(**exact), cache=False)
     other, more = scan_letters(level_scan(**exact, press=level_press(skip=Skips(known=False))), cache=False)
     assert (work["presses"], work["skipped"]["known"]) == (192, 192)

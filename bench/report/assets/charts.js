@@ -101,7 +101,7 @@ function bandPath(low, high, sx, sy) {
 }
 
 // A plot of curves over the reading count. `spec`: title, alt, y {kind, low, high, ...}, series of
-// {method, dash, values, low, high, also}. onReading(k) is called when the pointer asks for a reading.
+// {method, dash, values, low, high, bound}; a bound is a line of its own look, without a mark. onReading(k) is called when the pointer asks for a reading.
 function curves(spec, onReading) {
   const svg = s("svg", { class: "plot", role: "img", "aria-label": spec.alt });
   const box = h("figure", { class: "chart" }, h("figcaption", {}, spec.title), svg);
@@ -124,12 +124,13 @@ function curves(spec, onReading) {
       }
     }
     for (const one of shown) {
-      inside.append(s("path", { class: `line m${one.method % MARKS}`, "stroke-dasharray": one.dash, d: linePath(one.values.map(kept), sx, sy) }));
+      const look = one.bound ? "bound" : `m${one.method % MARKS}`;
+      inside.append(s("path", { class: `line ${look}`, "stroke-dasharray": one.dash, d: linePath(one.values.map(kept), sx, sy) }));
     }
     inside.append(s("line", { class: "cursor", x1: sx(reading), x2: sx(reading), y1: margin.top, y2: height - margin.bottom }));
     for (const one of shown) {
       const value = kept(one.values[reading - 1] ?? null);
-      if (value !== null) {
+      if (value !== null && !one.bound) {
         inside.append(s("path", { class: `dot m${one.method % MARKS}`, d: mark(one.method, 4), transform: `translate(${sx(reading)} ${sy(value)})` }));
       }
     }

@@ -35,7 +35,9 @@ function readingsSection(task) {
   const series = (value, low, high) => (run) => ({ ...spec(run), values: run[value], low: run[low], high: run[high] });
   const accuracy = series("accuracy", "accuracyLow", "accuracyHigh");
   const error = series("error", "errorLow", "errorHigh");
-  const known = task.runs.flatMap((run) => run.error).filter((value) => value !== null && value > 0);
+  const bounded = task.runs.find((run) => run.bound.some((value) => value !== null));
+  const bound = bounded ? [{ bound: true, dash: "5 3", values: bounded.bound }] : [];
+  const known = [...task.runs, ...bound.map((one) => ({ error: one.values }))].flatMap((run) => run.error).filter((value) => value !== null && value > 0);
   const [low, high] = known.length ? [Math.min(...known) / 1.3, Math.max(...known) * 1.3] : [0.1, 10];
 
   const last = Math.max(...task.runs.map((run) => run.readings));
@@ -49,11 +51,11 @@ function readingsSection(task) {
   }, move);
   const right = curves({
     title: "Placement error where the letter is right, mm", alt: "Placement error against readings seen",
-    y: { kind: "log", low, high }, series: task.runs.map(error),
+    y: { kind: "log", low, high }, series: [...task.runs.map(error), ...bound],
   }, move);
   const values = h("tbody");
   const table = h("table", { class: "values" },
-    h("thead", {}, h("tr", {}, ["run", "right", "error, mm", "error over all trials, mm"].map((text) => h("th", { scope: "col" }, text)))), values);
+    h("thead", {}, h("tr", {}, ["run", "right", "error, mm", "error / bound", "error over all trials, mm"].map((text) => h("th", { scope: "col" }, text)))), values);
   const boxes = task.runs.map((run) => {
     const input = h("input", { type: "checkbox", checked: visible.has(run) });
     input.addEventListener("change", () => {
@@ -82,7 +84,7 @@ function readingsSection(task) {
   function update(reading) {
     const shown = task.runs.filter((run) => visible.has(run));
     left.show(shown.map(accuracy), reading);
-    right.show(shown.map(error), reading);
+    right.show([...shown.map(error), ...bound], reading);
     const k = reading - 1;
     values.replaceChildren(
       ...shown.map((run) =>
@@ -90,6 +92,7 @@ function readingsSection(task) {
           h("th", { scope: "row" }, swatch(run.method), run.label),
           h("td", {}, fixed(run.accuracy[k], 3), k < run.readings && interval(run.accuracyLow[k], run.accuracyHigh[k], 2)),
           h("td", {}, fixed(run.error[k], 2), k < run.readings && interval(run.errorLow[k], run.errorHigh[k], 2)),
+          h("td", {}, fixed(run.efficiency[k], 2)),
           h("td", {}, fixed(run.errorAll[k], 2)))),
     );
   }
@@ -97,7 +100,7 @@ function readingsSection(task) {
   return section("Accuracy and error against readings",
     h("fieldset", { class: "legend" }, h("legend", {}, "Runs"), boxes, buttons),
     h("div", { class: "two" }, left.box, right.box),
-    h("p", { class: "hint" }, "Bands: 95 % Wilson interval of the share, 95 % interval of the mean error."),
+    h("p", { class: "hint" }, "Bands: 95 % Wilson interval of the share, 95 % interval of the mean error." + (bounded ? " Dashed in grey: the Cramer-Rao bound of the error." : "")),
     h("div", { class: "controls" }, control.field),
     scrolling("Values at the chosen reading", table));
 }

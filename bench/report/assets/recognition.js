@@ -250,7 +250,7 @@ function recognitionView(protocol) {
         paint(canvas, rows, columns, (at) => ramp("up", values[first + at] / 255));
         const over = s("svg", { class: "over", viewBox: "0 0 100 100", "aria-hidden": "true" });
         if (label === trial.truth) {
-          const [x, y] = place(trial.truePose);
+          const [x, y] = place(row(trial.truePose, k));
           over.append(s("path", { class: "cross", d: `M${x - 5} ${y}H${x + 5}M${x} ${y - 5}V${y + 5}` }));
         }
         if (label === trial.estimate[k]) {

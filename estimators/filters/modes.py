@@ -1,0 +1,199 @@
+"""A belief over letter and pose as a sum of Gaussians, one for each mode, and the readings that shape them."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tactsim.core.poses import FloatArray
+from tactsim.estimators.filters.mode_kernels import solve_modes
+
+_OF_READINGS = ("at", "log_p", "gradient", "information")
+_OF_MODES = (
+    *("letter", "prior_mean", "prior_cov", "log_prior", "merged"), *_OF_READINGS, *("mean", "cov", "log_weight"),
+)  # fmt: skip
+GYRATION = 8.0  # mm: how far a rad counts where turns are compared with shifts
+
+
+@dataclass(frozen=True, eq=False)
+class Modes:
+    """n Gaussian parts of the belief over (letter, T_R^O), after k readings.
+
+    letter: (n,). prior_mean (n, 3), prior_cov (n, 3, 3), log_prior (n,), merged (n,): the part of the prior that each
+    stands for, and of how many grid cells. number: (k,) which readings were taken in, in this order. at: (n, k, 3) the
+    states at which each was expanded; log_p (n, k), gradient (n, k, 3), information (n, k, 3, 3): its log-likelihood
+    there, in x, y and theta of the state. mean: (n, 3), cov: (n, 3, 3), log_weight: (n,) the posterior, of any common factor.
+    """
+
+    letter: NDArray[np.int64]
+    prior_mean: FloatArray
+    prior_cov: FloatArray
+    log_prior: FloatArray
+    merged: NDArray[np.int64]
+    number: NDArray[np.int64]
+    at: FloatArray
+    log_p: FloatArray
+    gradient: FloatArray
+    information: FloatArray
+    mean: FloatArray
+    cov: FloatArray
+    log_weight: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.letter)
+
+    @classmethod
+    def begun(
+        cls, letter: NDArray[np.int64], states: FloatArray, cov: FloatArray, log_prior: FloatArray
+    ) -> Modes:
+        """Begin with the cells of a grid, without readings: states (n, 3), the cells' middles; cov (3, 3) of each."""
+        n = len(letter)
+        every = np.broadcast_to(cov, (n, 3, 3)).copy()
+        return cls(
+            letter, states, every, log_prior, np.ones(n, dtype=np.int64), np.empty(0, dtype=np.int64),
+            np.empty((n, 0, 3)), np.empty((n, 0)), np.empty((n, 0, 3)), np.empty((n, 0, 3, 3)), states, every,
+            np.zeros(n),
+        )  # fmt: skip
+
+    def some(self, which: NDArray[np.intp]) -> Modes:
+        """Take some of the modes."""
+        return replace(self, **{name: getattr(self, name)[which] for name in _OF_MODES})
+
+    def joined(self, other: Modes) -> Modes:
+        """Put the modes of two beliefs with the same readings together."""
+        ours, theirs = self._in_order(), other._in_order()
+        both = {name: np.concatenate([getattr(ours, name), getattr(theirs, name)]) for name in _OF_MODES}
+        return replace(ours, **both)
+
+    def _in_order(self) -> Modes:
+        order = np.argsort(self.number)
+        ordered = {name: getattr(self, name)[:, order] for name in _OF_READINGS}
+        return replace(self, number=self.number[order], **ordered)
+
+    def with_reading(
+        self, number: int, at: FloatArray, log_p: FloatArray, gradient: FloatArray, information: FloatArray
+    ) -> Modes:
+        """Append a reading, expanded at the states `at` (n, 3)."""
+        return replace(
+            self,
+            number=np.append(self.number, number),
+            at=np.concatenate([self.at, at[:, None]], axis=1),
+            log_p=np.concatenate([self.log_p, log_p[:, None]], axis=1),
+            gradient=np.concatenate([self.gradient, gradient[:, None]], axis=1),
+            information=np.concatenate([self.information, information[:, None]], axis=1),
+        )
+
+    def posterior(self, floor: FloatArray) -> Modes:
+        """Find mean, covariance and weight of each mode: prior times readings, a Gaussian.
+
+        floor: of all readings, the log-density of each as an outlier. A reading that is less likely than that at the
+        mean that all of them give counts as one.
+        """
+        return self._solved(floor, doubt=False)._solved(floor, doubt=True)
+
+    def _solved(self, floor: FloatArray, *, doubt: bool) -> Modes:
+        mean, cov, log_weight = (
+            np.empty_like(self.mean),
+            np.empty_like(self.cov),
+            np.empty_like(self.log_weight),
+        )
+        solve_modes(
+            self.prior_mean, self.prior_cov, self.log_prior, self.at, self.log_p, self.gradient, self.information,
+            floor[self.number], self.mean, doubt, mean, cov, log_weight,
+        )  # fmt: skip
+        return replace(self, mean=mean, cov=cov, log_weight=log_weight)
+
+    def log_p_of_readings(self) -> FloatArray:
+        """Give the log-likelihood (n, k) of the readings at the modes' means."""
+        away = self.mean[:, None] - self.at
+        bent = np.einsum("nkij,nkj->nki", self.information, away)
+        return self.log_p + np.einsum("nki,nki->nk", self.gradient - bent / 2, away)
+
+    def heaviest(self, count: int, within: float) -> Modes:
+        """Keep the `count` heaviest modes, and of those what is at most `within` nats below the heaviest."""
+        order = np.argsort(-self.log_weight, kind="stable")[:count]
+        order = order[self.log_weight[order] >= self.log_weight[order[0]] - within]
+        return self.some(np.sort(order))
+
+    def together(self, apart: float) -> Modes:
+        """Merge modes of one letter whose means are less than `apart` of their standard deviations apart.
+
+        What is merged keeps the heavier one's readings, and the mean and covariance of both parts of the prior.
+        """
+        order = np.argsort(-self.log_weight, kind="stable")
+        taken = np.zeros(len(self), dtype=bool)
+        precision = np.linalg.inv(self.cov)
+        heads, prior_mean, prior_cov, log_prior, merged = [], [], [], [], []
+        for head in order.tolist():
+            if taken[head]:
+                continue
+            away = self.mean - self.mean[head]
+            turns = np.round(away[:, 2] / (2 * math.pi)) * 2 * math.pi
+            away[:, 2] -= turns
+            near = (self.letter == self.letter[head]) & ~taken
+            near &= np.einsum("ni,ij,nj->n", away, precision[head], away) < apart**2
+            near &= np.einsum("ni,nij,nj->n", away, precision, away) < apart**2
+            near[head] = True
+            group = np.flatnonzero(near)
+            taken[group] = True
+            count = self.merged[group]
+            share = count / count.sum()
+            means = self.prior_mean[group].copy()
+            means[:, 2] -= turns[group]
+            middle = share @ means
+            apart_from = means - middle
+            heads.append(head)
+            merged.append(count.sum())
+            prior_mean.append(middle)
+            prior_cov.append(
+                np.einsum("n,nij->ij", share, self.prior_cov[group])
+                + np.einsum("n,ni,nj->ij", share, apart_from, apart_from)
+            )
+            log_prior.append(np.logaddexp.reduce(self.log_prior[group]))
+        if len(heads) == len(self):
+            return self
+        return replace(
+            self.some(np.array(heads)),
+            prior_mean=np.array(prior_mean),
+            prior_cov=np.array(prior_cov),
+            log_prior=np.array(log_prior),
+            merged=np.array(merged),
+        )
+
+    def moved(self) -> FloatArray:
+        """Tell how far each mode's mean is from where each reading was expanded, (n, k) mm."""
+        away = self.mean[:, None] - self.at
+        away[..., 2] *= GYRATION
+        return np.sqrt((away**2).sum(axis=-1))
+
+    def expanded_again(
+        self,
+        mode: NDArray[np.intp],
+        column: NDArray[np.intp],
+        log_p: FloatArray,
+        gradient: FloatArray,
+        information: FloatArray,
+    ) -> Modes:
+        """Replace the expansions of some readings (column) of some modes by ones at the modes' means."""
+        result = replace(self, **{name: getattr(self, name).copy() for name in _OF_READINGS})
+        result.at[mode, column] = self.mean[mode]
+        result.log_p[mode, column] = log_p
+        result.gradient[mode, column] = gradient
+        result.information[mode, column] = information
+        return result
+
+
+def sensor_motion(state: FloatArray, sensor_in_robot: FloatArray) -> FloatArray:
+    """Give how the sensor moves along its own axes and turns, (n, 3, 3), when x, y and theta of T_R^O (n, 3) change."""
+    turned, (x, y, angle) = state[:, 2], sensor_in_robot.T
+    cos, sin = np.cos(turned), np.sin(turned)
+    arm_x, arm_y = -sin * x - cos * y, cos * x - sin * y  # by a turn of the state about the robot's origin
+    cos, sin = np.cos(turned + angle), np.sin(turned + angle)
+    motion = np.zeros((len(state), 3, 3))
+    motion[:, 0, 0], motion[:, 0, 1], motion[:, 0, 2] = cos, sin, cos * arm_x + sin * arm_y
+    motion[:, 1, 0], motion[:, 1, 1], motion[:, 1, 2] = -sin, cos, -sin * arm_x + cos * arm_y
+    motion[:, 2, 2] = 1
+    return motion

@@ -1,0 +1,77 @@
+"""How far an object may move between two touches, as the option `motion` says it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from tactsim.core import InputError, invert
+from tactsim.core.poses import FloatArray
+
+# rad for each mm: a point 16 mm from the middle, the tip of a letter of 25 mm, then moves as far by turning.
+_RATIO = 0.06
+_SCALES = (0.15, 0.5, 1.5)  # mm, of the bank from which the motion is learned
+_JUMP, _JUMPS = 4.0, 0.02  # mm, standard deviation of a jump along an axis, and how often one comes
+_SWITCH = 0.02  # how often the scale changes from one touch to the next
+# By what power a reading's likelihood counts when scales are compared. Taxels side by side err together, and a
+# press is misplaced: a belief that may move follows such errors, and would be taken for the better one.
+EVIDENCE = 0.25
+_LEAST = 0.01, 0.0006  # mm, rad: densities need a width
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """The motion of an object between two touches: a random walk of one of several scales, and jumps.
+
+    ratio: rad that count as 1 mm. variance: (scales,) mm^2 along each axis. prior: (scales,) their probabilities
+    given that it moves. switch: probability that the scale is drawn anew. jump, jump_variance: probability and
+    mm^2. still: the prior probability that it lies still throughout; None if it is known to move.
+    """
+
+    ratio: float
+    variance: FloatArray
+    prior: FloatArray
+    switch: float
+    jump: float
+    jump_variance: float
+    still: float | None
+
+    @property
+    def around(self) -> float:
+        """Give the length of the circle of angles, mm."""
+        return 2 * math.pi / self.ratio
+
+    def placed(self, state: FloatArray) -> FloatArray:
+        """Turn states T_R^O (3, n) into placements (n, 3) [x, y, angle / ratio] mm of T_O^R."""
+        return np.asarray(invert(state.T) / [1, 1, self.ratio], dtype=float)
+
+    def state(self, place: FloatArray) -> FloatArray:
+        """Undo `placed`."""
+        return np.ascontiguousarray(invert(place * [1, 1, self.ratio]).T)
+
+
+def parse_motion(text: str) -> Motion | None:
+    """Read `off` (None), `auto` or the deviations of a random walk, as MM,RAD such as 0.5,0.03.
+
+    Zero and zero is `off`. Raises InputError for anything else.
+    """
+    if text == "off":
+        return None
+    if text == "auto":
+        scales = np.array(_SCALES)
+        even = np.full(len(scales), 1 / len(scales))
+        return Motion(_RATIO, scales**2, even, _SWITCH, _JUMPS, _JUMP**2, 0.5)
+    try:
+        mm, rad = (float(word) for word in text.split(","))
+    except ValueError:
+        mm = rad = math.nan
+    if not (0 <= mm <= 100 and 0 <= rad <= 3.2):
+        raise InputError(
+            f"motion {text!r} is not off, auto or a random walk's deviations such as 0.5,0.03 (mm, rad)"
+        )
+    if mm == rad == 0:
+        return None
+    mm, rad = max(mm, _LEAST[0]), max(rad, _LEAST[1])
+    return Motion(rad / mm, np.array([mm**2]), np.ones(1), 0.0, 0.0, 1.0, None)

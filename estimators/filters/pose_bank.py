@@ -1,0 +1,155 @@
+"""A bank of predicted readings on a grid of sensor poses: where a reading may have been taken."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tactsim.core.forward import ForwardModel, Linearised
+from tactsim.core.poses import FloatArray
+from tactsim.estimators.filters.mode_kernels import score_places
+
+_PIECE = 4096  # poses that are pressed at a time
+
+
+class Places(NamedTuple):
+    """Where a reading may have been taken: n entries of a bank.
+
+    entry: (n,) number in the bank. turned: (n,) whether the pad is turned by half a turn from there. state: (n, 3)
+    T_R^O. score: (n,) rough log-likelihood.
+    """
+
+    entry: NDArray[np.int64]
+    turned: NDArray[np.bool_]
+    state: FloatArray
+    score: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class PoseBank:
+    """Predicted readings of one letter at equally spaced sensor poses.
+
+    xy: (k, 2) mm, angle: (m,) rad, the poses are all pairs, angles first. mean: (m * k, taxels) kPa, float32.
+    by_pose: (m * k, 3, taxels) and nuisance: (m * k, q, taxels), as in `Linearised`, float16. variance: (m * k,)
+    kPa^2, what a taxel is off by anywhere in a grid cell, on average. spacing: mm, mm, rad. turns: by how many turns
+    of the pad on itself each pose stands for further ones. copies: of how many poses that are alike, because the letter
+    is symmetric, one is there; the angles cover a circle divided by both. index: (side, side) the place of each point
+    of the square grid among xy, -1 where nothing touches.
+    """
+
+    xy: FloatArray
+    angle: FloatArray
+    mean: NDArray[np.float32]
+    by_pose: NDArray[np.float16]
+    nuisance: NDArray[np.float16]
+    variance: FloatArray
+    spacing: FloatArray
+    turns: int
+    copies: int
+    index: NDArray[np.int64]
+
+    @classmethod
+    def pressed(cls, forward: ForwardModel, letter: str, spacing_mm: float, angles: int) -> PoseBank:
+        """Press a letter at all poses of a grid where it may touch; `angles` to half a turn."""
+        reach = forward.reach[letter]
+        half = math.ceil(reach / spacing_mm)
+        line = spacing_mm * np.arange(-half, half + 1)
+        x, y = np.meshgrid(line, line)
+        near = x**2 + y**2 <= reach**2
+        xy = np.stack([x[near], y[near]], axis=1)
+        # A symmetric letter is felt alike at several poses, of which one is enough.
+        order, circle = forward.symmetry[letter], 2 * angles
+        copies = circle if order == 0 else math.gcd(order, circle)
+        turns = 1 if copies > 1 else forward.turns
+        angle = np.arange(circle // (copies * turns)) * math.pi / angles
+        poses = np.concatenate([np.tile(xy, (len(angle), 1)), np.repeat(angle, len(xy))[:, None]], axis=1)
+        spacing = np.array([spacing_mm, spacing_mm, math.pi / angles])
+        pieces = [
+            forward.linearised(letter, poses[first : first + _PIECE])
+            for first in range(0, len(poses), _PIECE)
+        ]
+        index = np.full(near.shape, -1)
+        index[near] = np.arange(len(xy))
+        return cls(
+            xy,
+            angle,
+            np.concatenate([one.mean for one in pieces], dtype=np.float32),
+            np.concatenate([_half_precision(one.by_pose) for one in pieces]),
+            np.concatenate([_half_precision(one.nuisance) for one in pieces]),
+            np.concatenate([_spread(one, spacing, forward.noise) for one in pieces]),
+            spacing,
+            turns,
+            copies,
+            index,
+        )
+
+    def places(self, reading: FloatArray, sensor_in_robot: FloatArray, reach: float) -> Places:
+        """List where a reading (taxels,) may have been taken such that T_R^O has x and y within `reach`.
+
+        The score takes errors for independent and alike over the taxels.
+        """
+        both = np.stack([reading, reading[::-1]][: self.turns]).astype(np.float32)
+        room = self.turns * len(self.mean)
+        entry, turn = np.empty(room, dtype=np.int64), np.empty(room, dtype=np.int64)
+        state, score = np.empty((room, 3)), np.empty(room)
+        count = score_places(
+            self.mean, 1 / self.variance, -self._log_det, self.xy, self.angle, both, sensor_in_robot, reach,
+            entry, turn, state, score,
+        )  # fmt: skip
+        return Places(entry[:count], turn[:count] > 0, state[:count], score[:count])
+
+    def predicted(self, entry: NDArray[np.int64], turned: NDArray[np.bool_]) -> Linearised:
+        """Give the predictions (n, ...) of entries, the pad turned or not."""
+        sign = np.where(turned[:, None, None], -1.0, 1.0)
+        mean = self.mean[entry].astype(float)
+        by_pose, nuisance = self.by_pose[entry].astype(float), self.nuisance[entry].astype(float)
+        by_pose[:, :2] *= sign  # a turned pad moves the other way
+        for values in (mean, by_pose, nuisance):
+            values[turned] = values[turned][..., ::-1]
+        return Linearised(mean, by_pose, nuisance)
+
+    def log_p_at(self, reading: FloatArray, poses: FloatArray) -> FloatArray:
+        """Score a reading at the grid poses nearest to (n, 3) sensor_in_object, beside the letter too."""
+        # Of poses that are alike, the one in the bank.
+        period = 2 * math.pi / self.copies
+        fold = np.floor((poses[:, 2] + self.spacing[2] / 2) / period) * period
+        cos, sin = np.cos(fold), np.sin(fold)
+        x, y = cos * poses[:, 0] + sin * poses[:, 1], cos * poses[:, 1] - sin * poses[:, 0]
+        half = len(self.index) // 2
+        column, row = (np.round(along / self.spacing[0]).astype(np.int64) + half for along in (x, y))
+        inside = (np.minimum(column, row) >= 0) & (np.maximum(column, row) < len(self.index))
+        place = np.full(len(poses), -1)
+        place[inside] = self.index[row[inside], column[inside]]
+        turn, angle = np.divmod(
+            np.round((poses[:, 2] - fold) / self.spacing[2]).astype(np.int64), len(self.angle)
+        )
+        touches = np.flatnonzero(place >= 0)
+        entry = angle[touches] * len(self.xy) + place[touches]
+        turned = (turn[touches] % self.turns == 1)[:, None]
+        away = np.where(turned, reading[::-1], reading) - self.mean[entry]
+        least = float(self.variance.min())  # where nothing touches there is noise alone
+        beside = -0.5 * (reading**2).sum() / least - 0.5 * len(reading) * math.log(least)
+        result = np.full(len(poses), beside)
+        result[touches] = -0.5 * (away**2).sum(axis=1) / self.variance[entry] - self._log_det[entry]
+        return result
+
+    @cached_property
+    def _log_det(self) -> FloatArray:
+        return 0.5 * self.mean.shape[1] * np.log(self.variance)
+
+
+def _half_precision(values: FloatArray) -> NDArray[np.float16]:
+    largest = float(np.finfo(np.float16).max)
+    return values.clip(-largest, largest).astype(np.float16)
+
+
+def _spread(found: Linearised, spacing: FloatArray, noise: float) -> FloatArray:
+    """Average the variance of a taxel, kPa^2, over a grid cell (n,)."""
+    spread = np.einsum("nit,nit,i->n", found.by_pose, found.by_pose, spacing**2 / 12)
+    spread += np.einsum("nqt,nqt->n", found.nuisance, found.nuisance)
+    return noise**2 + spread / found.mean.shape[1]

@@ -1,0 +1,283 @@
+"""Analysis by synthesis: the estimator `synthesis` presses the known letters itself, and compares."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from pydantic import Field
+
+from tactsim.core import Scan, compose
+from tactsim.core.forward import Linearised
+from tactsim.core.poses import FloatArray
+from tactsim.estimators.estimator import (
+    Estimate,
+    Estimator,
+    Options,
+    PoseSamples,
+    check_order,
+    check_reading,
+)
+from tactsim.estimators.filters.modes import GYRATION, Modes, sensor_motion
+from tactsim.estimators.filters.placement import mean_around
+from tactsim.estimators.filters.pose_bank import PoseBank
+from tactsim.estimators.filters.weights import Weights
+from tactsim.estimators.likelihoods.gaussian_kernels import log_gaussian
+
+_SCOUTS = 1500  # states a letter that wait for the first reading which says where
+_CONTACT = 1000.0  # squared pressures over the noise's variance from which a reading says where
+_NEGLIGIBLE = 14.0  # nats below the heaviest mode at which one is given up
+_APART = 0.7  # standard deviations; modes that are nearer to each other are one
+_LOST = 1e-6  # probability that the true mode was given up
+_OUTLIER = 1e-3  # probability of a reading that no mode explains
+_SAMPLES = 256
+_ROUNDS = 4  # of Gauss and Newton after a reading, at most
+_CANDIDATES = 10  # places of the bank that are looked at closely for each mode that is begun
+_CELL = 0.6  # standard deviation of a cell's prior over its size; a sum of such Gaussians is nearly even
+_ROUGH = 1.5  # times the noise: what a bank's linear predictions are off by within a cell
+_FEW = 200  # modes; more are not compared with each other
+_RESTARTS = 4
+# A reading is expanded again where its mode has moved by this share of its standard deviation, within limits in mm.
+_STALE, _STALE_MM = 0.25, (0.02, 0.25)
+
+
+class SynthesisOptions(Options):
+    """Options of analysis by synthesis."""
+
+    modes: int = Field(500, ge=1, le=100_000, description="how many places of the first contact are followed")
+    spacing: float = Field(1.0, ge=0.2, le=10, description="mm between the poses pressed beforehand")
+    angles: int = Field(18, ge=2, le=360, description="angles to half a turn pressed beforehand")
+    reach: float = Field(10.0, gt=0, le=1000, description="T_R^O has x and y in [-reach, reach], mm")
+
+
+class Synthesis(Estimator):
+    """Follow the modes of the belief with predictions of a forward model, by Gauss and Newton's method.
+
+    The first reading with contact is compared with a bank of readings that were pressed beforehand, and the `modes`
+    best places begin as Gaussians of a grid cell's size. Every reading is expanded about each mode's mean, what a
+    press is off by marginalised, and expanded again where the mean moves.
+    """
+
+    options_type: type[Options] = SynthesisOptions
+    budget = "modes"
+    draws = False
+    uses_forward_model = True
+    options: SynthesisOptions
+
+    def __init__(self, options: SynthesisOptions) -> None:
+        super().__init__(options)
+        self.labels: tuple[str, ...] = ()
+        self._started = False
+        self._pressed = self._compared = self._kept = 0
+
+    def fit(self, scan: Scan) -> None:
+        """Press the bank of the letters that the training readings name."""
+        train = scan.where("train")
+        check_order(len(train) > 0, "a train reading", "fit")
+        self._started = False
+        self.labels = train.letters
+        forward = self.forward
+        self.noise = forward.noise
+        self.banks = [
+            PoseBank.pressed(forward, label, self.options.spacing, self.options.angles)
+            for label in self.labels
+        ]
+        self._typical = float(
+            np.sqrt(np.mean([(bank.mean[bank.mean.any(axis=1)] ** 2).mean() for bank in self.banks]))
+        )
+        rng = np.random.default_rng(0)
+        reach = self.options.reach
+        self._scout_states = rng.uniform([-reach, -reach, -math.pi], [reach, reach, math.pi], (_SCOUTS, 3))
+        self._normal = rng.standard_normal((_SAMPLES, 3))
+
+    def reset(self, rng: np.random.Generator) -> None:
+        """Forget the sequence."""
+        check_order(bool(self.labels), "fit", "reset")
+        self._started = True
+        self._readings: list[FloatArray] = []
+        self._poses: list[FloatArray] = []
+        self._floor = np.empty(0)
+        self._scouts = np.zeros((len(self.labels), _SCOUTS))
+        self._modes: Modes | None = None
+        self._restarts = 0
+
+    def update(self, reading: ArrayLike, sensor_in_robot: ArrayLike) -> None:
+        """Take in one reading (taxels,) kPa at the pose sensor_in_robot [mm, mm, rad]."""
+        check_order(self._started, "reset" if self.labels else "fit", "update")
+        values, pose = check_reading(reading, sensor_in_robot, self.forward.taxels)
+        self._readings.append(values)
+        self._poses.append(pose)
+        broad = max(float((values**2).mean()), self._typical**2) + self.noise**2
+        self._floor = np.append(
+            self._floor, math.log(_OUTLIER) - len(values) / 2 * (math.log(2 * math.pi * broad) + 1)
+        )
+        says_where = float((values**2).sum()) > _CONTACT * self.noise**2
+        if self._modes is None:
+            self._scout(values, pose)
+            if says_where:
+                self._modes = self._settled(self._begun())
+            return
+        number = len(self._readings) - 1
+        modes = self._settled(self._taken_in(self._modes, number))
+        best = int(modes.log_weight.argmax())
+        unexplained = modes.log_p_of_readings()[best, number] < self._floor[number]
+        if unexplained and says_where and self._restarts < _RESTARTS:
+            self._restarts += 1
+            modes = self._settled(modes.joined(self._begun()))
+        self._modes = modes
+
+    def _scout(self, reading: FloatArray, pose: FloatArray) -> None:
+        """Weigh states all over the prior, for as long as no reading says where the letter is."""
+        poses = compose(self._scout_states, pose)
+        for log_p, bank in zip(self._scouts, self.banks, strict=True):
+            log_p += bank.log_p_at(reading, poses)
+
+    def _begun(self) -> Modes:
+        """Begin with the best places of the last reading, and take in all readings before it."""
+        last = len(self._readings) - 1
+        places = [
+            bank.places(self._readings[last], self._poses[last], self.options.reach) for bank in self.banks
+        ]
+        letter = np.repeat(np.arange(len(places)), [len(one.score) for one in places])
+        entry, turned, state, score = (np.concatenate(column) for column in zip(*places, strict=True))
+        copies = np.log([bank.copies for bank in self.banks])[letter]
+        best = np.sort(_highest(score + copies, _CANDIDATES * self.options.modes))
+        letter, entry, turned, state = letter[best], entry[best], turned[best], state[best]
+
+        def from_bank(one: int, which: NDArray[np.intp]) -> Linearised:
+            return self.banks[one].predicted(entry[which], turned[which])
+
+        modes = Modes.begun(letter, state, np.diag((_CELL * self.banks[0].spacing) ** 2), copies[best])
+        modes = modes.with_reading(
+            last, state, *self._expand(letter, state, np.full(len(letter), last), from_bank, _ROUGH)
+        )
+        modes = self._refreshed(self._heaviest(modes.posterior(self._floor)))
+        for number in range(last):
+            modes = self._heaviest(self._taken_in(modes, number))
+        return modes
+
+    def _taken_in(self, modes: Modes, number: int) -> Modes:
+        """Take in a reading, expanded at the modes' means."""
+        expanded = self._expanded(modes.letter, modes.mean, np.full(len(modes), number))
+        return modes.with_reading(number, modes.mean, *expanded).posterior(self._floor)
+
+    def _heaviest(self, modes: Modes) -> Modes:
+        return modes.heaviest(self.options.modes, _NEGLIGIBLE)
+
+    def _settled(self, modes: Modes) -> Modes:
+        """Merge, give up, and expand again until no mode moves."""
+        for _ in range(_ROUNDS):
+            modes = self._heaviest(modes)
+            if len(modes) <= _FEW:
+                modes = modes.together(_APART)
+            refreshed = self._refreshed(modes)
+            if refreshed is modes:
+                break
+            modes = refreshed
+        return modes
+
+    def _refreshed(self, modes: Modes) -> Modes:
+        """Expand readings again that were expanded too far from where their mode is now."""
+        variance = np.einsum("nii,i->n", modes.cov, [1.0, 1.0, GYRATION**2])
+        allowed = np.clip(_STALE * np.sqrt(variance), *_STALE_MM)
+        mode, column = np.nonzero(modes.moved() > allowed[:, None])
+        self._kept += modes.log_p.size - len(mode)
+        if not len(mode):
+            return modes
+        found = self._expanded(modes.letter[mode], modes.mean[mode], modes.number[column])
+        return modes.expanded_again(mode, column, *found).posterior(self._floor)
+
+    def _expanded(
+        self, letter: NDArray[np.int64], state: FloatArray, number: NDArray[np.int64]
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Expand readings `number` (n,) at states (n, 3) with presses there, as `_expand`."""
+        sensor_in_object = compose(state, np.array(self._poses)[number])
+
+        def pressed(one: int, which: NDArray[np.intp]) -> Linearised:
+            return self.forward.linearised(self.labels[one], sensor_in_object[which])
+
+        self._pressed += len(letter)
+        return self._expand(letter, state, number, pressed, 1.0)
+
+    def _expand(
+        self,
+        letter: NDArray[np.int64],
+        state: FloatArray,
+        number: NDArray[np.int64],
+        predict: Callable[[int, NDArray[np.intp]], Linearised],
+        rough: float,
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Expand readings `number` (n,) at states (n, 3): log p, its gradient and its information in x, y and theta.
+
+        predict(letter, which) predicts some of them. rough: by which the noise is multiplied.
+        """
+        n = len(letter)
+        log_p, misfit = np.empty(n), np.empty(n)
+        gradient, information = np.empty((n, 3)), np.empty((n, 3, 3))
+        readings = np.array(self._readings)
+        for one in np.unique(letter).tolist():
+            which = np.flatnonzero(letter == one)
+            found = predict(one, which)
+            own = (
+                np.empty(len(which)),
+                np.empty(len(which)),
+                np.empty((len(which), 3)),
+                np.empty((len(which), 3, 3)),
+            )
+            log_gaussian(
+                readings, number[which], found.mean, found.by_pose, found.nuisance, rough * self.noise, *own
+            )
+            for array, values in zip((log_p, misfit, gradient, information), own, strict=True):
+                array[which] = values
+        motion = sensor_motion(state, np.array(self._poses)[number])
+        return (
+            log_p,
+            np.einsum("ni,nij->nj", gradient, motion),
+            motion.transpose(0, 2, 1) @ information @ motion,
+        )
+
+    def estimate(self) -> Estimate:
+        """Say which letter it is and where, after the readings so far."""
+        check_order(self._started, "reset" if self.labels else "fit", "estimate")
+        count = len(self.labels)
+        if self._modes is None:
+            mass = np.exp(self._scouts - self._scouts.max()).sum(axis=1)
+            best = int(mass.argmax())
+            weights = Weights(self._scouts[best])
+            state = self._scout_states[int(self._scouts[best].argmax())]
+            samples = PoseSamples(self._scout_states.copy(), weights.normalised)
+        else:
+            modes = self._modes
+            relative = np.exp(modes.log_weight - modes.log_weight.max())
+            mass = np.bincount(modes.letter, relative, count)
+            best = int(mass.argmax())
+            mine = modes.some(np.flatnonzero(modes.letter == best))
+            weights = Weights(mine.log_weight)
+            state = mean_around(mine.mean.T, weights, int(mine.log_weight.argmax()))
+            samples = self._drawn(mine, weights)
+        p = (1 - _LOST) * mass / mass.sum() + _LOST / count
+        return Estimate(
+            self.labels[best], dict(zip(self.labels, (p / p.sum()).tolist(), strict=True)), state, samples
+        )
+
+    def _drawn(self, modes: Modes, weights: Weights) -> PoseSamples:
+        """Draw poses from the modes, evenly, the same every time."""
+        reached = np.cumsum(weights.normalised)
+        which = np.searchsorted(reached, (np.arange(_SAMPLES) + 0.5) / _SAMPLES).clip(max=len(modes) - 1)
+        factor = np.linalg.cholesky(modes.cov)[which]
+        poses = modes.mean[which] + np.einsum("nij,nj->ni", factor, self._normal)
+        return PoseSamples(poses, np.full(_SAMPLES, 1 / _SAMPLES))
+
+    @property
+    def work(self) -> dict[str, Any]:
+        """Count the presses, one for a mode and a reading, and the expansions that were kept."""
+        return {"likelihood_evaluations": self._pressed, "skipped": {"expansions": self._kept}}
+
+
+def _highest(values: FloatArray, count: int) -> NDArray[np.intp]:
+    if count >= len(values):
+        return np.arange(len(values))
+    return np.argpartition(-values, count)[:count]

@@ -1,0 +1,185 @@
+"""The forward model of an estimator: what the simulated pad would read of a letter, and how that changes.
+
+It is the press of `balance` and `exact` for flat faces on springs, worked out another way: `balance` lays cells of
+springs and has MuJoCo balance them, while here everything is an integral along the border of what touches. So a press
+takes some 10 us, derivatives included, and there are no cells: with finer cells the press comes nearer to this.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tactsim.core.checking import checked
+from tactsim.core.errors import InputError, unknown
+from tactsim.core.forward import Linearised
+from tactsim.core.poses import FloatArray
+from tactsim.core.scan import Scan
+from tactsim.models import Letter
+from tactsim.press.engine import engine_for
+from tactsim.press.forward_kernels import press_all
+from tactsim.press.scan_options import ScanOptions
+from tactsim.press.scanning import letters_of
+from tactsim.press.spread import felt_along
+from tactsim.press.touches import Touches
+
+_NODES_PER_SIGMA = (
+    50  # of the tables of what a taxel feels; linear between them, which costs 5e-5 of a pressure
+)
+_MOTIONS = 3  # of the derivatives, the first three are the sensor's own motions
+
+
+class PressModel:
+    """Predict readings by pressing: a `tactsim.core.forward.ForwardModel`.
+
+    letters: what can be pressed. options: pad, press and sensor, and how far presses are off. taxel: (taxels,)
+    which of the pad's taxels are read, all by default.
+
+    Raises InputError for a press that is no flat face on springs at rest.
+    """
+
+    def __init__(
+        self, letters: Sequence[Letter], options: ScanOptions, taxel: NDArray[np.intp] | None = None
+    ) -> None:
+        for letter in letters:
+            _check_flat(letter, options)
+        pad, press, sensor = options.pad, options.press, options.sensor
+        self.letters = tuple(letter.name for letter in letters)
+        self._taxel = taxel
+        self.taxels = pad.taxels if taxel is None else len(taxel)
+        self._outlines = {
+            letter.name: (
+                np.concatenate(letter.contours),
+                np.cumsum([0, *(len(contour) for contour in letter.contours)]),
+            )
+            for letter in letters
+        }
+        self._bounds = np.array(pad.load_bounds)
+        wrist = -1.0 if press.wrist_stiffness is None else press.wrist_stiffness
+        self._press = np.array([press.force, 1e-3 * press.stiffness, press.thickness, wrist])
+        self._tilt = np.array([press.tilt_x, press.tilt_y])
+        gap = max(sensor.psf_sigma, 0.3) / _NODES_PER_SIGMA
+        x_nodes = np.arange(self._bounds[0] - gap, self._bounds[1] + 2 * gap, gap)
+        y_nodes = np.arange(self._bounds[2] - gap, self._bounds[3] + 2 * gap, gap)
+        self._felt_x = _felt(x_nodes, pad.column_edges, sensor.psf_sigma)
+        self._felt_y = np.ascontiguousarray(_felt(y_nodes, pad.row_edges, sensor.psf_sigma)[:, :1])
+        self._table = np.array([x_nodes[0], y_nodes[0], gap])
+        # A step of the reading adds the variance of what is rounded off.
+        self.noise = math.hypot(sensor.noise, sensor.resolution / math.sqrt(12))
+        self.placement = np.array([options.placement_mm, options.placement_mm, options.placement_rad])
+        load_spread = math.sqrt(math.log1p(options.load_spread**2))
+        self._spread = np.array([options.placement_tilt, options.placement_tilt, load_spread])
+        self._response, self._response_pressure = sensor.response, sensor.response_pressure
+        # Beyond this distance of the pad's middle from the letter's nothing touches.
+        corner = math.hypot(*np.abs(self._bounds).reshape(2, 2).max(axis=1))
+        self.reach: Mapping[str, float] = {
+            letter.name: corner + float(np.hypot(*np.concatenate(letter.contours).T).max())
+            for letter in letters
+        }
+        self.symmetry: Mapping[str, int] = {
+            letter.name: 0 if math.isinf(letter.symmetry) else int(letter.symmetry) for letter in letters
+        }
+        flipped = np.allclose(pad.taxel_xy[::-1], -pad.taxel_xy) and np.allclose(
+            self._bounds, -self._bounds[[1, 0, 3, 2]]
+        )
+        self.turns = 2 if flipped and taxel is None and not self._tilt.any() else 1
+
+    def readings(
+        self, letter: str, sensor_in_object: FloatArray, tilts: FloatArray | None = None
+    ) -> FloatArray:
+        """Predict readings (n, taxels) kPa without imperfections; tilts: (n, 2) rad beside the press's own."""
+        return self._pressed(letter, sensor_in_object, tilts, derive=False)[0]
+
+    def linearised(
+        self, letter: str, sensor_in_object: FloatArray, tilts: FloatArray | None = None
+    ) -> Linearised:
+        """Predict readings and their derivatives, as `ForwardModel.linearised` says."""
+        mean, by = self._pressed(letter, sensor_in_object, tilts, derive=True)
+        nuisance = np.concatenate(
+            [by[:, :_MOTIONS] * self.placement[:, None], by[:, _MOTIONS:] * self._spread[:, None]], axis=1
+        )
+        return Linearised(mean, np.ascontiguousarray(by[:, :_MOTIONS]), nuisance)
+
+    def _pressed(
+        self, letter: str, poses: FloatArray, tilts: FloatArray | None, *, derive: bool
+    ) -> tuple[FloatArray, FloatArray]:
+        if letter not in self._outlines:
+            raise unknown("letter of the forward model", letter, self.letters)
+        outline, start = self._outlines[letter]
+        poses = np.ascontiguousarray(poses, dtype=float)
+        tilted = np.tile(self._tilt, (len(poses), 1)) if tilts is None else tilts + self._tilt
+        taxels = self._felt_x.shape[2] * self._felt_y.shape[2]
+        mean = np.empty((len(poses), taxels))
+        by = np.empty((len(poses), 6, taxels))
+        press_all(
+            outline, start, poses, tilted, self._bounds, self._press, self._felt_x, self._felt_y, self._table,
+            int(derive), mean, by,
+        )  # fmt: skip
+        if self._response != 1:  # the sensor's response curve, as `sensor.sense` bends it
+            relative = np.maximum(mean, 1e-3) / self._response_pressure
+            by *= (self._response * relative ** (self._response - 1))[:, None]
+            mean = self._response_pressure * relative**self._response
+        if self._taxel is None:
+            return mean, by
+        return np.ascontiguousarray(mean[:, self._taxel]), np.ascontiguousarray(by[:, :, self._taxel])
+
+
+def forward_model(scan: Scan) -> PressModel:
+    """Make the forward model of a scan: its letters, pressed as the scan says that they were.
+
+    Raises InputError if the scan does not say how, if a letter is not known or has changed since, or for a press that
+    is no flat face on springs at rest.
+    """
+    stated = scan.meta.get("options")
+    if not isinstance(stated, Mapping):
+        raise InputError(
+            "the scan does not say how its letters were pressed (meta.options), so none can be pressed"
+        )
+    options = checked(ScanOptions, stated, "scan: meta.options")
+    letters = {letter.name: letter for letter in letters_of(options)}
+    facts = scan.meta.get("objects")
+    for label in scan.letters:
+        if label not in letters:
+            raise unknown("letter of the scan's meta.options", label, letters)
+        fact = facts.get(label) if isinstance(facts, Mapping) else None
+        if isinstance(fact, Mapping) and fact.get("digest", letters[label].digest) != letters[label].digest:
+            raise InputError(f"{label!r} has another shape now than when the scan was made; scan again")
+    apart = np.abs(scan.taxel_xy[:, None] - options.pad.taxel_xy[None]).max(axis=-1)
+    taxel = apart.argmin(axis=1)
+    if (apart.min(axis=1) > 1e-3).any():
+        raise InputError(
+            "the scan's taxels lie elsewhere than its pad's (meta.options), so none can be pressed"
+        )
+    whole = np.array_equal(taxel, np.arange(options.pad.taxels))
+    return PressModel([letters[label] for label in scan.letters], options, None if whole else taxel)
+
+
+def _check_flat(letter: Letter, options: ScanOptions) -> None:
+    """Raise InputError unless a press of the letter is one of a flat face on springs at rest."""
+    nowhere = np.zeros((1, 3))
+    engine = engine_for(Touches.of(letter, nowhere), options)
+    if options.press.dynamics == "full" or letter.rounding or engine not in ("exact", "bed"):
+        raise InputError(
+            f"the forward model presses flat faces with sharp edges on springs, at rest; {letter.name!r} is pressed "
+            f"otherwise here"
+        )
+
+
+def _felt(nodes: FloatArray, edges: FloatArray, sigma: float) -> FloatArray:
+    """Tabulate what each taxel along one axis feels of a unit force, and the integrals of that and of x times it.
+
+    nodes: (n,) mm, equally far apart. edges: (taxels, 2) mm. Returns (n, 3, taxels): 1/mm, 1 and mm.
+    """
+    points, weights = np.polynomial.legendre.leggauss(4)
+    gap = nodes[1] - nodes[0]
+    inside = (nodes[:-1, None] + gap / 2) + gap / 2 * points
+    felt = felt_along(inside, edges, sigma) / (edges[:, 1] - edges[:, 0])
+    pieces = np.stack(
+        [np.einsum("p,npt->nt", weights, felt), np.einsum("p,np,npt->nt", weights, inside, felt)], axis=1
+    )
+    sums = np.concatenate([np.zeros((1, 2, len(edges))), np.cumsum(pieces * gap / 2, axis=0)])
+    at_nodes = felt_along(nodes, edges, sigma) / (edges[:, 1] - edges[:, 0])
+    return np.concatenate([at_nodes[:, None], sums], axis=1)

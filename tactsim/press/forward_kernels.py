@@ -1,0 +1,334 @@
+"""The inner loops of the forward model: cut an outline to what touches, balance it, integrate along its border.
+
+Over a flat face the depth is linear, and what a taxel feels of a point is a product of functions of x and y. So area,
+moments and every taxel's pressure are integrals along the border of what touches (Green's theorem), and their
+derivatives by the pose are integrals along the part of it that is the letter's own outline, which moves.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import float64, int64, void
+
+from tactsim.core.compiling import INTS, REALS, REALS_2D, REALS_3D, Ints, Reals, compiled
+
+LEAST_AREA = 1e-9  # mm^2; what touches less than this does not touch
+STEEPEST = 0.35  # rad; a letter that tilts further has tipped over
+_MOST_STEPS = 60
+_BALANCE = 1e-10  # share of the force that may be missing
+_REACH = 5.0  # mm, about half a pad: the arm by which a moment is compared with a force
+
+# Gauss quadrature on [0, 1] with three points.
+_AT = (0.5 - math.sqrt(0.15), 0.5, 0.5 + math.sqrt(0.15))
+_WEIGHT = (5 / 18, 8 / 18, 5 / 18)
+
+
+@compiled(
+    int64(int64, REALS_2D, REALS_2D, float64, float64, float64), ordered=False, called_from_python=False
+)
+def cut(count: int, corner: Reals, spare: Reals, c: float, a: float, b: float) -> int:
+    """Cut a closed contour to where c + a x + b y >= 0 (Sutherland and Hodgman 1974); returns its corners' number.
+
+    corner: (room, 3) x, y mm and 1 where the edge that begins there is the letter's, 0 where it lies on a cut.
+    Changed in place; spare: as large. Pieces that run to and fro along a cut enclose nothing.
+    """
+    found = 0
+    for i in range(count):
+        j = i + 1 if i + 1 < count else 0
+        here = c + a * corner[i, 0] + b * corner[i, 1]
+        there = c + a * corner[j, 0] + b * corner[j, 1]
+        if here >= 0:
+            spare[found, 0], spare[found, 1], spare[found, 2] = corner[i, 0], corner[i, 1], corner[i, 2]
+            found += 1
+        if (here >= 0) != (there >= 0):
+            share = here / (here - there)
+            spare[found, 0] = corner[i, 0] + share * (corner[j, 0] - corner[i, 0])
+            spare[found, 1] = corner[i, 1] + share * (corner[j, 1] - corner[i, 1])
+            spare[found, 2] = 0.0 if here >= 0 else corner[i, 2]
+            found += 1
+    for i in range(found):
+        corner[i, 0], corner[i, 1], corner[i, 2] = spare[i, 0], spare[i, 1], spare[i, 2]
+    return found
+
+
+@compiled(
+    void(REALS_2D, INTS, REALS, REALS, REALS, int64, INTS, REALS_3D, REALS_2D, REALS),
+    called_from_python=False,
+)
+def lay(
+    outline: Reals, start: Ints, pose: Reals, bounds: Reals, state: Reals, lifts: int,
+    count: Ints, corner: Reals, spare: Reals, moment: Reals,
+) -> None:  # fmt: skip
+    """Find what of a posed and tilted outline touches the pad, and its moments 1, x, y, xx, xy, yy.
+
+    outline: (corners, 2) mm in the object frame, of contours that begin at start (contours + 1,). pose: (3,)
+    sensor_in_object. bounds: (4,) x low, x high, y low, y high of the pad. state: (3,) depth mm and tilts rad; if
+    `lifts`, what is above the pad's surface does not touch. count: (contours,), corner: (contours, room, 3) as in
+    `cut`, moment: (6,): what is found.
+    """
+    cos, sin = math.cos(pose[2]), math.sin(pose[2])
+    cos_x, sin_x, cos_y, sin_y = (
+        math.cos(state[1]),
+        math.sin(state[1]),
+        math.cos(state[2]),
+        math.sin(state[2]),
+    )
+    slope_x, slope_y = -math.tan(state[2]) / cos_x, math.tan(state[1])
+    moment[:] = 0.0
+    for k in range(len(start) - 1):
+        n = start[k + 1] - start[k]
+        mine = corner[k]
+        for i in range(n):
+            u, v = outline[start[k] + i, 0] - pose[0], outline[start[k] + i, 1] - pose[1]
+            x, y = cos * u + sin * v, -sin * u + cos * v
+            # Seen along the pad's normal, a tilted face is shorter.
+            mine[i, 0], mine[i, 1], mine[i, 2] = cos_y * x, sin_x * sin_y * x + cos_x * y, 1.0
+        n = cut(n, mine, spare, -bounds[0], 1.0, 0.0)
+        n = cut(n, mine, spare, bounds[1], -1.0, 0.0)
+        n = cut(n, mine, spare, -bounds[2], 0.0, 1.0)
+        n = cut(n, mine, spare, bounds[3], 0.0, -1.0)
+        if lifts:
+            n = cut(n, mine, spare, state[0], slope_x, slope_y)
+        count[k] = n
+        for i in range(n):
+            j = i + 1 if i + 1 < n else 0
+            x0, y0, x1, y1 = mine[i, 0], mine[i, 1], mine[j, 0], mine[j, 1]
+            # Sums over the triangle to the origin, twice its signed area first.
+            twice = x0 * y1 - x1 * y0
+            moment[0] += twice / 2
+            moment[1] += twice * (x0 + x1) / 6
+            moment[2] += twice * (y0 + y1) / 6
+            moment[3] += twice * (x0 * x0 + x0 * x1 + x1 * x1) / 12
+            moment[4] += twice * (x0 * (2 * y0 + y1) + x1 * (y0 + 2 * y1)) / 24
+            moment[5] += twice * (y0 * y0 + y0 * y1 + y1 * y1) / 12
+
+
+@compiled(void(REALS_2D, REALS), called_from_python=False)
+def solve_3(matrix: Reals, vector: Reals) -> None:
+    """Solve a symmetric positive definite system of three equations in place, by Cholesky's method."""
+    a, b, c = matrix[0, 0], matrix[1, 0] / matrix[0, 0], matrix[2, 0] / matrix[0, 0]
+    d = matrix[1, 1] - b * b * a
+    e = (matrix[2, 1] - b * c * a) / d
+    f = matrix[2, 2] - c * c * a - e * e * d
+    y = vector[1] - b * vector[0]
+    z = (vector[2] - c * vector[0] - e * y) / f
+    y = y / d - e * z
+    vector[0] = vector[0] / a - b * y - c * z
+    vector[1], vector[2] = y, z
+
+
+@compiled(
+    float64(REALS_2D, INTS, REALS, REALS, REALS, REALS, INTS, REALS_3D, REALS_2D, REALS, REALS, REALS_2D),
+    called_from_python=False,
+)
+def balance(
+    outline: Reals, start: Ints, pose: Reals, tilt: Reals, bounds: Reals, press: Reals,
+    count: Ints, corner: Reals, spare: Reals, state: Reals, moment: Reals, matrix: Reals,
+) -> float:  # fmt: skip
+    """Find depth and tilts at rest by Newton's method; returns the springs' stiffness N/mm^3, 0 without contact.
+
+    tilt: (2,) nominal, rad. press: (4,) force N, stiffness N/mm^3, thickness mm, wrist N mm/rad (negative: rigid).
+    The energy k/2 int d^2 + wrist/2 |tilt - nominal|^2 - force depth is convex; a step that does not lower it is
+    halved. matrix: (3, 3), its second derivative by depth and the slopes along x and y.
+    """
+    force, wrist = press[0], press[3]
+    state[0], state[1], state[2] = 0.0, tilt[0], tilt[1]
+    lay(outline, start, pose, bounds, state, 0, count, corner, spare, moment)
+    if moment[0] < LEAST_AREA:
+        return 0.0
+    stiffness = max(press[1], force / (moment[0] * press[2]))
+    step, best = np.zeros(3), np.zeros(3)
+    lowest = math.inf
+    lifts, halvings = 0, 0
+    for _ in range(_MOST_STEPS):
+        slope_x, slope_y = -math.tan(state[2]) / math.cos(state[1]), math.tan(state[1])
+        a, sx, sy, sxx, sxy, syy = moment[0], moment[1], moment[2], moment[3], moment[4], moment[5]
+        depth = state[0]
+        load = stiffness * (depth * a + slope_x * sx + slope_y * sy)
+        moment_x = stiffness * (depth * sx + slope_x * sxx + slope_y * sxy)
+        moment_y = stiffness * (depth * sy + slope_x * sxy + slope_y * syy)
+        if lifts:
+            energy = (depth * load + slope_x * moment_x + slope_y * moment_y) / 2 - force * depth
+            if wrist >= 0:
+                energy += wrist / 2 * ((state[1] - tilt[0]) ** 2 + (state[2] - tilt[1]) ** 2)
+            if energy > lowest + 1e-12 * force and halvings < 30:
+                for i in range(3):
+                    step[i] /= 2
+                    state[i] = best[i] + step[i]
+                halvings += 1
+                lay(outline, start, pose, bounds, state, 1, count, corner, spare, moment)
+                continue
+            lowest, halvings = energy, 0
+        matrix[0, 0] = stiffness * a
+        matrix[1, 0] = matrix[0, 1] = stiffness * sx
+        matrix[2, 0] = matrix[0, 2] = stiffness * sy
+        matrix[1, 1], matrix[2, 2] = stiffness * sxx + max(wrist, 0.0), stiffness * syy + max(wrist, 0.0)
+        matrix[2, 1] = matrix[1, 2] = stiffness * sxy
+        best[0], best[1], best[2] = state[0], state[1], state[2]
+        missing = abs(force - load) / force
+        if wrist < 0:
+            step[0], step[1], step[2] = (force - load) / matrix[0, 0], 0.0, 0.0
+        else:
+            cos_x, sin_x = math.cos(state[1]), math.sin(state[1])
+            cos_y, sin_y = math.cos(state[2]), math.sin(state[2])
+            # The energy's derivatives by the tilts, as in `balance`.
+            by_x = moment_y / cos_x**2 - moment_x * sin_x * sin_y / (cos_y * cos_x**2)
+            by_y = -moment_x / (cos_y**2 * cos_x)
+            by_x += wrist * (state[1] - tilt[0])
+            by_y += wrist * (state[2] - tilt[1])
+            missing = max(missing, max(abs(by_x), abs(by_y)) / (_REACH * force))
+            # A step in the slopes along x and y, which are -tan(tilt_y) and tan(tilt_x), nearly.
+            step[0], step[1], step[2] = force - load, by_y, -by_x
+            solve_3(matrix, step)
+            step[1], step[2] = step[2] * cos_x**2, -step[1] * cos_y**2
+        if lifts and missing <= _BALANCE:
+            break
+        lifts = 1  # the first step was that of a face which touches all over
+        for i in range(3):
+            state[i] = best[i] + step[i]
+        lay(outline, start, pose, bounds, state, 1, count, corner, spare, moment)
+        if moment[0] < LEAST_AREA:  # stepped off the face: begin again, a little deeper
+            state[0] = best[0] + abs(step[0])
+            lay(outline, start, pose, bounds, state, 1, count, corner, spare, moment)
+    if abs(state[1]) > STEEPEST or abs(state[2]) > STEEPEST or moment[0] < LEAST_AREA:
+        return 0.0
+    return stiffness
+
+
+@compiled(
+    void(
+        REALS_2D, INTS, REALS_2D, REALS_2D, REALS, REALS, REALS_3D, REALS_3D, REALS, int64,
+        REALS_2D, REALS_3D,
+    )
+)  # fmt: skip
+def press_all(
+    outline: Reals, start: Ints, poses: Reals, tilts: Reals, bounds: Reals, press: Reals,
+    felt_x: Reals, felt_y: Reals, table: Reals, derive: int, mean: Reals, by: Reals,
+) -> None:  # fmt: skip
+    """Press an outline at poses (n, 3) with tilts (n, 2): mean (n, taxels) kPa; if `derive`, by (n, 6, taxels) too.
+
+    felt_x: (nodes, 3, columns) what a column of taxels feels of a unit force at a node, its integral from the left
+    and that of x times it, 1/mm, 1 and mm. felt_y: (nodes, 1, rows). table: (3,) first node along x and y and the
+    distance of nodes, mm; between nodes they are linear. by: derivatives by the sensor's own motion [mm, mm, rad],
+    the nominal tilts [rad, rad] and the log of the force.
+    """
+    columns, rows = felt_x.shape[2], felt_y.shape[2]
+    contours = len(start) - 1
+    room = 0
+    for k in range(contours):
+        room = max(room, start[k + 1] - start[k])
+    room = 8 * room + 64
+    count, corner, spare = (
+        np.zeros(contours, dtype=np.int64),
+        np.empty((contours, room, 3)),
+        np.empty((room, 3)),
+    )
+    state, moment, matrix, unit = np.zeros(3), np.zeros(6), np.zeros((3, 3)), np.zeros(3)
+    # Of the felt base functions 1, x, y; and of what the moving outline brings, by each of the three motions.
+    base, flux = np.empty((3, rows, columns)), np.empty((3, rows, columns))
+    pushed = np.empty((3, 3))
+    at_x, at_y = np.empty((3, columns)), np.empty(rows)
+    for n in range(len(poses)):
+        mean[n] = 0.0
+        by[n] = 0.0
+        stiffness = balance(
+            outline, start, poses[n], tilts[n], bounds, press, count, corner, spare, state, moment, matrix
+        )
+        if stiffness == 0:
+            continue
+        slope_x, slope_y = -math.tan(state[2]) / math.cos(state[1]), math.tan(state[1])
+        base[:] = 0.0
+        flux[:] = 0.0
+        pushed[:] = 0.0
+        for k in range(contours):
+            for i in range(count[k]):
+                j = i + 1 if i + 1 < count[k] else 0
+                x0, y0 = corner[k, i, 0], corner[k, i, 1]
+                dx, dy = corner[k, j, 0] - x0, corner[k, j, 1] - y0
+                moves = derive and corner[k, i, 2] > 0
+                if dy == 0 and not moves:
+                    continue
+                pieces = math.ceil(math.hypot(dx, dy) / (60 * table[2]))
+                for piece in range(pieces):
+                    for g in range(3):
+                        share = (piece + _AT[g]) / pieces
+                        x, y = x0 + share * dx, y0 + share * dy
+                        place = (x - table[0]) / table[2]
+                        node = min(max(int(place), 0), felt_x.shape[0] - 2)
+                        part = place - node
+                        for d in range(3):
+                            for c in range(columns):
+                                at_x[d, c] = felt_x[node, d, c] + part * (
+                                    felt_x[node + 1, d, c] - felt_x[node, d, c]
+                                )
+                        place = (y - table[1]) / table[2]
+                        node = min(max(int(place), 0), felt_y.shape[0] - 2)
+                        part = place - node
+                        for r in range(rows):
+                            at_y[r] = felt_y[node, 0, r] + part * (
+                                felt_y[node + 1, 0, r] - felt_y[node, 0, r]
+                            )
+                        across = dy * _WEIGHT[g] / pieces
+                        along = dx * _WEIGHT[g] / pieces
+                        for r in range(rows):
+                            one = across * at_y[r]
+                            up = one * y
+                            for c in range(columns):
+                                base[0, r, c] += one * at_x[1, c]
+                                base[1, r, c] += one * at_x[2, c]
+                                base[2, r, c] += up * at_x[1, c]
+                        if moves:
+                            depth = state[0] + slope_x * x + slope_y * y
+                            # How fast the outline gains ground, outward normal times length, for each motion.
+                            gain_x, gain_y, gain_turn = (
+                                -across * depth,
+                                along * depth,
+                                (y * across + x * along) * depth,
+                            )
+                            for r in range(rows):
+                                for c in range(columns):
+                                    both = at_y[r] * at_x[0, c]
+                                    flux[0, r, c] += gain_x * both
+                                    flux[1, r, c] += gain_y * both
+                                    flux[2, r, c] += gain_turn * both
+                            for m in range(3):
+                                gain = gain_x if m == 0 else (gain_y if m == 1 else gain_turn)
+                                pushed[m, 0] += gain
+                                pushed[m, 1] += gain * x
+                                pushed[m, 2] += gain * y
+        kilo = 1e3 * stiffness
+        for r in range(rows):
+            for c in range(columns):
+                mean[n, r * columns + c] = kilo * (
+                    state[0] * base[0, r, c] + slope_x * base[1, r, c] + slope_y * base[2, r, c]
+                )
+        if not derive:
+            continue
+        for m in range(6):
+            if m < 3:
+                for i in range(3):
+                    unit[i] = -stiffness * pushed[m, i]
+            else:
+                unit[:] = 0.0
+                if m == 3:  # a nominal tilt about x makes the face slope along y
+                    unit[2] = press[3]
+                elif m == 4:
+                    unit[1] = -press[3]
+                else:
+                    unit[0] = press[0]
+            if press[3] < 0:
+                turn_x = -1.0 if m == 4 else 0.0
+                turn_y = 1.0 if m == 3 else 0.0
+                lost = unit[0] if m < 3 or m == 5 else 0.0
+                unit[0] = (lost - matrix[1, 0] * turn_x - matrix[2, 0] * turn_y) / matrix[0, 0]
+                unit[1], unit[2] = turn_x, turn_y
+            else:
+                solve_3(matrix, unit)
+            for r in range(rows):
+                for c in range(columns):
+                    value = unit[0] * base[0, r, c] + unit[1] * base[1, r, c] + unit[2] * base[2, r, c]
+                    if m < 3:
+                        value += flux[m, r, c]
+                    by[n, m, r * columns + c] = kilo * value
