@@ -34,11 +34,10 @@ class CalibratedLikelihood(Likelihood):
         odds, kinds = [], []
         for label in maps:
             train = scan.where("train", label)
-            counted = touched_elsewhere(train, folds(train.poses))
-            counted = counted if counted.any() else ~counted
+            known = touched_elsewhere(train, folds(train.poses))
             found = self.left_out(label, scan)
-            odds.append(found[0][counted].ravel())
-            kinds.append(found[1][counted].ravel())
+            odds.append(found[0][known] if known.any() else found[0].ravel())
+            kinds.append(found[1][known] if known.any() else found[1].ravel())
         seen = np.concatenate(odds)
         edges = quantile_edges(seen, self.options.quantiles)
         self.calibration = calibrate(seen, np.concatenate(kinds), _CLASSES, edges)
@@ -46,7 +45,8 @@ class CalibratedLikelihood(Likelihood):
     def left_out(self, label: str, scan: Scan) -> tuple[FloatArray, NDArray[np.int8]]:
         """Look the taxels of a letter's training readings up in its map without the presses at their positions.
 
-        scan: the one that the maps were learned from. Returns log-odds and classes (n, taxels).
+        Where no other press had a taxel, the map is taken as it is. scan: the one that the maps were learned from.
+        Returns log-odds and classes (n, taxels).
         """
         train = scan.where("train", label)
         xy, classes = transform(train.poses, train.taxel_xy), self.classes(train.readings)
@@ -54,6 +54,8 @@ class CalibratedLikelihood(Likelihood):
         for number in range(int(part.max()) + 1):
             mine = part == number
             odds[mine] = self._without(label, xy[mine], classes[mine]).log_odds_at(xy[mine])
+        known = touched_elsewhere(train, part)
+        odds[~known] = self.maps[label].log_odds_at(xy[~known])
         return odds, classes
 
     def without(self, train: Scan, gone: NDArray[np.bool_], labels: Sequence[str]) -> CalibratedLikelihood:

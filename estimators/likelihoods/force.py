@@ -79,7 +79,7 @@ class ForceLikelihood(Likelihood):
             mine = train.labels == label
             taxels = self._taxels(train, pressure, mine)
             self.mosaics[label] = learn_mosaic(*taxels, self._grid(label))
-            predicted[mine] = self.mosaics[label].without(*taxels).reshape(-1, predicted.shape[1])
+            predicted[mine] = self.mosaics[label].without(*taxels).reshape(-1, len(train.taxel_xy))
         return predicted
 
     def _taxels(
@@ -127,9 +127,17 @@ class ForceLikelihood(Likelihood):
         return rest
 
     def _calibrate(
-        self, scale: FloatArray, relative: FloatArray, predicted: FloatArray, slope: FloatArray, counted
+        self,
+        scale: FloatArray,
+        relative: FloatArray,
+        predicted: FloatArray,
+        slope: FloatArray,
+        counted: NDArray[np.bool_],
     ) -> None:
-        """Learn how far relative pressures (n, taxels) deviate, for each class of scales (n,) by itself."""
+        """Learn how far relative pressures (n, taxels) deviate, for each class of scales (n,) by itself.
+
+        counted: (n, taxels) which of them to learn from.
+        """
         touching = scale[scale > self.least]
         parts = np.arange(1, _CLASSES) / _CLASSES
         between = np.quantile(touching, parts) if len(touching) else np.full(len(parts), self.least)
@@ -143,8 +151,7 @@ class ForceLikelihood(Likelihood):
             # A class without training readings deviates as all do.
             mine = of_class == number if number in of_class else np.full(len(scale), True)
             chosen = mine[:, None] & alive & counted
-            if not chosen.any():
-                chosen = mine[:, None] & alive
+            chosen = chosen if chosen.any() else mine[:, None] & alive
             self.typical.append(float(np.median(scale[mine])))
             self.deviations.append(
                 learn_deviation(relative[chosen], predicted[chosen], slope[chosen], each[chosen], _LEVELS)
