@@ -18,6 +18,7 @@ TOPICS = (
     "likelihood",
     "filters",
     "particles",
+    "none",
     "press",
     "engines",
     "dynamics",

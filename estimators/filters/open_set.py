@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike
 from tactsim.core import InputError, Scan, compose, invert
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.estimator import NONE, Estimate
+from tactsim.estimators.filters.doubts import Doubts
 from tactsim.estimators.filters.map_filter import MapFilter
 from tactsim.estimators.filters.moving import Moving
 from tactsim.estimators.filters.wrapper import Wrapper
@@ -62,6 +63,8 @@ class OpenSet(Wrapper):
 
     The filter's pose must be exact enough for a search to begin there: in the middle of a large bin, it may end
     in the wrong place.
+
+    mosaics: of all letters. misfit: by letter, how its own readings fit.
     """
 
     def __init__(self, filter: MapFilter | Moving, unknown: float) -> None:
@@ -73,16 +76,16 @@ class OpenSet(Wrapper):
         self.filter.fit(scan)
         if NONE in self.labels:
             raise InputError(f"a letter is called {NONE!r}: with unknown above 0 that means no known letter")
-        self._mosaics = TiltedMosaics(self.options)
-        self._mosaics.fit(scan, self.maps)
-        self._misfit = {label: learn_misfit(self._mosaics, label) for label in self.labels}
+        self.mosaics = TiltedMosaics(self.options)
+        self.mosaics.fit(scan, self.maps)
+        self.misfit = {label: learn_misfit(self.mosaics, label) for label in self.labels}
 
     def without(self, letter: str, scan: Scan) -> OpenSet:
         """Wrap the filter without the letter; what was learned of the others' misfits does not depend on it."""
         other = copy.copy(self)
         other.filter = self.filter.without(letter, scan)
-        other._mosaics = self._mosaics.of(other.labels)
-        other._misfit = {label: self._misfit[label] for label in other.labels}
+        other.mosaics = self.mosaics.of(other.labels)
+        other.misfit = {label: self.misfit[label] for label in other.labels}
         return other
 
     def reset(self, rng: np.random.Generator) -> None:
@@ -104,6 +107,14 @@ class OpenSet(Wrapper):
         best = max(probabilities, key=probabilities.__getitem__)
         return replace(known, label=best, probabilities=probabilities)
 
+    def information_on_none(self, doubts: Doubts, candidates: FloatArray) -> FloatArray:
+        """Say what readings at candidates (n, 3) would tell of places where the object may differ: (n,) nats."""
+        known = self.filter.estimate()
+        readings, poses = self._history(known)
+        pose = self.mosaics.fitting_pose(known.label, known.robot_in_object, readings, poses)
+        weights = doubts.weights(known.label, pose, readings, poses, self._unknown)
+        return doubts.information(known.label, pose, weights, candidates)
+
     def _log_odds(self, known: Estimate) -> float:
         """Weigh "none" against all letters: p(m | none) / p(m | letter), of which the inverse is averaged over them."""
         if not self._felt:
@@ -114,9 +125,9 @@ class OpenSet(Wrapper):
         against = []
         for label, p in [item for item in ranked[:_ASKED] if item[1] > least]:
             start = known.robot_in_object if label == known.label else self._likeliest(label)
-            pose = self._mosaics.fitting_pose(label, start, readings, poses)
-            total = float(self._mosaics.misfits(label, pose, readings, poses).sum())
-            against.append(math.log(p) - self._misfit[label].log_odds(total, len(readings)))
+            pose = self.mosaics.fitting_pose(label, start, readings, poses)
+            total = float(self.mosaics.misfits(label, pose, readings, poses).sum())
+            against.append(math.log(p) - self.misfit[label].log_odds(total, len(readings)))
         return -float(np.logaddexp.reduce(against))
 
     def _history(self, known: Estimate) -> tuple[FloatArray, FloatArray]:
@@ -124,7 +135,8 @@ class OpenSet(Wrapper):
 
         Where it has moved, along the path that goes with the estimate, the sensor is moved back with it.
         """
-        readings, poses = (np.array(part) for part in zip(*self._felt, strict=True))
+        readings = np.array([reading for reading, _ in self._felt]).reshape(-1, len(self.taxel_xy))
+        poses = np.array([pose for _, pose in self._felt]).reshape(-1, 3)
         path, last = self.filter.path(known), known.robot_in_object
         moved = (path != last).any(axis=1)
         poses[moved] = compose(invert(last), compose(path[moved], poses[moved]))

@@ -112,8 +112,9 @@ class RefinedFilter(MapFilter):
         every = np.arange(len(self.labels) * self.grid.bins)
         self._prior: _Leaves = every, np.zeros(len(every))
 
-    def _fit_with(self, maps: Mapping[str, OccupancyMap], scan: Scan) -> None:
-        super()._fit_with(maps, scan)
+    def fit_with(self, maps: Mapping[str, OccupancyMap], scan: Scan) -> None:
+        """Learn the measurement model, and how much a sequence of readings counts, given the maps."""
+        super().fit_with(maps, scan)
         self._trust = learn_trust(self.likelihood, scan)
 
     def _reset(self, rng: np.random.Generator) -> None:
