@@ -18,6 +18,7 @@ TOPICS = (
     "likelihood",
     "filters",
     "particles",
+    "motion",
     "press",
     "engines",
     "dynamics",
