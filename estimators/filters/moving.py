@@ -30,7 +30,8 @@ _FORGOTTEN = 30.0  # a letter this many nats below the best is not followed any 
 _NEGLIGIBLE = 20.0
 _JUMPING = 24  # centres from which jumps go out
 _TINY = np.finfo(float).tiny
-_LEAST_SHARE = 0.1
+# Of the draws, beside the share that is believed: for each scale, and for jumps, which have far to look.
+_LEAST_SHARE, _JUMP_SHARE = 0.1, 0.4
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,6 +101,7 @@ class _Moved:
         """Give the part of the draws that each mixture gets: one that is hardly believed gets enough to be found."""
         held = self.weight.sum(axis=0)
         share = held / held.sum() + _LEAST_SHARE * (held > 0)
+        share[-1] += _JUMP_SHARE * (held[-1] > 0)
         return np.asarray(share / share.sum(), dtype=float)
 
     def draw(self, count: int, rng: np.random.Generator) -> FloatArray:
