@@ -27,6 +27,9 @@ if TYPE_CHECKING:
     from tactsim.press import ScanOptions
 
 
+EACH = "each"  # of hold_out: every trial's own letter is held out, one after another
+
+
 @dataclass(frozen=True)
 class Flag:
     """The name of a field's option if it is not the field's own; None if the command line does not have it."""
@@ -47,6 +50,11 @@ def _names(words: Any) -> Any:
     """Read names from a text such as "A,E", sorted and without repeats; a list of names likewise."""
     names = words.replace(",", " ").split() if isinstance(words, str) else words
     return tuple(sorted(set(names))) if isinstance(names, list | tuple) else names or ()
+
+
+def _held_out(words: Any) -> Any:
+    """Read the letters to hold out, or `EACH` alone."""
+    return (EACH,) if words in (EACH, [EACH]) else _names(words)
 
 
 def _paths(words: Any) -> Any:
@@ -84,7 +92,8 @@ class ScanWords(BaseModel):
     world: str = Field(
         "default",
         description="How good the data are: default, level, paper-like (rigid tilt), rough (placement error, random "
-        "classes), ideal, slip (the object moves between touches), or a file of `bench validate`.",
+        "classes), handheld (loads, tilt, response), ideal, slip (the object moves between touches), or a file of "
+        "`bench validate`.",
     )
     noise: str | float | None = Field(
         None,
@@ -131,14 +140,17 @@ class RunConfig(ScanWords):
     )
     particles: int | None = Field(None, description="Particles over all letters (n_P).")
     set: dict[str, Any] = Field({}, description="An option of the estimator, key=value; repeat for several.")
-    hold_out: Annotated[tuple[str, ...], BeforeValidator(_names)] = Field(
+    hold_out: Annotated[tuple[str, ...], BeforeValidator(_held_out)] = Field(
         (),
-        description="Letters to try but not to train on, e.g. A,E: 'none' is then right (see `--set unknown`).",
+        description="Letters to try but not to train on, e.g. A,E: 'none' is then right (see `--set unknown`). each: "
+        "in its own trials each letter is held out, the others are known.",
     )
     trials: int = Field(10, ge=1, le=1_000_000, description="Trials for each letter.")
     readings: int = Field(60, ge=1, description="Readings a trial, without replacement.")
-    explore: Literal["random", "information"] = Field(
-        "random", description="Order of the readings: random, or information (the estimator proposes)."
+    explore: Literal["random", "information", "blind"] = Field(
+        "random",
+        description="The scan's test readings in random order, or touches in the robot's frame, pressed on demand: "
+        "proposed by the estimator (information) or in random order (blind).",
     )
     slip: Annotated[dict[str, Any], BeforeValidator(_nested)] = Field(
         {},
@@ -166,6 +178,15 @@ class RunConfig(ScanWords):
         return self
 
     @model_validator(mode="after")
+    def _blind_touches_need_a_press(self) -> RunConfig:
+        if self.explore == "blind" and not self.pressed:
+            where = f"come from {self.scan}" if self.scan else "are given"
+            raise ValueError(
+                f"explore=blind presses on demand, but the readings {where}; give random or information"
+            )
+        return self
+
+    @model_validator(mode="after")
     def _an_option_is_said_once(self) -> RunConfig:
         for name in ("bins", "particles"):
             if name in self.set and getattr(self, name) is not None:
@@ -177,10 +198,20 @@ class RunConfig(ScanWords):
         """Tell whether the readings are pressed for this run."""
         return self.scan is None and self.given is None
 
+    @property
+    def on_demand(self) -> bool:
+        """Tell whether each touch of a trial is pressed when it is chosen."""
+        return self.pressed and self.explore != "random"
+
     @cached_property
     def moving(self) -> Slip:
         """Resolve how the object moves: as the world says, changed by `slip`. Raises InputError for a wrong value."""
         return checked(Slip, merged(_world(self.world).get("slip", {}), self.slip), "slip")
+
+    @property
+    def each_held_out(self) -> bool:
+        """Tell whether each letter is held out in its own trials."""
+        return self.hold_out == (EACH,)
 
     @property
     def options(self) -> dict[str, Any]:

@@ -19,6 +19,7 @@ from pathlib import Path
 
 import numpy as np
 
+from tactsim.bench.bound.efficiency import ENOUGH, determined
 from tactsim.bench.places import SWEEPS
 from tactsim.bench.pooled import Figure, Pooled, pool
 from tactsim.bench.report.collect import find
@@ -85,7 +86,7 @@ def _pools(folder: Path) -> list[Pooled]:
     if remarks:
         raise InputError(remarks[0])
     runs = [load(one) for one in folders]
-    if any(run.about["source"] != source_of_trials(run.estimator) for run in runs):
+    if any(run.about["source"] != source_of_trials(run.estimator, on_demand=run.on_demand) for run in runs):
         raise InputError(f"{folder} was made by other source code than this; remove it and do the sweep anew")
     return pool(runs)
 
@@ -143,7 +144,7 @@ def cell(one: Pooled, figure: str) -> str:
         found = CURVES[name](one, reading - 1)
         if found.value is None:
             return "-"
-        digits = 2 if name in ("error", "sharpness") else 3
+        digits = 2 if name in ("error", "efficiency", "sharpness") else 3
         return f"{found.value:.{digits}f} ({found.low:.{digits}f}-{found.high:.{digits}f})"
     raise unknown(
         "figure", figure, (*READINGS, "recovered_within_3", "ms", *(f"{curve}@5" for curve in CURVES))
@@ -160,6 +161,19 @@ def _recovered(one: Pooled) -> Figure:
     return one.mean(found / np.maximum(jumps, 1), of=jumps > 0)
 
 
+def _bound(one: Pooled, k: int) -> Figure:
+    if one.bounds is None:
+        return Figure(None, None, None)
+    return one.mean(one.bounds[:, k], of=determined(one.bounds[:, k]))
+
+
+def _efficiency(one: Pooled, k: int) -> Figure:
+    if one.bounds is None or determined(one.bounds[:, k]).mean() < ENOUGH:
+        return Figure(None, None, None)
+    counted = one.trials.named[:, k] & determined(one.bounds[:, k])
+    return one.ratio(one.errors[:, k] * counted, one.bounds[:, k] * counted)
+
+
 def _coverage(one: Pooled, k: int, share: float) -> Figure:
     return one.mean(one.trials.credibility[:, k] < share, of=one.trials.sure[:, k])
 
@@ -173,6 +187,8 @@ def _sharpness(one: Pooled, k: int) -> Figure:
 CURVES: dict[str, Callable[[Pooled, int], Figure]] = {
     "right": lambda one, k: one.mean(one.trials.right[:, k]),
     "error": _error,
+    "bound": _bound,
+    "efficiency": _efficiency,
     "coverage_50": lambda one, k: _coverage(one, k, 0.5),
     "coverage_90": lambda one, k: _coverage(one, k, 0.9),
     "sharpness": _sharpness,
@@ -188,6 +204,8 @@ READINGS: dict[str, Callable[[Pooled], Figure]] = {
 HEADINGS = {
     "right": "right after {}",
     "error": "error after {}, mm",
+    "bound": "Cramer-Rao bound after {}, mm",
+    "efficiency": "error / bound after {}",
     "coverage_50": "50 % regions hold the truth after {}",
     "coverage_90": "90 % regions hold the truth after {}",
     "sharpness": "90 % within, after {}, mm",

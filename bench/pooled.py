@@ -63,6 +63,12 @@ class Pooled:
         return np.concatenate([errors(run.trials, run.objects) for run in self.runs])
 
     @cached_property
+    def bounds(self) -> FloatArray | None:
+        """Give the Cramer-Rao bounds (n, r), mm, of all trials; None if one run has none."""
+        known = [run.bounds for run in self.runs if run.bounds is not None]
+        return np.concatenate(known) if len(known) == len(self.runs) else None
+
+    @cached_property
     def counts(self) -> FloatArray:
         """Give how often each bootstrap draw has each trial, (draws, n)."""
         return resampled([len(run.trials.truth) for run in self.runs], np.random.default_rng(0))
@@ -77,6 +83,15 @@ class Pooled:
         drawn = (self.counts @ (values * marked))[number > 0] / number[number > 0]
         low, high = np.quantile(drawn, [(1 - LEVEL) / 2, (1 + LEVEL) / 2])
         return Figure(float((values * marked).sum() / marked.sum()), float(low), float(high))
+
+    def ratio(self, above: ArrayLike, below: ArrayLike) -> Figure:
+        """Divide the sum of `above` (n,) over the trials by that of `below` (n,)."""
+        above, below = np.asarray(above, dtype=float), np.asarray(below, dtype=float)
+        if not below.any():
+            return Figure(None, None, None)
+        drawn, divisor = self.counts @ above, self.counts @ below
+        low, high = np.quantile(drawn[divisor > 0] / divisor[divisor > 0], [(1 - LEVEL) / 2, (1 + LEVEL) / 2])
+        return Figure(float(above.sum() / below.sum()), float(low), float(high))
 
     def settled(self, share: float) -> Figure:
         """Find the reading by which `share` of the trials are and stay right."""

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict
 
+from tactsim.bench.config import EACH
 from tactsim.bench.placement_error import Properties
 from tactsim.bench.run import Run
 from tactsim.bench.trials import Trials
@@ -38,6 +39,9 @@ COLUMNS = (
 )  # fmt: skip
 # times.csv: one row per trial and reading, in the same order; the times differ whenever a run is repeated.
 TIME_COLUMNS = ("truth", "trial", "reading_number", "update_s", "estimate_s", "propose_s")
+
+# bounds.csv: one row per trial and reading, in the same order; only where the bound is known.
+BOUND_COLUMNS = ("truth", "trial", "reading_number", "bound_mm")
 
 
 class _Strict(BaseModel):
@@ -109,6 +113,9 @@ def save(run: Run, folder: Path) -> None:
     table = columns(run.trials)
     write_text(folder / "trials.csv", _table(COLUMNS, table))
     write_text(folder / "times.csv", _table(TIME_COLUMNS, table))
+    if run.bounds is not None:
+        table = columns(run.trials) | {"bound_mm": run.bounds.ravel()}
+        write_text(folder / "bounds.csv", _table(BOUND_COLUMNS, table))
     write_text(folder / "summary.json", to_json(run.summary))
     write_text(folder / "times.json", to_json(run.times | {"work": run.work}))
 
@@ -152,11 +159,14 @@ def load(path: str | Path) -> Run:
             _read_table(folder / "times.csv", TIME_COLUMNS),
             about["config"]["hold_out"],
         )
+        bounds = None
+        if (folder / "bounds.csv").is_file():
+            bounds = _bounds(_read_table(folder / "bounds.csv", BOUND_COLUMNS), trials)
         if not set(trials.truth.tolist()) <= set(objects):
             raise InputError("run.json: objects: a letter of trials.csv is missing")
     except InputError as error:
         raise InputError(f"{folder} is not a whole run: {error}") from error
-    return Run(about.pop("config"), about, objects, times.pop("work"), trials, times)
+    return Run(about.pop("config"), about, objects, times.pop("work"), trials, times, bounds=bounds)
 
 
 def to_json(value: Any) -> str:
@@ -218,7 +228,7 @@ def _trials(
     truth = _labels(table, "truth")[::readings]
     return Trials(
         truth=truth,
-        known=~np.isin(truth, list(hold_out)),
+        known=~(np.isin(truth, list(hold_out)) | (list(hold_out) == [EACH])),
         trial=_integers(table, "trial")[::readings],
         true_pose=np.stack([floats(table, name) for name in ("true_x", "true_y", "true_theta")], axis=-1),
         reading=_integers(table, "reading").reshape(trials, readings),
@@ -232,6 +242,16 @@ def _trials(
         },
         **{name: floats(times, name) for name in ("update_s", "estimate_s", "propose_s")},
     )
+
+
+def _bounds(table: Mapping[str, list[str]], trials: Trials) -> FloatArray:
+    of_trials = columns(trials)
+    if any(table[name] != [str(value) for value in of_trials[name].tolist()] for name in BOUND_COLUMNS[:-1]):
+        raise InputError("bounds.csv does not have the rows of trials.csv")
+    bounds = _floats(table, "bound_mm").reshape(trials.label.shape)
+    if (bounds <= 0).any():
+        raise InputError("bounds.csv: a bound is not above 0")
+    return bounds
 
 
 def _integers(table: Mapping[str, list[str]], name: str) -> NDArray[np.int64]:

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactsim.bench import score
+from tactsim.bench.bound.efficiency import bound_curves
 from tactsim.bench.score import Metric, Properties, summarise
 from tactsim.bench.trials import TrialPlan, Trials
 from tactsim.core.poses import FloatArray
@@ -48,7 +49,8 @@ class Run:
     3's agreement. objects: each letter's properties for the error metric. work: counts of what was done and
     skipped. trials: the raw result, an array a column. times: seconds of each stage and peak memory. plan: what
     is needed to do trials again. maps: the occupancy maps that were learned. A loaded run has neither plan nor
-    maps.
+    maps. bounds: (n, r) mm, the Cramer-Rao bound of each trial after each reading (`tactsim.bench.bound`); None if it
+    is not known.
     """
 
     config: dict[str, Any]
@@ -59,6 +61,7 @@ class Run:
     times: dict[str, Any]
     plan: TrialPlan | None = None
     maps: Mapping[str, Any] = field(default_factory=dict)
+    bounds: FloatArray | None = None
 
     accuracy = _Curve(score.accuracy)
     accuracy_low = _Curve(score.accuracy_low)
@@ -75,10 +78,25 @@ class Run:
     refused_unknown = _Curve(score.refused_unknown)
     evaluations = _Curve(score.evaluations)
 
+    @property
+    def bound_mm(self) -> FloatArray:
+        """Mean Cramer-Rao bound of the trials, (readings,) mm; NaN where it is the prior's or not known."""
+        return np.array(self.against_bound["bound_mm"], dtype=float)
+
+    @property
+    def efficiency(self) -> FloatArray:
+        """Mean error over mean bound of the same trials, (readings,); NaN where the bound is."""
+        return np.array(self.against_bound["efficiency"], dtype=float)
+
     @cached_property
     def summary(self) -> dict[str, Any]:
         """Every metric by name, computed from the trials: lists over the reading count, and headlines."""
         return summarise(self.trials, self.objects)
+
+    @cached_property
+    def against_bound(self) -> dict[str, Any]:
+        """The bound of the error, and error over bound, by reading: `bound_mm`, `determined`, `efficiency`."""
+        return bound_curves(self.bounds, self.trials, self.objects)
 
     @property
     def all_right_from(self) -> int | None:
@@ -126,6 +144,12 @@ class Run:
         return self.trials.label.shape[1]
 
     @property
+    def on_demand(self) -> bool:
+        """Whether each touch of a trial was pressed when it was chosen."""
+        given = self.config["scan"] is not None or self.config["given"] is not None
+        return self.config["explore"] != "random" and not given
+
+    @property
     def seed(self) -> int:
         """The seed of the trials."""
         return self.config["seed"]
@@ -159,6 +183,7 @@ class Run:
         )
         return {
             **self.summary,
+            **self.against_bound,
             **{name: self.config[name] for name in asked},
             **{name: self.about[name] for name in found},
             "seconds": self.times["seconds"],

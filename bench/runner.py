@@ -9,11 +9,13 @@ from time import perf_counter
 from typing import Any
 
 from tactsim.bench.agreement import eq3_agreement
+from tactsim.bench.bound.efficiency import bounds_of_trials
 from tactsim.bench.config import RunConfig
 from tactsim.bench.fitting import fit
 from tactsim.bench.machine import machine, peak_memory_mb, versions
 from tactsim.bench.placement_error import properties
 from tactsim.bench.run import Run
+from tactsim.bench.touching import OnDemand
 from tactsim.bench.trials import (
     Progress,
     Task,
@@ -132,12 +134,13 @@ def gather(
     for letter in letters:
         if letter not in scan.letters:
             raise unknown("letter of the scan", letter, scan.letters)
-    for letter in config.hold_out:
+    held_out = () if config.each_held_out else config.hold_out
+    for letter in held_out:
         if letter not in letters:
             raise unknown("letter to hold out", letter, letters)
-    if set(letters) <= set(config.hold_out):
+    if set(letters) <= set(held_out) or (config.each_held_out and len(letters) == 1):
         raise InputError("--hold-out (in Python hold_out) names every letter; leave one to train on")
-    scan = scan.of_letters(letters).untrained(config.hold_out)
+    scan = scan.of_letters(letters).untrained(held_out)
     return Gathered(scan, letters, work, perf_counter() - start)
 
 
@@ -151,7 +154,9 @@ def plan_of(config: RunConfig, scan: Scan, given: Estimator | None = None) -> Tr
         config.seed,
         config.explore,
         config.moving,
+        OnDemand(config.scan_options) if config.on_demand else None,
         given,
+        config.each_held_out,
     )
 
 
@@ -171,17 +176,19 @@ def finished_run(
     the trials of several runs at once, has none.
     """
     objects = properties(gathered.scan)
+    bounds, no_bound = bounds_of_trials(gathered.scan, trials, config.explore)
     made = estimator or create(config.estimator, **config.options)
     about: dict[str, Any] = {
         "protocol": _protocol_name(config, gathered.scan),
         "letters": list(gathered.letters),
         "slip": config.moving.describe(),
+        "no_bound": no_bound,
         **about_estimator(made),
         "classifier_agreement": eq3_agreement(gathered.scan, made.options),
         "scan": dict(gathered.scan.meta),
         "readings_digest": gathered.scan.digest,
         "versions": versions(),
-        "source": source_of_trials(estimator or config.estimator),
+        "source": source_of_trials(estimator or config.estimator, on_demand=config.on_demand),
         "commit": git_commit(),
         "machine": machine(),
     }
@@ -204,6 +211,7 @@ def finished_run(
         work=gathered.work | work | {"skipped": gathered.work["skipped"] | work["skipped"]},
         trials=trials,
         times=times,
+        bounds=bounds,
     )
 
 
@@ -229,10 +237,19 @@ def budget_of(estimator: Estimator) -> dict[str, Any] | None:
 
 def _protocol_name(config: RunConfig, scan: Scan) -> str:
     """Name the protocol of a run; only results of one protocol share a table."""
-    poses = "from a file" if config.scan else _stated_test_poses(scan) or "given"
-    order = "random order" if config.explore == "random" else "order chosen by information"
+    where = "test poses " + ("from a file" if config.scan else _stated_test_poses(scan) or "given")
+    order = "random order"
+    if config.on_demand:
+        where = "touches in the robot's frame"
+    if config.explore == "information":
+        # Recorded readings lie around the object: the poses to choose among tell where it is.
+        order = "chosen by information" + (
+            "" if config.on_demand else " among recorded poses, which tell the place"
+        )
     held_out = f", {' '.join(config.hold_out)} held out" if config.hold_out else ""
-    return f"test poses {poses}, {order}{held_out}"
+    if config.each_held_out:
+        held_out = ", each letter held out in turn"
+    return f"{where}, {order}{held_out}"
 
 
 def _stated_test_poses(scan: Scan) -> str | None:

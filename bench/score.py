@@ -77,7 +77,7 @@ def error_mm(trials: Trials, objects: Mapping[str, Properties]) -> Curve:
 
 def error_all_mm(trials: Trials, objects: Mapping[str, Properties]) -> Curve:
     """Mean placement error over all trials of known letters, the wrong estimates included."""
-    return errors(trials, objects)[trials.known].mean(axis=0)
+    return _mean(errors(trials, objects), trials.known[:, None] & np.ones_like(trials.right))
 
 
 def error_standard_error_mm(trials: Trials, objects: Mapping[str, Properties]) -> Curve:
@@ -121,8 +121,8 @@ def sharpness_mm(trials: Trials, objects: Mapping[str, Properties]) -> Curve:
 
 
 def refused_known(trials: Trials, objects: Mapping[str, Properties]) -> Curve:
-    """Share of the trials of known letters whose estimate is 'none'."""
-    return (trials.label[trials.known] == NONE).mean(axis=0)
+    """Share of the trials of known letters whose estimate is 'none'; None without such trials."""
+    return _mean((trials.label == NONE).astype(float), trials.known[:, None] & np.ones_like(trials.right))
 
 
 def refused_unknown(trials: Trials, objects: Mapping[str, Properties]) -> Curve:

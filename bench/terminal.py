@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from itertools import groupby
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rich.progress import (
     BarColumn,
@@ -27,7 +27,17 @@ from tactsim.bench.results import load, pictures
 from tactsim.bench.run import Run
 from tactsim.bench.trials import Progress as Report
 
-STAGES = {"press": "pressing", "map": "mapping", "trials": "trials", "sweep": "trials", "replay": "replaying"}
+if TYPE_CHECKING:
+    from tactsim.bench.bound.bound import Bound
+
+STAGES = {
+    "press": "pressing",
+    "map": "mapping",
+    "trials": "trials",
+    "sweep": "trials",
+    "replay": "replaying",
+    "bound": "bounding",
+}
 ROWS = (1, 2, 3, 5, 7, 9, 10, 12, 15, 20, 25, 30, 40, 46, 50, 60, 80, 100, 150, 192)
 
 
@@ -65,7 +75,7 @@ def print_run(run: Run, folder: Path) -> None:
         f"{about['description']}\n"
         f"{' '.join(about['letters'])}: {config['trials']} trials each, {about['protocol']}, seed {config['seed']}"
     )
-    console.print(_table(summary, run.trials.label.shape[1]))
+    console.print(_table(summary, run.against_bound, run.readings))
     for line in headlines(run):
         console.print(line)
     console.print(f"results  {folder}")
@@ -140,15 +150,26 @@ def headlines(run: Run) -> list[str]:
             f"error at reading {readings}: {summary['error_mm'][-1]:.2f} mm where the letter is right, "
             f"{summary['error_all_mm'][-1]:.2f} mm over all trials"
         )
+    if run.against_bound["bound_mm"][-1] is not None:
+        lines.append(
+            f"bound of the error at reading {readings} (Cramer and Rao): {run.against_bound['bound_mm'][-1]:.3f} mm"
+        )
+    if run.about.get("no_bound"):
+        lines.append(f"no bound of the error is known: {run.about['no_bound']}")
     if run.summary["sharpness_mm"][-1] is not None:
         lines.append(
             f"the place at reading {readings}: 90 % sure of it within {run.summary['sharpness_mm'][-1]:.2f} mm, "
             f"and so it was in {run.summary['coverage_90'][-1]:.0%} of the trials whose letter is right"
         )
     if run.config.get("hold_out"):
+        known = summary["refused_known"][-1]
         lines.append(
             f"taken for none of the known letters at reading {readings}: {summary['refused_unknown'][-1]:.1%} of the "
-            f"trials of {', '.join(run.config['hold_out'])}, {summary['refused_known'][-1]:.1%} of the others"
+            + (
+                "trials, in each of which the letter itself is not known"
+                if known is None
+                else f"trials of {', '.join(run.config['hold_out'])}, {known:.1%} of the others"
+            )
             + ("" if run.about["options"].get("unknown") else "; `--set unknown=0.5` lets `refined` say so")
         )
     if run.about["classifier_agreement"] is not None:
@@ -182,11 +203,13 @@ def work_line(work: Mapping[str, Any]) -> str:
     return (done or "none") + (f"; skipped: {skipped}" if skipped else "")
 
 
-def _table(summary: dict[str, Any], readings: int) -> Table:
+def _table(summary: Mapping[str, Any], against_bound: Mapping[str, Any], readings: int) -> Table:
     table = Table(box=None, pad_edge=False)
     sure = any(value is not None for value in summary["sharpness_mm"])
-    headings = ["readings", "accuracy", "95 % interval", "error mm", "all trials mm"]
-    for heading in [*headings, *(["90 % within mm", "held"] if sure else [])]:
+    bounded = any(bound is not None for bound in against_bound["bound_mm"])
+    headings = ["readings", "accuracy", "95 % interval", "error mm"]
+    headings += ["x bound"] * bounded + ["all mm"] + ["90 % in mm", "held"] * sure
+    for heading in headings:
         table.add_column(heading, justify="right")
     for reading in sorted({row for row in (*ROWS, readings) if row <= readings}):
         k = reading - 1
@@ -196,10 +219,40 @@ def _table(summary: dict[str, Any], readings: int) -> Table:
             f"{summary['accuracy'][k]:.3f}",
             f"{summary['accuracy_low'][k]:.3f} - {summary['accuracy_high'][k]:.3f}",
             _number(error, 2),
-            f"{summary['error_all_mm'][k]:.2f}",
+            *([_number(against_bound["efficiency"][k], 2)] if bounded else []),
+            _number(summary["error_all_mm"][k], 2),
             *(_number(summary[name][k], 2) for name in ("sharpness_mm", "coverage_90") if sure),
         )
     return table
+
+
+def print_bound(found: Bound) -> None:
+    """Print the best possible by reading: exact Bayes, and the Cramer-Rao bounds where readings determine the pose."""
+    console, values = plain_console(), found.as_json()
+    console.print("the best possible", style="bold", end="; ")
+    console.print(
+        f"{' '.join(values['letters'])}: {values['trials']} trials each, {values['protocol']}, seed {values['seed']}"
+    )
+    table = Table(box=None, pad_edge=False)
+    for heading in ("readings", "right", "error mm", "bound mm", "determined", "of classes mm", "determined"):
+        table.add_column(heading, justify="right")
+    for reading in sorted({row for row in (*ROWS, values["readings"]) if row <= values["readings"]}):
+        k = reading - 1
+        table.add_row(
+            str(reading),
+            f"{values['bayes_accuracy'][k]:.3f}",
+            _number(values["bayes_error_mm"][k], 3),
+            _number(values["bound_mm"][k], 3),
+            f"{values['determined'][k]:.3f}",
+            _number(values["classes_bound_mm"][k], 3),
+            f"{values['classes_determined'][k]:.3f}",
+        )
+    console.print(table)
+    console.print(
+        "right, error: exact Bayes, which knows the press. bound: Cramer and Rao's, of the pressures and of the three "
+        "classes of eq. 3, over the trials that their readings determine to "
+        f"{values['determined_below_mm']:g} mm; - where these are too few, and the bound is the prior's."
+    )
 
 
 def _number(value: float | None, digits: int) -> str:

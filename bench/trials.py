@@ -10,6 +10,7 @@ from collections import Counter, OrderedDict
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import as_completed
 from dataclasses import dataclass, fields, replace
+from itertools import groupby
 from time import process_time
 from typing import Any, Literal
 
@@ -20,7 +21,8 @@ from tactsim.bench.certainty import certainty
 from tactsim.bench.fitting import fit
 from tactsim.bench.placement_error import Properties, properties
 from tactsim.bench.slip import STILL, Slip
-from tactsim.core import InputError, Scan, compose, invert
+from tactsim.bench.touches import Press, RecordedTouches
+from tactsim.core import InputError, Scan
 from tactsim.core.errors import short
 from tactsim.core.poses import FloatArray
 from tactsim.core.source_digest import source_digest
@@ -31,7 +33,7 @@ from tactsim.estimators.registry import load
 
 TRANSLATION_MM = 10.0  # T_R^O is uniform in [-10, 10] mm and on the circle (section IV)
 
-Explore = Literal["random", "information"]
+Explore = Literal["random", "information", "blind"]
 Progress = Callable[[str, int, int], None]
 
 
@@ -49,8 +51,8 @@ class Trials:
 
     truth: (n,) letters. known: (n,) whether the estimator was trained on that letter; if not, NONE is the right
     label. trial: (n,) number within the letter. true_pose: (n, r, 3) robot_in_object at each touch.
-    reading: (n, r) which of the letter's test readings was taken. label: (n, r) the estimate (eq. 9,
-    14). p_truth, p_label: (n, r) probabilities given to the right and to the estimated label. pose:
+    reading: (n, r) which of the letter's test readings, or of the trial's touches, was taken. label: (n, r) the
+    estimate (eq. 9, 14). p_truth, p_label: (n, r) probabilities given to the right and to the estimated label. pose:
     (n, r, 3) estimated robot_in_object. credibility, radius_90: (n, r) how sure the estimator was of the pose, see
     `certainty.Certainty`; NaN where it did not say. evaluations: (n, r) likelihood evaluations of that update.
     update_s, estimate_s, propose_s: (n, r) seconds of processor time.
@@ -129,7 +131,11 @@ def check_readings(scan: Scan, letters: Iterable[str], readings: int, hold_out: 
     for letter in letters:
         for split in ("test",) if letter in hold_out else ("train", "test"):
             if not len(scan.where(split, letter)):
-                raise InputError(f"the scan has no {split} readings of letter {letter!r}")
+                here = ", but for others" if len(scan.where(split)) else ""
+                raise InputError(
+                    f"the scan has no {split} readings of letter {letter!r}{here}; record them (`bench record --split "
+                    f"{split}`), or take them from another scan (`bench run --scan TEST --train-scan TRAIN`)"
+                )
         count = len(scan.where("test", letter))
         if readings > count:
             raise InputError(
@@ -148,30 +154,35 @@ def run_trial(
     seed: int,
     of: Properties,
     explore: Explore = "random",
+    press: Press | None = None,
     slip: Slip = STILL,
-    observe: Callable[[Estimate], None] | None = None,
+    observe: Callable[[Estimate, FloatArray, FloatArray], None] | None = None,
 ) -> Trials:
-    """Recognise one hidden object: present `readings` of its test readings, estimate after each.
+    """Recognise one hidden object: present `readings` readings of it, estimate after each.
 
     `test` holds the letter's test readings only; `letters` are those that the estimator was trained on; `of` are
     the letter's properties, for the metric of its placement.
-    Readings come in random order without replacement, or, with explore="information", as the estimator
-    proposes. slip: how the object moves between touches; the sensor's poses, candidates' too, are those that
-    go with the object's pose at that touch. observe(estimate) is called after each reading, and its time does
-    not count. Times are this process's processor time, so that other programs on the machine do not count either.
+    Touches come in random order without replacement, or, with explore="information", as the estimator proposes.
+    They are the test readings, or, with `press`, touches in the robot's frame that are pressed on demand. slip: how
+    the object moves between touches; the poses of test readings, candidates too, are those that go with the object's
+    pose at that touch. observe(estimate, reading, sensor_in_robot) is called after each reading, and its time does not
+    count. Times are this process's processor time, so that other programs on the machine do not count either.
 
-    Raises InputError that names the estimator if its answer is not a valid estimate or proposal.
+    Raises InputError that names the estimator if its answer is not a valid estimate or proposal, and if the presses
+    that are left do not come to rest.
     """
     rng = generator(seed, task, 0)
     first = draw_true_pose(rng)
-    order = rng.permutation(len(test))[:readings]
+    touches = RecordedTouches(test) if press is None else press.touches(task.truth, task.trial, seed)
+    left = rng.permutation(len(touches))
+    if explore == "information":
+        left.sort()
     true_pose = np.tile(first, (readings, 1))
     if not slip.still:
         true_pose = slip.poses(first, readings, generator(seed, task, 2))
-    sensor_in_robot = compose(invert(first), test.poses)
+    sensor_in_robot = touches.sensor_in_robot(first)
     estimator.reset(generator(seed, task, 1))
 
-    left = np.arange(len(test))
     known = task.truth in letters
     right, label = task.truth if known else NONE, []
     taken = np.empty(readings, dtype=np.int64)
@@ -183,20 +194,23 @@ def run_trial(
     before = _evaluations(estimator)
     for k in range(readings):
         if not slip.still:
-            sensor_in_robot = compose(invert(true_pose[k]), test.poses)
-        if explore == "information":
-            start = process_time()
-            chosen = estimator.propose(sensor_in_robot[left])
-            propose_s[k] = process_time() - start
-            if not (isinstance(chosen, int | np.integer) and 0 <= chosen < len(left)):
+            sensor_in_robot = touches.sensor_in_robot(true_pose[k])
+        reading = None
+        while reading is None:
+            if not len(left):
                 raise InputError(
-                    f"the estimator {type(estimator).__name__} is broken: it proposed {short(chosen)} of {len(left)}"
+                    f"{readings} readings a trial: no other press of {task.truth!r} comes to rest"
                 )
+            chosen = 0
+            if explore == "information":
+                start = process_time()
+                chosen = estimator.propose(sensor_in_robot[left])
+                propose_s[k] += process_time() - start
+                _check_proposal(chosen, len(left), estimator)
             taken[k], left = left[chosen], np.delete(left, chosen)
-        else:
-            taken[k] = order[k]
+            reading = touches.reading(int(taken[k]), true_pose[k])
         start = process_time()
-        estimator.update(test.readings[taken[k]], sensor_in_robot[taken[k]])
+        estimator.update(reading, sensor_in_robot[taken[k]])
         updated = process_time()
         estimate = estimator.estimate()
         numbers["estimate_s"][k] = process_time() - updated
@@ -211,12 +225,19 @@ def run_trial(
         after = _evaluations(estimator)
         evaluations[k], before = after - before, after
         if observe is not None:
-            observe(estimate)
+            observe(estimate, reading, sensor_in_robot[taken[k]])
     return Trials(
         truth=np.array([task.truth]), known=np.array([known]), trial=np.array([task.trial]), true_pose=true_pose[None],
         reading=taken[None], label=np.array([label]), pose=pose[None], evaluations=evaluations[None],
         propose_s=propose_s[None], **{name: values[None] for name, values in numbers.items()},
     )  # fmt: skip
+
+
+def _check_proposal(chosen: object, count: int, estimator: Estimator) -> None:
+    if not (isinstance(chosen, int | np.integer) and 0 <= chosen < count):
+        raise InputError(
+            f"the estimator {type(estimator).__name__} is broken: it proposed {short(chosen)} of {count}"
+        )
 
 
 def _evaluations(estimator: Estimator) -> int:
@@ -227,8 +248,9 @@ def _evaluations(estimator: Estimator) -> int:
 class TrialPlan:
     """All that a worker needs to do trials: the estimator, the scan, and how many readings in which order.
 
-    given: an estimator made in Python, as it is or pickled for a worker; None if `estimator` is a registered
-    name.
+    press: what presses on demand; None if the readings are those of the scan. given: an estimator made in Python, as
+    it is or pickled for a worker; None if `estimator` is a registered name. each_held_out: whether the letter of a
+    trial is left out of what the estimator knows.
     """
 
     estimator: str
@@ -238,7 +260,18 @@ class TrialPlan:
     seed: int
     explore: Explore = "random"
     slip: Slip = STILL
+    press: Press | None = None
     given: Estimator | bytes | None = None
+    each_held_out: bool = False
+
+    def letters_known(self, truth: str) -> tuple[str, ...]:
+        """List the letters that an estimator knows in the trials of the letter `truth`."""
+        trained = self.scan.where("train").letters
+        return tuple(letter for letter in trained if not (self.each_held_out and letter == truth))
+
+    def fitted_for(self, truth: str, estimator: Estimator) -> Estimator:
+        """Give what the trials of a letter need: the fitted `estimator`, without the letter if each is held out."""
+        return estimator.without(truth, self.scan) if self.each_held_out else estimator
 
     def make(self) -> Estimator:
         """Make the estimator, which is not fitted yet.
@@ -266,7 +299,8 @@ class TrialPlan:
     @property
     def source(self) -> str:
         """Hash the source code that the trials depend on, without that which makes readings."""
-        return source_of_trials(self.given if isinstance(self.given, Estimator) else self.estimator)
+        given = self.given if isinstance(self.given, Estimator) else self.estimator
+        return source_of_trials(given, on_demand=self.press is not None)
 
     @property
     def digest(self) -> str:
@@ -276,13 +310,15 @@ class TrialPlan:
         return f"{self.estimator} {options} {self.scan.digest} {given}"
 
 
-def source_of_trials(estimator: str | Estimator) -> str:
-    """Hash the source code that trials of an estimator depend on, without that which makes readings.
+def source_of_trials(estimator: str | Estimator, *, on_demand: bool = False) -> str:
+    """Hash the source code that trials of an estimator depend on.
 
+    on_demand: whether they press themselves; what makes the readings of a scan does not count.
     Raises InputError if no estimator has that name.
     """
     kinds = [load(estimator)] if isinstance(estimator, str) else _kinds(estimator)
-    return source_digest(__name__, *(kind.__module__ for kind in kinds))
+    pressing = ["tactsim.bench.touching"] if on_demand else []
+    return source_digest(__name__, *pressing, *(kind.__module__ for kind in kinds))
 
 
 def _kinds(estimator: Estimator) -> list[type[Estimator]]:
@@ -331,21 +367,24 @@ def _run_here(
     plan: TrialPlan, estimator: Estimator, tasks: list[Task], report: Callable[[int], None]
 ) -> tuple[Trials, dict[str, Any]]:
     tests = {truth: plan.scan.where("test", truth) for truth in {task.truth for task in tasks}}
-    letters, objects = plan.scan.where("train").letters, properties(plan.scan)
-    before = Counter(flatten_work(estimator.work))
+    objects = properties(plan.scan)
+    work: Counter[str] = Counter()
     parts = []
-    for number, task in enumerate(tasks, start=1):
-        parts.append(
-            run_trial(
-                estimator, tests[task.truth], task, letters=letters,
-                readings=plan.readings, seed=plan.seed, of=objects[task.truth], explore=plan.explore,
-                slip=plan.slip,
-            )
-        )  # fmt: skip
-        report(number)
-    after = Counter(flatten_work(estimator.work))
-    after.subtract(before)
-    return Trials.joined(parts), unflatten_work(after)
+    for truth, of_letter in groupby(tasks, key=lambda task: task.truth):
+        fitted, letters = plan.fitted_for(truth, estimator), plan.letters_known(truth)
+        before = Counter(flatten_work(fitted.work))
+        for task in of_letter:
+            parts.append(
+                run_trial(
+                    fitted, tests[truth], task, letters=letters,
+                    readings=plan.readings, seed=plan.seed, of=objects[truth], explore=plan.explore,
+                    slip=plan.slip, press=plan.press,
+                )
+            )  # fmt: skip
+            report(len(parts))
+        work.update(flatten_work(fitted.work))
+        work.subtract(before)
+    return Trials.joined(parts), unflatten_work(work)
 
 
 def run_chunk(plan: TrialPlan, tasks: list[Task]) -> tuple[Trials, dict[str, int]]:

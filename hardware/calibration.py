@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -99,7 +100,7 @@ class Correction:
     def apply(self, reading: Reading) -> Reading:
         """Correct one reading; dead and stuck taxels are left out."""
         pressures = self.whole(reading.pressures)[self._kept]
-        return Reading(pressures, reading.host_time, reading.device_time, reading.index)
+        return replace(reading, pressures=pressures)
 
 
 def take_tare(

@@ -21,19 +21,21 @@ UNREAD = -1
 
 
 class Part(BaseModel):
-    """One of the devices that together make a pad.
-
-    port: index of its port among those given. address: which device on that port it is, if frames
-    say so; None: the codec's usual address. taxels: for each taxel of the device, in the device's order,
-    the taxel of the pad that it is, or -1 if the pad does not read it; None: all taxels of the pad in
-    the pad's order.
-    """
+    """One of the devices that together make a pad."""
 
     model_config = STRICT
 
-    port: int = Field(0, ge=0, le=15)
-    address: int | None = Field(None, ge=0)
-    taxels: tuple[int, ...] | None = Field(None, max_length=10_000)
+    port: int = Field(0, ge=0, le=15, description="which of the ports given, from 0")
+    address: int | None = Field(
+        None,
+        ge=0,
+        description="which device on the port; none: the codec's usual one (singletact 4, others 0)",
+    )
+    taxels: tuple[int, ...] | None = Field(
+        None,
+        max_length=10_000,
+        description="for each value of the device the pad's taxel, or -1 if it is not read; none: all in order",
+    )
 
 
 class Device(BaseModel):
@@ -41,8 +43,8 @@ class Device(BaseModel):
 
     model_config = STRICT
 
-    name: str = Field(min_length=1, max_length=200)
-    baud: int = Field(115_200, ge=50, le=20_000_000)
+    name: str = Field(min_length=1, max_length=200, description="how messages call the device")
+    baud: int = Field(115_200, ge=50, le=20_000_000, description="bits a second of a serial port")
     settle: float = Field(
         0.0, ge=0, le=120, description="s after opening in which the device starts and its bytes mean nothing"
     )
@@ -50,6 +52,12 @@ class Device(BaseModel):
     touch_kpa: float = Field(2.0, gt=0, le=1e4, description="kPa above which a taxel is touched")
     largest_offset_kpa: float = Field(
         10.0, gt=0, le=1e5, description="kPa that an unloaded taxel may read before the tare"
+    )
+    pair_within_s: float | None = Field(
+        None,
+        gt=0,
+        le=10,
+        description="s within which the parts' frames of one reading are measured; none: their counters are equal",
     )
     codec: Format
     pad: Pad = Field(default_factory=Pad)
@@ -84,6 +92,13 @@ class Device(BaseModel):
             raise ValueError("two parts have the same port and address")
         if sorted({part.port for part in self.part}) != list(range(self.ports)):
             raise ValueError("ports must be numbered 0, 1, 2 ... without a gap")
+        codec = self.codec.build()
+        counted = codec.index_common and codec.index_wrap is not None and codec.index_wrap > 256
+        if len(self.part) > 1 and self.pair_within_s is None and not counted:
+            raise ValueError(
+                f"the pad has {len(self.part)} parts, and their frames have no counter of two bytes or more that they "
+                "share: state pair_within_s, the s within which the frames of one reading are measured"
+            )
         return self
 
     @property

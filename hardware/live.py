@@ -9,12 +9,17 @@ from dataclasses import dataclass
 
 from tactsim.core.reading import Reading
 from tactsim.core.source import Log, NoReading, Source, SourceError
+from tactsim.hardware.codecs.codec import PATIENCE, CodecError
 from tactsim.hardware.device import Device
 from tactsim.hardware.port import Port, wait_any
 from tactsim.hardware.stream import Stream
 
-_FIRST_RETRY, _LAST_RETRY = 0.1, 5.0  # s between attempts to open a lost port; each is twice the last
+_FIRST_RETRY, _LAST_RETRY = 0.1, 0.5  # s between attempts to open a lost port; each is twice the last
 _NAP = 0.05  # s after which links are looked at again: questions that are overdue, ports to reopen
+
+
+class DeviceMismatch(SourceError):
+    """What answers is not the device that the device file describes; to open its port again does not help."""
 
 
 @dataclass
@@ -24,6 +29,7 @@ class _Link:
     url: str
     port: Port | None = None
     speaks_from: float = 0.0  # until then the device starts, and its bytes mean nothing
+    quiet_until: float = 0.0  # nothing came before that is not read yet
     greeted: bool = False
     retry_at: float = 0.0
     retry_after: float = _FIRST_RETRY
@@ -53,6 +59,7 @@ class LiveSource(Source):
         self._stream = Stream(device)
         self.counters = self._stream.counters
         self._ready: deque[Reading] = deque()
+        self._heard_at = self._clock()  # when the last byte came
         self._links = [_Link(url) for url in urls]
         self._closed = False
         try:
@@ -67,10 +74,11 @@ class LiveSource(Source):
         if self._closed:
             raise SourceError(f"{self._where} was closed")
         timeout = self.device.deadline if timeout is None else timeout
-        before = self.counters.as_dict()
-        # A device that starts has its time to do so before it can be late.
-        deadline = max([self._clock(), *(link.speaks_from for link in self._links if link.port)]) + timeout
+        before, heard = self.counters.as_dict(), dict(self._stream.heard)
+        begun = self._clock()
         while not self._ready:
+            # A device that starts has its time to do so before it can be late, also after its port was lost.
+            deadline = max([begun, *(link.speaks_from for link in self._links if link.port)]) + timeout
             now = self._clock()
             for number, link in enumerate(self._links):
                 self._serve(number, link, now)
@@ -78,8 +86,12 @@ class LiveSource(Source):
                 break
             left = deadline - self._clock()
             if left <= 0:
-                raise NoReading(self._why(timeout, before))
-            wait_any([link.port for link in self._links if link.port is not None], min(left, _NAP))
+                raise NoReading(self._why(timeout, before, heard))
+            ports = [link.port for link in self._links if link.port is not None]
+            if wait_any(ports, min(left, _NAP)):
+                woken = self._clock()
+                for link in self._links:
+                    link.quiet_until = woken
         return self._ready.popleft()
 
     def close(self) -> None:
@@ -114,11 +126,17 @@ class LiveSource(Source):
             if now < link.speaks_from:
                 return
             if data:
-                self._received(number, data)
+                if self._stream.by_arrival:
+                    self._received(number, b"", link.quiet_until)
+                self._received(number, data, self._clock())
+            else:
+                link.quiet_until = now
             if not link.greeted:
                 self._send(number, link.port, self._stream.greeting(number))
                 link.greeted = True
             self._send(number, link.port, self._stream.request(number, self._clock()))
+        except DeviceMismatch:
+            raise
         except SourceError as error:
             link.port.close()
             link.port = None
@@ -127,11 +145,14 @@ class LiveSource(Source):
             if self._log is not None:
                 self._log.lost(number, now)
 
-    def _received(self, number: int, data: bytes) -> None:
-        now = self._clock()
+    def _received(self, number: int, data: bytes, now: float) -> None:
+        self._heard_at = now
         if self._log is not None:
             self._log.received(number, data, now)
-        self._ready.extend(self._stream.received(number, data, now))
+        try:
+            self._ready.extend(self._stream.received(number, data, now))
+        except CodecError as error:  # the device is not what the device file says
+            raise DeviceMismatch(f"{self._links[number].url}: {error}") from error
 
     def _send(self, number: int, port: Port, data: bytes) -> None:
         if not data:
@@ -147,8 +168,8 @@ class LiveSource(Source):
         link.retry_at = now + link.retry_after
         link.retry_after = min(2 * link.retry_after, _LAST_RETRY)
 
-    def _why(self, timeout: float, before: dict[str, int]) -> str:
-        """Say why no reading came, from what happened since `before`."""
+    def _why(self, timeout: float, before: dict[str, int], heard: dict[tuple[int, int], int]) -> str:
+        """Say why no reading came, from what happened since `before`, when parts had said `heard` frames."""
         late = f"no reading from {self._where} in {timeout:g} s"
         lost = [link for link in self._links if link.port is None]
         if lost:
@@ -159,26 +180,48 @@ class LiveSource(Source):
                 f"{late}: not one byte came. Is the device on, is this its port, and does {self.device.name!r} "
                 "say what the device waits for?"
             )
+        quiet = self._clock() - self._heard_at
+        if quiet > max(timeout / 2, 2 * PATIENCE):
+            return f"{late}: the device fell silent {quiet:.1f} s ago. Check its power and its cable"
+        return f"{late}: {self._trouble(since, heard)}"
+
+    def _trouble(self, since: dict[str, int], heard: dict[tuple[int, int], int]) -> str:
+        """Say what is wrong with the bytes of a device that speaks."""
         if since["torn"]:
             return (
-                f"{late}: {since['torn']} frames changed while they were read. Let the sensor measure more "
-                "slowly (its accumulator), or allow torn_frames in the device file"
+                f"{since['torn']} frames changed while they were read. Let the sensor measure more slowly "
+                "(accumulator in the device file), or allow torn_frames there"
             )
+        if since["impossible"]:
+            return f"{since['impossible']} frames had values that the device cannot say. Bytes change on the line"
         if since["stale"]:
+            return "the bridge answers, but its sensor does not. Check the sensor's cable and address"
+        if since["timeouts"] and since["strays"]:
             return (
-                f"{late}: the bridge answers, but its sensor does not. Check the sensor's cable and address"
+                f"answers come more than {PATIENCE:g} s after their questions, too late to be taken. Is the line that "
+                f"slow (baud {self.device.baud})?"
             )
-        if since["repeats"]:
-            return f"{late}: the device says the same frame again and again. It hangs; restart it"
-        silent = self._stream.silent_parts()
-        if silent:
+        silent = [place for place, count in self._stream.heard.items() if count == heard[place]]
+        if 0 < len(silent) < len(heard):
             port, address = silent[0]
-            return f"{late}: nothing from the part at address {address} of {self._links[port].url}"
+            return f"nothing from the part at address {address} of {self._links[port].url}"
+        if since["unpaired"]:
+            how = (
+                "the same counter" if self.device.pair_within_s is None else "the stated time (pair_within_s)"
+            )
+            return f"frames of all parts come, but not with {how}. Were the parts started together?"
+        if since["repeats"]:
+            return "the device says the same frame again and again. It hangs; restart it"
         if since["strays"]:
-            return f"{late}: only frames that {self.device.name!r} does not list. Check the parts' addresses"
+            return f"only frames that {self.device.name!r} does not list. Check the parts' addresses"
+        if since["bad_checksums"]:
+            return (
+                f"{since['bad_checksums']} frames are right but for their checksum. Its kind, skip or endian in the "
+                "device file is not the device's, or bytes change on the line"
+            )
         return (
-            f"{late}: {since['bytes']:,} bytes came and no whole frame of {self.device.name!r} in them. Wrong "
-            f"baud rate ({self.device.baud}), or another device; `bench probe` shows the bytes"
+            f"{since['bytes']:,} bytes came and no whole frame of {self.device.name!r} in them. Wrong baud rate "
+            f"({self.device.baud}), or another device; `bench probe` shows the bytes"
         )
 
 

@@ -9,8 +9,8 @@ from contextlib import suppress
 from typing import Any
 
 from tactsim.core.source import SourceError
+from tactsim.hardware.framing import LARGEST_CHUNK
 
-CHUNK = 1 << 16  # bytes that one read takes at most: the bound of what is ever buffered
 _WRITE_TIMEOUT = 1.0  # s
 _POLL = 0.001  # s between looks at a port that select cannot watch (rfc2217://, loop://)
 
@@ -38,11 +38,18 @@ class Port:
             self.fileno = None
 
     def read(self) -> bytes:
-        """Return what has come, b"" if nothing. Raises SourceError if the port is gone."""
+        """Return all that has come, up to `LARGEST_CHUNK` bytes, b"" if nothing.
+
+        Raises SourceError if the port is gone; what came before is returned first.
+        """
+        data = b""
         try:
-            return bytes(self._serial.read(CHUNK))
+            while len(data) < LARGEST_CHUNK and (more := self._serial.read(LARGEST_CHUNK - len(data))):
+                data += more
         except (OSError, TypeError) as error:  # TypeError: pyserial, of a port closed meanwhile
-            raise SourceError(f"{self.url} is gone: {_reason(error)}") from error
+            if not data:
+                raise SourceError(f"{self.url} is gone: {_reason(error)}") from error
+        return data
 
     def write(self, data: bytes) -> None:
         """Send bytes. Raises SourceError if the port is gone or takes nothing for a second."""
@@ -57,14 +64,19 @@ class Port:
             self._serial.close()
 
 
-def wait_any(ports: Iterable[Port], timeout: float) -> None:
-    """Wait until one of the ports may have something to read, at most `timeout` s."""
+def wait_any(ports: Iterable[Port], timeout: float) -> bool:
+    """Wait until one of the ports may have something to read, at most `timeout` s.
+
+    Returns whether it is known that nothing came before it ended.
+    """
     filenos = [port.fileno for port in ports]
     watched = [fileno for fileno in filenos if fileno is not None]
     if filenos and len(watched) == len(filenos):
+        begun = time.monotonic()
         select.select(watched, [], [], max(0.0, timeout))
-    else:
-        time.sleep(max(0.0, min(timeout, _POLL)))
+        return time.monotonic() - begun > _POLL  # otherwise something may have come before it began
+    time.sleep(max(0.0, min(timeout, _POLL)))
+    return False
 
 
 def _reason(error: Exception) -> str:

@@ -8,7 +8,7 @@ scan can be worked out again from the raw bytes.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum
 from typing import Any, Literal
@@ -27,7 +27,11 @@ from tactsim.hardware.codecs.codec import STRICT
 
 _LIFTED = 5  # readings without touch after which a press is over
 _STILL_TOUCHED = 3.0  # s after which a person is told that something still touches the pad
-_STEADY = 0.05  # relative change of the force that a steady hand may make, in addition to the sensor's noise
+_STEADY = 0.03  # sd over mean that a steady hand may give force and image, in addition to the sensor's noise
+_SPREAD = (
+    4.0  # at most, for 4 readings or more: n var(total - noise variance) / sum of the noise variances squared
+)
+_GIVE_UP = 30.0  # s beyond its patience after which a machine's press is given up
 
 
 class Plan(BaseModel):
@@ -109,7 +113,7 @@ class Session:
     image: FloatArray | None = None
 
     def __post_init__(self) -> None:
-        self._recent: deque[float] = deque(maxlen=self.plan.window)  # forces, N
+        self._recent: deque[FloatArray] = deque(maxlen=self.plan.window)  # images, kPa
         self._taken: list[Reading] = []
         self._untouched = 0
         self._since: float | None = None  # host time from which the press has been waited for
@@ -125,14 +129,19 @@ class Session:
     def take(self, reading: Reading, number: int) -> Press | None:
         """Take in reading `number` of the recording; returns the press that it completes, or None.
 
-        The caller writes the press into the recording as a mark.
+        The caller writes the press into the recording as a mark. A lost link, or a device that began anew, voids
+        the press that is open. Raises InputError if a machine's press does not come to an end.
         """
         if self.phase is Phase.DONE:
             return None
         if self._since is None:
             self._since = reading.host_time
+        if reading.after_loss:
+            self._since = reading.host_time
+            self._begin(Phase.LIFT if self.phase is Phase.LIFT else Phase.TOUCH)
+            self.message = "the pad was lost for a moment; hold the press again"
         touched = bool(reading.pressures.max(initial=-np.inf) > self.plan.touch_kpa)
-        now = float(force(reading.pressures, self.pad))
+        self._give_up(reading.host_time)
         if self.phase is Phase.LIFT:
             self._untouched = 0 if touched else self._untouched + 1
             if touched and reading.host_time - self._since > _STILL_TOUCHED:
@@ -149,7 +158,7 @@ class Session:
             if touched:
                 self._begin(Phase.STEADY)
         elif self.phase is Phase.STEADY:
-            self._settle(now, touched)
+            self._settle(reading.pressures, touched)
         elif self.phase is Phase.TAKING:
             return self._read(reading, number)
         patience = self.plan.patience
@@ -190,15 +199,26 @@ class Session:
         self._taken = []
         self._untouched = 0
 
-    def _settle(self, now: float, touched: bool) -> None:
+    def _give_up(self, now: float) -> None:
+        """End a session that nobody watches and that gets nowhere: its recording would grow without end."""
+        patience = self.plan.patience
+        if patience is None or self._since is None or now - self._since <= patience + _GIVE_UP:
+            return
+        missing = "it does not come to rest"
+        if self.phase is Phase.LIFT:
+            missing = "the pad is never free; lift before each press, or take a tare"
+        raise InputError(f"press {self.current + 1} was given up after {now - self._since:.0f} s: {missing}")
+
+    def _settle(self, pressures: FloatArray, touched: bool) -> None:
         if not touched:
             self._begin(Phase.TOUCH)
             return
-        self._recent.append(now)
+        self._recent.append(pressures)
         if len(self._recent) < self.plan.window:
             return
-        mean = float(np.mean(self._recent))
-        if self._moves(self._recent):
+        images = np.array(self._recent)
+        mean = float(force(images, self.pad).mean())
+        if self._moves(images):
             self.message = ""
         elif mean < self.plan.least_force:
             self.message = f"{mean:.2f} N is too little; press with {self.plan.least_force:g} N or more"
@@ -213,7 +233,7 @@ class Session:
         if len(self._taken) < self.plan.frames:
             return None
         pressures = np.array([each.pressures for each in self._taken])
-        if self._moves(force(pressures, self.pad)):
+        if self._moves(pressures):
             self._begin(Phase.STEADY)
             self.message = "it moved; hold it still"
             return None
@@ -221,17 +241,15 @@ class Session:
         first = number - len(self._taken) + 1
         return self._finish(Press(number=self.current, what="taken", first=first, count=len(self._taken)))
 
-    def _moves(self, values: Sequence[float] | FloatArray) -> bool:
-        """Tell whether forces (n,) N rise or fall by more than noise and a steady hand explain."""
-        forces = np.asarray(values)
-        half = len(forces) // 2
-        if not half:
-            return False
-        change = abs(float(forces[:half].mean() - forces[-half:].mean()))
-        # Noise of one reading, from second differences: a steady rise, which is looked for, does not add to them.
-        noise = float(np.sqrt(np.mean(np.diff(forces, 2) ** 2) / 6)) if len(forces) > 2 else 0.0
-        allowed = _STEADY * max(float(forces.mean()), self.plan.least_force)
-        return change > allowed + 3 * noise * np.sqrt(2 / half)
+    def _moves(self, images: FloatArray) -> bool:
+        """Tell whether force or image (n, taxels) kPa change by more than noise and a steady hand explain.
+
+        A slide at constant force changes the image alone.
+        """
+        forces = force(images, self.pad)
+        held = max(float(forces.mean()), self.plan.least_force)
+        image = max(float(np.linalg.norm(images.mean(axis=0))), self.plan.touch_kpa)
+        return wanders(forces[:, None], _STEADY * held) or wanders(images, _STEADY * image)
 
     def _finish(self, press: Press) -> Press:
         note(self.presses, press)
@@ -241,6 +259,20 @@ class Session:
         self._begin(Phase.LIFT)
         self._since = None
         return press
+
+
+def wanders(values: FloatArray, allowed: float) -> bool:
+    """Tell whether values (n, k) move by more than `allowed`, an sd of all k together, and their noise.
+
+    The noise is taken from second differences (von Neumann): slow movement, which is looked for, hardly adds to them.
+    """
+    count = len(values)
+    if count < 4:
+        return False
+    total = values.var(axis=0, ddof=1)
+    noise = (np.diff(values, 2, axis=0) ** 2).mean(axis=0) / 6
+    chance = 3 * np.sqrt(_SPREAD / count * np.square(noise).sum())
+    return bool((total - noise).sum() > allowed**2 + chance)
 
 
 def note(presses: dict[int, Press], mark: Press) -> None:

@@ -1,7 +1,11 @@
-"""From the bytes of a pad's links to readings: a function of what is fed to it, without a port or a clock."""
+"""From the bytes of a pad's links to readings: a function of what is fed to it, without a port or a clock.
+
+The values of a reading come from one moment of the device. Where that cannot be known, there is no reading.
+"""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -13,6 +17,7 @@ from tactsim.hardware.clock import DeviceClock
 from tactsim.hardware.codecs.codec import Dialogue, Frame
 from tactsim.hardware.device import UNREAD, Device
 from tactsim.hardware.framing import Framer
+from tactsim.hardware.pairing import ByIndex, ByTime, Moment, Pairing
 
 
 class Stream:
@@ -36,8 +41,12 @@ class Stream:
             self._wires[device.place(part)] = (read, wiring[read])
         self._clock = DeviceClock(self._codec.tick_s, self._codec.tick_wrap)
         self._first = device.place(device.part[0])  # its clock and counter are the pad's
-        self._waiting: dict[tuple[int, int], Frame] = {}
+        self._one_clock = self._codec.clock_common and device.ports == 1
         self._last_index: dict[tuple[int, int], int] = {}
+        self._pairing = self._choose_pairing(device)
+        self.by_arrival = isinstance(self._pairing, ByTime) and not self._one_clock
+        self._after_loss = False
+        self.heard = dict.fromkeys(self._wires, 0)  # frames of each part (port, address)
 
     def greeting(self, link: int) -> bytes:
         """Give the bytes to send once after `link` was opened."""
@@ -52,52 +61,80 @@ class Stream:
         self._links[link].dialogue.sent(data, now)
 
     def received(self, link: int, data: bytes, now: float) -> list[Reading]:
-        """Take in the bytes that came at `now` (s); returns the readings that they complete."""
-        readings = []
-        for packet in self._links[link].framer.feed(data):
-            frame = self._links[link].dialogue.take(packet, now)
-            if frame is not None and (reading := self._join(link, frame, now)) is not None:
-                readings.append(reading)
-        return readings
+        """Take in the bytes that came at `now` (s); returns the readings that they complete.
+
+        No bytes mean that nothing came until `now`, which is worth saying where frames are paired `by_arrival`.
+        """
+        at, frames = self._links[link], []
+        for arrived in at.framer.feed(data, now):
+            if (frame := at.dialogue.take(arrived.packet, arrived.began)) is not None:
+                frames.append(
+                    (frame, arrived.after if frame.asked is None else max(arrived.after, frame.asked))
+                )
+        # Several frames of one part in one go: the reader was late, whatever it knows of when it waited.
+        if self.by_arrival and len({frame.address for frame, _ in frames}) < len(frames):
+            frames = [(frame, float("-inf")) for frame, _ in frames]
+        readings = [self._join(link, frame, earliest, now) for frame, earliest in frames]
+        return [reading for reading in readings if reading is not None]
 
     def lost(self, link: int, now: float) -> None:
-        """Note that `link` was lost at `now`: what was half received or asked is forgotten."""
+        """Note that `link` was lost at `now`: what was half received, was asked or waits for other parts is void."""
         self.counters.reconnects += 1
         self._links[link].framer.reset()
         self._links[link].dialogue.reset()
         for place in [place for place in self._last_index if place[0] == link]:
             del self._last_index[place]
-
-    def silent_parts(self) -> list[tuple[int, int]]:
-        """List (port, address) of the parts that hold up a reading, if others have spoken."""
-        return [place for place in self._wires if place not in self._waiting] if self._waiting else []
+        self._begin_anew()
 
     def waiting_bytes(self) -> int:
         """Count the bytes and values that are kept for later; it has a bound."""
-        return sum(len(link.framer) for link in self._links) + sum(
-            frame.values.nbytes for frame in self._waiting.values()
+        frames = [] if self._pairing is None else self._pairing.waiting()
+        return sum(len(link.framer) for link in self._links) + sum(frame.values.nbytes for frame in frames)
+
+    def _choose_pairing(self, device: Device) -> Pairing | None:
+        if len(self._wires) == 1:
+            return None
+        if device.pair_within_s is not None:
+            return ByTime(self._wires, device.pair_within_s, self.counters)
+        assert self._codec.index_wrap is not None  # `Device` sees to it
+        return ByIndex(
+            self._wires, self._codec.index_wrap, device.deadline, self._codec.taxels, self.counters
         )
 
-    def _join(self, link: int, frame: Frame, now: float) -> Reading | None:
+    def _begin_anew(self) -> None:
+        """Let nothing that came before be joined or averaged with what comes now."""
+        self._after_loss = True
+        if self._pairing is not None:
+            self._pairing.forget()
+
+    def _join(self, link: int, frame: Frame, earliest: float, now: float) -> Reading | None:
         place = (link, frame.address)
         if place not in self._wires:
             self.counters.strays += 1
             return None
         self.counters.frames += 1
+        self.heard[place] += 1
         if not self._is_new(place, frame):
             self.counters.repeats += 1
             return None
-        self.counters.unpaired += place in self._waiting
-        self._waiting[place] = frame
-        if len(self._waiting) < len(self._wires):
-            return None
+        if place == self._first or (self._one_clock and link == self._first[0]):
+            frame = self._timed(frame, now)
+        if self._pairing is None:
+            moment: Moment | None = {place: frame}
+        elif self._one_clock and frame.seconds is not None:  # the link's own clock is better than the host's
+            moment = self._pairing.add(place, frame, frame.seconds, frame.seconds)
+        else:
+            moment = self._pairing.add(place, frame, earliest, now)
+        return None if moment is None else self._reading(moment, now)
+
+    def _reading(self, moment: Moment, now: float) -> Reading:
         pressures: FloatArray = np.empty(self._taxels)
         for part, (read, taxels) in self._wires.items():
-            pressures[taxels] = self._codec.to_kpa(self._waiting[part].values)[read]
-        first = self._waiting[self._first]
-        self._waiting = {}
+            pressures[taxels] = self._codec.to_kpa(moment[part].values)[read]
+        first = moment[self._first]
+        after_loss, self._after_loss = self._after_loss, False
         self.counters.readings += 1
-        return Reading(pressures, now, self._device_time(first, now), first.index)
+        return Reading(pressures, now, first.seconds, first.index, after_loss)
 
     def _is_new(self, place: tuple[int, int], frame: Frame) -> bool:
         """Tell by its counter whether a frame is another than the last, and count what lies between them."""
@@ -106,18 +143,24 @@ class Stream:
             return True
         step = (frame.index - self._last_index.get(place, frame.index - 1)) % wrap
         self._last_index[place] = frame.index
-        # A counter that seems to go back was reset; nothing can be said about what was lost.
-        if self._codec.speaks and 1 < step <= wrap // 2:
+        if (
+            step > wrap // 2
+        ):  # it went back: the device began anew, and nothing can be said about what was lost
+            self._begin_anew()
+        elif self._codec.speaks and step > 1:
             self.counters.missed += step - 1
         return step != 0
 
-    def _device_time(self, frame: Frame, now: float) -> float | None:
+    def _timed(self, frame: Frame, now: float) -> Frame:
+        """Add the device's time, which goes on where its clock starts again."""
         if frame.ticks is None:
-            return None
+            return frame
         restarts = self._clock.restarts
         seconds = self._clock.seconds(frame.ticks, now)
-        self.counters.clock_restarts += self._clock.restarts - restarts
-        return seconds
+        if self._clock.restarts > restarts:
+            self.counters.clock_restarts += 1
+            self._begin_anew()
+        return replace(frame, seconds=seconds)
 
 
 class _Link:

@@ -10,6 +10,7 @@ import typer
 from typer.exceptions import Abort, TyperException
 
 from tactsim.bench.cli import INTERRUPTED, end_interrupted
+from tactsim.bench.cli import cmd_bound as bound
 from tactsim.bench.cli import cmd_compare as compare
 from tactsim.bench.cli import cmd_devices as devices
 from tactsim.bench.cli import cmd_emulate as emulate
@@ -41,6 +42,7 @@ verbs = {
     "scan": scan,
     "sweep": sweep,
     "report": report,
+    "bound": bound,
     "compare": compare,
     "list": list_verb,
     "stress": stress,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ from tactsim.bench.report.collect import Entry, Group
 from tactsim.bench.report.pareto import points
 from tactsim.bench.report.recognition import Replayed
 from tactsim.bench.score import Z_95
+from tactsim.bench.trials import Trials
 
 Table = tuple[Sequence[str], Iterable[Sequence[Any]]]
 
@@ -25,8 +27,10 @@ def tables(groups: Sequence[Group], replayed: Sequence[Replayed]) -> dict[str, s
     made: dict[str, Table] = {
         "readings": (
             (*_WHO, "reading", "accuracy", "accuracy_low", "accuracy_high",
-             "error_mm", "error_low_mm", "error_high_mm", "error_all_mm"), _readings(groups),
+             "error_mm", "error_low_mm", "error_high_mm", "error_all_mm",
+             "coverage_50", "coverage_90", "sharpness_mm", "bound_mm", "error_over_bound"), _readings(groups),
         ),
+        "reliability": ((*_WHO, "probability", "right", "estimates"), _reliability(groups)),
         "pareto": (
             (*_WHO, "method", "budget_option", "budget", "readings", "seconds_per_recognition",
              "error_mm", "error_low_mm", "error_high_mm", "settled_95", "error_frontier", "settled_frontier"),
@@ -69,6 +73,28 @@ def confusion_counts(entry: Entry) -> tuple[list[str], NDArray[np.int64]]:
     return letters, counts
 
 
+@dataclass(frozen=True)
+class Reliability:
+    """Estimates that were stated with about the same probability: their mean, the share that is right, how many."""
+
+    probability: float
+    right: float
+    count: int
+
+
+def reliability(trials: Trials, bins: int = 10) -> list[Reliability]:
+    """Compare the probability of the estimated letter with how often it is right (Murphy and Winkler 1977).
+
+    All readings of all trials are put into bins of equal width; empty ones are left out.
+    """
+    stated, right = trials.p_label.ravel(), trials.right.ravel()
+    place = np.minimum((stated * bins).astype(np.intp), bins - 1)
+    return [
+        Reliability(float(stated[mine].mean()), float(right[mine].mean()), int(mine.sum()))
+        for mine in (place == number for number in np.unique(place))
+    ]
+
+
 def _who(group: Group, entry: Entry) -> tuple[str, ...]:
     return group.protocol, group.task, entry.label, str(entry.folder)
 
@@ -80,9 +106,18 @@ def _readings(groups: Sequence[Group]) -> Iterator[Sequence[Any]]:
             columns = (
                 s["accuracy"], s["accuracy_low"], s["accuracy_high"],
                 s["error_mm"], *error_band(s), s["error_all_mm"],
+                s["coverage_50"], s["coverage_90"], s["sharpness_mm"],
+                entry.run.against_bound["bound_mm"], entry.run.against_bound["efficiency"],
             )  # fmt: skip
             for number, row in enumerate(zip(*columns, strict=True), start=1):
                 yield *_who(group, entry), number, *row
+
+
+def _reliability(groups: Sequence[Group]) -> Iterator[Sequence[Any]]:
+    for group in groups:
+        for entry in group.entries:
+            for one in reliability(entry.run.trials):
+                yield *_who(group, entry), one.probability, one.right, one.count
 
 
 def _pareto(groups: Sequence[Group]) -> Iterator[Sequence[Any]]:

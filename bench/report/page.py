@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tactsim.bench.report.collect import Entry, Group
-from tactsim.bench.report.curves import confusion_counts, error_band
+from tactsim.bench.report.curves import confusion_counts, error_band, reliability
 from tactsim.bench.report.outlines import outline, taxel_size
 from tactsim.bench.report.pareto import has_curves, machine_line, points
 from tactsim.bench.report.recognition import Recognition, Replayed
@@ -179,6 +179,15 @@ def _run(entry: Entry, methods: Sequence[str], arrays: Arrays) -> dict[str, Any]
         "errorLow": _column(low),
         "errorHigh": _column(high),
         "errorAll": _column(summary["error_all_mm"]),
+        "bound": _column(run.against_bound["bound_mm"]),
+        "efficiency": _column(run.against_bound["efficiency"]),
+        "coverage90": _column(summary["coverage_90"]),
+        "coverage50": _column(summary["coverage_50"]),
+        "sharpness": _column(summary["sharpness_mm"]),
+        "reliability": [
+            {"p": _short(bin.probability), "right": _short(bin.right), "count": bin.count}
+            for bin in reliability(trials)
+        ],
         "allRightFrom": summary["all_right_from"],
         "settled95": summary["settled_95"],
         "settled50": summary["settled_50"],
@@ -224,6 +233,8 @@ def _recognition(trial: Recognition, of: Replayed, arrays: Arrays) -> dict[str, 
         "pose": arrays.add(trial.robot_in_object, "f4"),
         "truePose": arrays.add(trial.true_pose, "f4"),
         "error": arrays.add(trial.error, "f4"),
+        "region": None if trial.region is None else arrays.add(trial.region, "f4"),
+        "radius": _column(None if np.isnan(radius) else radius for radius in trial.radius),
         "plane": plane,
     }
 

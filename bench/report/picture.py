@@ -107,6 +107,11 @@ def readings_figure(group: Group) -> Figure:
             ):
                 axes.fill_between(seen, below, above, color=style["color"], alpha=0.1, lw=0)
                 axes.plot(seen, curve, **style)
+    bounded = next((entry.run for entry in group.entries if entry.run.bounds is not None), None)
+    if bounded is not None:
+        seen = np.arange(1, bounded.readings + 1)
+        (line,) = right.plot(seen, bounded.bound_mm, color="black", lw=1, ls=(0, (5, 3)))
+        right.legend([line], ["Cramer-Rao bound"], frameon=False, fontsize=8)
     left.set(ylim=(0, 1.02), ylabel="share of trials right")
     right.set(yscale="log", ylabel="placement error, mm")
     _plain_log(right.yaxis)

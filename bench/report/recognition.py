@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from tactsim.bench.certainty import covariance
 from tactsim.bench.config import RunConfig
 from tactsim.bench.fitting import fit
+from tactsim.bench.placement_error import Properties
 from tactsim.bench.report.collect import Entry, Group
 from tactsim.bench.runner import gather, plan_of, silent
 from tactsim.bench.score import errors, settled_at
@@ -23,6 +26,8 @@ from tactsim.estimators import Estimate, Estimator, PlaneBelief
 from tactsim.estimators.likelihoods.occupancy import OccupancyMap, maps_of
 from tactsim.press import ScanOptions, scan_letters
 
+# A Gaussian in the plane is within so many standard deviations with 90 %.
+_TWO_DIMENSIONS_90 = math.sqrt(-2 * math.log(0.1))
 MOST = 8  # runs of a protocol that are done again, one for each method
 
 
@@ -33,7 +38,9 @@ class Recognition:
     answer: the right label. kind: "typical" or "hardest". same: whether it gave again what the run recorded.
     pressures: (n, taxels) kPa. sensor_in_object: (n, 3). estimate_in_object: (n, 3), where the estimate
     puts the object, in the frame in which it truly lies. probabilities: (n, labels). robot_in_object:
-    (n, 3) estimated. plane: one belief a reading, or None if the estimator shows none.
+    (n, 3) estimated. region: (n, 5) where the centre of mass is with 90 %, if the belief is taken as Gaussian: an
+    ellipse's centre x, y, half axes and angle, in the frame in which the object truly lies; None if the estimator does
+    not say. radius: (n,) mm, of the 90 % region. plane: one belief a reading, or None if the estimator shows none.
     """
 
     entry: Entry
@@ -50,6 +57,8 @@ class Recognition:
     robot_in_object: FloatArray
     true_pose: FloatArray
     error: FloatArray
+    region: FloatArray | None
+    radius: FloatArray
     plane: list[PlaneBelief] | None
 
 
@@ -159,30 +168,51 @@ def _recognise(entry: Entry, estimator: Estimator, plan: TrialPlan, task: Task, 
     test = plan.scan.where("test", task.truth)
     estimates: list[Estimate] = []
     beliefs: list[PlaneBelief] = []
+    pressures: list[FloatArray] = []
+    touched: list[FloatArray] = []
 
-    def keep(estimate: Estimate) -> None:
+    def keep(estimate: Estimate, reading: FloatArray, sensor_in_robot: FloatArray) -> None:
         estimates.append(estimate)
+        pressures.append(reading)
+        touched.append(sensor_in_robot)
         belief = estimator.belief_over_plane()
         if belief is not None:
             beliefs.append(belief)
 
+    estimator = plan.fitted_for(task.truth, estimator)
     trial = run_trial(
-        estimator, test, task, letters=plan.scan.where("train").letters, readings=entry.readings,
-        seed=plan.seed, of=entry.run.objects[task.truth], explore=plan.explore, slip=plan.slip, observe=keep,
+        estimator, test, task, letters=plan.letters_known(task.truth), readings=entry.readings,
+        seed=plan.seed, of=entry.run.objects[task.truth], explore=plan.explore, press=plan.press,
+        slip=plan.slip, observe=keep,
     )  # fmt: skip
     true_pose, pose = trial.true_pose[0], trial.pose[0]
     labels = tuple(estimates[0].probabilities)
     return Recognition(
         entry=entry, task=task, answer=str(trial.answer[0]), kind=kind, same=_same(trial, entry.run.trials),
         labels=labels, label=trial.label[0].tolist(),
-        pressures=test.readings[trial.reading[0]],
-        sensor_in_object=test.poses[trial.reading[0]],
+        pressures=np.array(pressures),
+        sensor_in_object=compose(true_pose, np.array(touched)),
         estimate_in_object=compose(true_pose, invert(pose)),
         probabilities=np.array([[e.probabilities[label] for label in labels] for e in estimates]),
         robot_in_object=pose, true_pose=true_pose,
         error=errors(trial, entry.run.objects)[0],
+        region=regions(estimates, true_pose, entry.run.objects[task.truth]), radius=trial.radius_90[0],
         plane=beliefs if len(beliefs) == len(estimates) else None,
     )  # fmt: skip
+
+
+def regions(estimates: Sequence[Estimate], true_pose: FloatArray, of: Properties) -> FloatArray | None:
+    """Draw the belief about the centre of mass as an ellipse after each reading: (n, 5), see `Recognition`."""
+    found = []
+    for estimate in estimates:
+        if estimate.samples is None:
+            return None
+        mean, spread = covariance(estimate.samples, estimate.robot_in_object, of)
+        x, y, _ = compose(true_pose, [*mean[:2], 0.0])
+        squares, axes = np.linalg.eigh(spread[:2, :2])
+        half = _TWO_DIMENSIONS_90 * np.sqrt(np.maximum(squares[::-1], 0))
+        found.append([x, y, *half, true_pose[2] + np.arctan2(axes[1, 1], axes[0, 1])])
+    return np.array(found)
 
 
 def _same(trial: Trials, recorded: Trials) -> bool:

@@ -24,6 +24,7 @@ TOPICS = (
     "dynamics",
     "foundations",
     "convergence",
+    "bound",
 )
 
 __all__ = ["TOPICS", "Case", "Outcome", "cases", "chosen_cases", "run_case", "run_cases"]

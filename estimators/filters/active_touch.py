@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Sequence
 
 import numpy as np
@@ -25,8 +26,18 @@ class ActiveTouch(Wrapper):
 
     def fit(self, scan: Scan) -> None:
         """Learn from the training readings, and keep them if a proposal will need what was not learned yet."""
-        self._planner, self._planning = None, None
         self.filter.fit(scan)
+        self._fitted_to(scan)
+
+    def without(self, letter: str, scan: Scan) -> ActiveTouch:
+        """Wrap the filter without the letter."""
+        other = copy.copy(self)
+        other.filter = self.filter.without(letter, scan)
+        other._fitted_to(scan.untrained([letter]))
+        return other
+
+    def _fitted_to(self, scan: Scan) -> None:
+        self._planner, self._planning = None, None
         self._train = scan.where("train") if self.filter.calibrated is None else None
 
     def reset(self, rng: np.random.Generator) -> None:

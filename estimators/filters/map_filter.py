@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from abc import abstractmethod
 from collections.abc import Mapping
 
@@ -45,11 +46,23 @@ class MapFilter(Estimator):
     def fit(self, scan: Scan) -> None:
         """Learn the maps (eq. 2 to 6) and the measurement model from the training readings."""
         chosen = self.options
-        self._started = False
-        self.maps = learn_maps(
+        maps = learn_maps(
             scan, sigma=chosen.sigma, peak=chosen.peak, prior=chosen.prior, threshold=chosen.threshold,
             ratio=chosen.ratio, cell=chosen.cell,
         )  # fmt: skip
+        self._fit_with(maps, scan)
+
+    def without(self, letter: str, scan: Scan) -> MapFilter:
+        """Give a filter of the other letters, with the maps that are known and a measurement model of their own."""
+        other = copy.copy(self)
+        other.likelihood = likelihood.create(self.options)
+        maps = {label: chart for label, chart in self.maps.items() if label != letter}
+        other._fit_with(maps, scan.untrained([letter]))
+        return other
+
+    def _fit_with(self, maps: Mapping[str, OccupancyMap], scan: Scan) -> None:
+        self._started = False
+        self.maps = maps
         self.labels = tuple(self.maps)
         self.taxel_xy = scan.taxel_xy
         self.likelihood.fit(scan, self.maps)

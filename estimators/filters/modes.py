@@ -23,9 +23,9 @@ class Modes:
     """n Gaussian parts of the belief over (letter, T_R^O), after k readings.
 
     letter: (n,). prior_mean (n, 3), prior_cov (n, 3, 3), log_prior (n,), merged (n,): the part of the prior that each
-    stands for, of that many grid cells. number: (k,) which readings, in this order. at: (n, k, 3) the states at which each reading was expanded; log_p (n, k),
-    gradient (n, k, 3), information (n, k, 3, 3): its log-likelihood there, in x, y and theta of the state. mean:
-    (n, 3), cov: (n, 3, 3), log_weight: (n,) the posterior, of any common factor.
+    stands for, and of how many grid cells. number: (k,) which readings were taken in, in this order. at: (n, k, 3) the
+    states at which each was expanded; log_p (n, k), gradient (n, k, 3), information (n, k, 3, 3): its log-likelihood
+    there, in x, y and theta of the state. mean: (n, 3), cov: (n, 3, 3), log_weight: (n,) the posterior, of any common factor.
     """
 
     letter: NDArray[np.int64]

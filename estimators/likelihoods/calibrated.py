@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from copy import copy
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -10,9 +12,10 @@ from numpy.typing import ArrayLike, NDArray
 from tactsim.core import Scan, transform
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.likelihoods.class_table import calibrate, quantile_edges
-from tactsim.estimators.likelihoods.classifier import CONTACT, NO_CONTACT, UNKNOWN, classify
+from tactsim.estimators.likelihoods.classifier import UNKNOWN, classify
+from tactsim.estimators.likelihoods.folds import folds, touched_elsewhere
 from tactsim.estimators.likelihoods.likelihood import Evidence, Likelihood, covered
-from tactsim.estimators.likelihoods.occupancy import OccupancyMap, point_spread, taxel_log_odds
+from tactsim.estimators.likelihoods.occupancy import OccupancyMap, log_odds_of
 
 _CLASSES = UNKNOWN + 1
 
@@ -26,22 +29,46 @@ class CalibratedLikelihood(Likelihood):
     """
 
     def fit(self, scan: Scan, maps: Mapping[str, OccupancyMap]) -> None:
-        """Count classes at the training taxels, each against the map without itself."""
+        """Count classes at the training taxels, each against a map without the presses at its position."""
         self.maps = maps
-        odds, kinds = zip(*(self.left_out(label, scan) for label in maps), strict=True)
-        seen = np.concatenate(odds).ravel()
+        odds, kinds = [], []
+        for label in maps:
+            train = scan.where("train", label)
+            counted = touched_elsewhere(train, folds(train.poses))
+            counted = counted if counted.any() else ~counted
+            found = self.left_out(label, scan)
+            odds.append(found[0][counted].ravel())
+            kinds.append(found[1][counted].ravel())
+        seen = np.concatenate(odds)
         edges = quantile_edges(seen, self.options.quantiles)
-        self.calibration = calibrate(seen, np.concatenate(kinds).ravel(), _CLASSES, edges)
+        self.calibration = calibrate(seen, np.concatenate(kinds), _CLASSES, edges)
 
     def left_out(self, label: str, scan: Scan) -> tuple[FloatArray, NDArray[np.int8]]:
-        """Look the taxels of a letter's training readings up in its map without themselves.
+        """Look the taxels of a letter's training readings up in its map without the presses at their positions.
 
         scan: the one that the maps were learned from. Returns log-odds and classes (n, taxels).
         """
-        train, chart = scan.where("train", label), self.maps[label]
+        train = scan.where("train", label)
         xy, classes = transform(train.poses, train.taxel_xy), self.classes(train.readings)
-        own = own_log_odds(chart, xy, classes, self.options.sigma, self.options.peak)
-        return chart.log_odds_at(xy) - own, classes
+        part, odds = folds(train.poses), np.empty(classes.shape)
+        for number in range(int(part.max()) + 1):
+            mine = part == number
+            odds[mine] = self._without(label, xy[mine], classes[mine]).log_odds_at(xy[mine])
+        return odds, classes
+
+    def without(self, train: Scan, gone: NDArray[np.bool_], labels: Sequence[str]) -> CalibratedLikelihood:
+        """Make a copy whose maps were learned without some training readings."""
+        rest = copy(self)
+        xy, classes = transform(train.poses, train.taxel_xy), self.classes(train.readings)
+        chosen = {label: gone & (train.labels == label) for label in labels}
+        rest.maps = {label: self._without(label, xy[mine], classes[mine]) for label, mine in chosen.items()}
+        return rest
+
+    def _without(self, label: str, xy: FloatArray, classes: NDArray[np.int8]) -> OccupancyMap:
+        """Take what taxels (n, taxels) of classes at xy have added out of a letter's map."""
+        chart = self.maps[label]
+        own = log_odds_of(chart, xy, classes, self.options.sigma, self.options.peak)
+        return replace(chart, log_odds=chart.log_odds - own)
 
     def classes(self, readings: ArrayLike) -> NDArray[np.int8]:
         """Classify the taxels of readings (..., taxels) kPa, with the T and ratio of the options."""
@@ -60,25 +87,3 @@ class CalibratedLikelihood(Likelihood):
         """Classify the taxels; each is a term, an Unknown one too."""
         classes = self.classes(reading).astype(np.int64)
         return Evidence(classes, np.arange(len(classes)), np.ones(len(classes), dtype=np.float32))
-
-
-def own_log_odds(
-    chart: OccupancyMap, xy: FloatArray, classes: NDArray[np.int8], sigma: float, peak: float
-) -> FloatArray:
-    """Find what taxels have themselves added to a map where they are looked up: (...) log-odds.
-
-    xy: (..., 2) mm. classes: (...). What a taxel has added to the four cells around it is weighted bilinearly.
-    What the other taxels of its reading have added there stays: they are too far away to matter.
-    """
-    place = (xy - chart.origin) / chart.cell
-    corner = np.floor(place)
-    share = place - corner
-    total = np.zeros(classes.shape)
-    for dx, dy in ((0, 0), (1, 0), (0, 1), (1, 1)):
-        weight = np.abs(1 - dx - share[..., 0]) * np.abs(1 - dy - share[..., 1])
-        away = ((corner + (dx, dy) - place) ** 2).sum(axis=-1) * chart.cell**2
-        g = point_spread(away, sigma, peak)
-        for kind in (CONTACT, NO_CONTACT):
-            here = classes == kind
-            total[here] += weight[here] * taxel_log_odds(kind, g[here], chart.prior)
-    return total

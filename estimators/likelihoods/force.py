@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from copy import copy
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from tactsim.core import Scan, transform
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.likelihoods.deviation import Deviation, learn_deviation
+from tactsim.estimators.likelihoods.folds import FOLDS, by_letter, folds, touched_elsewhere
 from tactsim.estimators.likelihoods.likelihood import Evidence, Likelihood, covered
-from tactsim.estimators.likelihoods.mosaic import Mosaic, learn_mosaic
+from tactsim.estimators.likelihoods.mosaic import Grid, Mosaic, learn_mosaic
 from tactsim.estimators.likelihoods.occupancy import OccupancyMap
 
 # Relative pressures at which log p is tabulated; between two it is linear. Almost all lie in this range.
@@ -48,7 +50,6 @@ class ForceLikelihood(Likelihood):
         """Learn the taxels' gains, the mosaics, and how far readings deviate from them."""
         self.maps = maps
         train = scan.where("train")
-        xy = transform(train.poses, train.taxel_xy)
         self.gain = np.ones(len(scan.taxel_xy))
         self.least = max(float(np.median(lehmer_mean(train.readings))) / 2, _LEAST_SCALE)
         scale, relative = self.relative(train.readings)
@@ -56,38 +57,77 @@ class ForceLikelihood(Likelihood):
         # The scale of a reading that covers no taxel wholly is below its pressure. For a training reading the
         # mosaic tells by how much.
         for _ in range(_TURNS):
-            predicted, _ = self._learn(train, xy, pressure)
+            predicted = self._learn(train, pressure)
             self.gain = gains(train.readings / pressure[:, None], predicted, pressure)
             scale, relative = self.relative(train.readings)
             pressure = scale * pressures(relative, predicted, scale > self.least)
-        predicted, slope = self._learn(train, xy, pressure)
-        self._calibrate(scale, relative, predicted, slope)
+        self._learn(train, pressure)
+        self._pressure = pressure
+        predicted, slope = self._left_out(train)
+        # Where nothing else was felt, nothing is predicted: that is not how readings deviate where something was.
+        counted = touched_elsewhere(train, by_letter(folds, train))
+        self._calibrate(scale, relative, predicted, slope, counted)
 
-    def _learn(self, train: Scan, xy: FloatArray, pressure: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Learn the mosaics from readings (n, taxels) at xy (n, taxels, 2) mm under pressures (n,) kPa.
+    def _learn(self, train: Scan, pressure: FloatArray) -> FloatArray:
+        """Learn the mosaics from training readings under pressures (n,) kPa.
 
-        Returns what they predict without the taxel itself, and their squared slopes there: (n, taxels).
+        Returns what they predict without the taxel itself: (n, taxels).
         """
-        felt = train.readings / np.maximum(self.gain, _DEAD) / pressure[:, None]
-        # The smaller the pressure, the more of what is felt is noise: half of it at the median scale.
-        counts = pressure**2 / (pressure**2 + (2 * self.least) ** 2)
-        weight = np.where(self.gain > _DEAD, counts[:, None], 0.0)
         self.mosaics: dict[str, Mosaic] = {}
-        predicted, slope = np.empty_like(felt), np.empty_like(felt)
-        for label, chart in self.maps.items():
+        predicted = np.empty(train.readings.shape)
+        for label in self.maps:
             mine = train.labels == label
-            places, values, weights = xy[mine].reshape(-1, 2), felt[mine].ravel(), weight[mine].ravel()
-            mosaic = learn_mosaic(
-                places, values, weights, origin=chart.origin, cell=chart.cell, shape=chart.log_odds.shape,
-                sigma=self.options.sigma,
-            )  # fmt: skip
-            predicted[mine] = mosaic.without(places, values, weights).reshape(-1, felt.shape[1])
-            slope[mine] = mosaic(xy[mine])[1]
-            self.mosaics[label] = mosaic
+            taxels = self._taxels(train, pressure, mine)
+            self.mosaics[label] = learn_mosaic(*taxels, self._grid(label))
+            predicted[mine] = self.mosaics[label].without(*taxels).reshape(-1, predicted.shape[1])
+        return predicted
+
+    def _taxels(
+        self, train: Scan, pressure: FloatArray, chosen: NDArray[np.bool_]
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """List what the taxels of chosen readings felt under pressures (n,) kPa: places, values and weights."""
+        readings, felt_under = train.readings[chosen], pressure[chosen][:, None]
+        alive = self.gain > _DEAD
+        felt = readings / np.maximum(self.gain, _DEAD) / felt_under
+        # The smaller the pressure, the more of what is felt is noise: half of it at the median scale.
+        counts = felt_under**2 / (felt_under**2 + (2 * self.least) ** 2)
+        places = transform(train.poses[chosen], train.taxel_xy)
+        return places.reshape(-1, 2), felt.ravel(), np.where(alive, counts, 0.0).ravel()
+
+    def _grid(self, label: str) -> Grid:
+        chart = self.maps[label]
+        return Grid(chart.origin, chart.cell, chart.log_odds.shape, self.options.sigma)
+
+    def _left_out(self, train: Scan) -> tuple[FloatArray, FloatArray]:
+        """Predict readings, and squared slopes, from mosaics without the presses at their positions: (n, taxels)."""
+        predicted, slope = np.empty((2, *train.readings.shape))
+        part = by_letter(folds, train)
+        for number in range(FOLDS):
+            mosaics = self._mosaics_without(train, part == number, tuple(self.maps))
+            for label, mosaic in mosaics.items():
+                mine = (part == number) & (train.labels == label)
+                predicted[mine], slope[mine] = mosaic(transform(train.poses[mine], train.taxel_xy))
         return predicted, slope
 
+    def _mosaics_without(
+        self, train: Scan, gone: NDArray[np.bool_], labels: Sequence[str]
+    ) -> dict[str, Mosaic]:
+        return {
+            label: learn_mosaic(
+                *self._taxels(train, self._pressure, ~gone & (train.labels == label)), self._grid(label)
+            )
+            for label in labels
+        }
+
+    def without(self, train: Scan, gone: NDArray[np.bool_], labels: Sequence[str]) -> ForceLikelihood:
+        """Make a copy whose mosaics were learned without some training readings."""
+        rest = copy(self)
+        rest.mosaics = self._mosaics_without(train, gone, labels)
+        rest.maps = {label: self.maps[label] for label in labels}
+        return rest
+
     def _calibrate(
-        self, scale: FloatArray, relative: FloatArray, predicted: FloatArray, slope: FloatArray
+        self, scale: FloatArray, relative: FloatArray, predicted: FloatArray, slope: FloatArray, counted
     ) -> None:
         """Learn how far relative pressures (n, taxels) deviate, for each class of scales (n,) by itself."""
         touching = scale[scale > self.least]
@@ -102,7 +142,9 @@ class ForceLikelihood(Likelihood):
         for number in range(len(self.bounds) + 1):
             # A class without training readings deviates as all do.
             mine = of_class == number if number in of_class else np.full(len(scale), True)
-            chosen = np.ix_(mine, alive)
+            chosen = mine[:, None] & alive & counted
+            if not chosen.any():
+                chosen = mine[:, None] & alive
             self.typical.append(float(np.median(scale[mine])))
             self.deviations.append(
                 learn_deviation(relative[chosen], predicted[chosen], slope[chosen], each[chosen], _LEVELS)

@@ -8,7 +8,7 @@ which table to look up at which taxel. The log-likelihood of a state is the sum 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -31,6 +31,11 @@ class Evidence:
     table: NDArray[np.int64]
     taxel: NDArray[np.int64]
     weight: NDArray[np.float32]
+
+    def of_taxels(self, chosen: NDArray[np.bool_]) -> Evidence:
+        """Keep the terms of chosen (taxels,) taxels."""
+        kept = chosen[self.taxel]
+        return Evidence(self.table[kept], self.taxel[kept], self.weight[kept])
 
     def check(self, tables: int, taxels: int) -> None:
         """Raise ValueError if a term names a table or taxel beyond these counts, or has an odd weight."""
@@ -66,6 +71,14 @@ class Likelihood(ABC):
     @abstractmethod
     def evidence(self, reading: FloatArray) -> Evidence:
         """Turn a reading (taxels,) kPa into the terms that it contributes."""
+
+    def without(self, train: Scan, gone: NDArray[np.bool_], labels: Sequence[str]) -> Likelihood | None:
+        """Make a copy, of some letters, whose maps were learned without some training readings.
+
+        train: the n training readings that the likelihood was fitted to. gone: (n,) those to leave out. What was
+        learned of how readings deviate from maps stays. None if it cannot leave readings out.
+        """
+        return None
 
 
 def _paper() -> type[Likelihood]:

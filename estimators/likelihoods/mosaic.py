@@ -41,6 +41,13 @@ class Mosaic:
             slope += share * (plane[..., 1:] ** 2).sum(axis=-1)
         return value, slope / self.cell**2
 
+    def with_gradient(self, xy: ArrayLike) -> tuple[FloatArray, FloatArray]:
+        """Interpolate bilinearly at points (..., 2) mm: the value, and its slopes (..., 2) along x and y in mm^-1."""
+        planes = np.zeros((*np.shape(xy)[:-1], 3))
+        for share, row, column, _ in self._around(xy):
+            planes += share[..., None] * self.plane[row, column]
+        return planes[..., 0], planes[..., 1:] / self.cell
+
     def without(self, xy: FloatArray, values: FloatArray, weight: FloatArray) -> FloatArray:
         """Interpolate at each taxel that the mosaic was learned from, as if it had been learned without that taxel.
 
@@ -74,26 +81,27 @@ class Mosaic:
             yield share, corner[..., 1] + dy, corner[..., 0] + dx, offset
 
 
-def learn_mosaic(
-    xy: FloatArray,
-    values: FloatArray,
-    weight: FloatArray,
-    *,
-    origin: FloatArray,
-    cell: float,
-    shape: tuple[int, ...],
-    sigma: float,
-) -> Mosaic:
+@dataclass(frozen=True)
+class Grid:
+    """The nodes of a mosaic. origin: [x, y] mm of node [0, 0]. cell: mm. shape: (rows, columns). sigma: mm."""
+
+    origin: FloatArray
+    cell: float
+    shape: tuple[int, ...]
+    sigma: float
+
+
+def learn_mosaic(xy: FloatArray, values: FloatArray, weight: FloatArray, grid: Grid) -> Mosaic:
     """Fit a plane to the taxels around every node of a grid: local linear regression (Cleveland 1979).
 
     xy: (n, 2) mm, where taxels lay. values, weight: (n,) what they felt, and how much that counts, 1 for
-    a taxel without noise. origin, cell, shape: the grid, mm. sigma: mm, a taxel at distance d
-    has the weight times exp(-2 d^2 / sigma^2), as in eq. 4. Where there is none, the value is 0.
+    a taxel without noise. A taxel at distance d has the weight times exp(-2 d^2 / sigma^2), as in eq. 4. Where there is
+    none, the value is 0.
     """
-    sums = np.zeros((*shape, 9))
-    add_moments(sums, (xy - origin) / cell, weight, values, sigma / cell, _REACH * sigma / cell)
+    sums, sigma = np.zeros((*grid.shape, 9)), grid.sigma / grid.cell
+    add_moments(sums, (xy - grid.origin) / grid.cell, weight, values, sigma, _REACH * sigma)
     normal = sums[..., [[0, 1, 2], [1, 3, 4], [2, 4, 5]]]
-    normal += _PRIOR * np.diag([1, (sigma / cell) ** 2, (sigma / cell) ** 2])
+    normal += _PRIOR * np.diag([1, sigma**2, sigma**2])
     spread = np.asarray(np.linalg.inv(normal), dtype=float)
     plane = np.einsum("...ij,...j->...i", spread, sums[..., 6:])
-    return Mosaic(origin, cell, sigma, plane, spread)
+    return Mosaic(grid.origin, grid.cell, grid.sigma, plane, spread)

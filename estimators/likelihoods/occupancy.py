@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from tactsim.core import InputError, Scan, transform
 from tactsim.core.poses import FloatArray
@@ -110,15 +110,28 @@ def learn_maps(
     maps = {}
     for label in train.letters:
         mine = train.labels == label
-        evidence = np.zeros((rows, columns))
-        for kind in (CONTACT, NO_CONTACT):
-            touched = centres[mine][classes[mine] == kind] / cell - low
-            stamp = (2 * reach / cell + 2) ** 2
-            at_once = math.ceil(max(_AT_ONCE, evidence.size) / stamp)
-            for first in range(0, len(touched), at_once):
-                _stamp(evidence, touched[first : first + at_once], kind, sigma / cell, peak, prior)
-        maps[label] = OccupancyMap(low * cell, cell, log_odds(prior) + evidence, prior)
+        blank = OccupancyMap(low * cell, cell, np.full((rows, columns), log_odds(prior)), prior)
+        evidence = log_odds_of(blank, centres[mine], classes[mine], sigma, peak)
+        maps[label] = replace(blank, log_odds=blank.log_odds + evidence)
     return maps
+
+
+def log_odds_of(
+    chart: OccupancyMap, xy: FloatArray, classes: NDArray[np.int8], sigma: float, peak: float
+) -> FloatArray:
+    """Sum the log-odds that taxels add to the cells of a map (eq. 4 to 6): (rows, columns).
+
+    xy: (..., 2) mm. classes: (...). sigma, peak: as for `learn_maps`.
+    """
+    evidence = np.zeros(chart.log_odds.shape)
+    stamp = (2 * _reach(sigma, chart.prior) / chart.cell + 2) ** 2
+    at_once = math.ceil(max(_AT_ONCE, evidence.size) / stamp)
+    low = np.rint(chart.origin / chart.cell)
+    for kind in (CONTACT, NO_CONTACT):
+        touched = xy[classes == kind] / chart.cell - low
+        for first in range(0, len(touched), at_once):
+            _stamp(evidence, touched[first : first + at_once], kind, sigma / chart.cell, peak, chart.prior)
+    return evidence
 
 
 def _reach(sigma: float, prior: float) -> float:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Generic, TypeVar
 
 from pydantic import BaseModel, ConfigDict
@@ -28,13 +28,16 @@ class Frame:
     """One measurement of all taxels of one device.
 
     values: (taxels,) in the device's own units and order. address: which device on the link.
-    index: its frame counter, ticks: its clock, both as sent, or None.
+    index: its frame counter, ticks: its clock, both as sent, or None. asked: s, the host's time when it was
+    asked for; None if the device spoke unasked. seconds: its clock without overflows, which a codec leaves out.
     """
 
     values: FloatArray
     address: int = 0
     index: int | None = None
     ticks: float | None = None
+    asked: float | None = None
+    seconds: float | None = None
 
 
 class Codec(ABC, Generic[Packet]):
@@ -44,6 +47,8 @@ class Codec(ABC, Generic[Packet]):
     moves on, so a buffer never grows beyond it. tick_s: s, one tick of the device's clock. tick_wrap: ticks
     after which the clock starts again, or None. index_wrap: the same of the frame counter. speaks: whether
     the device sends every frame unasked, so that a gap in the frame counter means lost frames.
+    index_common: whether the parts of a pad may count their frames together, so that equal counters mean
+    one moment. clock_common: whether all devices on a link tell the time of one clock.
     """
 
     taxels: int
@@ -52,6 +57,8 @@ class Codec(ABC, Generic[Packet]):
     tick_wrap: int | None = None
     index_wrap: int | None = None
     speaks: bool = True
+    index_common: bool = False
+    clock_common: bool = False
 
     @abstractmethod
     def decode(self, buffer: bytes | bytearray, start: int = 0) -> tuple[int, Packet | None]:
@@ -60,6 +67,10 @@ class Codec(ABC, Generic[Packet]):
         (n, packet): the next n bytes were that packet. (n, None): the next n bytes are in no packet.
         (0, None): more bytes are needed. Nothing is remembered between calls, and no bytes raise an error.
         """
+
+    def fails_checksum(self, buffer: bytes | bytearray, start: int) -> bool:
+        """Tell whether a whole packet stands at `start` whose checksum alone is wrong."""
+        return False
 
     @abstractmethod
     def to_kpa(self, values: FloatArray) -> FloatArray:
@@ -92,8 +103,8 @@ class Dialogue:
     def sent(self, request: bytes, now: float) -> None:
         """Note that these bytes were sent."""
 
-    def take(self, packet: Any, now: float) -> Frame | None:
-        """Take a packet in; returns a frame when one is complete."""
+    def take(self, packet: Any, began: float) -> Frame | None:
+        """Take in a packet whose first byte came at `began` (s); returns a frame when one is complete."""
         raise NotImplementedError
 
     def reset(self) -> None:
@@ -101,11 +112,17 @@ class Dialogue:
 
 
 class Listening(Dialogue):
-    """A device whose packets are frames; it speaks unasked, or says one frame for each `question`."""
+    """A device whose packets are frames; it speaks unasked, or says one frame for each `question`.
 
-    def __init__(self, counters: Counters, start: bytes = b"", question: bytes = b"") -> None:
-        self._counters, self._start, self._question = counters, start, question
+    pause: s from one question to the next, at least.
+    """
+
+    def __init__(
+        self, counters: Counters, start: bytes = b"", question: bytes = b"", pause: float = 0.0
+    ) -> None:
+        self._counters, self._start, self._question, self._pause = counters, start, question, pause
         self._asked: float | None = None
+        self._next = float("-inf")  # when the next question is due
 
     def greeting(self) -> bytes:
         """Give the command that makes the device speak, if it needs one."""
@@ -114,18 +131,18 @@ class Listening(Dialogue):
     def request(self, now: float) -> bytes:
         """Ask again when the answer came or is overdue."""
         awaited = self._asked is not None and now - self._asked < PATIENCE
-        return b"" if awaited else self._question
+        return b"" if awaited or now < self._next else self._question
 
     def sent(self, request: bytes, now: float) -> None:
         """Note when the question was asked; one that is still open was not answered."""
         if self._question and request == self._question:
             self._counters.timeouts += self._asked is not None
-            self._asked = now
+            self._asked, self._next = now, now + self._pause
 
-    def take(self, packet: Frame, now: float) -> Frame:
-        """Pass the frame on."""
-        self._asked = None
-        return packet
+    def take(self, packet: Frame, began: float) -> Frame:
+        """Pass the frame on, with the time of its question."""
+        asked, self._asked = self._asked, None
+        return packet if asked is None else replace(packet, asked=asked)
 
     def reset(self) -> None:
         """Forget the open question."""

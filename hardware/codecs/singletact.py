@@ -30,6 +30,8 @@ DATA = 12  # where an answer's data begin
 MAX_TAXELS = 25
 INDEX_REGISTER, OUTPUT_REGISTER = 128, 132  # frame index (2), device time (2), then 2 bytes a taxel
 REGISTERS = 192
+ACCUMULATOR_REGISTER, ELEMENTS_REGISTER = 5, 12
+SETTINGS = 8  # bytes from the accumulator's register to that of the number of elements
 ZERO, FULL_SCALE = 255, 512  # output of an unloaded taxel, and counts from there to the rated pressure
 MOST_COUNTS = 1023
 # A bridge whose sensor does not answer waits 100 ms, then sends what its buffer held before, and the
@@ -50,12 +52,13 @@ class Reply:
 
 @dataclass(frozen=True)
 class Question:
-    """What was asked: `count` registers from `register` on, of the sensor at `address`."""
+    """What was asked of the sensor at `address`: `count` registers from `register` on, or to set them to `data`."""
 
     address: int
     id: int
     register: int
     count: int
+    data: bytes = b""
 
 
 class SingleTactFormat(CodecFormat):
@@ -68,6 +71,12 @@ class SingleTactFormat(CodecFormat):
     full_scale_kpa: float = Field(gt=0, description="kPa at output 767, the rated pressure of the sensor")
     torn_frames: int = Field(
         0, ge=0, le=1000, description="frames that a sensor may measure while one is read; 0: only whole ones"
+    )
+    accumulator: int | None = Field(
+        None,
+        ge=0,
+        le=5,
+        description="what register 5 is set to, 0 to 5 for 1, 4, 8, 16, 32 or 64 samples a frame; none: as it is",
     )
 
     def build(self) -> SingleTactCodec:
@@ -83,6 +92,7 @@ class SingleTactCodec(Codec[Reply]):
     tick_wrap = 1 << 32
     index_wrap = 1 << 16
     speaks = False
+    clock_common = True  # the bridge's
 
     def __init__(self, form: SingleTactFormat) -> None:
         self.format = form
@@ -135,7 +145,7 @@ class SingleTactCodec(Codec[Reply]):
 
 
 class Polling(Dialogue):
-    """Ask sensor after sensor for its frame.
+    """Ask sensor after sensor for its frame, and before the first one for its settings.
 
     More than 14 taxels take two reads, which can fall in different frames. So the frame index is
     read once more behind them: a frame whose index moved was torn and is dropped.
@@ -151,8 +161,15 @@ class Polling(Dialogue):
             self._reads.append((INDEX_REGISTER, 4))
         self._id = 0
         self._turn = 0  # whose turn it is
-        self._have: list[Reply] = []  # answers so far, of `_reads`
+        self._have: list[
+            tuple[Reply, float]
+        ] = []  # answers so far, of `_reads`, and when they were asked for
         self._asked: tuple[Question, float] | None = None
+        self._right: set[int] = set()  # sensors whose settings agree with the device file
+        self._doubted: dict[
+            int, bytes
+        ] = {}  # by sensor: settings that do not; bits can flip, so they are asked again
+        self._to_set: set[int] = set()  # sensors whose accumulator is to be set next
 
     def request(self, now: float) -> bytes:
         """Ask the next question; an unanswered one is given up after a while and its frame with it."""
@@ -161,8 +178,14 @@ class Polling(Dialogue):
             if now - self._asked[1] < PATIENCE:
                 return b""
             step = 0
+        address = self._addresses[self._turn]
+        if address in self._to_set:
+            data = bytes([self._format.accumulator or 0])
+            return write_request(Question(address, self._id, ACCUMULATOR_REGISTER, len(data), data))
+        if address not in self._right:
+            return read_request(Question(address, self._id, ACCUMULATOR_REGISTER, SETTINGS))
         register, count = self._reads[step]
-        return read_request(Question(self._addresses[self._turn], self._id, register, count))
+        return read_request(Question(address, self._id, register, count))
 
     def sent(self, request: bytes, now: float) -> None:
         """Note what was asked."""
@@ -173,34 +196,69 @@ class Polling(Dialogue):
         self._asked = (question, now)
         self._id = (question.id + 1) % 256
 
-    def take(self, packet: Reply, now: float) -> Frame | None:
-        """Take an answer in; returns the sensor's frame when its last part has come and it is whole."""
+    def take(self, packet: Reply, began: float) -> Frame | None:
+        """Take an answer in; returns the sensor's frame when its last part has come and it is whole.
+
+        Raises CodecError if the sensor's settings are not those of the device file.
+        """
         if self._asked is None or not _answers(packet, self._asked[0]):
             self._counters.strays += 1
             return None
-        asked_at = self._asked[1]
+        question, asked_at = self._asked
         self._asked = None
-        if packet.timed_out or now - asked_at >= BRIDGE_GIVES_UP:
+        if packet.timed_out or began - asked_at >= BRIDGE_GIVES_UP:
             self._counters.stale += 1
             self._next_sensor()
             return None
-        self._have.append(packet)
+        if question.data:
+            self._to_set.discard(question.address)
+            return None
+        if question.register == ACCUMULATOR_REGISTER:
+            self._check(question.address, packet.data)
+            return None
+        self._have.append((packet, asked_at))
         if len(self._have) < len(self._reads):
             return None
-        replies = self._have
+        have = self._have
         self._next_sensor()
-        return self._frame(replies)
+        return self._frame(have)
 
     def reset(self) -> None:
-        """Forget the open question and what was read of a frame."""
+        """Forget the open question, what was read of a frame, and the settings: another sensor may be there now."""
         self._asked = None
         self._have = []
+        self._right.clear()
+        self._doubted.clear()
+        self._to_set.clear()
 
     def _next_sensor(self) -> None:
         self._have = []
         self._turn = (self._turn + 1) % len(self._addresses)
 
-    def _frame(self, replies: list[Reply]) -> Frame | None:
+    def _check(self, address: int, settings: bytes) -> None:
+        """Compare a sensor's settings with the device file, and have its accumulator set where the two differ."""
+        form = self._format
+        accumulator, elements = settings[0], settings[ELEMENTS_REGISTER - ACCUMULATOR_REGISTER]
+        accumulates = form.accumulator is None or accumulator == form.accumulator
+        if elements == form.taxels and accumulates:
+            self._right.add(address)
+        elif self._doubted.get(address) != settings:
+            self._doubted[address] = settings
+            if elements == form.taxels:
+                self._to_set.add(address)
+        elif elements != form.taxels:
+            raise CodecError(
+                f"the sensor at address {address} has {elements} elements (register 12), the device file says taxels = "
+                f"{form.taxels}; write down what the sensor has"
+            )
+        else:
+            raise CodecError(
+                f"the sensor at address {address} keeps its accumulator (register 5) at {accumulator} though it was "
+                f"set to {form.accumulator}; it may be locked. Leave accumulator out of the device file"
+            )
+
+    def _frame(self, have: list[tuple[Reply, float]]) -> Frame | None:
+        replies = [reply for reply, _ in have]
         first, last = (int.from_bytes(reply.data[:2], "big") for reply in (replies[0], replies[-1]))
         if len(replies) > 1:
             if (last - first) % 65536 > self._format.torn_frames:
@@ -209,28 +267,36 @@ class Polling(Dialogue):
             replies = replies[:-1]
         data = b"".join(reply.data for reply in replies)[4:]
         values = np.frombuffer(data, dtype=">u2").astype(np.float64)
-        return Frame(values, replies[0].address, index=first, ticks=replies[0].ticks)
+        if values.max() > MOST_COUNTS:
+            self._counters.impossible += 1
+            return None
+        return Frame(values, replies[0].address, index=first, ticks=replies[0].ticks, asked=have[0][1])
 
 
 def read_request(question: Question) -> bytes:
     """Write the request to read registers."""
-    return b"".join(
-        (
-            HEADERS[0],
-            bytes([question.address, 100, question.id, READ, question.register, question.count, 0xFF]),
-            FOOTER,
-        )
-    )
+    return _request(question, READ)
+
+
+def write_request(question: Question) -> bytes:
+    """Write the request to set registers to the question's data."""
+    return _request(question, WRITE)
+
+
+def _request(question: Question, command: int) -> bytes:
+    head = bytes([question.address, 100, question.id, command, question.register, question.count])
+    return b"".join((HEADERS[0], head, question.data, b"\xff", FOOTER))
 
 
 def parse_request(request: bytes) -> Question:
-    """Read a request that `read_request` wrote. Raises CodecError for any other bytes."""
-    if len(request) == 15:
-        address, _, number, command, register, count, _ = request[4:11]
-        question = Question(address, number, register, count)
-        if command == READ and request == read_request(question):
+    """Read a request that `read_request` or `write_request` wrote. Raises CodecError for any other bytes."""
+    if len(request) >= 15:
+        address, _, number, command, register, count = request[4:10]
+        question = Question(address, number, register, count, request[10:-5])
+        known = command == (WRITE if question.data else READ) and len(question.data) in (0, count)
+        if known and request == _request(question, command):
             return question
-    raise CodecError(f"{request[:32].hex(' ')} is no request to read a SingleTact")
+    raise CodecError(f"{request[:32].hex(' ')} is no request to read or set a SingleTact")
 
 
 def write_reply(reply: Reply) -> bytes:
@@ -242,7 +308,8 @@ def write_reply(reply: Reply) -> bytes:
 
 
 def _answers(reply: Reply, question: Question) -> bool:
-    return (reply.address, reply.id, len(reply.data)) == (question.address, question.id, question.count)
+    expected = 0 if question.data else question.count
+    return (reply.address, reply.id, len(reply.data)) == (question.address, question.id, expected)
 
 
 def _tail(buffer: bytes | bytearray, start: int) -> int:

@@ -12,6 +12,8 @@ from tactsim.hardware.codecs.codec import Frame
 from tactsim.hardware.codecs.fields import FieldsCodec
 from tactsim.hardware.codecs.pps_csv import CsvCodec
 from tactsim.hardware.codecs.singletact import (
+    ACCUMULATOR_REGISTER,
+    ELEMENTS_REGISTER,
     FOOTER,
     HEADERS,
     INDEX_REGISTER,
@@ -29,6 +31,7 @@ from tactsim.hardware.device import UNREAD, Device
 
 Pressures = Callable[[float], FloatArray]
 
+_SAMPLES = (1, 4, 8, 16, 32, 64)  # a frame, by the accumulator (C8051F70x, chapter 15)
 _BEHIND = 1.0  # s: older frames are dropped while the host does not read
 
 
@@ -58,9 +61,9 @@ class Emulated(ABC):
     def unheard(self, now: float) -> None:
         """Drop what the device would have sent until `now`, because no host listens."""
 
-    def values(self, wiring: np.ndarray, frame: int) -> FloatArray:
-        """Measure one part at frame number `frame`: (taxels,) in the device's units."""
-        pad = self._pressures(frame / self.rate)
+    def values(self, wiring: np.ndarray, time: float) -> FloatArray:
+        """Measure one part at `time`: (taxels,) in the device's units."""
+        pad = self._pressures(time)
         return self._codec.from_kpa(np.where(wiring == UNREAD, 0.0, pad[wiring]))
 
 
@@ -110,7 +113,7 @@ class EmulatedFields(Emulated):
         frame, self._frame = self._frame, self._frame + 1
         for address, wiring in self._parts:
             ticks = round(frame / self.rate / self._codec.tick_s)
-            yield self._codec.encode(Frame(self.values(wiring, frame), address, frame, ticks))
+            yield self._codec.encode(Frame(self.values(wiring, frame / self.rate), address, frame, ticks))
 
 
 class EmulatedCsv(EmulatedFields):
@@ -133,7 +136,7 @@ class EmulatedCsv(EmulatedFields):
         while self._frame <= int(now * self.rate):
             _, wiring = self._parts[0]
             ticks = 1e3 * self._frame / self.rate
-            said.append(self._codec.encode(Frame(self.values(wiring, self._frame), ticks=ticks)))
+            said.append(self._codec.encode(Frame(self.values(wiring, self._frame / self.rate), ticks=ticks)))
             self._frame += 1
         return said
 
@@ -142,7 +145,8 @@ class EmulatedSingleTact(Emulated):
     """SingleTact sensors behind the maker's bridge, which answers one request at a time.
 
     silent: addresses that do not answer; for them the bridge sends old bytes after 100 ms and its
-    timed-out flag stays 0, as the real one's does.
+    timed-out flag stays 0, as the real one's does. elements: what register 12 says, None for the device file's
+    number. A sensor measures `rate` frames a second with its accumulator at 0, and fewer with more samples a frame.
     """
 
     _codec: SingleTactCodec
@@ -154,9 +158,13 @@ class EmulatedSingleTact(Emulated):
         rate: float,
         link: int = 0,
         silent: frozenset[int] = frozenset(),
+        elements: int | None = None,
     ) -> None:
         super().__init__(device, pressures, rate, link)
         self.silent = silent
+        self._elements = self._codec.taxels if elements is None else elements
+        self._counted = (0.0, 0.0)  # when the rate last changed, and frames until then
+        self._samples = _SAMPLES[0]
         self._heard = b""
         self._answers: list[tuple[float, bytes]] = []  # (time when due, bytes)
         self._old = bytes(MOST_READ)  # what the bridge's buffer held before
@@ -201,25 +209,33 @@ class EmulatedSingleTact(Emulated):
                 data, when = self._old[:count], now + 0.1
         elif command == WRITE and address in self._settings and register + count <= INDEX_REGISTER:
             self._settings[address][register : register + count] = request[10 : 10 + count]
+            self._counted = now, self._frames(now)
+            self._samples = _SAMPLES[min(self._settings[address][ACCUMULATOR_REGISTER], len(_SAMPLES) - 1)]
         ticks = round(now / self._codec.tick_s) % self._codec.tick_wrap
         self._answers.append((when, write_reply(Reply(address, False, number, ticks, data))))
+
+    def _frames(self, now: float) -> float:
+        """Count the frames until `now`, with the share of the one that is being measured."""
+        since, before = self._counted
+        return before + (now - since) * self.rate / self._samples
 
     def _registers(self, address: int) -> bytearray:
         """Make the settings registers, as far as a host reads them."""
         settings = bytearray(INDEX_REGISTER)
         settings[0] = address
         settings[10:12] = (100).to_bytes(2, "big")
-        settings[12] = self._codec.taxels
+        settings[ELEMENTS_REGISTER] = self._elements
         settings[15 : 15 + self._codec.taxels] = bytes(range(self._codec.taxels))
         assert self._codec.taxels <= MAX_TAXELS
         return settings
 
     def _memory(self, address: int, now: float) -> bytes:
         """Make the content of all registers at `now`."""
-        frame = int(now * self.rate)
+        frames, per_second = self._frames(now), self.rate / self._samples
+        frame = int(frames)
         wiring = dict(self._parts)[address]
         head = (frame % 65536).to_bytes(2, "big") + (round(1e3 * now) % 65536).to_bytes(2, "big")
-        output = self.values(wiring, frame).astype(">u2").tobytes()
+        output = self.values(wiring, now - (frames - frame) / per_second).astype(">u2").tobytes()
         memory = bytes(self._settings[address]) + head + output
         assert len(head) == OUTPUT_REGISTER - INDEX_REGISTER
         return memory.ljust(REGISTERS, b"\0")

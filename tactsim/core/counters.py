@@ -14,15 +14,17 @@ class Counters:
     readings: int = 0  # returned, each made of one frame of every part
     garbage_bytes: int = 0  # that belong to no frame
     resyncs: int = 0  # runs of garbage between frames
+    bad_checksums: int = 0  # frames that agree with the device file in all but their checksum
     missed: int = 0  # frames that the device's counter shows to be lost
     torn: int = 0  # frames that changed while they were read
+    impossible: int = 0  # frames with a value that the device cannot say
     repeats: int = (
         0  # the same frame again: the host reads faster than the device measures, or the device hangs
     )
     stale: int = 0  # answers that the bridge made up from old bytes
     strays: int = 0  # answers to a request that was not made, and frames of an unknown part
     timeouts: int = 0  # requests without an answer
-    unpaired: int = 0  # frames replaced by a newer one before those of the other parts had come
+    unpaired: int = 0  # frames to which those of the other parts, of the same moment, did not come
     clock_restarts: int = 0  # the device's clock ran backwards, so the device was reset
     reconnects: int = 0  # links lost and opened again
 

@@ -16,6 +16,8 @@ class Reading:
     pressures: (taxels,) kPa, in the pad's order of taxels. host_time: s on the clock of the
     computer that read it; only differences have a meaning. device_time: s on the device's own clock,
     with overflows undone, or None if it has none. index: the device's frame counter as sent, or None.
+    after_loss: whether a link was lost, or the device began anew, since the reading before; the two must
+    then not be taken for one press.
 
     Raises InputError if a pressure is not a finite number of a sensible size.
     """
@@ -24,6 +26,7 @@ class Reading:
     host_time: float
     device_time: float | None = None
     index: int | None = None
+    after_loss: bool = False
 
     def __post_init__(self) -> None:
         pressures = finite(self.pressures, "reading").copy()  # a driver may use its array again

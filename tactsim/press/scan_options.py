@@ -291,13 +291,15 @@ class ScanOptions(BaseModel):
 # Ready-made worlds: what differs from the defaults. In "level" letter and pad stay parallel, as in a textbook. In
 # "paper-like" a rigid wrist tilts every press by 0.4 degrees about either axis, which alone lets a particle filter
 # level out where the paper's does. "rough" adds other faults that real data may have: poses off by 1.5 mm and 0.1 rad
-# and 20 % random classes. "ideal" has no noise, no steps and exact, level poses.
+# and 20 % random classes. In "handheld" no robot presses: loads vary by 30 %, presses are tilted by one degree about
+# either axis, and the sensor's response is bent. "ideal" has no noise, no steps and exact, level poses.
 _LEVEL: dict[str, Any] = {"placement_tilt": 0.0, "press": {"wrist_stiffness": None}}
 WORLDS: dict[str, dict[str, Any]] = {
     "default": {},
     "level": _LEVEL,
     "paper-like": {"placement_tilt": 0.007, "press": {"wrist_stiffness": None}},
     "rough": {"placement_mm": 1.5, "placement_rad": 0.1, "sensor": {"random_taxels": 0.2}},
+    "handheld": {"load_spread": 0.3, "placement_tilt": 0.0175, "sensor": {"response": 2.0}},
     "ideal": {
         **_LEVEL,
         "placement_mm": 0.0,

@@ -23,7 +23,7 @@ from tactsim.press import cache as cached
 from tactsim.press.scan_options import ScanOptions
 from tactsim.press.scan_poses import grid_poses, random_poses
 from tactsim.press.sensor import gains, sense
-from tactsim.press.touches import Touches
+from tactsim.press.touches import Touches, draw_loads
 
 if TYPE_CHECKING:
     from tactsim.press.sequences import Course
@@ -145,29 +145,43 @@ def _batch(letter: models.Letter, split: str, options: ScanOptions) -> _Batch:
     stated = grid_poses()
     if split == "test" and options.test_poses == "random":
         stated = random_poses(stream(options.seed, letter.name, split, "poses"))
+    touches = as_pressed(
+        letter, stated, split, options, lambda purpose: stream(options.seed, letter.name, split, purpose)
+    )
+    return _Batch(letter, split, stated, touches)
+
+
+def as_pressed(
+    letter: models.Letter,
+    stated: FloatArray,
+    split: str,
+    options: ScanOptions,
+    draw: Callable[[str], np.random.Generator],
+) -> Touches:
+    """Say how a letter is truly pressed at stated poses (n, 3) sensor_in_object: misplaced, tilted, with what load.
+
+    draw(purpose): the generator for one purpose, so that no error depends on whether another is switched on.
+    """
     true, tilts = stated, np.tile((options.press.tilt_x, options.press.tilt_y), (len(stated), 1))
     spread = (options.placement_mm, options.placement_mm, options.placement_rad)
     if any(spread):
-        error = stream(options.seed, letter.name, split, "placement").standard_normal(stated.shape)
-        true = compose(stated, error * spread)
+        true = compose(stated, draw("placement").standard_normal(stated.shape) * spread)
     if options.placement_tilt:
-        error = stream(options.seed, letter.name, split, "tilt").standard_normal(tilts.shape)
-        tilts = tilts + error * options.placement_tilt
-    return _Batch(letter, split, stated, Touches(letter, true, tilts, load=_loads(letter, split, options)))
+        tilts = tilts + draw("tilt").standard_normal(tilts.shape) * options.placement_tilt
+    return Touches(letter, true, tilts, load=_loads(len(stated), split, options, draw))
 
 
-def _loads(letter: models.Letter, split: str, options: ScanOptions) -> FloatArray | None:
-    """Draw each press's force as a share of the options': (192,); None if all presses have just that force.
+def _loads(
+    count: int, split: str, options: ScanOptions, draw: Callable[[str], np.random.Generator]
+) -> FloatArray | None:
+    """Draw each press's force (count,) as a share of the options'; None if all presses have just that force.
 
-    Log-normal with mean 1 and the standard deviation `load_spread`: a load is never below 0. Those of the test presses
-    are `test_load` times as large.
+    Those of the test presses are `test_load` times as large as those of the training presses.
     """
     share = options.test_load if split == "test" else 1.0
     if not options.load_spread:
-        return None if share == 1 else np.full(len(grid_poses()), share)
-    variance = math.log1p(options.load_spread**2)
-    normal = stream(options.seed, letter.name, split, "load").standard_normal(len(grid_poses()))
-    return share * np.exp(math.sqrt(variance) * normal - variance / 2)
+        return None if share == 1 else np.full(count, share)
+    return share * draw_loads(count, options.load_spread, draw("load"))
 
 
 def _ideal(

@@ -20,9 +20,9 @@ from tactsim.core.source import HasPad, Log, Source, SourceError
 from tactsim.press.engine import ideal_readings
 from tactsim.press.scan_options import ScanOptions
 from tactsim.press.sensor import gains, sense
-from tactsim.press.touches import Touches
+from tactsim.press.touches import Touches, draw_loads
 
-_RATE = 100.0  # readings a second of device time; they are given out as fast as they are asked for
+_RATE = 100.0  # readings a second
 
 
 class SimulatedSource(Source):
@@ -39,12 +39,15 @@ class SimulatedSource(Source):
         self._sense = sensing(lambda now: table[0], options, rng)
         self.pad, self.taxel_xy, self.counters = device.pad, device.pad.taxel_xy, Counters()
         self._closed = False
+        self._begun: float | None = None  # when the first reading was given
 
     def read(self, timeout: float | None = None) -> Reading:
-        """Return the next reading at once; see `Source.read`."""
+        """Return the next reading when it is due; see `Source.read`."""
         if self._closed:
             raise SourceError("the simulated pad was closed")
         index = self.counters.readings
+        self._begun = time.monotonic() if self._begun is None else self._begun
+        time.sleep(max(0.0, self._begun + index / _RATE - time.monotonic()))
         self.counters.readings += 1
         return Reading(self._sense(index / _RATE), time.monotonic(), index / _RATE, index)
 
@@ -62,7 +65,7 @@ def open_source(places: Sequence[str], device: HasPad, log: Log | None) -> Sourc
 
 
 def press_table(label: str, poses: FloatArray, options: ScanOptions, rng: np.random.Generator) -> FloatArray:
-    """Press a letter at `poses` (n, 3) sensor_in_object, each off by the options' placement error and tilt.
+    """Press a letter at `poses` (n, 3) sensor_in_object, each off by the options' placement error, tilt and load.
 
     Returns (n, taxels) kPa without the sensor's imperfections. Raises InputError for an unknown letter, and
     if a press does not come to rest.
@@ -71,7 +74,8 @@ def press_table(label: str, poses: FloatArray, options: ScanOptions, rng: np.ran
     error *= (options.placement_mm, options.placement_mm, options.placement_rad)
     tilts = rng.standard_normal((len(poses), 2)) * options.placement_tilt
     tilts += (options.press.tilt_x, options.press.tilt_y)
-    return ideal_readings(Touches(models.letter(label), compose(poses, error), tilts), options)[0]
+    load = draw_loads(len(poses), options.load_spread, rng) if options.load_spread else None
+    return ideal_readings(Touches(models.letter(label), compose(poses, error), tilts, load=load), options)[0]
 
 
 def sensing(

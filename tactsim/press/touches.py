@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -46,3 +47,12 @@ class Touches:
 
     def __len__(self) -> int:
         return len(self.poses)
+
+
+def draw_loads(count: int, spread: float, rng: np.random.Generator) -> FloatArray:
+    """Draw the loads (count,) of presses as shares of the set force: log-normal, with mean 1 and deviation `spread`.
+
+    A log-normal load is above 0 whatever the spread.
+    """
+    variance = math.log1p(spread**2)
+    return np.exp(math.sqrt(variance) * rng.standard_normal(count) - variance / 2)

@@ -18,16 +18,19 @@ from made_up import make_run
 
 from tactsim.bench import api, results, score
 from tactsim.bench.config import run_config
+from tactsim.bench.placement_error import Properties
 from tactsim.bench.report import recognition as replay
 from tactsim.bench.report.collect import budget, collect, find, method_name, task_name
-from tactsim.bench.report.curves import confusion_counts
+from tactsim.bench.report.curves import confusion_counts, reliability
 from tactsim.bench.report.pareto import frontier, points, recognition_seconds
 from tactsim.bench.report.press_picture import images_shown
 from tactsim.bench.report.write import write_report
 from tactsim.bench.runner import about_estimator
 from tactsim.bench.trials import Task, Trials
+from tactsim.core import invert
 from tactsim.core.errors import InputError
-from tactsim.estimators import create
+from tactsim.estimators import Estimate, create
+from tactsim.estimators.estimator import PoseSamples
 from tactsim.estimators.filters.histogram import HistogramFilter
 
 
@@ -56,7 +59,8 @@ def rows_of(path):
 
 def test_the_files_stand_beside_the_page(report):
     assert {path.name for path in report.parent.iterdir()} == {
-        "report.html", "readings.csv", "pareto.csv", "confusion.csv", "recognition.csv", "pareto.png", "pareto.svg",
+        "report.html", "readings.csv", "pareto.csv", "confusion.csv", "recognition.csv", "reliability.csv",
+        "pareto.png", "pareto.svg",
         "readings.png", "readings.svg",
     }  # fmt: skip
 
@@ -65,6 +69,7 @@ def test_a_report_of_another_name_leaves_the_first_ones_files_alone(runs, report
     written, _ = write_report([runs.small], tmp_path / "other.html")
     assert {path.name for path in written} == {
         "other.html", "other-readings.csv", "other-pareto.csv", "other-confusion.csv", "other-recognition.csv",
+            "other-reliability.csv",
     }  # fmt: skip
 
 
@@ -113,6 +118,29 @@ def test_curves_are_those_of_the_summary(runs, report):
     assert drawn[str(runs.small)]["accuracy"] == pytest.approx(
         results.load(runs.small).summary["accuracy"], rel=1e-5
     )
+
+
+def test_the_reliability_diagram_counts_every_estimate(runs, report):
+    trials = results.load(runs.small).trials
+    bins = data_of(report)["protocols"][0]["tasks"][0]["runs"][0]["reliability"]
+    assert sum(one["count"] for one in bins) == trials.label.size
+    assert sum(one["count"] * one["right"] for one in bins) == pytest.approx(trials.right.sum(), abs=1e-3)
+    assert sum(one["count"] * one["p"] for one in bins) == pytest.approx(trials.p_label.sum(), rel=1e-4)
+    for one in reliability(replace(trials, p_label=np.full(trials.label.shape, 1.0))):
+        assert (one.probability, one.right) == (1.0, trials.right.mean())
+
+
+def test_the_ellipse_is_about_where_the_letters_centre_truly_lies():
+    of, rng = Properties(1, (1.0, 2.0), 60.0), np.random.default_rng(0)
+    true_pose = np.array([3.0, -2.0, 0.7])
+    placed = invert(true_pose) + rng.normal(size=(20_000, 3)) * [0.3, 0.1, 0]
+    samples = PoseSamples(invert(placed), np.full(len(placed), 1 / len(placed)))
+    ((x, y, long, short, turn),) = replay.regions(
+        [Estimate("A", {"A": 1.0}, true_pose, samples)], true_pose, of
+    )
+    assert (x, y) == pytest.approx(of.centre, abs=0.01)  # in the object's own frame
+    assert (long, short) == pytest.approx((0.3 * 2.146, 0.1 * 2.146), rel=0.03)
+    assert math.sin(turn - true_pose[2]) == pytest.approx(0, abs=0.02)
 
 
 def test_confusion_counts_every_trial_at_every_reading(runs, report):

@@ -101,7 +101,7 @@ def smaller(arguments):
     """Ask for the same with less work: few letters, trials and readings, the first value of every list."""
     arguments = ["AE0" if word == "A-Z0-9" else word for word in arguments]
     verb, *rest = arguments
-    if verb == "run":
+    if verb in ("run", "bound"):
         few = ["--trials", "1", "--readings", "3"]
         if not {"--letters", "--scan", "--hold-out"} & set(rest):
             few += ["--letters", "AE"]

@@ -250,3 +250,18 @@ def test_objects_are_recognised(fitted, small_scan):
         label = small_scan.letters[seed % 3]
         right += run(fitted, *trial(small_scan, label, count=12, seed=seed), seed=seed)[-1][0] == label
     assert right >= 4  # guessing gets there once in ten
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_letter_can_be_left_out_of_what_was_learned(name, small_scan):
+    readings, poses = trial(small_scan)
+    fitted, anew = estimators.create(name), estimators.create(name)
+    fitted.fit(small_scan)
+    before = run(fitted, readings, poses)
+    anew.fit(small_scan.untrained("E"))
+    for one, two in zip(
+        run(fitted.without("E", small_scan), readings, poses), run(anew, readings, poses), strict=True
+    ):
+        assert one[0] == two[0]
+        assert one[1] == pytest.approx(two[1], abs=1e-6)
+    assert run(fitted, readings, poses) == before

@@ -34,6 +34,7 @@ def singletact(taxels=25, parts=None, **codec):
             "pad": {"rows": 1, "columns": taxels * len(parts), "no_seam": True, "unread_columns": 0},
             "part": parts,
             "deadline": 2.0,
+            "pair_within_s": 0.5 if len(parts) > 1 else None,
         }
     )
 

@@ -60,7 +60,8 @@ def key(packet):
 def read(form, chunks):
     counters = Counters()
     framer = Framer(form, counters)
-    return [key(packet) for chunk in chunks for packet in framer.feed(chunk)], counters, framer
+    arrived = [one for chunk in chunks for one in framer.feed(chunk, 0.0)]
+    return [key(one.packet) for one in arrived], counters, framer
 
 
 def chunks_of(data, lengths):
@@ -163,4 +164,4 @@ def test_a_codec_that_waits_for_ever_is_named():
         to_kpa = from_kpa = None
 
     with pytest.raises(CodecError, match="Stuck waits for more than the 4 bytes"):
-        Framer(Stuck(), Counters()).feed(b"1234")
+        Framer(Stuck(), Counters()).feed(b"1234", 0.0)

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from made_pads import small_device
@@ -88,6 +90,113 @@ def test_a_press_that_moves_while_it_is_read_is_read_anew(pad):
         assert hand.steps(1) == []
         messages.add(session.message)
     assert "it moved; hold it still" in messages
+
+
+def sliding(speed, rate=100.0):
+    """An edge that slides over six taxels in a row, 2 mm apart, at constant force: 30 kPa a taxel in the mean."""
+    at = 2.0 * np.arange(6)
+
+    def image(now):
+        values = 100 / (1 + np.exp(-(at - 5 - speed * now)))
+        return 180 * values / values.sum()
+
+    return image
+
+
+@pytest.mark.parametrize(("speed", "taken"), [(0.0, 1), (20.0, 0), (-20.0, 0)])
+def test_a_slide_at_constant_force_is_no_press(pad, speed, taken):
+    """20 mm/s is 2 mm within a press of ten readings; back and forth, so that it never leaves the pad."""
+    image = sliding(speed)
+    session = Session(plan(frames=10, window=10, patience=5.0), pad)
+    hand = Hand(session, table(), noise=0.3)
+    hand.pressing = lambda now: image(abs((now + 0.05) % 0.2 - 0.1)) if now > 0.1 else np.zeros(6)
+    forces = [float(force(hand.pressing(now), pad)) for now in np.arange(0.2, 1.0, 0.01)]
+    assert np.ptp(forces) < 1e-9
+    assert len(hand.steps(150)) == taken
+
+
+def test_a_slide_while_a_press_is_read_is_noticed(pad):
+    image = sliding(10.0)
+    session = Session(plan(frames=20), pad)
+    hand = Hand(session, table())
+    hand.pressing = lambda now: image(0.0) if now > 0.1 else np.zeros(6)
+    while session.phase is not Phase.TAKING:
+        hand.steps(1)
+    start = hand.now
+    hand.pressing = lambda now: image(now - start)
+    assert hand.steps(22) == []
+    assert session.message == "it moved; hold it still"
+
+
+@pytest.mark.parametrize("noise", [0.1, 2.0, 6.0])
+def test_a_still_press_is_steady_whatever_its_noise(pad, noise):
+    """Of 200 still presses nearly all are taken at the first go."""
+    first = 0
+    for seed in range(200):
+        session = Session(plan(frames=20, window=10, touch_kpa=5 * noise), pad)
+        hand = Hand(session, table(), seed=seed, noise=noise)
+        still = table()[0]
+        hand.pressing = lambda now, still=still: still if now > 0.1 else np.zeros(6)
+        first += len(hand.steps(10 + 1 + 10 + 20))
+    assert first >= 190
+
+
+def test_a_loss_voids_the_open_press(pad):
+    """The readings from before an unplugged cable are not averaged with those from behind it."""
+    session = Session(plan(frames=20), pad)
+    hand = Hand(session, table())
+    while session.phase is not Phase.TAKING:
+        hand.steps(1)
+    assert hand.steps(15) == []
+    again = hand.number
+    lost = replace(hand.reading(), after_loss=True)
+    assert session.take(lost, hand.number) is None
+    hand.number += 1
+    assert "lost for a moment" in session.message
+    assert session.progress == 0
+    while not (taken := hand.steps(1)):
+        pass
+    assert taken[0].first > again
+
+
+def test_a_loss_is_no_touch_that_was_lifted(pad):
+    """The letter still lies there from the press before: a lost cable must not make a second press of it."""
+    session = Session(plan(), pad)
+    hand = Hand(session, table())
+    row = table()[0]
+    hand.pressing = lambda now: row if now > 0.1 else np.zeros(6)
+    while not hand.steps(1):
+        pass
+    session.take(replace(hand.reading(), after_loss=True), hand.number)
+    hand.number += 1
+    assert hand.steps(100) == []
+    assert session.phase is Phase.LIFT
+
+
+@pytest.mark.parametrize(
+    ("pressing", "message"),
+    [
+        (lambda now: table()[0], "press 1 was given up after 3. s: the pad is never free"),
+        (
+            lambda now: table()[int(20 * now) % 4] if now > 0.1 else np.zeros(6),
+            "press 1 was given up after.*does not come to rest",
+        ),
+    ],
+)
+def test_a_machine_that_gets_nowhere_ends(pad, pressing, message):
+    """Without anybody who watches, the recording would grow for ever."""
+    session = Session(plan(patience=1.0, frames=20, window=10), pad)
+    hand = Hand(session, table())
+    hand.pressing = pressing
+    with pytest.raises(InputError, match=message):
+        hand.steps(4000)
+
+
+def test_a_person_is_waited_for(pad):
+    session = Session(plan(), pad)
+    hand = Hand(session, table())
+    hand.pressing = lambda now: table()[0]
+    assert hand.steps(4000) == []
 
 
 @pytest.mark.parametrize(

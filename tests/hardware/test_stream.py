@@ -22,7 +22,7 @@ def test_two_arrays_make_one_pad(paper_pad):
     assert np.allclose([reading.device_time for reading in readings], [0, 0.1, 0.2, 0.3])
 
 
-def test_the_newest_frame_of_each_part_is_taken(paper_pad):
+def test_frames_with_other_counters_are_not_joined(paper_pad):
     form = paper_pad.codec.build()
     stream = Stream(paper_pad)
 
@@ -31,10 +31,12 @@ def test_the_newest_frame_of_each_part_is_taken(paper_pad):
 
     assert say(1, 1, 10) == []
     assert say(1, 2, 20) == []
-    (reading,) = say(2, 1, 30)
-    assert np.unique(reading.pressures).tolist() == [14.0, 21.0]
-    assert reading.index == 2
+    assert say(2, 2, 30)[0].index == 2
     assert stream.counters.unpaired == 1
+    assert say(2, 3, 30) == []
+    assert say(1, 4, 40) == []
+    (reading,) = say(2, 4, 50)
+    assert np.unique(reading.pressures).tolist() == [28.0, 35.0]
 
 
 def test_frames_of_parts_that_are_not_listed_are_strays(paper_pad):

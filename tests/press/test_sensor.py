@@ -180,3 +180,21 @@ def test_an_effect_does_not_change_what_another_draws():
 def test_a_value_out_of_bounds_is_refused(wrong):
     with pytest.raises(ValueError, match=next(iter(wrong))):
         SensorOptions(**wrong)
+
+
+@given(st.floats(0.2, 5), st.floats(1, 100))
+@settings(max_examples=50, deadline=None)
+def test_a_bent_response_is_a_power_of_the_pressure(exponent, right):
+    readings = sensed(response=exponent, response_pressure=right)
+    assert readings == pytest.approx(right * np.exp(exponent * np.log(IDEAL / right)), rel=1e-9)
+    assert sensed(np.full((1, 36), right), response=exponent, response_pressure=right) == pytest.approx(right)
+    order = np.argsort(IDEAL[0])
+    assert (np.diff(readings[0][order]) > 0).all()
+
+
+def test_a_linear_response_changes_no_bit_and_noise_is_not_bent():
+    assert np.array_equal(sensed(noise=2.0, response_pressure=7.0), sensed(noise=2.0), equal_nan=False)
+    nothing = np.zeros((400, 36))
+    assert np.array_equal(sensed(nothing, noise=2.0, response=2.0), sensed(nothing, noise=2.0))
+    bent = sensed(noise=2.0, response=2.0) - sensed(response=2.0)
+    assert bent.std() == pytest.approx(2.0, rel=0.02)

@@ -101,7 +101,7 @@ function bandPath(low, high, sx, sy) {
 }
 
 // A plot of curves over the reading count. `spec`: title, alt, y {kind, low, high, ...}, series of
-// {method, dash, values, low, high, also}. onReading(k) is called when the pointer asks for a reading.
+// {method, dash, values, low, high, bound}; a bound is a line of its own look, without a mark. onReading(k) is called when the pointer asks for a reading.
 function curves(spec, onReading) {
   const svg = s("svg", { class: "plot", role: "img", "aria-label": spec.alt });
   const box = h("figure", { class: "chart" }, h("figcaption", {}, spec.title), svg);
@@ -117,18 +117,20 @@ function curves(spec, onReading) {
     scales = frame(svg, width, height, { kind: "linear", low: 1, high: last, name: "readings seen" }, spec.y);
     const { inside, sx, sy, margin } = scales;
     const kept = (value) => (value === null ? null : clamp(value, spec.y.low, spec.y.high));
+    if (spec.y.ideal) inside.append(s("path", { class: "ideal", d: `M${sx(1)} ${sy(spec.y.ideal)}H${sx(last)}` }));
     for (const one of shown) {
       if (one.low) {
         inside.append(s("path", { class: `band m${one.method % MARKS}`, d: bandPath(one.low.map(kept), one.high.map(kept), sx, sy) }));
       }
     }
     for (const one of shown) {
-      inside.append(s("path", { class: `line m${one.method % MARKS}`, "stroke-dasharray": one.dash, d: linePath(one.values.map(kept), sx, sy) }));
+      const look = one.bound ? "bound" : `m${one.method % MARKS}`;
+      inside.append(s("path", { class: `line ${look}`, "stroke-dasharray": one.dash, d: linePath(one.values.map(kept), sx, sy) }));
     }
     inside.append(s("line", { class: "cursor", x1: sx(reading), x2: sx(reading), y1: margin.top, y2: height - margin.bottom }));
     for (const one of shown) {
       const value = kept(one.values[reading - 1] ?? null);
-      if (value !== null) {
+      if (value !== null && !one.bound) {
         inside.append(s("path", { class: `dot m${one.method % MARKS}`, d: mark(one.method, 4), transform: `translate(${sx(reading)} ${sy(value)})` }));
       }
     }
@@ -152,6 +154,55 @@ function curves(spec, onReading) {
       draw();
     },
   };
+}
+
+// What was stated against what came true, both 0 to 1. `spec`: title, alt, points of {method, p, right, count, text}.
+// Arrow keys go from point to point.
+function reliability(spec) {
+  const svg = s("svg", { class: "plot", role: "group", tabindex: 0, "aria-label": `${spec.alt} Use the arrow keys to go from point to point.` });
+  const say = h("p", { class: "readout", "aria-live": "polite" }, "Point at a mark, or tab to the plot and use the arrow keys.");
+  const box = h("figure", { class: "chart" }, h("figcaption", {}, spec.title), svg, say);
+  const points = [...spec.points].sort((a, b) => a.method - b.method || a.p - b.p);
+  const most = Math.max(1, ...points.map((point) => point.count));
+  let chosen = -1, width = 0;
+
+  function draw() {
+    if (!width) return;
+    const height = Math.round(clamp(width * 0.62, 210, 340));
+    svg.setAttribute("width", width);
+    svg.setAttribute("height", height);
+    svg.setAttribute("viewBox", `0 0 ${width} ${height}`);
+    const share = (name) => ({ kind: "linear", low: 0, high: 1, name });
+    const { inside, sx, sy } = frame(svg, width, height, share("probability stated"), share());
+    inside.append(s("path", { class: "ideal", d: `M${sx(0)} ${sy(0)}L${sx(1)} ${sy(1)}` }));
+    for (const method of new Set(points.map((point) => point.method))) {
+      const mine = points.filter((point) => point.method === method);
+      inside.append(s("path", { class: `line thin m${method % MARKS}`, d: "M" + mine.map((point) => `${sx(point.p)} ${sy(point.right)}`).join("L") }));
+    }
+    points.forEach((point, i) => {
+      inside.append(s("path", {
+        class: `mark m${point.method % MARKS}${i === chosen ? " chosen" : ""}`, pointerenter: () => choose(i),
+        d: mark(point.method, 3 + 5 * Math.sqrt(point.count / most)), transform: `translate(${sx(point.p)} ${sy(point.right)})`,
+      }));
+    });
+  }
+  function choose(i) {
+    if (i === chosen) return;
+    chosen = i;
+    say.textContent = points[i].text;
+    draw();
+  }
+  svg.addEventListener("keydown", (event) => {
+    const step = { ArrowRight: 1, ArrowUp: 1, ArrowLeft: -1, ArrowDown: -1 }[event.key];
+    if (step === undefined) return;
+    event.preventDefault();
+    choose(clamp(chosen + step, 0, points.length - 1));
+  });
+  whenSized(box, (now) => {
+    width = now;
+    draw();
+  });
+  return box;
 }
 
 // A plot of points joined by method, with the frontier behind. `spec`: title, alt, xName, y, points of

@@ -35,7 +35,9 @@ function readingsSection(task) {
   const series = (value, low, high) => (run) => ({ ...spec(run), values: run[value], low: run[low], high: run[high] });
   const accuracy = series("accuracy", "accuracyLow", "accuracyHigh");
   const error = series("error", "errorLow", "errorHigh");
-  const known = task.runs.flatMap((run) => run.error).filter((value) => value !== null && value > 0);
+  const bounded = task.runs.find((run) => run.bound.some((value) => value !== null));
+  const bound = bounded ? [{ bound: true, dash: "5 3", values: bounded.bound }] : [];
+  const known = [...task.runs, ...bound.map((one) => ({ error: one.values }))].flatMap((run) => run.error).filter((value) => value !== null && value > 0);
   const [low, high] = known.length ? [Math.min(...known) / 1.3, Math.max(...known) * 1.3] : [0.1, 10];
 
   const last = Math.max(...task.runs.map((run) => run.readings));
@@ -49,11 +51,11 @@ function readingsSection(task) {
   }, move);
   const right = curves({
     title: "Placement error where the letter is right, mm", alt: "Placement error against readings seen",
-    y: { kind: "log", low, high }, series: task.runs.map(error),
+    y: { kind: "log", low, high }, series: [...task.runs.map(error), ...bound],
   }, move);
   const values = h("tbody");
   const table = h("table", { class: "values" },
-    h("thead", {}, h("tr", {}, ["run", "right", "error, mm", "error over all trials, mm"].map((text) => h("th", { scope: "col" }, text)))), values);
+    h("thead", {}, h("tr", {}, ["run", "right", "error, mm", "error / bound", "error over all trials, mm"].map((text) => h("th", { scope: "col" }, text)))), values);
   const boxes = task.runs.map((run) => {
     const input = h("input", { type: "checkbox", checked: visible.has(run) });
     input.addEventListener("change", () => {
@@ -82,7 +84,7 @@ function readingsSection(task) {
   function update(reading) {
     const shown = task.runs.filter((run) => visible.has(run));
     left.show(shown.map(accuracy), reading);
-    right.show(shown.map(error), reading);
+    right.show([...shown.map(error), ...bound], reading);
     const k = reading - 1;
     values.replaceChildren(
       ...shown.map((run) =>
@@ -90,6 +92,7 @@ function readingsSection(task) {
           h("th", { scope: "row" }, swatch(run.method), run.label),
           h("td", {}, fixed(run.accuracy[k], 3), k < run.readings && interval(run.accuracyLow[k], run.accuracyHigh[k], 2)),
           h("td", {}, fixed(run.error[k], 2), k < run.readings && interval(run.errorLow[k], run.errorHigh[k], 2)),
+          h("td", {}, fixed(run.efficiency[k], 2)),
           h("td", {}, fixed(run.errorAll[k], 2)))),
     );
   }
@@ -97,9 +100,48 @@ function readingsSection(task) {
   return section("Accuracy and error against readings",
     h("fieldset", { class: "legend" }, h("legend", {}, "Runs"), boxes, buttons),
     h("div", { class: "two" }, left.box, right.box),
-    h("p", { class: "hint" }, "Bands: 95 % Wilson interval of the share, 95 % interval of the mean error."),
+    h("p", { class: "hint" }, "Bands: 95 % Wilson interval of the share, 95 % interval of the mean error." + (bounded ? " Dashed in grey: the Cramer-Rao bound of the error." : "")),
     h("div", { class: "controls" }, control.field),
     scrolling("Values at the chosen reading", table));
+}
+
+// How sure the methods are, and how rightly: regions of the place, and the letter's probability.
+function certaintySection(task) {
+  const last = Math.max(...task.runs.map((run) => run.readings));
+  const sure = task.runs.filter((run) => run.coverage90.some((value) => value !== null));
+  const held = (run) => ({ method: run.method, dash: run.dash, values: run.coverage90 });
+  const control = slider("Values at reading", last, Math.min(10, last), update);
+  const left = sure.length && curves({
+    title: "Share of 90 % regions that hold the truth", alt: "Coverage of the 90 % regions against readings seen",
+    y: { kind: "linear", low: 0, high: 1, ideal: 0.9 }, series: sure.map(held),
+  }, (k) => {
+    if (String(k) !== control.input.value) control.set(k);
+  });
+  const right = reliability({
+    title: "Share right against the probability stated", alt: "Reliability diagram of the letter's probability.",
+    points: task.runs.flatMap((run) => run.reliability.map((bin) => ({
+      ...bin, method: run.method,
+      text: `${run.label}: ${bin.count} estimates stated with ${fixed(bin.p, 3)} on average, of which ${fixed(bin.right, 3)} are right`,
+    }))),
+  });
+  const values = h("tbody");
+  const heads = ["run", "90 % regions that hold the truth", "50 % regions", "90 % within, mm", "error, mm"];
+  function update(reading) {
+    if (left) left.show(sure.map(held), reading);
+    const k = reading - 1;
+    values.replaceChildren(...task.runs.map((run) =>
+      h("tr", {}, h("th", { scope: "row" }, swatch(run.method), run.label),
+        h("td", {}, fixed(run.coverage90[k], 3)), h("td", {}, fixed(run.coverage50[k], 3)),
+        h("td", {}, fixed(run.sharpness[k], 2)), h("td", {}, fixed(run.error[k], 2)))));
+  }
+  update(Math.min(10, last));
+  return section("How sure, and how rightly",
+    h("p", { class: "lead" }, "A region is all placements within a distance of the estimate that hold together 90 % of the belief. Its radius is the error that the method itself expects not to exceed in nine of ten trials."),
+    h("div", { class: "two" }, left, right),
+    h("p", { class: "hint" }, "Dashed: as it should be. Left: over the trials whose letter is right. Right: all readings of all trials; the larger a mark, the more estimates it stands for."),
+    h("div", { class: "controls" }, control.field),
+    scrolling("How sure at the chosen reading", h("table", { class: "values" },
+      h("thead", {}, h("tr", {}, heads.map((text) => h("th", { scope: "col" }, text)))), values)));
 }
 
 function paretoSection(task, methods) {
@@ -170,6 +212,7 @@ function taskSections(task, protocol) {
     section("Headlines", headlineTable(task)),
     task.runs.length > 1 && paretoSection(task, protocol.methods),
     readingsSection(task),
+    certaintySection(task),
     confusionSection(task),
   ];
 }

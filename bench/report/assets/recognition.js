@@ -112,7 +112,7 @@ function recognitionView(protocol) {
     const p = at < 0 ? null : row(trial.probabilities, k)[at];
     status.textContent =
       `After reading ${reading}: it says ${said} (p = ${fixed(p, 3)}), which is ${said === trial.answer ? "right" : `wrong: it is ${trial.truth}`}; ` +
-      (trial.answer === trial.truth ? `placed ${fixed(array(trial.error)[k], 2)} mm off.` : `${trial.truth} was held out of the training.`);
+      (trial.answer === trial.truth ? `placed ${fixed(array(trial.error)[k], 2)} mm off${trial.radius[k] === null ? "" : `, 90 % sure of it within ${fixed(trial.radius[k], 2)} mm`}.` : `${trial.truth} was held out of the training.`);
     status.classList.toggle("bad", said !== trial.answer);
   }
 
@@ -148,6 +148,10 @@ function recognitionView(protocol) {
     parts.push(now, pad(k, "current"));
     const guess = outlines[trial.estimate[k]];
     if (guess) parts.push(s("path", { class: trial.estimate[k] === trial.answer ? "ghost" : "ghost bad", d: outlinePath(guess, row(trial.ghost, k)) }));
+    if (trial.region && trial.estimate[k] === trial.answer) {
+      const [x, y, a, b, turn] = row(trial.region, k);
+      parts.push(s("ellipse", { class: "region", rx: a.toFixed(3), ry: b.toFixed(3), transform: poseTransform([x, y, turn]) }));
+    }
     scene.replaceChildren(...parts);
   }
 
@@ -273,7 +277,7 @@ function recognitionView(protocol) {
     status,
     h("div", { class: "recognition" },
       h("div", { class: "card a" }, h("h4", {}, "The pad on the letter"), scene,
-        h("p", { class: "hint" }, "In the letter's own frame. Grey: the letter. Squares: the pad now. Thin: where it was pressed before. Dashed: the estimate.")),
+        h("p", { class: "hint" }, "In the letter's own frame. Grey: the letter. Squares: the pad now. Thin: where it was pressed before. Dashed: the estimate. Ellipse: where the letter's centre is with 90 %.")),
       h("div", { class: "card b" }, h("h4", {}, "Tactile image, kPa"), tactile),
       letters,
       h("div", { class: "card d" }, h("h4", {}, "Belief over the plane"), planes,

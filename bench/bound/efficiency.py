@@ -1,0 +1,79 @@
+"""How near a run came to the bound: the Cramer-Rao bound of its own trials, and error over bound."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tactsim.bench.bound.cramer_rao import MOST_MM
+from tactsim.bench.bound.response import is_quick
+from tactsim.bench.bound.scan_information import pressed_letters, scan_information, stated_options
+from tactsim.bench.placement_error import Properties
+from tactsim.bench.score import errors
+from tactsim.bench.trials import Trials
+from tactsim.core.errors import InputError
+from tactsim.core.poses import FloatArray
+from tactsim.core.scan import Scan
+
+ENOUGH = 0.9  # share of the trials that readings must determine for a mean bound to be stated
+
+
+def bounds_of_trials(scan: Scan, trials: Trials, explore: str) -> tuple[FloatArray | None, str]:
+    """Bound the mean placement error of trials after each reading, (n, r) mm, by what their readings tell.
+
+    Returns None and why, if nobody knows: the readings do not say how they were pressed, only a slow engine presses
+    them (`bench bound` does), they were chosen by the estimator, or the object moved.
+    """
+    if explore != "random":
+        return None, "the estimator chose the readings"
+    if (trials.true_pose != trials.true_pose[:, :1]).any():
+        return None, "the object moved"
+    try:
+        options = stated_options(scan)
+        if not all(is_quick(letter, options) for letter in pressed_letters(scan, options).values()):
+            return None, "an engine has to press the letters; `bench bound` does"
+        return scan_information(scan).bounds(trials), ""
+    except InputError as error:
+        return None, str(error)
+
+
+def bound_curves(
+    bounds: FloatArray | None, trials: Trials, objects: Mapping[str, Properties]
+) -> dict[str, list[float | None]]:
+    """Average bounds (n, r) over the trials that are determined by their readings, by reading.
+
+    bound_mm: the mean. determined: the share of such trials. efficiency: the mean error of those whose letter is known
+    and right, over the mean bound of the same trials. Before ENOUGH of the trials are determined the bound is the
+    prior's, and bound_mm and efficiency are None; all are if there are no bounds.
+    """
+    if bounds is None:
+        nothing: list[float | None] = [None] * trials.label.shape[1]
+        return {"bound_mm": nothing, "determined": nothing, "efficiency": nothing}
+    counted = determined(bounds)
+    share = counted.mean(axis=0)
+    enough = share >= ENOUGH
+    named = counted & trials.named
+    of_named = (
+        np.where(named, errors(trials, objects), 0).sum(axis=0),
+        np.where(named, bounds, 0).sum(axis=0),
+    )
+    with np.errstate(invalid="ignore", divide="ignore"):
+        mean = np.where(counted, bounds, 0).sum(axis=0) / counted.sum(axis=0)
+        ratio = of_named[0] / of_named[1]
+    return {
+        "bound_mm": _where(enough, mean),
+        "determined": share.tolist(),
+        "efficiency": _where(enough & named.any(axis=0), ratio),
+    }
+
+
+def determined(bounds: FloatArray) -> NDArray[np.bool_]:
+    """Tell which trials are determined by their readings, so that the bound is not the prior's."""
+    return bounds <= MOST_MM
+
+
+def _where(known: NDArray[np.bool_], values: FloatArray) -> list[Any]:
+    return [float(value) if of else None for of, value in zip(known, values, strict=True)]

@@ -1,0 +1,251 @@
+"""Exact Bayes: the posterior of letter and pose with the simulator's own press, noise and unknowns, by brute force.
+
+It knows how the readings were made, so no estimator is right more often but by luck. It is a reference and may be slow.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from pydantic import Field
+
+from tactsim.bench.bound.response import noise_variance
+from tactsim.bench.bound.scan_information import pressed_letters, stated_options
+from tactsim.bench.placement_error import Properties, fold_angle, properties
+from tactsim.bench.trials import TRANSLATION_MM
+from tactsim.core.forward import ForwardModel
+from tactsim.core.poses import FloatArray, compose, invert
+from tactsim.core.scan import Scan
+from tactsim.estimators import Estimate, Estimator, Options
+from tactsim.estimators.estimator import PoseSamples, check_order, check_reading
+from tactsim.press.forward import PressModel
+
+SIDE, ANGLES = 16, 40  # cells along x and y and round the circle, before any is split
+_DEPTH = 6  # times that a cell may be halved along x, y and angle
+_DEAD = 30.0  # nats below the heaviest cell, at which a cell is given up
+_STEEPEST = (
+    1e4  # kPa, by which a taxel changes at most over a cell: beyond, as in a sliver, rounding eats the noise
+)
+_EDGES = 2  # rounds of splitting cells that do not touch and lie beside such that do
+
+
+@dataclass(frozen=True, eq=False)
+class _Cells:
+    """Parts of the state space: letter (n,), robot_in_object of their middles (n, 3), how often halved (n,), and the
+    log-likelihood of the readings so far, averaged over the cell (n,).
+    """
+
+    letter: NDArray[np.int64]
+    pose: FloatArray
+    depth: NDArray[np.int64]
+    log_p: FloatArray
+
+    def some(self, which: Any) -> _Cells:
+        return _Cells(self.letter[which], self.pose[which], self.depth[which], self.log_p[which])
+
+    def and_also(self, others: _Cells) -> _Cells:
+        return _Cells(
+            np.concatenate([self.letter, others.letter]), np.concatenate([self.pose, others.pose]),
+            np.concatenate([self.depth, others.depth]), np.concatenate([self.log_p, others.log_p]),
+        )  # fmt: skip
+
+    @property
+    def log_mass(self) -> FloatArray:
+        """Give the log of each cell's share of the belief."""
+        mass = self.log_p - 3 * np.log(2) * self.depth
+        return mass - np.logaddexp.reduce(mass)
+
+
+_HALVES = np.stack(np.meshgrid(*3 * [(-0.25, 0.25)], indexing="ij"), axis=-1).reshape(-1, 3)
+
+
+class ExactBayesOptions(Options):
+    """Options of exact Bayes."""
+
+    split: float = Field(1e-3, gt=0, le=1, description="share of the belief above which a cell is split")
+
+
+class ExactBayes(Estimator):
+    """Sum the exact likelihood over cells of the state space, and split those that hold much of the belief.
+
+    A reading is Gaussian about what the press reads at the middle of a cell. Its covariance is the noise, and to first
+    order what is unknown of the press and where in the cell the object is. The prior is that of the trials: letters
+    alike, x and y uniform in [-10, 10] mm, any angle. The pose is the one of least expected placement error.
+
+    Raises InputError in `fit` if the scan does not say how it was pressed, or was pressed in a way that the forward
+    model or the noise's variance does not know.
+    """
+
+    options_type = ExactBayesOptions
+    options: ExactBayesOptions
+    draws = False
+
+    def __init__(self, options: ExactBayesOptions | None = None) -> None:
+        super().__init__(options or ExactBayesOptions())
+        self._forward: ForwardModel | None = None
+        self._cells: _Cells | None = None
+        self._evaluations = 0
+
+    def fit(self, scan: Scan) -> None:
+        """Take from the scan how it was pressed, and of which letters; none of its readings is looked at."""
+        options = stated_options(scan)
+        self._noise = noise_variance(options.sensor)
+        letters = pressed_letters(scan, options)
+        self._forward = PressModel(list(letters.values()), options)
+        self._letters, self._objects = tuple(letters), properties(scan)
+        self._cells = None
+
+    def reset(self, rng: np.random.Generator) -> None:
+        """Begin a sequence; nothing is drawn."""
+        check_order(self._forward is not None, "fit", "reset")
+        self._history: list[tuple[FloatArray, FloatArray]] = []
+        step = 2 * TRANSLATION_MM / SIDE
+        self._size = np.array([step, step, 2 * np.pi / ANGLES])
+        line = step * (np.arange(SIDE) + 0.5) - TRANSLATION_MM
+        grid = np.meshgrid(line, line, 2 * np.pi * np.arange(ANGLES) / ANGLES - np.pi, indexing="ij")
+        poses = np.stack(grid, axis=-1).reshape(-1, 3)
+        count = len(self._letters) * len(poses)
+        self._cells = _Cells(
+            np.repeat(np.arange(len(self._letters)), len(poses)), np.tile(poses, (len(self._letters), 1)),
+            np.zeros(count, dtype=np.int64), np.zeros(count),
+        )  # fmt: skip
+
+    def update(self, reading: ArrayLike, sensor_in_robot: ArrayLike) -> None:
+        """Weigh every cell by the reading, give up the lightest and split the heaviest until none holds much."""
+        check_order(self._cells is not None, "reset" if self._forward else "fit", "update")
+        assert self._forward is not None
+        assert self._cells is not None
+        values, pose = check_reading(reading, sensor_in_robot, self._forward.taxels)
+        self._history.append((values, pose))
+        cells, touching = self._weighed(self._cells, len(self._history) - 1)
+        for _ in range(_EDGES):
+            beside = ~touching & (cells.depth < _EDGES)
+            if not beside.any() or not values.any():
+                break
+            halves, felt = self._split(cells.some(beside))
+            kept = np.repeat(felt.reshape(-1, 8).any(axis=1), 8)  # where nothing touches, one cell is enough
+            whole = np.flatnonzero(beside)[~kept[::8]]
+            touching = np.concatenate([touching[~beside], np.ones(len(whole), dtype=bool), felt[kept]])
+            cells = cells.some(~beside).and_also(cells.some(whole)).and_also(halves.some(kept))
+        for _ in range(_DEPTH):
+            mass = cells.log_mass
+            heavy = (mass > np.log(self.options.split)) & (cells.depth < _DEPTH)
+            alive = mass > mass.max() - _DEAD
+            cells, heavy = cells.some(alive), heavy[alive]
+            if not heavy.any():
+                break
+            cells = cells.some(~heavy).and_also(self._split(cells.some(heavy))[0])
+        self._cells = cells
+
+    def _split(self, cells: _Cells) -> tuple[_Cells, NDArray[np.bool_]]:
+        """Halve cells in x, y and angle, and weigh the eight parts of each by the whole history."""
+        size = self._size / 2.0 ** cells.depth[:, None]
+        parts = _Cells(
+            np.repeat(cells.letter, 8),
+            (cells.pose[:, None] + size[:, None] * _HALVES).reshape(-1, 3),
+            np.repeat(cells.depth + 1, 8),
+            np.zeros(8 * len(cells.letter)),
+        )
+        touching = np.zeros(0, dtype=bool)
+        for number in range(len(self._history)):
+            parts, touching = self._weighed(parts, number)
+        return parts, touching
+
+    def _weighed(self, cells: _Cells, number: int) -> tuple[_Cells, NDArray[np.bool_]]:
+        """Add the log-likelihood of one reading of the history; also tell which cells' middles touch."""
+        assert self._forward is not None
+        reading, sensor_in_robot = self._history[number]
+        log_p, touching = cells.log_p.copy(), np.zeros(len(cells.log_p), dtype=bool)
+        for letter, name in enumerate(self._letters):
+            rows = np.flatnonzero(cells.letter == letter)
+            for first in range(0, len(rows), 4096):
+                some = rows[first : first + 4096]
+                found, touching[some] = self._log_likelihood(
+                    name,
+                    cells.pose[some],
+                    self._size / 2.0 ** cells.depth[some, None],
+                    reading,
+                    sensor_in_robot,
+                )
+                log_p[some] += found
+        self._evaluations += len(log_p)
+        return _Cells(cells.letter, cells.pose, cells.depth, log_p), touching
+
+    def _log_likelihood(
+        self, name: str, pose: FloatArray, size: FloatArray, reading: FloatArray, sensor_in_robot: FloatArray
+    ) -> tuple[FloatArray, NDArray[np.bool_]]:
+        """Compute log N(reading; mean, noise I + U U') of cells (n,), U being what is unknown of press and pose."""
+        assert self._forward is not None
+        sensor = compose(pose, sensor_in_robot)
+        found = self._forward.linearised(name, sensor)
+        # A move of robot_in_object within the cell, seen along the sensor's own axes.
+        cos, sin = np.cos(sensor[:, 2]), np.sin(sensor[:, 2])
+        arm = sensor[:, :2] - pose[:, :2]
+        along = np.stack([found.by_pose[:, 0] * cos[:, None] - found.by_pose[:, 1] * sin[:, None],
+                          found.by_pose[:, 0] * sin[:, None] + found.by_pose[:, 1] * cos[:, None]], axis=1)  # fmt: skip
+        turn = found.by_pose[:, 2] - along[:, 0] * arm[:, 1:] + along[:, 1] * arm[:, :1]
+        within = np.concatenate([along, turn[:, None]], axis=1) * (size / np.sqrt(12))[..., None]
+        spread = np.concatenate([found.nuisance, within], axis=1)
+        apart = reading - found.mean
+        touching = (found.mean != 0).any(axis=1)
+        squared = (apart**2).sum(axis=1)
+        log_p = -squared / (2 * self._noise)
+        u = spread[touching].clip(-_STEEPEST, _STEEPEST)
+        inner = self._noise * np.eye(u.shape[1]) + u @ u.swapaxes(1, 2)
+        seen = np.einsum("nkt,nt->nk", u, apart[touching])
+        solved = np.linalg.solve(inner, seen[..., None])[..., 0]
+        log_p[touching] += np.einsum("nk,nk->n", seen, solved) / (2 * self._noise)
+        log_p[touching] -= (np.linalg.slogdet(inner)[1] - u.shape[1] * np.log(self._noise)) / 2
+        return log_p, touching
+
+    def estimate(self) -> Estimate:
+        """Sum the cells of each letter; the pose has the least expected placement error among those of the letter."""
+        check_order(
+            self._cells is not None and bool(self._history), "update" if self._cells else "reset", "estimate"
+        )
+        assert self._cells is not None
+        mass = np.exp(self._cells.log_mass)
+        share = np.bincount(self._cells.letter, mass, len(self._letters))
+        best = int(share.argmax())
+        rows = np.flatnonzero(self._cells.letter == best)
+        weights = mass[rows] / mass[rows].sum()
+        name = self._letters[best]
+        pose = least_expected_error(self._cells.pose[rows], weights, self._objects[name])
+        return Estimate(
+            name, dict(zip(self._letters, (share / share.sum()).tolist(), strict=True)), pose,
+            PoseSamples(self._cells.pose[rows], weights),
+        )  # fmt: skip
+
+    @property
+    def work(self) -> dict[str, Any]:
+        """Count how many cells were weighed by a reading."""
+        return {"likelihood_evaluations": self._evaluations, "skipped": {}}
+
+
+def least_expected_error(poses: FloatArray, weights: FloatArray, of: Properties) -> FloatArray:
+    """Find the robot_in_object (3,) of least mean placement error to weighted poses (n, 3): their geometric median.
+
+    Weiszfeld's iteration (Tohoku Math. J. 43, 1937) on the object's displacement and its turn times sqrt(I/m), folded
+    by its symmetry. It begins at the pose with the most weight near it.
+    """
+    objects = invert(poses)
+    heavy = np.argsort(weights)[::-1][:64]
+    scale = np.sqrt(of.inertia_over_mass)
+
+    def apart(at: FloatArray) -> FloatArray:
+        turn = fold_angle(objects[:, 2] - at[2], of.symmetry)
+        return np.column_stack([objects[:, :2] - at[:2], scale * turn])
+
+    expected = [weights @ np.linalg.norm(apart(objects[row]), axis=1) for row in heavy]
+    at = objects[heavy[int(np.argmin(expected))]]
+    for _ in range(30):
+        steps = apart(at)
+        pull = weights / np.maximum(np.linalg.norm(steps, axis=1), 1e-6)
+        step = pull @ steps / pull.sum()
+        at = at + step / (1, 1, scale)
+        if np.linalg.norm(step) < 1e-6:
+            break
+    return invert(at)

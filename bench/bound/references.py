@@ -1,0 +1,245 @@
+"""50 reference posteriors, and how far an estimator's belief is from them.
+
+`python -m tactsim.bench.bound.references` prints the table of all estimators. With `--make` it works the references
+out anew and writes them; the same versions on the same machine give the same bytes.
+
+Ten objects, two of each vowel, are pressed ten times each, off the training grid, in the default world. Exact Bayes
+says what can be known of letter and pose after 1, 2, 3, 5 and 10 readings. So a distance is all that an estimator
+loses: by what it learned, by its measurement model and by its filter.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, fields
+from functools import lru_cache
+from importlib.resources import files
+from io import BytesIO
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from rich.console import Console
+from rich.table import Table
+
+from tactsim.bench.bound.exact_bayes import ExactBayes, ExactBayesOptions
+from tactsim.bench.fitting import fit
+from tactsim.bench.placement_error import Properties, placement_error, properties
+from tactsim.bench.trials import draw_true_pose
+from tactsim.core import InputError, Scan
+from tactsim.core.files import write_bytes
+from tactsim.core.poses import FloatArray, compose, invert
+from tactsim.core.seeds import stream
+from tactsim.estimators import Estimate, Estimator, create
+from tactsim.estimators.estimator import PoseSamples
+from tactsim.estimators.registry import BUILT_IN
+from tactsim.press import ScanOptions, scan_letters
+from tactsim.press.engine import ideal_readings
+from tactsim.press.scanning import letters_of
+from tactsim.press.sensor import gains, sense
+from tactsim.press.touches import Touches
+
+OPTIONS = ScanOptions()
+OBJECTS, READINGS = 2, 10  # of each letter; of each object
+AT = (1, 2, 3, 5, 10)  # readings after which the posterior is kept
+SAMPLES = 200  # poses that stand for a posterior
+_REACH = 12.0  # mm along x and y, within which an object is pressed
+_SPLIT = 3e-4  # of exact Bayes; three times as much changes a posterior by `error`
+
+
+@dataclass(frozen=True, eq=False)
+class References:
+    """What was felt of each object, and what can be known of it.
+
+    truth: (n,) letters. true_pose: (n, 3) robot_in_object. readings: (n, r, taxels) kPa. sensor_in_robot: (n, r, 3).
+    probabilities: (n, a, letters), in the order of the options' letters. pose: (n, a, 3), of least expected error.
+    samples: (n, a, s, 3), equally probable poses of the most probable letter. error: (n, a, 2), what the brute force
+    itself is off by: total variation of the letters' probabilities, and mm of the pose.
+    """
+
+    truth: NDArray[np.str_]
+    true_pose: FloatArray
+    readings: FloatArray
+    sensor_in_robot: FloatArray
+    probabilities: FloatArray
+    pose: FloatArray
+    samples: FloatArray
+    error: FloatArray
+
+
+@lru_cache(maxsize=1)
+def training() -> Scan:
+    """Press the readings that estimators are trained on."""
+    return scan_letters(OPTIONS)[0].where("train")
+
+
+def felt() -> Iterator[tuple[str, FloatArray, FloatArray, FloatArray]]:
+    """Press the objects: letter, robot_in_object (3,), readings (r, taxels) and sensor_in_robot (r, 3)."""
+    for letter in letters_of(OPTIONS):
+        for number in range(OBJECTS):
+            rng = stream(OPTIONS.seed, "reference", letter.name, str(number))
+            true_pose = draw_true_pose(rng)
+            stated = rng.uniform((-_REACH, -_REACH, -np.pi), (_REACH, _REACH, np.pi), (READINGS, 3))
+            spread = (OPTIONS.placement_mm, OPTIONS.placement_mm, OPTIONS.placement_rad)
+            pressed = compose(stated, spread * rng.standard_normal((READINGS, 3)))
+            tilts = OPTIONS.placement_tilt * rng.standard_normal((READINGS, 2))
+            ideal, _ = ideal_readings(Touches(letter, pressed, tilts), OPTIONS)
+            readings = sense(ideal, OPTIONS.sensor, gains(OPTIONS), rng)
+            yield letter.name, true_pose, readings, compose(invert(true_pose), stated)
+
+
+def make() -> References:
+    """Work the references out: exact Bayes twice, the second time with cells three times as heavy."""
+    exact, coarser = (ExactBayes(ExactBayesOptions(split=split)) for split in (_SPLIT, 3 * _SPLIT))
+    letters = OPTIONS.letters
+    for estimator in (exact, coarser):
+        estimator.fit(training())
+    objects = properties(training())
+    kept: dict[str, list[FloatArray]] = {name: [] for name in ("probabilities", "pose", "samples", "error")}
+    pressed = list(felt())
+    for _, _, readings, sensor_in_robot in pressed:
+        rng = np.random.default_rng(0)
+        after = zip(
+            believed(exact, readings, sensor_in_robot),
+            believed(coarser, readings, sensor_in_robot),
+            strict=True,
+        )
+        for estimate, check in after:
+            assert estimate.samples is not None
+            p, q = (np.array([one.probabilities[letter] for letter in letters]) for one in (estimate, check))
+            of = objects[estimate.label]
+            off = placement_error(estimate.robot_in_object, check.robot_in_object, of)
+            kept["probabilities"].append(p)
+            kept["pose"].append(estimate.robot_in_object)
+            kept["samples"].append(drawn(estimate.samples, SAMPLES, rng))
+            kept["error"].append(np.array([np.abs(p - q).sum() / 2, off]))
+    shape = len(pressed), len(AT)
+    return References(
+        np.array([truth for truth, *_ in pressed]),
+        *(np.stack([of[column] for of in pressed]) for column in (1, 2, 3)),
+        **{name: np.stack(values).reshape(*shape, *values[0].shape) for name, values in kept.items()},
+    )
+
+
+def believed(estimator: Estimator, readings: FloatArray, sensor_in_robot: FloatArray) -> Iterator[Estimate]:
+    """Feed one object's readings to a fitted estimator; gives its estimates after the readings AT."""
+    estimator.reset(np.random.default_rng(0))
+    for number, (reading, pose) in enumerate(zip(readings, sensor_in_robot, strict=True), start=1):
+        estimator.update(reading, pose)
+        if number in AT:
+            yield estimator.estimate()
+
+
+def drawn(samples: PoseSamples, count: int, rng: np.random.Generator) -> FloatArray:
+    """Draw poses (count, 3), as often as their weights say (systematic resampling)."""
+    at = (np.arange(count) + rng.random()) / count
+    rows = np.searchsorted(np.cumsum(samples.weights), at)
+    return samples.poses[rows.clip(max=len(samples.weights) - 1)]
+
+
+def energy_distance(one: FloatArray, other: FloatArray, of: Properties) -> float:
+    """Compute the energy distance of two sets of poses, mm (Szekely and Rizzo 2013), by the placement error.
+
+    sqrt(2 E d(X, Y) - E d(X, X') - E d(Y, Y')), squared distances being mm here as d is: so it is 2 E d(X, Y) - ...
+    itself. It is 0 for equal sets, and twice the distance of two points.
+    """
+
+    def mean(a: FloatArray, b: FloatArray) -> float:
+        return float(placement_error(a[:, None], b[None], of).mean())
+
+    return 2 * mean(one, other) - mean(one, one) - mean(other, other)
+
+
+def distances(estimator: Estimator, references: References) -> FloatArray:
+    """Feed all objects to an estimator; gives its distance from every reference, (n, a, 3), NaN where it has none.
+
+    Total variation of the letters' probabilities; then, where the most probable letter is the reference's, mm between
+    the poses, and the energy distance of the beliefs about the pose in mm if the estimator shows its own.
+    """
+    fit(estimator, training())
+    objects, letters = properties(training()), OPTIONS.letters
+    result = np.full((*references.pose.shape[:2], 3), np.nan)
+    for n, (readings, sensor_in_robot) in enumerate(
+        zip(references.readings, references.sensor_in_robot, strict=True)
+    ):
+        for a, estimate in enumerate(believed(estimator, readings, sensor_in_robot)):
+            p = np.array([estimate.probabilities.get(letter, 0.0) for letter in letters])
+            result[n, a, 0] = np.abs(p - references.probabilities[n, a]).sum() / 2
+            best = letters[int(references.probabilities[n, a].argmax())]
+            if estimate.label != best:
+                continue
+            result[n, a, 1] = placement_error(estimate.robot_in_object, references.pose[n, a], objects[best])
+            if estimate.samples is not None:
+                mine = drawn(estimate.samples, SAMPLES, np.random.default_rng(0))
+                result[n, a, 2] = energy_distance(mine, references.samples[n, a], objects[best])
+    return result
+
+
+def shipped() -> Path:
+    """Give the place of the references that come with the package."""
+    return Path(str(files("tactsim.bench") / "bound" / "references.npz"))
+
+
+def save(references: References, path: Path) -> None:
+    """Write references as a compressed .npz, in single precision; equal references give equal bytes."""
+    content = BytesIO()
+    arrays = {
+        name: value if value.dtype.kind == "U" else value.astype(np.float32)
+        for name, value in vars(references).items()
+    }
+    np.savez_compressed(content, **arrays)
+    write_bytes(path, content.getvalue())
+
+
+def load(path: Path | None = None) -> References:
+    """Read references, by default those that are shipped."""
+    with np.load(path or shipped(), allow_pickle=False) as arrays:
+        return References(**{field.name: arrays[field.name] for field in fields(References)})
+
+
+def table(found: Mapping[str, FloatArray]) -> Table:
+    """Lay out mean distances, a row for each estimator and three columns for each reading of AT."""
+    result = Table(box=None, pad_edge=False)
+    result.add_column("estimator")
+    for reading in AT:
+        for what in (f"letter @{reading}", "pose mm", "belief mm"):
+            result.add_column(what, justify="right")
+    for name, of in found.items():
+        means = np.array(
+            [np.nan if np.isnan(row).all() else np.nanmean(row) for row in of.reshape(len(of), -1).T]
+        )
+        result.add_row(name, *("-" if np.isnan(mean) else f"{mean:.3f}" for mean in means))
+    return result
+
+
+def main(words: Sequence[str]) -> int:
+    """Print how far estimators are from the references, or make the references anew; returns the exit status."""
+    parser = argparse.ArgumentParser(prog="python -m tactsim.bench.bound.references", description=__doc__)
+    parser.add_argument("estimators", nargs="*", help="which ones; all that come with the package by default")
+    parser.add_argument("--make", action="store_true", help="work the references out and write them")
+    asked = parser.parse_args(words)
+    console = Console(width=None if sys.stdout.isatty() else 200)
+    try:
+        if asked.make:
+            save(make(), shipped())
+        references = load()
+        found = {}
+        for name in asked.estimators or BUILT_IN:
+            found[name] = distances(create(name), references)
+    except InputError as error:
+        print(f"references: {error}", file=sys.stderr)
+        return 2
+    console.print(table(found))
+    letter, mm = references.error.reshape(-1, 2).max(axis=0)
+    console.print(
+        f"Means over {len(references.truth)} objects. letter: total variation of the letters' probabilities. pose: mm "
+        "between the estimates where the letters agree. belief: energy distance of the weighted poses, mm. The "
+        f"references themselves are off by at most {letter:.3f} and {mm:.3f} mm."
+    )
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

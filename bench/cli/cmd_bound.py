@@ -1,0 +1,53 @@
+"""`bench bound`: how good an estimator can be at all."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from tactsim.bench.cli import shared_options as shared
+from tactsim.bench.cli.words import Words, with_options_of
+from tactsim.bench.config import ScanWords, run_config
+
+
+@with_options_of(ScanWords)
+def command(
+    words: Words,
+    trials: Annotated[int, typer.Option(min=1, help="Trials for each letter.")] = 10,
+    readings: Annotated[int, typer.Option(min=1, help="Readings a trial, without replacement.")] = 20,
+    scan: Annotated[
+        Path | None,
+        typer.Option(help="Readings from a file of `bench scan` instead of the press.", show_default=False),
+    ] = None,
+    jobs: shared.Jobs = 1,
+    cache: shared.Cache = True,
+    out: Annotated[
+        Path | None, typer.Option(help="Also draw a picture: the file to write, .png.", show_default=False)
+    ] = None,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print one JSON object on standard output and nothing else there.")
+    ] = False,
+) -> None:
+    """Say how good an estimator can be: exact Bayes, and the Cramer-Rao bound of the error, by reading."""
+    from tactsim.bench.bound.bound import find_bound
+    from tactsim.bench.places import check_new_file
+    from tactsim.bench.results import to_json
+    from tactsim.bench.terminal import print_bound, progress_bars
+    from tactsim.core.files import write_bytes
+
+    if out is not None:
+        check_new_file(out)
+    given = {} if scan is None else {"scan": scan}
+    config = run_config(**words, **given, trials=trials, readings=readings)
+    with progress_bars() as progress:
+        found = find_bound(config, jobs=jobs, cache=cache, progress=progress)
+    if out is not None:
+        write_bytes(out, found.plot().png())
+    if as_json:
+        typer.echo(to_json(found.as_json()), nl=False)
+    else:
+        print_bound(found)
+        if out is not None:
+            typer.echo(f"picture  {out}")

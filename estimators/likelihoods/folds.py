@@ -1,0 +1,84 @@
+"""Parts of the training readings that are predicted from the others: what a model says of places it was not shown."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tactsim.core import Scan, transform
+from tactsim.core.poses import FloatArray
+
+# As many parts; each is predicted from the rest.
+FOLDS = 4
+# mm; presses that are as near as that are at one position and belong to one part.
+_APART = 1.0
+# mm; a place is known if a taxel lay as near as that.
+_NEAR = 1.0
+
+
+def by_letter(divide: Callable[[FloatArray], NDArray[Any]], train: Scan) -> NDArray[Any]:
+    """Apply a function of poses (n, 3) to the training readings of each letter by itself: (readings,)."""
+    result = np.empty(len(train), dtype=divide(train.poses[:1]).dtype)
+    for label in train.letters:
+        mine = train.labels == label
+        result[mine] = divide(train.poses[mine])
+    return result
+
+
+def positions(poses: FloatArray) -> NDArray[np.intp]:
+    """Count off the positions at which presses at poses (n, 3) were made: (n,), from 0."""
+    return np.unique(np.round(poses[:, :2] / _APART), axis=0, return_inverse=True)[1].reshape(-1)
+
+
+def folds(poses: FloatArray) -> NDArray[np.intp]:
+    """Divide training presses at poses (n, 3) into at most FOLDS parts by position: (n,), from 0.
+
+    Presses at one position share more than the map: what lies under the rim, how the pad tilts. So a press says
+    little of a press elsewhere unless all presses at its own position are left out. Neighbours go to different parts,
+    so that no large hole is left. If there is one position only, presses are divided.
+    """
+    which = positions(poses)
+    count = int(which.max()) + 1
+    if count == 1:
+        return np.arange(len(poses)) % FOLDS
+    places = np.array([poses[which == number, :2].mean(axis=0) for number in range(count)])
+    parts: list[list[FloatArray]] = [[] for _ in range(min(FOLDS, count))]
+    chosen = np.empty(count, dtype=np.intp)
+    most = -(-count // len(parts))
+    for number, position in enumerate(places):
+        room = [
+            np.min([((other - position) ** 2).sum() for other in part], initial=np.inf)
+            if len(part) < most
+            else -1.0
+            for part in parts
+        ]
+        chosen[number] = int(np.argmax(room))
+        parts[chosen[number]].append(position)
+    return chosen[which]
+
+
+def touched_elsewhere(train: Scan, part: NDArray[np.intp]) -> NDArray[np.bool_]:
+    """Tell which taxels of training readings lie where presses of other parts had a taxel too: (n, taxels).
+
+    The others are at the rim of what was felt. Left out, they are not interpolated, as readings within the trained range
+    are, but extrapolated, and say nothing of how good the map is. part: (n,) as `folds` divides.
+    """
+    from scipy.spatial import cKDTree  # imported here: only a fit needs it
+
+    xy = transform(train.poses, train.taxel_xy)
+    near = np.zeros(train.readings.shape, dtype=bool)
+    for label in train.letters:
+        for number in range(FOLDS):
+            mine, rest = (
+                (train.labels == label) & (part == number),
+                (train.labels == label) & (part != number),
+            )
+            if mine.any() and rest.any():
+                away, _ = cKDTree(xy[rest].reshape(-1, 2)).query(
+                    xy[mine].reshape(-1, 2), distance_upper_bound=_NEAR
+                )
+                near[mine] = np.isfinite(away).reshape(-1, near.shape[1])
+    return near

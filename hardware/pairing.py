@@ -1,0 +1,112 @@
+"""Find the frames that all parts of a pad measured at one moment; frames of different moments make no reading."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from typing import Protocol
+
+from tactsim.core.counters import Counters
+from tactsim.hardware.codecs.codec import Frame
+
+Place = tuple[int, int]  # port, address
+Moment = dict[Place, Frame]  # the frames of all parts
+
+_MOST_VALUES = 1 << 17  # taxels' values that wait for other parts: more than a port gives in one read
+
+
+class Pairing(Protocol):
+    """What waits for the frames of other parts."""
+
+    def add(self, place: Place, frame: Frame, earliest: float, latest: float) -> Moment | None:
+        """Take in a frame that was measured between two times, s; returns the moment that it completes, or None."""
+
+    def forget(self) -> None:
+        """Drop what waits."""
+
+    def waiting(self) -> list[Frame]:
+        """List the frames that wait for others."""
+
+
+@dataclass
+class _Open:
+    since: float
+    frames: Moment = field(default_factory=dict)
+
+
+class ByIndex:
+    """Pair frames whose counters are equal.
+
+    A part sends its frames in order. So when one with a later counter comes, the part's frame that an
+    earlier moment still lacks was lost, and that moment is dropped. A moment that is not complete
+    `patience` s after its first frame is dropped, too: the counter starts again after `wrap` frames.
+    """
+
+    def __init__(
+        self, places: Iterable[Place], wrap: int, patience: float, taxels: int, counters: Counters
+    ) -> None:
+        self._parts, self._wrap, self._patience = len(set(places)), wrap, patience
+        self._most = min(max(4, _MOST_VALUES // taxels), wrap // 4)
+        self._counters = counters
+        self._moments: dict[int, _Open] = {}  # by counter, in the order in which they began
+
+    def add(self, place: Place, frame: Frame, earliest: float, latest: float) -> Moment | None:
+        """Take in a frame that came at `latest`, s; see `Pairing.add`."""
+        index = frame.index
+        assert index is not None
+        while self._moments:
+            first, moment = next(iter(self._moments.items()))
+            passed = place not in moment.frames and 0 < (index - first) % self._wrap <= self._wrap // 2
+            if not passed and latest - moment.since <= self._patience and len(self._moments) <= self._most:
+                break
+            self._counters.unpaired += len(self._moments.pop(first).frames)
+        moment = self._moments.setdefault(index, _Open(latest))
+        self._counters.unpaired += place in moment.frames
+        moment.frames[place] = frame
+        if len(moment.frames) < self._parts:
+            return None
+        return self._moments.pop(index).frames
+
+    def forget(self) -> None:
+        """Drop what waits."""
+        self._counters.unpaired += len(self.waiting())
+        self._moments.clear()
+
+    def waiting(self) -> list[Frame]:
+        """List the frames that wait for others."""
+        return [frame for moment in self._moments.values() for frame in moment.frames.values()]
+
+
+class ByTime:
+    """Pair frames that were measured within `within` s of each other, whatever is not known of their times.
+
+    When a frame was measured is known to lie between two times. Frames are paired only if the earliest
+    and the latest of all are at most `within` apart; a frame that no later one can be paired with is dropped.
+    """
+
+    def __init__(self, places: Iterable[Place], within: float, counters: Counters) -> None:
+        self._parts, self._within, self._counters = len(set(places)), within, counters
+        self._held: dict[Place, tuple[Frame, float]] = {}  # each part's newest frame, and its earliest time
+
+    def add(self, place: Place, frame: Frame, earliest: float, latest: float) -> Moment | None:
+        """Take in a frame that was measured between two times, s; see `Pairing.add`."""
+        before = len(self._held) + 1
+        self._held[place] = frame, earliest
+        self._held = {
+            part: held for part, held in self._held.items() if 0 <= latest - held[1] <= self._within
+        }
+        self._counters.unpaired += before - len(self._held)
+        if len(self._held) < self._parts:
+            return None
+        moment = {part: held[0] for part, held in self._held.items()}
+        self._held = {}
+        return moment
+
+    def forget(self) -> None:
+        """Drop what waits."""
+        self._counters.unpaired += len(self._held)
+        self._held.clear()
+
+    def waiting(self) -> list[Frame]:
+        """List the frames that wait for others."""
+        return [frame for frame, _ in self._held.values()]

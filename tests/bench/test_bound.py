@@ -1,0 +1,179 @@
+"""The Cramer-Rao bound where it is known in closed form, by enumeration, or reached by an estimator."""
+
+from dataclasses import replace
+from itertools import product
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from scipy.stats import norm
+
+import tactsim
+from tactsim import models
+from tactsim.bench.bound import cramer_rao, information, response
+from tactsim.bench.bound.scan_information import scan_information
+from tactsim.bench.placement_error import Properties
+from tactsim.bench.score import errors
+from tactsim.core import InputError, compose
+from tactsim.estimators.likelihoods.classifier import CONTACT, NO_CONTACT, classify
+from tactsim.press import SensorOptions
+
+BAR = Properties(symmetry=1, centre=(0.0, 0.0), inertia_over_mass=25.0)
+DISC = Properties(symmetry=0, centre=(0.0, 0.0), inertia_over_mass=25.0)
+
+
+@pytest.mark.parametrize(
+    ("variances", "length"),
+    [
+        ([4.0], 2 * np.sqrt(2 / np.pi)),
+        ([1.0, 1.0], np.sqrt(np.pi / 2)),
+        ([9.0, 9.0, 9.0], 6 * np.sqrt(2 / np.pi)),
+        ([1.0, 0.0, 0.0], np.sqrt(2 / np.pi)),
+        ([1e-12, 1e-12, 1e-12], 2e-6 * np.sqrt(2 / np.pi)),
+    ],
+)
+def test_mean_length_of_a_gaussian_in_closed_form(variances, length):
+    assert cramer_rao.mean_length(np.array(variances)) == pytest.approx(length, rel=1e-9)
+
+
+@given(arrays(float, 3, elements=st.floats(1e-4, 1e2)))
+def test_mean_length_lies_between_the_bounds_of_jensen(variances):
+    length, rms = float(cramer_rao.mean_length(variances)), np.sqrt(variances.sum())
+    assert np.sqrt(2 / np.pi) * rms * (1 - 1e-9) <= length <= 0.9214 * rms
+
+
+def test_a_turn_counts_by_the_root_of_inertia_over_mass_and_a_disc_has_none():
+    turn_only = np.diag([1e12, 1e12, 1 / 0.01**2])
+    assert cramer_rao.bound_mm(turn_only, BAR) == pytest.approx(5 * 0.01 * np.sqrt(2 / np.pi), rel=1e-4)
+    assert cramer_rao.bound_mm(np.diag([4.0, 4.0, 0.0]), DISC) == pytest.approx(0.5 * np.sqrt(np.pi / 2))
+    assert cramer_rao.bound_mm(np.diag([4.0, 4.0, 0.0]), BAR) == cramer_rao.FARTHEST_MM
+
+
+def toy(rng, taxels=6, unknowns=2):
+    """A press that is linear in everything: its posterior is Gaussian, and the bound is exact."""
+    return response.Response(
+        mean=50 + rng.normal(size=(1, taxels)),
+        by_pose=10 * rng.normal(size=(1, taxels, 3)),
+        unknown=3 * rng.normal(size=(1, taxels, unknowns)),
+    )
+
+
+def test_least_squares_reaches_the_bound_of_a_gaussian_toy():
+    rng = np.random.default_rng(0)
+    model, sensor, pose = toy(rng), SensorOptions(noise=2.0, resolution=0.0), np.zeros((1, 3))
+    found = information.of_pressures(model, pose, sensor)[0]
+    covariance = 4 * np.eye(6) + model.unknown[0] @ model.unknown[0].T
+    closed = model.by_pose[0].T @ np.linalg.inv(covariance) @ model.by_pose[0]
+    np.testing.assert_allclose(found, closed, rtol=1e-9)
+
+    count = 100_000
+    readings = (
+        2 * rng.standard_normal((count, 6)) + rng.standard_normal((count, 2)) @ model.unknown[0].T
+    )  # of an object at 0, without the mean
+    estimate = readings @ np.linalg.inv(covariance) @ model.by_pose[0] @ np.linalg.inv(closed)
+    distance = np.sqrt(estimate**2 @ np.array([1, 1, BAR.inertia_over_mass]))
+    assert distance.mean() == pytest.approx(float(cramer_rao.bound_mm(found, BAR)), rel=0.01)
+
+
+def test_information_of_classes_is_that_of_an_enumeration():
+    """Three taxels and exact poses: 27 readings, each with its probability, differentiated numerically.
+
+    The largest taxel is far above the others and nearly free of noise, so that its error does not matter.
+    """
+    sensor, mean = SensorOptions(noise=0.5, resolution=0.0), np.array([1.4, 8.3, 30.0])
+    slopes = np.array([[0.9, -0.2, 1.0], [-0.5, 0.8, 0.3], [1.2, 0.4, -0.7]])
+
+    def probability(move):
+        m = mean + slopes @ move
+        share = 0.3 * m[2]
+        high, low = max(2.0, share), min(2.0, share)
+        p = np.empty((3, 3))
+        p[:, 0], p[:, 1] = norm.sf((high - m) / 0.5), norm.cdf((low - m) / 0.5)
+        p[:, 2] = 1 - p[:, 0] - p[:, 1]
+        return np.array([np.prod([p[j, c] for j, c in enumerate(of)]) for of in product(range(3), repeat=3)])
+
+    step = 1e-5
+    p = probability(np.zeros(3))
+    rise = np.stack([(probability(d) - probability(-d)) / (2 * step) for d in step * np.eye(3)], axis=1)
+    kept = p > 1e-12
+    exact = (rise[kept].T / p[kept]) @ rise[kept]
+    # The largest taxel's noise is known here: its column has no part in the others' information.
+    columns = np.concatenate([slopes, np.zeros((3, 1))], axis=1)
+    given_press = information._given_press(mean[None], columns, np.zeros((1, 3)), 0.5, 2.0)
+    np.testing.assert_allclose(given_press[:3, :3], exact, rtol=1e-4, atol=1e-6)
+
+    # Through the front door it is not known, which moves the higher limit by 0.15 kPa (standard deviation).
+    model = response.Response(mean[None], slopes[None], np.zeros((1, 3, 0)))
+    found = information.of_classes(model, np.zeros((1, 3)), sensor, np.random.default_rng(0), draws=500)[0]
+    assert np.trace(found) == pytest.approx(np.trace(exact), rel=0.1)
+
+
+@given(seed=st.integers(0, 1000))
+def test_classes_never_say_more_than_pressures(seed):
+    rng = np.random.default_rng(seed)
+    model, sensor, pose = toy(rng, unknowns=0), SensorOptions(noise=2.0), rng.normal(size=(1, 3))
+    mean = rng.uniform(0, 12, (1, 6))
+    mean[0, 0] = 40.0  # the largest taxel is In Contact whatever its noise
+    model = replace(model, mean=mean)
+    more = information.of_pressures(model, pose, sensor) - information.of_classes(model, pose, sensor, rng)
+    assert np.linalg.eigvalsh(more)[0, 0] > -1e-9 * np.abs(more).max()
+
+
+def test_the_threshold_of_a_rounded_reading_is_that_of_eq_3():
+    rounded = np.round(np.linspace(1, 3, 2001) / 0.7) * 0.7
+    classes = classify(np.stack([rounded, np.full(2001, 2.0 / 0.3)], axis=1))[:, 0]
+    assert set(classes) == {NO_CONTACT, CONTACT}
+    first = np.linspace(1, 3, 2001)[(classes == CONTACT).argmax()]
+    assert first == pytest.approx((np.floor(2.0 / 0.7) + 0.5) * 0.7, abs=2e-3)
+
+
+def test_slopes_of_a_press_are_those_of_its_readings():
+    options = tactsim.ScanOptions(
+        placement_mm=0.0, placement_rad=0.0, placement_tilt=0.0, press={"wrist_stiffness": None}
+    )
+    letter, pose = models.letter("E"), np.array([[3.0, -2.0, 0.4]])
+    answer = response.respond(letter, pose, options)
+    moves = information.object_slopes(answer.by_pose, pose)[0]
+    step = 1e-3
+    for axis in range(3):
+        move = step * np.eye(3)[axis]
+        ahead = tactsim.press(letter, compose(move, pose[0]), options).ideal
+        behind = tactsim.press(letter, compose(-move, pose[0]), options).ideal
+        np.testing.assert_allclose(moves[:, axis], (ahead - behind) / (2 * step), rtol=0.03, atol=0.3)
+    assert answer.unknown.shape == (1, 36, 3)
+    assert not answer.unknown.any()
+
+
+def test_a_trial_knows_more_with_every_reading_and_no_estimator_knows_more_than_the_bound_says():
+    run = tactsim.run(letters="AE", trials=3, readings=20, world="level", estimator="nearest")
+    info = scan_information(run.plan.scan)
+    pressures, classes = info.bounds(run.trials), info.bounds(run.trials, "classes")
+    assert pressures.shape == run.trials.reading.shape
+    # Lengths of Gaussians shrink with their covariances, up to the noise of the classes' draws.
+    assert (np.diff(pressures[:, 2:], axis=1) <= 1e-12).all()
+    assert (pressures <= classes * 1.02).all()
+    assert 0.03 < pressures[:, -1].mean() < 0.09
+    again = scan_information(run.plan.scan, cache=False)
+    np.testing.assert_array_equal(again.pressures["A"], info.pressures["A"])
+    assert errors(run.trials, run.objects).shape == pressures.shape
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"sensor": {"lag": 0.2}}, "lag"),
+        ({"sensor": {"noise": 0.0, "resolution": 0.0}}, "noise"),
+        ({"sensor": {"random_taxels": 1.0}}, "random_taxels"),
+    ],
+)
+def test_a_sensor_that_is_no_reading_plus_noise_has_no_bound(changes, said):
+    with pytest.raises(InputError, match=said):
+        response.noise_variance(tactsim.ScanOptions(**changes).sensor)
+
+
+def test_readings_that_do_not_say_how_they_were_pressed_have_no_bound():
+    scan = tactsim.scan(letters="I", noise="off")
+    with pytest.raises(InputError, match="do not say how they were pressed"):
+        scan_information(replace(scan, meta={}))

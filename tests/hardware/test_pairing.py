@@ -1,0 +1,255 @@
+"""Each reading's values come from one moment of the device, or there is no reading, whatever of each part is lost."""
+
+import os
+import tty
+from contextlib import contextmanager
+from itertools import groupby
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from made_pads import LAYOUT, PAD, singletact, small_device
+
+from tactsim.core.source import NoReading
+from tactsim.hardware.codecs.codec import Frame
+from tactsim.hardware.device import Device
+from tactsim.hardware.emulator import emulate
+from tactsim.hardware.live import LiveSource
+from tactsim.hardware.stream import Stream
+
+HEADER, INDEX = {"is": "header", "bytes": "AA 55"}, {"is": "index", "size": 2}
+TAXELS, FOOTER = {"is": "taxels", "count": 6, "bits": 16}, {"is": "footer", "bytes": "0D 0A"}
+PARTS = [[0, 1, -1, -1, -1, -1], [-1, -1, 2, 3, -1, -1], [-1, -1, -1, -1, 4, 5]]
+PERIOD = 0.01  # s from one frame to the next
+
+
+def pad_of_parts(ports, items, **device):
+    """A pad of as many parts as `ports` names a port for, each of which has six taxels."""
+    wires = [list(taxels) for taxels in PARTS[: len(ports)]]
+    wires[-1] = [k if all(k not in wire for wire in wires[:-1]) else -1 for k in range(6)]
+    parts = [
+        {"port": port, "address": at, "taxels": wire}
+        for at, (port, wire) in enumerate(zip(ports, wires, strict=True))
+    ]
+    layout = [HEADER, {"is": "address"}, *items, TAXELS, FOOTER]
+    codec = {"kind": "fields", "kpa_per_count": 1.0, "layout": layout}
+    return Device.model_validate({"name": "parts", "codec": codec, "pad": PAD, "part": parts} | device)
+
+
+def says(device, part, moment, first=0):
+    """Write what a part says of a moment: its values are the moment's number."""
+    values = np.full(6, float(moment))
+    return device.codec.build().encode(Frame(values, part, (first + moment) % 65536, 0))
+
+
+wirings = st.sampled_from([[0, 0], [0, 1], [1, 0, 0], [0, 1, 2], [0, 0, 0]])
+
+
+@settings(max_examples=30)
+@given(wirings, st.integers(0, 65535), st.integers(0, 60), st.randoms(use_true_random=False))
+def test_by_the_counter_no_loss_joins_two_moments(ports, first, losses, random):
+    """Frames of every part are lost, links lag behind each other, come in lumps and are lost themselves."""
+    device = pad_of_parts(ports, [INDEX])
+    stream, queues = Stream(device), {port: [] for port in ports}
+    share = losses / 100
+    for moment in range(60):
+        for part, port in enumerate(ports):
+            if random.random() >= share:
+                queues[port].append((moment, says(device, part, moment, first)))
+    readings, now = [], 0.0
+    while any(queues.values()):
+        port = random.choice([port for port, queue in queues.items() if queue])
+        count = random.randint(1, 12)
+        lump, queues[port] = queues[port][:count], queues[port][count:]
+        now += 1e-3
+        readings += stream.received(port, b"".join(message for _, message in lump), now)
+        if random.random() < share / 10:
+            stream.lost(port, now)
+    moments = [set(reading.pressures.tolist()) for reading in readings]
+    assert all(len(moment) == 1 for moment in moments)
+    numbers = [moment.pop() for moment in moments]
+    assert numbers == sorted(set(numbers))
+    assert [reading.index for reading in readings] == [(first + number) % 65536 for number in numbers]
+    if not losses:
+        assert len(readings) == 60
+    assert stream.waiting_bytes() < 100 * len(ports) * 100
+
+
+@settings(max_examples=30)
+@given(wirings, st.integers(0, 60), st.randoms(use_true_random=False))
+def test_by_a_stated_time_no_loss_joins_two_moments(ports, losses, random):
+    """There is no counter. Each frame comes some time after its moment, and a stalled reader finds several at once."""
+    device = pad_of_parts(ports, [], pair_within_s=0.4 * PERIOD)
+    stream, readings = Stream(device), []
+    arrivals = []
+    for moment in range(60):
+        for part, port in enumerate(ports):
+            if 100 * random.random() >= losses:
+                late = 0.2 * PERIOD * random.random()
+                arrivals.append((moment * PERIOD + late, port, says(device, part, moment)))
+    arrivals.sort(key=lambda arrival: arrival[0])
+    stalls = [random.uniform(0, 60 * PERIOD) for _ in range(losses // 10)]
+    came = [(read_at(when, stalls), port, when, message) for when, port, message in arrivals]
+    came.sort(key=lambda arrival: arrival[:3])
+    for (now, port), messages in groupby(came, key=lambda arrival: arrival[:2]):
+        *_, when, lump = zip(*messages, strict=True)
+        if set(when) == {now}:  # the reader was waiting
+            readings += stream.received(port, b"", now)
+        readings += stream.received(port, b"".join(lump), now)
+    assert all(len(set(reading.pressures)) == 1 for reading in readings)
+    if not losses:
+        assert len(readings) == 60
+
+
+def read_at(when, stalls):
+    """Give the time at which a byte is read that came at `when`: a reader stalls for three frames."""
+    for stall in sorted(stalls):
+        if stall <= when < stall + 3 * PERIOD:
+            when = stall + 3 * PERIOD
+    return when
+
+
+@settings(max_examples=10)
+@given(st.integers(0, 40), st.integers(0, 1000))
+def test_sensors_that_are_asked_are_joined_by_the_bridges_clock(losses, seed):
+    """The pressure rises all the time, so each value tells when it was measured."""
+    parts = [{"address": 5, "taxels": [0, 1]}, {"address": 6, "taxels": [2, 3]}]
+    device = singletact(2, parts)
+    device = device.model_copy(update={"pair_within_s": 0.05})
+    emulated = emulate(device, lambda now: np.full(4, 20 * now), rate=100.0)
+    stream, rng, readings = Stream(device), np.random.default_rng(seed), []
+    for step in range(400):
+        now = step * 0.005
+        if request := stream.request(0, now):
+            stream.sent(0, request, now)
+            emulated.hear(request, now)
+        for message in emulated.say(now):
+            if 100 * rng.random() >= losses:
+                readings += stream.received(0, message, now + 0.002)
+    moments = np.array([reading.pressures for reading in readings]) / 20
+    assert len(readings) > (0 if losses else 70)
+    assert (
+        np.ptp(moments, axis=1).max() <= 0.05 + 1 / 100 + 0.2 / 20
+    )  # a frame's period, and half a count of each
+
+
+def test_one_lost_frame_costs_one_reading():
+    device = pad_of_parts([0, 0], [INDEX])
+    stream, readings = Stream(device), []
+    for moment in range(1000):
+        for part in range(2):
+            if (moment, part) != (400, 1):
+                readings += stream.received(0, says(device, part, moment), moment * PERIOD)
+    assert len(readings) == 999
+    assert all(len(set(reading.pressures)) == 1 for reading in readings)
+    assert (stream.counters.missed, stream.counters.unpaired) == (1, 1)
+
+
+def test_a_counter_that_comes_round_again_pairs_with_nothing_old():
+    """One part says 7 and both are silent until the other's counter has come round to 7 again."""
+    device = pad_of_parts([0, 0], [INDEX])
+    stream = Stream(device)
+    assert stream.received(0, says(device, 0, 7), 0.0) == []
+    assert stream.received(0, says(device, 1, 7), 131.0) == []
+
+
+def test_a_device_that_begins_anew_is_joined_with_nothing_of_before():
+    device = pad_of_parts([0, 0], [INDEX])
+    stream = Stream(device)
+    for index in (900, 901):
+        stream.received(0, says(device, 1, index), 0.0)
+    stream.received(0, says(device, 0, 901), 0.0)
+    assert stream.received(0, says(device, 0, 950), 0.1) == []  # and then it is reset
+    assert stream.received(0, says(device, 0, 3), 0.2) == []
+    (reading,) = stream.received(0, says(device, 1, 3), 0.2) + stream.received(
+        0, says(device, 0, 4) + says(device, 1, 4), 0.3
+    )
+    assert set(reading.pressures) == {4.0}
+    assert reading.after_loss
+    assert stream.received(0, says(device, 1, 950), 0.4) == []
+
+
+def test_the_first_reading_behind_a_lost_link_says_so():
+    device = small_device()
+    form, stream = device.codec.build(), Stream(device)
+
+    def say(index):
+        (reading,) = stream.received(0, form.encode(Frame(np.zeros(6), index=index, ticks=index)), index / 10)
+        return reading.after_loss
+
+    assert [say(1), say(2)] == [False, False]
+    stream.lost(0, 0.25)
+    assert [say(3), say(4)] == [True, False]
+
+
+@contextmanager
+def two_ports(folder):
+    """Two ports that can be unplugged; gives their names and a function that plugs both in, anew if need be."""
+    masters, names = [], [str(folder / "left"), str(folder / "right")]
+
+    def plug():
+        for master in masters:
+            os.close(master)
+        masters.clear()
+        for name in names:
+            master, slave = os.openpty()
+            tty.setraw(slave)
+            Path(name).unlink(missing_ok=True)
+            Path(name).symlink_to(os.ttyname(slave))
+            os.close(slave)
+            masters.append(master)
+        return masters
+
+    plug()
+    try:
+        yield names, plug, masters
+    finally:
+        for master in masters:
+            os.close(master)
+
+
+def test_halves_from_before_and_after_an_unplugged_cable_are_not_joined(tmp_path):
+    device = pad_of_parts([0, 1], [INDEX])
+    with two_ports(tmp_path) as (names, plug, masters), LiveSource(names, device) as source:
+        os.write(masters[0], says(device, 0, 5))
+        with pytest.raises(NoReading, match="nothing from the part at address 1"):
+            source.read(0.3)
+        plug()
+        with pytest.raises(NoReading):
+            source.read(1.0)
+        os.write(masters[1], says(device, 1, 5))
+        with pytest.raises(NoReading):
+            source.read(0.3)
+        assert source.counters.reconnects == 2
+        for port in range(2):
+            os.write(masters[port], says(device, port, 6))
+        reading = source.read(5.0)
+    assert set(reading.pressures) == {6.0}
+    assert reading.after_loss
+
+
+def test_parts_whose_counters_never_agree_are_told_so(tmp_path):
+    device = pad_of_parts([0, 1], [INDEX])
+    with two_ports(tmp_path) as (names, _, masters), LiveSource(names, device) as source:
+        for moment in range(3):
+            os.write(masters[0], says(device, 0, moment))
+            os.write(masters[1], says(device, 1, moment + 40))
+        with pytest.raises(NoReading, match="frames of all parts come, but not with the same counter"):
+            source.read(0.4)
+
+
+@pytest.mark.parametrize("index", [[], [{"is": "index", "size": 1}]])
+def test_parts_without_a_counter_that_lasts_need_a_stated_time(index):
+    with pytest.raises(ValueError, match="state pair_within_s"):
+        pad_of_parts([0, 1], index)
+    assert pad_of_parts([0, 1], index, pair_within_s=0.02).ports == 2
+    assert small_device(codec={"layout": [LAYOUT[0], TAXELS]}).ports == 1
+
+
+def test_several_singletact_sensors_need_a_stated_time():
+    parts = [{"address": 5, "taxels": [0]}, {"address": 6, "taxels": [1]}]
+    content = singletact(1, parts).as_json() | {"pair_within_s": None}
+    with pytest.raises(ValueError, match=r"the pad has 2 parts.*state pair_within_s"):
+        Device.model_validate(content)
