@@ -26,6 +26,7 @@ from tactsim.bench.report.collect import find
 from tactsim.bench.report.pareto import recognition_seconds
 from tactsim.bench.results import load
 from tactsim.bench.run import Run
+from tactsim.bench.score import recoveries
 from tactsim.bench.trials import source_of_trials
 from tactsim.core import InputError
 from tactsim.core.documents import read_text
@@ -139,6 +140,9 @@ def cell(one: Pooled, figure: str) -> str:
         found = READINGS[name](one)
         value, low, high = (str(part or "later") for part in (found.value, found.low, found.high))
         return value if low == high == value else f"{value} ({low}-{high})"
+    if name == "recovered_within_3" and not at:
+        found = _recovered(one)
+        return "-" if found.value is None else f"{found.value:.3f} ({found.low:.3f}-{found.high:.3f})"
     if name == "ms" and not at:
         return f"{1e3 * recognition_seconds(one.trials, one.runs[0].readings):.3g}"
     if name in CURVES and at.isdigit():
@@ -150,11 +154,19 @@ def cell(one: Pooled, figure: str) -> str:
             return "-"
         digits = 2 if name in ("error", "efficiency", "sharpness") else 3
         return f"{found.value:.{digits}f} ({found.low:.{digits}f}-{found.high:.{digits}f})"
-    raise unknown("figure", figure, (*READINGS, "ms", *(f"{curve}@5" for curve in CURVES)))
+    raise unknown(
+        "figure", figure, (*READINGS, "recovered_within_3", "ms", *(f"{curve}@5" for curve in CURVES))
+    )
 
 
 def _error(one: Pooled, k: int) -> Figure:
     return one.mean(one.errors[:, k], of=one.trials.named[:, k])
+
+
+def _recovered(one: Pooled) -> Figure:
+    counted = [recoveries(run.trials, run.objects, 3) for run in one.runs]
+    jumps, found = (np.concatenate(column) for column in zip(*counted, strict=True))
+    return one.mean(found / np.maximum(jumps, 1), of=jumps > 0)
 
 
 def _bound(one: Pooled, k: int) -> Figure:
@@ -211,6 +223,7 @@ HEADINGS = {
     "settled_95": "95 % settled by",
     "settled_50": "half settled by",
     "all_right_from": "all right from",
+    "recovered_within_3": "jumps found again",
     "ms": "ms a recognition",
 }
 

@@ -156,11 +156,19 @@ def recovered_within_3(trials: Trials, objects: Mapping[str, Properties]) -> flo
 
 
 def recovered_within(trials: Trials, objects: Mapping[str, Properties], readings: int) -> float | None:
-    """Give the share of the jumps that are recovered in so many readings; None if there is none to judge.
+    """Give the share of the jumps that are recovered in so many readings; None if there is none to judge."""
+    jumps, found = recoveries(trials, objects, readings)
+    return float(found.sum() / jumps.sum()) if jumps.any() else None
+
+
+def recoveries(
+    trials: Trials, objects: Mapping[str, Properties], readings: int
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Count the jumps of each trial (n,), and those that are recovered in so many readings (n,).
 
     A jump is a step of the object's centre of mass of at least JUMP mm between two touches. It is recovered as
     soon as the letter is right and the placement error at most RECOVERED mm; the touch right after the jump
-    counts as the first. Jumps with fewer readings left are not judged, nor those of letters that were held out.
+    counts as the first. Jumps with fewer readings left are not counted, nor those of letters that were held out.
     """
     jumped = np.zeros(trials.label.shape, dtype=bool)
     for letter in np.unique(trials.truth):
@@ -170,11 +178,11 @@ def recovered_within(trials: Trials, objects: Mapping[str, Properties], readings
         jumped[chosen, 1:] = np.hypot(step[..., 0], step[..., 1]) >= JUMP
     jumped[~trials.known] = False
     jumped[:, max(0, trials.label.shape[1] - readings + 1) :] = False
-    found = trials.right & (errors(trials, objects) <= RECOVERED)
+    near = trials.right & (errors(trials, objects) <= RECOVERED)
     trial, touch = np.nonzero(jumped)
-    if not len(trial):
-        return None
-    return float(found[trial[:, None], touch[:, None] + np.arange(readings)].any(axis=1).mean())
+    again = near[trial[:, None], touch[:, None] + np.arange(readings)].any(axis=1)
+    count = len(trials.truth)
+    return jumped.sum(axis=1), np.bincount(trial[again], minlength=count)
 
 
 def confusion(trials: Trials, objects: Mapping[str, Properties]) -> dict[str, dict[str, int]]:

@@ -19,6 +19,7 @@ TOPICS = (
     "filters",
     "particles",
     "none",
+    "motion",
     "press",
     "engines",
     "dynamics",
