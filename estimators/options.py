@@ -32,7 +32,7 @@ class MapOptions(Options):
 class LikelihoodOptions(MapOptions):
     """Which measurement model, and its parameters (paper, eq. 7)."""
 
-    likelihood: str = Field("paper", description="the measurement model: paper, calibrated, force")
+    likelihood: str = Field("paper", description="the measurement model: paper, calibrated, force, graded")
     gamma: float = Field(0.1, ge=1e-300, lt=1, description="gamma of eq. 7: how often the classifier fails")
     failure: Literal["printed", "complement"] = Field(
         "printed", description="No Contact after a failure in eq. 7: p(m) as printed, or 1 - p(m)"
