@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -220,6 +220,9 @@ class GradedOptions(RefinedOptions):
     """Options of the coarse-to-fine filter, with grades of the reading's own pressure unless said otherwise."""
 
     likelihood: str = Field("graded", description="the measurement model: paper, calibrated, force, graded")
+    threshold: Annotated[float, Field(ge=-1e9, le=1e9)] | Literal["auto"] = Field(
+        "auto", description="T of eq. 3, kPa; auto: 1/18 of the training readings' median scale"
+    )
 
 
 class GradedFilter(RefinedFilter):

@@ -13,9 +13,9 @@ from tactsim.core.poses import FloatArray
 from tactsim.estimators.likelihoods.calibrated import CalibratedLikelihood
 from tactsim.estimators.likelihoods.class_table import Calibration, calibrate, quantile_edges
 from tactsim.estimators.likelihoods.folds import folds, touched_elsewhere
-from tactsim.estimators.likelihoods.force import lehmer_mean
 from tactsim.estimators.likelihoods.likelihood import Evidence, Likelihood, covered
 from tactsim.estimators.likelihoods.occupancy import OccupancyMap
+from tactsim.estimators.likelihoods.scale import lehmer_mean, threshold_of
 
 # Shares of a reading's scale between which the grades lie. The lowest is about what noise reads in a usual press.
 _SHARES = np.array([0.05, 0.15, 0.3, 0.5, 0.7, 0.9])
@@ -44,6 +44,7 @@ class GradedLikelihood(Likelihood):
         self._classes = CalibratedLikelihood(self.options)
         self.maps = self._classes.maps = maps
         train = scan.where("train")
+        self._classes.threshold = threshold_of(self.options.threshold, train.readings)
         self.least = _LEAST * float(np.median(lehmer_mean(train.readings)))
         grades, scale = self.graded(train.readings)
         self.bounds = np.quantile(scale, np.arange(1, _CLASSES) / _CLASSES)
