@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,7 +35,9 @@ _NEGLIGIBLE, _NEGLIGIBLE_IN_MEAN = 30.0, 20.0
 class RefinedOptions(OpenSetOptions):
     """Options of the coarse-to-fine histogram filter."""
 
-    likelihood: str = Field("calibrated", description="the measurement model: paper, calibrated, force")
+    likelihood: str = Field(
+        "calibrated", description="the measurement model: paper, calibrated, force, graded"
+    )
     bins: int = Field(5_000, description="coarse bins per letter; Table I's counts split as printed")
     split: str | None = Field(
         None, description="coarse bins in x, y and angle such as 16x16x36, instead of bins"
@@ -226,13 +228,28 @@ class RefinedFilter(MapFilter):
 class ForceMosaicOptions(RefinedOptions):
     """Options of the coarse-to-fine filter, with pressures instead of classes unless said otherwise."""
 
-    likelihood: str = Field("force", description="the measurement model: paper, calibrated, force")
+    likelihood: str = Field("force", description="the measurement model: paper, calibrated, force, graded")
 
 
 class ForceMosaicFilter(RefinedFilter):
     """The coarse-to-fine filter with a measurement model that predicts pressures instead of classes."""
 
     options_type: type[Options] = ForceMosaicOptions
+
+
+class GradedOptions(RefinedOptions):
+    """Options of the coarse-to-fine filter, with grades of the reading's own pressure unless said otherwise."""
+
+    likelihood: str = Field("graded", description="the measurement model: paper, calibrated, force, graded")
+    threshold: Annotated[float, Field(ge=-1e9, le=1e9)] | Literal["auto"] = Field(
+        "auto", description="T of eq. 3, kPa; auto: 1/18 of the training readings' median scale"
+    )
+
+
+class GradedFilter(RefinedFilter):
+    """The coarse-to-fine filter with a measurement model that does not mind the load and the response curve."""
+
+    options_type: type[Options] = GradedOptions
 
 
 def _highest(values: FloatArray, count: int) -> NDArray[np.intp]:

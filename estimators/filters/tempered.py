@@ -40,7 +40,9 @@ _HOPELESS = 60.0
 class TemperedOptions(OpenSetOptions):
     """Options of the tempered particle filter."""
 
-    likelihood: str = Field("calibrated", description="the measurement model: paper, calibrated, force")
+    likelihood: str = Field(
+        "calibrated", description="the measurement model: paper, calibrated, force, graded"
+    )
     particles: int = Field(
         10_000, ge=1, le=10_000_000, description="n_P over all letters together; each has an equal part"
     )

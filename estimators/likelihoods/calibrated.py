@@ -16,6 +16,7 @@ from tactsim.estimators.likelihoods.classifier import UNKNOWN, classify
 from tactsim.estimators.likelihoods.folds import folds, touched_elsewhere
 from tactsim.estimators.likelihoods.likelihood import Evidence, Likelihood, covered
 from tactsim.estimators.likelihoods.occupancy import OccupancyMap, log_odds_of
+from tactsim.estimators.likelihoods.scale import threshold_of
 
 _CLASSES = UNKNOWN + 1
 
@@ -26,11 +27,14 @@ class CalibratedLikelihood(Likelihood):
     Eq. 7 takes the map's own probabilities and gives Unknown no weight. Here both are learned: the log-odds at
     the training taxels of all letters are divided into quantile bins, and the classes in each bin are counted.
     Unknown taxels lie at edges, so they say much about the pose.
+
+    threshold: T of eq. 3, kPa.
     """
 
     def fit(self, scan: Scan, maps: Mapping[str, OccupancyMap]) -> None:
         """Count classes at the training taxels, each against a map without the presses at its position."""
         self.maps = maps
+        self.threshold = threshold_of(self.options.threshold, scan.where("train").readings)
         odds, kinds = [], []
         for label in maps:
             train = scan.where("train", label)
@@ -73,8 +77,8 @@ class CalibratedLikelihood(Likelihood):
         return replace(chart, log_odds=chart.log_odds - own)
 
     def classes(self, readings: ArrayLike) -> NDArray[np.int8]:
-        """Classify the taxels of readings (..., taxels) kPa, with the T and ratio of the options."""
-        return classify(readings, self.options.threshold, self.options.ratio)
+        """Classify the taxels of readings (..., taxels) kPa, with T and the ratio of the options."""
+        return classify(readings, self.threshold, self.options.ratio)
 
     @property
     def extent(self) -> tuple[FloatArray, FloatArray]:

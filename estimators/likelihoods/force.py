@@ -15,6 +15,7 @@ from tactsim.estimators.likelihoods.folds import FOLDS, by_letter, folds, touche
 from tactsim.estimators.likelihoods.likelihood import Evidence, Likelihood, covered
 from tactsim.estimators.likelihoods.mosaic import Grid, Mosaic, learn_mosaic
 from tactsim.estimators.likelihoods.occupancy import OccupancyMap
+from tactsim.estimators.likelihoods.scale import lehmer_mean
 
 # Relative pressures at which log p is tabulated; between two it is linear. Almost all lie in this range.
 _LEVELS = np.linspace(-0.25, 1.4, 16)
@@ -194,18 +195,6 @@ class ForceLikelihood(Likelihood):
         return Evidence(
             np.concatenate([table, table + 1]), np.tile(taxel, 2), (_COUNTS * share).astype(np.float32)
         )
-
-
-def lehmer_mean(readings: FloatArray) -> FloatArray:
-    """Take the Lehmer mean L4, sum z^4 / sum z^3, over the taxels z of readings (..., taxels): (...) kPa.
-
-    It is the scale of a reading: nearly the pressure of taxels that are wholly covered, with less noise
-    than the largest taxel has. Taxels below 0 count as 0.
-    """
-    pressed = np.maximum(readings, 0)
-    top = pressed.max(axis=-1)
-    share = pressed / np.where(top > 0, top, 1)[..., None]
-    return top * (share**4).sum(axis=-1) / np.maximum((share**3).sum(axis=-1), 1)
 
 
 def gains(felt: FloatArray, predicted: FloatArray, pressure: FloatArray) -> FloatArray:
