@@ -72,8 +72,13 @@ def touched_elsewhere(train: Scan, part: NDArray[np.intp]) -> NDArray[np.bool_]:
     near = np.zeros(train.readings.shape, dtype=bool)
     for label in train.letters:
         for number in range(FOLDS):
-            mine, rest = (train.labels == label) & (part == number), (train.labels == label) & (part != number)
+            mine, rest = (
+                (train.labels == label) & (part == number),
+                (train.labels == label) & (part != number),
+            )
             if mine.any() and rest.any():
-                away, _ = cKDTree(xy[rest].reshape(-1, 2)).query(xy[mine].reshape(-1, 2), distance_upper_bound=_NEAR)
+                away, _ = cKDTree(xy[rest].reshape(-1, 2)).query(
+                    xy[mine].reshape(-1, 2), distance_upper_bound=_NEAR
+                )
                 near[mine] = np.isfinite(away).reshape(-1, near.shape[1])
     return near
