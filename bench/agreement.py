@@ -12,6 +12,7 @@ from tactsim.core.poses import transform
 from tactsim.core.scan import Scan
 from tactsim.estimators import Options
 from tactsim.estimators.likelihoods.classifier import CONTACT, NO_CONTACT, classify
+from tactsim.estimators.likelihoods.scale import threshold_of
 from tactsim.press.clip import covers
 
 
@@ -69,6 +70,8 @@ def eq3_agreement(scan: Scan, options: Options) -> float | None:
         return None
     train = scan.where("train")
     own = {name: getattr(options, name) for name in ("threshold", "ratio") if hasattr(options, name)}
+    if "threshold" in own:
+        own["threshold"] = threshold_of(own["threshold"], train.readings)
     kinds = classify(train.readings, **own)
     letters = {label: models.letter(label) for label in train.letters}
     agreement = classifier_agreement(train, kinds == CONTACT, kinds == NO_CONTACT, letters)

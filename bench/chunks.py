@@ -47,6 +47,7 @@ class Chunk:
 def chunks_of(name: str, plan: TrialPlan, letters: Iterable[str], trials: int) -> list[Chunk]:
     """Divide a run into chunks of at most MOST_TRIALS trials of one letter."""
     trying = [plan.readings, plan.seed, plan.explore, plan.press is not None, plan.slip.model_dump()]
+    trying.append(plan.each_held_out)
     made_with = json.dumps([plan.source, plan.digest, trying, versions()], sort_keys=True)
     tasks = [
         tuple(Task(letter, trial) for trial in range(first, min(first + MOST_TRIALS, trials)))

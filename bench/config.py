@@ -27,6 +27,9 @@ if TYPE_CHECKING:
     from tactsim.press import ScanOptions
 
 
+EACH = "each"  # of hold_out: every trial's own letter is held out, one after another
+
+
 @dataclass(frozen=True)
 class Flag:
     """The name of a field's option if it is not the field's own; None if the command line does not have it."""
@@ -47,6 +50,11 @@ def _names(words: Any) -> Any:
     """Read names from a text such as "A,E", sorted and without repeats; a list of names likewise."""
     names = words.replace(",", " ").split() if isinstance(words, str) else words
     return tuple(sorted(set(names))) if isinstance(names, list | tuple) else names or ()
+
+
+def _held_out(words: Any) -> Any:
+    """Read the letters to hold out, or `EACH` alone."""
+    return (EACH,) if words in (EACH, [EACH]) else _names(words)
 
 
 def _paths(words: Any) -> Any:
@@ -132,9 +140,10 @@ class RunConfig(ScanWords):
     )
     particles: int | None = Field(None, description="Particles over all letters (n_P).")
     set: dict[str, Any] = Field({}, description="An option of the estimator, key=value; repeat for several.")
-    hold_out: Annotated[tuple[str, ...], BeforeValidator(_names)] = Field(
+    hold_out: Annotated[tuple[str, ...], BeforeValidator(_held_out)] = Field(
         (),
-        description="Letters to try but not to train on, e.g. A,E: 'none' is then right (see `--set unknown`).",
+        description="Letters to try but not to train on, e.g. A,E: 'none' is then right (see `--set unknown`). each: "
+        "in its own trials each letter is held out, the others are known.",
     )
     trials: int = Field(10, ge=1, le=1_000_000, description="Trials for each letter.")
     readings: int = Field(60, ge=1, description="Readings a trial, without replacement.")
@@ -198,6 +207,11 @@ class RunConfig(ScanWords):
     def moving(self) -> Slip:
         """Resolve how the object moves: as the world says, changed by `slip`. Raises InputError for a wrong value."""
         return checked(Slip, merged(_world(self.world).get("slip", {}), self.slip), "slip")
+
+    @property
+    def each_held_out(self) -> bool:
+        """Tell whether each letter is held out in its own trials."""
+        return self.hold_out == (EACH,)
 
     @property
     def options(self) -> dict[str, Any]:

@@ -65,8 +65,10 @@ def readings_figure(run: Run) -> Picture:
     )
     left.legend(frameon=False, loc="lower right")
 
-    error = np.array([np.nan if v is None else v for v in summary["error_mm"]], dtype=float)
-    spread = np.array([np.nan if v is None else v for v in summary["error_standard_error_mm"]], dtype=float)
+    error, spread, error_all = (
+        np.array([np.nan if v is None else v for v in summary[name]], dtype=float)
+        for name in ("error_mm", "error_standard_error_mm", "error_all_mm")
+    )
     right.fill_between(
         number, np.clip(error - 1.96 * spread, 0, None), error + 1.96 * spread, color=ORANGE, alpha=0.2, lw=0,
         label="95 % interval of the mean",
@@ -74,7 +76,9 @@ def readings_figure(run: Run) -> Picture:
     right.plot(number, error, color=ORANGE, lw=1.8, label="where the letter is right")
     if run.bounds is not None:
         right.plot(number, run.bound_mm, color="black", lw=1, ls=(0, (5, 3)), label="Cramer-Rao bound")
-    right.plot(number, summary["error_all_mm"], color=GREY, lw=1, ls="--", label="over all trials")
+    right.plot(number, error_all, color=GREY, lw=1, ls="--", label="over all trials")
+    if np.isnan(error_all).all():  # no trial of a letter that is known: a logarithmic axis needs bounds
+        right.set_ylim(0.1, 10)
     right.set(
         xlim=(1, max(2, number[-1])), yscale="log", xlabel="readings seen", ylabel="placement error, mm"
     )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import select
 import sys
 import termios
@@ -25,6 +26,7 @@ from tactsim.hardware.terminal_pictures import Covers, placement, tactile_image,
 
 KEYS = "space take it as it is   r redo the one before   s skip   q stop (goes on later with --resume)"
 _REDRAW = 0.1  # s
+_NUMBERS = re.compile(r"[\d.,]+")  # a message that differs in numbers alone is not said again
 
 
 def lead(
@@ -93,7 +95,7 @@ class _Screen:
         self._console = console
         self._live = Live(console=console, auto_refresh=False) if console.is_terminal else None
         self.felt: FloatArray = np.zeros(len(source.taxel_xy))
-        self._said = ""
+        self._said: set[tuple[int, str]] = set()  # without a picture: what was said of which press
 
     def __enter__(self) -> _Screen:
         if self._live is not None:
@@ -108,9 +110,10 @@ class _Screen:
         """Show what is asked for and what the pad feels."""
         session, total = self._session, len(self._session.plan.poses)
         if self._live is None:
-            if session.message and session.message != self._said:
-                self._console.print(session.message)
-            self._said = session.message
+            said = session.current, _NUMBERS.sub("", session.message)
+            if session.message and said not in self._said:
+                self._console.print(f"press {session.current + 1} of {total}: {session.message}")
+                self._said.add(said)
             return
         if session.phase is Phase.DONE:
             return

@@ -5,9 +5,9 @@ A page says itself which table it wants, between two comments. The first names t
     <!-- table: SWEEP; right@5; settled_95; error@20 -->
     <!-- end of table -->
 
-The sweep is a folder in results/sweeps, and its runs are pooled over their seeds. There is a row for each method and,
-if the sweep has several, for each protocol or condition. `SWEEP by method` makes a column of each method, and a row of
-each condition. What stands between the comments is replaced.
+The sweep is a folder in results/sweeps, and its runs are pooled over their seeds, of which there are five at least.
+There is a row for each method and, if the sweep has several, for each protocol or condition. `SWEEP by method` makes a
+column of each method, and a row of each condition. What stands between the comments is replaced.
 """
 
 from __future__ import annotations
@@ -26,6 +26,7 @@ from tactsim.bench.report.collect import find
 from tactsim.bench.report.pareto import recognition_seconds
 from tactsim.bench.results import load
 from tactsim.bench.run import Run
+from tactsim.bench.score import recoveries
 from tactsim.bench.trials import source_of_trials
 from tactsim.core import InputError
 from tactsim.core.documents import read_text
@@ -33,13 +34,15 @@ from tactsim.core.errors import unknown
 from tactsim.core.files import write_text
 
 TABLE = re.compile(r"(<!-- table: (?P<asked>[^>]*?) -->\n).*?(<!-- end of table -->)", re.DOTALL)
+# Of how many scans, of different seeds, a published figure is made at least: those of one scan share its maps.
+LEAST_SCANS = 5
 LARGEST_PAGE = 10_000_000  # bytes
 
 
 def fill(text: str, sweeps: Path) -> str:
     """Replace every table of a page by what the sweeps in the folder `sweeps` found.
 
-    Raises InputError for an unknown figure, a sweep that is not there, has not ended or is of
+    Raises InputError for an unknown figure, a sweep that is not there, has not ended, has too few seeds or is of
     other source code, sweeps of different commits, or a table without an end.
     """
     if text.count("<!-- table:") != len(TABLE.findall(text)):
@@ -87,7 +90,13 @@ def _pools(folder: Path) -> list[Pooled]:
     runs = [load(one) for one in folders]
     if any(run.about["source"] != source_of_trials(run.estimator, on_demand=run.on_demand) for run in runs):
         raise InputError(f"{folder} was made by other source code than this; remove it and do the sweep anew")
-    return pool(runs)
+    pools = pool(runs)
+    fewest = min(len(of.runs) for of in pools)
+    if fewest < LEAST_SCANS:
+        raise InputError(
+            f"{folder} has {_several(fewest, 'seed')}; a published figure takes {LEAST_SCANS} at least"
+        )
+    return pools
 
 
 def _plain(pools: Sequence[Pooled], figures: Sequence[str]) -> list[list[str]]:
@@ -131,6 +140,9 @@ def cell(one: Pooled, figure: str) -> str:
         found = READINGS[name](one)
         value, low, high = (str(part or "later") for part in (found.value, found.low, found.high))
         return value if low == high == value else f"{value} ({low}-{high})"
+    if name == "recovered_within_3" and not at:
+        found = _recovered(one)
+        return "-" if found.value is None else f"{found.value:.3f} ({found.low:.3f}-{found.high:.3f})"
     if name == "ms" and not at:
         return f"{1e3 * recognition_seconds(one.trials, one.runs[0].readings):.3g}"
     if name in CURVES and at.isdigit():
@@ -142,11 +154,19 @@ def cell(one: Pooled, figure: str) -> str:
             return "-"
         digits = 2 if name in ("error", "efficiency", "sharpness") else 3
         return f"{found.value:.{digits}f} ({found.low:.{digits}f}-{found.high:.{digits}f})"
-    raise unknown("figure", figure, (*READINGS, "ms", *(f"{curve}@5" for curve in CURVES)))
+    raise unknown(
+        "figure", figure, (*READINGS, "recovered_within_3", "ms", *(f"{curve}@5" for curve in CURVES))
+    )
 
 
 def _error(one: Pooled, k: int) -> Figure:
     return one.mean(one.errors[:, k], of=one.trials.named[:, k])
+
+
+def _recovered(one: Pooled) -> Figure:
+    counted = [recoveries(run.trials, run.objects, 3) for run in one.runs]
+    jumps, found = (np.concatenate(column) for column in zip(*counted, strict=True))
+    return one.mean(found / np.maximum(jumps, 1), of=jumps > 0)
 
 
 def _bound(one: Pooled, k: int) -> Figure:
@@ -203,6 +223,7 @@ HEADINGS = {
     "settled_95": "95 % settled by",
     "settled_50": "half settled by",
     "all_right_from": "all right from",
+    "recovered_within_3": "jumps found again",
     "ms": "ms a recognition",
 }
 

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict
 
+from tactsim.bench.config import EACH
 from tactsim.bench.placement_error import Properties
 from tactsim.bench.run import Run
 from tactsim.bench.trials import Trials
@@ -227,7 +228,7 @@ def _trials(
     truth = _labels(table, "truth")[::readings]
     return Trials(
         truth=truth,
-        known=~np.isin(truth, list(hold_out)),
+        known=~(np.isin(truth, list(hold_out)) | (list(hold_out) == [EACH])),
         trial=_integers(table, "trial")[::readings],
         true_pose=np.stack([floats(table, name) for name in ("true_x", "true_y", "true_theta")], axis=-1),
         reading=_integers(table, "reading").reshape(trials, readings),

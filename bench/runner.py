@@ -134,12 +134,13 @@ def gather(
     for letter in letters:
         if letter not in scan.letters:
             raise unknown("letter of the scan", letter, scan.letters)
-    for letter in config.hold_out:
+    held_out = () if config.each_held_out else config.hold_out
+    for letter in held_out:
         if letter not in letters:
             raise unknown("letter to hold out", letter, letters)
-    if set(letters) <= set(config.hold_out):
+    if set(letters) <= set(held_out) or (config.each_held_out and len(letters) == 1):
         raise InputError("--hold-out (in Python hold_out) names every letter; leave one to train on")
-    scan = scan.of_letters(letters).untrained(config.hold_out)
+    scan = scan.of_letters(letters).untrained(held_out)
     return Gathered(scan, letters, work, perf_counter() - start)
 
 
@@ -155,6 +156,7 @@ def plan_of(config: RunConfig, scan: Scan, given: Estimator | None = None) -> Tr
         config.moving,
         OnDemand(config.scan_options) if config.on_demand else None,
         given,
+        config.each_held_out,
     )
 
 
@@ -245,6 +247,8 @@ def _protocol_name(config: RunConfig, scan: Scan) -> str:
             "" if config.on_demand else " among recorded poses, which tell the place"
         )
     held_out = f", {' '.join(config.hold_out)} held out" if config.hold_out else ""
+    if config.each_held_out:
+        held_out = ", each letter held out in turn"
     return f"{where}, {order}{held_out}"
 
 

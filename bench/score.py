@@ -77,7 +77,7 @@ def error_mm(trials: Trials, objects: Mapping[str, Properties]) -> Curve:
 
 def error_all_mm(trials: Trials, objects: Mapping[str, Properties]) -> Curve:
     """Mean placement error over all trials of known letters, the wrong estimates included."""
-    return errors(trials, objects)[trials.known].mean(axis=0)
+    return _mean(errors(trials, objects), trials.known[:, None] & np.ones_like(trials.right))
 
 
 def error_standard_error_mm(trials: Trials, objects: Mapping[str, Properties]) -> Curve:
@@ -121,8 +121,8 @@ def sharpness_mm(trials: Trials, objects: Mapping[str, Properties]) -> Curve:
 
 
 def refused_known(trials: Trials, objects: Mapping[str, Properties]) -> Curve:
-    """Share of the trials of known letters whose estimate is 'none'."""
-    return (trials.label[trials.known] == NONE).mean(axis=0)
+    """Share of the trials of known letters whose estimate is 'none'; None without such trials."""
+    return _mean((trials.label == NONE).astype(float), trials.known[:, None] & np.ones_like(trials.right))
 
 
 def refused_unknown(trials: Trials, objects: Mapping[str, Properties]) -> Curve:
@@ -156,11 +156,19 @@ def recovered_within_3(trials: Trials, objects: Mapping[str, Properties]) -> flo
 
 
 def recovered_within(trials: Trials, objects: Mapping[str, Properties], readings: int) -> float | None:
-    """Give the share of the jumps that are recovered in so many readings; None if there is none to judge.
+    """Give the share of the jumps that are recovered in so many readings; None if there is none to judge."""
+    jumps, found = recoveries(trials, objects, readings)
+    return float(found.sum() / jumps.sum()) if jumps.any() else None
+
+
+def recoveries(
+    trials: Trials, objects: Mapping[str, Properties], readings: int
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Count the jumps of each trial (n,), and those that are recovered in so many readings (n,).
 
     A jump is a step of the object's centre of mass of at least JUMP mm between two touches. It is recovered as
     soon as the letter is right and the placement error at most RECOVERED mm; the touch right after the jump
-    counts as the first. Jumps with fewer readings left are not judged, nor those of letters that were held out.
+    counts as the first. Jumps with fewer readings left are not counted, nor those of letters that were held out.
     """
     jumped = np.zeros(trials.label.shape, dtype=bool)
     for letter in np.unique(trials.truth):
@@ -170,11 +178,11 @@ def recovered_within(trials: Trials, objects: Mapping[str, Properties], readings
         jumped[chosen, 1:] = np.hypot(step[..., 0], step[..., 1]) >= JUMP
     jumped[~trials.known] = False
     jumped[:, max(0, trials.label.shape[1] - readings + 1) :] = False
-    found = trials.right & (errors(trials, objects) <= RECOVERED)
+    near = trials.right & (errors(trials, objects) <= RECOVERED)
     trial, touch = np.nonzero(jumped)
-    if not len(trial):
-        return None
-    return float(found[trial[:, None], touch[:, None] + np.arange(readings)].any(axis=1).mean())
+    again = near[trial[:, None], touch[:, None] + np.arange(readings)].any(axis=1)
+    count = len(trials.truth)
+    return jumped.sum(axis=1), np.bincount(trial[again], minlength=count)
 
 
 def confusion(trials: Trials, objects: Mapping[str, Properties]) -> dict[str, dict[str, int]]:

@@ -162,9 +162,14 @@ def headlines(run: Run) -> list[str]:
             f"and so it was in {run.summary['coverage_90'][-1]:.0%} of the trials whose letter is right"
         )
     if run.config.get("hold_out"):
+        known = summary["refused_known"][-1]
         lines.append(
             f"taken for none of the known letters at reading {readings}: {summary['refused_unknown'][-1]:.1%} of the "
-            f"trials of {', '.join(run.config['hold_out'])}, {summary['refused_known'][-1]:.1%} of the others"
+            + (
+                "trials, in each of which the letter itself is not known"
+                if known is None
+                else f"trials of {', '.join(run.config['hold_out'])}, {known:.1%} of the others"
+            )
             + ("" if run.about["options"].get("unknown") else "; `--set unknown=0.5` lets `refined` say so")
         )
     if run.about["classifier_agreement"] is not None:
@@ -215,7 +220,7 @@ def _table(summary: Mapping[str, Any], against_bound: Mapping[str, Any], reading
             f"{summary['accuracy_low'][k]:.3f} - {summary['accuracy_high'][k]:.3f}",
             _number(error, 2),
             *([_number(against_bound["efficiency"][k], 2)] if bounded else []),
-            f"{summary['error_all_mm'][k]:.2f}",
+            _number(summary["error_all_mm"][k], 2),
             *(_number(summary[name][k], 2) for name in ("sharpness_mm", "coverage_90") if sure),
         )
     return table
@@ -235,7 +240,7 @@ def print_bound(found: Bound) -> None:
         k = reading - 1
         table.add_row(
             str(reading),
-            f"{values['bayes_accuracy'][k]:.3f}",
+            _number(values["bayes_accuracy"][k], 3),
             _number(values["bayes_error_mm"][k], 3),
             _number(values["bound_mm"][k], 3),
             f"{values['determined'][k]:.3f}",
@@ -243,6 +248,8 @@ def print_bound(found: Bound) -> None:
             f"{values['classes_determined'][k]:.3f}",
         )
     console.print(table)
+    if values["no_bayes"]:
+        console.print(f"no exact Bayes: {values['no_bayes']}")
     console.print(
         "right, error: exact Bayes, which knows the press. bound: Cramer and Rao's, of the pressures and of the three "
         "classes of eq. 3, over the trials that their readings determine to "

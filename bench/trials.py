@@ -10,6 +10,7 @@ from collections import Counter, OrderedDict
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import as_completed
 from dataclasses import dataclass, fields, replace
+from itertools import groupby
 from time import process_time
 from typing import Any, Literal
 
@@ -130,7 +131,11 @@ def check_readings(scan: Scan, letters: Iterable[str], readings: int, hold_out: 
     for letter in letters:
         for split in ("test",) if letter in hold_out else ("train", "test"):
             if not len(scan.where(split, letter)):
-                raise InputError(f"the scan has no {split} readings of letter {letter!r}")
+                here = ", but for others" if len(scan.where(split)) else ""
+                raise InputError(
+                    f"the scan has no {split} readings of letter {letter!r}{here}; record them (`bench record --split "
+                    f"{split}`), or take them from another scan (`bench run --scan TEST --train-scan TRAIN`)"
+                )
         count = len(scan.where("test", letter))
         if readings > count:
             raise InputError(
@@ -244,7 +249,8 @@ class TrialPlan:
     """All that a worker needs to do trials: the estimator, the scan, and how many readings in which order.
 
     press: what presses on demand; None if the readings are those of the scan. given: an estimator made in Python, as
-    it is or pickled for a worker; None if `estimator` is a registered name.
+    it is or pickled for a worker; None if `estimator` is a registered name. each_held_out: whether the letter of a
+    trial is left out of what the estimator knows.
     """
 
     estimator: str
@@ -256,6 +262,16 @@ class TrialPlan:
     slip: Slip = STILL
     press: Press | None = None
     given: Estimator | bytes | None = None
+    each_held_out: bool = False
+
+    def letters_known(self, truth: str) -> tuple[str, ...]:
+        """List the letters that an estimator knows in the trials of the letter `truth`."""
+        trained = self.scan.where("train").letters
+        return tuple(letter for letter in trained if not (self.each_held_out and letter == truth))
+
+    def fitted_for(self, truth: str, estimator: Estimator) -> Estimator:
+        """Give what the trials of a letter need: the fitted `estimator`, without the letter if each is held out."""
+        return estimator.without(truth, self.scan) if self.each_held_out else estimator
 
     def make(self) -> Estimator:
         """Make the estimator, which is not fitted yet.
@@ -351,21 +367,24 @@ def _run_here(
     plan: TrialPlan, estimator: Estimator, tasks: list[Task], report: Callable[[int], None]
 ) -> tuple[Trials, dict[str, Any]]:
     tests = {truth: plan.scan.where("test", truth) for truth in {task.truth for task in tasks}}
-    letters, objects = plan.scan.where("train").letters, properties(plan.scan)
-    before = Counter(flatten_work(estimator.work))
+    objects = properties(plan.scan)
+    work: Counter[str] = Counter()
     parts = []
-    for number, task in enumerate(tasks, start=1):
-        parts.append(
-            run_trial(
-                estimator, tests[task.truth], task, letters=letters,
-                readings=plan.readings, seed=plan.seed, of=objects[task.truth], explore=plan.explore,
-                press=plan.press, slip=plan.slip,
-            )
-        )  # fmt: skip
-        report(number)
-    after = Counter(flatten_work(estimator.work))
-    after.subtract(before)
-    return Trials.joined(parts), unflatten_work(after)
+    for truth, of_letter in groupby(tasks, key=lambda task: task.truth):
+        fitted, letters = plan.fitted_for(truth, estimator), plan.letters_known(truth)
+        before = Counter(flatten_work(fitted.work))
+        for task in of_letter:
+            parts.append(
+                run_trial(
+                    fitted, tests[truth], task, letters=letters,
+                    readings=plan.readings, seed=plan.seed, of=objects[truth], explore=plan.explore,
+                    slip=plan.slip, press=plan.press,
+                )
+            )  # fmt: skip
+            report(len(parts))
+        work.update(flatten_work(fitted.work))
+        work.subtract(before)
+    return Trials.joined(parts), unflatten_work(work)
 
 
 def run_chunk(plan: TrialPlan, tasks: list[Task]) -> tuple[Trials, dict[str, int]]:

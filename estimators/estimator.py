@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -121,6 +122,15 @@ class Estimator(ABC):
     @abstractmethod
     def estimate(self) -> Estimate:
         """Say which letter it is and where, after the readings so far."""
+
+    def without(self, letter: str, scan: Scan) -> Estimator:
+        """Give an estimator like this one that was fitted to a scan, as this one was, but for one letter.
+
+        This one stays as it is. An estimator that learns letters one by one need not learn the others anew.
+        """
+        other = copy.deepcopy(self)
+        other.fit(scan.untrained([letter]))
+        return other
 
     def describe(self) -> str:
         """Say in one line how the estimator is set up, beyond its name."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
@@ -16,7 +16,9 @@ class MapOptions(Options):
     peak: float = Field(0.9, gt=0, lt=1, description="G' of eq. 4 at a taxel's own centre")
     # Nearer to 0 or 1, a prior would give weight to the last 1e-14 of a point spread, which maps cut off.
     prior: float = Field(0.2, ge=1e-6, le=1 - 1e-6, description="p(m): the share of a map that is occupied")
-    threshold: float = Field(2.0, ge=-1e9, le=1e9, description="T of eq. 3, kPa")
+    threshold: Annotated[float, Field(ge=-1e9, le=1e9)] | Literal["auto"] = Field(
+        2.0, description="T of eq. 3, kPa; auto: 1/18 of the training readings' median scale"
+    )
     ratio: float = Field(0.3, ge=0, le=1, description="the 0.3 of eq. 3: share of the largest taxel")
     cell: float = Field(0.4, ge=0.05, le=5, description="side of a map cell, mm; at least sigma / 25")
 
@@ -32,7 +34,7 @@ class MapOptions(Options):
 class LikelihoodOptions(MapOptions):
     """Which measurement model, and its parameters (paper, eq. 7)."""
 
-    likelihood: str = Field("paper", description="the measurement model: paper, calibrated, force")
+    likelihood: str = Field("paper", description="the measurement model: paper, calibrated, force, graded")
     gamma: float = Field(0.1, ge=1e-300, lt=1, description="gamma of eq. 7: how often the classifier fails")
     failure: Literal["printed", "complement"] = Field(
         "printed", description="No Contact after a failure in eq. 7: p(m) as printed, or 1 - p(m)"

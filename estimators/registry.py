@@ -48,6 +48,10 @@ BUILT_IN: dict[str, tuple[str, str]] = {
         "tactsim.estimators.filters.synthesis:Synthesis",
         "analysis by synthesis: presses the known letters itself",
     ),
+    "graded": (
+        "tactsim.estimators.filters.refined:GradedFilter",
+        "coarse-to-fine on shares of the reading's own pressure, for loads that vary",
+    ),
     "nearest": (
         "tactsim.estimators.filters.nearest:Nearest",
         "baseline without maps: which training readings are alike",

@@ -21,19 +21,21 @@ UNREAD = -1
 
 
 class Part(BaseModel):
-    """One of the devices that together make a pad.
-
-    port: index of its port among those given. address: which device on that port it is, if frames
-    say so; None: the codec's usual address. taxels: for each taxel of the device, in the device's order,
-    the taxel of the pad that it is, or -1 if the pad does not read it; None: all taxels of the pad in
-    the pad's order.
-    """
+    """One of the devices that together make a pad."""
 
     model_config = STRICT
 
-    port: int = Field(0, ge=0, le=15)
-    address: int | None = Field(None, ge=0)
-    taxels: tuple[int, ...] | None = Field(None, max_length=10_000)
+    port: int = Field(0, ge=0, le=15, description="which of the ports given, from 0")
+    address: int | None = Field(
+        None,
+        ge=0,
+        description="which device on the port; none: the codec's usual one (singletact 4, others 0)",
+    )
+    taxels: tuple[int, ...] | None = Field(
+        None,
+        max_length=10_000,
+        description="for each value of the device the pad's taxel, or -1 if it is not read; none: all in order",
+    )
 
 
 class Device(BaseModel):
@@ -41,8 +43,8 @@ class Device(BaseModel):
 
     model_config = STRICT
 
-    name: str = Field(min_length=1, max_length=200)
-    baud: int = Field(115_200, ge=50, le=20_000_000)
+    name: str = Field(min_length=1, max_length=200, description="how messages call the device")
+    baud: int = Field(115_200, ge=50, le=20_000_000, description="bits a second of a serial port")
     settle: float = Field(
         0.0, ge=0, le=120, description="s after opening in which the device starts and its bytes mean nothing"
     )
@@ -55,7 +57,7 @@ class Device(BaseModel):
         None,
         gt=0,
         le=10,
-        description="s within which the parts' frames of one reading are measured; None: their counters are equal",
+        description="s within which the parts' frames of one reading are measured; none: their counters are equal",
     )
     codec: Format
     pad: Pad = Field(default_factory=Pad)

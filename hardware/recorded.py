@@ -19,7 +19,7 @@ from tactsim.core.source import Log, Source, SourceEnded, SourceError
 from tactsim.hardware.calibration import Calibration, Correction
 from tactsim.hardware.codecs.pps_csv import CsvFormat, count_taxels
 from tactsim.hardware.device import Device
-from tactsim.hardware.recording import Kind, Record, RecordReader, Whole
+from tactsim.hardware.recording import Kind, Record, RecordReader, Whole, is_recording
 from tactsim.hardware.stream import Stream
 
 _CHUNK = 1 << 16  # bytes
@@ -200,4 +200,5 @@ def open_source(places: Sequence[str], device: Device, log: Log | None) -> Sourc
     """Open a recording; one of this program brings its own device along."""
     if len(places) != 1:
         raise SourceError(f"a recording is one file; {len(places)} were given")
-    return CsvReplay(places[0], device) if Path(places[0]).suffix.lower() == ".csv" else Replay(places[0])
+    ours = Path(places[0]).suffix.lower() != ".csv" or is_recording(places[0])
+    return Replay(places[0]) if ours else CsvReplay(places[0], device)

@@ -163,6 +163,11 @@ class Recorder:
             os.close(self._file)
             self._file = -1
 
+    def discard(self) -> None:
+        """Close and remove a recording that was begun in vain, so that its name is free for another try."""
+        self.close()
+        self.path.unlink(missing_ok=True)
+
     def __enter__(self) -> Recorder:
         return self
 
@@ -268,6 +273,15 @@ class Tail:
             raise InputError(f"cannot read recording {self._path}: {error.strerror or error}") from error
         except InputError as error:
             raise InputError(f"cannot read recording {self._path}: {error}") from error
+
+
+def is_recording(path: str | Path) -> bool:
+    """Tell by its first bytes whether a file is a recording of this program; one that cannot be read is none."""
+    try:
+        with open_regular(path) as stream:
+            return stream.read(len(MAGIC)) == MAGIC
+    except InputError:
+        return False
 
 
 def check_start(stream: BufferedReader) -> None:

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, Field
+from pydantic import BaseModel, Field, model_validator
 
 from tactsim.core.checking import checked
 from tactsim.core.documents import read_text
@@ -196,8 +196,14 @@ class Interval(BaseModel):
     x_mm: float
     y_mm: float
     theta_rad: float
-    first_s: float
+    first_s: float = Field(ge=0)
     last_s: float
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Interval:
+        if self.last_s < self.first_s:
+            raise ValueError(f"last_s {self.last_s:g} is before first_s {self.first_s:g}")
+        return self
 
 
 def read_intervals(path: str | Path) -> list[Interval]:
@@ -229,18 +235,27 @@ def _words(row: dict[Any, Any]) -> dict[str, str]:
 def scan_of_intervals(source: Source, intervals: Sequence[Interval]) -> Scan:
     """Make a scan of a recording without guidance: the mean of the readings in each interval.
 
-    Raises InputError if no reading falls in an interval.
+    Raises InputError if an interval holds no reading, ends behind the last one, or a link was lost within it.
     """
     sums = np.zeros((len(intervals), len(source.taxel_xy)))
     counts = np.zeros(len(intervals), dtype=int)
     first, last = (np.array([getattr(each, name) for each in intervals]) for name in ("first_s", "last_s"))
-    begin: float | None = None
+    times: list[float] = []
+    begin = 0.0
     for reading in source:
         time = reading.host_time if reading.device_time is None else reading.device_time
-        begin = time if begin is None else begin
-        inside = (first <= time - begin) & (time - begin <= last)
+        begin = begin if times else time
+        times.append(time - begin)
+        inside = (first <= times[-1]) & (times[-1] <= last)
+        if reading.after_loss and (inside & (counts > 0)).any():
+            broken = intervals[int(np.argmax(inside & (counts > 0)))]
+            raise InputError(
+                f"the pad was lost between {broken.first_s:g} and {broken.last_s:g} s ({broken.label}): what was "
+                "pressed before and after it is not one press"
+            )
         sums[inside] += reading.pressures
         counts += inside
+    _check_within(intervals, times)
     if not counts.all():
         empty = intervals[int(np.argmin(counts))]
         raise InputError(f"no reading lies between {empty.first_s:g} and {empty.last_s:g} s ({empty.label})")
@@ -254,6 +269,18 @@ def scan_of_intervals(source: Source, intervals: Sequence[Interval]) -> Scan:
         source.taxel_xy,
         meta,
     )
+
+
+def _check_within(intervals: Sequence[Interval], times: Sequence[float]) -> None:
+    """Raise InputError if an interval ends more than one reading behind the last of the readings at `times`, s."""
+    end = times[-1] if times else 0.0
+    step = float(np.median(np.diff(times))) if len(times) > 1 else 0.0
+    late = max(intervals, key=lambda each: each.last_s)
+    if late.last_s > end + max(step, 0.0) + 1e-9:
+        raise InputError(
+            f"the recording ends at {end:g} s, but a mark ({late.label}) goes on until {late.last_s:g} s; times count "
+            "in s from the first reading"
+        )
 
 
 def cut(scan: Scan, rows: int, columns: int, stride: int = 1) -> Scan:

@@ -204,10 +204,9 @@ class Session:
         patience = self.plan.patience
         if patience is None or self._since is None or now - self._since <= patience + _GIVE_UP:
             return
-        missing = {
-            Phase.LIFT: "the pad is never free; lift before each press, or take a tare",
-            Phase.TAKING: "readings of it do not come",
-        }.get(self.phase, "it does not come to rest")
+        missing = "it does not come to rest"
+        if self.phase is Phase.LIFT:
+            missing = "the pad is never free; lift before each press, or take a tare"
         raise InputError(f"press {self.current + 1} was given up after {now - self._since:.0f} s: {missing}")
 
     def _settle(self, pressures: FloatArray, touched: bool) -> None:

@@ -58,7 +58,8 @@ def where(sensor_in_object: FloatArray, from_behind: bool) -> str:
     degrees = float(np.rad2deg(angle)) % 360
     across = f"{abs(x):.1f} mm {'right' if x > 0 else 'left'}"
     along = f"{abs(y):.1f} mm {'up' if y > 0 else 'down'}"
-    return f"centre {across} and {along} of the pad's middle, turned {degrees:.0f} degrees counter-clockwise"
+    turned = round(degrees) % 360
+    return f"centre {across} and {along} of the pad's middle, turned {turned} degrees counter-clockwise"
 
 
 def tactile_image(pressures: FloatArray, taxel_xy: FloatArray, from_behind: bool = False) -> Text:
@@ -78,6 +79,7 @@ def tactile_image(pressures: FloatArray, taxel_xy: FloatArray, from_behind: bool
                 continue
             share = min(max(float(pressures[taxel]) / largest, 0.0), 1.0)
             shade = _SCALE[round(share * (len(_SCALE) - 1))]
-            text.append(f"{pressures[taxel]:4.0f}", f"{'black' if share > 0.5 else 'white'} on {shade}")
+            whole = round(float(pressures[taxel])) + 0  # the integer 0 has no sign
+            text.append(f"{whole:4d}", f"{'black' if share > 0.5 else 'white'} on {shade}")
         text.append("\n")
     return text

@@ -16,6 +16,7 @@ from tactsim.bench.figures import BLUE, GREY, ORANGE, Picture
 from tactsim.bench.run import Run
 from tactsim.bench.runner import perform, silent
 from tactsim.bench.trials import Progress
+from tactsim.core.errors import InputError
 from tactsim.core.poses import FloatArray
 
 
@@ -23,13 +24,15 @@ from tactsim.core.poses import FloatArray
 class Bound:
     """The best that readings allow, on the trials that every estimator gets.
 
-    run: exact Bayes on those trials. pressures, classes: (n, r) mm, the Cramer-Rao bound of each trial after each
+    run: exact Bayes on those trials, or, with the reason in `no_bayes`, `nearest`, of which nothing is told. pressures,
+    classes: (n, r) mm, the Cramer-Rao bound of each trial after each
     reading, of the pressures and of the three classes of eq. 3.
     """
 
     run: Run
     pressures: FloatArray
     classes: FloatArray
+    no_bayes: str = ""
 
     def as_json(self) -> dict[str, Any]:
         """Put it into one flat object, as `bench bound --json` prints it; lists run over the readings."""
@@ -38,15 +41,17 @@ class Bound:
         of_pressures, of_classes = bound_curves(self.pressures, *of), bound_curves(self.classes, *of)
         kept = ("accuracy", "accuracy_low", "accuracy_high", "error_mm", "error_standard_error_mm")
         asked = ("trials", "readings", "seed")
+        nothing = [None] * self.run.readings
         return {
             **{name: self.run.config[name] for name in asked},
             "letters": self.run.letters,
             "protocol": self.run.protocol,
             "scan": self.run.about["scan"]["options"],
-            **{f"bayes_{name}": summary[name] for name in kept},
+            **{f"bayes_{name}": nothing if self.no_bayes else summary[name] for name in kept},
+            "no_bayes": self.no_bayes,
             "bound_mm": of_pressures["bound_mm"],
             "determined": of_pressures["determined"],
-            "bayes_efficiency": of_pressures["efficiency"],
+            "bayes_efficiency": nothing if self.no_bayes else of_pressures["efficiency"],
             "classes_bound_mm": of_classes["bound_mm"],
             "classes_determined": of_classes["determined"],
             "determined_below_mm": MOST_MM,
@@ -60,12 +65,12 @@ class Bound:
         seen = np.arange(1, self.run.readings + 1)
         figure = Picture(figsize=(9, 3.8), layout="constrained")
         left, right = figure.subplots(1, 2)
-        left.fill_between(
-            seen, summary["accuracy_low"], summary["accuracy_high"], color=BLUE, alpha=0.2, lw=0
-        )
-        left.plot(seen, summary["accuracy"], color=BLUE, lw=1.8, label="exact Bayes")
+        if not self.no_bayes:
+            low, high = summary["accuracy_low"], summary["accuracy_high"]
+            left.fill_between(seen, low, high, color=BLUE, alpha=0.2, lw=0)
+            left.plot(seen, summary["accuracy"], color=BLUE, lw=1.8, label="exact Bayes")
+            right.plot(seen, self.run.error_mm, color=BLUE, lw=1.8, label="exact Bayes")
         left.set(ylim=(0, 1.02), ylabel="share of trials right")
-        right.plot(seen, self.run.error_mm, color=BLUE, lw=1.8, label="exact Bayes")
         for name, colour, label in (
             ("bound_mm", "black", "Cramer-Rao, pressures"),
             ("classes_bound_mm", ORANGE, "Cramer-Rao, three classes"),
@@ -74,7 +79,8 @@ class Bound:
         right.set(yscale="log", ylabel="placement error, mm")
         for axes in (left, right):
             axes.set(xlim=(1, max(2, self.run.readings)), xlabel="readings seen")
-            axes.legend(frameon=False)
+            if axes.has_data():
+                axes.legend(frameon=False)
             axes.grid(which="both", lw=0.3, alpha=0.6, color=GREY)
             axes.spines[["top", "right"]].set_visible(False)
         title = f"The best possible: {len(self.run.trials.truth)} trials, {self.run.protocol}"
@@ -86,9 +92,16 @@ def find_bound(config: RunConfig, *, jobs: int = 1, cache: bool = True, progress
     """Do exact Bayes on the trials that `config` asks for, and bound their errors.
 
     Exact Bayes is done anew each time; the information behind the Cramer-Rao bound is kept in the cache of readings.
-    Raises InputError if the readings do not say how they were pressed, or if the forward model cannot press so.
+    Where exact Bayes does not know the press there is the Cramer-Rao bound alone.
+    Raises InputError if the readings do not say how they were pressed, or if the bound does not know the sensor.
     """
-    run = perform(config, estimator=ExactBayes(), jobs=jobs, cache=cache, progress=progress)
+    no_bayes = ""
+    try:
+        run = perform(config, estimator=ExactBayes(), jobs=jobs, cache=cache, progress=progress)
+    except InputError as error:
+        no_bayes = str(error)
+        order = config.model_copy(update={"estimator": "nearest"})
+        run = perform(order, jobs=jobs, cache=cache, progress=progress)
     assert run.plan is not None
     information = scan_information(run.plan.scan, jobs=jobs, cache=cache, progress=progress)
-    return Bound(run, information.bounds(run.trials), information.bounds(run.trials, "classes"))
+    return Bound(run, information.bounds(run.trials), information.bounds(run.trials, "classes"), no_bayes)

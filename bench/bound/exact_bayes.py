@@ -16,11 +16,13 @@ from tactsim.bench.bound.response import noise_variance
 from tactsim.bench.bound.scan_information import pressed_letters, stated_options
 from tactsim.bench.placement_error import Properties, fold_angle, properties
 from tactsim.bench.trials import TRANSLATION_MM
+from tactsim.core.errors import InputError
 from tactsim.core.forward import ForwardModel
 from tactsim.core.poses import FloatArray, compose, invert
 from tactsim.core.scan import Scan
 from tactsim.estimators import Estimate, Estimator, Options
 from tactsim.estimators.estimator import PoseSamples, check_order, check_reading
+from tactsim.press import ScanOptions, SensorOptions
 from tactsim.press.forward import PressModel
 
 SIDE, ANGLES = 16, 40  # cells along x and y and round the circle, before any is split
@@ -93,6 +95,9 @@ class ExactBayes(Estimator):
         """Take from the scan how it was pressed, and of which letters; none of its readings is looked at."""
         options = stated_options(scan)
         self._noise = noise_variance(options.sensor)
+        beyond = _beyond(options)
+        if beyond:
+            raise InputError(f"exact Bayes does not know {beyond}; leave it at its default")
         letters = pressed_letters(scan, options)
         self._forward = PressModel(list(letters.values()), options)
         self._letters, self._objects = tuple(letters), properties(scan)
@@ -223,6 +228,18 @@ class ExactBayes(Estimator):
     def work(self) -> dict[str, Any]:
         """Count how many cells were weighed by a reading."""
         return {"likelihood_evaluations": self._evaluations, "skipped": {}}
+
+
+def _beyond(options: ScanOptions) -> str:
+    """Name the first option by which a reading is not Gaussian about what the forward model presses; "" if none is."""
+    usual, sensor = ScanOptions(), SensorOptions()
+    for name in ("load_spread", "test_load"):
+        if getattr(options, name) != getattr(usual, name):
+            return name
+    for name in ("gain_spread", "response", "drift", "random_taxels", "dead_taxels", "saturation"):
+        if getattr(options.sensor, name) != getattr(sensor, name):
+            return f"sensor.{name}"
+    return ""
 
 
 def least_expected_error(poses: FloatArray, weights: FloatArray, of: Properties) -> FloatArray:

@@ -46,7 +46,7 @@ OBJECTS, READINGS = 2, 10  # of each letter; of each object
 AT = (1, 2, 3, 5, 10)  # readings after which the posterior is kept
 SAMPLES = 200  # poses that stand for a posterior
 _REACH = 12.0  # mm along x and y, within which an object is pressed
-_SPLIT = 3e-4  # of exact Bayes; three times as much changes a posterior by `error`
+_SPLIT = 1e-3  # of exact Bayes; three times as much changes a posterior by `error`
 
 
 @dataclass(frozen=True, eq=False)

@@ -56,8 +56,8 @@ def command(
         "taxels": values.shape[1],
         "readings": len(readings),
         "readings_per_s": (len(readings) - 1) / span if span > 0 else None,
-        "force_n": float(force(values[-1], source.pad)),
-        "mean_kpa": values.mean(axis=0).round(3).tolist(),
+        "force_n": round(float(force(values[-1], source.pad)), 6) + 0.0,
+        "mean_kpa": (values.mean(axis=0).round(3) + 0.0).tolist(),  # -0.0 + 0.0 is 0.0
         "noise_kpa": values.std(axis=0).round(3).tolist(),
         "counters": counters,
     }
@@ -68,7 +68,7 @@ def command(
     rate = f"{answer['readings_per_s']:.1f} a second" if span > 0 else "one"
     console.print(f"{described.name}: {values.shape[1]} taxels, {len(readings):,} readings, {rate}")
     console.print(pads.counters_line(counters))
-    console.print(f"mean of the readings in kPa; the last one sums to {answer['force_n']:.2f} N")
+    console.print(f"mean of the readings in kPa; the last one sums to {pads.rounded(answer['force_n'], 2)} N")
     console.print(tactile_image(values.mean(axis=0), source.taxel_xy))
     console.print(f"noise {np.median(values.std(axis=0)):.2f} kPa (median taxel)")
 

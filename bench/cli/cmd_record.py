@@ -10,8 +10,10 @@ import typer
 from tactsim.bench.cli import pad_options as pads
 
 if TYPE_CHECKING:
+    from tactsim.core.source import Source
     from tactsim.hardware.calibration import Calibration
     from tactsim.hardware.device import Device
+    from tactsim.hardware.recording import Recorder
     from tactsim.hardware.session import Plan
     from tactsim.hardware.terminal_pictures import Covers
 
@@ -63,6 +65,7 @@ def command(
 
     if seen not in ("behind", "front"):
         raise InputError(f"--seen {seen!r}: say behind or front")
+    _check_name(out, ".tactrec" if letter is None else ".npz")
     described, correction = pads.load(device, calibration)
     if letter is None:
         _record_all(port, out, described, correction, seconds)
@@ -100,7 +103,6 @@ def _record_session(
     from tactsim.hardware.recording import SUFFIX, Recorder, check_whole
     from tactsim.hardware.scans import read_session, scan_of_sessions
     from tactsim.hardware.session import Session
-    from tactsim.hardware.sources import open_source
 
     check_new_file(out)
     journal = out.with_suffix(SUFFIX)
@@ -120,8 +122,7 @@ def _record_session(
         recorder.segment(
             pads.segment(device, port, calibration, plan=plan.model_dump(mode="json")), time.monotonic()
         )
-        with open_source(port, device, calibration, recorder) as source:
-            _check_pad(source.pad == device.pad, port)
+        with _open(port, device, calibration, recorder, new=not resume) as source:
             session = Session(plan, device.pad, presses)
             done = lead(session, source, recorder, first, _shape(plan.label), from_behind, console)
             recorder.end(source.counters.as_dict(), time.monotonic())
@@ -143,32 +144,71 @@ def _record_all(
     import time
 
     from tactsim.bench.console import plain_console
-    from tactsim.core.source import SourceEnded
+    from tactsim.core.source import NoReading, SourceEnded
     from tactsim.hardware.recording import Recorder
-    from tactsim.hardware.sources import open_source
 
-    count = 0
+    console = plain_console()
+    count, silence = 0, None
     with Recorder(out) as recorder:
         start = time.monotonic()
         recorder.segment(pads.segment(device, port, calibration), start)
-        with open_source(port, device, calibration, recorder) as source:
-            _check_pad(source.pad == device.pad, port)
+        with _open(port, device, calibration, recorder, new=True) as source:
             try:
                 while seconds is None or time.monotonic() - start < seconds:
-                    source.read()
-                    count += 1
+                    try:
+                        source.read()
+                        count, silence = count + 1, None
+                    except NoReading as error:
+                        if not count:
+                            raise
+                        if silence is None:
+                            console.print(f"{error}; waiting for it, Ctrl-C ends the recording")
+                        silence = error
             except (KeyboardInterrupt, SourceEnded):
                 pass
-            recorder.end(source.counters.as_dict(), time.monotonic())
-    console = plain_console()
-    console.print(f"{count:,} readings in {out}\n{pads.counters_line(source.counters.as_dict())}")
+            finally:
+                if not count:
+                    recorder.discard()
+            counters = source.counters.as_dict()
+            if not count:
+                raise NoReading(f"no reading came from {port[0]}; nothing was recorded")
+            recorder.end(counters, time.monotonic())
+    console.print(f"{count:,} readings in {out}\n{pads.counters_line(counters)}")
+    if silence is not None:
+        raise silence
 
 
-def _check_pad(same: bool, port: list[str]) -> None:
+def _open(
+    port: list[str], device: Device, calibration: Calibration | None, recorder: Recorder, new: bool
+) -> Source:
+    """Open what is recorded. A recording that is new is removed if that fails, so that it can be tried again."""
+    from tactsim.core.errors import InputError
+    from tactsim.hardware.sources import open_source
+
+    try:
+        source = open_source(port, device, calibration, recorder)
+        if source.pad != device.pad:
+            source.close()
+            raise InputError(f"{port[0]} has another pad than --device says")
+    except InputError:
+        if new:
+            recorder.discard()
+        raise
+    return source
+
+
+def _check_name(out: Path, suffix: str) -> None:
+    """Refuse a name by which what is written would be taken for something else."""
     from tactsim.core.errors import InputError
 
-    if not same:
-        raise InputError(f"{port[0]} has another pad than --device says")
+    if out.suffix.lower() == suffix:
+        return
+    if suffix == ".npz":
+        raise InputError(
+            f"--out {out}: with --letter it names the scan, FILE.npz; its recording lies beside it"
+        )
+    also = "; `bench replay FILE.tactrec --csv` makes a table of it" if out.suffix.lower() == ".csv" else ""
+    raise InputError(f"--out {out}: a recording is called FILE{suffix}{also}")
 
 
 def _force(text: str) -> tuple[float, float]:

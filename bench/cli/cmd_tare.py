@@ -52,8 +52,8 @@ def command(
     )
     result.save(out)
     console = plain_console()
-    low, high = min(result.tare), max(result.tare)
-    console.print(f"{len(result.tare)} taxels: zero {low:.2f} to {high:.2f} kPa, from {result.frames} frames")
+    low, high = (pads.rounded(end, 2) for end in (min(result.tare), max(result.tare)))
+    console.print(f"{len(result.tare)} taxels: zero {low} to {high} kPa, from {result.frames} frames")
     console.print(f"noise {sorted(result.noise)[len(result.noise) // 2]:.2f} kPa (median taxel)")
     if tare is not None:
         console.print(f"gain {min(result.gain):.3f} to {max(result.gain):.3f}")

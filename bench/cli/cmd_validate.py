@@ -80,16 +80,19 @@ def _show(result: Validation, out: Path | None) -> None:
         table.add_column(heading, justify="left" if heading == "recorded against" else "right")
     for name, error in (("simulation as it is", result.before), ("simulation as fitted", result.after)):
         table.add_row(
-            name, f"{error.rms:.2f}", f"{error.bias:+.2f}", f"{100 * error.relative:.1f} %", f"{error.correlation:.4f}"
+            name, f"{error.rms:.2f}", pads.rounded(error.bias, 2, "+"),
+            f"{100 * error.relative:.1f} %", f"{error.correlation:.4f}"
         )  # fmt: skip
     console.print(table)
     console.print(
         f"fitted  point spread {fit.psf_sigma:.3f} +- {fit.psf_sigma_error:.3f} mm, noise {fit.noise:.2f} kPa, gain "
         f"{fit.gain:.3f} (taxels {100 * fit.gain_spread:.1f} % apart)"
     )
-    x, y, angle = fit.offset
+    x, y, angle = (
+        pads.rounded(value, digits, "+") for value, digits in zip(fit.offset, (2, 2, 4), strict=True)
+    )
     console.print(
-        f"placed  off by {x:+.2f}, {y:+.2f} mm and {angle:+.4f} rad in all presses; {fit.placement_mm:.2f} mm and "
+        f"placed  off by {x}, {y} mm and {angle} rad in all presses; {fit.placement_mm:.2f} mm and "
         f"{fit.placement_rad:.4f} rad from press to press"
     )
     for line in _tilt_lines(fit):
@@ -126,9 +129,9 @@ def _tilt_lines(fit: SensorFit) -> list[str]:
     layer, wrist = f"{fit.stiffness:,.0f} kPa/mm", f"{fit.wrist:,.0f} N mm/rad"
     tilted = "tilted  no press, as far as readings tell"
     if fit.placement_tilt:
-        x, y = fit.gain * fit.tilt_offset
+        x, y = (pads.rounded(value, 4, "+") for value in fit.gain * fit.tilt_offset)
         tilted = (
-            f"tilted  by {x:+.4f}, {y:+.4f} rad in all presses; {fit.gain * fit.placement_tilt:.4f} rad from press "
+            f"tilted  by {x}, {y} rad in all presses; {fit.gain * fit.placement_tilt:.4f} rad from press "
             f"to press, which on a layer of {layer} is {fit.gain * fit.lean:.2f} kPa/mm along the pad"
         )
     if fit.held == "wrist":

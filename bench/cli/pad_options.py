@@ -67,6 +67,11 @@ def with_letters(scan: Scan) -> Scan:
     return replace(scan, meta={**scan.meta, "objects": objects})
 
 
+def rounded(value: float, digits: int, sign: str = "") -> str:
+    """Write a number with so many decimals; what rounds to nothing has no minus. sign: "+" writes a plus, too."""
+    return f"{round(value, digits) + 0.0:{sign}.{digits}f}"
+
+
 def counters_line(counters: dict[str, int]) -> str:
     """List the counters that are not zero."""
     return ", ".join(f"{name.replace('_', ' ')} {count:,}" for name, count in counters.items() if count)

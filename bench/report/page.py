@@ -234,7 +234,7 @@ def _recognition(trial: Recognition, of: Replayed, arrays: Arrays) -> dict[str, 
         "truePose": arrays.add(trial.true_pose, "f4"),
         "error": arrays.add(trial.error, "f4"),
         "region": None if trial.region is None else arrays.add(trial.region, "f4"),
-        "radius": _column(None if np.isnan(radius) else radius for radius in trial.radius),
+        "radius": _column(None if np.isnan(radius) else radius for radius in trial.radius.tolist()),
         "plane": plane,
     }
 

@@ -179,8 +179,9 @@ def _recognise(entry: Entry, estimator: Estimator, plan: TrialPlan, task: Task, 
         if belief is not None:
             beliefs.append(belief)
 
+    estimator = plan.fitted_for(task.truth, estimator)
     trial = run_trial(
-        estimator, test, task, letters=plan.scan.where("train").letters, readings=entry.readings,
+        estimator, test, task, letters=plan.letters_known(task.truth), readings=entry.readings,
         seed=plan.seed, of=entry.run.objects[task.truth], explore=plan.explore, press=plan.press,
         slip=plan.slip, observe=keep,
     )  # fmt: skip

@@ -18,6 +18,8 @@ TOPICS = (
     "likelihood",
     "filters",
     "particles",
+    "none",
+    "motion",
     "press",
     "engines",
     "dynamics",

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Sequence
+from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.field.replay import replay
@@ -52,6 +54,20 @@ class LikelihoodField:
 
     def __len__(self) -> int:
         return self._readings
+
+    @cached_property
+    def alike(self) -> NDArray[np.int64]:
+        """Give for each letter (letters,) the number of the first whose tables are equal to its own, bit by bit.
+
+        Such letters are one hypothesis: no reading can tell them apart.
+        """
+        first: dict[bytes, int] = {}
+        values, outside = self.tables.values, self.tables.outside
+        digests = [
+            hashlib.sha256(values[:, letter].tobytes() + outside[:, letter].tobytes()).digest()
+            for letter in range(len(self.labels))
+        ]
+        return np.array([first.setdefault(digest, letter) for letter, digest in enumerate(digests)])
 
     def reset(self) -> None:
         """Forget all readings."""

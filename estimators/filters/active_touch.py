@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Sequence
 
 import numpy as np
@@ -9,6 +10,7 @@ import numpy as np
 from tactsim.core import Scan
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.estimator import check_candidates, check_order
+from tactsim.estimators.filters.doubts import Doubts
 from tactsim.estimators.filters.information import STATES, Planner
 from tactsim.estimators.filters.map_filter import MapFilter
 from tactsim.estimators.filters.wrapper import Wrapper
@@ -25,8 +27,19 @@ class ActiveTouch(Wrapper):
 
     def fit(self, scan: Scan) -> None:
         """Learn from the training readings, and keep them if a proposal will need what was not learned yet."""
-        self._planner, self._planning = None, None
         self.filter.fit(scan)
+        self.fitted_to(scan)
+
+    def without(self, letter: str, scan: Scan) -> ActiveTouch:
+        """Wrap the filter without the letter."""
+        other = copy.copy(self)
+        other.filter = self.filter.without(letter, scan)
+        other.fitted_to(scan.untrained([letter]))
+        return other
+
+    def fitted_to(self, scan: Scan) -> None:
+        """Forget what was learned for proposals; the filter was fitted to this scan."""
+        self._planner, self._planning = None, None
         self._train = scan.where("train") if self.filter.calibrated is None else None
 
     def reset(self, rng: np.random.Generator) -> None:
@@ -42,9 +55,12 @@ class ActiveTouch(Wrapper):
         assert self._planning is not None
         poses = check_candidates(candidates)
         if self._planner is None:
-            self._planner = Planner(self._calibrated(), self.taxel_xy)
+            model = self._calibrated()
+            self._planner = Planner(model, self.taxel_xy)
+            self._doubts = Doubts(model, self.taxel_xy)
         letter, state = self.weighted_states().draw(STATES, self._planning)
-        return self._planner.choose(poses, letter, state, self._planning)
+        besides = self.filter.information_on_none(self._doubts, poses)
+        return self._planner.choose(poses, letter, state, self._planning, besides)
 
     def _calibrated(self) -> CalibratedLikelihood:
         """Give the calibrated model that the filter has learned, or learn it and let go of the readings."""

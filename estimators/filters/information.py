@@ -39,12 +39,21 @@ class Planner:
         self._taxel_xy = np.array(taxel_xy)
 
     def choose(
-        self, candidates: FloatArray, letter: NDArray[np.int64], state: FloatArray, rng: np.random.Generator
+        self,
+        candidates: FloatArray,
+        letter: NDArray[np.int64],
+        state: FloatArray,
+        rng: np.random.Generator,
+        besides: FloatArray | None = None,
     ) -> int:
-        """Find the candidate whose reading should say most, for the arguments of `information`."""
-        rough = self.information(candidates, letter[::_SIFT], state[:, ::_SIFT], rng)
+        """Find the candidate whose reading should say most, for the arguments of `information`.
+
+        besides: (n,) nats that a reading says of something else, by default nothing.
+        """
+        other = np.zeros(len(candidates)) if besides is None else besides
+        rough = self.information(candidates, letter[::_SIFT], state[:, ::_SIFT], rng) + other
         best = np.argsort(-rough, kind="stable")[: -(-len(candidates) // _SIFT)]
-        return int(best[self.information(candidates[best], letter, state, rng).argmax()])
+        return int(best[(self.information(candidates[best], letter, state, rng) + other[best]).argmax()])
 
     def information(
         self, candidates: FloatArray, letter: NDArray[np.int64], state: FloatArray, rng: np.random.Generator

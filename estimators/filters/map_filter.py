@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from abc import abstractmethod
 from collections.abc import Mapping
 
@@ -12,6 +13,7 @@ from tactsim.core import Scan
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.estimator import Estimate, Estimator, Options, check_order, check_reading
 from tactsim.estimators.field.field import LikelihoodField
+from tactsim.estimators.filters.doubts import Doubts
 from tactsim.estimators.filters.states import WeightedStates
 from tactsim.estimators.likelihoods import likelihood
 from tactsim.estimators.likelihoods.calibrated import CalibratedLikelihood
@@ -45,11 +47,24 @@ class MapFilter(Estimator):
     def fit(self, scan: Scan) -> None:
         """Learn the maps (eq. 2 to 6) and the measurement model from the training readings."""
         chosen = self.options
-        self._started = False
-        self.maps = learn_maps(
+        maps = learn_maps(
             scan, sigma=chosen.sigma, peak=chosen.peak, prior=chosen.prior, threshold=chosen.threshold,
             ratio=chosen.ratio, cell=chosen.cell,
         )  # fmt: skip
+        self.fit_with(maps, scan)
+
+    def without(self, letter: str, scan: Scan) -> MapFilter:
+        """Give a filter of the other letters, with the maps that are known and a measurement model of their own."""
+        other = copy.copy(self)
+        other.likelihood = likelihood.create(self.options)
+        maps = {label: chart for label, chart in self.maps.items() if label != letter}
+        other.fit_with(maps, scan.untrained([letter]))
+        return other
+
+    def fit_with(self, maps: Mapping[str, OccupancyMap], scan: Scan) -> None:
+        """Learn the measurement model from the training readings, given the maps of all letters in the scan."""
+        self._started = False
+        self.maps = maps
         self.labels = tuple(self.maps)
         self.taxel_xy = scan.taxel_xy
         self.likelihood.fit(scan, self.maps)
@@ -98,6 +113,10 @@ class MapFilter(Estimator):
     def log_evidence(self) -> FloatArray:
         """Give log p(readings so far | letter) if the object lies still, (letters,), up to what no model changes."""
         raise NotImplementedError(f"{type(self).__name__} is not compared with a moving belief")
+
+    def information_on_none(self, doubts: Doubts, candidates: FloatArray) -> FloatArray | None:
+        """Say what readings at candidates (n, 3) would tell of "none of these" (n,); None if it is not considered."""
+        return None
 
     @property
     def calibrated(self) -> CalibratedLikelihood | None:

@@ -9,8 +9,8 @@ from numba import float64, void
 
 from tactsim.core.compiling import REALS, REALS_2D, Reals, compiled
 
-# A part is left out where its exponent is below this: less than 2e-9 of its height.
-_REACH = 20.0
+# A part is left out where it is below exp(-_REACH) of its height.
+_REACH = 14.0
 
 
 @compiled(void(REALS_2D, REALS_2D, REALS_2D, REALS_2D, REALS, REALS, float64))
@@ -44,5 +44,5 @@ def add_densities(
             away += turn * turn
             for k in range(mixtures):
                 exponent = away * rate[i, k]
-                if exponent < _REACH:
+                if exponent < _REACH and height[i, k] > 0:
                     density[j, k] += height[i, k] * math.exp(-exponent)

@@ -28,8 +28,10 @@ _ROUNDS = 4
 _ENOUGH = 60.0  # effective states that a round aims at
 _FORGOTTEN = 30.0  # a letter this many nats below the best is not followed any more
 _NEGLIGIBLE = 20.0
+_JUMPING = 24  # centres from which jumps go out
 _TINY = np.finfo(float).tiny
-_LEAST_SHARE = 0.1
+# Of the draws, beside the share that is believed: for each scale, and for jumps, which have far to look.
+_LEAST_SHARE, _JUMP_SHARE = 0.1, 0.4
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,21 +67,41 @@ class _Drawn:
 
 @dataclass(frozen=True, eq=False)
 class _Moved:
-    """A letter's belief after the motion: mixtures of normal distributions about the centres of a cloud.
+    """A letter's belief after the motion: a mixture of normal distributions for each scale, and one for jumps.
 
-    weight: (n, mixtures). variance: (mixtures,) mm^2. around: mm, the length of the circle of angles.
+    centre: (n, 3) mm. spread: (n,) mm^2. weight: (n, scales + 1). variance: (scales + 1,) mm^2. around: mm, the
+    length of the circle of angles.
     """
 
-    cloud: _Cloud
+    centre: FloatArray
+    spread: FloatArray
     weight: FloatArray
     variance: FloatArray
     around: float
+
+    @classmethod
+    def of(cls, cloud: _Cloud, weight: FloatArray, motion: Motion, rng: np.random.Generator) -> _Moved:
+        """Move a cloud whose centres have a weight for each scale (n, scales)."""
+        stay = np.column_stack([weight * (1 - motion.jump), np.zeros(len(weight))])
+        variance = np.append(motion.variance, motion.jump_variance)
+        if not motion.jump:
+            return cls(cloud.centre, cloud.spread, stay, variance, motion.around)
+        # A jump is so wide that few centres will do.
+        chosen = Weights(_log(weight.sum(axis=1))).systematic(_JUMPING, rng)
+        jump = np.zeros((_JUMPING, len(variance)))
+        jump[:, -1] = motion.jump * weight.sum() / _JUMPING
+        return cls(
+            np.concatenate([cloud.centre, cloud.centre[chosen]]),
+            np.concatenate([cloud.spread, cloud.spread[chosen]]),
+            np.concatenate([stay, jump]), variance, motion.around,
+        )  # fmt: skip
 
     @cached_property
     def share(self) -> FloatArray:
         """Give the part of the draws that each mixture gets: one that is hardly believed gets enough to be found."""
         held = self.weight.sum(axis=0)
         share = held / held.sum() + _LEAST_SHARE * (held > 0)
+        share[-1] += _JUMP_SHARE * (held[-1] > 0)
         return np.asarray(share / share.sum(), dtype=float)
 
     def draw(self, count: int, rng: np.random.Generator) -> FloatArray:
@@ -89,15 +111,15 @@ class _Moved:
         for k in np.unique(which):
             mine = np.flatnonzero(which == k)
             centre[mine] = Weights(_log(self.weight[:, k])).systematic(len(mine), rng)
-        width = np.sqrt(self.variance[which] + self.cloud.spread[centre])
-        return self.cloud.centre[centre] + rng.standard_normal((count, 3)) * width[:, None]
+        width = np.sqrt(self.variance[which] + self.spread[centre])
+        return self.centre[centre] + rng.standard_normal((count, 3)) * width[:, None]
 
     def densities(self, place: FloatArray) -> FloatArray:
         """Give the density of each mixture at placements (n, 3): (n, mixtures), mm^-3."""
         density = np.zeros((len(place), len(self.variance)))
         add_densities(
-            density, place, self.cloud.centre, np.ascontiguousarray(self.weight), self.variance,
-            self.cloud.spread, self.around,
+            density, place, self.centre, np.ascontiguousarray(self.weight), self.variance,
+            self.spread, self.around,
         )  # fmt: skip
         return density
 
@@ -212,11 +234,7 @@ class Moving(Wrapper):
         weight = (1 - motion.switch) * before + motion.switch * before.sum(
             axis=1, keepdims=True
         ) * motion.prior
-        # The last mixture is where the object jumps to, whatever its scale.
-        moved = _Moved(
-            cloud, np.column_stack([weight * (1 - motion.jump), weight.sum(axis=1) * motion.jump]),
-            np.append(motion.variance, motion.jump_variance), motion.around,
-        )  # fmt: skip
+        moved = _Moved.of(cloud, weight, motion, self._rng)
         count = _DRAWN * (_BROAD if len(self.filter.field) == 2 else 1)
         place = moved.draw(count, self._rng)
         density, log_p = moved.densities(place), self._log_p(letter, place)

@@ -1,44 +1,47 @@
 """None of the known letters: how well the best letter explains what was felt, and how well it should.
 
 Open-set recognition: a filter over the known letters always names one of them. Whether the object is that
-letter at all is told by the misfit of the readings: by how much their log-likelihood at the estimated pose
-differs from what the letter's map expects,
-
-    m = sum over taxels of [ log p(class) - sum_k p(k) log p(k) ],
-
-compared with the misfit of the letter's own training readings, each looked up in a map without itself.
+letter at all is told by the misfit of the readings, half of chi^2 beside what the letter's mosaic predicts at the
+best pose (`likelihoods.tilted_mosaic`), compared with the misfit of the letter's own training readings, each looked
+up in mosaics without itself.
 """
 
 from __future__ import annotations
 
+import copy
 import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from tactsim.core import InputError, Scan, compose, transform
+from tactsim.core import InputError, Scan, compose, invert
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.estimator import NONE, Estimate
+from tactsim.estimators.filters.doubts import Doubts
 from tactsim.estimators.filters.map_filter import MapFilter
 from tactsim.estimators.filters.moving import Moving
 from tactsim.estimators.filters.wrapper import Wrapper
-from tactsim.estimators.likelihoods.calibrated import CalibratedLikelihood
+from tactsim.estimators.likelihoods.tilted_mosaic import TiltedMosaics
 
 _HALF_LOG_2PI = math.log(2 * math.pi) / 2
-_LEAST_VARIANCE = 1e-6  # nats^2: a map without information expects everything alike
+_LEAST_DEVIATION = 1e-3  # nats
+# Letters that are less probable than this beside the most probable one, and all but so many, are not asked.
+_NEGLIGIBLE, _ASKED = 1e-3, 3
 
 
 @dataclass(frozen=True)
 class Misfit:
     """How the misfit of one reading is spread for a letter's own readings, and where chance begins.
 
-    mean, deviation: nats, of the letter's training readings, each against a map without itself.
-    chance: nats, the mean of readings that are looked up where they were not taken.
+    mean, deviation: nats, of the letter's readings. drift: nats, standard deviation of what the mean itself may be off
+    by, for all readings of a sequence together. chance: nats, the mean of readings that are looked up where they were
+    not taken.
     """
 
     mean: float
     deviation: float
+    drift: float
     chance: float
 
     def log_odds(self, total: float, readings: int) -> float:
@@ -47,37 +50,43 @@ class Misfit:
         The letter's own sum is taken as normal. For another object the mean misfit of a reading is anything
         between the letter's own and chance, all alike, and the sum is spread about it as widely as the letter's own.
         """
-        spread = self.deviation * math.sqrt(readings)
-        z = (total - self.mean * readings) / spread if readings else 0.0
-        width = (self.mean - self.chance) * readings / spread if readings else 0.0
+        if not readings:
+            return 0.0
+        spread = math.hypot(self.deviation * math.sqrt(readings), self.drift * readings)
+        z = (self.mean * readings - total) / spread
+        width = (self.chance - self.mean) * readings / spread
         return _log_smeared(z, width) + z**2 / 2
 
 
 class OpenSet(Wrapper):
     """A filter over the known letters, and beside it how probable it is that the object is none of them.
 
-    The filter's pose must be as exact as its readings allow: in the middle of a bin of a millimetre, a letter
-    fits as badly as another object would.
+    The filter's pose must be exact enough for a search to begin there: in the middle of a large bin, it may end
+    in the wrong place.
+
+    mosaics: of all letters. misfit: by letter, how its own readings fit.
     """
 
     def __init__(self, filter: MapFilter | Moving, unknown: float) -> None:
         super().__init__(filter)
         self._unknown = unknown
 
-    @property
-    def calibrated(self) -> CalibratedLikelihood:
-        """Give the calibrated model of the training readings, with which misfits are computed."""
-        return self._model
-
     def fit(self, scan: Scan) -> None:
-        """Learn the maps, and how well each letter's own training readings fit its map."""
+        """Learn the maps, and how well each letter's own training readings fit its mosaic."""
         self.filter.fit(scan)
         if NONE in self.labels:
             raise InputError(f"a letter is called {NONE!r}: with unknown above 0 that means no known letter")
-        self._model = self.filter.calibrated or CalibratedLikelihood(self.options)
-        if self._model is not self.filter.calibrated:
-            self._model.fit(scan, self.maps)
-        self._misfit = {label: learn_misfit(self._model, label, scan) for label in self.labels}
+        self.mosaics = TiltedMosaics(self.options)
+        self.mosaics.fit(scan, self.maps)
+        self.misfit = {label: learn_misfit(self.mosaics, label) for label in self.labels}
+
+    def without(self, letter: str, scan: Scan) -> OpenSet:
+        """Wrap the filter without the letter; what was learned of the others' misfits does not depend on it."""
+        other = copy.copy(self)
+        other.filter = self.filter.without(letter, scan)
+        other.mosaics = self.mosaics.of(other.labels)
+        other.misfit = {label: self.misfit[label] for label in other.labels}
+        return other
 
     def reset(self, rng: np.random.Generator) -> None:
         """Forget the sequence."""
@@ -85,51 +94,74 @@ class OpenSet(Wrapper):
         self._felt: list[tuple[FloatArray, FloatArray]] = []
 
     def update(self, reading: ArrayLike, sensor_in_robot: ArrayLike) -> None:
-        """Take in one reading, and keep it for the comparison with what the best letter's map expects."""
+        """Take in one reading, and keep it for the comparison with what the best letters' mosaics predict."""
         self.filter.update(reading, sensor_in_robot)
         self._felt.append((np.array(reading, dtype=float), np.array(sensor_in_robot, dtype=float)))
 
     def estimate(self) -> Estimate:
-        """Give "none" its share: the prior odds, times those of the misfit of the best letter."""
-        from scipy.special import expit  # imported here: every filter imports this file, few need it
-
-        known, total = self.filter.estimate(), 0.0
-        if self._felt:
-            readings, poses = (np.array(part) for part in zip(*self._felt, strict=True))
-            xy = transform(compose(self.filter.path(known), poses), self.taxel_xy)
-            total = float(misfits(self._model, known.label, xy, self._model.classes(readings)).sum())
-        odds = self._misfit[known.label].log_odds(total, len(self._felt))
-        none = float(expit(odds + math.log(self._unknown) - math.log1p(-self._unknown)))
+        """Give "none" its share: the prior odds, times those of the misfits of the letters that may still be."""
+        known = self.filter.estimate()
+        odds = self._log_odds(known) + math.log(self._unknown) - math.log1p(-self._unknown)
+        none = 1 / (1 + math.exp(-odds)) if odds > 0 else math.exp(odds) / (1 + math.exp(odds))
         probabilities = {label: (1 - none) * p for label, p in known.probabilities.items()} | {NONE: none}
         best = max(probabilities, key=probabilities.__getitem__)
         return replace(known, label=best, probabilities=probabilities)
 
+    def information_on_none(self, doubts: Doubts, candidates: FloatArray) -> FloatArray:
+        """Say what readings at candidates (n, 3) would tell of places where the object may differ: (n,) nats."""
+        known = self.filter.estimate()
+        readings, poses = self._history(known)
+        pose = self.mosaics.fitting_pose(known.label, known.robot_in_object, readings, poses)
+        weights = doubts.weights(known.label, pose, readings, poses, self._unknown)
+        return doubts.information(known.label, pose, weights, candidates)
 
-def misfits(model: CalibratedLikelihood, label: str, xy: FloatArray, classes: NDArray[np.int8]) -> FloatArray:
-    """Compute the misfit (nats) of readings (n, taxels) at taxels (n, taxels, 2) mm on the object: (n,)."""
-    return _misfits(model.log_tables(label, xy), classes)
+    def _log_odds(self, known: Estimate) -> float:
+        """Weigh "none" against all letters: p(m | none) / p(m | letter), of which the inverse is averaged over them."""
+        if not self._felt:
+            return 0.0
+        readings, poses = self._history(known)
+        least = _NEGLIGIBLE * known.probabilities[known.label]
+        ranked = sorted(known.probabilities.items(), key=lambda item: -item[1])
+        against = []
+        for label, p in [item for item in ranked[:_ASKED] if item[1] > least]:
+            start = known.robot_in_object if label == known.label else self._likeliest(label)
+            pose = self.mosaics.fitting_pose(label, start, readings, poses)
+            total = float(self.mosaics.misfits(label, pose, readings, poses).sum())
+            against.append(math.log(p) - self.misfit[label].log_odds(total, len(readings)))
+        return -float(np.logaddexp.reduce(against))
+
+    def _history(self, known: Estimate) -> tuple[FloatArray, FloatArray]:
+        """Give the readings so far (n, taxels) and their poses (n, 3), as they would be had the object lain still.
+
+        Where it has moved, along the path that goes with the estimate, the sensor is moved back with it.
+        """
+        readings = np.array([reading for reading, _ in self._felt]).reshape(-1, len(self.taxel_xy))
+        poses = np.array([pose for _, pose in self._felt]).reshape(-1, 3)
+        path, last = self.filter.path(known), known.robot_in_object
+        moved = (path != last).any(axis=1)
+        poses[moved] = compose(invert(last), compose(path[moved], poses[moved]))
+        return readings, poses
+
+    def _likeliest(self, label: str) -> FloatArray:
+        """Find the most probable state of a letter, T_R^O."""
+        belief = self.filter.weighted_states()
+        mine = np.flatnonzero(belief.letter == self.labels.index(label))
+        return belief.state[:, mine[belief.weights.log[mine].argmax()]]
 
 
-def learn_misfit(model: CalibratedLikelihood, label: str, scan: Scan) -> Misfit:
-    """Learn how the misfit of a letter's training readings in a scan is spread."""
-    odds, classes = model.left_out(label, scan)
-    log_p = np.log(model.calibration(odds))
-    own = _misfits(log_p, classes)
-    # At least what independent taxels would give, however few the training readings are.
-    least = ((np.exp(log_p) * log_p**2).sum(axis=0) - (np.exp(log_p) * log_p).sum(axis=0) ** 2).sum(axis=1)
-    # Every reading is looked up where another one was taken, as far away in the list as can be.
-    elsewhere = np.roll(log_p, len(classes) // 2, axis=1)
+def learn_misfit(mosaics: TiltedMosaics, label: str) -> Misfit:
+    """Learn how the misfit of a letter's readings is spread.
+
+    A place of the object may be known as well as where training readings were taken, or as badly as between them.
+    A reading comes from either, and so does the mean: all that lies between the two is as likely.
+    """
+    near, far, elsewhere = mosaics.left_out(label)
     return Misfit(
-        mean=float(own.mean()),
-        deviation=math.sqrt(max(float(own.var()), float(least.mean()), _LEAST_VARIANCE)),
-        chance=float(_misfits(elsewhere, classes).mean()),
+        mean=float(near.mean() + far.mean()) / 2,
+        deviation=math.sqrt(float(near.var() + far.var()) / 2 + _LEAST_DEVIATION**2),
+        drift=abs(float(far.mean() - near.mean())) / math.sqrt(12),
+        chance=float(elsewhere.mean()),
     )
-
-
-def _misfits(log_p: FloatArray, classes: NDArray[np.int8]) -> FloatArray:
-    """Compare the log-likelihood of classes (n, taxels) with what log_p (classes, n, taxels) expects: (n,)."""
-    found = np.take_along_axis(log_p, classes[None].astype(np.intp), axis=0)[0]
-    return (found - (np.exp(log_p) * log_p).sum(axis=0)).sum(axis=-1)
 
 
 def _log_smeared(z: float, width: float) -> float:

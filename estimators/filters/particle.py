@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -22,6 +23,7 @@ from tactsim.estimators.filters.states import (
     plane_histogram,
     pose_samples,
     probabilities,
+    shared,
     uniform_states,
 )
 from tactsim.estimators.filters.weights import Weights
@@ -42,6 +44,8 @@ class ParticleOptions(FilterOptions):
 class ParticleFilter(MapFilter):
     """Particle filter over letter, x, y and angle (paper, eq. 8 to 12), resampled at every reading.
 
+    Letters whose tables are equal are one hypothesis, whose particles bear the first one's number: if each had its own,
+    resampling would leave one of them by chance.
     injection: which particles are replaced by random ones after resampling; None for none.
     """
 
@@ -67,7 +71,7 @@ class ParticleFilter(MapFilter):
         """Spread the particles evenly over letters and uniformly over poses."""
         count = self.options.particles
         self._rng = rng
-        self._letter = np.arange(count) % len(self.labels)
+        self._letter = self.field.alike[np.arange(count) % len(self.labels)]
         self._state = uniform_states(count, self.options.reach, rng)
         self._weights = Weights(np.zeros(count))
         if self._injection is not None:
@@ -99,9 +103,10 @@ class ParticleFilter(MapFilter):
 
     def _estimate(self) -> Estimate:
         """Sum the weights of each letter (eq. 9); find the mode (eq. 12) within the best letter."""
-        mass = letter_mass(self._letter, self._weights, len(self.labels))
+        alike = self.field.alike
+        mass = shared(letter_mass(self._letter, self._weights, len(self.labels)), alike)
         best = int(mass.argmax())
-        mine = self._letter == best
+        mine = self._letter == alike[best]
         state, weight = self._state.compress(mine, axis=1), self._weights.relative[mine]
         return Estimate(
             label=self.labels[best],
@@ -116,7 +121,8 @@ class ParticleFilter(MapFilter):
 
     def belief_over_plane(self) -> PlaneBelief:
         """Count the weighted particles in cells of about 1 mm."""
-        return plane_histogram(self.labels, self.weighted_states(), self.options.reach)
+        counted = plane_histogram(self.labels, self.weighted_states(), self.options.reach)
+        return replace(counted, probability=shared(counted.probability, self.field.alike))
 
     @property
     def work(self) -> dict[str, Any]:
@@ -157,7 +163,7 @@ class ParticleFilter(MapFilter):
         """Replace the particles that the injection chooses by random ones."""
         replaced = injection.choose(len(self._letter), self._rng)
         count = int(replaced.sum())
-        self._letter[replaced] = self._rng.integers(len(self.labels), size=count)
+        self._letter[replaced] = self.field.alike[self._rng.integers(len(self.labels), size=count)]
         self._state[:, replaced] = uniform_states(count, self.options.reach, self._rng)
         self._injected += count
 

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
+from tactsim.core import Scan
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.estimator import Estimate, Options, PlaneBelief
 from tactsim.estimators.filters.binned import BinnedBelief
@@ -18,9 +20,14 @@ from tactsim.estimators.filters.halving import halve
 from tactsim.estimators.filters.map_filter import MapFilter
 from tactsim.estimators.filters.placement import mean_around
 from tactsim.estimators.filters.states import WeightedStates, letter_mass, pose_samples, probabilities
+from tactsim.estimators.filters.trust import learn_trust
 from tactsim.estimators.filters.weights import Weights
+from tactsim.estimators.likelihoods.occupancy import OccupancyMap
 from tactsim.estimators.options import OpenSetOptions
 
+# Cells are halved so often in any case, and on until the smallest hold the belief in so many cells (effective sample
+# size): then they are about as large as the belief is wide.
+_AT_LEAST, _ENOUGH = 3, 64.0
 # Cells this many nats below the heaviest are left out of sums; of means of poses, sooner.
 _NEGLIGIBLE, _NEGLIGIBLE_IN_MEAN = 30.0, 20.0
 
@@ -28,13 +35,17 @@ _NEGLIGIBLE, _NEGLIGIBLE_IN_MEAN = 30.0, 20.0
 class RefinedOptions(OpenSetOptions):
     """Options of the coarse-to-fine histogram filter."""
 
-    likelihood: str = Field("calibrated", description="the measurement model: paper, calibrated, force")
+    likelihood: str = Field(
+        "calibrated", description="the measurement model: paper, calibrated, force, graded"
+    )
     bins: int = Field(5_000, description="coarse bins per letter; Table I's counts split as printed")
     split: str | None = Field(
         None, description="coarse bins in x, y and angle such as 16x16x36, instead of bins"
     )
     cells: int = Field(100, ge=1, le=100_000, description="how many of the best cells are halved, each time")
-    halvings: int = Field(3, ge=0, le=8, description="how many times cells are halved in x, y and angle")
+    halvings: int = Field(
+        6, ge=0, le=8, description="how many times cells are halved in x, y and angle, at most"
+    )
     skip: bool = Field(
         True, description="replay only the new reading in cells halved before; the answer is the same"
     )
@@ -63,6 +74,10 @@ class RefinedFilter(MapFilter):
     each new cell. The bins are ranked, and not compared with a limit: the longer the sequence, the less likely
     is the middle of the bin that holds the truth beside the truth itself.
 
+    The log-likelihood of the readings is weighted by what left-out training readings say of how far a posterior may be
+    trusted (`trust`). Halving ends, after the third time, when the smallest cells are about as large as the belief is
+    wide.
+
     The belief is what the leaves hold: a cell's likelihood is that of its middle, times its volume. So a
     cell that was split is worth the mean of its parts.
     """
@@ -84,7 +99,7 @@ class RefinedFilter(MapFilter):
         """Say how the state space is split, in one line."""
         dx, dy, da = (gap / 2**self.options.halvings for gap in self.grid.spacing)
         return (
-            f"{self.grid.describe()}; the {self.options.cells} best halved {self.options.halvings} times, "
+            f"{self.grid.describe()}; the {self.options.cells} best halved up to {self.options.halvings} times, "
             f"to {dx:.2g} mm x {dy:.2g} mm x {math.degrees(da):.2g} deg"
         )
 
@@ -99,6 +114,11 @@ class RefinedFilter(MapFilter):
         every = np.arange(len(self.labels) * self.grid.bins)
         self._prior: _Leaves = every, np.zeros(len(every))
 
+    def fit_with(self, maps: Mapping[str, OccupancyMap], scan: Scan) -> None:
+        """Learn the measurement model, and how much a sequence of readings counts, given the maps."""
+        super().fit_with(maps, scan)
+        self._trust = learn_trust(self.likelihood, scan)
+
     def _reset(self, rng: np.random.Generator) -> None:
         self._coarse.reset()
         self._halved: list[_Halved] = []
@@ -109,13 +129,16 @@ class RefinedFilter(MapFilter):
         bins, _ = self._coarse.update()
         self._evaluated += bins
         before, self._halved, self._leaves = self._halved, [], []
-        cell, log_p = self._coarse.best(self.options.cells, _NEGLIGIBLE)
+        weight = self._trust
+        cell, log_p = self._coarse.best(self.options.cells, _NEGLIGIBLE / weight)
         for times in range(self.options.halvings):
+            if times >= _AT_LEAST and len(log_p) and Weights(weight * log_p).ess > _ENOUGH:
+                break
             chosen = _highest(log_p, self.options.cells)
             rest = np.ones(len(cell), dtype=bool)
             rest[chosen] = False
             self._leaves.append((cell[rest], log_p[rest]))
-            halved = self._halve(times, np.sort(cell[chosen]), before[times] if before else None)
+            halved = self._halve(times, np.sort(cell[chosen]), before[times] if times < len(before) else None)
             self._halved.append(halved)
             cell, log_p = halved.half.ravel(), halved.log_p.ravel()
         self._leaves.append((cell, log_p))
@@ -188,12 +211,12 @@ class RefinedFilter(MapFilter):
 
     def _belief_in_cells(self) -> tuple[Cells, Weights]:
         """Give the cells that were not split and are not negligible, and what they hold."""
-        volume = -math.log(8) * np.arange(len(self._leaves))
-        tops = [log_p.max(initial=-math.inf) for _, log_p in self._leaves]
+        volume, trust = -math.log(8) * np.arange(len(self._leaves)), self._trust
+        tops = [trust * log_p.max(initial=-math.inf) for _, log_p in self._leaves]
         highest = self._highest = float((volume + tops).max())
         times, index, log_weight = [], [], []
         for depth, (cell, log_p) in enumerate(self._leaves):
-            held = log_p + (volume[depth] - highest)
+            held = trust * log_p + (volume[depth] - highest)
             heavy = np.flatnonzero(held > -_NEGLIGIBLE)
             times.append(np.full(len(heavy), depth))
             index.append(cell[heavy])
@@ -205,13 +228,28 @@ class RefinedFilter(MapFilter):
 class ForceMosaicOptions(RefinedOptions):
     """Options of the coarse-to-fine filter, with pressures instead of classes unless said otherwise."""
 
-    likelihood: str = Field("force", description="the measurement model: paper, calibrated, force")
+    likelihood: str = Field("force", description="the measurement model: paper, calibrated, force, graded")
 
 
 class ForceMosaicFilter(RefinedFilter):
     """The coarse-to-fine filter with a measurement model that predicts pressures instead of classes."""
 
     options_type: type[Options] = ForceMosaicOptions
+
+
+class GradedOptions(RefinedOptions):
+    """Options of the coarse-to-fine filter, with grades of the reading's own pressure unless said otherwise."""
+
+    likelihood: str = Field("graded", description="the measurement model: paper, calibrated, force, graded")
+    threshold: Annotated[float, Field(ge=-1e9, le=1e9)] | Literal["auto"] = Field(
+        "auto", description="T of eq. 3, kPa; auto: 1/18 of the training readings' median scale"
+    )
+
+
+class GradedFilter(RefinedFilter):
+    """The coarse-to-fine filter with a measurement model that does not mind the load and the response curve."""
+
+    options_type: type[Options] = GradedOptions
 
 
 def _highest(values: FloatArray, count: int) -> NDArray[np.intp]:

@@ -62,6 +62,17 @@ def letter_mass(letter: NDArray[np.int64], weights: Weights, letters: int) -> Fl
     return np.asarray(np.bincount(letter, weights.relative, minlength=letters), dtype=float)
 
 
+def shared(mass: FloatArray, alike: NDArray[np.int64]) -> FloatArray:
+    """Let letters that are one hypothesis have equal parts of what it holds: (letters, ...) like `mass`.
+
+    alike: (letters,) the number of each letter's hypothesis, see `LikelihoodField.alike`.
+    """
+    total = np.zeros_like(mass)
+    np.add.at(total, alike, mass)
+    letters = np.bincount(alike, minlength=len(mass))[alike]
+    return total[alike] / letters.reshape(-1, *(1,) * (mass.ndim - 1))
+
+
 def uniform_states(count: int, reach: float, rng: np.random.Generator) -> FloatArray:
     """Draw T_R^O (3, count) uniformly: x and y in [-reach, reach] mm, any angle."""
     return rng.uniform(-1, 1, (3, count)) * [[reach], [reach], [np.pi]]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from copy import deepcopy
 from dataclasses import dataclass
 from typing import Any
 
@@ -39,7 +40,9 @@ _HOPELESS = 60.0
 class TemperedOptions(OpenSetOptions):
     """Options of the tempered particle filter."""
 
-    likelihood: str = Field("calibrated", description="the measurement model: paper, calibrated, force")
+    likelihood: str = Field(
+        "calibrated", description="the measurement model: paper, calibrated, force, graded"
+    )
     particles: int = Field(
         10_000, ge=1, le=10_000_000, description="n_P over all letters together; each has an equal part"
     )
@@ -47,7 +50,9 @@ class TemperedOptions(OpenSetOptions):
     survivors: float = Field(
         0.5, gt=0, lt=1, description="share of a population that must stay effective: sets the temperature"
     )
-    skip: bool = Field(True, description="do not move the particles of letters that cannot matter")
+    skip: bool = Field(
+        True, description="do not move the particles of letters that cannot matter or are like another"
+    )
 
 
 @dataclass(eq=False)
@@ -89,6 +94,9 @@ class TemperedFilter(MapFilter):
     resampled, and moved by a Metropolis step whose length is the difference of two other particles, the whole
     history replayed; then b is raised again, for at most `rounds` rounds. No letter can be lost to
     resampling; its evidence is the product of the mean weights on the way.
+
+    All letters draw the same numbers. So letters that are hard to tell apart have much the same error of their
+    evidence, and those whose tables are equal have the same evidence to the bit: one population does for all of them.
     """
 
     options_type: type[Options] = TemperedOptions
@@ -97,29 +105,34 @@ class TemperedFilter(MapFilter):
 
     def __init__(self, options: TemperedOptions) -> None:
         super().__init__(options)
-        self._evaluated = self._unmoved = 0
+        self._evaluated = self._unmoved = self._unrepeated = 0
 
     def _fit(self) -> None:
         self._each = max(1, self.options.particles // len(self.labels))
 
     def _reset(self, rng: np.random.Generator) -> None:
-        """Spread every letter's population uniformly over the poses; each draws from its own stream."""
-        self._populations = [
-            _Population(
-                own,
-                uniform_states(self._each, self.options.reach, own),
-                np.zeros(self._each),
-                Weights(np.zeros(self._each)),
-            )
-            for own in rng.spawn(len(self.labels))
-        ]
+        """Spread every letter's population over the poses, uniformly; letters that are alike share one."""
+        own = rng.spawn(1)[0]
+        populations = [self._population(deepcopy(own)) for _ in self.labels]
+        alike = self._first_alike()
+        self._populations = [populations[letter] for letter in alike.tolist()]
+        self._distinct = np.flatnonzero(alike == np.arange(len(alike))).tolist()
+        self._copies = np.bincount(alike, minlength=len(alike)) - 1
+
+    def _population(self, own: np.random.Generator) -> _Population:
+        state = uniform_states(self._each, self.options.reach, own)
+        return _Population(own, state, np.zeros(self._each), Weights(np.zeros(self._each)))
+
+    def _first_alike(self) -> NDArray[np.int64]:
+        """Give each letter's hypothesis, the letter itself without `skip`."""
+        return self.field.alike if self.options.skip else np.arange(len(self.labels))
 
     def _update(self) -> None:
         """Weigh every particle and choose each letter's b; resample and move the letters that need it."""
-        tired = [self._weigh_in(letter) for letter in range(len(self.labels))]
+        tired = [letter for letter in self._distinct if self._weigh_in(letter)]
         log_total = np.array([population.log_total for population in self._populations])
         hopeless = log_total < log_total.max() - _HOPELESS
-        for letter in np.flatnonzero(tired).tolist():
+        for letter in tired:
             if hopeless[letter] and self.options.skip:
                 self._unmoved += self._each * len(self.field)
                 continue
@@ -156,14 +169,15 @@ class TemperedFilter(MapFilter):
     @property
     def work(self) -> dict[str, Any]:
         """Count evaluations, a particle in a reading each, made and skipped since the estimator was made."""
-        return {"likelihood_evaluations": self._evaluated, "skipped": {"moves": self._unmoved}}
+        skipped = {"moves": self._unmoved, "alike": self._unrepeated}
+        return {"likelihood_evaluations": self._evaluated, "skipped": skipped}
 
     def _weigh_in(self, letter: int) -> bool:
         """Take the newest reading into a letter's weights; tells whether b = 1 would thin it out."""
         one, readings = self._populations[letter], len(self.field)
         start = one.untempered
         one.log_p = one.log_p + self.field.log_p(letter, one.state, readings - 1)
-        self._evaluated += self._each
+        self._count(letter, self._each)
         return self._temper(one, start)
 
     def _temper(self, one: _Population, start: FloatArray) -> bool:
@@ -214,9 +228,14 @@ class TemperedFilter(MapFilter):
         step *= one.rng.choice(_STRIDES, size=count)
         proposed = one.state + step + one.rng.standard_normal(step.shape) * _JITTER
         log_p = self.field.log_p(letter, proposed)
-        self._evaluated += count * len(self.field)
+        self._count(letter, count * len(self.field))
         within = np.abs(proposed[:2]).max(axis=0) <= self.options.reach
         likelier: NDArray[np.bool_] = np.log(one.rng.random(count)) < one.power * (log_p - one.log_p)
         accepted = within & likelier
         one.state = np.where(accepted, proposed, one.state)
         one.log_p = np.where(accepted, log_p, one.log_p)
+
+    def _count(self, letter: int, evaluations: int) -> None:
+        """Count what was evaluated, and what the letters alike to this one were spared."""
+        self._evaluated += evaluations
+        self._unrepeated += evaluations * int(self._copies[letter])

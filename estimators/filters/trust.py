@@ -10,14 +10,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from tactsim.core import Scan
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.field.field import LikelihoodField
-from tactsim.estimators.likelihoods.folds import FOLDS, by_letter, folds, positions, touched_elsewhere
+from tactsim.estimators.likelihoods.folds import FOLDS, by_letter, folds, touched_elsewhere
 from tactsim.estimators.likelihoods.likelihood import Likelihood
 
 # Sequences of so many readings are tried, so many in all, at poses that are off by so many moves.
@@ -27,46 +26,23 @@ _LETTERS = 6
 # mm, the least and the largest move; a turn is counted at a letter's radius of gyration, mm.
 _LEAST, _MOST, _GYRATION = 0.01, 4.0, 9.0
 _SHARE = 0.9
-# The part of a press's error that the others at its position share.
-_SHARED = 0.5
 _LOWEST, _HIGHEST, _BISECTIONS = 0.02, 2.0, 14
 
 
-@dataclass(frozen=True)
-class Trust:
-    """The weight of the log-likelihood of a sequence of readings.
-
-    weight: of a short sequence. positions: how many the map of a letter was learned at.
-    """
-
-    weight: float = 1.0
-    positions: float = math.inf
-
-    def __call__(self, readings: int) -> float:
-        """Give the weight of a sequence of so many readings.
-
-        Two errors add up: that of the readings, which their number averages out, and that of the map, which all
-        readings share and which the number of positions has averaged out. So the variance is as 1 / readings + 0.5 /
-        positions, and the weight is less by what the second part adds to the first.
-        """
-        return self.weight / (1 + readings * _SHARED / self.positions)
-
-
-def learn_trust(likelihood: Likelihood, scan: Scan) -> Trust:
-    """Learn the weight from the training readings of a scan; all count fully if the likelihood cannot leave any out."""
+def learn_trust(likelihood: Likelihood, scan: Scan) -> float:
+    """Learn the weight from the training readings of a scan; 1 if the likelihood cannot leave any of them out."""
     train, rng = scan.where("train"), np.random.default_rng(0)
     labels = train.letters[:: math.ceil(len(train.letters) / _LETTERS)]
     shift, size, states = _moves(train.poses[:, :2].mean(axis=0), rng)
     log_p = _left_out(likelihood, train, labels, states)
     if log_p is None:
-        return Trust()
+        return 1.0
     sums = _sequences(log_p, rng)
     low, high = _LOWEST, _HIGHEST
     for _ in range(_BISECTIONS):
         middle = math.sqrt(low * high)
         low, high = (middle, high) if _held(middle * sums, shift, size) > _SHARE else (low, middle)
-    each = [positions(train.poses[train.labels == label]).max() + 1 for label in labels]
-    return Trust(low, float(np.mean(each)))
+    return low
 
 
 def _moves(centre: FloatArray, rng: np.random.Generator) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from typing import Any
 
 import numpy as np
@@ -30,6 +31,12 @@ class Wrapper(Estimator):
     def fit(self, scan: Scan) -> None:
         """Learn from the scan's training readings."""
         self.filter.fit(scan)
+
+    def without(self, letter: str, scan: Scan) -> Wrapper:
+        """Wrap the filter without the letter."""
+        other = copy.copy(self)
+        other.filter = self.filter.without(letter, scan)
+        return other
 
     def reset(self, rng: np.random.Generator) -> None:
         """Forget the sequence."""

@@ -16,6 +16,7 @@ from tactsim.estimators.likelihoods.classifier import UNKNOWN, classify
 from tactsim.estimators.likelihoods.folds import folds, touched_elsewhere
 from tactsim.estimators.likelihoods.likelihood import Evidence, Likelihood, covered
 from tactsim.estimators.likelihoods.occupancy import OccupancyMap, log_odds_of
+from tactsim.estimators.likelihoods.scale import threshold_of
 
 _CLASSES = UNKNOWN + 1
 
@@ -26,19 +27,21 @@ class CalibratedLikelihood(Likelihood):
     Eq. 7 takes the map's own probabilities and gives Unknown no weight. Here both are learned: the log-odds at
     the training taxels of all letters are divided into quantile bins, and the classes in each bin are counted.
     Unknown taxels lie at edges, so they say much about the pose.
+
+    threshold: T of eq. 3, kPa.
     """
 
     def fit(self, scan: Scan, maps: Mapping[str, OccupancyMap]) -> None:
         """Count classes at the training taxels, each against a map without the presses at its position."""
         self.maps = maps
+        self.threshold = threshold_of(self.options.threshold, scan.where("train").readings)
         odds, kinds = [], []
         for label in maps:
             train = scan.where("train", label)
-            counted = touched_elsewhere(train, folds(train.poses))
-            counted = counted if counted.any() else ~counted
+            known = touched_elsewhere(train, folds(train.poses))
             found = self.left_out(label, scan)
-            odds.append(found[0][counted].ravel())
-            kinds.append(found[1][counted].ravel())
+            odds.append(found[0][known] if known.any() else found[0].ravel())
+            kinds.append(found[1][known] if known.any() else found[1].ravel())
         seen = np.concatenate(odds)
         edges = quantile_edges(seen, self.options.quantiles)
         self.calibration = calibrate(seen, np.concatenate(kinds), _CLASSES, edges)
@@ -46,7 +49,8 @@ class CalibratedLikelihood(Likelihood):
     def left_out(self, label: str, scan: Scan) -> tuple[FloatArray, NDArray[np.int8]]:
         """Look the taxels of a letter's training readings up in its map without the presses at their positions.
 
-        scan: the one that the maps were learned from. Returns log-odds and classes (n, taxels).
+        Where no other press had a taxel, the map is taken as it is. scan: the one that the maps were learned from.
+        Returns log-odds and classes (n, taxels).
         """
         train = scan.where("train", label)
         xy, classes = transform(train.poses, train.taxel_xy), self.classes(train.readings)
@@ -54,6 +58,8 @@ class CalibratedLikelihood(Likelihood):
         for number in range(int(part.max()) + 1):
             mine = part == number
             odds[mine] = self._without(label, xy[mine], classes[mine]).log_odds_at(xy[mine])
+        known = touched_elsewhere(train, part)
+        odds[~known] = self.maps[label].log_odds_at(xy[~known])
         return odds, classes
 
     def without(self, train: Scan, gone: NDArray[np.bool_], labels: Sequence[str]) -> CalibratedLikelihood:
@@ -71,8 +77,8 @@ class CalibratedLikelihood(Likelihood):
         return replace(chart, log_odds=chart.log_odds - own)
 
     def classes(self, readings: ArrayLike) -> NDArray[np.int8]:
-        """Classify the taxels of readings (..., taxels) kPa, with the T and ratio of the options."""
-        return classify(readings, self.options.threshold, self.options.ratio)
+        """Classify the taxels of readings (..., taxels) kPa, with T and the ratio of the options."""
+        return classify(readings, self.threshold, self.options.ratio)
 
     @property
     def extent(self) -> tuple[FloatArray, FloatArray]:

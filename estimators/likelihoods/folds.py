@@ -63,8 +63,8 @@ def folds(poses: FloatArray) -> NDArray[np.intp]:
 def touched_elsewhere(train: Scan, part: NDArray[np.intp]) -> NDArray[np.bool_]:
     """Tell which taxels of training readings lie where presses of other parts had a taxel too: (n, taxels).
 
-    The others are at the rim of what was felt. Left out, they are not interpolated, as readings within the trained range
-    are, but extrapolated, and say nothing of how good the map is. part: (n,) as `folds` divides.
+    The others are at the rim of what was felt. Left out, they are not interpolated, as readings within the trained
+    range are, but extrapolated, and say nothing of how good the map is. part: (n,) as `folds` divides.
     """
     from scipy.spatial import cKDTree  # imported here: only a fit needs it
 
@@ -80,5 +80,5 @@ def touched_elsewhere(train: Scan, part: NDArray[np.intp]) -> NDArray[np.bool_]:
                 away, _ = cKDTree(xy[rest].reshape(-1, 2)).query(
                     xy[mine].reshape(-1, 2), distance_upper_bound=_NEAR
                 )
-                near[mine] = np.isfinite(away).reshape(-1, near.shape[1])
+                near[mine] = np.isfinite(away).reshape(-1, len(train.taxel_xy))
     return near

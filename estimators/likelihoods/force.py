@@ -15,6 +15,7 @@ from tactsim.estimators.likelihoods.folds import FOLDS, by_letter, folds, touche
 from tactsim.estimators.likelihoods.likelihood import Evidence, Likelihood, covered
 from tactsim.estimators.likelihoods.mosaic import Grid, Mosaic, learn_mosaic
 from tactsim.estimators.likelihoods.occupancy import OccupancyMap
+from tactsim.estimators.likelihoods.scale import lehmer_mean
 
 # Relative pressures at which log p is tabulated; between two it is linear. Almost all lie in this range.
 _LEVELS = np.linspace(-0.25, 1.4, 16)
@@ -79,7 +80,7 @@ class ForceLikelihood(Likelihood):
             mine = train.labels == label
             taxels = self._taxels(train, pressure, mine)
             self.mosaics[label] = learn_mosaic(*taxels, self._grid(label))
-            predicted[mine] = self.mosaics[label].without(*taxels).reshape(-1, predicted.shape[1])
+            predicted[mine] = self.mosaics[label].without(*taxels).reshape(-1, len(train.taxel_xy))
         return predicted
 
     def _taxels(
@@ -127,9 +128,17 @@ class ForceLikelihood(Likelihood):
         return rest
 
     def _calibrate(
-        self, scale: FloatArray, relative: FloatArray, predicted: FloatArray, slope: FloatArray, counted
+        self,
+        scale: FloatArray,
+        relative: FloatArray,
+        predicted: FloatArray,
+        slope: FloatArray,
+        counted: NDArray[np.bool_],
     ) -> None:
-        """Learn how far relative pressures (n, taxels) deviate, for each class of scales (n,) by itself."""
+        """Learn how far relative pressures (n, taxels) deviate, for each class of scales (n,) by itself.
+
+        counted: (n, taxels) which of them to learn from.
+        """
         touching = scale[scale > self.least]
         parts = np.arange(1, _CLASSES) / _CLASSES
         between = np.quantile(touching, parts) if len(touching) else np.full(len(parts), self.least)
@@ -143,8 +152,7 @@ class ForceLikelihood(Likelihood):
             # A class without training readings deviates as all do.
             mine = of_class == number if number in of_class else np.full(len(scale), True)
             chosen = mine[:, None] & alive & counted
-            if not chosen.any():
-                chosen = mine[:, None] & alive
+            chosen = chosen if chosen.any() else mine[:, None] & alive
             self.typical.append(float(np.median(scale[mine])))
             self.deviations.append(
                 learn_deviation(relative[chosen], predicted[chosen], slope[chosen], each[chosen], _LEVELS)
@@ -187,18 +195,6 @@ class ForceLikelihood(Likelihood):
         return Evidence(
             np.concatenate([table, table + 1]), np.tile(taxel, 2), (_COUNTS * share).astype(np.float32)
         )
-
-
-def lehmer_mean(readings: FloatArray) -> FloatArray:
-    """Take the Lehmer mean L4, sum z^4 / sum z^3, over the taxels z of readings (..., taxels): (...) kPa.
-
-    It is the scale of a reading: nearly the pressure of taxels that are wholly covered, with less noise
-    than the largest taxel has. Taxels below 0 count as 0.
-    """
-    pressed = np.maximum(readings, 0)
-    top = pressed.max(axis=-1)
-    share = pressed / np.where(top > 0, top, 1)[..., None]
-    return top * (share**4).sum(axis=-1) / np.maximum((share**3).sum(axis=-1), 1)
 
 
 def gains(felt: FloatArray, predicted: FloatArray, pressure: FloatArray) -> FloatArray:

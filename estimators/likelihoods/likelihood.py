@@ -99,11 +99,18 @@ def _force() -> type[Likelihood]:
     return ForceLikelihood
 
 
+def _graded() -> type[Likelihood]:
+    from tactsim.estimators.likelihoods.graded import GradedLikelihood
+
+    return GradedLikelihood
+
+
 # name: what gives its class; nothing is imported before its name is asked for.
 LIKELIHOODS: dict[str, Callable[[], type[Likelihood]]] = {
     "paper": _paper,
     "calibrated": _calibrated,
     "force": _force,
+    "graded": _graded,
 }
 
 

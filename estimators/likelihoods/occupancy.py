@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -12,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from tactsim.core import InputError, Scan, transform
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.likelihoods.classifier import CONTACT, NO_CONTACT, classify
+from tactsim.estimators.likelihoods.scale import threshold_of
 
 _NOTHING = 1e-12  # a taxel is left out of cells whose log-odds it would change by less than this
 _MOST_CELLS = 50_000_000  # of all maps together: 400 MB
@@ -81,7 +83,7 @@ def learn_maps(
     sigma: float = 1.0,
     peak: float = 0.9,
     prior: float = 0.2,
-    threshold: float = 2.0,
+    threshold: float | Literal["auto"] = 2.0,
     ratio: float = 0.3,
     cell: float = 0.4,
 ) -> Mapping[str, OccupancyMap]:
@@ -106,7 +108,7 @@ def learn_maps(
             f"letters in cells of {cell} mm would have more than {_MOST_CELLS:,} cells; are the poses in mm?"
         )
     columns, rows = spans.astype(int)
-    classes = classify(train.readings, threshold, ratio)
+    classes = classify(train.readings, threshold_of(threshold, train.readings), ratio)
     maps = {}
     for label in train.letters:
         mine = train.labels == label

@@ -12,6 +12,7 @@ from tactsim.core.poses import FloatArray
 from tactsim.estimators.likelihoods.classifier import CONTACT, NO_CONTACT, UNKNOWN, classify
 from tactsim.estimators.likelihoods.likelihood import Evidence, Likelihood, covered
 from tactsim.estimators.likelihoods.occupancy import OccupancyMap, sigmoid
+from tactsim.estimators.likelihoods.scale import threshold_of
 
 
 class PaperLikelihood(Likelihood):
@@ -20,6 +21,7 @@ class PaperLikelihood(Likelihood):
     def fit(self, scan: Scan, maps: Mapping[str, OccupancyMap]) -> None:
         """Keep the maps; eq. 7 has nothing to learn."""
         self.maps = maps
+        self._threshold = threshold_of(self.options.threshold, scan.where("train").readings)
 
     @property
     def extent(self) -> tuple[FloatArray, FloatArray]:
@@ -42,6 +44,6 @@ class PaperLikelihood(Likelihood):
 
     def evidence(self, reading: FloatArray) -> Evidence:
         """Classify the taxels; an Unknown one has likelihood 1 everywhere, hence no term."""
-        classes = classify(reading, self.options.threshold, self.options.ratio)
+        classes = classify(reading, self._threshold, self.options.ratio)
         taxel = np.flatnonzero(classes != UNKNOWN)
         return Evidence(classes[taxel].astype(np.int64), taxel, np.ones(len(taxel), dtype=np.float32))

@@ -112,11 +112,17 @@ class Dialogue:
 
 
 class Listening(Dialogue):
-    """A device whose packets are frames; it speaks unasked, or says one frame for each `question`."""
+    """A device whose packets are frames; it speaks unasked, or says one frame for each `question`.
 
-    def __init__(self, counters: Counters, start: bytes = b"", question: bytes = b"") -> None:
-        self._counters, self._start, self._question = counters, start, question
+    pause: s from one question to the next, at least.
+    """
+
+    def __init__(
+        self, counters: Counters, start: bytes = b"", question: bytes = b"", pause: float = 0.0
+    ) -> None:
+        self._counters, self._start, self._question, self._pause = counters, start, question, pause
         self._asked: float | None = None
+        self._next = float("-inf")  # when the next question is due
 
     def greeting(self) -> bytes:
         """Give the command that makes the device speak, if it needs one."""
@@ -125,13 +131,13 @@ class Listening(Dialogue):
     def request(self, now: float) -> bytes:
         """Ask again when the answer came or is overdue."""
         awaited = self._asked is not None and now - self._asked < PATIENCE
-        return b"" if awaited else self._question
+        return b"" if awaited or now < self._next else self._question
 
     def sent(self, request: bytes, now: float) -> None:
         """Note when the question was asked; one that is still open was not answered."""
         if self._question and request == self._question:
             self._counters.timeouts += self._asked is not None
-            self._asked = now
+            self._asked, self._next = now, now + self._pause
 
     def take(self, packet: Frame, began: float) -> Frame:
         """Pass the frame on, with the time of its question."""

@@ -42,34 +42,34 @@ class Fixed(_Item):
     """Bytes that are the same in every frame; `header` comes first, `footer` last."""
 
     is_: Literal["header", "footer", "fixed"] = Field(alias="is")
-    bytes: FixedBytes
+    bytes: FixedBytes = Field(description="the same in every frame; the header comes first, the footer last")
 
 
 class Length(_Item):
-    """A number that says how long the frame is: checked, since the layout says it already.
-
-    of: "frame": bytes of the whole frame; "after": bytes behind this number; "taxels": how many
-    taxels; "data": bytes of the taxels. plus: what the device adds to that.
-    """
+    """A number that says how long the frame is: checked, since the layout says it already."""
 
     is_: Literal["length"] = Field(alias="is")
-    size: Size = 1
-    of: Literal["frame", "after", "taxels", "data"]
-    plus: int = Field(0, ge=-LONGEST_FRAME, le=LONGEST_FRAME)
+    size: Size = Field(1, description="bytes of the number")
+    of: Literal["frame", "after", "taxels", "data"] = Field(
+        description="bytes of the whole frame; bytes behind this number; how many taxels; bytes of the taxels"
+    )
+    plus: int = Field(0, ge=-LONGEST_FRAME, le=LONGEST_FRAME, description="what the device adds to that")
 
 
 class Number(_Item):
     """A number: `address` says which device of several it is, `index` counts the frames."""
 
     is_: Literal["address", "index"] = Field(alias="is")
-    size: Size = 1
+    size: Size = Field(
+        1, description="bytes of the number: which part it is; the frame's, which all parts count alike"
+    )
 
 
 class Clock(_Item):
     """The device's clock."""
 
     is_: Literal["clock"] = Field(alias="is")
-    size: Size = 4
+    size: Size = Field(4, description="bytes of the number")
     tick_s: float = Field(gt=0, le=3600, description="s a tick")
 
 
@@ -77,7 +77,7 @@ class Skip(_Item):
     """Bytes that mean nothing here."""
 
     is_: Literal["skip"] = Field(alias="is")
-    size: int = Field(ge=1, le=4096)
+    size: int = Field(ge=1, le=4096, description="bytes that mean nothing here")
 
 
 class Taxels(_Item):
@@ -87,9 +87,9 @@ class Taxels(_Item):
     """
 
     is_: Literal["taxels"] = Field(alias="is")
-    count: int = Field(ge=1, le=10_000)
-    bits: Literal[8, 10, 12, 16] = 16
-    signed: bool = False
+    count: int = Field(ge=1, le=10_000, description="how many values a frame has")
+    bits: Literal[8, 10, 12, 16] = Field(16, description="of each value, packed without gaps")
+    signed: bool = Field(False, description="whether values may be negative (two's complement)")
 
     @property
     def size(self) -> int:
@@ -101,9 +101,12 @@ class Checksum(_Item):
     """A checksum of all bytes before it, but for the first `skip`."""
 
     is_: Literal["checksum"] = Field(alias="is")
-    kind: str
-    skip: int = Field(0, ge=0, le=4096)
-    endian: Literal["big", "little"] | None = Field(None, description="None: as the frame's other numbers")
+    kind: str = Field(description="how it is worked out, from all bytes before it")
+    skip: int = Field(0, ge=0, le=4096, description="bytes at the frame's beginning that it leaves out")
+    endian: Literal["big", "little"] | None = Field(
+        None,
+        description="its order of bytes; none: that of the frame's other numbers (Modbus RTU has `little`)",
+    )
 
     @model_validator(mode="after")
     def _known(self) -> Checksum:
@@ -128,11 +131,17 @@ class FieldsFormat(CodecFormat):
 
     kind: Literal["fields"]
     layout: tuple[Item, ...] = Field(max_length=64, description="what a frame is made of, in its order")
-    endian: Literal["big", "little"] = "big"
+    endian: Literal["big", "little"] = Field("big", description="which byte of a number comes first")
     zero: float = Field(0.0, description="value of an unloaded taxel")
-    kpa_per_count: float = Field(description="kPa")
+    kpa_per_count: float = Field(description="kPa of one count; kPa = (value - zero) * kpa_per_count")
     start: Bytes = Field(b"", max_length=256, description="bytes that make the device speak, sent once")
     request: Bytes = Field(b"", max_length=256, description="bytes that ask for one frame")
+    request_every_s: float = Field(
+        0.0,
+        ge=0,
+        le=60,
+        description="s from one request to the next, at least: no less than the device measures in",
+    )
 
     @model_validator(mode="after")
     def _makes_sense(self) -> FieldsFormat:
@@ -274,7 +283,8 @@ class FieldsCodec(Codec[Frame]):
 
     def dialogue(self, addresses: tuple[int, ...], counters: Counters) -> Dialogue:
         """Listen, or ask for each frame if the format says how."""
-        return Listening(counters, self.format.start, self.format.request)
+        form = self.format
+        return Listening(counters, form.start, form.request, form.request_every_s)
 
     def fails_checksum(self, buffer: bytes | bytearray, start: int) -> bool:
         """Tell whether header, lengths and fixed bytes of a frame agree at `start`, and the checksum does not."""

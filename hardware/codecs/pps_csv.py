@@ -1,6 +1,8 @@
 """`pps-csv`: the recording that the vendor's demonstration tool writes.
 
-A title line `Time [ms], Elem0, Elem1, ...`, then one line a frame: `0, 0.11, 0.02, ...`.
+A title line `Time [ms], Elem0, Elem1, ...`, then one line a frame: `0, 0.11, 0.02, ...`. A spreadsheet that saved it
+again may have put a byte order mark before it and quotes around the names, and may write `0;0,11;0,02`: semicolons
+between the numbers and decimal commas.
 """
 
 from __future__ import annotations
@@ -15,7 +17,8 @@ from tactsim.core.poses import FloatArray
 from tactsim.hardware.codecs.codec import Codec, CodecError, CodecFormat, Frame
 
 _KPA = {"kPa": 1.0, "psi": 6.894757293168361, "Pa": 1e-3}  # 1 psi = 1 lbf/in^2
-_TITLE = b"Time"
+_MARK = b"\xef\xbb\xbf"  # byte order mark
+_TITLES = tuple(mark + quote + b"Time" for mark in (b"", _MARK) for quote in (b"", b'"'))
 _LONGEST_NUMBER = 32  # characters of one number with its separator
 _LONGEST_TITLE = 24  # of one column's name with its separator
 
@@ -48,7 +51,7 @@ class CsvCodec(Codec[Frame]):
         end = buffer.find(b"\n", start, start + self.longest)
         if end < 0:
             return (self.longest if len(buffer) - start >= self.longest else 0), None
-        if buffer.startswith(_TITLE, start):
+        if bytes(buffer[start : start + 8]).startswith(_TITLES):
             second = buffer.find(b"\n", end + 1, start + self.longest)
             if second < 0:
                 whole = len(buffer) - start >= self.longest
@@ -74,7 +77,7 @@ class CsvCodec(Codec[Frame]):
         return pressures / _KPA[self.format.unit]
 
     def _frame(self, line: bytes) -> Frame | None:
-        fields = line.split(b",")
+        fields = _fields(line)
         if len(fields) != self.taxels + 1:
             return None
         try:
@@ -86,9 +89,19 @@ class CsvCodec(Codec[Frame]):
         return Frame(np.array(numbers[1:]), ticks=numbers[0])
 
 
+def _fields(line: bytes) -> list[bytes]:
+    """Split a line at its commas, or at its semicolons, where a comma is a decimal point."""
+    line = line.removeprefix(_MARK)
+    if b";" not in line:
+        return line.split(b",")
+    if b"," in line and b"." in line:
+        return []  # which of the two is decimal cannot be told for all numbers
+    return line.replace(b",", b".").split(b";")
+
+
 def count_taxels(first_line: bytes) -> int:
     """Count the taxels by the title line of a recording. Raises CodecError if it is none."""
-    columns = first_line.strip().split(b",")
-    if not columns[0].startswith(_TITLE) or len(columns) < 2:
+    columns = _fields(first_line.strip())
+    if len(columns) < 2 or not first_line.startswith(_TITLES):
         raise CodecError("no recording of the vendor's tool: its first line is 'Time [ms], Elem0, ...'")
     return len(columns) - 1

@@ -76,7 +76,7 @@ class SingleTactFormat(CodecFormat):
         None,
         ge=0,
         le=5,
-        description="what register 5 is set to, 0 to 5 for 1, 4, 8, 16, 32 or 64 samples a frame; None: as it is",
+        description="what register 5 is set to, 0 to 5 for 1, 4, 8, 16, 32 or 64 samples a frame; none: as it is",
     )
 
     def build(self) -> SingleTactCodec:

@@ -17,9 +17,31 @@ def checked(model: type[Model], values: Any, where: str) -> Model:
     where: begins the message. Raises InputError for the first value that is wrong.
     """
     try:
-        return model.model_validate(values)
+        result = model.model_validate(values)
     except ValidationError as error:
         raise InputError(f"{where}: {_first_fault(error, model)}") from None
+    if (fault := _bool_for_number(values, result)) is not None:
+        raise InputError(f"{where}: {fault}")
+    return result
+
+
+def _bool_for_number(given: Any, taken: Any, place: str = "") -> str | None:
+    """Find a true or false that was taken for a number, or a number that was taken for true or false; pydantic does."""
+    if isinstance(taken, BaseModel) and isinstance(given, dict):
+        names = ((name, field.alias or name) for name, field in type(taken).model_fields.items())
+        pairs = [(key, given[key], getattr(taken, name)) for name, key in names if key in given]
+    elif isinstance(taken, dict) and isinstance(given, dict):
+        pairs = [(str(key), given[key], value) for key, value in taken.items() if key in given]
+    elif isinstance(taken, tuple | list) and isinstance(given, tuple | list):
+        pairs = [(str(number), *pair) for number, pair in enumerate(zip(given, taken, strict=False))]
+    else:
+        if isinstance(taken, bool) and isinstance(given, int | float) and not isinstance(given, bool):
+            return f"{place}: say true or false, not {given!r}"
+        if isinstance(given, bool) and isinstance(taken, int | float) and not isinstance(taken, bool):
+            return f"{place}: a number is wanted, not {str(given).lower()}"
+        return None
+    faults = (_bool_for_number(one, other, f"{place}.{key}".lstrip(".")) for key, one, other in pairs)
+    return next((fault for fault in faults if fault is not None), None)
 
 
 def _first_fault(error: ValidationError, model: type[BaseModel]) -> str:

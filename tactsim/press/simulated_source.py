@@ -22,7 +22,7 @@ from tactsim.press.scan_options import ScanOptions
 from tactsim.press.sensor import gains, sense
 from tactsim.press.touches import Touches, draw_loads
 
-_RATE = 100.0  # readings a second of device time; they are given out as fast as they are asked for
+_RATE = 100.0  # readings a second
 
 
 class SimulatedSource(Source):
@@ -39,12 +39,15 @@ class SimulatedSource(Source):
         self._sense = sensing(lambda now: table[0], options, rng)
         self.pad, self.taxel_xy, self.counters = device.pad, device.pad.taxel_xy, Counters()
         self._closed = False
+        self._begun: float | None = None  # when the first reading was given
 
     def read(self, timeout: float | None = None) -> Reading:
-        """Return the next reading at once; see `Source.read`."""
+        """Return the next reading when it is due; see `Source.read`."""
         if self._closed:
             raise SourceError("the simulated pad was closed")
         index = self.counters.readings
+        self._begun = time.monotonic() if self._begun is None else self._begun
+        time.sleep(max(0.0, self._begun + index / _RATE - time.monotonic()))
         self.counters.readings += 1
         return Reading(self._sense(index / _RATE), time.monotonic(), index / _RATE, index)
 

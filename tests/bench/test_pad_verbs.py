@@ -161,6 +161,8 @@ def test_a_large_array_is_cut_into_touches(bench, tmp_path):
         (["record", "--port", "x", "--out", "a.npz", "--letter", "A", "--force", "3:2"], ["must be below"]),
         (["record", "--port", "x", "--out", "a.npz", "--letter", "A", "--poses", "many"], ["random:N"]),
         (["record", "--port", "x", "--out", "a.npz", "--letter", "A", "--resume"], ["cannot read recording"]),
+        (["record", "--port", "x", "--out", "a.csv"], ["FILE.tactrec", "bench replay FILE.tactrec --csv"]),
+        (["record", "--port", "x", "--out", "a.tactrec", "--letter", "A"], ["names the scan, FILE.npz"]),
         (["replay", "nothing.tactrec"], ["cannot read recording nothing.tactrec"]),
         (["emulate", "--port", "com"], ["say pty, pty:LINK, tcp"]),
         (["emulate", "--port", "tcp:x"], ["tcp:[HOST:]PORT"]),
@@ -223,3 +225,70 @@ def test_scans_that_cannot_be_compared_are_refused(bench, tmp_path):
     refused(bench(*words, "a.npz", "--recorded", "moved.npz"), "the pads differ")
     refused(bench(*words, "z.npz", "--recorded", "a.npz"), "does not say how it was made")
     refused(bench("scan", "--out", "b.npz", "--world", "nothing.toml"), "cannot read world nothing.toml")
+
+
+def test_a_recording_that_failed_does_not_stand_in_its_own_way(bench, tmp_path):
+    for words in (["--out", "a.tactrec"], ["--letter", "A", "--out", "A.npz"]):
+        for _ in range(2):
+            refused(bench("record", "--port", "pad", *words), "there is no such port")
+    with emulated(bench, "--port", "pty:pad") as name:
+        words = ["record", "--port", name, "--out", "a.tactrec", "--seconds", "0.3"]
+        refused(bench(*words, "--device", "singletact-5x5"), "no whole frame")
+        assert "readings in a.tactrec" in right(bench(*words))
+        refused(bench(*words), "a.tactrec exists")
+
+
+def test_a_recording_goes_on_when_the_pad_comes_back(bench, tmp_path):
+    """The pad is away for longer than the deadline of 1 s."""
+    with emulated(bench, "--port", "pty:pad"):
+        process = bench.start("record", "--port", "pad", "--out", "a.tactrec", "--seconds", "8")
+        until = time.monotonic() + 30
+        while time.monotonic() < until and _size(tmp_path) < 5000:
+            time.sleep(0.02)
+    time.sleep(2.0)
+    before = _size(tmp_path)
+    with emulated(bench, "--port", "pty:pad"):
+        output, errors = process.communicate(timeout=60)
+    assert process.returncode == 0, errors
+    assert "waiting for it" in output
+    assert "reconnects 1" in output
+    assert _size(tmp_path) > before + 5000
+    right(bench("replay", "a.tactrec", "--csv", "a.csv"))
+
+
+def _size(folder):
+    path = folder / "a.tactrec"
+    return path.stat().st_size if path.exists() else 0
+
+
+def test_without_a_terminal_a_session_says_each_trouble_once(bench, tmp_path):
+    """Nobody lifts the letter, so it still touches: every reading of it is another number, and the same trouble."""
+    process = bench.start(
+        "record", "--port", "simulated:A", "--letter", "A", "--out", "A.npz", "--poses", "random:2"
+    )
+    time.sleep(8.0)
+    process.send_signal(signal.SIGINT)
+    output, _ = process.communicate(timeout=30)
+    assert "still reads" in output
+    assert len(output.splitlines()) < 8
+    assert (tmp_path / "A.tactrec").stat().st_size < 2_000_000
+
+
+def test_a_scan_of_one_split_is_refused_with_the_way_out(bench, tmp_path):
+    right(bench("scan", "--letters", "A", "--out", "a.npz"))
+    scan = Scan.load(tmp_path / "a.npz")
+    chosen = scan.where("train")
+    chosen.save(tmp_path / "train.npz")
+    refused(
+        bench("run", "--scan", "train.npz", "--trials", "1"), "no test readings", "--split", "--train-scan"
+    )
+
+
+def test_nothing_is_minus_zero(bench, tmp_path):
+    with emulated(bench, "--port", "tcp", "--rate", "100") as name:
+        shown = right(bench("probe", "--port", name, "--seconds", "0.3"))
+        said = right(bench("probe", "--port", name, "--seconds", "0.3", "--json"))
+        tared = right(bench("tare", "--port", name, "--out", "t.toml"))
+    assert "-0 " not in shown
+    assert "-0.0," not in said
+    assert "-0.00 " not in tared

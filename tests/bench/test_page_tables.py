@@ -13,9 +13,9 @@ from tactsim.core import InputError
 SWEEP = """
 [defaults]
 letters = "IO"
-trials = 2
+trials = 1
 readings = 3
-seed = [0, 1]
+seed = [0, 1, 2, 3, 4]
 test_poses = ["same", "random"]
 
 [[run]]
@@ -52,7 +52,7 @@ def folder(tmp_path_factory, shared_cache):
     assert "95 % intervals over scans and trials" in swept.stdout
     assert (
         swept.stdout.count("histogram, 100 bins") == 2
-    )  # a line for both seeds, in a table for each protocol
+    )  # a line for all seeds, in a table for each protocol
     return place
 
 
@@ -69,7 +69,7 @@ def test_a_page_gets_its_tables_and_keeps_its_words(folder):
     assert sum(line.startswith("| histogram, 100 bins | test poses same") for line in lines) == 1
     assert sum(line.startswith("| nearest |") for line in lines) == 2
     assert "| condition | histogram, 100 bins | histogram, 1,000 bins | nearest |" in lines
-    assert page.count("`bench sweep s`: 2 scans, 8 trials for each figure") == 2
+    assert page.count("`bench sweep s`: 5 scans, 10 trials for each figure") == 2
 
 
 @pytest.mark.parametrize(
@@ -89,9 +89,19 @@ def test_a_wrong_wish_is_refused_in_one_line(folder, asked, said):
 
 
 def test_a_sweep_of_other_source_code_is_refused(folder, monkeypatch):
-    monkeypatch.setattr("tactsim.bench.page_tables.source_of_trials", lambda estimator: "f" * 64)
+    monkeypatch.setattr("tactsim.bench.page_tables.source_of_trials", lambda estimator, on_demand: "f" * 64)
     with pytest.raises(InputError, match="s was made by other source code"):
         fill(PAGE, folder / "results" / "sweeps")
+
+
+def test_a_figure_of_fewer_than_five_scans_is_refused(folder, tmp_path):
+    shutil.copytree(folder / "results" / "sweeps" / "s", tmp_path / "s")
+    (tmp_path / "s" / "sweep.json").unlink()  # or it would not have ended
+    for run in (tmp_path / "s" / "runs").iterdir():
+        if json.loads((run / "run.json").read_text())["config"]["seed"] == 4:
+            shutil.rmtree(run)
+    with pytest.raises(InputError, match="s has 4 seeds; a published figure takes 5 at least"):
+        fill(PAGE, tmp_path)
 
 
 def test_sweeps_of_different_commits_are_refused(folder, tmp_path):

@@ -3,6 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import tactsim
 from tactsim.bench.config import run_config
 from tactsim.bench.placement_error import Properties
 from tactsim.bench.runner import gather, silent
@@ -300,3 +301,28 @@ def test_a_letter_whose_name_means_no_known_letter_is_refused(tmp_path, hold_out
 
 def test_letters_are_held_out_once_and_in_one_order():
     assert run_config(hold_out="O,A,O").hold_out == run_config(hold_out="A O").hold_out == ("A", "O")
+
+
+def test_each_letter_held_out_in_turn_is_what_holding_out_one_by_one_gives(own_cache, tmp_path):
+    words = {"letters": "EIL", "estimator": "refined", "bins": 1000, "trials": 2, "readings": 4}
+    run = tactsim.run(hold_out="each", **words)
+    assert not run.trials.known.any()
+    assert run.protocol.endswith("each letter held out in turn")
+    for letter in "EIL":
+        alone = tactsim.run(hold_out=letter, **words).trials
+        ours, theirs = run.trials.truth == letter, alone.truth == letter
+        assert (run.trials.reading[ours] == alone.reading[theirs]).all()
+        assert (run.trials.label[ours] == alone.label[theirs]).all()
+        assert run.trials.label[ours].tolist() != [[letter] * 4] * 2
+        assert run.trials.p_label[ours] == pytest.approx(alone.p_label[theirs], abs=1e-6)
+    assert run.summary["refused_unknown"] == [0.0] * 4
+    assert run.summary["refused_known"] == [None] * 4
+    again = tactsim.Run.load(run.save(tmp_path / "run"))
+    assert again.summary == run.summary
+    assert (again.trials.label == run.trials.label).all()
+
+
+def test_one_letter_cannot_be_held_out_in_turn(tmp_path):
+    make_scan(letters="A").save(tmp_path / "scan.npz")
+    with pytest.raises(InputError, match="leave one to train on"):
+        gather(run_config(scan=tmp_path / "scan.npz", hold_out="each"), jobs=1, cache=False, progress=silent)

@@ -123,3 +123,33 @@ def test_a_strangers_text_is_made_harmless():
     assert len(short("x" * 10**6)) < 100
     assert short(16**5000).startswith("a number")
     assert len(str(unknown("thing", "x" * 10**6, ["a", "b"]))) < 200
+
+
+class Part(BaseModel):
+    count: int = 0
+    exact: bool = False
+    many: tuple[float, ...] = ()
+
+
+class Settings(BaseModel):
+    inner: tuple[Part, ...] = ()
+    size: float = Field(1.0, alias="is")
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        ({"is": True}, "x: is: a number is wanted, not true"),
+        ({"inner": [{}, {"count": False}]}, "x: inner.1.count: a number is wanted, not false"),
+        ({"inner": [{"exact": 1}]}, "x: inner.0.exact: say true or false, not 1"),
+        ({"inner": [{"many": [1.0, True]}]}, "x: inner.0.many.1: a number is wanted, not true"),
+    ],
+)
+def test_true_is_no_number_and_a_number_is_not_true(content, message):
+    with pytest.raises(InputError, match=message):
+        checked(Settings, content, "x")
+
+
+def test_numbers_and_truths_are_taken_as_they_are():
+    content = {"is": 2, "inner": [{"count": 1, "exact": True, "many": [1, 2.5]}]}
+    assert checked(Settings, content, "x").inner[0].many == (1.0, 2.5)

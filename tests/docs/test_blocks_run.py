@@ -125,7 +125,8 @@ def smaller_sweep(source):
     few = {"trials": 1, "readings": 3}
     lines = ["[defaults]", *map(first, ({"letters": "AE"} | table.get("defaults", {}) | few).items())]
     for one in table["run"]:
-        lines += ["[[run]]", *map(first, (one | few).items() if "trials" in one else one.items())]
+        small = (few if "trials" in one else {}) | ({"letters": "AE"} if "letters" in one else {})
+        lines += ["[[run]]", *map(first, (one | small).items())]
     path = Path("smaller", Path(str(given)).name)
     path.parent.mkdir(exist_ok=True)
     path.write_text("\n".join(lines), encoding="utf-8")

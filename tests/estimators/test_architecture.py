@@ -10,7 +10,7 @@ FILES = sorted(ROOM.rglob("*.py"))
 NAMES = [path.relative_to(ROOM).as_posix() for path in FILES]
 # What a filter may know of a likelihood: its face, the maps, and the calibrated model that active touch and
 # open set predict readings with.
-SEEN_BY_FILTERS = {"likelihood", "occupancy", "calibrated"}
+SEEN_BY_FILTERS = {"likelihood", "occupancy", "calibrated", "tilted_mosaic"}
 
 
 def imports(path):

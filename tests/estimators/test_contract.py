@@ -257,3 +257,37 @@ def test_objects_are_recognised(fitted, small_scan):
         label = small_scan.letters[seed % 3]
         right += run(fitted, *trial(small_scan, label, count=12, seed=seed), seed=seed)[-1][0] == label
     assert right >= 4  # guessing gets there once in ten
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_letter_can_be_left_out_of_what_was_learned(name, small_scan):
+    readings, poses = trial(small_scan)
+    fitted, anew = estimators.create(name), estimators.create(name)
+    fitted.fit(small_scan)
+    before = run(fitted, readings, poses)
+    anew.fit(small_scan.untrained("E"))
+    for one, two in zip(
+        run(fitted.without("E", small_scan), readings, poses), run(anew, readings, poses), strict=True
+    ):
+        assert one[0] == two[0]
+        assert one[1] == pytest.approx(two[1], abs=1e-6)
+    assert run(fitted, readings, poses) == before
+
+
+LEARNING = [name for name in NAMES if name == "sorted" or not load(name).uses_forward_model]
+
+
+@pytest.mark.parametrize("name", LEARNING)
+def test_five_letters_that_are_one_share_its_probability(name, small_scan):
+    """Training readings under five labels say nothing of which label it is, whatever is felt and drawn."""
+    one = small_scan.where("train", "E")
+    five = Scan(
+        np.tile(one.readings, (5, 1)), np.tile(one.poses, (5, 1)), np.repeat(list("ABCDE"), len(one)),
+        np.full(5 * len(one), "train"), one.taxel_xy,
+    )  # fmt: skip
+    estimator = estimators.create(name)
+    estimator.fit(five)
+    readings, poses = trial(small_scan, count=6)
+    for seed in (0, 1):
+        for _, probabilities, _ in run(estimator, readings, poses, seed):
+            assert probabilities == pytest.approx(dict.fromkeys("ABCDE", 0.2), abs=1e-9)

@@ -152,3 +152,26 @@ def test_a_changed_byte_never_makes_another_frame(spoiled):
     message = bytearray(form.encode(Frame(np.arange(6.0) * 600, index=5, ticks=9)))
     message[spoiled] ^= 0x10
     assert form.decode(message)[1] is None
+
+
+def test_a_checksum_may_have_an_order_of_bytes_of_its_own():
+    """Modbus RTU: big-endian numbers, the CRC's low byte first. The frame is DFRobot's request for SEN0704."""
+    layout = [
+        {"is": "header", "bytes": "01 04"},
+        {"is": "taxels", "count": 2, "bits": 16},
+        {"is": "checksum", "kind": "crc16-modbus", "endian": "little"},
+    ]
+    form = codec(layout)
+    used, frame = form.decode(bytes.fromhex("01 04 00 07 00 24 41 D0"))
+    assert used == 8
+    assert frame.values.tolist() == [7, 36]
+    assert form.encode(frame) == bytes.fromhex("01 04 00 07 00 24 41 D0")
+
+
+def test_a_frame_whose_checksum_alone_is_wrong_is_known_from_garbage():
+    form = small_device().codec.build()
+    good = form.encode(Frame(np.arange(6.0), index=5, ticks=9))
+    swapped = good[:-4] + good[-3:-2] + good[-4:-3] + good[-2:]
+    assert [form.fails_checksum(each, 0) for each in (good, swapped, b"\0" + good, good[:-1])] == [
+        False, True, False, False
+    ]  # fmt: skip

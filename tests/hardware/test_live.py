@@ -3,6 +3,7 @@ import socket
 import threading
 import time
 import tracemalloc
+from contextlib import contextmanager, suppress
 
 import numpy as np
 import pytest
@@ -291,3 +292,122 @@ def test_lines_are_read_live():
         readings = [source.read() for _ in range(20)]
     assert np.allclose(np.diff([reading.device_time for reading in readings]), 0.01)
     assert np.allclose(readings[5].pressures, ramp(device)(readings[5].device_time), atol=1e-6)
+
+
+def crooked(device, index):
+    """A frame that is right but for its checksum, whose bytes are the wrong way round."""
+    whole = message(device, index)
+    return whole[:-4] + whole[-3:-2] + whole[-4:-3] + whole[-2:]
+
+
+def test_wrong_checksums_are_not_blamed_on_the_baud_rate(pty):
+    device = small_device()
+    with LiveSource([pty[1]], device) as source:
+        os.write(pty[0], b"".join(crooked(device, index) for index in range(4)))
+        in_time(source, 0.3, "4 frames are right but for their checksum.*kind, skip or endian")
+
+
+def test_silence_is_not_blamed_on_what_was_said_before_it(pty):
+    device = small_device()
+    with LiveSource([pty[1]], device) as source:
+        os.write(pty[0], message(device, 1))
+        source.read(1.0)
+        os.write(pty[0], message(device, 1) * 3)
+        in_time(source, 1.5, "the device fell silent 1.* s ago")
+
+
+def bridge(master, stop, answer):
+    """Be a SingleTact bridge: answer each request of 15 bytes by what `answer(request)` writes itself."""
+    heard = b""
+    os.set_blocking(master, False)
+    while not stop.wait(0.002):
+        with suppress(BlockingIOError):
+            heard += os.read(master, 256)
+        while len(heard) >= 15:
+            answer(heard[:15])
+            heard = heard[15:]
+
+
+@contextmanager
+def bridged(master, answer):
+    stop = threading.Event()
+    thread = threading.Thread(target=bridge, args=(master, stop, answer))
+    thread.start()
+    try:
+        yield
+    finally:
+        stop.set()
+        thread.join()
+
+
+def answer_to(request, frame=1, elements=1, outputs=(300,)):
+    """Write a bridge's answer from the manual: 192 registers, of which the request names some."""
+    registers = bytearray(192)
+    registers[12] = elements
+    registers[128:130] = frame.to_bytes(2, "big")
+    for k, output in enumerate(outputs):
+        registers[132 + 2 * k : 134 + 2 * k] = output.to_bytes(2, "big")
+    address, number, register, count = request[4], request[6], request[8], request[9]
+    data = registers[register : register + count]
+    return b"\xff" * 4 + bytes([address, 0, number, 0, 0, 0, 0, count]) + data + b"\xfe" * 4
+
+
+def test_bytes_that_come_slowly_are_not_blamed_on_the_cable(pty):
+    """Each answer begins at once and takes 0.15 s: a slow line, whose readings are as good as any."""
+
+    def slowly(request):
+        whole = answer_to(request)
+        for at in range(0, len(whole), 4):
+            os.write(pty[0], whole[at : at + 4])
+            time.sleep(0.15 / (len(whole) / 4))
+
+    with bridged(pty[0], slowly), LiveSource([pty[1]], singletact(taxels=1)) as source:
+        assert source.read(10.0).pressures.tolist() == [45 * 100 / 512]
+        assert source.counters.stale == 0
+
+
+def test_answers_that_come_too_late_are_called_that(pty):
+    def late(request):
+        time.sleep(0.3)
+        os.write(pty[0], answer_to(request))
+
+    with bridged(pty[0], late), LiveSource([pty[1]], singletact(taxels=1)) as source:
+        in_time(source, 1.5, "answers come more than 0.25 s after their questions")
+
+
+def test_a_sensor_of_16_elements_is_not_read_as_25(pty):
+    with (
+        bridged(pty[0], lambda request: os.write(pty[0], answer_to(request, 1, 16, range(300, 316)))),
+        LiveSource([pty[1]], singletact(taxels=25)) as source,
+        pytest.raises(SourceError, match=f"{pty[1]}: the sensor at address 4 has 16 elements"),
+    ):
+        source.read(5.0)
+
+
+def test_the_accumulator_of_the_device_file_makes_torn_frames_whole():
+    """The sensor measures 10,000 frames a second, more than can be read whole; with 64 samples a frame it is 156."""
+    device = singletact(taxels=25)
+    with (
+        serving(emulate(device, ramp(device), rate=10_000.0)) as url,
+        LiveSource([url], device) as source,
+        pytest.raises(NoReading, match=r"changed while they were read.*accumulator in the device file"),
+    ):
+        for _ in range(100):
+            source.read(0.3)
+    slower = singletact(taxels=25, accumulator=5)
+    with serving(emulate(slower, ramp(slower), rate=10_000.0)) as url, LiveSource([url], slower) as source:
+        assert len([source.read(5.0) for _ in range(5)]) == 5
+
+
+def test_a_port_that_comes_back_has_its_time_to_start(tmp_path):
+    """A board that takes longer to start than the deadline allows is lost once and read on."""
+    device = small_device(settle=0.8, deadline=0.5)
+    emulated = emulate(device, ramp(device), rate=100.0)
+    with (
+        serving(emulated, faults=Faults(disconnect=1.5), link=tmp_path / "pad") as url,
+        LiveSource([url], device) as source,
+    ):
+        reading = source.read()
+        while not source.counters.reconnects:
+            reading = source.read()
+    assert reading.after_loss

@@ -19,6 +19,7 @@ from tactsim.hardware.emulator import Faults, emulate
 from tactsim.hardware.live import LiveSource
 from tactsim.hardware.recorded import CsvReplay, Replay
 from tactsim.hardware.recording import LARGEST_PAYLOAD, Kind, Recorder, RecordReader, check_whole
+from tactsim.hardware.sources import open_source
 
 HEADER = struct.Struct("<BBHId")
 
@@ -300,3 +301,54 @@ def test_a_recording_with_a_strange_plan_can_be_summed_up(tmp_path, plan):
         recorder.segment({**segment(small_device()), "plan": plan}, 0.0)
     with Replay(path) as replay:
         assert "planned" not in "".join(replay.summary()) or "0 presses planned" in replay.summary()[-1]
+
+
+ROWS = np.array([[0.5, -1.0, 2.0, 0.0, 3.25, 1.0], [1.5, 1.0, 2.0, 0.0, 3.25, 7.0]])
+
+
+def spreadsheet(separator, point, mark="", quote=""):
+    """Write the vendor's recording as a spreadsheet saves it."""
+    names = separator.join(f"{quote}{name}{quote}" for name in ("Time [ms]", *(f"Elem{k}" for k in range(6))))
+    lines = [
+        separator.join(str(x).replace(".", point) for x in (10.5 * k, *row)) for k, row in enumerate(ROWS)
+    ]
+    return (mark + "\r\n".join([names, *lines]) + "\r\n").encode()
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        spreadsheet(",", ".", mark="\ufeff"),
+        spreadsheet(";", ","),
+        spreadsheet(";", ".", quote='"'),
+        spreadsheet(";", ",", mark="\ufeff", quote='"'),
+    ],
+)
+def test_a_csv_that_a_spreadsheet_saved_again_is_read(tmp_path, content):
+    (tmp_path / "a.csv").write_bytes(content)
+    source = CsvReplay(tmp_path / "a.csv", csv_device())
+    readings = list(source)
+    assert np.array_equal([reading.pressures for reading in readings], ROWS)
+    assert [reading.device_time for reading in readings] == [0.0, 0.0105]
+    assert source.counters.garbage_bytes == 0
+
+
+def test_a_number_whose_point_is_not_clear_is_no_frame(tmp_path):
+    """1.234,5 and 1.234: thousands in one, perhaps a fraction in the other."""
+    (tmp_path / "a.csv").write_text("Time [ms];Elem0;Elem1\n0;1,5;2\n10;1.234,5;2\n20;1.234;2,5\n30;7;8\n")
+    source = CsvReplay(tmp_path / "a.csv", csv_device(2))
+    assert [reading.pressures.tolist() for reading in source] == [[1.5, 2.0], [7.0, 8.0]]
+
+
+def test_a_recording_is_known_by_its_content_and_not_by_its_name(tmp_path):
+    path = small_recording(tmp_path / "a.csv", small_device())
+    with open_source([f"recording:{path}"], small_device()) as source:
+        assert len(list(source)) == 21
+
+
+def test_a_recording_begun_in_vain_leaves_its_name_free(tmp_path):
+    for _ in range(2):
+        recorder = Recorder(tmp_path / "a")
+        recorder.segment(segment(small_device()), 0.0)
+        recorder.discard()
+    assert not (tmp_path / "a").exists()

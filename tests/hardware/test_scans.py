@@ -1,9 +1,12 @@
+from contextlib import nullcontext
+
 import numpy as np
 import pytest
 from made_pads import csv_device, small_device
 
 from tactsim.core import InputError, Pad, Scan, transform
 from tactsim.core.reading import Reading
+from tactsim.hardware.codecs.codec import Frame
 from tactsim.hardware.recorded import CsvReplay, Replay
 from tactsim.hardware.recording import Recorder
 from tactsim.hardware.scans import cut, read_intervals, scan_of_intervals
@@ -101,8 +104,55 @@ def test_marks_that_make_no_sense_are_refused_with_their_line(tmp_path, content,
 
 
 def test_an_interval_without_readings_is_refused(tmp_path):
-    (tmp_path / "a.csv").write_text("Time [ms],Elem0,Elem1,Elem2,Elem3,Elem4,Elem5\n0,1,2,3,4,5,6\n")
+    (tmp_path / "a.csv").write_text(
+        "Time [ms],Elem0,Elem1,Elem2,Elem3,Elem4,Elem5\n0,1,2,3,4,5,6\n400,1,2,3,4,5,6\n"
+    )
     (tmp_path / "marks.csv").write_text(MARKS)
     source = CsvReplay(tmp_path / "a.csv", csv_device())
     with pytest.raises(InputError, match=r"no reading lies between 0.09 and 0.31 s \(A\)"):
         scan_of_intervals(source, read_intervals(tmp_path / "marks.csv"))
+
+
+def recorded(path, lost_at=None):
+    """Record 20 readings, 50 ms apart."""
+    with Recorder(path) as recorder:
+        recorder.segment({"device": small_device().as_json()}, 0.0)
+        form = small_device().codec.build()
+        for k in range(20):
+            if k == lost_at:
+                recorder.lost(0, 64 + k / 20)
+            message = form.encode(Frame(np.full(6, 100.0 + k), index=k, ticks=50 * k))
+            recorder.received(0, message, 64 + k / 20)
+    return Replay(path)
+
+
+@pytest.mark.parametrize(
+    ("last", "message"),
+    [
+        ("1.00", None),
+        ("1.01", r"the recording ends at 0.95 s, but a mark \(B\) goes on until 1.01 s"),
+        ("0.1", "before"),
+    ],
+)
+def test_marks_past_the_end_or_backwards_are_refused(tmp_path, last, message):
+    (tmp_path / "marks.csv").write_text(MARKS.replace("0.34,0.36", f"0.34,{last}"))
+    with pytest.raises(InputError, match=message) if message else nullcontext():
+        scan_of_intervals(recorded(tmp_path / "a"), read_intervals(tmp_path / "marks.csv"))
+
+
+def test_a_mark_before_the_first_reading_is_refused(tmp_path):
+    (tmp_path / "marks.csv").write_text(MARKS.replace("0.09,", "-0.09,"))
+    with pytest.raises(InputError, match="line 2: first_s"):
+        read_intervals(tmp_path / "marks.csv")
+
+
+@pytest.mark.parametrize(("lost_at", "refused"), [(4, True), (2, False), (7, False)])
+def test_a_press_across_an_unplugged_cable_is_refused(tmp_path, lost_at, refused):
+    """The mark of A holds readings 2 to 6."""
+    (tmp_path / "marks.csv").write_text(MARKS)
+    with (
+        pytest.raises(InputError, match=r"the pad was lost between 0.09 and 0.31 s \(A\)")
+        if refused
+        else nullcontext()
+    ):
+        scan_of_intervals(recorded(tmp_path / "a", lost_at), read_intervals(tmp_path / "marks.csv"))

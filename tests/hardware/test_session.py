@@ -1,13 +1,16 @@
+import time
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from made_pads import small_device
+from made_pads import serving, small_device
 
 from tactsim.core import InputError
 from tactsim.core.reading import Reading
 from tactsim.hardware.calibration import Calibration, force
+from tactsim.hardware.emulator import Faults, emulate
 from tactsim.hardware.emulator.hand import Follower, Pressing, by_the_clock
+from tactsim.hardware.live import LiveSource
 from tactsim.hardware.recording import Recorder
 from tactsim.hardware.scans import read_session, scan_of_sessions
 from tactsim.hardware.session import Phase, Plan, Press, Session, next_press
@@ -393,3 +396,25 @@ def test_a_press_grows_and_fades(pad):
     assert 0 < force_at[1.05] < full
     assert force_at[1.5] == pytest.approx(full)
     assert force_at[2.2] == 0.0
+
+
+def test_no_press_is_averaged_across_a_cable_that_is_cut_again_and_again(tmp_path):
+    """A real pty that is cut every 0.7 s, a hand that holds each press for 1 s: what is taken lies between two cuts."""
+    device = small_device()
+    hand = Pressing(6, by_the_clock(table(2), hold=1.0, lift=0.2), ramp=0.05)
+    session, readings, taken = Session(plan(frames=20), device.pad), [], []
+    with (
+        serving(emulate(device, hand, 100.0), faults=Faults(disconnect=0.7), link=tmp_path / "pad") as url,
+        LiveSource([url], device) as source,
+    ):
+        until = time.monotonic() + 30
+        while (source.counters.reconnects < 4 or not taken) and time.monotonic() < until:
+            readings.append(source.read(5.0))
+            press = session.take(readings[-1], len(readings) - 1)
+            taken += [press] if press else []
+    assert taken
+    assert sum(reading.after_loss for reading in readings) >= 3
+    for press in taken:
+        held = readings[press.first : press.first + press.count]
+        assert not any(reading.after_loss for reading in held[1:])
+        assert np.diff([reading.device_time for reading in held]).max() < 0.25

@@ -10,11 +10,11 @@ from hypothesis import strategies as st
 from scipy.integrate import quad
 from synthetic import draw_trial, make_scan, paper_poses
 
-from tactsim.core import InputError, Scan, transform
+from tactsim.core import InputError, Scan
 from tactsim.estimators import NONE, create
-from tactsim.estimators.filters.open_set import Misfit, learn_misfit, misfits
-from tactsim.estimators.likelihoods.calibrated import CalibratedLikelihood
+from tactsim.estimators.filters.open_set import Misfit, learn_misfit
 from tactsim.estimators.likelihoods.occupancy import learn_maps
+from tactsim.estimators.likelihoods.tilted_mosaic import TiltedMosaics
 from tactsim.estimators.options import LikelihoodOptions
 
 POSES = paper_poses(positions=4, angles=6)
@@ -26,17 +26,19 @@ def scan():
 
 
 @pytest.fixture(scope="module")
-def model(scan):
-    model = CalibratedLikelihood(LikelihoodOptions())
-    model.fit(scan, learn_maps(scan))
-    return model
+def mosaics(scan):
+    mosaics = TiltedMosaics(LikelihoodOptions())
+    mosaics.fit(scan, learn_maps(scan))
+    return mosaics
 
 
-@given(st.floats(-30, 10), st.integers(1, 200), st.floats(0.5, 20), st.floats(0.5, 100))
-def test_the_odds_are_those_of_a_normal_against_its_smeared_self(z, readings, deviation, range_of_means):
-    misfit = Misfit(mean=1.0, deviation=deviation, chance=1.0 - range_of_means)
-    spread = deviation * math.sqrt(readings)
-    odds = misfit.log_odds(readings * 1.0 + z * spread, readings)
+@given(st.floats(-30, 10), st.integers(1, 200), st.floats(0.5, 20), st.floats(0, 3), st.floats(0.5, 100))
+def test_the_odds_are_those_of_a_normal_against_its_smeared_self(
+    z, readings, deviation, drift, range_of_means
+):
+    misfit = Misfit(mean=20.0, deviation=deviation, drift=drift, chance=20.0 + range_of_means)
+    spread = math.sqrt(readings * deviation**2 + (readings * drift) ** 2)
+    odds = misfit.log_odds(readings * 20.0 - z * spread, readings)
     assert np.isfinite(odds)
     width = range_of_means * readings / spread
     # In units of the density at z, which may be tiny; beyond twelve deviations nothing is left.
@@ -50,35 +52,33 @@ def test_the_odds_are_those_of_a_normal_against_its_smeared_self(z, readings, de
 
 
 def test_no_reading_and_a_map_that_knows_nothing_say_nothing():
-    assert Misfit(1.0, 2.0, -30.0).log_odds(0.0, 0) == 0
-    for chance in (1.0, 1.5, 1.0 - 1e-9):
-        assert Misfit(1.0, 2.0, chance).log_odds(-40.0, 4) == pytest.approx(0, abs=1e-5)
+    assert Misfit(20.0, 2.0, 0.1, 60.0).log_odds(0.0, 0) == 0
+    for chance in (20.0, 19.0, 20.0 + 1e-9):
+        assert Misfit(20.0, 2.0, 0.1, chance).log_odds(120.0, 4) == pytest.approx(0, abs=1e-5)
 
 
 def test_the_worse_the_fit_the_likelier_is_none():
-    misfit = Misfit(1.0, 3.0, -60.0)
-    odds = [misfit.log_odds(10 * mean, 10) for mean in (4, 1, -2, -5, -10, -30, -60, -100)]
+    misfit = Misfit(20.0, 3.0, 0.1, 80.0)
+    odds = [misfit.log_odds(10 * mean, 10) for mean in (17, 20, 23, 26, 31, 51, 81, 121)]
     assert (np.diff(odds) > 0).all()
     assert odds[1] < 0 < odds[4]
 
 
-def test_a_misfit_is_the_log_likelihood_less_what_was_expected(model, scan):
-    train = scan.where("train", "L")
-    xy, classes = transform(train.poses, train.taxel_xy)[:3], model.classes(train.readings)[:3]
-    found = misfits(model, "L", xy, classes)
-    for i in range(3):
-        total = 0.0
-        for e in range(36):
-            p = np.exp(model.log_tables("L", xy[i, e]))
-            total += math.log(p[classes[i, e]]) - sum(q * math.log(q) for q in p)
-        assert found[i] == pytest.approx(total)
+def test_what_the_mean_may_be_off_by_does_not_average_out():
+    steady, drifting = Misfit(20.0, 3.0, 0.0, 80.0), Misfit(20.0, 3.0, 1.0, 80.0)
+    assert drifting.log_odds(22.0, 1) == pytest.approx(steady.log_odds(22.0, 1), abs=0.2)
+    assert steady.log_odds(2200.0, 100) > 10
+    assert drifting.log_odds(2200.0, 100) < 0
 
 
-def test_a_letters_own_readings_fit_and_those_looked_up_elsewhere_do_not(model, scan):
+def test_a_letters_own_readings_fit_and_those_looked_up_elsewhere_do_not(mosaics):
     for label in "EILT":
-        misfit = learn_misfit(model, label, scan)
-        assert abs(misfit.mean) < misfit.deviation
-        assert misfit.chance < misfit.mean - 3 * misfit.deviation
+        misfit = learn_misfit(mosaics, label)
+        near, far, elsewhere = mosaics.left_out(label)
+        assert misfit.mean == pytest.approx((near.mean() + far.mean()) / 2)
+        assert misfit.drift == pytest.approx(abs(far.mean() - near.mean()) / math.sqrt(12))
+        assert misfit.chance == elsewhere.mean() > misfit.mean + 3 * misfit.deviation
+        assert 36 / 4 < near.mean() < 36  # half of chi^2 of 36 taxels is 18
 
 
 def test_one_training_reading_a_letter_says_nothing_of_the_unknown(scan):
@@ -115,6 +115,19 @@ def test_a_letter_that_was_not_learned_is_refused_and_the_others_are_not(scan):
                 estimator.update(reading, pose)
             refused[label] += estimator.estimate().label == NONE
     assert refused == {"E": 5, "I": 0, "L": 0, "T": 0}
+
+
+def test_a_letter_that_is_left_out_afterwards_is_refused_too(scan):
+    estimator = create("refined", unknown=0.1, bins=1000)
+    estimator.fit(scan)
+    other = estimator.without("E", scan)
+    assert other.labels == ("I", "L", "T")
+    for label, refused in (("E", True), ("T", False)):
+        for one, answer in ((other, refused), (estimator, False)):
+            one.reset(np.random.default_rng(0))
+            for reading, pose in zip(*draw_trial(scan, label, 12, np.random.default_rng(1))[:2], strict=True):
+                one.update(reading, pose)
+            assert (one.estimate().label == NONE) == answer
 
 
 def test_without_the_option_nothing_differs(scan):

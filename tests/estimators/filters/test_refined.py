@@ -198,9 +198,9 @@ def test_options_out_of_bounds_are_refused(option):
 
 
 def test_without_halvings_it_is_the_histogram(small):
-    plain = estimators.create("histogram", split="9x8x11", likelihood="calibrated")
+    plain = estimators.create("histogram", split="9x8x11", likelihood="paper")
     plain.fit(small)
-    estimator = fitted(small, split="9x8x11", halvings=0)
+    estimator = fitted(small, split="9x8x11", halvings=0, likelihood="paper")
     readings, poses, _ = draw_trial(small, "L", 5, np.random.default_rng(2))
     for count in range(6):
         whole = updated(plain, readings[:count], poses[:count])

@@ -5,7 +5,7 @@ import pytest
 from synthetic import draw_trial, make_scan, paper_poses
 
 from tactsim import estimators
-from tactsim.core import invert, transform, wrap_angle
+from tactsim.core import Scan, invert, transform, wrap_angle
 from tactsim.estimators.filters.weights import Weights
 
 LETTERS = "EIL"
@@ -85,3 +85,27 @@ def test_hidden_letters_are_found_and_placed(scan):
         assert abs(wrap_angle(fold * (placed[2] - true[2]))) / fold < 0.1
     assert np.mean(errors) < 0.5
     assert max(errors) < 1.5
+
+
+def test_letters_that_are_alike_share_one_population_and_have_the_answers_of_their_own(scan):
+    train = scan.where("train")
+    one, other = (train.where(label=label) for label in LETTERS[:2])
+    parts = [("P", one), ("Q", other), ("R", one), ("S", one)]
+    copies = Scan(
+        np.concatenate([part.readings for _, part in parts]),
+        np.concatenate([part.poses for _, part in parts]),
+        np.concatenate([np.repeat(label, len(part)) for label, part in parts]),
+        np.concatenate([part.split for _, part in parts]),
+        scan.taxel_xy,
+    )
+    quick, full = fitted(copies, particles=1200), fitted(copies, particles=1200, skip=False)
+    for seed in range(4):
+        drawn = draw_trial(scan, LETTERS[seed % 2], 6, np.random.default_rng(seed))
+        for ours, whole in zip(estimates(quick, drawn, seed), estimates(full, drawn, seed), strict=True):
+            assert ours.probabilities["P"] == ours.probabilities["R"] == ours.probabilities["S"]
+            assert ours.probabilities == pytest.approx(whole.probabilities, abs=1e-12)
+            assert np.array_equal(ours.robot_in_object, whole.robot_in_object)
+    spared, more = quick.work, full.work
+    assert spared["skipped"]["alike"] > 0
+    assert more["skipped"]["alike"] == 0
+    assert spared["likelihood_evaluations"] + spared["skipped"]["alike"] <= more["likelihood_evaluations"]

@@ -5,9 +5,9 @@ from synthetic import draw_trial, make_scan, paper_poses
 from tactsim import estimators
 from tactsim.core import InputError, Scan, transform
 from tactsim.estimators.likelihoods import likelihood
-from tactsim.estimators.likelihoods.calibrated import own_log_odds
 from tactsim.estimators.likelihoods.class_table import calibrate, quantile_edges
 from tactsim.estimators.likelihoods.classifier import CONTACT, NO_CONTACT, UNKNOWN, classify
+from tactsim.estimators.likelihoods.folds import folds, touched_elsewhere
 from tactsim.estimators.likelihoods.occupancy import learn_maps
 from tactsim.estimators.options import LikelihoodOptions
 
@@ -55,30 +55,30 @@ def test_features_that_are_all_equal_make_one_bin():
     assert got(3.0) == pytest.approx([4 / 8, 2 / 8, 2 / 8])
 
 
-@pytest.mark.parametrize("kind", [CONTACT, NO_CONTACT, UNKNOWN])
-def test_an_taxel_is_judged_by_the_map_without_itself(kind):
+def test_a_taxel_is_judged_by_the_map_without_the_presses_at_its_position():
     scan = make_scan("E", poses=paper_poses(3, 4)).where("train")
-    classes = classify(scan.readings)
-    charts = learn_maps(scan)
-    xy = transform(scan.poses, scan.taxel_xy)
-    own = own_log_odds(charts["E"], xy, classes, 1.0, 0.9)
-    for reading, taxel in np.argwhere(classes == kind)[::97]:
-        if scan.readings[reading].argmax() == taxel or scan.readings[reading].max() < 8:
-            continue  # another largest taxel would change the classes of the others
-        without = scan.readings.copy()
-        without[reading, taxel] = (2.0 + 0.3 * scan.readings[reading].max()) / 2
-        left = learn_maps(Scan(without, scan.poses, scan.labels, scan.split, scan.taxel_xy))["E"]
-        point = xy[reading, taxel]
-        removed = charts["E"].log_odds_at(point) - left.log_odds_at(point)
-        assert own[reading, taxel] == pytest.approx(removed, abs=1e-9)
-
-
-@pytest.mark.parametrize("shift", [0.0, 1.7])
-def test_its_probabilities_sum_to_one_and_are_what_new_readings_show(scan, shift):
-    # Fresh noise, at the training poses and halfway between them.
     model = fitted(scan)
-    poses = paper_poses() + [shift, shift, np.pi / 12 * (shift > 0)]
-    fresh = make_scan(poses=poses, seed=2).where("test")
+    odds, classes = model.left_out("E", scan)
+    assert np.array_equal(classes, classify(scan.readings))
+    part = folds(scan.poses)
+    known = touched_elsewhere(scan, part)
+    at = transform(scan.poses, scan.taxel_xy)
+    assert odds[~known] == pytest.approx(model.maps["E"].log_odds_at(at[~known]))
+    for number in np.unique(part):
+        mine, rest = part == number, part != number
+        others = Scan(
+            scan.readings[rest], scan.poses[rest], scan.labels[rest], scan.split[rest], scan.taxel_xy
+        )
+        without = learn_maps(others)["E"]
+        points = transform(scan.poses[mine], scan.taxel_xy)
+        assert odds[mine][known[mine]] == pytest.approx(without.log_odds_at(points)[known[mine]], abs=1e-9)
+        left = model.without(scan, mine, ("E",))
+        assert left.maps["E"].log_odds_at(points) == pytest.approx(without.log_odds_at(points), abs=1e-9)
+
+
+def told_and_seen(model, shift):
+    """List what the model says of fresh readings, (3, n), and their classes; checks that it sums to 1."""
+    fresh = make_scan(poses=paper_poses() + [shift, shift, np.pi / 12 * (shift > 0)], seed=2).where("test")
     told, seen = [], []
     for label in fresh.letters:
         mine = fresh.where(label=label)
@@ -86,7 +86,19 @@ def test_its_probabilities_sum_to_one_and_are_what_new_readings_show(scan, shift
         assert np.exp(log_p).sum(axis=0) == pytest.approx(1)
         told.append(np.exp(log_p).reshape(3, -1))
         seen.append(classify(mine.readings).ravel())
-    told, seen = np.concatenate(told, axis=1), np.concatenate(seen)
+    return np.concatenate(told, axis=1), np.concatenate(seen)
+
+
+def test_at_training_poses_readings_are_about_as_surprising_as_it_expects(scan):
+    # It is calibrated to other positions, of which the map says less.
+    told, seen = told_and_seen(fitted(scan), 0.0)
+    surprise = -np.log(told[seen, np.arange(len(seen))]).mean()
+    assert surprise == pytest.approx(-(told * np.log(told)).sum(axis=0).mean(), abs=0.08)
+
+
+@pytest.mark.parametrize("shift", [1.2, 1.7])
+def test_its_probabilities_are_what_readings_between_the_training_poses_show(scan, shift):
+    told, seen = told_and_seen(fitted(scan), shift)
     for kind in range(3):
         tenth = np.minimum(told[kind] * 10, 9).astype(int)
         gaps = [abs(np.sum((seen == kind) - told[kind], where=tenth == k)) for k in range(10)]

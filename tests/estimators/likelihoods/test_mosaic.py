@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tactsim.estimators.likelihoods.mosaic import learn_mosaic
+from tactsim.estimators.likelihoods.mosaic import Grid, learn_mosaic
 
-GRID = {"origin": np.array([-3.0, -2.0]), "cell": 0.4, "shape": (16, 21), "sigma": 1.0}
+GRID = Grid(origin=np.array([-3.0, -2.0]), cell=0.4, shape=(16, 21), sigma=1.0)
 
 
 def scattered(count, seed=0):
@@ -23,7 +23,7 @@ def test_it_converges_to_a_plane_that_is_felt():
     worst = []
     for count in (3_000, 300_000):  # what is left is the prior, whose part falls as taxels come
         xy, _ = scattered(count)
-        value, slope = learn_mosaic(xy, felt(xy), np.ones(count), **GRID)(inside)
+        value, slope = learn_mosaic(xy, felt(xy), np.ones(count), GRID)(inside)
         worst.append(np.abs(value - felt(inside)).max())
     assert worst[0] < 5e-3
     assert worst[1] < worst[0] / 20
@@ -33,9 +33,9 @@ def test_it_converges_to_a_plane_that_is_felt():
 def test_every_node_is_a_weighted_least_squares_fit():
     xy, rng = scattered(300)
     values, weight = rng.normal(size=300), rng.uniform(0, 2, 300)
-    mosaic = learn_mosaic(xy, values, weight, **GRID)
+    mosaic = learn_mosaic(xy, values, weight, GRID)
     for row, column in [(0, 0), (7, 10), (15, 20), (3, 18)]:
-        offset = (xy - GRID["origin"]) / 0.4 - (column, row)
+        offset = (xy - GRID.origin) / 0.4 - (column, row)
         k = weight * np.exp(-2 * (offset**2).sum(axis=1) * 0.4**2) * (np.abs(offset) <= 2.0 / 0.4).all(axis=1)
         rows = np.column_stack([np.ones(300), offset]) * np.sqrt(k)[:, None]
         prior = np.sqrt(0.01) * np.diag([1, 1 / 0.4, 1 / 0.4])
@@ -48,10 +48,10 @@ def test_every_node_is_a_weighted_least_squares_fit():
 def test_leaving_an_taxel_out_is_learning_without_it():
     xy, rng = scattered(200)
     values, weight = rng.normal(size=200), rng.uniform(0.1, 2, 200)
-    got = learn_mosaic(xy, values, weight, **GRID).without(xy, values, weight)
+    got = learn_mosaic(xy, values, weight, GRID).without(xy, values, weight)
     for i in range(0, 200, 13):
         rest = np.arange(200) != i
-        wanted, _ = learn_mosaic(xy[rest], values[rest], weight[rest], **GRID)(xy[i])
+        wanted, _ = learn_mosaic(xy[rest], values[rest], weight[rest], GRID)(xy[i])
         assert got[i] == pytest.approx(wanted, abs=1e-9)
 
 
@@ -61,14 +61,14 @@ def test_it_is_linear_in_what_is_felt(a, b, seed):
     xy, rng = scattered(60, seed)
     one, other = rng.normal(size=(2, 60))
     places, weight = rng.uniform(-6, 8, (40, 2)), np.ones(60)
-    both, _ = learn_mosaic(xy, a * one + b * other, weight, **GRID)(places)
-    first, _ = learn_mosaic(xy, one, weight, **GRID)(places)
-    second, _ = learn_mosaic(xy, other, weight, **GRID)(places)
+    both, _ = learn_mosaic(xy, a * one + b * other, weight, GRID)(places)
+    first, _ = learn_mosaic(xy, one, weight, GRID)(places)
+    second, _ = learn_mosaic(xy, other, weight, GRID)(places)
     assert both == pytest.approx(a * first + b * second, abs=1e-9)
 
 
 def test_where_nothing_was_felt_it_is_zero():
-    mosaic = learn_mosaic(np.array([[0.0, 0.0]]), np.ones(1), np.ones(1), **GRID)
+    mosaic = learn_mosaic(np.array([[0.0, 0.0]]), np.ones(1), np.ones(1), GRID)
     value, slope = mosaic(np.array([[4.0, 3.0], [1e6, -1e6], [0.0, 0.0]]))
     assert value[:2].tolist() == [0, 0]
     assert slope[:2].tolist() == [0, 0]

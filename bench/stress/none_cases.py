@@ -1,0 +1,57 @@
+"""None of these: odd priors, odd readings, and letters that were learned in odd worlds."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tactsim.bench.stress.case import Worst, case
+from tactsim.bench.stress.data import fitted, flaw, hidden, pressed
+from tactsim.estimators import NONE
+
+
+@case(
+    "none.odd-readings",
+    varied="prior of none 1e-12 to 1 - 1e-12; readings times 0 to 1e6, below 0, all alike",
+    deviation="sum of the probabilities from 1, after each of 5 readings",
+    limit=1e-9,
+    because="odds are kept in logs, and every variance has a floor",
+    quick=True,
+)
+def odd_readings(worst: Worst) -> None:
+    """Ask whether it is none of the letters, whatever is felt."""
+    scan = pressed("AEI")
+    readings, poses, _ = hidden(scan, "E", 5)
+    for unknown in (1e-12, 0.5, 1 - 1e-12):
+        estimator = fitted("refined", scan, bins=1000, unknown=unknown)
+        for what, felt in (
+            *((f"times {factor:g}", factor * readings) for factor in (0, 1e-3, 0.1, 10, 1e6)),
+            ("below 0", -readings),
+            ("all alike", np.full_like(readings, 40.0)),
+        ):
+            estimator.reset(np.random.default_rng(0))
+            for reading, pose in zip(felt, poses, strict=True):
+                estimator.update(reading, pose)
+                worst.see(flaw(estimator.estimate()), f"prior {unknown:g}, {what}")
+
+
+@case(
+    "none.load-and-world",
+    varied="known letters in every ready-made way to press: level, tilted, on a rigid wrist",
+    deviation="share of 18 trials of 12 readings that are refused, prior of none 0.5",
+    limit=0.1,
+    because="what a letter's own readings are like is learned from them, whatever the world",
+)
+def load_and_world(worst: Worst) -> None:
+    """Known letters stay known in worlds that were trained in."""
+    for world in ("default", "level", "paper-like"):
+        scan = pressed("AEI", world)
+        estimator = fitted("refined", scan, unknown=0.5)
+        refused = 0
+        for seed in range(6):
+            for label in scan.letters:
+                readings, poses, _ = hidden(scan, label, 12, seed)
+                estimator.reset(np.random.default_rng(0))
+                for reading, pose in zip(readings, poses, strict=True):
+                    estimator.update(reading, pose)
+                refused += estimator.estimate().label == NONE
+        worst.see(refused / 18, world)

@@ -1,0 +1,287 @@
+"""What a press feels that tilts: a mosaic of each object, times a pressure that is a plane over the pad.
+
+A pad that leans presses harder on one side. On springs, the pressure under it is a plane, and a taxel feels that
+plane as far as the object covers it:
+
+    z = gain * cover(x, y on the object) * (p + q u + r v) + error,   u, v the taxel's place on the pad.
+
+p, q and r differ from press to press, with its load and its tilt, and say nothing of the object. So they are fitted
+to each reading, under a Gaussian prior, before reading and object are compared.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import nnls
+
+from tactsim.core import Scan, compose, transform
+from tactsim.core.poses import FloatArray
+from tactsim.estimators.likelihoods.mosaic import Grid, Mosaic, learn_mosaic
+from tactsim.estimators.likelihoods.occupancy import OccupancyMap
+from tactsim.estimators.options import LikelihoodOptions
+
+# How often mosaics are learned from pressures, and these from the mosaics.
+_TURNS = 6
+# Map cells along a cell of the mosaics: cover is smooth over a taxel.
+_COARSER = 2
+# A training taxel counts with the square of its pressure beside the typical one, at most with this square.
+_MOST_PRESSURE = 3.0
+# A taxel under less than this share of the typical pressure says nothing of what covers it.
+_LEAST_PRESSURE = 1 / 30
+# The prior of p, q and r while nothing is known of them, beside the typical pressure.
+_LOOSE = 3.0
+# kPa; no pressure is 0.
+_LEAST = 1e-6
+# Training readings are left out in so many parts, by where they were taken.
+_PARTS = 5
+# Errors are learned from about so many taxels of training readings.
+_ENOUGH = 100_000
+# Steps of a search for the pose, and how much less misfit (nats) a step must bring for another one.
+_STEPS, _WORTH = 6, 0.02
+# mm, mm, rad that one step may move at most.
+_STRIDE = np.array([0.5, 0.5, 0.06])
+# Passes in which the plane of a reading, and where it is below 0, are found.
+_PASSES = 3
+# Rounds in which variances are learned.
+_ROUNDS = 6
+# A taxel errs by at least this share of the typical pressure.
+_LEAST_ERROR = 1e-3
+
+
+@dataclass(frozen=True, eq=False)
+class LeftOut:
+    """Cover and squared slope (n, taxels) at a letter's training readings, of mosaics learned without them.
+
+    near: without the taxel itself, so that the place is known as well as it can be. far: without all readings
+    that were taken around there, so that it is known badly. Each holds cover and slope.
+    """
+
+    readings: FloatArray
+    near: tuple[FloatArray, FloatArray]
+    far: tuple[FloatArray, FloatArray]
+
+
+class TiltedMosaics:
+    """Mosaics of cover for all letters, and how far readings are from what they predict.
+
+    mosaics: by letter. gain: (taxels,) of mean 1. typical: kPa, the median of the training readings' highest taxel.
+    variance: (3,) a taxel's variance is their sum, the first as it is (kPa^2), the second times the squared predicted
+    pressure, the third (mm^2) times the squared slope of the prediction. prior: (3,) kPa, deviations of p, q and r.
+    """
+
+    def __init__(self, options: LikelihoodOptions) -> None:
+        self.options = options
+
+    def fit(self, scan: Scan, maps: Mapping[str, OccupancyMap]) -> None:
+        """Learn mosaics and gains in turns with the planes of the training readings, then the errors."""
+        train = scan.where("train")
+        self.taxel_xy = np.array(scan.taxel_xy, dtype=float)
+        from_middle = self.taxel_xy - self.taxel_xy.mean(axis=0)
+        self._plane = np.column_stack(
+            [np.ones(len(from_middle)), from_middle / (np.abs(from_middle).max() or 1.0)]
+        )
+        highest = {label: train.where(label=label).readings.max(axis=1, keepdims=True) for label in maps}
+        self.typical = max(float(np.median(np.concatenate(list(highest.values())))), _LEAST)
+        self.gain = np.ones(len(self.taxel_xy))
+        self.variance = np.array([(self.typical / 10) ** 2, 0.0, 0.0])
+        self.prior = np.full(3, _LOOSE * self.typical)
+        letters = {label: train.where(label=label) for label in maps}
+        xy = {label: transform(mine.poses, self.taxel_xy) for label, mine in letters.items()}
+        pressure = {
+            label: np.repeat(np.maximum(top, self.typical / 4), len(self.gain), axis=1)
+            for label, top in highest.items()
+        }
+        self.mosaics: dict[str, Mosaic] = {}
+        for _ in range(_TURNS):
+            felt, predicted = np.zeros((2, len(self.gain)))
+            for label, mine in letters.items():
+                mosaic = self._learn(maps[label], xy[label], *self._cover(mine.readings, pressure[label]))
+                cover, slope = mosaic(xy[label])
+                pressure[label] = self._planes(mine.readings, cover, slope).pressure
+                self.mosaics[label] = mosaic
+                under = cover * pressure[label]
+                felt += (under * mine.readings).sum(axis=0)
+                predicted += (under * under).sum(axis=0)
+            gain = np.maximum(np.divide(felt, predicted, out=np.ones_like(felt), where=predicted > 0), 0)
+            self.gain = gain / gain.mean() if gain.any() else np.ones_like(gain)
+        self._out = {
+            label: self._left_out(label, maps[label], mine, xy[label], pressure[label])
+            for label, mine in letters.items()
+        }
+        self._learn_errors()
+
+    def of(self, letters: Iterable[str]) -> TiltedMosaics:
+        """Give the mosaics of some of the letters; gains and errors stay what was learned from all."""
+        some = TiltedMosaics(self.options)
+        vars(some).update(vars(self))
+        some.mosaics = {label: self.mosaics[label] for label in letters}
+        return some
+
+    def left_out(self, label: str) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Give the misfits of a letter's training readings (n,) each: near, far, and looked up elsewhere.
+
+        near and far as in `LeftOut`. Elsewhere is where another reading was taken, as far away in the list as can
+        be.
+        """
+        out = self._out[label]
+        elsewhere = np.roll(out.readings, len(out.readings) // 2, axis=0)
+        return (
+            self._planes(out.readings, *out.near).misfit,
+            self._planes(out.readings, *out.far).misfit,
+            self._planes(elsewhere, *out.near).misfit,
+        )
+
+    def misfits(
+        self, label: str, robot_in_object: FloatArray, readings: FloatArray, sensor_in_robot: FloatArray
+    ) -> FloatArray:
+        """Compare readings (n, taxels) kPa, taken at poses (n, 3), with a letter at a pose: (n,) nats from 0.
+
+        A misfit is half of chi^2: squared errors over their variances, and p, q and r over theirs, at the p, q and r
+        for which that is least.
+        """
+        xy = transform(compose(robot_in_object, sensor_in_robot), self.taxel_xy)
+        return self._planes(readings, *self.mosaics[label](xy)).misfit
+
+    def fitting_pose(
+        self, label: str, start: FloatArray, readings: FloatArray, sensor_in_robot: FloatArray
+    ) -> FloatArray:
+        """Search around a pose T_R^O (3,) for one that readings (n, taxels) at poses (n, 3) fit better.
+
+        Gauss-Newton steps, damped (Marquardt 1963), in which p, q and r are fitted along (variable projection, Golub
+        and Pereyra 1973).
+        """
+        pose, damping = np.array(start, dtype=float), 1e-3
+        total, slope, curvature = self._around(label, pose, readings, sensor_in_robot)
+        for _ in range(_STEPS):
+            step = np.linalg.solve(curvature + np.diag(damping * np.diag(curvature) + _LEAST), slope)
+            other = pose + step / max(1.0, float(np.abs(step / _STRIDE).max()))
+            found = self._around(label, other, readings, sensor_in_robot)
+            gained = total - found[0]
+            if gained > 0:
+                pose, (total, slope, curvature), damping = other, found, damping / 10
+            else:
+                damping *= 100
+            if abs(gained) < _WORTH:
+                break
+        return pose
+
+    def _around(
+        self, label: str, pose: FloatArray, readings: FloatArray, sensor_in_robot: FloatArray
+    ) -> tuple[float, FloatArray, FloatArray]:
+        """Give -log p of readings at a pose, less a constant, how fast it falls (3,) and its curvature (3, 3)."""
+        xy = transform(compose(pose, sensor_in_robot), self.taxel_xy)
+        cover, gradient = self.mosaics[label].with_gradient(xy)
+        fit = self._planes(readings, cover, (gradient**2).sum(axis=-1))
+        away = xy - pose[:2]
+        turn = gradient[..., 1] * away[..., 0] - gradient[..., 0] * away[..., 1]
+        moved = (self.gain * fit.pressure)[..., None] * np.concatenate([gradient, turn[..., None]], axis=-1)
+        weighed = moved / fit.variance[..., None]
+        along = np.einsum("nti,ntj->nij", weighed, fit.design)
+        fitted_along = np.linalg.solve(fit.normal, along.transpose(0, 2, 1))
+        curvature = np.einsum("nti,ntj->ij", weighed, moved) - np.einsum("nik,nkj->ij", along, fitted_along)
+        total = float(fit.misfit.sum() + np.log(fit.variance).sum() / 2)
+        return total, np.einsum("nti,nt->i", weighed, fit.error), curvature
+
+    def _planes(self, readings: FloatArray, cover: FloatArray, slope: FloatArray) -> _Planes:
+        """Fit p, q and r to readings (n, taxels), given cover and its squared slope (n, taxels).
+
+        Where the plane falls below 0 the pad has left the object: nothing is felt.
+        """
+        pressure = np.broadcast_to(1.0, readings.shape)
+        variance = np.full(readings.shape, self.variance[0])
+        for _ in range(_PASSES):
+            design = (self.gain * cover * (pressure > 0))[..., None] * self._plane
+            weighed = design / variance[..., None]
+            normal = np.einsum("nti,ntj->nij", weighed, design) + np.diag(1 / self.prior**2)
+            target = np.einsum("nti,nt->ni", weighed, readings)
+            found = np.linalg.solve(normal, target[..., None])[..., 0]
+            misfit = ((readings**2 / variance).sum(axis=1) - (target * found).sum(axis=1)) / 2
+            before, pressure = variance, np.maximum(found @ self._plane.T, 0.0)
+            variance = (
+                _sources(self.gain * cover * pressure, (self.gain * pressure) ** 2 * slope) @ self.variance
+            )
+        error = readings - np.einsum("nti,ni->nt", design, found)
+        return _Planes(found, pressure, design, normal, before, error, misfit)
+
+    def _cover(self, readings: FloatArray, pressure: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Tell what part of each taxel was covered under a pressure, and how much that counts: (n, taxels) all."""
+        under, least = self.gain * pressure, _LEAST_PRESSURE * self.typical
+        weight = np.where(under > least, np.minimum(under / self.typical, _MOST_PRESSURE) ** 2, 0.0)
+        return np.where(under > least, readings / np.maximum(under, least), 0.0), weight
+
+    def _learn(self, chart: OccupancyMap, xy: FloatArray, cover: FloatArray, weight: FloatArray) -> Mosaic:
+        """Learn a mosaic from cover (n, taxels) at xy (n, taxels, 2) mm, over the same area as a map."""
+        rows, columns = (side // _COARSER + 2 for side in chart.log_odds.shape)
+        grid = Grid(chart.origin, _COARSER * chart.cell, (rows, columns), self.options.sigma)
+        return learn_mosaic(xy.reshape(-1, 2), cover.ravel(), weight.ravel(), grid)
+
+    def _left_out(
+        self, label: str, chart: OccupancyMap, mine: Scan, xy: FloatArray, pressure: FloatArray
+    ) -> LeftOut:
+        """Look a letter's training readings up in mosaics without themselves, and without those around them."""
+        cover, weight = self._cover(mine.readings, pressure)
+        mosaic = self.mosaics[label]
+        near = (
+            mosaic.without(xy.reshape(-1, 2), cover.ravel(), weight.ravel()).reshape(cover.shape),
+            mosaic(xy)[1],
+        )
+        far = np.empty_like(cover), np.empty_like(cover)
+        part = _parts(mine.poses)
+        for number in np.unique(part):
+            out = part == number
+            rest = self._learn(chart, xy[~out], cover[~out], weight[~out])
+            far[0][out], far[1][out] = rest(xy[out])
+        return LeftOut(mine.readings, near, far)
+
+    def _learn_errors(self) -> None:
+        """Learn variances and priors from the training readings that were left out, near and far alike.
+
+        The parts of the variance come from a regression of the squared errors, in which none is negative. Each taxel
+        is weighted with its own variance (iteratively reweighted least squares).
+        """
+        seen = [(out.readings, *known) for out in self._out.values() for known in (out.near, out.far)]
+        every = max(1, sum(len(readings) for readings, _, _ in seen) * len(self.gain) // _ENOUGH)
+        readings, cover, slope = (np.concatenate([one[i][::every] for one in seen]) for i in range(3))
+        for _ in range(_ROUNDS):
+            fit = self._planes(readings, cover, slope)
+            sources = _sources(
+                self.gain * cover * fit.pressure, (self.gain * fit.pressure) ** 2 * slope
+            ).reshape(-1, 3)
+            rows = np.column_stack([sources, fit.error.ravel() ** 2]) / fit.variance.reshape(-1, 1)
+            triangle = np.asarray(np.linalg.qr(rows, mode="r"))
+            variance, _ = nnls(triangle[:, :-1], triangle[:, -1])
+            self.variance = np.maximum(variance, [(_LEAST_ERROR * self.typical) ** 2, 0, 0])
+        spread = np.sqrt((fit.found**2).mean(axis=0))
+        self.prior = np.maximum([spread[0], *[np.sqrt((spread[1:] ** 2).mean())] * 2], _LEAST)
+
+
+@dataclass(frozen=True, eq=False)
+class _Planes:
+    """What was fitted to n readings.
+
+    found: (n, 3) p, q, r, kPa. pressure: (n, taxels) the plane, from 0. design: (n, taxels, 3) and normal: (n, 3, 3)
+    of the least squares. variance, error: (n, taxels). misfit: (n,) nats.
+    """
+
+    found: FloatArray
+    pressure: FloatArray
+    design: FloatArray
+    normal: FloatArray
+    variance: FloatArray
+    error: FloatArray
+    misfit: FloatArray
+
+
+def _sources(predicted: FloatArray, slope: FloatArray) -> FloatArray:
+    """List what a variance comes from: (..., 3), for predicted pressures and their squared slopes."""
+    return np.stack(np.broadcast_arrays(1.0, predicted**2, slope), axis=-1)
+
+
+def _parts(poses: FloatArray) -> NDArray[np.intp]:
+    """Divide poses (n, 3) into parts, so that all poses at one place are in one part and neighbours in others."""
+    _, place = np.unique(np.round(poses[:, :2], 3), axis=0, return_inverse=True)
+    return place.ravel() % _PARTS

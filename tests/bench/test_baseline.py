@@ -1,0 +1,56 @@
+"""The baseline `nearest` stands beside the others, and remembering readings is not enough for any default task."""
+
+import json
+
+import pytest
+
+from tactsim.bench.config import run_config
+from tactsim.bench.runner import perform
+from tactsim.bench.sweep_file import read, suites
+
+# The paper's protocol tests at the training poses: there it is enough, which is why the default is another one.
+DEFAULT_TASKS = [name for name in suites() if not name.startswith("paper")]
+MOST = 0.95
+WITHOUT = {"open-set": "nearest refuses nothing"}
+
+
+def right_at_once(config):
+    """Give the accuracy of `nearest` after one reading of a run's task."""
+    words = config.model_dump(exclude_unset=True) | {"estimator": "nearest", "readings": 1, "trials": 20}
+    for name in ("bins", "particles", "set"):
+        words.pop(name, None)
+    if words.get("explore") == "information":  # the same touches; which of them it cannot choose
+        words["explore"] = "blind"
+    return perform(run_config(**words)).summary["accuracy"][0]
+
+
+@pytest.mark.parametrize("name", [name for name in suites() if name not in WITHOUT])
+def test_nearest_is_in_every_table(name):
+    _, configs = read(name)
+    assert "nearest" in {config.estimator for config in configs}
+
+
+@pytest.mark.parametrize("name", DEFAULT_TASKS)
+def test_no_default_task_tests_at_the_training_poses(name):
+    for config in read(name)[1]:
+        assert config.on_demand or config.scan_options.test_poses == "random"
+
+
+@pytest.mark.usefixtures("own_cache")
+@pytest.mark.parametrize("explore", ["random", "blind"])
+def test_the_default_run_is_not_done_by_remembering(explore):
+    assert right_at_once(run_config(explore=explore)) <= MOST
+    if explore == "random":
+        assert right_at_once(run_config(test_poses="same")) > MOST  # so the check can fail
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("own_cache")
+@pytest.mark.parametrize("name", DEFAULT_TASKS)
+def test_no_default_task_is_done_by_remembering(name):
+    tasks = {}
+    for config in read(name)[1]:
+        if config.seed == 0:
+            key = json.dumps([config.scan_options.model_dump(mode="json"), config.explore == "random"])
+            tasks.setdefault(key, config)
+    assert {key: right for key, task in tasks.items() if (right := right_at_once(task)) > MOST} == {}

@@ -1,0 +1,47 @@
+"""Every table of results in the documentation says beneath it how it was made, from five scans or more."""
+
+import re
+
+import pytest
+from pages import ROOT
+
+from tactsim.bench.page_tables import LEAST_SCANS, TABLE
+from tactsim.bench.sweep_file import read, suites
+
+PAGES = ["README.md", "docs/results.md", "docs/choose-an-estimator.md"]
+ASKED = [
+    (page, match["asked"], match[0])
+    for page in PAGES
+    for match in TABLE.finditer((ROOT / page).read_text(encoding="utf-8"))
+]
+IDS = [f"{page}: {asked.split(';')[0]}" for page, asked, _ in ASKED]
+
+
+def test_make_tables_fills_these_pages_and_no_other_page_has_such_tables():
+    command = re.search(r"page_tables (.*)", (ROOT / "Makefile").read_text())[1]
+    assert command.split() == PAGES
+    holding = {
+        path.relative_to(ROOT).as_posix()
+        for path in [ROOT / "README.md", *(ROOT / "docs").rglob("*.md")]
+        if "_build" not in path.parts and "<!-- table:" in path.read_text(encoding="utf-8")
+    }
+    assert holding == set(PAGES)
+
+
+@pytest.mark.parametrize(("page", "asked", "table"), ASKED, ids=IDS)
+def test_a_table_has_its_command_five_scans_and_intervals(page, asked, table):
+    name = asked.split(";")[0].partition(" by ")[0].strip()
+    assert name in suites()
+    assert len({config.seed for config in read(name)[1]}) >= LEAST_SCANS
+    origin = re.search(r"\*`bench sweep (\S+)`: (\d+) scans, \d+ trials for each figure; (.*)", table)
+    if origin is None:
+        assert table.count("\n") == 1, f"{page}: a table that says not how it was made"  # yet to be filled
+        return
+    assert origin[1] == name
+    assert int(origin[2]) >= LEAST_SCANS
+    assert "in brackets 95 % intervals over scans and trials" in origin[3]
+
+
+def test_make_tables_does_every_sweep_that_a_page_asks_for():
+    done = set(re.search(r"^TABLES := (.*)$", (ROOT / "Makefile").read_text(), re.MULTILINE)[1].split())
+    assert {asked.split(";")[0].partition(" by ")[0].strip() for _, asked, _ in ASKED} <= done

@@ -1,0 +1,201 @@
+"""Objects that move: the moving belief, kernels on the grid and particles, against exact answers."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from synthetic import make_scan
+
+from tactsim.bench.slip import Slip
+from tactsim.bench.stress import chosen_cases, run_case
+from tactsim.core import InputError, compose, invert
+from tactsim.estimators import create
+from tactsim.estimators.filters.mixture import add_densities
+from tactsim.estimators.filters.motion import Motion, parse_motion
+from tactsim.estimators.filters.moving_bins import MovingBins, heat_kernel
+
+MAP_FILTERS = {
+    "histogram": {"bins": 1000},
+    "particle": {"particles": 4000},
+    "augmented-mcl": {"particles": 4000},
+    "tempered": {"particles": 500},
+    "refined": {"bins": 1000},
+    "force-mosaic": {"bins": 1000},
+}
+
+
+@pytest.fixture(scope="module")
+def small():
+    return make_scan()
+
+
+def sequence(scan, letter, count, slip=None, seed=0):
+    """Draw readings and sensor poses of an object, with its pose at each touch."""
+    test = scan.where("test", letter)
+    order = np.random.default_rng(seed).permutation(len(test))[:count]
+    first = np.array([2.0, -3.0, 1.0])
+    true = (slip or Slip()).poses(first, count, np.random.default_rng(seed + 1))
+    return test.readings[order], compose(invert(true), test.poses[order]), true
+
+
+def estimates(estimator, readings, poses, seed=0):
+    estimator.reset(np.random.default_rng(seed))
+    found = []
+    for reading, pose in zip(readings, poses, strict=True):
+        estimator.update(reading, pose)
+        found.append(estimator.estimate())
+    return found
+
+
+@pytest.mark.parametrize("name", MAP_FILTERS)
+def test_zero_motion_is_the_static_filter_to_the_bit(small, name):
+    readings, poses, _ = sequence(small, "E", 4)
+    pair = []
+    for motion in ("off", "0,0"):
+        estimator = create(name, **MAP_FILTERS[name], motion=motion)
+        estimator.fit(small)
+        pair.append(estimates(estimator, readings, poses))
+    for off, zero in zip(*pair, strict=True):
+        assert off.probabilities == zero.probabilities
+        assert off.robot_in_object.tobytes() == zero.robot_in_object.tobytes()
+
+
+@pytest.mark.parametrize("name", MAP_FILTERS)
+def test_every_filter_follows_an_object_that_walks_away(small, name):
+    slip = Slip(drift_mm=0.8)
+    readings, poses, true = sequence(small, "E", 14, slip)
+    off = []
+    for motion in ("off", "0.8,0.01", "auto"):
+        estimator = create(name, **(MAP_FILTERS[name] | {"likelihood": "calibrated"}), motion=motion)
+        estimator.fit(small)
+        last = estimates(estimator, readings, poses)[-1]
+        assert last.label == "E"
+        assert sum(last.probabilities.values()) == pytest.approx(1)
+        if last.samples is not None:
+            assert last.samples.weights.sum() == pytest.approx(1)
+        off.append(np.hypot(*(invert(last.robot_in_object) - invert(true[-1]))[:2]))
+    assert off[1] < 2.5
+    assert off[2] < 2.5
+    if name in ("tempered", "refined", "force-mosaic"):
+        assert off[0] > 2 * max(off[1:])
+
+
+def test_a_jump_is_found_again(small):
+    _, _, true = sequence(small, "L", 12)
+    moved = Slip(jump_mm=5).poses(true[0], 12, np.random.default_rng(4))
+    test = small.where("test", "L")
+    order = np.random.default_rng(0).permutation(len(test))[:12]
+    readings, poses = test.readings[order], compose(invert(moved), test.poses[order])
+    estimator = create("refined", motion="auto")
+    estimator.fit(small)
+    last = estimates(estimator, readings, poses)[-1]
+    assert np.hypot(*(invert(last.robot_in_object) - invert(moved[-1]))[:2]) < 1
+
+
+@pytest.mark.parametrize("unknown", [0.0, 0.3])
+def test_a_moving_object_is_not_taken_for_an_unknown_one(small, unknown):
+    readings, poses, _ = sequence(small, "E", 10, Slip(walk_mm=0.7, walk_rad=0.03))
+    said = []
+    for motion in ("off", "0.7,0.03"):
+        estimator = create("refined", unknown=unknown, motion=motion)
+        estimator.fit(small)
+        said.append(estimates(estimator, readings, poses)[-1].probabilities.get("none", 0.0))
+        assert 0 <= estimator.propose(poses) < len(poses)
+        assert estimator.belief_over_plane().probability.sum() == pytest.approx(1)
+    assert said[1] <= said[0]
+    assert said[1] < 0.5
+
+
+def test_the_path_of_an_object_is_where_it_was_at_each_touch(small):
+    readings, poses, true = sequence(small, "E", 12, Slip(walk_mm=0.7, walk_rad=0.03), seed=2)
+    estimator = create("refined", motion="0.7,0.03")
+    estimator.fit(small)
+    last = estimates(estimator, readings, poses)[-1]
+    path = estimator.path(last)
+    assert path.shape == (12, 3)
+    away = np.hypot(*(invert(path) - invert(true))[:, :2].T)
+    assert np.median(away) < 1
+    assert np.median(np.hypot(*(invert(last.robot_in_object) - invert(true))[:, :2].T)) > np.median(away)
+
+
+@pytest.mark.parametrize("name", ["motion.kalman", "motion.heat-kernel", "motion.frames"])
+def test_motion_agrees_with_what_is_known_exactly(name):
+    outcome = run_case(chosen_cases([name])[0])
+    assert outcome.worst <= outcome.case.limit, outcome.at
+
+
+def test_bins_that_move_are_the_forward_algorithm_over_a_table_of_all_bins(small):
+    """A hidden Markov model's forward algorithm (Rabiner 1989), with the transition matrix written out."""
+    estimator = create("histogram", split="4x3x6", motion="2,0.3")
+    estimator.fit(small)
+    estimator.reset(np.random.default_rng(0))
+    motion, grid = parse_motion("2,0.3"), estimator.grid
+    dx, dy, da = grid.spacing
+    along = 2**2 + 0.3**2 * grid.reach**2 / 3
+    transition = np.kron(
+        heat_kernel(6, (0.3 / da) ** 2, ring=True),
+        np.kron(heat_kernel(3, along / dy**2), heat_kernel(4, along / dx**2)),
+    )
+    readings, poses, _ = sequence(small, "T", 5)
+    p = np.full((len(small.letters), grid.bins), 1.0)
+    assert motion is not None
+    for number, (reading, pose) in enumerate(zip(readings, poses, strict=True)):
+        estimator.update(reading, pose)
+        if number:
+            p = p @ transition.T
+        x, y, theta = np.meshgrid(*grid.centres, indexing="ij")
+        state = np.stack([one.transpose(2, 1, 0).ravel() for one in (x, y, theta)])
+        log_p = np.stack([estimator.field.log_p(k, state, number) for k in range(len(p))])
+        p *= np.exp(log_p - log_p.max())
+        p /= p.sum()
+        found = np.exp(estimator.log_belief().reshape(p.shape))
+        assert np.allclose(found, p, rtol=1e-3, atol=1e-6)
+
+
+def test_scales_are_mixed_and_jumps_leave_the_mass_as_it_is(small):
+    estimator = create("histogram", bins=200, motion="auto")
+    estimator.fit(small)
+    estimator.reset(np.random.default_rng(0))
+    readings, poses, _ = sequence(small, "T", 4)
+    for reading, pose in zip(readings, poses, strict=True):
+        estimator.update(reading, pose)
+        assert sum(estimator.estimate().probabilities.values()) == pytest.approx(1)
+    bins: MovingBins = estimator.filter._belief
+    before = bins._p.sum()
+    bins._move()
+    assert bins._p.sum() == pytest.approx(before, rel=1e-9)
+
+
+@given(st.integers(1, 8), st.integers(1, 8), st.integers(0, 2**32 - 1))
+def test_a_mixture_is_the_sum_of_its_normal_densities(places, centres, seed):
+    rng = np.random.default_rng(seed)
+    around = 6.0
+    place, centre = (rng.uniform(-3, 3, (n, 3)) for n in (places, centres))
+    weight, variance, spread = rng.random((centres, 2)), np.array([0.5, 2.0]), rng.random(centres)
+    found = np.zeros((places, 2))
+    add_densities(found, place, centre, weight, variance, spread, around)
+    expected = np.zeros((places, 2))
+    for j in range(places):
+        for i in range(centres):
+            step = place[j] - centre[i]
+            step[2] -= around * np.rint(step[2] / around)
+            whole = variance + spread[i]
+            expected[j] += weight[i] * np.exp(-0.5 * (step @ step) / whole) / (2 * np.pi * whole) ** 1.5
+    assert np.allclose(found, expected, rtol=1e-6, atol=1e-5)
+
+
+def test_the_option_says_what_moves():
+    assert parse_motion("off") is None
+    assert parse_motion("0,0") is None
+    given_one = parse_motion("0.5,0.03")
+    assert isinstance(given_one, Motion)
+    assert (given_one.variance.tolist(), given_one.ratio, given_one.jump) == ([0.25], 0.06, 0)
+    learned = parse_motion("auto")
+    assert learned.still == 0.8
+    assert learned.prior.sum() == pytest.approx(1)
+
+
+@pytest.mark.parametrize("text", ["on", "1", "1,2,3", "-1,0", "nan,0", "0.5;0.03", "1000,0", "0,9"])
+def test_a_wrong_motion_is_refused(text):
+    with pytest.raises(InputError, match="motion"):
+        create("refined", motion=text)

@@ -1,0 +1,114 @@
+"""The graded model: its counts by brute force, and that neither load, unit nor response decide the answer."""
+
+import numpy as np
+import pytest
+from synthetic import draw_trial, make_scan, paper_poses
+
+from tactsim import estimators
+from tactsim.core import Scan
+from tactsim.estimators.likelihoods import likelihood
+from tactsim.estimators.likelihoods.folds import folds, touched_elsewhere
+from tactsim.estimators.likelihoods.graded import _GRADES, _SHARES
+from tactsim.estimators.likelihoods.occupancy import learn_maps
+from tactsim.estimators.options import LikelihoodOptions
+
+
+def fitted(scan, **options):
+    model = likelihood.create(LikelihoodOptions(likelihood="graded", **options))
+    model.fit(scan, learn_maps(scan))
+    return model
+
+
+def changed(scan, readings):
+    return Scan(readings, scan.poses, scan.labels, scan.split, scan.taxel_xy, scan.meta)
+
+
+@pytest.fixture(scope="module")
+def scan():
+    return make_scan("EIL", poses=paper_poses(4, 6))
+
+
+def test_a_grade_says_between_which_shares_of_its_scale_a_taxel_lies(scan):
+    model = fitted(scan)
+    reading = np.zeros(36)
+    reading[:8] = [40, 40, 40, 40, 25, 17, 9, 3]
+    grades, scale = model.graded(reading)
+    assert scale == pytest.approx((reading**4).sum() / (reading**3).sum())
+    assert grades.tolist() == [int((value / scale > _SHARES).sum()) for value in reading]
+    assert grades[:4].tolist() == [6] * 4
+    assert model.graded(np.zeros(36))[1] == model.least > 0
+
+
+def test_grades_are_counted_as_by_brute_force(scan):
+    model = fitted(scan, quantiles=1)
+    counts = np.ones((3, _GRADES))
+    scales = [model.graded(reading)[1] for reading in scan.where("train").readings]
+    lower, upper = np.quantile(scales, [1 / 3, 2 / 3])
+    for label in scan.letters:
+        letter = scan.where("train", label)
+        for reading, known in zip(
+            letter.readings, touched_elsewhere(letter, folds(letter.poses)), strict=True
+        ):
+            grades, scale = model.graded(reading)
+            for grade in grades[known]:
+                counts[int(scale > lower) + int(scale > upper), grade] += 1
+    expected = counts / counts.sum(axis=1, keepdims=True)
+    table = np.exp(model.log_tables("E", np.zeros((1, 2))))
+    assert table[:, 0].reshape(3, _GRADES) == pytest.approx(expected)
+
+
+def test_log_tables_are_probabilities_of_grades_and_evidence_names_the_class_of_its_scale(scan):
+    model = fitted(scan)
+    p = np.exp(model.log_tables("L", np.random.default_rng(0).uniform(-15, 15, (50, 2))))
+    assert p.reshape(3, _GRADES, 50).sum(axis=1) == pytest.approx(1)
+    reading = scan.where("test", "L").readings[3]
+    light, heavy = (model.evidence(reading * factor).table for factor in (1e-6, 1e6))
+    assert (light // _GRADES == 0).all()
+    assert (heavy // _GRADES == 2).all()
+    assert np.array_equal(heavy % _GRADES, model.graded(reading * 1e6)[0])
+
+
+@pytest.mark.parametrize("load", [0.3, 3.0])
+def test_the_load_of_a_reading_changes_no_grade(scan, load):
+    model = fitted(scan)
+    test = scan.where("test").readings
+    touching = (test.max(axis=1) > 4 * model.least) & (test.max(axis=1) > 20)
+    assert touching.sum() > 100
+    usual, other = (model.graded(factor * test[touching])[0] for factor in (1, load))
+    assert np.array_equal(usual, other)
+
+
+def test_maps_without_some_readings_are_those_learned_from_the_rest(scan):
+    model, train = fitted(scan), scan.where("train")
+    gone = np.arange(len(train)) % 3 == 0
+    rest = model.without(train, gone, ["E"])
+    learned = learn_maps(
+        Scan(
+            train.readings[~gone], train.poses[~gone], train.labels[~gone], train.split[~gone], train.taxel_xy
+        )
+    )["E"]
+    xy = np.random.default_rng(1).uniform(-8, 8, (40, 2))
+    assert rest.maps["E"].log_odds_at(xy) == pytest.approx(learned.log_odds_at(xy), abs=1e-6)
+    assert rest.calibrations is model.calibrations
+
+
+def test_a_scan_in_which_nothing_is_felt_is_fitted(scan):
+    blank = changed(scan, np.zeros_like(scan.readings))
+    estimator = estimators.create("graded", bins=100, halvings=1)
+    estimator.fit(blank)
+    estimator.reset(np.random.default_rng(0))
+    estimator.update(np.zeros(36), [0, 0, 0])
+    assert list(estimator.estimate().probabilities.values()) == pytest.approx([1 / 3] * 3)
+
+
+def test_graded_stands_presses_of_varied_load_and_a_bent_response(scan):
+    rng = np.random.default_rng(3)
+    load = np.exp(0.5 * rng.standard_normal(len(scan.readings)))
+    bent = changed(scan, 25 * (np.maximum(scan.readings * load[:, None], 0) / 25) ** 1.7)
+    estimator = estimators.create("graded", bins=2000)
+    estimator.fit(bent)
+    for seed, label in enumerate("EIL"):
+        estimator.reset(np.random.default_rng(0))
+        for reading, pose in zip(*draw_trial(bent, label, 8, np.random.default_rng(seed))[:2], strict=True):
+            estimator.update(reading, pose)
+        assert estimator.estimate().label == label
