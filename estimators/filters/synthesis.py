@@ -50,8 +50,8 @@ class SynthesisOptions(Options):
     """Options of analysis by synthesis."""
 
     modes: int = Field(500, ge=1, le=100_000, description="how many places of the first contact are followed")
-    spacing: float = Field(1.0, ge=0.2, le=10, description="mm between the poses pressed beforehand")
-    angles: int = Field(18, ge=2, le=360, description="angles to half a turn pressed beforehand")
+    spacing: float = Field(1.5, ge=0.2, le=10, description="mm between the poses pressed beforehand")
+    angles: int = Field(12, ge=2, le=360, description="angles to half a turn pressed beforehand")
     reach: float = Field(10.0, gt=0, le=1000, description="T_R^O has x and y in [-reach, reach], mm")
 
 

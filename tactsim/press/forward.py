@@ -98,10 +98,12 @@ class PressModel:
     ) -> Linearised:
         """Predict readings and their derivatives, as `ForwardModel.linearised` says."""
         mean, by = self._pressed(letter, sensor_in_object, tilts, derive=True)
+        own = np.flatnonzero(self._spread)
+        by_pose = np.ascontiguousarray(by[:, :_MOTIONS])
         nuisance = np.concatenate(
-            [by[:, :_MOTIONS] * self.placement[:, None], by[:, _MOTIONS:] * self._spread[:, None]], axis=1
+            [by_pose * self.placement[:, None], by[:, _MOTIONS + own] * self._spread[own, None]], axis=1
         )
-        return Linearised(mean, np.ascontiguousarray(by[:, :_MOTIONS]), nuisance)
+        return Linearised(mean, by_pose, nuisance)
 
     def _pressed(
         self, letter: str, poses: FloatArray, tilts: FloatArray | None, *, derive: bool
