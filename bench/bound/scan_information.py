@@ -57,6 +57,7 @@ class ScanInformation:
             rows = trials.truth == letter
             summed = information[letter][trials.reading[rows]].cumsum(axis=1)
             result[rows] = bound_mm(summed, self.objects[letter])
+        result[np.ptp(trials.true_pose, axis=1).any(axis=1)] = np.inf  # readings of other poses do not add up
         return result
 
 

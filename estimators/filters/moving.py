@@ -302,8 +302,8 @@ class Moving(Wrapper):
     def path(self, estimate: Estimate) -> FloatArray:
         """Give robot_in_object at each touch so far (n, 3), for the letter and the last pose of an estimate.
 
-        From the last pose back, each pose is the centre from which its successor was reached with the highest
-        density. All poses are the last one where the object is more probably still.
+        From the last pose back, each pose is the centre that explains best its own reading and the step to its
+        successor. All poses are the last one where the object is more probably still.
         """
         letter, count = self.labels.index(estimate.label), len(self.filter.field)
         poses = np.tile(estimate.robot_in_object, (count, 1))
@@ -323,7 +323,8 @@ class Moving(Wrapper):
             weight = np.append(np.log(1 - motion.jump) + np.zeros(len(motion.variance)), _log(motion.jump))
             held = np.column_stack([cloud.log_weight, np.logaddexp.reduce(cloud.log_weight, axis=1)])
             reached = held + weight - 1.5 * np.log(variance) - 0.5 * (step**2).sum(axis=1)[:, None] / variance
-            later = cloud.centre[int(reached.max(axis=1).argmax())]
+            own = self.filter.field.log_p(letter, motion.state(cloud.centre), touch, touch + 1)
+            later = cloud.centre[int((reached.max(axis=1) + own).argmax())]
             poses[touch] = motion.state(later[None])[:, 0]
         return poses
 
