@@ -237,7 +237,8 @@ def main(words: Sequence[str]) -> int:
         f"Means over {len(references.truth)} objects. letter: total variation of the letters' probabilities. pose: mm "
         "between the estimates where the letters agree. belief: energy distance of the weighted poses, mm. Cells three "
         f"times as heavy change in the references: letter {np.median(off[:, 0]):.4f} (median), "
-        f"{off[:, 0].max():.3f} (most), pose {np.median(off[:, 1]):.3f} and {off[:, 1].max():.3g} mm, where two places are as probable."
+        f"{off[:, 0].max():.3f} (most), "
+        f"pose {np.median(off[:, 1]):.3f} and {off[:, 1].max():.3g} mm, where two places are as probable."
     )
     return 0
 
