@@ -66,7 +66,7 @@ bench-baseline: $(DEVELOP)  ## renew results/baseline.json
 	@$(REGRESSION) write results/baseline.json $(MEASURED)-1.json $(MEASURED)-2.json
 
 # The sweeps that the tables of the documentation are made of.
-TABLES := paper paper-better paper-like better tilt active open-set pareto robustness
+TABLES := better paper-better robustness slip open-set active paper paper-like tilt pareto
 
 tables: $(DEVELOP)  ## do the sweeps that are not done yet, and fill the tables of the documentation from them
 	@for suite in $(TABLES); do $(BIN)/bench sweep $$suite || exit; done

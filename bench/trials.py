@@ -19,9 +19,9 @@ from numpy.typing import NDArray
 
 from tactsim.bench.certainty import certainty
 from tactsim.bench.fitting import fit
+from tactsim.bench.offered_touches import Press, RecordedTouches
 from tactsim.bench.placement_error import Properties, properties
 from tactsim.bench.slip import STILL, Slip
-from tactsim.bench.touches import Press, RecordedTouches
 from tactsim.core import InputError, Scan
 from tactsim.core.errors import short
 from tactsim.core.poses import FloatArray

@@ -23,7 +23,7 @@ from tactsim.core.scan import Scan
 from tactsim.estimators import Estimate, Estimator, Options
 from tactsim.estimators.estimator import PoseSamples, check_order, check_reading
 from tactsim.press import ScanOptions, SensorOptions
-from tactsim.press.forward import PressModel
+from tactsim.press.press_model import PressModel
 
 SIDE, ANGLES = 16, 40  # cells along x and y and round the circle, before any is split
 _DEPTH = 6  # times that a cell may be halved along x, y and angle

@@ -11,7 +11,7 @@ from tactsim.core.errors import InputError
 from tactsim.core.poses import FloatArray
 from tactsim.models import Letter
 from tactsim.press.engine import ideal_readings
-from tactsim.press.forward import PressModel
+from tactsim.press.press_model import PressModel
 from tactsim.press.scan_options import ScanOptions, SensorOptions
 from tactsim.press.sensor import gains
 from tactsim.press.touches import Touches

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from tactsim.bench.bound.cramer_rao import bound_mm
-from tactsim.bench.bound.information import of_classes, of_pressures
+from tactsim.bench.bound.pose_information import of_classes, of_pressures
 from tactsim.bench.bound.response import noise_variance, respond
 from tactsim.bench.placement_error import Properties, properties
 from tactsim.bench.trials import Trials

@@ -202,16 +202,19 @@ def _recognise(entry: Entry, estimator: Estimator, plan: TrialPlan, task: Task, 
 
 
 def regions(estimates: Sequence[Estimate], true_pose: FloatArray, of: Properties) -> FloatArray | None:
-    """Draw the belief about the centre of mass as an ellipse after each reading: (n, 5), see `Recognition`."""
+    """Draw the belief about the centre of mass as an ellipse after each reading: (n, 5), see `Recognition`.
+
+    true_pose: (n, 3) T_R^O at each reading.
+    """
     found = []
-    for estimate in estimates:
+    for estimate, true in zip(estimates, true_pose, strict=True):
         if estimate.samples is None:
             return None
         mean, spread = covariance(estimate.samples, estimate.robot_in_object, of)
-        x, y, _ = compose(true_pose, [*mean[:2], 0.0])
+        x, y, _ = compose(true, [*mean[:2], 0.0])
         squares, axes = np.linalg.eigh(spread[:2, :2])
         half = _TWO_DIMENSIONS_90 * np.sqrt(np.maximum(squares[::-1], 0))
-        found.append([x, y, *half, true_pose[2] + np.arctan2(axes[1, 1], axes[0, 1])])
+        found.append([x, y, *half, true[2] + np.arctan2(axes[1, 1], axes[0, 1])])
     return np.array(found)
 
 

@@ -36,15 +36,21 @@ def fitted(name: str, scan: Scan, **options: Any) -> Estimator:
     return estimator
 
 
-def every_estimator(budget: int = USUAL_BUDGET) -> list[tuple[str, dict[str, int]]]:
-    """List every estimator that can be loaded with its budget, by default a moderate one."""
+def every_estimator(
+    budget: int = USUAL_BUDGET, *, learning: bool = False
+) -> list[tuple[str, dict[str, int]]]:
+    """List every estimator that can be loaded with its budget, by default a moderate one.
+
+    learning: only those that learn from the training readings, and do not press the letters themselves.
+    """
     found = []
     for name in names():
         try:
-            option = load(name).budget
+            kind = load(name)
         except InputError:
             continue  # a broken plug-in; `bench list` says so
-        found.append((name, {} if option is None else {option: budget}))
+        if not (learning and kind.uses_forward_model):
+            found.append((name, {} if kind.budget is None else {kind.budget: budget}))
     return found
 
 

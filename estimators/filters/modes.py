@@ -65,11 +65,12 @@ class Modes:
 
     def joined(self, other: Modes) -> Modes:
         """Put the modes of two beliefs with the same readings together."""
-        ours, theirs = self._in_order(), other._in_order()
+        ours, theirs = self.in_order(), other.in_order()
         both = {name: np.concatenate([getattr(ours, name), getattr(theirs, name)]) for name in _OF_MODES}
         return replace(ours, **both)
 
-    def _in_order(self) -> Modes:
+    def in_order(self) -> Modes:
+        """Put the readings in the order of their numbers."""
         order = np.argsort(self.number)
         ordered = {name: getattr(self, name)[:, order] for name in _OF_READINGS}
         return replace(self, number=self.number[order], **ordered)

@@ -8,7 +8,7 @@ with its `points`, `facets` (the engine relief) or `elastic`; `dynamics` with `f
 `spread` and `sensor` turn pressure into readings, and `scanning` takes all of them. `attached_pad`, with
 `pad_surface`, `geom_gap`, `layer_balance` and `pad_reader`, reads a pad on a geom of anybody's MuJoCo model.
 
-`forward` predicts readings, and their derivatives, for estimators that press by themselves.
+`press_model` predicts readings, and their derivatives, for estimators that press by themselves.
 
 The package can be called: `tactsim.press("A", pose=(1, 0, 0.5))` presses one letter once.
 
@@ -28,8 +28,8 @@ if TYPE_CHECKING:
 
     from tactsim.models import Letter
     from tactsim.press.attached_pad import AttachedPad, attach
-    from tactsim.press.forward import PressModel, forward_model
     from tactsim.press.pad_reader import PadReader, PadReading
+    from tactsim.press.press_model import PressModel, forward_model
     from tactsim.press.pressing import Press, press_letter
     from tactsim.press.scan_options import WORLDS, PressOptions, ScanOptions, SensorOptions
     from tactsim.press.scanning import scan_letters
@@ -38,9 +38,9 @@ _HOME = {
     "AttachedPad": "attached_pad",
     "PadReader": "pad_reader",
     "PadReading": "pad_reader",
-    "PressModel": "forward",
+    "PressModel": "press_model",
     "attach": "attached_pad",
-    "forward_model": "forward",
+    "forward_model": "press_model",
     "PressOptions": "scan_options",
     "ScanOptions": "scan_options",
     "SensorOptions": "scan_options",

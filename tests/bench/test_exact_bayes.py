@@ -11,7 +11,7 @@ from tactsim.bench.bound import references
 from tactsim.bench.bound.exact_bayes import ExactBayes, ExactBayesOptions, least_expected_error
 from tactsim.bench.placement_error import Properties, placement_error, properties
 from tactsim.core import InputError, compose, invert
-from tactsim.press.forward import forward_model
+from tactsim.press.press_model import forward_model
 
 FLAT = Properties(symmetry=1, centre=(0.0, 0.0), inertia_over_mass=50.0)
 

@@ -109,8 +109,11 @@ def test_other_case(chosen):
 # For each a fault in the code under it: what is replaced, and by what.
 PLANTED = {
     "frames.wrap": ("tactsim.bench.stress.frames_cases.wrap_angle", lambda angle: np.asarray(angle)),
-    "frames.symmetric-objects": ("tactsim.bench.score.fold_angle", lambda angle, order: wrap_angle(angle)),
-    "frames.error-at-the-seam": ("tactsim.bench.score.invert", lambda pose: -np.asarray(pose)),
+    "frames.symmetric-objects": (
+        "tactsim.bench.placement_error.fold_angle",
+        lambda angle, order: wrap_angle(angle),
+    ),
+    "frames.error-at-the-seam": ("tactsim.bench.placement_error.invert", lambda pose: -np.asarray(pose)),
     "maps.peak-near-one": ("tactsim.estimators.likelihoods.occupancy._NOTHING", 0.5),
     "likelihood.float32-tables": (
         "tactsim.estimators.likelihoods.paper.sigmoid",

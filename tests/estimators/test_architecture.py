@@ -8,9 +8,9 @@ import pytest
 ROOM = Path(__file__).parents[2] / "estimators"
 FILES = sorted(ROOM.rglob("*.py"))
 NAMES = [path.relative_to(ROOM).as_posix() for path in FILES]
-# What a filter may know of a likelihood: its face, the maps, and the calibrated model that active touch and
-# open set predict readings with.
-SEEN_BY_FILTERS = {"likelihood", "occupancy", "calibrated", "tilted_mosaic"}
+# What a filter may know of a likelihood: its face, the maps, the calibrated model and the mosaics that active touch and
+# open set predict readings with, which readings are left out together, and the density that synthesis compares with.
+SEEN_BY_FILTERS = {"likelihood", "occupancy", "calibrated", "tilted_mosaic", "folds", "gaussian_kernels"}
 
 
 def imports(path):

@@ -263,9 +263,9 @@ def test_objects_are_recognised(fitted, small_scan):
 def test_a_letter_can_be_left_out_of_what_was_learned(name, small_scan):
     readings, poses = trial(small_scan)
     fitted, anew = estimators.create(name), estimators.create(name)
-    fitted.fit(small_scan)
+    fit(fitted, small_scan)
     before = run(fitted, readings, poses)
-    anew.fit(small_scan.untrained("E"))
+    fit(anew, small_scan.untrained("E"))
     for one, two in zip(
         run(fitted.without("E", small_scan), readings, poses), run(anew, readings, poses), strict=True
     ):

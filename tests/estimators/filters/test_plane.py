@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from synthetic import draw_trial
+from synthetic import draw_trial, fit
 
 from tactsim import estimators
 
@@ -10,7 +10,7 @@ from tactsim import estimators
 def begun(name, scan, count, **options):
     """An estimator after `count` readings, with the readings and poses that follow."""
     estimator = estimators.create(name, **options)
-    estimator.fit(scan)
+    fit(estimator, scan)
     rng = np.random.default_rng(5)
     readings, poses, _ = draw_trial(scan, "U", count + 2, rng)
     estimator.reset(rng)
