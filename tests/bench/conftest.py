@@ -81,7 +81,9 @@ def changed(copied):
     def change(place, name="copy", **columns):
         run = results.load(place)
         folder = copied(place, name)
-        results.save(replace(run, trials=replace(run.trials, **columns)), folder)
+        trials = replace(run.trials, **columns)
+        bounds = None if run.bounds is None else run.bounds[:, : trials.label.shape[1]]
+        results.save(replace(run, trials=trials, bounds=bounds), folder)
         return folder
 
     return change

@@ -136,7 +136,7 @@ def test_the_ellipse_is_about_where_the_letters_centre_truly_lies():
     placed = invert(true_pose) + rng.normal(size=(20_000, 3)) * [0.3, 0.1, 0]
     samples = PoseSamples(invert(placed), np.full(len(placed), 1 / len(placed)))
     ((x, y, long, short, turn),) = replay.regions(
-        [Estimate("A", {"A": 1.0}, true_pose, samples)], true_pose, of
+        [Estimate("A", {"A": 1.0}, true_pose, samples)], true_pose[None], of
     )
     assert (x, y) == pytest.approx(of.centre, abs=0.01)  # in the object's own frame
     assert (long, short) == pytest.approx((0.3 * 2.146, 0.1 * 2.146), rel=0.03)

@@ -110,7 +110,7 @@ function certaintySection(task) {
   const last = Math.max(...task.runs.map((run) => run.readings));
   const sure = task.runs.filter((run) => run.coverage90.some((value) => value !== null));
   const held = (run) => ({ method: run.method, dash: run.dash, values: run.coverage90 });
-  const control = slider("Values at reading", last, Math.min(10, last), update);
+  const control = slider("How sure at reading", last, Math.min(10, last), update);
   const left = sure.length && curves({
     title: "Share of 90 % regions that hold the truth", alt: "Coverage of the 90 % regions against readings seen",
     y: { kind: "linear", low: 0, high: 1, ideal: 0.9 }, series: sure.map(held),
