@@ -98,7 +98,8 @@ class Moving(Wrapper):
     def _log_p(self, letter: int, place: FloatArray) -> FloatArray:
         """Weigh placements by the last reading: (n,)."""
         self._evaluated += len(place)
-        return self.filter.field.log_p(letter, self._motion.state(place), len(self.filter.field) - 1)
+        state, last = self._motion.state(place), len(self.filter.field) - 1
+        return np.asarray(self.filter.trust * self.filter.field.log_p(letter, state, last), dtype=float)
 
     def estimate(self) -> Estimate:
         """Sum the models for each letter; take the pose from the likelier model of the best letter."""
@@ -150,7 +151,7 @@ class Moving(Wrapper):
             weight = np.append(np.log(1 - motion.jump) + np.zeros(len(motion.variance)), log(motion.jump))
             held = np.column_stack([cloud.log_weight, np.logaddexp.reduce(cloud.log_weight, axis=1)])
             reached = held + weight - 1.5 * np.log(variance) - 0.5 * (step**2).sum(axis=1)[:, None] / variance
-            own = self.filter.field.log_p(letter, motion.state(cloud.centre), touch, touch + 1)
+            own = self.filter.trust * self.filter.field.log_p(letter, motion.state(cloud.centre), touch, touch + 1)
             later = cloud.centre[int((reached.max(axis=1) + own).argmax())]
             poses[touch] = motion.state(later[None])[:, 0]
         return poses
