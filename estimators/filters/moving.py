@@ -151,7 +151,9 @@ class Moving(Wrapper):
             weight = np.append(np.log(1 - motion.jump) + np.zeros(len(motion.variance)), log(motion.jump))
             held = np.column_stack([cloud.log_weight, np.logaddexp.reduce(cloud.log_weight, axis=1)])
             reached = held + weight - 1.5 * np.log(variance) - 0.5 * (step**2).sum(axis=1)[:, None] / variance
-            own = self.filter.trust * self.filter.field.log_p(letter, motion.state(cloud.centre), touch, touch + 1)
+            own = self.filter.trust * self.filter.field.log_p(
+                letter, motion.state(cloud.centre), touch, touch + 1
+            )
             later = cloud.centre[int((reached.max(axis=1) + own).argmax())]
             poses[touch] = motion.state(later[None])[:, 0]
         return poses

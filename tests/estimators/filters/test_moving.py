@@ -202,7 +202,7 @@ def test_the_option_says_what_moves():
     assert isinstance(given_one, Motion)
     assert (given_one.variance.tolist(), given_one.ratio, given_one.jump) == ([0.25], 0.06, 0)
     learned = parse_motion("auto")
-    assert learned.still == 0.8
+    assert learned.still == 0.9
     assert learned.prior.sum() == pytest.approx(1)
 
 
