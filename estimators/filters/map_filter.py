@@ -34,6 +34,8 @@ class MapFilter(Estimator):
     options: FilterOptions
     # Whether the filter's own belief follows `options.motion`; a `Moving` is put around one that does not.
     moves = False
+    # By what power the likelihood counts in the belief; learned by some filters (`trust`).
+    trust = 1.0
     taxel_xy: FloatArray
     field: LikelihoodField
 

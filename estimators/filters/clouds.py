@@ -1,0 +1,224 @@
+"""What is believed of one letter that may move: weighted placements, and the proposals that follow a reading."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from tactsim.core.poses import FloatArray
+from tactsim.estimators.filters.mixture import add_densities
+from tactsim.estimators.filters.motion import EVIDENCE, Motion
+from tactsim.estimators.filters.weights import Weights
+
+CENTRES = 240  # of a letter's belief that is moved, and of each round of proposals
+DRAWN = 600  # states of a letter in a round
+_ROUNDS = 4
+_ENOUGH = 60.0  # effective states that a round aims at
+_NEGLIGIBLE = 20.0
+_JUMPING = 24  # centres from which jumps go out
+_TINY = np.finfo(float).tiny
+# Of the draws, beside the share that is believed: for each scale, and for jumps, which have far to look.
+_LEAST_SHARE, _JUMP_SHARE = 0.1, 0.4
+
+
+@dataclass(frozen=True, eq=False)
+class Cloud:
+    """What is believed of one letter if it moves: weighted placements, for each scale of the motion.
+
+    centre: (n, 3) [x, y, angle / ratio] mm of T_O^R. spread: (n,) mm^2, how far around a centre its weight lies.
+    log_weight: (n, scales), log p(placement, scale | letter, readings), summing to 1.
+    log_evidence: log p(readings | letter).
+    """
+
+    centre: FloatArray
+    spread: FloatArray
+    log_weight: FloatArray
+    log_evidence: float
+
+
+@dataclass(frozen=True, eq=False)
+class Drawn:
+    """The states of one letter that were looked at after the last reading: T_R^O (3, n), their log-weights, density."""
+
+    state: FloatArray
+    log_weight: FloatArray
+    log_density: FloatArray
+
+    def heavy(self) -> tuple[FloatArray, Weights, int]:
+        """Give the states that are not negligible (3, m), their weights, and which of them is the densest."""
+        chosen = np.flatnonzero(self.log_weight > self.log_weight.max() - _NEGLIGIBLE)
+        return (
+            self.state.take(chosen, axis=1), Weights(self.log_weight[chosen]), int(self.log_density[chosen].argmax())
+        )  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class _Moved:
+    """A letter's belief after the motion: a mixture of normal distributions for each scale, and one for jumps.
+
+    centre: (n, 3) mm. spread: (n,) mm^2. weight: (n, scales + 1). variance: (scales + 1,) mm^2. around: mm, the
+    length of the circle of angles.
+    """
+
+    centre: FloatArray
+    spread: FloatArray
+    weight: FloatArray
+    variance: FloatArray
+    around: float
+
+    @classmethod
+    def of(cls, cloud: Cloud, weight: FloatArray, motion: Motion, rng: np.random.Generator) -> _Moved:
+        """Move a cloud whose centres have a weight for each scale (n, scales)."""
+        stay = np.column_stack([weight * (1 - motion.jump), np.zeros(len(weight))])
+        variance = np.append(motion.variance, motion.jump_variance)
+        if not motion.jump:
+            return cls(cloud.centre, cloud.spread, stay, variance, motion.around)
+        # A jump is so wide that few centres will do.
+        chosen = Weights(log(weight.sum(axis=1))).systematic(_JUMPING, rng)
+        jump = np.zeros((_JUMPING, len(variance)))
+        jump[:, -1] = motion.jump * weight.sum() / _JUMPING
+        return cls(
+            np.concatenate([cloud.centre, cloud.centre[chosen]]),
+            np.concatenate([cloud.spread, cloud.spread[chosen]]),
+            np.concatenate([stay, jump]), variance, motion.around,
+        )  # fmt: skip
+
+    @cached_property
+    def share(self) -> FloatArray:
+        """Give the part of the draws that each mixture gets: one that is hardly believed gets enough to be found."""
+        held = self.weight.sum(axis=0)
+        share = held / held.sum() + _LEAST_SHARE * (held > 0)
+        share[-1] += _JUMP_SHARE * (held[-1] > 0)
+        return np.asarray(share / share.sum(), dtype=float)
+
+    def draw(self, count: int, rng: np.random.Generator) -> FloatArray:
+        """Draw placements (count, 3), from each mixture its share."""
+        which = rng.choice(len(self.variance), size=count, p=self.share)
+        centre = np.empty(count, dtype=np.int64)
+        for k in np.unique(which):
+            mine = np.flatnonzero(which == k)
+            centre[mine] = Weights(log(self.weight[:, k])).systematic(len(mine), rng)
+        width = np.sqrt(self.variance[which] + self.spread[centre])
+        return self.centre[centre] + rng.standard_normal((count, 3)) * width[:, None]
+
+    def densities(self, place: FloatArray) -> FloatArray:
+        """Give the density of each mixture at placements (n, 3): (n, mixtures), mm^-3."""
+        density = np.zeros((len(place), len(self.variance)))
+        add_densities(
+            density, place, self.centre, np.ascontiguousarray(self.weight), self.variance,
+            self.spread, self.around,
+        )  # fmt: skip
+        return density
+
+    def offered(self, density: FloatArray) -> FloatArray:
+        """Turn `densities` (n, mixtures) into the density (n,) with which `draw` draws."""
+        held = self.weight.sum(axis=0)
+        return np.asarray(
+            density @ np.divide(self.share, held, out=np.zeros_like(held), where=held > 0), dtype=float
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class _Round:
+    """A round of proposals: `count` draws from round normal distributions about states that were drawn before.
+
+    centre: (n, 3). width: mm. around: mm, the length of the circle of angles.
+    """
+
+    centre: FloatArray
+    width: float
+    count: int
+    around: float
+
+    def draw(self, rng: np.random.Generator) -> FloatArray:
+        """Draw placements (about `count`, 3), equally many about each centre."""
+        place = np.repeat(self.centre, self.count // len(self.centre), axis=0)
+        return np.asarray(place + rng.standard_normal(place.shape) * self.width, dtype=float)
+
+    def offered(self, place: FloatArray) -> FloatArray:
+        """Give the expected number of draws for each mm^3 at placements (n, 3): (n,)."""
+        density, count = np.zeros((len(place), 1)), len(self.centre)
+        add_densities(
+            density, place, self.centre, np.full((count, 1), float(self.count // count)), np.array([self.width**2]),
+            np.zeros(count), self.around,
+        )  # fmt: skip
+        return density[:, 0]
+
+
+def advance(
+    cloud: Cloud,
+    motion: Motion,
+    log_p: Callable[[FloatArray], FloatArray],
+    count: int,
+    rng: np.random.Generator,
+) -> tuple[Cloud, Drawn]:
+    """Move a letter's belief and take in a reading, whose log-likelihood at placements (n, 3) mm is log_p (n,).
+
+    `count` states are drawn from the belief after the motion. They are weighed, and more are drawn around the
+    better ones, in rounds, as the reading is taken in little by little (adaptive importance sampling, Cappe et
+    al. 2004); all rounds together are the mixture that weighs a state (Cornuet et al. 2012).
+    """
+    before = np.exp(cloud.log_weight)
+    weight = (1 - motion.switch) * before + motion.switch * before.sum(axis=1, keepdims=True) * motion.prior
+    moved = _Moved.of(cloud, weight, motion, rng)
+    place = moved.draw(count, rng)
+    density, of_place = moved.densities(place), log_p(place)
+    offered, rounds = count * moved.offered(density), []
+    for number in range(_ROUNDS):
+        base = log(density.sum(axis=1)) - np.log(offered + _TINY)
+        power = _next_power(base, of_place)
+        if power == 1 and number > 0:
+            break
+        around = place[Weights(base + power * of_place).systematic(CENTRES // 3, rng)]
+        rounds.append(_Round(around, _spacing(around, motion.around), DRAWN // 2, motion.around))
+        fresh = rounds[-1].draw(rng)
+        offered = np.append(offered + rounds[-1].offered(place), np.zeros(len(fresh)))
+        place, of_place = np.concatenate([place, fresh]), np.append(of_place, log_p(fresh))
+        density = np.concatenate([density, moved.densities(fresh)])
+        new = slice(-len(fresh), None)
+        offered[new] = count * moved.offered(density[new]) + sum(one.offered(fresh) for one in rounds)
+    log_density = log(density.sum(axis=1)) + of_place
+    weights = Weights(log_density - np.log(offered + _TINY))
+    drawn = Drawn(motion.state(place), weights.log, log_density)
+
+    chosen = weights.systematic(CENTRES, rng)
+    scales = len(motion.variance)
+    share = moved.weight.sum(axis=0)
+    # What jumped has the scales that its letter has.
+    by_scale = density[chosen, :scales] + density[chosen, scales:] * weight.sum(axis=0) / weight.sum()
+    by_scale /= by_scale.sum(axis=1, keepdims=True) * len(chosen)
+    gain = by_scale.sum(axis=0) / weight.sum(axis=0)
+    log_weight = log(by_scale) + (EVIDENCE - 1) * np.log(np.maximum(gain, _TINY))
+    log_weight -= np.log(np.exp(log_weight).sum())
+    evidence = cloud.log_evidence + weights.log_mean + math.log(len(weights)) - math.log(share.sum())
+    return Cloud(place[chosen], np.zeros(len(chosen)), log_weight, evidence), drawn
+
+
+def log(values: ArrayLike) -> FloatArray:
+    """Take natural logs; that of 0 is -inf."""
+    with np.errstate(divide="ignore"):
+        return np.asarray(np.log(values), dtype=float)
+
+
+def _next_power(base: FloatArray, log_p: FloatArray) -> float:
+    """Find the largest b up to 1, by bisection, that leaves enough states effective at weights of L^b."""
+    if Weights(base + log_p).ess >= _ENOUGH:
+        return 1.0
+    low, high = 0.0, 1.0
+    for _ in range(12):
+        middle = (low + high) / 2
+        low, high = (middle, high) if Weights(base + middle * log_p).ess >= _ENOUGH else (low, middle)
+    return low
+
+
+def _spacing(place: FloatArray, around: float) -> float:
+    """Say how far apart placements lie: the median distance to the fifth nearest, mm."""
+    step = place[:, None] - place
+    step[..., 2] -= around * np.rint(step[..., 2] / around)
+    squared = np.partition((step**2).sum(axis=-1), min(5, len(place) - 1), axis=1)[:, min(5, len(place) - 1)]
+    return max(float(np.sqrt(np.median(squared))), 0.02)
