@@ -100,9 +100,9 @@ def test_at_training_poses_readings_are_about_as_surprising_as_it_expects(scan):
 
 @pytest.mark.parametrize("shift", [1.2, 1.7])
 def test_its_probabilities_are_what_readings_between_the_training_poses_show(scan, shift):
-    # Off the lattice is where a user touches. The presses that were left out to learn the probabilities are lattice
-    # points, and these are not: 1.7 mm is the middle between four of them, 1.2 mm is no special place. A table
-    # counted from taxels judged by a map that holds their own presses fails here, and passes at training poses.
+    # Off the lattice is where a user touches. The probabilities are learned from lattice positions 6.8 mm from those
+    # that their map holds; these are nearer, and turned to the middle between two trained angles. A table counted
+    # from taxels that are judged by a map that holds their own presses fails here, though not in surprise above.
     told, seen = told_and_seen(fitted(scan), shift)
     for kind in range(3):
         tenth = np.minimum(told[kind] * 10, 9).astype(int)
