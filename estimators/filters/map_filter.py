@@ -15,6 +15,7 @@ from tactsim.estimators.estimator import Estimate, Estimator, Options, check_ord
 from tactsim.estimators.field.field import LikelihoodField
 from tactsim.estimators.filters.doubts import Doubts
 from tactsim.estimators.filters.states import WeightedStates
+from tactsim.estimators.filters.trust import Trust
 from tactsim.estimators.likelihoods import likelihood
 from tactsim.estimators.likelihoods.calibrated import CalibratedLikelihood
 from tactsim.estimators.likelihoods.likelihood import Likelihood
@@ -34,8 +35,8 @@ class MapFilter(Estimator):
     options: FilterOptions
     # Whether the filter's own belief follows `options.motion`; a `Moving` is put around one that does not.
     moves = False
-    # By what power the likelihood counts in the belief; learned by some filters (`trust`).
-    trust = 1.0
+    # By what power the likelihood of so many readings counts in the belief; learned by some filters.
+    trust = Trust()
     taxel_xy: FloatArray
     field: LikelihoodField
 

@@ -17,6 +17,7 @@ from tactsim.estimators.filters.map_filter import MapFilter
 from tactsim.estimators.filters.motion import EVIDENCE, Motion
 from tactsim.estimators.filters.placement import mean_around
 from tactsim.estimators.filters.states import WeightedStates, plane_histogram, pose_samples, probabilities
+from tactsim.estimators.filters.trust import FEW
 from tactsim.estimators.filters.weights import Weights
 from tactsim.estimators.filters.wrapper import Wrapper
 
@@ -96,10 +97,10 @@ class Moving(Wrapper):
             self._drawn.append(Drawn(state, np.zeros(len(chosen)), np.zeros(len(chosen))))
 
     def _log_p(self, letter: int, place: FloatArray) -> FloatArray:
-        """Weigh placements by the last reading: (n,)."""
+        """Weigh placements by the last reading: (n,). It counts as one of few, since the object leaves its place."""
         self._evaluated += len(place)
         state, last = self._motion.state(place), len(self.filter.field) - 1
-        return np.asarray(self.filter.trust * self.filter.field.log_p(letter, state, last), dtype=float)
+        return np.asarray(self.filter.trust(FEW) * self.filter.field.log_p(letter, state, last), dtype=float)
 
     def estimate(self) -> Estimate:
         """Sum the models for each letter; take the pose from the likelier model of the best letter."""
@@ -151,7 +152,7 @@ class Moving(Wrapper):
             weight = np.append(np.log(1 - motion.jump) + np.zeros(len(motion.variance)), log(motion.jump))
             held = np.column_stack([cloud.log_weight, np.logaddexp.reduce(cloud.log_weight, axis=1)])
             reached = held + weight - 1.5 * np.log(variance) - 0.5 * (step**2).sum(axis=1)[:, None] / variance
-            own = self.filter.trust * self.filter.field.log_p(
+            own = self.filter.trust(FEW) * self.filter.field.log_p(
                 letter, motion.state(cloud.centre), touch, touch + 1
             )
             later = cloud.centre[int((reached.max(axis=1) + own).argmax())]

@@ -129,7 +129,7 @@ class RefinedFilter(MapFilter):
         bins, _ = self._coarse.update()
         self._evaluated += bins
         before, self._halved, self._leaves = self._halved, [], []
-        weight = self.trust
+        weight = self.trust(len(self.field))
         cell, log_p = self._coarse.best(self.options.cells, _NEGLIGIBLE / weight)
         for times in range(self.options.halvings):
             if times >= _AT_LEAST and len(log_p) and Weights(weight * log_p).ess > _ENOUGH:
@@ -211,7 +211,7 @@ class RefinedFilter(MapFilter):
 
     def _belief_in_cells(self) -> tuple[Cells, Weights]:
         """Give the cells that were not split and are not negligible, and what they hold."""
-        volume, trust = -math.log(8) * np.arange(len(self._leaves)), self.trust
+        volume, trust = -math.log(8) * np.arange(len(self._leaves)), self.trust(len(self.field))
         tops = [trust * log_p.max(initial=-math.inf) for _, log_p in self._leaves]
         highest = self._highest = float((volume + tops).max())
         times, index, log_weight = [], [], []

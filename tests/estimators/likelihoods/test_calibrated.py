@@ -90,7 +90,9 @@ def told_and_seen(model, shift):
 
 
 def test_at_training_poses_readings_are_about_as_surprising_as_it_expects(scan):
-    # It is calibrated to other positions, of which the map says less.
+    # The map was learned from presses at these very poses, so it knows their places better than any other, and
+    # probabilities learned from left-out positions are too cautious here. Were they right tenth by tenth, they would
+    # be too sure elsewhere. So only the surprise on the whole is checked.
     told, seen = told_and_seen(fitted(scan), 0.0)
     surprise = -np.log(told[seen, np.arange(len(seen))]).mean()
     assert surprise == pytest.approx(-(told * np.log(told)).sum(axis=0).mean(), abs=0.08)
@@ -98,6 +100,9 @@ def test_at_training_poses_readings_are_about_as_surprising_as_it_expects(scan):
 
 @pytest.mark.parametrize("shift", [1.2, 1.7])
 def test_its_probabilities_are_what_readings_between_the_training_poses_show(scan, shift):
+    # Off the lattice is where a user touches. The probabilities are learned from lattice positions 6.8 mm from those
+    # that their map holds; these are nearer, and turned to the middle between two trained angles. A table counted
+    # from taxels that are judged by a map that holds their own presses fails here, though not in surprise above.
     told, seen = told_and_seen(fitted(scan), shift)
     for kind in range(3):
         tenth = np.minimum(told[kind] * 10, 9).astype(int)
