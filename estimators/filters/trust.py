@@ -80,8 +80,8 @@ def _moves(centre: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Draw moves of an object: shifts (n, 2) of its centre [x, y], sizes (n,), mm, and T_R^O (3, n).
 
     They have all sizes, as many of one order of magnitude as of another, and all directions, spread evenly by an
-    additive recurrence (Richtmyer 1951) with the powers of the root of x^5 = x + 1 (Roberts 2018). Few of them lie in a narrow
-    region, and drawn independently they would make it seem narrower than it is.
+    additive recurrence (Richtmyer 1951) with the powers of the root of x^5 = x + 1 (Roberts 2018). Few of them lie in a
+    narrow region, and drawn independently they would make it seem narrower than it is.
     """
     from scipy.special import ndtri  # imported here: only a fit needs it
 
