@@ -401,10 +401,10 @@ def test_the_accumulator_of_the_device_file_makes_torn_frames_whole():
 
 def test_a_port_that_comes_back_has_its_time_to_start(tmp_path):
     """A board that takes longer to start than the deadline allows is lost once and read on."""
-    device = small_device(settle=0.8, deadline=0.5)
+    device = small_device(settle=2.0, deadline=1.5)
     emulated = emulate(device, ramp(device), rate=100.0)
     with (
-        serving(emulated, faults=Faults(disconnect=1.5), link=tmp_path / "pad") as url,
+        serving(emulated, faults=Faults(disconnect=3.0), link=tmp_path / "pad") as url,
         LiveSource([url], device) as source,
     ):
         reading = source.read()
