@@ -12,7 +12,7 @@ from scipy.stats import norm
 
 import tactsim
 from tactsim import models
-from tactsim.bench.bound import cramer_rao, information, response
+from tactsim.bench.bound import cramer_rao, pose_information, response
 from tactsim.bench.bound.scan_information import scan_information
 from tactsim.bench.placement_error import Properties
 from tactsim.bench.score import errors
@@ -63,7 +63,7 @@ def toy(rng, taxels=6, unknowns=2):
 def test_least_squares_reaches_the_bound_of_a_gaussian_toy():
     rng = np.random.default_rng(0)
     model, sensor, pose = toy(rng), SensorOptions(noise=2.0, resolution=0.0), np.zeros((1, 3))
-    found = information.of_pressures(model, pose, sensor)[0]
+    found = pose_information.of_pressures(model, pose, sensor)[0]
     covariance = 4 * np.eye(6) + model.unknown[0] @ model.unknown[0].T
     closed = model.by_pose[0].T @ np.linalg.inv(covariance) @ model.by_pose[0]
     np.testing.assert_allclose(found, closed, rtol=1e-9)
@@ -101,12 +101,14 @@ def test_information_of_classes_is_that_of_an_enumeration():
     exact = (rise[kept].T / p[kept]) @ rise[kept]
     # The largest taxel's noise is known here: its column has no part in the others' information.
     columns = np.concatenate([slopes, np.zeros((3, 1))], axis=1)
-    given_press = information._given_press(mean[None], columns, np.zeros((1, 3)), 0.5, 2.0)
+    given_press = pose_information._given_press(mean[None], columns, np.zeros((1, 3)), 0.5, 2.0)
     np.testing.assert_allclose(given_press[:3, :3], exact, rtol=1e-4, atol=1e-6)
 
     # Through the front door it is not known, which moves the higher limit by 0.15 kPa (standard deviation).
     model = response.Response(mean[None], slopes[None], np.zeros((1, 3, 0)))
-    found = information.of_classes(model, np.zeros((1, 3)), sensor, np.random.default_rng(0), draws=500)[0]
+    found = pose_information.of_classes(model, np.zeros((1, 3)), sensor, np.random.default_rng(0), draws=500)[
+        0
+    ]
     assert np.trace(found) == pytest.approx(np.trace(exact), rel=0.1)
 
 
@@ -117,7 +119,9 @@ def test_classes_never_say_more_than_pressures(seed):
     mean = rng.uniform(0, 12, (1, 6))
     mean[0, 0] = 40.0  # the largest taxel is In Contact whatever its noise
     model = replace(model, mean=mean)
-    more = information.of_pressures(model, pose, sensor) - information.of_classes(model, pose, sensor, rng)
+    more = pose_information.of_pressures(model, pose, sensor) - pose_information.of_classes(
+        model, pose, sensor, rng
+    )
     assert np.linalg.eigvalsh(more)[0, 0] > -1e-9 * np.abs(more).max()
 
 
@@ -135,7 +139,7 @@ def test_slopes_of_a_press_are_those_of_its_readings():
     )
     letter, pose = models.letter("E"), np.array([[3.0, -2.0, 0.4]])
     answer = response.respond(letter, pose, options)
-    moves = information.object_slopes(answer.by_pose, pose)[0]
+    moves = pose_information.object_slopes(answer.by_pose, pose)[0]
     step = 1e-3
     for axis in range(3):
         move = step * np.eye(3)[axis]

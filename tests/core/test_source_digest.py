@@ -18,10 +18,11 @@ EDITS = {
     "comment": ("tactsim/press/clip.py", "\nimport", "\n# a comment\n\n\nimport", False, False),
     "docstring": ("tactsim/press/clip.py", '"""', '"""Other words: ', False, False),
     "layout": ("tactsim/press/clip.py", "return ", "return  ", False, False),
-    "formula": ("tactsim/press/clip.py", " - ", " + ", True, False),
+    # An estimator may press by itself, so trials depend on the press, too.
+    "formula": ("tactsim/press/clip.py", " - ", " + ", True, True),
     "formula of core": ("tactsim/core/poses.py", "np.cos", "np.sin", True, True),
     "a check of core that no press makes": ("tactsim/core/finite.py", "1e9", "1e8", False, True),
-    "model": ("models/convex.py", "1e-", "2e-", True, False),
+    "model": ("models/convex.py", "1e-", "2e-", True, True),
     "filter": ("estimators/filters/histogram.py", "10_000", "10_001", False, True),
     "another filter": ("estimators/filters/tempered.py", "0.5", "0.6", False, False),
     "imported within a function": ("estimators/registry.py", "GROUP = ", "GROUP = 1 and ", False, True),
