@@ -10,6 +10,7 @@ import pytest
 
 from tactsim.bench import score
 from tactsim.bench.config import run_config
+from tactsim.bench.fitting import fit
 from tactsim.bench.placement_error import properties
 from tactsim.bench.runner import perform
 from tactsim.bench.trials import Task, run_trial
@@ -82,7 +83,7 @@ def test_map(benchmark, against_reference, scan):
 @pytest.mark.parametrize("name", BUILT_IN)
 def test_trial(benchmark, against_reference, scan, name):
     estimator = create(name)
-    estimator.fit(scan)
+    fit(estimator, scan)
     test, objects = scan.where("test", "A"), properties(scan)
     trial = against_reference(
         lambda: run_trial(
