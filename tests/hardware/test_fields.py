@@ -113,8 +113,13 @@ def test_counts_become_pressures_and_back():
 @pytest.mark.parametrize(
     ("layout", "message"),
     [
-        ([], "must begin with a header"),
-        ([{"is": "taxels", "count": 1}], "must begin with a header"),
+        ([], "no item 'taxels'"),
+        ([{"is": "taxels", "count": 1}], "must begin with a header, end with a footer, or have a checksum"),
+        (
+            [{"is": "taxels", "count": 1}, {"is": "checksum", "kind": "sum16"}],
+            "a checksum of crc16-modbus, crc16-ccitt, crc32",
+        ),
+        ([{"is": "taxels", "count": 1}, HEADER], "header must be the first"),
         ([HEADER], "no item 'taxels'"),
         ([HEADER, {"is": "taxels", "count": 1}, {"is": "taxels", "count": 1}], "2 items 'taxels'"),
         (
@@ -135,7 +140,14 @@ def test_counts_become_pressures_and_back():
             "unknown checksum 'md5'",
         ),
         ([HEADER, {"is": "taxels", "count": 1}, {"is": "checksum", "kind": "sum8", "skip": 4}], "skips 4"),
-        ([HEADER, {"is": "taxels", "count": 1, "bits": 9}], "8, 10, 12 or 16"),
+        ([HEADER, {"is": "taxels", "count": 1, "bits": 9}], "8, 10, 12, 16 or 32"),
+        ([HEADER, {"is": "taxels", "count": 1, "float": True}], "a float has 32 bits, not 16"),
+        ([HEADER, {"is": "taxels", "count": 1, "axes": 3, "normal": 3}], "normal axis 3 is none of 3"),
+        ([HEADER, {"is": "taxels", "count": 1}, {"is": "packet", "of": 2}], "needs an 'index'"),
+        (
+            [HEADER, {"is": "index"}, {"is": "packet", "of": 256, "first": 1}, {"is": "taxels", "count": 1}],
+            "256 packets from 1 on do not fit a number of 1 bytes",
+        ),
         ([HEADER, {"is": "taxel", "count": 1}], "does not match any of the expected tags"),
     ],
 )
