@@ -1,4 +1,4 @@
-"""Devices behind real ptys that speak as public documents say, each written from its document and not from the codec."""
+"""Devices behind real ptys that speak as public documents say, each written from its document, not from the codec."""
 
 import os
 import struct
@@ -107,7 +107,7 @@ class FlexiTac(Silent):
 
 
 class AnySkin(Silent):
-    """loop() of 5X_binary_burst_stream.ino: for each chip `struct txyz`, four floats of a little-endian CPU, then println().
+    """loop() of 5X_binary_burst_stream.ino: for each chip `struct txyz`, four little-endian floats, then println().
 
     chips: for each chip t, x, y, z.
     """
@@ -130,8 +130,8 @@ def lrc(data):
 class PaxiniModule(Silent):
     """A GEN3 module on its USB line, as paxini-toolkit's captures have it.
 
-    Question: 55 AA, length 9, address, 0, FB, start (4), count (2), LRC. Answer: AA 55, its bytes less 5 (2), address, 0, FB,
-    start (4), count (2), 1, data, LRC. All little-endian. From 0x040E on: x, y, z of each taxel.
+    Question: 55 AA, length 9, address, 0, FB, start (4), count (2), LRC. Answer: AA 55, its bytes less 5 (2),
+    address, 0, FB, start (4), count (2), 1, data, LRC. All little-endian. From 0x040E on: x, y, z of each taxel.
     """
 
     def __init__(self, address, taxels):
@@ -187,7 +187,7 @@ class PaxiniBoard(Silent):
 
 
 class Arduino(Silent):
-    """The sketch of docs/hardware.md: millis(), then the counts of the rows from the top down, "*" and the XOR of it all."""
+    """The sketch of docs/hardware.md: millis(), the counts of the rows from the top down, "*" and the XOR of it all."""
 
     def __init__(self, picture):
         self.picture, self.millis = picture, 0
