@@ -31,7 +31,8 @@ from tactsim.hardware.device import UNREAD, Device
 
 Pressures = Callable[[float], FloatArray]
 
-_SAMPLES = (1, 4, 8, 16, 32, 64)  # a frame, by the accumulator (C8051F70x, chapter 15)
+_SAMPLES = (1, 4, 8, 16, 32, 64)  # a frame, by the accumulator (CS0ACU of C8051F70x)
+_SHIPPED = 4  # the accumulator's default (SingleTact's manual 2.3, table 2)
 _BEHIND = 1.0  # s: older frames are dropped while the host does not read
 
 
@@ -120,7 +121,7 @@ class EmulatedSingleTact(Emulated):
 
     silent: addresses that do not answer; for them the bridge sends old bytes after 100 ms and its
     timed-out flag stays 0, as the real one's does. elements: what register 12 says, None for the device file's
-    number. A sensor measures `rate` frames a second with its accumulator at 0, and fewer with more samples a frame.
+    number. A sensor measures `rate` frames a second as it is shipped, with 32 samples a frame, and more with fewer.
     """
 
     _codec: SingleTactCodec
@@ -138,7 +139,7 @@ class EmulatedSingleTact(Emulated):
         self.silent = silent
         self._elements = self._codec.taxels if elements is None else elements
         self._counted = (0.0, 0.0)  # when the rate last changed, and frames until then
-        self._samples = _SAMPLES[0]
+        self._samples = _SAMPLES[_SHIPPED]
         self._heard = b""
         self._answers: list[tuple[float, bytes]] = []  # (time when due, bytes)
         self._old = bytes(MOST_READ)  # what the bridge's buffer held before
@@ -188,15 +189,20 @@ class EmulatedSingleTact(Emulated):
         ticks = round(now / self._codec.tick_s) % self._codec.tick_wrap
         self._answers.append((when, write_reply(Reply(address, False, number, ticks, data))))
 
+    @property
+    def _per_second(self) -> float:
+        return self.rate * _SAMPLES[_SHIPPED] / self._samples
+
     def _frames(self, now: float) -> float:
         """Count the frames until `now`, with the share of the one that is being measured."""
         since, before = self._counted
-        return before + (now - since) * self.rate / self._samples
+        return before + (now - since) * self._per_second
 
     def _registers(self, address: int) -> bytearray:
         """Make the settings registers, as far as a host reads them."""
         settings = bytearray(INDEX_REGISTER)
         settings[0] = address
+        settings[ACCUMULATOR_REGISTER] = _SHIPPED
         settings[10:12] = (100).to_bytes(2, "big")
         settings[ELEMENTS_REGISTER] = self._elements
         settings[15 : 15 + self._codec.taxels] = bytes(range(self._codec.taxels))
@@ -205,11 +211,11 @@ class EmulatedSingleTact(Emulated):
 
     def _memory(self, address: int, now: float) -> bytes:
         """Make the content of all registers at `now`."""
-        frames, per_second = self._frames(now), self.rate / self._samples
+        frames = self._frames(now)
         frame = int(frames)
         wiring = dict(self._parts)[address]
         head = (frame % 65536).to_bytes(2, "big") + (round(1e3 * now) % 65536).to_bytes(2, "big")
-        output = self.values(wiring, now - (frames - frame) / per_second).astype(">u2").tobytes()
+        output = self.values(wiring, now - (frames - frame) / self._per_second).astype(">u2").tobytes()
         memory = bytes(self._settings[address]) + head + output
         assert len(head) == OUTPUT_REGISTER - INDEX_REGISTER
         return memory.ljust(REGISTERS, b"\0")

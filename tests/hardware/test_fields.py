@@ -119,7 +119,7 @@ def test_what_is_encoded_is_decoded(bits, endian, signed, checksum, data):
         *([] if checksum is None else [{"is": "checksum", "kind": checksum, "skip": 2}]),
         {"is": "footer", "bytes": "0D0A"},
     ]
-    form = codec(layout, endian=endian)
+    form = codec(layout, endian=endian, kpa_per_count=0.1)
     frame = Frame(np.array(values, dtype=float), address=7, index=70_000, ticks=123_456)
     message = form.encode(frame)
     used, again = form.decode(message)
