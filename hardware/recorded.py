@@ -107,6 +107,8 @@ class Replay(Source):
                 self._give([record.reading()])
             elif record.link >= self.device.ports:
                 raise InputError(f"link {record.link} of a device with {self.device.ports}")
+            elif self._stream is None:
+                raise InputError("bytes of a device that has no [codec]")
             elif record.kind is Kind.SENT:
                 self._stream.sent(record.link, record.payload, record.time)
             elif record.kind is Kind.LOST:
@@ -122,7 +124,8 @@ class Replay(Source):
             raise InputError("its segments were recorded with different pads")
         self.device, self.pad = device, device.pad
         self._correct(content.get("calibration"))
-        self._stream = Stream(device, self.counters)  # its clocks and frame counters begin anew
+        # Its clocks and frame counters begin anew. Without a codec its readings were recorded, not its bytes.
+        self._stream = None if device.codec is None else Stream(device, self.counters)
         self._first = self._first or content
         self.segments += 1
         self._note(Kind.SEGMENT, content)

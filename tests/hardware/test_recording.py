@@ -161,9 +161,17 @@ def test_other_files_are_refused(tmp_path, content):
         check_whole(tmp_path / "a")
 
 
+def test_bytes_of_a_device_that_has_no_codec_are_refused_in_one_line(tmp_path):
+    with Recorder(tmp_path / "a") as recorder:
+        recorder.segment({"device": {"name": "x"}}, 0.0)
+        recorder.received(0, b"abc", 0.1)
+    with pytest.raises(InputError, match=r"bytes of a device that has no \[codec\]"):
+        list(Replay(tmp_path / "a"))
+
+
 @pytest.mark.parametrize(
     "payload",
-    [b"", b"[]", b"{", b'{"device": 3}', b"\xff", b"[" * 100_000, b'{"device": {"name": "x"}}'],
+    [b"", b"[]", b"{", b'{"device": 3}', b"\xff", b"[" * 100_000, b'{"device": {"name": ""}}'],
 )
 def test_a_hostile_segment_is_refused_in_one_line(tmp_path, payload):
     with Recorder(tmp_path / "a") as recorder:
