@@ -167,7 +167,8 @@ class Listening(Dialogue):
 class CodecFormat(BaseModel, ABC):
     """The table `[codec]` of a device file: which codec, and what it has to know.
 
-    A subclass adds a field for each key of the table. usual_address: of a part whose address is not given.
+    A subclass adds a field for each key of the table. One that must be given has an example (`Field(examples=...)`),
+    from which tests build the codec. usual_address: of a part whose address is not given.
     """
 
     model_config = STRICT

@@ -49,10 +49,16 @@ class FieldsFormat(CodecFormat):
     """
 
     kind: Literal["fields"]
-    layout: tuple[Item, ...] = Field(max_length=64, description="what a frame is made of, in its order")
+    layout: tuple[Item, ...] = Field(
+        max_length=64,
+        description="what a frame is made of, in its order",
+        examples=[[{"is": "header", "bytes": "AA 55"}, {"is": "taxels", "count": 16}]],
+    )
     endian: Literal["big", "little"] = Field("big", description="which byte of a number comes first")
     zero: float = Field(0.0, description="value of an unloaded taxel")
-    kpa_per_count: float = Field(description="kPa of one count; kPa = (value - zero) * kpa_per_count")
+    kpa_per_count: float = Field(
+        description="kPa of one count; kPa = (value - zero) * kpa_per_count", examples=[0.1]
+    )
     start: Bytes = Field(b"", max_length=256, description="bytes that make the device speak, sent once")
     request: Bytes = Field(b"", max_length=256, description="bytes that ask for one frame")
     request_every_s: float = Field(

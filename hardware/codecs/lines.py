@@ -40,7 +40,7 @@ class LinesFormat(CodecFormat):
     """
 
     kind: Literal["csv"]
-    taxels: int = Field(ge=1, le=10_000, description="how many taxels a line has")
+    taxels: int = Field(ge=1, le=10_000, description="how many taxels a line has", examples=[16])
     axes: int = Field(
         1, ge=1, le=16, description="values of each taxel; all but one are kept in recordings only"
     )
@@ -58,7 +58,9 @@ class LinesFormat(CodecFormat):
     )
     tick_s: float = Field(0.001, gt=0, le=3600, description="s a tick of the clock")
     zero: float = Field(0.0, description="value of an unloaded taxel")
-    kpa_per_count: float = Field(description="kPa of one count; kPa = (value - zero) * kpa_per_count")
+    kpa_per_count: float = Field(
+        description="kPa of one count; kPa = (value - zero) * kpa_per_count", examples=[0.1]
+    )
     start: Bytes = Field(b"", max_length=256, description="bytes that make the device speak, sent once")
     request: Bytes = Field(b"", max_length=256, description="bytes that ask for one line")
     request_every_s: float = Field(0.0, ge=0, le=60, description="s from one request to the next, at least")

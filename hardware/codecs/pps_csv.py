@@ -27,7 +27,7 @@ class CsvFormat(CodecFormat):
     """The table `[codec]` of a device file with `kind = "pps-csv"`."""
 
     kind: Literal["pps-csv"]
-    taxels: int = Field(ge=1, le=10_000, description="columns behind the time")
+    taxels: int = Field(ge=1, le=10_000, description="columns behind the time", examples=[36])
     unit: Literal["kPa", "psi", "Pa"] = Field("kPa", description="unit of the numbers")
 
     def build(self) -> CsvCodec:

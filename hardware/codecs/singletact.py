@@ -72,7 +72,9 @@ class SingleTactFormat(CodecFormat):
 
     kind: Literal["singletact"]
     taxels: int = Field(1, ge=1, le=MAX_TAXELS, description="taxels of one sensor (register 12)")
-    full_scale_kpa: float = Field(gt=0, description="kPa at output 767, the rated pressure of the sensor")
+    full_scale_kpa: float = Field(
+        gt=0, description="kPa at output 767, the rated pressure of the sensor", examples=[100.0]
+    )
     torn_frames: int = Field(
         0, ge=0, le=1000, description="frames that a sensor may measure while one is read; 0: only whole ones"
     )
