@@ -201,4 +201,4 @@ class Arduino(Silent):
         check = 0
         for letter in line:
             check ^= ord(letter)
-        return f"{line}*{check:02X}\r\n".encode()
+        return f"{line}*{check:02x}\r\n".encode()
