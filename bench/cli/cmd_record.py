@@ -98,6 +98,7 @@ def _record_session(
 
     from tactsim.bench.console import plain_console
     from tactsim.bench.guide import lead
+    from tactsim.bench.guide_screen import Screen
     from tactsim.bench.places import check_new_file
     from tactsim.core.errors import InputError
     from tactsim.hardware.recording import SUFFIX, Recorder, check_whole
@@ -124,7 +125,8 @@ def _record_session(
         )
         with _open(port, device, calibration, recorder, new=not resume) as source:
             session = Session(plan, device.pad, presses)
-            done = lead(session, source, recorder, first, _shape(plan.label), from_behind, console)
+            screen = Screen(session, source.taxel_xy, _shape(plan.label), from_behind, console)
+            done = lead(session, source, recorder, first, screen, device.deadline)
             recorder.end(source.counters.as_dict(), time.monotonic())
     console.print(pads.counters_line(source.counters.as_dict()))
     if not done:

@@ -259,7 +259,7 @@ def test_a_session_that_is_resumed_asks_for_what_is_missing(pad):
     session = Session(plan(), pad, done)
     assert session.current == 1
     assert [press.number for press in Hand(session, table()).steps(300)] == [1, 3]
-    assert next_press(session.presses, 4) == 4
+    assert next_press(session.presses, session.plan) == 4
 
 
 def record(path, pad, script, calibrations=(None,)):
