@@ -14,9 +14,15 @@ from tactsim.estimators.estimator import Estimate, PlaneBelief, PoseSamples
 from tactsim.estimators.field.field import LikelihoodField
 from tactsim.estimators.filters.clouds import CENTRES, DRAWN, Cloud, Drawn, advance, log
 from tactsim.estimators.filters.map_filter import MapFilter
-from tactsim.estimators.filters.motion import EVIDENCE, Motion
+from tactsim.estimators.filters.motion import Motion
 from tactsim.estimators.filters.placement import mean_around
-from tactsim.estimators.filters.states import WeightedStates, plane_histogram, pose_samples, probabilities
+from tactsim.estimators.filters.states import (
+    WeightedStates,
+    letter_mass,
+    plane_histogram,
+    pose_samples,
+    probabilities,
+)
 from tactsim.estimators.filters.trust import FEW
 from tactsim.estimators.filters.weights import Weights
 from tactsim.estimators.filters.wrapper import Wrapper
@@ -47,16 +53,21 @@ class Moving(Wrapper):
         self.filter.reset(rng)
         self._rng = rng.spawn(1)[0]
         self._clouds: list[Cloud | None] = []
+        self._rest = 0.0
         self._past: list[list[Cloud | None]] = []
         self._drawn: list[Drawn | None] = []
 
     def update(self, reading: ArrayLike, sensor_in_robot: ArrayLike) -> None:
         """Take in one reading (taxels,) kPa at the pose sensor_in_robot [mm, mm, rad]."""
         field: LikelihoodField = self.filter.field
-        if self._motion.still is None and len(field):
+        if not len(field):
+            self.filter.update(reading, sensor_in_robot)
+        elif self._motion.still is None:
             self.filter.take(reading, sensor_in_robot)
         else:
+            expected = self.filter.weighted_states()
             self.filter.update(reading, sensor_in_robot)
+            self._rest += self._predicted(expected)
         if len(field) == 1:
             self._begin()
             return
@@ -76,7 +87,8 @@ class Moving(Wrapper):
     def _begin(self) -> None:
         """Take over what the filter holds after the first reading: nothing has moved yet."""
         belief, motion = self.filter.weighted_states(), self._motion
-        evidence = self.filter.log_evidence()
+        mass = letter_mass(belief.letter, belief.weights, len(self.labels))
+        evidence = log(mass / mass.sum())
         self._clouds, self._drawn = [], []
         for letter in range(len(self.labels)):
             mine = np.flatnonzero(belief.letter == letter)
@@ -101,6 +113,19 @@ class Moving(Wrapper):
         self._evaluated += len(place)
         state, last = self._motion.state(place), len(self.filter.field) - 1
         return np.asarray(self.filter.trust(FEW) * self.filter.field.log_p(letter, state, last), dtype=float)
+
+    def _predicted(self, expected: WeightedStates) -> float:
+        """Say how well a belief of an object at rest predicted the last reading: its log-likelihood, as `_log_p`."""
+        field = self.filter.field
+        weight = expected.weights.normalised
+        log_p = np.empty(len(weight))
+        for letter in np.unique(expected.letter).tolist():
+            mine = np.flatnonzero(expected.letter == letter)
+            log_p[mine] = field.log_p(letter, expected.state.take(mine, axis=1), len(field) - 1)
+        self._evaluated += len(weight)
+        log_p *= self.filter.trust(FEW)
+        highest = float(log_p.max())
+        return highest + math.log(float(weight @ np.exp(log_p - highest)))
 
     def estimate(self) -> Estimate:
         """Sum the models for each letter; take the pose from the likelier model of the best letter."""
@@ -197,16 +222,18 @@ class Moving(Wrapper):
     def _models(self) -> FloatArray:
         """Weigh the models, still and moving, and their letters: (2, letters), summing to 1.
 
-        Between the models a reading's likelihood counts by the power EVIDENCE, between letters in full.
+        A model counts as much as it predicted the readings one by one, each before it was taken in (Dawid 1984). So both
+        are asked the same, though a sequence counts for less in the belief of an object at rest than single readings do.
         """
-        moving = np.array([-np.inf if one is None else one.log_evidence for one in self._clouds])
+        moving = Weights(np.array([-np.inf if one is None else one.log_evidence for one in self._clouds]))
         still = self._motion.still
         if still is None:
-            return np.stack([np.zeros(len(moving)), Weights(moving).normalised])
-        models = np.stack([self.filter.log_evidence() + math.log(still), moving + math.log1p(-still)])
-        total = np.logaddexp.reduce(models, axis=1)
-        within = np.exp(models - total[:, None])
-        return Weights(EVIDENCE * total).normalised[:, None] * within
+            return np.stack([np.zeros(len(self.labels)), moving.normalised])
+        held = self.filter.weighted_states()
+        mass = letter_mass(held.letter, held.weights, len(self.labels))
+        followed = moving.log_mean + math.log(len(moving))
+        models = Weights(np.array([self._rest, followed]) + np.log([still, 1 - still])).normalised
+        return np.stack([models[0] * mass / mass.sum(), models[1] * moving.normalised])
 
 
 def _mixed(parts: list[tuple[float, PoseSamples | None]]) -> PoseSamples | None:
