@@ -22,6 +22,7 @@ class MovingSynthesis(Moving):
 
     def bring(self, forward: ForwardModel) -> None:
         """Take the forward model that predicts readings of the scan's objects, from `fit` on."""
+        super().bring(forward)
         self.filter.bring(forward)
 
     @property
