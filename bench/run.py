@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from tactsim.bench import score
 from tactsim.bench.bound.efficiency import bound_curves
 from tactsim.bench.score import Metric, Properties, summarise
-from tactsim.bench.trials import TrialPlan, Trials
+from tactsim.bench.trial_plan import TrialPlan
+from tactsim.bench.trials import Trials
 from tactsim.core.poses import FloatArray
 
 if TYPE_CHECKING:

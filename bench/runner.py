@@ -16,22 +16,16 @@ from tactsim.bench.machine import machine, peak_memory_mb, versions
 from tactsim.bench.placement_error import properties
 from tactsim.bench.run import Run
 from tactsim.bench.touching import OnDemand
-from tactsim.bench.trials import (
-    Progress,
-    Task,
-    TrialPlan,
-    Trials,
-    check_readings,
-    run_trials,
-    source_of_trials,
-)
+from tactsim.bench.trial_plan import TrialPlan, source_of_trials
+from tactsim.bench.trial_workers import run_trials
+from tactsim.bench.trials import Progress, Task, Trials, check_readings
 from tactsim.core import InputError, Scan
 from tactsim.core.errors import unknown
 from tactsim.core.scan import train_on
 from tactsim.core.source_digest import git_commit
 from tactsim.estimators import NONE, Estimator, Options, create
 from tactsim.estimators.likelihoods.occupancy import maps_of
-from tactsim.press import scan_letters
+from tactsim.press import forward_model, scan_letters
 
 
 def silent(stage: str, done: int, total: int) -> None:
@@ -78,7 +72,7 @@ def perform(
 
     fitting = perf_counter()
     progress("map", 0, 1)
-    fit(fitted, gathered.scan)
+    fit(fitted, gathered.scan, forward_model)
     progress("map", 1, 1)
 
     trying = perf_counter()
@@ -155,6 +149,7 @@ def plan_of(config: RunConfig, scan: Scan, given: Estimator | None = None) -> Tr
         config.explore,
         config.moving,
         OnDemand(config.scan_options) if config.on_demand else None,
+        forward_model,
         given,
         config.each_held_out,
     )

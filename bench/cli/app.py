@@ -25,6 +25,7 @@ from tactsim.bench.cli import cmd_stress as stress
 from tactsim.bench.cli import cmd_sweep as sweep
 from tactsim.bench.cli import cmd_tare as tare
 from tactsim.bench.cli import cmd_validate as validate
+from tactsim.bench.cli import cmd_watch as watch
 from tactsim.core.errors import InputError, printable
 
 FAILED, WRONG_INPUT = 1, 2
@@ -48,6 +49,7 @@ verbs = {
     "stress": stress,
     "devices": devices,
     "probe": probe,
+    "watch": watch,
     "tare": tare,
     "record": record,
     "replay": replay,

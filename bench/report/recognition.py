@@ -12,12 +12,12 @@ import numpy as np
 
 from tactsim.bench.certainty import covariance
 from tactsim.bench.config import RunConfig
-from tactsim.bench.fitting import fit
 from tactsim.bench.placement_error import Properties
 from tactsim.bench.report.collect import Entry, Group
 from tactsim.bench.runner import gather, plan_of, silent
 from tactsim.bench.score import errors, settled_at
-from tactsim.bench.trials import Progress, Task, TrialPlan, Trials, check_readings, run_trial
+from tactsim.bench.trial_plan import TrialPlan
+from tactsim.bench.trials import Progress, Task, Trials, check_readings, run_trial
 from tactsim.core import Scan, compose, invert
 from tactsim.core.checking import checked
 from tactsim.core.errors import InputError
@@ -131,8 +131,7 @@ def replay_all(
 
 def _replay(entry: Entry, tasks: Mapping[str, Task], scans: dict[str, Scan]) -> Replayed:
     plan = entry.run.plan or _plan_anew(entry, tasks, scans)
-    estimator = plan.make()
-    fit(estimator, plan.scan)
+    estimator = plan.fitted()
     recognitions = tuple(_recognise(entry, estimator, plan, task, kind) for kind, task in tasks.items())
     return Replayed(entry, plan.scan, maps_of(estimator), recognitions)
 
