@@ -43,6 +43,9 @@ _CELL = 0.6  # standard deviation of a cell's prior over its size; a sum of such
 _ROUGH = 1.5  # times the noise: what a bank's linear predictions are off by within a cell
 _FEW = 200  # modes; more are not compared with each other
 _RESTARTS = 4
+# How often a press is predicted anew, if in place, tilt or load it is off by so many standard deviations more than was
+# taken; and at most by so many.
+_PRESSES, _OFF, _FARTHEST = 2, 0.7, 3.0
 # A reading is expanded again where its mode has moved by this share of its standard deviation, within limits in mm.
 _STALE, _STALE_MM = 0.25, (0.02, 0.25)
 
@@ -216,11 +219,28 @@ class Synthesis(Estimator):
     def _expanded(
         self, letter: NDArray[np.int64], state: FloatArray, number: NDArray[np.int64]
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Expand readings `number` (n,) at states (n, 3) with presses there, as `_expand`."""
+        """Expand readings `number` (n,) at states (n, 3) with presses there, as `_expand`.
+
+        A press is predicted as it most probably was: its place, tilt and load are searched for with the pose held
+        (Laplace's approximation, by Gauss and Newton).
+        """
         sensor_in_object = compose(state, np.array(self._poses)[number])
+        readings = np.array(self._readings)
 
         def pressed(one: int, which: NDArray[np.intp]) -> Linearised:
-            return self.forward.linearised(self.labels[one], sensor_in_object[which])
+            label, poses, felt = self.labels[one], sensor_in_object[which], readings[number[which]]
+            found = self.forward.linearised(label, poses)
+            off = np.zeros(found.nuisance.shape[:2])
+            for _ in range(_PRESSES):
+                likely = likeliest_press(felt, found, self.noise)
+                again = np.flatnonzero(np.abs(likely - off).max(axis=1, initial=0) > _OFF)
+                if not len(again):
+                    break
+                off[again] = likely[again].clip(-_FARTHEST, _FARTHEST)
+                found = found.with_rows(
+                    again, self.forward.linearised(label, poses[again], off[again]), off[again]
+                )
+            return found
 
         return self._expand(letter, state, number, pressed, 1.0)
 
@@ -335,6 +355,14 @@ class Synthesis(Estimator):
     def work(self) -> dict[str, Any]:
         """Count the readings that were compared with predictions: with the bank's and with presses, one a mode."""
         return {"likelihood_evaluations": self._compared, "skipped": {}}
+
+
+def likeliest_press(readings: FloatArray, found: Linearised, noise: float) -> FloatArray:
+    """Find by how many standard deviations n presses most probably were off, (n, q), to first order."""
+    q = found.nuisance.shape[1]
+    inner = noise**2 * np.eye(q) + found.nuisance @ found.nuisance.swapaxes(1, 2)
+    seen = found.nuisance @ (readings - found.mean)[..., None]
+    return np.asarray(np.linalg.solve(inner, seen)[..., 0], dtype=float)
 
 
 def _highest(values: FloatArray, count: int) -> NDArray[np.intp]:
