@@ -15,6 +15,7 @@ from tactsim.bench.cli import cmd_compare as compare
 from tactsim.bench.cli import cmd_devices as devices
 from tactsim.bench.cli import cmd_emulate as emulate
 from tactsim.bench.cli import cmd_list as list_verb
+from tactsim.bench.cli import cmd_live as live
 from tactsim.bench.cli import cmd_probe as probe
 from tactsim.bench.cli import cmd_record as record
 from tactsim.bench.cli import cmd_replay as replay
@@ -50,6 +51,7 @@ verbs = {
     "devices": devices,
     "probe": probe,
     "watch": watch,
+    "live": live,
     "tare": tare,
     "record": record,
     "replay": replay,

@@ -121,7 +121,7 @@ class PadReader:
         self.source, self.pad, self.device, self.name = source, source.pad, device, name
         self._calibration = calibration
         self._correction = None if calibration is None else Correction(calibration, source.pad)
-        self._on_reading = on_reading
+        self.on_reading = on_reading
         self._places = taxels_of(source)
         self._kept = np.zeros(self.pad.taxels, dtype=bool)
         self._kept[self._places] = True if calibration is None else calibration.kept
@@ -210,8 +210,8 @@ class PadReader:
                     self._lost(str(error))
                     continue
                 self._came(reading)
-                if self._on_reading is not None:
-                    self._on_reading(reading)
+                if self.on_reading is not None:
+                    self.on_reading(reading)
         except SourceEnded:
             self._end("ended", "")
         except Exception as error:  # the caller raises it again, in the main thread

@@ -246,5 +246,8 @@ function frame() {
 onTheme(() => {
   dirty = true;
 });
-listen();
-frame();
+// The scripts behind this one are part of the page, too.
+queueMicrotask(() => {
+  listen();
+  frame();
+});
