@@ -17,7 +17,8 @@ from pathlib import Path
 import numpy as np
 
 from tactsim.bench.machine import versions
-from tactsim.bench.trials import Task, TrialPlan, Trials
+from tactsim.bench.trial_plan import TrialPlan
+from tactsim.bench.trials import Task, Trials
 from tactsim.core import InputError
 from tactsim.core.documents import LARGE, parse_json
 from tactsim.core.files import read_bytes, replacing

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from tactsim.core import Scan
+from tactsim.core.forward import ForwardModel
 from tactsim.estimators import Estimator
-from tactsim.press import forward_model
 
 
-def fit(estimator: Estimator, scan: Scan) -> None:
-    """Fit an estimator to the training readings of a scan; one that asks for it gets the scan's forward model first.
+def fit(estimator: Estimator, scan: Scan, forward: Callable[[Scan], ForwardModel] | None) -> None:
+    """Fit an estimator to the training readings of a scan; one that asks for it gets `forward` of the scan first.
 
-    Raises InputError if the estimator needs a forward model and the scan does not say how it was pressed.
+    Raises InputError if the estimator needs a forward model, and there is none or the scan does not say how it was
+    pressed.
     """
-    if estimator.uses_forward_model:
-        estimator.bring(forward_model(scan))
+    if forward is not None and estimator.uses_forward_model:
+        estimator.bring(forward(scan))
     estimator.fit(scan)

@@ -27,7 +27,7 @@ from tactsim.bench.report.pareto import recognition_seconds
 from tactsim.bench.results import load
 from tactsim.bench.run import Run
 from tactsim.bench.score import recoveries
-from tactsim.bench.trials import source_of_trials
+from tactsim.bench.trial_plan import source_of_trials
 from tactsim.core import InputError
 from tactsim.core.documents import read_text
 from tactsim.core.errors import unknown

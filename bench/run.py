@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from tactsim.bench import score
 from tactsim.bench.bound.efficiency import bound_curves
 from tactsim.bench.score import Metric, Properties, summarise
-from tactsim.bench.trials import TrialPlan, Trials
+from tactsim.bench.trial_plan import TrialPlan
+from tactsim.bench.trials import Trials
 from tactsim.core.poses import FloatArray
 
 if TYPE_CHECKING:
@@ -146,7 +147,7 @@ class Run:
     @property
     def on_demand(self) -> bool:
         """Whether each touch of a trial was pressed when it was chosen."""
-        given = self.config["scan"] is not None or self.config["given"] is not None
+        given = any(self.config.get(name) is not None for name in ("scan", "given", "presses"))
         return self.config["explore"] != "random" and not given
 
     @property

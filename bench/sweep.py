@@ -22,15 +22,10 @@ from tactsim.bench.chunks import Chunk, chunks_of, load_chunk, save_chunk
 from tactsim.bench.config import RunConfig
 from tactsim.bench.run import Run
 from tactsim.bench.runner import Gathered, budget_of, finished_run, gather, plan_of
-from tactsim.bench.trials import (
-    Progress,
-    TrialPlan,
-    Trials,
-    check_readings,
-    run_chunk,
-    source_of_trials,
-    unflatten_work,
-)
+from tactsim.bench.trial_plan import TrialPlan, source_of_trials
+from tactsim.bench.trial_workers import run_chunk
+from tactsim.bench.trials import Progress, Trials, check_readings
+from tactsim.bench.work_counts import unflatten_work
 from tactsim.core import InputError
 from tactsim.core.documents import LARGE, read_text
 from tactsim.core.files import new_folder, write_text

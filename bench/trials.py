@@ -2,34 +2,25 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
-import pickle
 import zlib
-from collections import Counter, OrderedDict
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from concurrent.futures import as_completed
-from dataclasses import dataclass, fields, replace
-from itertools import groupby
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, fields
 from time import process_time
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tactsim.bench.certainty import certainty
-from tactsim.bench.fitting import fit
 from tactsim.bench.offered_touches import Press, RecordedTouches
-from tactsim.bench.placement_error import Properties, properties
+from tactsim.bench.placement_error import Properties
 from tactsim.bench.slip import STILL, Slip
+from tactsim.bench.work_counts import flatten_work
 from tactsim.core import InputError, Scan
 from tactsim.core.errors import short
 from tactsim.core.poses import FloatArray
-from tactsim.core.source_digest import source_digest
-from tactsim.core.workers import worker_processes
-from tactsim.estimators import NONE, Estimate, Estimator, create
+from tactsim.estimators import NONE, Estimate, Estimator
 from tactsim.estimators.estimator import check_estimate
-from tactsim.estimators.registry import load
 
 TRANSLATION_MM = 10.0  # T_R^O is uniform in [-10, 10] mm and on the circle (section IV)
 
@@ -242,189 +233,3 @@ def _check_proposal(chosen: object, count: int, estimator: Estimator) -> None:
 
 def _evaluations(estimator: Estimator) -> int:
     return flatten_work(estimator.work).get("likelihood_evaluations", 0)
-
-
-@dataclass(frozen=True, eq=False)
-class TrialPlan:
-    """All that a worker needs to do trials: the estimator, the scan, and how many readings in which order.
-
-    press: what presses on demand; None if the readings are those of the scan. given: an estimator made in Python, as
-    it is or pickled for a worker; None if `estimator` is a registered name. each_held_out: whether the letter of a
-    trial is left out of what the estimator knows.
-    """
-
-    estimator: str
-    options: Mapping[str, Any]
-    scan: Scan
-    readings: int
-    seed: int
-    explore: Explore = "random"
-    slip: Slip = STILL
-    press: Press | None = None
-    given: Estimator | bytes | None = None
-    each_held_out: bool = False
-
-    def letters_known(self, truth: str) -> tuple[str, ...]:
-        """List the letters that an estimator knows in the trials of the letter `truth`."""
-        trained = self.scan.where("train").letters
-        return tuple(letter for letter in trained if not (self.each_held_out and letter == truth))
-
-    def fitted_for(self, truth: str, estimator: Estimator) -> Estimator:
-        """Give what the trials of a letter need: the fitted `estimator`, without the letter if each is held out."""
-        return estimator.without(truth, self.scan) if self.each_held_out else estimator
-
-    def make(self) -> Estimator:
-        """Make the estimator, which is not fitted yet.
-
-        Raises InputError if it does not exist, or was given and cannot be made in another process.
-        """
-        if self.given is None:
-            return create(self.estimator, **self.options)
-        if not isinstance(self.given, bytes):
-            return self.given
-        try:
-            return pickle.loads(self.given)
-        except Exception as error:  # a user's class may raise anything when it is unpickled
-            raise _not_portable(self.estimator, error) from error
-
-    def portable(self) -> TrialPlan:
-        """Return a plan that can be sent to worker processes. Raises InputError if the estimator cannot be."""
-        if self.given is None or isinstance(self.given, bytes):
-            return self
-        try:
-            return replace(self, given=pickle.dumps(self.given))
-        except Exception as error:  # a user's class may raise anything when it is pickled
-            raise _not_portable(self.estimator, error) from error
-
-    @property
-    def source(self) -> str:
-        """Hash the source code that the trials depend on, without that which makes readings."""
-        given = self.given if isinstance(self.given, Estimator) else self.estimator
-        return source_of_trials(given, on_demand=self.press is not None)
-
-    @property
-    def digest(self) -> str:
-        """Identify the fitted estimator by what it depends on: its name, its options, the scan."""
-        options = json.dumps(self.options, sort_keys=True, default=str)
-        given = hashlib.sha256(self.given).hexdigest() if isinstance(self.given, bytes) else ""
-        return f"{self.estimator} {options} {self.scan.digest} {given}"
-
-
-def source_of_trials(estimator: str | Estimator, *, on_demand: bool = False) -> str:
-    """Hash the source code that trials of an estimator depend on.
-
-    on_demand: whether they press themselves; what makes the readings of a scan does not count.
-    Raises InputError if no estimator has that name.
-    """
-    kinds = [load(estimator)] if isinstance(estimator, str) else _kinds(estimator)
-    pressing = ["tactsim.bench.touching"] if on_demand else []
-    return source_digest(__name__, *pressing, *(kind.__module__ for kind in kinds))
-
-
-def _kinds(estimator: Estimator) -> list[type[Estimator]]:
-    """List the class of an estimator and of those that it wraps."""
-    inner = [value for value in vars(estimator).values() if isinstance(value, Estimator)]
-    return [type(estimator), *(kind for one in inner for kind in _kinds(one))]
-
-
-def _not_portable(name: str, error: Exception) -> InputError:
-    return InputError(
-        f"a worker process cannot make the estimator {name} ({type(error).__name__}: {error}); "
-        "define its class in a module that can be imported, or use jobs=1"
-    )
-
-
-def run_trials(
-    plan: TrialPlan, estimator: Estimator, tasks: list[Task], *, jobs: int = 1, progress: Progress
-) -> tuple[Trials, dict[str, Any]]:
-    """Do all trials, here with the fitted `estimator` or in `jobs` processes that fit their own.
-
-    Returns the trials in the order of `tasks` and the estimators' work, summed. The results do not
-    depend on `jobs`.
-    """
-    progress("trials", 0, len(tasks))
-    if jobs == 1 or len(tasks) == 1:
-        return _run_here(plan, estimator, tasks, lambda done: progress("trials", done, len(tasks)))
-    plan = plan.portable()
-    chunks = np.array_split(np.arange(len(tasks)), min(len(tasks), 8 * jobs))
-    parts: list[Trials | None] = [None] * len(chunks)
-    work: Counter[str] = Counter()
-    done = 0
-    with worker_processes(jobs) as pool:
-        futures = {
-            pool.submit(run_chunk, plan, [tasks[i] for i in chunk]): place
-            for place, chunk in enumerate(chunks)
-        }
-        for future in as_completed(futures):
-            parts[futures[future]], part_work = future.result()
-            work.update(part_work)
-            done += len(chunks[futures[future]])
-            progress("trials", done, len(tasks))
-    return Trials.joined(part for part in parts if part is not None), unflatten_work(work)
-
-
-def _run_here(
-    plan: TrialPlan, estimator: Estimator, tasks: list[Task], report: Callable[[int], None]
-) -> tuple[Trials, dict[str, Any]]:
-    tests = {truth: plan.scan.where("test", truth) for truth in {task.truth for task in tasks}}
-    objects = properties(plan.scan)
-    work: Counter[str] = Counter()
-    parts = []
-    for truth, of_letter in groupby(tasks, key=lambda task: task.truth):
-        fitted, letters = plan.fitted_for(truth, estimator), plan.letters_known(truth)
-        before = Counter(flatten_work(fitted.work))
-        for task in of_letter:
-            parts.append(
-                run_trial(
-                    fitted, tests[truth], task, letters=letters,
-                    readings=plan.readings, seed=plan.seed, of=objects[truth], explore=plan.explore,
-                    slip=plan.slip, press=plan.press,
-                )
-            )  # fmt: skip
-            report(len(parts))
-        work.update(flatten_work(fitted.work))
-        work.subtract(before)
-    return Trials.joined(parts), unflatten_work(work)
-
-
-def run_chunk(plan: TrialPlan, tasks: list[Task]) -> tuple[Trials, dict[str, int]]:
-    """Do some trials in a worker process; an estimator is fitted once for all chunks of a plan.
-
-    Returns the trials in the order of `tasks`, and the flattened work without that of fitting.
-    """
-    trials, work = _run_here(plan, _fitted(plan), tasks, lambda done: None)
-    return trials, flatten_work(work)
-
-
-_memo: OrderedDict[str, Estimator] = OrderedDict()  # a worker process's fitted estimators, newest last
-_MEMO_SIZE = 4
-
-
-def _fitted(plan: TrialPlan) -> Estimator:
-    key = plan.digest
-    if key not in _memo:
-        estimator = plan.make()
-        fit(estimator, plan.scan)
-        _memo[key] = estimator
-        if len(_memo) > _MEMO_SIZE:
-            _memo.popitem(last=False)
-    _memo.move_to_end(key)
-    return _memo[key]
-
-
-def flatten_work(work: Mapping[str, Any]) -> dict[str, int]:
-    """Turn {"presses": 3, "skipped": {"cached": 1}} into {"presses": 3, "skipped.cached": 1}."""
-    try:
-        flat = {name: int(count) for name, count in work.items() if name != "skipped"}
-        return flat | {f"skipped.{name}": int(count) for name, count in work.get("skipped", {}).items()}
-    except (AttributeError, TypeError, ValueError, OverflowError) as error:
-        raise InputError(
-            f"an estimator's work is {short(work)}; it must be counts and `skipped`, a table of counts"
-        ) from error
-
-
-def unflatten_work(flat: Mapping[str, int]) -> dict[str, Any]:
-    """Undo `flatten_work`."""
-    work: dict[str, Any] = {name: count for name, count in flat.items() if not name.startswith("skipped.")}
-    skipped = {name.partition(".")[2]: count for name, count in flat.items() if name.startswith("skipped.")}
-    return work | {"skipped": skipped}

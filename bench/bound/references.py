@@ -35,7 +35,7 @@ from tactsim.core.seeds import stream
 from tactsim.estimators import Estimate, Estimator, create
 from tactsim.estimators.estimator import PoseSamples
 from tactsim.estimators.registry import BUILT_IN
-from tactsim.press import ScanOptions, scan_letters
+from tactsim.press import ScanOptions, forward_model, scan_letters
 from tactsim.press.engine import ideal_readings
 from tactsim.press.scanning import letters_of
 from tactsim.press.sensor import gains, sense
@@ -158,7 +158,7 @@ def distances(estimator: Estimator, references: References) -> FloatArray:
     Total variation of the letters' probabilities; then, where the most probable letter is the reference's, mm between
     the poses, and the energy distance of the beliefs about the pose in mm if the estimator shows its own.
     """
-    fit(estimator, training())
+    fit(estimator, training(), forward_model)
     objects, letters = properties(training()), OPTIONS.letters
     result = np.full((*references.pose.shape[:2], 3), np.nan)
     for n, (readings, sensor_in_robot) in enumerate(

@@ -12,12 +12,12 @@ import numpy as np
 
 from tactsim.bench.certainty import covariance
 from tactsim.bench.config import RunConfig
-from tactsim.bench.fitting import fit
 from tactsim.bench.placement_error import Properties
 from tactsim.bench.report.collect import Entry, Group
 from tactsim.bench.runner import gather, plan_of, silent
 from tactsim.bench.score import errors, settled_at
-from tactsim.bench.trials import Progress, Task, TrialPlan, Trials, check_readings, run_trial
+from tactsim.bench.trial_plan import TrialPlan
+from tactsim.bench.trials import Progress, Task, Trials, check_readings, run_trial
 from tactsim.core import Scan, compose, invert
 from tactsim.core.checking import checked
 from tactsim.core.errors import InputError
@@ -131,8 +131,7 @@ def replay_all(
 
 def _replay(entry: Entry, tasks: Mapping[str, Task], scans: dict[str, Scan]) -> Replayed:
     plan = entry.run.plan or _plan_anew(entry, tasks, scans)
-    estimator = plan.make()
-    fit(estimator, plan.scan)
+    estimator = plan.fitted()
     recognitions = tuple(_recognise(entry, estimator, plan, task, kind) for kind, task in tasks.items())
     return Replayed(entry, plan.scan, maps_of(estimator), recognitions)
 
@@ -140,11 +139,15 @@ def _replay(entry: Entry, tasks: Mapping[str, Task], scans: dict[str, Scan]) -> 
 def _plan_anew(entry: Entry, tasks: Mapping[str, Task], scans: dict[str, Scan]) -> TrialPlan:
     """Get the readings of a loaded run, each scan once. Raises InputError if they cannot be had again."""
     config = checked(RunConfig, entry.run.config, "run")
-    options = None if config.scan else entry.run.about["scan"].get("options")
-    which = config.model_dump(mode="json", include={"scan", "train_scan", "given", "letters", "hold_out"})
+    from_files = config.scan is not None or config.presses is not None
+    options = None if from_files else entry.run.about["scan"].get("options")
+    words = {"scan", "train_scan", "presses", "given", "letters", "hold_out"}
+    if config.presses is not None:
+        words |= {"trials", "readings"}
+    which = config.model_dump(mode="json", include=words)
     key = json.dumps([options, which], sort_keys=True)
     if key not in scans:
-        pressed = None if config.scan else _pressed_again(options, config.given)
+        pressed = None if from_files else _pressed_again(options, config.given)
         scans[key] = gather(config, scan=pressed, jobs=1, cache=True, progress=silent).scan
     check_readings(
         scans[key], sorted({task.truth for task in tasks.values()}), entry.readings, config.hold_out

@@ -14,7 +14,7 @@ from tactsim.core.poses import FloatArray
 from tactsim.estimators import Estimate, Estimator, create, names
 from tactsim.estimators.registry import load
 from tactsim.models import parse_letters
-from tactsim.press import WORLDS, ScanOptions, scan_letters
+from tactsim.press import WORLDS, ScanOptions, forward_model, scan_letters
 
 USUAL_BUDGET = 1000  # of an estimator, if a case asks for no other
 
@@ -31,7 +31,7 @@ def pressed(letters: str = "AEIOU", world: str = "default", pad: Pad | None = No
 def fitted(name: str, scan: Scan, **options: Any) -> Estimator:
     """Make an estimator, fit it and begin a sequence with seed 0."""
     estimator = create(name, **options)
-    fit(estimator, scan)
+    fit(estimator, scan, forward_model)
     estimator.reset(np.random.default_rng(0))
     return estimator
 

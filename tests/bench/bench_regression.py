@@ -16,7 +16,7 @@ from tactsim.bench.runner import perform
 from tactsim.bench.trials import Task, run_trial
 from tactsim.estimators import create
 from tactsim.estimators.registry import BUILT_IN
-from tactsim.press import ScanOptions, scan_letters
+from tactsim.press import ScanOptions, forward_model, scan_letters
 
 pytestmark = pytest.mark.benchmark
 READINGS = 30
@@ -83,7 +83,7 @@ def test_map(benchmark, against_reference, scan):
 @pytest.mark.parametrize("name", BUILT_IN)
 def test_trial(benchmark, against_reference, scan, name):
     estimator = create(name)
-    fit(estimator, scan)
+    fit(estimator, scan, forward_model)
     test, objects = scan.where("test", "A"), properties(scan)
     trial = against_reference(
         lambda: run_trial(

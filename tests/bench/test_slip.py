@@ -11,7 +11,9 @@ from tactsim.bench.config import run_config
 from tactsim.bench.runner import silent
 from tactsim.bench.score import Properties, recovered_within
 from tactsim.bench.slip import STILL, Slip
-from tactsim.bench.trials import Task, TrialPlan, run_trial, run_trials
+from tactsim.bench.trial_plan import TrialPlan
+from tactsim.bench.trial_workers import run_trials
+from tactsim.bench.trials import Task, run_trial
 from tactsim.core import InputError, invert, wrap_angle
 from tactsim.estimators import Options
 

@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 from command_line import Bench, refused
 
-from tactsim.bench import chunks, results, sweep, sweep_file, trials
+from tactsim.bench import chunks, results, sweep, sweep_file, trial_plan
 from tactsim.bench.config import run_config
 from tactsim.bench.runner import perform, silent
 from tactsim.core import InputError
@@ -138,7 +138,9 @@ def test_a_chunk_that_was_damaged_is_done_again(bench, tmp_path, whole):
 OTHERS = {
     "nothing": lambda patch, plan: plan,
     "version": lambda patch, plan: patch.setattr(chunks, "versions", lambda: {"tactsim": "0.0"}) or plan,
-    "source": lambda patch, plan: patch.setattr(trials, "source_digest", lambda *modules: "0" * 64) or plan,
+    "source": lambda patch, plan: (
+        patch.setattr(trial_plan, "source_digest", lambda *modules: "0" * 64) or plan
+    ),
     "readings": lambda patch, plan: replace(plan, scan=replace(plan.scan, poses=plan.scan.poses + 1)),
     "options": lambda patch, plan: replace(plan, options={"bins": 101}),
     "seed": lambda patch, plan: replace(plan, seed=1),

@@ -8,18 +8,9 @@ from tactsim.bench.config import run_config
 from tactsim.bench.placement_error import Properties
 from tactsim.bench.runner import gather, silent
 from tactsim.bench.score import wilson
-from tactsim.bench.trials import (
-    Task,
-    TrialPlan,
-    Trials,
-    check_readings,
-    draw_true_pose,
-    flatten_work,
-    generator,
-    run_trial,
-    run_trials,
-    unflatten_work,
-)
+from tactsim.bench.trial_plan import TrialPlan
+from tactsim.bench.trial_workers import run_trials
+from tactsim.bench.trials import Task, Trials, check_readings, draw_true_pose, generator, run_trial
 from tactsim.core import InputError, Scan, compose
 from tactsim.estimators import NONE, Estimate, Estimator, Options
 
@@ -174,11 +165,6 @@ def test_a_proposing_estimator_chooses_among_the_readings_that_are_left():
 def test_evaluations_are_counted_for_each_update():
     trials = trials_of(Witness(Options()), make_scan(), count=1, readings=3)
     assert (trials.evaluations == 7).all()
-
-
-def test_work_survives_flattening():
-    work = {"likelihood_evaluations": 3, "skipped": {"cached": 2, "far": 0}}
-    assert unflatten_work(flatten_work(work)) == work
 
 
 @pytest.mark.parametrize(
