@@ -80,7 +80,10 @@ def test_a_page_opens_without_a_complaint(open_page, path):
 def test_how_sure_is_drawn_beside_how_often_right(open_page, path):
     sure = open_page(path).locator("section").filter(has_text="How sure, and how rightly").last
     titles = sure.locator("figure.chart figcaption").all_inner_texts()
-    assert titles == ["Share of 90 % regions that hold the truth", "Share right against the probability stated"]
+    assert titles == [
+        "Share of 90 % regions that hold the truth",
+        "Share right against the probability stated",
+    ]
     assert all(sure.locator("figure.chart svg path").nth(i).get_attribute("d") for i in range(4))
 
 
