@@ -32,7 +32,7 @@ _SCOUTS = 1500  # states a letter that wait for the first reading which says whe
 # Squared pressures over the noise's variance. From the first on a reading says where it was taken; a fainter one
 # does, as well as it can, when few scouts are left. For a taxel the latter; noise alone has 1.
 _CONTACT, _FAINT = 1000.0, 3.0
-_NEGLIGIBLE = 14.0  # nats below the heaviest mode at which one is given up
+_NEGLIGIBLE = 30.0  # nats below the heaviest mode at which one is given up
 _APART = 0.7  # standard deviations; modes that are nearer to each other are one
 _LOST = 1e-6  # probability that the true mode was given up
 _OUTLIER = 1e-3  # probability of a reading that no mode explains
@@ -40,7 +40,9 @@ _SAMPLES, _STATES = 256, 4096  # drawn from the modes for an estimate, and to st
 _ROUNDS = 4  # of Gauss and Newton after a reading, at most
 _CANDIDATES = 10  # places of the bank that are looked at closely for each mode that is begun
 _CELL = 0.6  # standard deviation of a cell's prior over its size; a sum of such Gaussians is nearly even
-_ROUGH = 1.5  # times the noise: what a bank's linear predictions are off by within a cell
+# Times the noise: what a bank's linear predictions are off by, within a cell and for presses that err. With less, the
+# true place may be given up before it is pressed.
+_ROUGH = 6.0
 _FEW = 200  # modes; more are not compared with each other
 _RESTARTS = 4
 # How often a press is predicted anew, if in place, tilt or load it is off by so many standard deviations more than was
@@ -170,7 +172,7 @@ class Synthesis(Estimator):
         if not len(score):
             return None
         copies = np.log([bank.copies for bank in self.banks])[letter]
-        best = np.sort(_highest(score + copies, _CANDIDATES * self.options.modes))
+        best = _highest(score + copies, _CANDIDATES * self.options.modes)
         letter, entry, turned, state = letter[best], entry[best], turned[best], state[best]
 
         def from_bank(one: int, which: NDArray[np.intp]) -> Linearised:
@@ -180,7 +182,7 @@ class Synthesis(Estimator):
         modes = modes.with_reading(
             first, state, *self._expand(letter, state, np.full(len(letter), first), from_bank, _ROUGH)
         )
-        modes = self._refreshed(self._heaviest(modes.posterior(self._floor)))
+        modes = self._refreshed(modes.posterior(self._floor).heaviest(self.options.modes, math.inf))
         for number in range(len(self._readings)):
             if number != first:
                 modes = self._heaviest(self._taken_in(modes, number))
@@ -366,6 +368,7 @@ def likeliest_press(readings: FloatArray, found: Linearised, noise: float) -> Fl
 
 
 def _highest(values: FloatArray, count: int) -> NDArray[np.intp]:
+    """Choose the `count` highest of n values, and what is as high as the last of them."""
     if count >= len(values):
         return np.arange(len(values))
-    return np.argpartition(-values, count)[:count]
+    return np.flatnonzero(values >= np.partition(values, -count)[-count])
