@@ -15,7 +15,6 @@ from tactsim.estimators import NONE, Estimate, Estimator
 from tactsim.estimators.estimator import check_estimate
 from tactsim.press import forward_model
 
-
 _REHEARSED = 3  # touches before the first: what an estimator prepares only when it is needed is then ready
 
 
