@@ -8,7 +8,7 @@ import sys
 import termios
 import tty
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 
 
 @contextmanager
@@ -22,13 +22,17 @@ def keys() -> Iterator[Callable[[], list[str]]]:
         tty.setcbreak(sys.stdin)
         yield _typed
     finally:
-        termios.tcsetattr(sys.stdin, termios.TCSADRAIN, settings)
+        with suppress(termios.error):  # the terminal may be gone
+            termios.tcsetattr(sys.stdin, termios.TCSADRAIN, settings)
 
 
 def _typed() -> list[str]:
     typed: list[str] = []
     while select.select([sys.stdin], [], [], 0)[0]:
-        key = os.read(sys.stdin.fileno(), 1)
+        try:
+            key = os.read(sys.stdin.fileno(), 1)
+        except OSError:
+            key = b""
         if not key:  # the terminal is gone
             return [*typed, "q"]
         typed.append(key.decode(errors="replace").lower())

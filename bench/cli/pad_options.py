@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 if TYPE_CHECKING:
-    from tactsim.core import Scan
     from tactsim.core.source import Source
     from tactsim.hardware.calibration import Calibration
     from tactsim.hardware.device import Device
@@ -81,18 +80,6 @@ def segment(device: Device, ports: list[str], calibration: Calibration | None, *
         "versions": versions(),
         **more,
     }
-
-
-def with_letters(scan: Scan) -> Scan:
-    """Add to the scan's `meta` what scores need to know of the labels that are letters."""
-    from dataclasses import replace
-
-    from tactsim.models import letter, names
-    from tactsim.press.scanning import object_facts
-
-    known = set(names())
-    objects = {label: object_facts(letter(label)) for label in scan.letters if label in known}
-    return replace(scan, meta={**scan.meta, "objects": objects})
 
 
 def rounded(value: float, digits: int, sign: str = "") -> str:
