@@ -161,6 +161,10 @@ class RunConfig(ScanWords):
     train_scan: Path | None = Field(
         None, description="Training readings from another file (train on simulated, test on recorded)."
     )
+    presses: Path | None = Field(
+        None,
+        description="Trials measured on a pad (--port), a folder: instead of a scan, each trial with its own presses.",
+    )
     given: Annotated[str | None, Flag(None)] = Field(
         None, description="Digest of the readings that were given in Python."
     )
@@ -171,18 +175,26 @@ class RunConfig(ScanWords):
             return self
         for name in ("shapes", "test_poses", "world", "noise", "scan_set"):
             if getattr(self, name) != RunConfig.model_fields[name].default:
-                where = f"come from {self.scan}" if self.scan else "are given"
                 raise ValueError(
-                    f"{name} says how letters are pressed, but the readings {where}; leave it out"
+                    f"{name} says how letters are pressed, but the readings {self._whence}; leave it out"
                 )
         return self
 
     @model_validator(mode="after")
     def _blind_touches_need_a_press(self) -> RunConfig:
         if self.explore == "blind" and not self.pressed:
-            where = f"come from {self.scan}" if self.scan else "are given"
             raise ValueError(
-                f"explore=blind presses on demand, but the readings {where}; give random or information"
+                f"explore=blind presses on demand, but the readings {self._whence}; give random or information"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _measured_presses_only_test(self) -> RunConfig:
+        if self.presses is not None and (self.scan is not None or self.given is not None):
+            raise ValueError("presses and scan both say what is tested; leave one out")
+        if self.presses is not None and self.train_scan is None:
+            raise ValueError(
+                "presses of a pad are for testing; name what is trained on: train_scan (`bench record`, `bench scan`)"
             )
         return self
 
@@ -196,7 +208,12 @@ class RunConfig(ScanWords):
     @property
     def pressed(self) -> bool:
         """Tell whether the readings are pressed for this run."""
-        return self.scan is None and self.given is None
+        return self.scan is None and self.given is None and self.presses is None
+
+    @property
+    def _whence(self) -> str:
+        place = self.scan or self.presses
+        return f"come from {place}" if place else "are given"
 
     @property
     def on_demand(self) -> bool:
@@ -223,7 +240,9 @@ class RunConfig(ScanWords):
     def source(self) -> str:
         """Name the readings: runs with the same source share them."""
         pressed = self.scan_options.model_dump(mode="json") if self.pressed else None
-        words = self.model_dump(mode="json", include={"scan", "train_scan", "given", "letters", "hold_out"})
+        words = self.model_dump(
+            mode="json", include={"scan", "train_scan", "presses", "given", "letters", "hold_out"}
+        )
         return json.dumps([pressed, words], sort_keys=True)
 
     @property

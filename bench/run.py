@@ -147,7 +147,7 @@ class Run:
     @property
     def on_demand(self) -> bool:
         """Whether each touch of a trial was pressed when it was chosen."""
-        given = self.config["scan"] is not None or self.config["given"] is not None
+        given = any(self.config.get(name) is not None for name in ("scan", "given", "presses"))
         return self.config["explore"] != "random" and not given
 
     @property

@@ -13,6 +13,8 @@ from tactsim.bench.bound.efficiency import bounds_of_trials
 from tactsim.bench.config import RunConfig
 from tactsim.bench.fitting import fit
 from tactsim.bench.machine import machine, peak_memory_mb, versions
+from tactsim.bench.measured import MeasuredTrials, measured_scan
+from tactsim.bench.offered_touches import Press
 from tactsim.bench.placement_error import properties
 from tactsim.bench.run import Run
 from tactsim.bench.touching import OnDemand
@@ -111,6 +113,9 @@ def gather(
     work: dict[str, Any] = {"presses": 0, "skipped": {}}
     if scan is None and config.scan is not None:
         scan = Scan.load(config.scan)
+    elif scan is None and config.presses is not None:
+        letters = config.letters or train_scan(config).letters
+        scan = measured_scan(config.presses, letters, config.trials, config.readings)
     elif scan is None:
         scan, work = scan_letters(
             config.scan_options,
@@ -119,7 +124,7 @@ def gather(
             progress=lambda done, total: progress("press", done, total),
         )
     if config.train_scan is not None:
-        scan = train_on(Scan.load(config.train_scan), scan)
+        scan = train_on(train_scan(config), scan)
     letters = config.letters or scan.letters
     if not letters:
         raise InputError(f"{config.scan or 'the scan'} holds no readings")
@@ -138,6 +143,13 @@ def gather(
     return Gathered(scan, letters, work, perf_counter() - start)
 
 
+def train_scan(config: RunConfig) -> Scan:
+    """Load the training readings that a run takes from a file of their own. Raises InputError if it has none."""
+    if config.train_scan is None:
+        raise InputError("a run on a pad's presses takes its training readings from --train-scan")
+    return Scan.load(config.train_scan)
+
+
 def plan_of(config: RunConfig, scan: Scan, given: Estimator | None = None) -> TrialPlan:
     """Put together what a worker needs to do this run's trials on these readings."""
     return TrialPlan(
@@ -148,11 +160,18 @@ def plan_of(config: RunConfig, scan: Scan, given: Estimator | None = None) -> Tr
         config.seed,
         config.explore,
         config.moving,
-        OnDemand(config.scan_options) if config.on_demand else None,
+        _press(config, scan),
         forward_model,
         given,
         config.each_held_out,
     )
+
+
+def _press(config: RunConfig, scan: Scan) -> Press | None:
+    """Choose where touches come from that are not simply the scan's."""
+    if config.presses is not None:
+        return MeasuredTrials(scan, config.readings)
+    return OnDemand(config.scan_options) if config.on_demand else None
 
 
 def finished_run(
@@ -233,6 +252,8 @@ def budget_of(estimator: Estimator) -> dict[str, Any] | None:
 def _protocol_name(config: RunConfig, scan: Scan) -> str:
     """Name the protocol of a run; only results of one protocol share a table."""
     where = "test poses " + ("from a file" if config.scan else _stated_test_poses(scan) or "given")
+    if config.presses is not None:
+        where = "presses on a pad"
     order = "random order"
     if config.on_demand:
         where = "touches in the robot's frame"

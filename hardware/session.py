@@ -45,6 +45,7 @@ class Plan(BaseModel):
     label: str = Field(min_length=1, max_length=100)
     split: str = Field("train", pattern="^(train|test)$")
     poses: tuple[tuple[float, float, float], ...] = Field(min_length=1, max_length=100_000)
+    enough: int | None = Field(None, ge=1, description="presses that end the session; None: all are wanted")
     frames: int = Field(20, ge=1, le=10_000, description="readings whose mean is a press")
     window: int = Field(10, ge=4, le=1000, description="readings over which a press must be steady")
     touch_kpa: float = Field(2.0, gt=0, description="kPa above which a taxel is touched")
@@ -67,6 +68,8 @@ class Plan(BaseModel):
             raise ValueError(
                 f"least_force {self.least_force:g} N must be below most_force {self.most_force:g} N"
             )
+        if self.enough is not None and self.enough > len(self.poses):
+            raise ValueError(f"{self.enough} presses of {len(self.poses)} cannot be enough")
         return self
 
 
@@ -118,8 +121,13 @@ class Session:
         self._untouched = 0
         self._since: float | None = None  # host time from which the press has been waited for
         self._before: list[int] = []  # presses in the order in which they were recorded, for `redo`
-        self.current = next_press(self.presses, len(self.plan.poses))
+        self.current = next_press(self.presses, self.plan)
         self._begin(Phase.LIFT)
+
+    @property
+    def taken(self) -> int:
+        """Count the presses that were taken."""
+        return count_taken(self.presses)
 
     @property
     def progress(self) -> float:
@@ -186,7 +194,7 @@ class Session:
             return None
         mark = Press(number=number, what="redo")
         note(self.presses, mark)
-        self.current = next_press(self.presses, len(self.plan.poses))
+        self.current = next_press(self.presses, self.plan)
         self._begin(Phase.LIFT)
         self._since = None
         self.message = f"again press {number + 1}"
@@ -254,7 +262,7 @@ class Session:
     def _finish(self, press: Press) -> Press:
         note(self.presses, press)
         self._before.append(press.number)
-        self.current = next_press(self.presses, len(self.plan.poses))
+        self.current = next_press(self.presses, self.plan)
         self.message = ""
         self._begin(Phase.LIFT)
         self._since = None
@@ -283,9 +291,17 @@ def note(presses: dict[int, Press], mark: Press) -> None:
         presses[mark.number] = mark
 
 
-def next_press(presses: Mapping[int, Press], total: int) -> int:
-    """Find the first press that is neither recorded nor skipped; `total` if there is none."""
+def next_press(presses: Mapping[int, Press], plan: Plan) -> int:
+    """Find the first press that is neither recorded nor skipped; the number of poses if no more are wanted."""
+    total = len(plan.poses)
+    if plan.enough is not None and count_taken(presses) >= plan.enough:
+        return total
     return next((number for number in range(total) if number not in presses), total)
+
+
+def count_taken(presses: Mapping[int, Press]) -> int:
+    """Count the presses that were taken; the others were skipped."""
+    return sum(press.what == "taken" for press in presses.values())
 
 
 def parse_press(content: Mapping[str, Any], total: int) -> Press:

@@ -15,20 +15,28 @@ Covers = Callable[[FloatArray], NDArray[np.bool_]]
 
 # Colours from nothing to the largest pressure, and one for taxels below zero or not read.
 _SCALE = ("#1b1b3a", "#2d2f73", "#27568f", "#1f7f8c", "#2fa36b", "#8ac926", "#ffca3a", "#ff924c", "#ff595e")
-_CELL = (1.0, 2.0)  # mm of one character: twice as high as wide
+_NUMBERED = 4  # characters of a taxel with its number
 
 
 def placement(
-    sensor_in_object: FloatArray, pad: Pad, covers: Covers | None, from_behind: bool, reach: float = 27.0
+    sensor_in_object: FloatArray,
+    pad: Pad,
+    covers: Covers | None,
+    from_behind: bool,
+    reach: float = 27.0,
+    cell: float = 1.0,
 ) -> Text:
     """Draw where the object lies on the pad: `#` on taxels that are read, `+` beside them, `.` the pad.
 
     covers(points): which of the points (n, 2) mm of the object's frame lie on the object; None draws its
     origin `o` and its x axis `->` instead. from_behind: the object is pressed face down and seen from
-    its back, so left and right are exchanged. The drawing reaches `reach` mm to all sides.
+    its back, so left and right are exchanged. The drawing reaches `reach` mm to all sides; a character is
+    `cell` mm wide and twice as high.
     """
-    x = np.arange(-reach + _CELL[0] / 2, reach, _CELL[0])
-    y = np.arange(reach - _CELL[1] / 2, -reach, -_CELL[1])
+    size = np.array([cell, 2 * cell])
+    columns, rows = (int(2 * reach / side + 1e-9) for side in size)
+    x = (np.arange(columns) - (columns - 1) / 2) * size[0]
+    y = ((rows - 1) / 2 - np.arange(rows)) * size[1]
     points = np.stack(np.meshgrid(-x if from_behind else x, y), axis=-1).reshape(-1, 2)
     half = np.array([pad.column_edges.max(), pad.row_edges.max()])
     on_pad = (np.abs(points) <= half).all(axis=1)
@@ -39,7 +47,7 @@ def placement(
     else:
         axis = np.column_stack([np.arange(13.0), np.zeros(13)])
         for step, place in enumerate(transform(invert(sensor_in_object), axis)):
-            near = int(np.argmin(np.abs((points - place) / _CELL).max(axis=1)))
+            near = int(np.argmin(np.abs((points - place) / size).max(axis=1)))
             marks[near] = "o" if step == 0 else ">" if step == 12 else "-"
     styles = {"#": "bold yellow", "+": "dim", ".": "blue", "o": "bold", "-": "bold", ">": "bold"}
     text = Text()
@@ -59,27 +67,68 @@ def where(sensor_in_object: FloatArray, from_behind: bool) -> str:
     across = f"{abs(x):.1f} mm {'right' if x > 0 else 'left'}"
     along = f"{abs(y):.1f} mm {'up' if y > 0 else 'down'}"
     turned = round(degrees) % 360
-    return f"centre {across} and {along} of the pad's middle, turned {turned} degrees counter-clockwise"
+    return f"centre {across}, {along} of the pad's, {turned} degrees counter-clockwise"
 
 
-def tactile_image(pressures: FloatArray, taxel_xy: FloatArray, from_behind: bool = False) -> Text:
-    """Draw pressures (taxels,) kPa where the taxels (taxels, 2) mm lie, the numbers in whole kPa."""
+def on_template(sensor_in_object: FloatArray) -> str:
+    """Say which marks of the sheets of `bench template` belong together."""
+    x, y, theta = sensor_in_object
+    degrees = round(float(np.rad2deg(theta)), 1) % 360
+    return f"template: x {round(x, 1) + 0.0:g}, y {round(y, 1) + 0.0:g}, arrow at {degrees:g}"
+
+
+def tactile_image(
+    pressures: FloatArray | None,
+    taxel_xy: FloatArray,
+    from_behind: bool = False,
+    room: tuple[int, int] | None = None,
+) -> Text:
+    """Draw pressures (taxels,) kPa where the taxels (taxels, 2) mm lie, the numbers in whole kPa.
+
+    pressures: None where they are not known, as of a pad that is lost. room: characters across and down that there
+    are; where the numbers do not fit, the colours alone are drawn, two rows of taxels a line.
+    """
     xs, columns = np.unique(np.round(taxel_xy[:, 0], 3), return_inverse=True)
     ys, rows = np.unique(np.round(taxel_xy[:, 1], 3), return_inverse=True)
     taxels = np.full((len(ys), len(xs)), -1)
     taxels[rows, columns] = np.arange(len(taxel_xy))
     if from_behind:
         taxels = taxels[:, ::-1]
-    largest = max(float(np.max(pressures, initial=0.0)), 1e-9)
+    taxels = taxels[::-1]
+    if pressures is None:
+        return (
+            Text("\n".join("   ?" * len(xs) for _ in ys), "dim") if _fits(taxels, room) else Text("?", "dim")
+        )
+    share = np.clip(pressures / max(float(np.max(pressures, initial=0.0)), 1e-9), 0.0, 1.0)
+    shades = [_SCALE[round(each * (len(_SCALE) - 1))] for each in share.tolist()]
+    if not _fits(taxels, room):
+        return _half_blocks(taxels, shades)
     text = Text()
-    for row in taxels[::-1]:
+    for row in taxels.tolist():
         for taxel in row:
             if taxel < 0:
                 text.append("   -")
                 continue
-            share = min(max(float(pressures[taxel]) / largest, 0.0), 1.0)
-            shade = _SCALE[round(share * (len(_SCALE) - 1))]
             whole = round(float(pressures[taxel])) + 0  # the integer 0 has no sign
-            text.append(f"{whole:4d}", f"{'black' if share > 0.5 else 'white'} on {shade}")
+            colour = "black" if share[taxel] > 0.5 else "white"
+            text.append(f"{whole:4d}", f"{colour} on {shades[taxel]}")
+        text.append("\n")
+    return text
+
+
+def _fits(taxels: NDArray[np.int64], room: tuple[int, int] | None) -> bool:
+    """Tell whether the numbers of all taxels fit."""
+    return room is None or (_NUMBERED * taxels.shape[1] <= room[0] and taxels.shape[0] <= room[1])
+
+
+def _half_blocks(taxels: NDArray[np.int64], shades: list[str]) -> Text:
+    """Draw a character for two taxels, one above the other; where there is none, it is black."""
+    text = Text()
+    if len(taxels) % 2:
+        taxels = np.vstack([taxels, np.full_like(taxels[:1], -1)])
+    for upper, lower in zip(taxels[::2].tolist(), taxels[1::2].tolist(), strict=True):
+        for above, below in zip(upper, lower, strict=True):
+            ink, paper = ("black" if taxel < 0 else shades[taxel] for taxel in (above, below))
+            text.append("\u2580", f"{ink} on {paper}")
         text.append("\n")
     return text

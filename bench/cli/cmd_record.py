@@ -7,17 +7,13 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from tactsim.bench.cli import guide_options as guide
 from tactsim.bench.cli import pad_options as pads
 
 if TYPE_CHECKING:
-    from tactsim.core.source import Source
     from tactsim.hardware.calibration import Calibration
     from tactsim.hardware.device import Device
-    from tactsim.hardware.recording import Recorder
     from tactsim.hardware.session import Plan
-    from tactsim.hardware.terminal_pictures import Covers
-
-_TOUCH = 5.0  # standard deviations of the noisiest taxel above which a taxel is touched
 
 
 def command(
@@ -39,21 +35,10 @@ def command(
     poses: Annotated[
         str, typer.Option(help="The poses: grid (the paper's 192), or random:N off the grid.")
     ] = "grid",
-    frames: Annotated[int, typer.Option(min=1, help="Readings whose mean is a press.")] = 20,
-    force: Annotated[str, typer.Option(help="Least and most force of a press on the taxels, N.")] = "0.3:20",
-    patience: Annotated[
-        float | None,
-        typer.Option(
-            help="Seconds after which a press is taken as it is, for a machine that presses.",
-            show_default=False,
-        ),
-    ] = None,
-    seen: Annotated[
-        str,
-        typer.Option(
-            help="behind: you see the object's back as you press it; front: the pad is pressed on it."
-        ),
-    ] = "behind",
+    frames: guide.Frames = 20,
+    force: guide.Force = "0.3:20",
+    patience: guide.Patience = None,
+    seen: guide.Seen = "behind",
     seconds: Annotated[
         float | None,
         typer.Option(help="Without --letter: for how long. Default: till Ctrl-C.", show_default=False),
@@ -61,28 +46,18 @@ def command(
     seed: Annotated[int, typer.Option(min=0, help="Seed of random poses.")] = 0,
 ) -> None:
     """Record a pad: with --letter a guided session that makes a scan, else all it says."""
-    from tactsim.core.errors import InputError
-
-    if seen not in ("behind", "front"):
-        raise InputError(f"--seen {seen!r}: say behind or front")
+    guide.from_behind(seen)
     _check_name(out, ".tactrec" if letter is None else ".npz")
     described, correction = pads.load(device, calibration)
     if letter is None:
         _record_all(port, out, described, correction, seconds)
         return
-    least, most = _force(force)
-    noise = 0.0 if correction is None else sorted(correction.noise)[-1]
-    plan = {
-        "label": letter, "split": split, "poses": _poses(poses, seed), "frames": frames,
-        "touch_kpa": max(described.touch_kpa, _TOUCH * noise), "least_force": least, "most_force": most,
-        "patience": patience,
-    }  # fmt: skip
     from tactsim.core.checking import checked
     from tactsim.hardware.session import Plan
 
-    _record_session(
-        port, out, described, correction, checked(Plan, plan, "session"), resume, seen == "behind"
-    )
+    settings = guide.plan_settings(port, described, correction, frames, force, patience)
+    plan = {"label": letter, "split": split, "poses": _poses(poses, seed)} | settings
+    _record_session(port, out, described, correction, checked(Plan, plan, "session"), resume, seen)
 
 
 def _record_session(
@@ -92,48 +67,25 @@ def _record_session(
     calibration: Calibration | None,
     plan: Plan,
     resume: bool,
-    from_behind: bool,
+    seen: str,
 ) -> None:
-    import time
-
     from tactsim.bench.console import plain_console
-    from tactsim.bench.guide import lead
+    from tactsim.bench.guided import record
+    from tactsim.bench.measured import with_letters
     from tactsim.bench.places import check_new_file
-    from tactsim.core.errors import InputError
-    from tactsim.hardware.recording import SUFFIX, Recorder, check_whole
-    from tactsim.hardware.scans import read_session, scan_of_sessions
-    from tactsim.hardware.session import Session
+    from tactsim.hardware.recording import SUFFIX
+    from tactsim.hardware.scans import scan_of_sessions
 
     check_new_file(out)
-    journal = out.with_suffix(SUFFIX)
-    presses, first = {}, 0
-    if resume and check_whole(journal).records:  # without records, it was killed before it began
-        before = read_session(journal)
-        if before.plan.poses != plan.poses or before.plan.label != plan.label:
-            raise InputError(
-                f"{journal} is a session of {before.plan.label!r} with {len(before.plan.poses)} presses, not the "
-                "one asked for; resume it with the same --letter and --poses"
-            )
-        if before.pad != device.pad:
-            raise InputError(f"{journal} was recorded with another pad than {device.name!r}")
-        plan, presses, first = before.plan, before.presses, before.readings
-    console = plain_console()
-    with Recorder(journal, append=resume) as recorder:
-        recorder.segment(
-            pads.segment(device, port, calibration, plan=plan.model_dump(mode="json")), time.monotonic()
-        )
-        with _open(port, device, calibration, recorder, new=not resume) as source:
-            session = Session(plan, device.pad, presses)
-            done = lead(session, source, recorder, first, _shape(plan.label), from_behind, console)
-            recorder.end(source.counters.as_dict(), time.monotonic())
-    console.print(pads.counters_line(source.counters.as_dict()))
-    if not done:
+    journal, console = out.with_suffix(SUFFIX), plain_console()
+    sitting = record(guide.station(port, device, calibration, seen, console), plan, journal, resume=resume)
+    console.print(pads.counters_line(sitting.counters))
+    if not sitting.done:
         console.print(
-            f"{len(session.presses)} of {len(plan.poses)} presses are in {journal}; the same command with --resume "
-            "goes on",
+            f"{sitting.presses} of {len(plan.poses)} presses are in {journal}; the same command with --resume goes on",
         )
         return
-    scan = pads.with_letters(scan_of_sessions([journal]))
+    scan = with_letters(scan_of_sessions([journal]))
     scan.save(out)
     console.print(f"{len(scan)} readings of {plan.label} in {out}; the bytes are in {journal}")
 
@@ -144,6 +96,7 @@ def _record_all(
     import time
 
     from tactsim.bench.console import plain_console
+    from tactsim.bench.guided import open_recorded
     from tactsim.core.source import NoReading, SourceEnded
     from tactsim.hardware.recording import Recorder
 
@@ -152,7 +105,7 @@ def _record_all(
     with Recorder(out) as recorder:
         start = time.monotonic()
         recorder.segment(pads.segment(device, port, calibration), start)
-        with _open(port, device, calibration, recorder, new=True) as source:
+        with open_recorded(port, device, calibration, recorder, new=True) as source:
             try:
                 while seconds is None or time.monotonic() - start < seconds:
                     try:
@@ -178,25 +131,6 @@ def _record_all(
         raise silence
 
 
-def _open(
-    port: list[str], device: Device, calibration: Calibration | None, recorder: Recorder, new: bool
-) -> Source:
-    """Open what is recorded. A recording that is new is removed if that fails, so that it can be tried again."""
-    from tactsim.core.errors import InputError
-    from tactsim.hardware.sources import open_source
-
-    try:
-        source = open_source(port, device, calibration, recorder)
-        if source.pad != device.pad:
-            source.close()
-            raise InputError(f"{port[0]} has another pad than --device says")
-    except InputError:
-        if new:
-            recorder.discard()
-        raise
-    return source
-
-
 def _check_name(out: Path, suffix: str) -> None:
     """Refuse a name by which what is written would be taken for something else."""
     from tactsim.core.errors import InputError
@@ -209,16 +143,6 @@ def _check_name(out: Path, suffix: str) -> None:
         )
     also = "; `bench replay FILE.tactrec --csv` makes a table of it" if out.suffix.lower() == ".csv" else ""
     raise InputError(f"--out {out}: a recording is called FILE{suffix}{also}")
-
-
-def _force(text: str) -> tuple[float, float]:
-    from tactsim.core.errors import InputError
-
-    try:
-        least, most = (float(word) for word in text.split(":"))
-    except ValueError:
-        raise InputError(f"--force {text!r}: write it as LEAST:MOST in N, like 0.5:5") from None
-    return least, most
 
 
 def _poses(text: str, seed: int) -> list[tuple[float, ...]]:
@@ -235,14 +159,3 @@ def _poses(text: str, seed: int) -> list[tuple[float, ...]]:
     if kind != "random" or count is None or not 1 <= count <= 100_000:
         raise InputError(f"--poses {text!r}: say grid, or random:N for N poses off the grid")
     return [tuple(pose) for pose in random_poses(np.random.default_rng(seed), count).tolist()]
-
-
-def _shape(label: str) -> Covers | None:
-    """Give the test for points on the letter of that name; None if there is no such letter."""
-    from tactsim.models import letter, names
-    from tactsim.press.clip import covers
-
-    if label not in names():
-        return None
-    contours = letter(label).contours
-    return lambda points: covers(contours, points)

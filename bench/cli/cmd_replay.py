@@ -46,6 +46,7 @@ def command(
 ) -> None:
     """Read recordings again, bit for bit: show what they hold, make a scan or a table of them."""
     from tactsim.bench.console import plain_console
+    from tactsim.bench.measured import with_letters
     from tactsim.bench.places import check_new_file
     from tactsim.core.errors import InputError
     from tactsim.hardware.scans import cut as cut_scan
@@ -82,7 +83,7 @@ def command(
     else:
         with opened(recordings[0]) as source:
             made = scan_of_intervals(source, read_intervals(marks))
-    made = pads.with_letters(made)
+    made = with_letters(made)
     if window is not None:
         made = cut_scan(made, *window, stride)
     made.save(scan)

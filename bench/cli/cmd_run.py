@@ -1,20 +1,29 @@
-"""`bench run`: press, map, recognise and score with one estimator."""
+"""`bench run`: press, map, recognise and score with one estimator; with --port, on a real pad."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from tactsim.bench.cli import guide_options as guide
 from tactsim.bench.cli import shared_options as shared
 from tactsim.bench.cli.words import Words, with_options_of
 from tactsim.bench.config import RunConfig, run_config
+
+if TYPE_CHECKING:
+    from tactsim.bench.guided import Station
+
+# A person presses: fewer trials and readings than of a simulation.
+_BY_HAND: dict[str, Any] = {"trials": 2, "readings": 10}
+_DEVICE = "emulated"
 
 
 @with_options_of(RunConfig)
 def command(
     words: Words,
+    context: typer.Context,
     jobs: shared.Jobs = 1,
     cache: shared.Cache = True,
     out: Annotated[
@@ -24,16 +33,58 @@ def command(
     as_json: Annotated[
         bool, typer.Option("--json", help="Print one JSON object on standard output and nothing else there.")
     ] = False,
+    port: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Measure the trials on the pad there, led press by press: --trials (2) of each letter, --readings "
+            "(10) presses each, kept in --presses. simulated:hand shows it without a pad. Needs --train-scan.",
+            rich_help_panel=guide.PANEL,
+            show_default=False,
+        ),
+    ] = None,
+    device: Annotated[
+        str,
+        typer.Option(
+            help="Device file (.toml), or a built-in one; `bench devices` names them.",
+            rich_help_panel=guide.PANEL,
+        ),
+    ] = _DEVICE,
+    calibration: Annotated[
+        Path | None,
+        typer.Option(
+            help="Calibration file of `bench tare`.", rich_help_panel=guide.PANEL, show_default=False
+        ),
+    ] = None,
+    frames: guide.Frames = 20,
+    force: guide.Force = "0.3:20",
+    patience: guide.Patience = None,
+    seen: guide.Seen = "behind",
 ) -> None:
     """Press the letters, learn their maps, recognise them in random places and score every reading."""
+    from tactsim.bench.console import plain_console
     from tactsim.bench.places import check_new_folder, new_place
     from tactsim.bench.results import to_json
     from tactsim.bench.runner import perform
     from tactsim.bench.terminal import print_run, progress_bars
 
+    if port is None:
+        _refuse_without_port(calibration=calibration, patience=patience, device=device)
+    if port is not None or "presses" in words:
+        untyped = {name for name in _BY_HAND if not _is_typed(context, name)}
+        words = {**words, **{name: _BY_HAND[name] for name in untyped}}
     config = run_config(**words)
     folder = out or new_place(config.estimator)
     check_new_folder(folder)
+    if port is not None:
+        from tactsim.bench.cli import pad_options as pads
+
+        if config.presses is None:
+            config = run_config(**words, presses=folder.with_name(f"{folder.name}.presses"))
+        described, correction = pads.load(device, calibration)
+        settings = guide.plan_settings(port, described, correction, frames, force, patience)
+        station = guide.station(port, described, correction, seen, plain_console(stderr=as_json))
+        if not _measured(config, station, settings):
+            return
     with progress_bars() as progress:
         run = perform(config, jobs=jobs, cache=cache, progress=progress)
     run.save(folder)
@@ -41,3 +92,42 @@ def command(
         typer.echo(to_json(run.as_json() | {"results": str(folder)}), nl=False)
     else:
         print_run(run, folder)
+        if port is not None:
+            plain_console().print(
+                f"presses  {config.presses}; `bench run --presses` tries other estimators on them"
+            )
+
+
+def _is_typed(context: typer.Context, name: str) -> bool:
+    source = context.get_parameter_source(name)
+    return source is not None and source.name != "DEFAULT"
+
+
+def _refuse_without_port(**given: Any) -> None:
+    """Raise InputError for an option that says how a pad is pressed where none is."""
+    from tactsim.core.errors import InputError
+
+    for name, value in given.items():
+        if value not in (None, _DEVICE):
+            raise InputError(f"--{name} is for a pad; say where that is with --port, or leave it out")
+
+
+def _measured(config: RunConfig, station: Station, settings: dict[str, Any]) -> bool:
+    """Measure what is missing; tells whether all is there now, and if not, how to go on."""
+    from tactsim.bench.measuring import Wanted, check_pads, count_measured, measure
+    from tactsim.bench.runner import train_scan
+    from tactsim.estimators import create
+
+    create(config.estimator, **config.options)  # a wrong option is reported before the work
+    train = train_scan(config)
+    check_pads(train, station)
+    assert config.presses is not None  # `command` has seen to it
+    wanted = Wanted(config.letters or train.letters, config.trials, config.readings, config.seed)
+    if measure(station, wanted, config.presses, settings):
+        return True
+    count = len(wanted.letters) * wanted.trials * wanted.readings
+    station.console.print(
+        f"{count_measured(wanted, config.presses)} of {count} presses are measured; the same command with --presses "
+        f"{config.presses} goes on"
+    )
+    return False

@@ -139,11 +139,15 @@ def _replay(entry: Entry, tasks: Mapping[str, Task], scans: dict[str, Scan]) -> 
 def _plan_anew(entry: Entry, tasks: Mapping[str, Task], scans: dict[str, Scan]) -> TrialPlan:
     """Get the readings of a loaded run, each scan once. Raises InputError if they cannot be had again."""
     config = checked(RunConfig, entry.run.config, "run")
-    options = None if config.scan else entry.run.about["scan"].get("options")
-    which = config.model_dump(mode="json", include={"scan", "train_scan", "given", "letters", "hold_out"})
+    from_files = config.scan is not None or config.presses is not None
+    options = None if from_files else entry.run.about["scan"].get("options")
+    words = {"scan", "train_scan", "presses", "given", "letters", "hold_out"}
+    if config.presses is not None:
+        words |= {"trials", "readings"}
+    which = config.model_dump(mode="json", include=words)
     key = json.dumps([options, which], sort_keys=True)
     if key not in scans:
-        pressed = None if config.scan else _pressed_again(options, config.given)
+        pressed = None if from_files else _pressed_again(options, config.given)
         scans[key] = gather(config, scan=pressed, jobs=1, cache=True, progress=silent).scan
     check_readings(
         scans[key], sorted({task.truth for task in tasks.values()}), entry.readings, config.hold_out

@@ -86,7 +86,7 @@ class Follower:
                     self._begin(record.json().get("plan"))
                 elif record.kind is Kind.MARK:
                     note(self._presses, parse_press(record.json(), len(self._rows)))
-            current = next_press(self._presses, len(self._rows))
+            current = len(self._rows) if self._plan is None else next_press(self._presses, self._plan)
             if current != self._current:
                 self._current, self._since = current, now
         if self._current >= len(self._rows) or now - self._since < self._lift:

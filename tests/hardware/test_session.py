@@ -259,7 +259,7 @@ def test_a_session_that_is_resumed_asks_for_what_is_missing(pad):
     session = Session(plan(), pad, done)
     assert session.current == 1
     assert [press.number for press in Hand(session, table()).steps(300)] == [1, 3]
-    assert next_press(session.presses, 4) == 4
+    assert next_press(session.presses, session.plan) == 4
 
 
 def record(path, pad, script, calibrations=(None,)):
@@ -418,3 +418,22 @@ def test_no_press_is_averaged_across_a_cable_that_is_cut_again_and_again(tmp_pat
         held = readings[press.first : press.first + press.count]
         assert not any(reading.after_loss for reading in held[1:])
         assert np.diff([reading.device_time for reading in held]).max() < 0.25
+
+
+def test_a_session_may_have_enough_before_its_last_pose(pad):
+    session = Session(plan(enough=2), pad)
+    hand = Hand(session, table())
+    assert session.skip().number == 0
+    while session.phase is not Phase.DONE:
+        hand.steps(1)
+    assert sorted(session.presses) == [0, 1, 2]
+    assert session.taken == 2
+    again = session.redo()
+    assert again.number == 2
+    assert session.current == 2
+    assert session.phase is not Phase.DONE
+
+
+def test_more_than_all_cannot_be_enough():
+    with pytest.raises(ValueError, match="5 presses of 4"):
+        plan(enough=5)

@@ -178,20 +178,20 @@ def test_scales_are_mixed_and_jumps_leave_the_mass_as_it_is(small):
 
 
 @given(st.integers(1, 8), st.integers(1, 8), st.integers(0, 2**32 - 1))
-def test_a_mixture_is_the_sum_of_its_normal_densities(places, centres, seed):
+def test_a_mixture_is_the_sum_of_its_normal_densities(places, parts, seed):
     rng = np.random.default_rng(seed)
     around = 6.0
-    place, centre = (rng.uniform(-3, 3, (n, 3)) for n in (places, centres))
-    weight, variance, spread = rng.random((centres, 2)), np.array([0.5, 2.0]), rng.random(centres)
+    place, centre = (rng.uniform(-3, 3, (n, 3)) for n in (places, parts))
+    weight, variance, mixture = rng.random(parts), rng.uniform(0.2, 3, parts), rng.integers(2, size=parts)
     found = np.zeros((places, 2))
-    add_densities(found, place, centre, weight, variance, spread, around)
+    add_densities(found, place, centre, weight, variance, mixture, around)
     expected = np.zeros((places, 2))
     for j in range(places):
-        for i in range(centres):
+        for i in range(parts):
             step = place[j] - centre[i]
             step[2] -= around * np.rint(step[2] / around)
-            whole = variance + spread[i]
-            expected[j] += weight[i] * np.exp(-0.5 * (step @ step) / whole) / (2 * np.pi * whole) ** 1.5
+            height = weight[i] / (2 * np.pi * variance[i]) ** 1.5
+            expected[j, mixture[i]] += height * np.exp(-0.5 * (step @ step) / variance[i])
     assert np.allclose(found, expected, rtol=1e-6, atol=1e-5)
 
 

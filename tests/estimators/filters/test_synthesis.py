@@ -25,8 +25,9 @@ class Forward(SyntheticForward):
     def readings(self, letter, sensor_in_object):
         return super().readings(letter[0], sensor_in_object)
 
-    def linearised(self, letter, sensor_in_object):
-        found = super().linearised(letter[0], sensor_in_object)
+    def linearised(self, letter, sensor_in_object, off=None):
+        at = sensor_in_object if off is None else compose(sensor_in_object, off * self.placement)
+        found = super().linearised(letter[0], at)
         return Linearised(found.mean, found.by_pose, found.by_pose * self.placement[:, None])
 
 

@@ -1,0 +1,94 @@
+"""Options of the verbs that lead a person through presses, and the station that they describe."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from tactsim.bench.cli import pad_options as pads
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from tactsim.bench.guided import Station
+    from tactsim.hardware.calibration import Calibration
+    from tactsim.hardware.device import Device
+
+PANEL = "On a real pad"
+_TOUCH = 5.0  # standard deviations of the noisiest taxel above which a taxel is touched
+
+Frames = Annotated[int, typer.Option(min=1, help="Readings whose mean is a press.", rich_help_panel=PANEL)]
+Force = Annotated[
+    str, typer.Option(help="Least and most force of a press on the taxels, N.", rich_help_panel=PANEL)
+]
+Patience = Annotated[
+    float | None,
+    typer.Option(
+        help="Seconds after which a press is taken as it is, for a machine that presses.",
+        show_default=False,
+        rich_help_panel=PANEL,
+    ),
+]
+Seen = Annotated[
+    str,
+    typer.Option(
+        help="behind: you see the object's back as you press it; front: the pad is pressed on it.",
+        rich_help_panel=PANEL,
+    ),
+]
+
+
+def from_behind(seen: str) -> bool:
+    """Read --seen. Raises InputError if it says neither."""
+    from tactsim.core.errors import InputError
+
+    if seen not in ("behind", "front"):
+        raise InputError(f"--seen {seen!r}: say behind or front")
+    return seen == "behind"
+
+
+def plan_settings(
+    ports: list[str],
+    device: Device,
+    calibration: Calibration | None,
+    frames: int,
+    force: str,
+    patience: float | None,
+) -> dict[str, Any]:
+    """Give the fields of a session's plan that options and pad decide; a simulated hand has its own."""
+    from tactsim.bench import simulated_hand
+
+    least, most = _force(force)
+    noise = 0.0 if calibration is None else max(calibration.noise)
+    settings = {
+        "frames": frames, "touch_kpa": max(device.touch_kpa, _TOUCH * noise), "least_force": least,
+        "most_force": most, "patience": patience,
+    }  # fmt: skip
+    return settings | (simulated_hand.settings() if ports == [simulated_hand.PLACE] else {})
+
+
+def station(
+    ports: list[str], device: Device, calibration: Calibration | None, seen: str, console: Console
+) -> Station:
+    """Describe where a person presses."""
+    from tactsim.bench.guided import Station
+
+    return Station(
+        ports,
+        device,
+        calibration,
+        lambda plan: pads.segment(device, ports, calibration, plan=plan.model_dump(mode="json")),
+        from_behind(seen),
+        console,
+    )
+
+
+def _force(text: str) -> tuple[float, float]:
+    from tactsim.core.errors import InputError
+
+    try:
+        least, most = (float(word) for word in text.split(":"))
+    except ValueError:
+        raise InputError(f"--force {text!r}: write it as LEAST:MOST in N, like 0.5:5") from None
+    return least, most

@@ -1,0 +1,154 @@
+"""The screen of a guided session: where to press and what the pad feels, side by side, within 80 x 24 characters."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+from rich.console import Console, Group
+from rich.live import Live
+from rich.table import Table
+from rich.text import Text
+
+from tactsim.core.pad import Pad
+from tactsim.core.poses import FloatArray
+from tactsim.hardware.calibration import force
+from tactsim.hardware.session import Phase, Press, Session
+from tactsim.hardware.terminal_pictures import Covers, on_template, placement, tactile_image, where
+
+_KEYS = "space take it as it is   r redo the last   s skip   q stop (it goes on later)"
+_AROUND = 6  # lines above and below the pictures: title, place, state, a message of two lines, keys
+_REACH = 27.0  # mm from the pad's middle that the drawing shows at least: a letter may lie beside the pad
+_BESIDE = 5.0  # mm that it shows beside a larger pad
+_NUMBERS = re.compile(r"[\d.,]+")  # a message that differs in numbers alone is not said again
+
+
+class Screen:
+    """What the person sees: on a terminal one picture that changes, otherwise a line for each press.
+
+    felt: (taxels,) kPa, what the pad says now; None while it is not known. lost: why the pad is lost, or "".
+    """
+
+    def __init__(
+        self,
+        session: Session,
+        taxel_xy: FloatArray,
+        covers: Covers | None,
+        from_behind: bool,
+        console: Console,
+        title: str = "",
+    ) -> None:
+        """Show a session. covers: the object's shape, for the drawing. title: what stands before the letter's name."""
+        self._session, self._taxel_xy, self._covers = session, taxel_xy, covers
+        self._from_behind, self._console, self._title = from_behind, console, title
+        self._live = (
+            Live(console=console, auto_refresh=False, screen=True, vertical_overflow="crop")
+            if console.is_terminal
+            else None
+        )
+        self.felt: FloatArray | None = None
+        self.lost = ""
+        self._said: set[tuple[int, str]] = set()  # without a picture: what was said of which press
+
+    def __enter__(self) -> Screen:
+        if self._live is not None:
+            self._live.start()
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        if self._live is not None:
+            self._live.stop()
+
+    def draw(self) -> None:
+        """Show what is asked for and what the pad feels."""
+        if self._live is None:
+            self._say(f"the pad is lost: {self.lost}" if self.lost else self._session.message)
+        elif self._session.phase is not Phase.DONE:
+            self._live.update(self._picture(), refresh=True)
+
+    def note(self, press: Press) -> None:
+        """Print what became of a press, if no picture shows it."""
+        if self._live is not None:
+            return
+        line = f"{self._title}press {self._number(press.number)}: {press.what}"
+        if press.what == "taken" and self._session.image is not None:
+            line += f", {float(force(self._session.image, self._session.pad)):.2f} N"
+        self._console.print(line)
+
+    def _say(self, message: str) -> None:
+        said = self._session.current, _NUMBERS.sub("", message)
+        if message and said not in self._said:
+            self._console.print(f"{self._title}press {self._number(self._session.current)}: {message}")
+            self._said.add(said)
+
+    def _number(self, press: int) -> str:
+        plan = self._session.plan
+        if plan.enough is None:
+            return f"{press + 1} of {len(plan.poses)}"
+        mark = self._session.presses.get(press)
+        counts = mark is not None and mark.what == "taken"
+        return f"{self._session.taken + (not counts)} of {plan.enough}"
+
+    def _picture(self) -> Group:
+        session, plan = self._session, self._session.plan
+        pose = np.array(plan.poses[session.current])
+        title = f"{self._title}{plan.label} ({plan.split}), press {self._number(session.current)}"
+        if plan.enough is None:
+            title += f", {len(session.presses)} done"
+        heading = Text(title, "bold")
+        heading.append(f"   {on_template(pose)}", "not bold")
+        if self.lost:
+            state = Text("THE PAD IS LOST", "bold white on red")
+            message = f"{self.lost}. It goes on when the pad is back"
+        else:
+            now = 0.0 if self.felt is None else float(force(self.felt, session.pad))
+            state = Text(
+                f"{session.phase.value}  {now:5.2f} N  {100 * session.progress:3.0f} %", "bold green"
+            )
+            message = session.message
+        width, height = self._console.size
+        return Group(
+            _line(heading),
+            _line(Text(where(pose, self._from_behind))),
+            self._pictures(pose, width, height - _AROUND),
+            state,
+            _two_lines(message, width),
+            _line(Text(_KEYS, "dim")),
+        )
+
+    def _pictures(self, pose: FloatArray, width: int, height: int) -> Table:
+        """Draw where to press, and beside it what the pad feels and felt last, in `width` x `height` characters."""
+        session, reach = self._session, _reach(self._session.pad)
+        cell = max(1.0, reach / max(height, 1))  # mm of a character along x; along y it is twice as much
+        drawing = placement(pose, session.pad, self._covers, self._from_behind, reach, cell)
+        drawing.right_crop()  # the last line's end
+        room = width - int(2 * reach / cell) - 3, (height - 3) // 2
+        images = [Text("the pad now"), tactile_image(self.felt, self._taxel_xy, self._from_behind, room)]
+        if session.image is not None:
+            images += [
+                Text("\nthe last press that was taken"),
+                tactile_image(session.image, self._taxel_xy, self._from_behind, room),
+            ]
+        table = Table.grid(padding=(0, 3, 0, 0))
+        table.add_column(no_wrap=True, overflow="crop")
+        table.add_column(no_wrap=True, overflow="crop")
+        table.add_row(drawing, Text("\n").join(images))
+        return table
+
+
+def _reach(pad: Pad) -> float:
+    return max(_REACH, float(pad.column_edges.max()) + _BESIDE, float(pad.row_edges.max()) + _BESIDE)
+
+
+def _line(text: Text) -> Text:
+    text.no_wrap, text.overflow = True, "ellipsis"
+    return text
+
+
+def _two_lines(message: str, width: int) -> Text:
+    """Break a message into exactly two lines, so that nothing below it jumps."""
+    lines = Text(message, "bold red").wrap(Console(width=width), width)
+    if len(lines) > 2:
+        lines[1].truncate(width - 1)
+        lines[1].append("…")
+    return Text("\n").join([*lines[:2], *[Text()] * (2 - len(lines))])

@@ -1,0 +1,113 @@
+"""Do one guided session: open its recording and the pad, lead through the presses, close both."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+
+from tactsim.bench.guide import lead
+from tactsim.bench.guide_screen import Screen
+from tactsim.bench.simulated_hand import PLACE, SimulatedHand
+from tactsim.core.errors import InputError
+from tactsim.core.source import Source
+from tactsim.hardware.calibration import Calibration
+from tactsim.hardware.device import Device
+from tactsim.hardware.recording import Recorder, check_whole
+from tactsim.hardware.scans import read_session
+from tactsim.hardware.session import Plan, Session
+from tactsim.hardware.sources import open_source
+from tactsim.hardware.terminal_pictures import Covers
+from tactsim.hardware.wrappers import Corrected, Recorded
+from tactsim.models import letter, names
+from tactsim.press.clip import covers
+
+
+@dataclass(frozen=True)
+class Station:
+    """Where a person presses: the pad, and how they look at it.
+
+    ports: where the pad is. segment(plan): what a recording says of a sitting (`cli.pad_options.segment`).
+    from_behind: whether the object's back is seen as it is pressed.
+    """
+
+    ports: list[str]
+    device: Device
+    calibration: Calibration | None
+    segment: Callable[[Plan], Mapping[str, Any]]
+    from_behind: bool
+    console: Console
+
+
+@dataclass(frozen=True)
+class Sitting:
+    """How a session ended. done: whether nothing is missing. presses: recorded or skipped."""
+
+    done: bool
+    presses: int
+    counters: dict[str, int]
+
+
+def record(station: Station, plan: Plan, journal: Path, *, resume: bool, title: str = "") -> Sitting:
+    """Record the presses of a plan, or with `resume` those that `journal` does not have yet.
+
+    Raises InputError if the journal is of another session or pad, exists (without `resume`), or the pad cannot be
+    opened.
+    """
+    presses, first = {}, 0
+    if resume and check_whole(journal).records:  # without records, it was killed before it began
+        before = read_session(journal)
+        if before.plan.poses != plan.poses or before.plan.label != plan.label:
+            raise InputError(
+                f"{journal} is a session of {before.plan.label!r} with {len(before.plan.poses)} presses, not the "
+                "one asked for; resume it with the same letter and poses"
+            )
+        if before.pad != station.device.pad:
+            raise InputError(f"{journal} was recorded with another pad than {station.device.name!r}")
+        plan, presses, first = before.plan, before.presses, before.readings
+    session = Session(plan, station.device.pad, presses)
+    with Recorder(journal, append=resume) as recorder:
+        recorder.segment(station.segment(plan), time.monotonic())
+        with _open(station, session, recorder, new=not resume) as source:
+            screen = Screen(
+                session, source.taxel_xy, shape(plan.label), station.from_behind, station.console, title
+            )
+            done = lead(session, source, recorder, first, screen, station.device.deadline)
+            counters = source.counters.as_dict()
+            recorder.end(counters, time.monotonic())
+    return Sitting(done, len(session.presses), counters)
+
+
+def _open(station: Station, session: Session, recorder: Recorder, new: bool) -> Source:
+    if station.ports == [PLACE]:
+        hand = Recorded(SimulatedHand(session, station.device, seed=0), recorder)
+        return hand if station.calibration is None else Corrected(hand, station.calibration, PLACE)
+    return open_recorded(station.ports, station.device, station.calibration, recorder, new)
+
+
+def open_recorded(
+    ports: list[str], device: Device, calibration: Calibration | None, recorder: Recorder, new: bool
+) -> Source:
+    """Open what is recorded. A recording that is new is removed if that fails, so that it can be tried again."""
+    try:
+        source = open_source(ports, device, calibration, recorder)
+        if source.pad != device.pad:
+            source.close()
+            raise InputError(f"{ports[0]} has another pad than --device says")
+    except InputError:
+        if new:
+            recorder.discard()
+        raise
+    return source
+
+
+def shape(label: str) -> Covers | None:
+    """Give the test for points on the letter of that name; None if there is no such letter."""
+    if label not in names():
+        return None
+    contours = letter(label).contours
+    return lambda points: covers(contours, points)

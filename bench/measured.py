@@ -1,0 +1,86 @@
+"""Trials measured on a pad: a folder with the recording of each, as readings of a scan and as touches of trials."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from urllib.parse import quote
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tactsim.bench.offered_touches import RecordedTouches
+from tactsim.core import InputError, Scan
+from tactsim.core.poses import FloatArray
+from tactsim.core.seeds import stream
+from tactsim.hardware.recording import SUFFIX
+from tactsim.hardware.scans import scan_of_sessions
+from tactsim.models import letter, names
+from tactsim.press.scan_poses import random_poses
+from tactsim.press.scanning import object_facts
+
+_STEP_MM, _STEP_DEGREES = 1.0, 5.0  # the marks of the sheets of `bench template`
+_SPARE = 3  # poses of a trial for each one that is wanted: some are skipped
+
+
+def recording_of(folder: Path, letter: str, trial: int) -> Path:
+    """Name the recording of a letter's trial, which counts from 0, in a folder of measured trials."""
+    return folder / f"{quote(letter, safe='')}-{trial + 1}{SUFFIX}"
+
+
+def poses_to_press(letter: str, trial: int, readings: int, seed: int) -> FloatArray:
+    """Draw the poses (n, 3) sensor_in_object of a trial, off the grid; more than `readings`, for some are skipped.
+
+    They lie on whole mm and every 5 degrees, where the sheets of `bench template` have marks.
+    """
+    poses = random_poses(stream(seed, letter, "measured", f"trial {trial}"), _SPARE * readings)
+    steps = (_STEP_MM, _STEP_MM, np.deg2rad(_STEP_DEGREES))
+    poses = np.round(poses / steps) * steps
+    poses[:, 2] %= 2 * np.pi  # rounding may have made a whole turn
+    return poses
+
+
+def measured_scan(folder: Path, letters: Sequence[str], trials: int, readings: int) -> Scan:
+    """Read the measured trials of the letters: for each letter `readings` readings of its first trial, then the next.
+
+    Raises InputError if a trial is missing, or has fewer presses.
+    """
+    chosen: list[NDArray[np.bool_]] = []
+    paths = [recording_of(folder, letter, trial) for letter in letters for trial in range(trials)]
+    for path in paths:
+        if not path.exists():
+            raise InputError(f"{path} was not measured yet; the same command with --port measures it")
+    scan = scan_of_sessions(paths)
+    for path, about in zip(paths, scan.meta["recordings"], strict=True):
+        count = about["presses"]
+        if count < readings:
+            raise InputError(
+                f"{path} has {count} presses of {readings}; the same command with --port measures the others"
+            )
+        chosen.append(np.arange(count) < readings)
+    kept = np.concatenate(chosen)
+    parts = {name: getattr(scan, name)[kept] for name in ("readings", "poses", "labels", "split")}
+    return with_letters(replace(scan, **parts, meta={**scan.meta, "readings_a_trial": readings}))
+
+
+def with_letters(scan: Scan) -> Scan:
+    """Add to the scan's `meta` what scores need to know of the labels that are letters."""
+    known = set(names())
+    objects = {label: object_facts(letter(label)) for label in scan.letters if label in known}
+    return replace(scan, meta={**scan.meta, "objects": objects})
+
+
+@dataclass(frozen=True, eq=False)
+class MeasuredTrials:
+    """Give each trial the touches that were measured for it. scan: as `measured_scan` orders it."""
+
+    scan: Scan
+    readings: int
+
+    def touches(self, truth: str, trial: int, seed: int) -> RecordedTouches:
+        """Offer the touches of one trial of `truth`."""
+        test = self.scan.where("test", truth)
+        own = slice(trial * self.readings, (trial + 1) * self.readings)
+        parts = {name: getattr(test, name)[own] for name in ("readings", "poses", "labels", "split")}
+        return RecordedTouches(replace(test, **parts))

@@ -1,0 +1,64 @@
+"""A simulated pad under a simulated hand, which presses what a guided session asks for: for trying without a pad."""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+
+from tactsim.core.counters import Counters
+from tactsim.core.poses import FloatArray
+from tactsim.core.reading import Reading
+from tactsim.core.seeds import stream
+from tactsim.core.source import Source
+from tactsim.hardware.device import Device
+from tactsim.hardware.emulator.hand import Pressing
+from tactsim.hardware.session import Phase, Session
+from tactsim.press import ScanOptions
+from tactsim.press.simulated_source import on_pad_of, press_table, sensing
+
+PLACE = "simulated:hand"  # what is given instead of a port
+_RATE = 100.0  # readings a second
+_PATIENCE = 1.0  # s after which it takes a press as it is: a hole of the letter may lie over the pad
+_TOUCH = 5.0  # sd of the noise above which a taxel is touched
+
+
+class SimulatedHand(Source):
+    """Readings of the pad while the hand presses, in the default world, what `session` asks for."""
+
+    def __init__(self, session: Session, device: Device, seed: int) -> None:
+        self.pad, self.taxel_xy, self.counters = device.pad, device.pad.taxel_xy, Counters()
+        self._session, self._seed = session, seed
+        self._options = on_pad_of(device, ScanOptions())
+        rng = np.random.default_rng(seed)
+        self._feel = sensing(Pressing(device.pad.taxels, self._wanted), self._options, rng)
+        self._row: FloatArray | None = None
+        self._pressed = -1  # which press `_row` is
+        self._begun = time.monotonic()
+
+    def read(self, timeout: float | None = None) -> Reading:
+        """Return the next reading when it is due; see `Source.read`."""
+        index = self.counters.readings
+        time.sleep(max(0.0, self._begun + index / _RATE - time.monotonic()))
+        self.counters.readings += 1
+        return Reading(self._feel(index / _RATE), time.monotonic(), index / _RATE, index)
+
+    def close(self) -> None:
+        """Take the hand away."""
+
+    def _wanted(self, now: float) -> FloatArray | None:
+        """Give what is to be pressed, (taxels,) kPa; None while the session waits for a free pad."""
+        session = self._session
+        if session.phase in (Phase.LIFT, Phase.DONE):
+            return None
+        if session.current != self._pressed:
+            plan, self._pressed = session.plan, session.current
+            rng = stream(self._seed, plan.label, plan.split, f"press {self._pressed}")
+            pose = np.array(plan.poses[self._pressed])[None]
+            self._row = press_table(plan.label, pose, self._options, rng)[0]
+        return self._row
+
+
+def settings() -> dict[str, float]:
+    """Give what a session's plan says differently for this hand."""
+    return {"patience": _PATIENCE, "touch_kpa": _TOUCH * ScanOptions().sensor.noise}

@@ -1,0 +1,93 @@
+"""The guided session as a person sees it: on a real terminal of 80 x 24, with a pad that is lost and comes back."""
+
+import signal
+from contextlib import contextmanager
+
+import pytest
+from command_line import BENCH
+from terminal import OnTerminal
+
+from tactsim.hardware.recording import Kind, RecordReader
+
+
+@contextmanager
+def emulated(bench, *words):
+    process = bench.start("emulate", "--port", "pty:pad", *words)
+    try:
+        process.stdout.readline()
+        yield
+    finally:
+        process.send_signal(signal.SIGINT)
+        process.communicate(timeout=10)
+
+
+@pytest.fixture
+def on_terminal(bench, tmp_path):
+    """Run `bench` on a terminal of 80 x 24, in colours."""
+    environment = {name: value for name, value in bench.environment.items() if name != "NO_COLOR"}
+    return lambda *words: OnTerminal([BENCH, *words], cwd=tmp_path, environment=environment)
+
+
+def whole(screen):
+    """Nothing was too long for its line, or moved out at the top."""
+    return screen.wrapped == 0 and screen.scrolled == 0
+
+
+def test_the_guide_fits_a_terminal_and_outlives_a_lost_pad(bench, on_terminal, tmp_path):
+    words = [
+        "record",
+        "--port",
+        "pad",
+        "--letter",
+        "A",
+        "--out",
+        "A.npz",
+        "--poses",
+        "random:3",
+        "--frames",
+        "5",
+    ]
+    hand = ["--follow", "A.tactrec", "--rate", "200", "--lift", "0.5", "--scan-set", "sensor.noise=0.2"]
+    with emulated(bench, *hand):
+        terminal = on_terminal(*words)
+        screen = terminal.until(lambda screen: "the last press that was taken" in screen.text)
+        shown = screen.lines
+    with terminal:
+        lost = terminal.until(lambda screen: "THE PAD IS LOST" in screen.text).lines
+        with emulated(bench, *hand):
+            terminal.until(lambda screen: "THE PAD IS LOST" not in screen.text and "press" in screen.text)
+            assert terminal.ended() == 0
+        assert "3 readings of A in A.npz" in terminal.screen.text
+        assert whole(terminal.screen)
+    assert "press 2 of 3, 1 done" in shown[0]
+    assert "space" in shown[-1]
+    side_by_side = next(line for line in shown if "the pad now" in line)
+    assert shown.index(side_by_side) == 2
+    assert any(set("#+.") & set(line[:36]) and line[39:].strip() for line in shown[3:9])
+    assert "?" in "".join(lost)
+    assert "there is no such port" in "".join(lost)
+    assert not any(character.isdigit() for line in lost[3:9] for character in line[39:])
+    kinds = [record.kind for record in RecordReader(tmp_path / "A.tactrec")]
+    assert Kind.LOST in kinds
+
+
+def test_the_guide_stops_at_a_key_while_the_pad_is_lost(bench, on_terminal, tmp_path):
+    with emulated(bench):
+        terminal = on_terminal("record", "--port", "pad", "--letter", "A", "--out", "A.npz")
+        terminal.until(lambda screen: "lift the letter" in screen.text)
+    with terminal:
+        terminal.until(lambda screen: "THE PAD IS LOST" in screen.text)
+        terminal.press("q")
+        assert terminal.ended(20) == 0
+        assert "0 of 192 presses are in A.tactrec" in terminal.screen.text
+
+
+def test_the_guide_ends_when_its_terminal_is_closed(bench, on_terminal, tmp_path):
+    with (
+        emulated(bench),
+        on_terminal("record", "--port", "pad", "--letter", "A", "--out", "A.npz") as terminal,
+    ):
+        terminal.until(lambda screen: "lift the letter" in screen.text)
+        terminal.close()
+        terminal.process.wait(20)
+    assert list(RecordReader(tmp_path / "A.tactrec"))

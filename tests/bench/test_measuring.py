@@ -1,0 +1,168 @@
+"""`bench run --port`: trials measured press by press, on a simulated hand and on an emulated pad behind a pty."""
+
+import signal
+import time
+from contextlib import contextmanager
+
+import numpy as np
+import pytest
+from command_line import refused
+
+import tactsim
+from tactsim.bench.measured import MeasuredTrials, measured_scan, poses_to_press, recording_of
+from tactsim.bench.results import load
+from tactsim.hardware.recording import Kind, Tail
+from tactsim.hardware.scans import read_session, scan_of_sessions
+
+HAND = ["--port", "simulated:hand", "--frames", "3", "--estimator", "histogram", "--bins", "1000"]
+
+
+def marks(path):
+    return sum(record.kind is Kind.MARK for record in Tail(path).poll())
+
+
+def wait_for(condition, seconds=60):
+    end = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end
+        time.sleep(0.02)
+
+
+def test_trials_are_measured_stopped_gone_on_with_and_scored(bench, here, scan_file, tmp_path):
+    words = ["run", *HAND, "--train-scan", scan_file, "--trials", "2", "--readings", "3", "--out", "friday"]
+    session = bench.start(*words)
+    wait_for(lambda: marks(tmp_path / "friday.presses" / "I-2.tactrec") >= 1)
+    session.send_signal(signal.SIGINT)
+    output, errors = session.communicate(timeout=30)
+    assert session.returncode == 0, errors
+    assert "of 12 presses are measured; the same command" in output
+    assert not (tmp_path / "friday").exists()
+    kept = scan_of_sessions([tmp_path / "friday.presses" / "I-1.tactrec"])
+
+    done = bench(*words)
+    assert done.returncode == 0, done.stderr
+    assert "trial 2 of 4: press 3 of 3: taken" in done.stdout
+    assert "trial 1 of 4" not in done.stdout
+    assert "presses on a pad" in done.stdout
+    assert "friday/readings.png" in done.stdout
+    run = load(tmp_path / "friday")
+    assert run.trials.label.shape == (4, 3)
+
+    folder = tmp_path / "friday.presses"
+    scan = measured_scan(folder, ("I", "O"), trials=2, readings=3)
+    assert np.array_equal(scan.readings[:3], kept.readings)
+    for number, (letter, trial) in enumerate((letter, trial) for letter in "IO" for trial in range(2)):
+        own = scan_of_sessions([recording_of(folder, letter, trial)])
+        touches = MeasuredTrials(scan, 3).touches(letter, trial, seed=0)
+        assert np.array_equal(touches.test.readings, own.readings)
+        assert np.array_equal(touches.test.poses, own.poses)
+        assert sorted(run.trials.reading[number]) == [0, 1, 2]
+
+    # What is measured once serves every estimator, without a pad; and a run can be done again from its own settings.
+    config = {**run.config, "presses": folder}
+    again = tactsim.run(**config)
+    assert np.array_equal(again.trials.label, run.trials.label)
+    assert np.array_equal(again.trials.pose, run.trials.pose)
+    fewer = tactsim.run(**{**config, "estimator": "refined", "bins": None, "trials": 1, "readings": 2})
+    assert fewer.trials.label.shape == (2, 2)
+    with pytest.raises(tactsim.InputError, match=r"I-3\.tactrec was not measured yet.*--port"):
+        tactsim.run(**{**config, "trials": 3})
+    refused(here(*words[:-1], "other", "--presses", folder, "--seed", "1"), "another seed")
+
+
+@contextmanager
+def emulated(bench, *words):
+    process = bench.start("emulate", "--port", "pty:pad", *words)
+    try:
+        process.stdout.readline()
+        yield
+    finally:
+        process.send_signal(signal.SIGINT)
+        process.communicate(timeout=10)
+
+
+def test_a_run_outlives_a_pad_that_is_lost(bench, scan_file, tmp_path):
+    follow = "r.presses/O-1.tactrec"
+    hand = ["--follow", follow, "--rate", "200", "--lift", "0.3", "--scan-set", "sensor.noise=0.2"]
+    words = ["run", "--port", "pad", "--train-scan", scan_file, "--letters", "O", "--trials", "1", "--readings", "3",
+             "--frames", "5", "--patience", "2", "--estimator", "nearest", "--out", "r"]  # fmt: skip
+    with emulated(bench, *hand):
+        run = bench.start(*words)
+        wait_for(lambda: marks(tmp_path / follow) >= 1)
+    with emulated(bench, *hand):
+        output, errors = run.communicate(timeout=60)
+    assert run.returncode == 0, errors
+    assert "press 3 of 3: taken" in output
+    assert load(tmp_path / "r").trials.label.shape == (1, 3)
+    counters = [record for record in Tail(tmp_path / follow).poll() if record.kind is Kind.END][-1].json()
+    assert counters["counters"]["reconnects"] >= 1
+
+
+@pytest.mark.parametrize(
+    ("words", "parts"),
+    [
+        (["--port", "pad"], ["train_scan", "bench record"]),
+        (["--port", "pad", "--train-scan", "no.npz"], ["no.npz: No such file"]),
+        (["--port", "pad", "--train-scan", "two.npz"], ["cannot open pad", "no such port"]),
+        (["--port", "pad", "--train-scan", "two.npz", "--device", "singletact-5x5"], ["another pad"]),
+        (["--port", "pad", "--train-scan", "two.npz", "--scan", "two.npz"], ["leave one out"]),
+        (["--port", "pad", "--train-scan", "two.npz", "--set", "x=1"], ["x"]),
+        (["--port", "pad", "--train-scan", "two.npz", "--world", "rough"], ["come from", "leave it out"]),
+        (["--port", "pad", "--train-scan", "two.npz", "--seen", "above"], ["say behind or front"]),
+        (["--presses", "gone", "--train-scan", "two.npz"], ["I-1.tactrec was not measured yet"]),
+        (["--patience", "2"], ["--port"]),
+    ],
+)
+def test_mistakes_end_in_one_line(here, scan_file, tmp_path, words, parts):
+    (tmp_path / "two.npz").write_bytes(scan_file.read_bytes())
+    refused(here("run", *words, "--out", "r"), *parts)
+    assert not (tmp_path / "r").exists()
+    assert not list(tmp_path.glob("r.presses/*"))
+
+
+def test_the_poses_of_a_trial_lie_on_the_marks_of_the_template():
+    poses = poses_to_press("A", 0, 10, seed=0)
+    assert len(poses) > 10
+    assert np.array_equal(poses[:, :2], np.round(poses[:, :2]))
+    assert np.allclose(np.rad2deg(poses[:, 2]) % 5, 0, atol=1e-9) or np.allclose(
+        np.abs(np.rad2deg(poses[:, 2]) % 5 - 2.5), 2.5, atol=1e-9
+    )
+    assert (poses[:, 2] < 2 * np.pi).all()
+    assert not np.array_equal(poses, poses_to_press("A", 1, 10, seed=0))
+    assert not np.array_equal(poses, poses_to_press("B", 0, 10, seed=0))
+
+
+def test_a_letters_name_is_no_path(tmp_path):
+    path = recording_of(tmp_path, "../A/B", 0)
+    assert path.parent == tmp_path
+
+
+def test_too_few_presses_are_named(tmp_path, made_session):
+    made_session(tmp_path / "A-1.tactrec", taken=2)
+    assert read_session(tmp_path / "A-1.tactrec").plan.label == "A"
+    with pytest.raises(tactsim.InputError, match="has 2 presses of 3; the same command with --port"):
+        measured_scan(tmp_path, "A", trials=1, readings=3)
+    assert len(measured_scan(tmp_path, "A", trials=1, readings=1)) == 1
+
+
+@pytest.fixture
+def made_session():
+    """Write a session's recording: presses of three readings each."""
+    from tactsim.core.reading import Reading
+    from tactsim.hardware.device import load_device
+    from tactsim.hardware.recording import Recorder
+    from tactsim.hardware.session import Plan, Press
+
+    def make(path, taken):
+        plan = Plan(label="A", split="test", poses=((0, 0, 0), (1, 0, 0), (0, 1, 0)), enough=3)
+        with Recorder(path) as recorder:
+            recorder.segment(
+                {"device": load_device("emulated").as_json(), "plan": plan.model_dump(mode="json")},
+                0.0,
+            )  # fmt: skip
+            for number in range(taken):
+                for k in range(3):
+                    recorder.reading(Reading(np.full(36, 10.0 * number), 3.0 * number + k))
+                recorder.mark(Press(number=number, what="taken", first=3 * number, count=3).model_dump(), 0.0)
+
+    return make
