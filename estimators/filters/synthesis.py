@@ -42,7 +42,7 @@ _CANDIDATES = 10  # places of the bank that are looked at closely for each mode 
 _CELL = 0.6  # standard deviation of a cell's prior over its size; a sum of such Gaussians is nearly even
 # Times the noise: what a bank's linear predictions are off by, within a cell and for presses that err. With less, the
 # true place may be given up before it is pressed.
-_ROUGH = 6.0
+_ROUGH = 3.0
 _FEW = 200  # modes; more are not compared with each other
 _RESTARTS = 4
 # How often a press is predicted anew, if in place, tilt or load it is off by so many standard deviations more than was
