@@ -24,6 +24,7 @@ from tactsim.bench.cli import cmd_scan as scan
 from tactsim.bench.cli import cmd_stress as stress
 from tactsim.bench.cli import cmd_sweep as sweep
 from tactsim.bench.cli import cmd_tare as tare
+from tactsim.bench.cli import cmd_template as template
 from tactsim.bench.cli import cmd_validate as validate
 from tactsim.core.errors import InputError, printable
 
@@ -49,6 +50,7 @@ verbs = {
     "devices": devices,
     "probe": probe,
     "tare": tare,
+    "template": template,
     "record": record,
     "replay": replay,
     "emulate": emulate,
