@@ -2,16 +2,10 @@
 
 from __future__ import annotations
 
-import os
-import select
-import sys
-import termios
 import time
-import tty
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 
 from tactsim.bench.guide_screen import Screen
+from tactsim.bench.keyboard import keys
 from tactsim.core.source import NoReading, Source, SourceEnded
 from tactsim.hardware.recording import Recorder
 from tactsim.hardware.session import Phase, Press, Session
@@ -31,7 +25,7 @@ def lead(
     """
     number, drawn = first, 0.0
     heard, reconnects = time.monotonic(), source.counters.reconnects
-    with _keys() as pressed, screen:
+    with keys() as pressed, screen:
         try:
             while session.phase is not Phase.DONE:
                 try:
@@ -77,24 +71,3 @@ def _mark(recorder: Recorder, press: Press | None, screen: Screen) -> None:
     if press is not None:
         recorder.mark(press.model_dump(), time.monotonic())
         screen.note(press)
-
-
-@contextmanager
-def _keys() -> Iterator[Callable[[], list[str]]]:
-    """Read single keys without waiting, where standard input is a terminal."""
-    if not sys.stdin.isatty():
-        yield lambda: []
-        return
-    settings = termios.tcgetattr(sys.stdin)
-    try:
-        tty.setcbreak(sys.stdin)
-        yield _typed
-    finally:
-        termios.tcsetattr(sys.stdin, termios.TCSADRAIN, settings)
-
-
-def _typed() -> list[str]:
-    keys = []
-    while select.select([sys.stdin], [], [], 0)[0]:
-        keys.append(os.read(sys.stdin.fileno(), 1).decode(errors="replace").lower())
-    return keys

@@ -65,7 +65,7 @@ class Sheets:
     def middle(self) -> FloatArray:
         """Give the middle of a sheet's drawing on the paper, mm from its lower left corner."""
         width, height = self.size
-        return np.array([width / 2, height - width / 2 - 22])
+        return np.array([width / 2, height - width / 2 - 14])
 
 
 def draw_sheets(letters: Sequence[Letter], sheets: Sheets) -> list[Figure]:
@@ -205,7 +205,7 @@ def _page(sheets: Sheets, title: str, words: str) -> Axes:
     axes.axis("off")
     seen = "from behind" if sheets.from_behind else "from the front"
     _text(axes, np.array([15, height - 10]), f"{title}, 1:1, seen {seen}", 12, align="left")
-    _text(axes, np.array([15, 57]), "\n".join(textwrap.wrap(words, 115)), 8, align="left", above=False)
+    _text(axes, np.array([15, 52]), "\n".join(textwrap.wrap(words, 115)), 8, align="left", above=False)
     ruler = np.array([(width - RULER) / 2, 18.0])
     _ruler(axes, ruler, np.array([1.0, 0.0]))
     _ruler(axes, np.array([width - 12, 27.0]), np.array([0.0, 1.0]))

@@ -14,6 +14,7 @@ from tactsim.estimators.options import FilterOptions
 
 if TYPE_CHECKING:
     from tactsim.estimators.filters.map_filter import MapFilter
+    from tactsim.estimators.filters.synthesis import Synthesis
 
 GROUP = "tactsim.estimators"
 
@@ -77,6 +78,10 @@ def create(name: str, **options: Any) -> Estimator:
         from tactsim.estimators.filters.wrapped import wrapped
 
         made = wrapped(cast("MapFilter", made))
+    elif name == "synthesis":
+        from tactsim.estimators.filters.wrapped import wrapped_synthesis
+
+        made = wrapped_synthesis(cast("Synthesis", made))
     made.created_as = name
     return made
 

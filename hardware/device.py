@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from importlib.resources import files
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,8 +14,8 @@ from tactsim.core.checking import checked
 from tactsim.core.documents import parse_toml, read_toml
 from tactsim.core.errors import unknown
 from tactsim.core.pad import Pad
-from tactsim.hardware.codecs import Format
-from tactsim.hardware.codecs.codec import STRICT
+from tactsim.hardware.codecs.codec import STRICT, Codec, CodecError
+from tactsim.hardware.codecs.registry import Format
 
 UNREAD = -1
 
@@ -36,6 +36,15 @@ class Part(BaseModel):
         max_length=10_000,
         description="for each value of the device the pad's taxel, or -1 if it is not read; none: all in order",
     )
+    first_row: Literal["bottom", "top"] = Field(
+        "bottom", description="which row of the pad the device sends first, if `taxels` are not given"
+    )
+
+    @model_validator(mode="after")
+    def _one_order(self) -> Part:
+        if self.taxels is not None and self.first_row != "bottom":
+            raise ValueError("taxels say the order already: leave out first_row")
+        return self
 
 
 class Device(BaseModel):
@@ -59,19 +68,19 @@ class Device(BaseModel):
         le=10,
         description="s within which the parts' frames of one reading are measured; none: their counters are equal",
     )
-    codec: Format
+    codec: Format | None = None
     pad: Pad = Field(default_factory=Pad)
     part: tuple[Part, ...] = Field((Part(),), min_length=1, max_length=64)
 
     @model_validator(mode="after")
     def _wired(self) -> Device:
         owner: dict[int, int] = {}
+        codec = None if self.codec is None else self.build_codec()
         for number, part in enumerate(self.part):
             taxels = self.wiring(part)
-            if len(taxels) != self.codec.build().taxels:
+            if codec is not None and len(taxels) != codec.taxels:
                 raise ValueError(
-                    f"part {number} lists {len(taxels)} taxels, but the codec's frames have "
-                    f"{self.codec.build().taxels}"
+                    f"part {number} lists {len(taxels)} taxels, but the codec's frames have {codec.taxels}"
                 )
             for taxel in taxels.tolist():
                 if taxel == UNREAD:
@@ -92,8 +101,7 @@ class Device(BaseModel):
             raise ValueError("two parts have the same port and address")
         if sorted({part.port for part in self.part}) != list(range(self.ports)):
             raise ValueError("ports must be numbered 0, 1, 2 ... without a gap")
-        codec = self.codec.build()
-        counted = codec.index_common and codec.index_wrap is not None and codec.index_wrap > 256
+        counted = codec is None or (codec.index_common and (codec.index_wrap or 0) > 256)
         if len(self.part) > 1 and self.pair_within_s is None and not counted:
             raise ValueError(
                 f"the pad has {len(self.part)} parts, and their frames have no counter of two bytes or more that they "
@@ -106,18 +114,28 @@ class Device(BaseModel):
         """Count the ports that the pad needs."""
         return 1 + max(part.port for part in self.part)
 
+    def build_codec(self) -> Codec[Any]:
+        """Make the codec. Raises CodecError if the device has none, since an installed source brings its readings."""
+        if self.codec is None:
+            raise CodecError(
+                f"{self.name!r} has no [codec]: its readings come from an installed source, not from a port"
+            )
+        return self.codec.build()
+
     def as_json(self) -> dict[str, Any]:
         """Describe the device as a device file does, for a recording."""
         return self.model_dump(mode="json", by_alias=True)
 
     def place(self, part: Part) -> tuple[int, int]:
         """Give the port and the address of a part."""
-        return part.port, self.codec.usual_address if part.address is None else part.address
+        usual = 0 if self.codec is None else self.codec.usual_address
+        return part.port, usual if part.address is None else part.address
 
     def wiring(self, part: Part) -> NDArray[np.int64]:
         """List for each taxel of a part the pad's taxel that it is, or -1."""
         if part.taxels is None:
-            return np.arange(self.pad.taxels)
+            rows = np.arange(self.pad.taxels).reshape(self.pad.rows, self.pad.columns)
+            return (rows[::-1] if part.first_row == "top" else rows).ravel()
         return np.array(part.taxels, dtype=np.int64)
 
 

@@ -16,16 +16,9 @@ from pydantic_core import PydanticUndefined
 
 from tactsim.core.pad import Pad
 from tactsim.hardware.codecs.checksums import CHECKSUMS
-from tactsim.hardware.codecs.fields import (
-    Checksum,
-    Clock,
-    FieldsFormat,
-    Fixed,
-    Length,
-    Number,
-    Skip,
-    Taxels,
-)
+from tactsim.hardware.codecs.fields import FieldsFormat
+from tactsim.hardware.codecs.layout import Checksum, Clock, Fixed, Length, Number, PacketNumber, Skip, Taxels
+from tactsim.hardware.codecs.lines import LinesFormat
 from tactsim.hardware.codecs.pps_csv import CsvFormat
 from tactsim.hardware.codecs.singletact import SingleTactFormat
 from tactsim.hardware.device import Device, Part
@@ -33,8 +26,9 @@ from tactsim.hardware.device import Device, Part
 _TABLES: tuple[tuple[str, tuple[type[BaseModel], ...]], ...] = (
     ("Outside of any table", (Device,)),
     ('`[codec]` with `kind = "fields"`', (FieldsFormat,)),
-    ("an item of its `layout`", (Fixed, Length, Number, Clock, Skip, Taxels, Checksum)),
+    ("an item of its `layout`", (Fixed, Length, Number, Clock, PacketNumber, Skip, Taxels, Checksum)),
     ('`[codec]` with `kind = "singletact"`', (SingleTactFormat,)),
+    ('`[codec]` with `kind = "csv"`', (LinesFormat,)),
     ('`[codec]` with `kind = "pps-csv"`', (CsvFormat,)),
     ("`[[part]]`, one for each device that the pad is made of", (Part,)),
     ("`[pad]`", (Pad,)),
@@ -79,15 +73,17 @@ def _default(field: FieldInfo) -> str:
     if field.is_required():
         return "must be given"
     default = field.default
-    if default is None or default is PydanticUndefined or default == b"":
+    if default is None or default is PydanticUndefined or default in (b"", ()):
         return "none"
     return f"`{str(default).lower()}`" if isinstance(default, bool) else f"`{default}`"
 
 
 def _values(key: str, field: FieldInfo) -> str:
-    if key == "kind":
+    if key in ("kind", "checksum"):
         return ", ".join(f"`{name}`" for name in CHECKSUMS)
     kinds = [kind for kind in (get_args(field.annotation) or (field.annotation,)) if kind is not type(None)]
+    if get_origin(field.annotation) is tuple and get_origin(kinds[0]) is Literal:
+        return "list of " + ", ".join(f"`{word}`" for word in get_args(kinds[0]))
     words: list[str] = []
     for kind in [field.annotation] if get_origin(field.annotation) is Literal else kinds:
         if get_origin(kind) is Literal:

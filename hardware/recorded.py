@@ -28,16 +28,18 @@ _CHUNK = 1 << 16  # bytes
 class Replay(Source):
     """The readings of a recording, in the order in which they came, and its notes.
 
-    corrected: whether by the calibration that was recorded, as they were seen then. device: of the
-    segment that is being read. segments: how many have begun. whole: how the file ended, once it was
-    read through. on_note(kind, content, readings): called for every segment, mark and end with how
-    many readings came before it.
+    corrected: whether by the calibration that was recorded, as they were seen then. read_as: the device by which
+    the bytes are read instead of the recorded one, such as for another axis of each taxel; its pad must be the same.
+    device: of the segment that is being read. segments: how many have begun. whole: how the file ended, once it was
+    read through. on_note(kind, content, readings): called for every segment, mark and end with how many readings
+    came before it.
     """
 
     def __init__(
         self,
         path: str | Path,
         corrected: bool = True,
+        read_as: Device | None = None,
         on_note: Callable[[Kind, dict[str, Any], int], None] | None = None,
     ) -> None:
         """Open a recording and read its first segment.
@@ -49,7 +51,7 @@ class Replay(Source):
         self.calibrated = False
         self.segments = self.marks = 0
         self._first: dict[str, Any] = {}
-        self._corrected = corrected
+        self._corrected, self._read_as = corrected, read_as
         self._correction: Correction | None = None
         self._given = 0  # readings of all segments so far
         self._on_note = on_note
@@ -107,6 +109,8 @@ class Replay(Source):
                 self._give([record.reading()])
             elif record.link >= self.device.ports:
                 raise InputError(f"link {record.link} of a device with {self.device.ports}")
+            elif self._stream is None:
+                raise InputError("bytes of a device that has no [codec]")
             elif record.kind is Kind.SENT:
                 self._stream.sent(record.link, record.payload, record.time)
             elif record.kind is Kind.LOST:
@@ -118,11 +122,16 @@ class Replay(Source):
 
     def _begin(self, content: dict[str, Any]) -> None:
         device = checked(Device, content.get("device"), "device of a segment")
+        if self._read_as is not None:
+            if self._read_as.pad != device.pad:
+                raise InputError(f"it was recorded with another pad than that of {self._read_as.name!r}")
+            device = self._read_as
         if self.segments and device.pad != self.pad:
             raise InputError("its segments were recorded with different pads")
         self.device, self.pad = device, device.pad
         self._correct(content.get("calibration"))
-        self._stream = Stream(device, self.counters)  # its clocks and frame counters begin anew
+        # Its clocks and frame counters begin anew. Without a codec its readings were recorded, not its bytes.
+        self._stream = None if device.codec is None else Stream(device, self.counters)
         self._first = self._first or content
         self.segments += 1
         self._note(Kind.SEGMENT, content)

@@ -30,7 +30,7 @@ class Stream:
     def __init__(self, device: Device, counters: Counters | None = None) -> None:
         """Begin with nothing received or asked. Counts on in `counters`, or from 0 if none are given."""
         self.counters = Counters() if counters is None else counters
-        self._codec = device.codec.build()
+        self._codec = device.build_codec()
         self._taxels = device.pad.taxels
         self._links = [_Link(device, port, self._codec, self.counters) for port in range(device.ports)]
         # For each part: which of its taxels are read, and which taxels of the pad they are.

@@ -15,6 +15,7 @@ from tactsim.bench.cli import cmd_compare as compare
 from tactsim.bench.cli import cmd_devices as devices
 from tactsim.bench.cli import cmd_emulate as emulate
 from tactsim.bench.cli import cmd_list as list_verb
+from tactsim.bench.cli import cmd_live as live
 from tactsim.bench.cli import cmd_probe as probe
 from tactsim.bench.cli import cmd_record as record
 from tactsim.bench.cli import cmd_replay as replay
@@ -26,6 +27,7 @@ from tactsim.bench.cli import cmd_sweep as sweep
 from tactsim.bench.cli import cmd_tare as tare
 from tactsim.bench.cli import cmd_template as template
 from tactsim.bench.cli import cmd_validate as validate
+from tactsim.bench.cli import cmd_watch as watch
 from tactsim.core.errors import InputError, printable
 
 FAILED, WRONG_INPUT = 1, 2
@@ -49,6 +51,8 @@ verbs = {
     "stress": stress,
     "devices": devices,
     "probe": probe,
+    "watch": watch,
+    "live": live,
     "tare": tare,
     "template": template,
     "record": record,

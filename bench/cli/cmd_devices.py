@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 
 from tactsim.bench.cli import pad_options as pads
+
+if TYPE_CHECKING:
+    from tactsim.core.plug_ins import Listed
 
 
 def command(as_json: pads.AsJson = False) -> None:
@@ -35,19 +38,23 @@ def command(as_json: pads.AsJson = False) -> None:
 
 
 def _found() -> dict[str, list[dict[str, Any]]]:
-    from tactsim.hardware.codecs import KINDS
+    from tactsim.hardware import sources
+    from tactsim.hardware.codecs import registry
     from tactsim.hardware.device import built_in_devices, load_device
-    from tactsim.hardware.sources import listing
 
     return {
         "ports": _ports(),
-        "sources": [{"name": row.name, "what": row.summary, "status": row.status} for row in listing()],
-        "codecs": [{"name": name, "what": what, "status": "built in"} for name, what in KINDS.items()],
+        "sources": _rows(sources.listing()),
+        "codecs": _rows(registry.listing()),
         "device_files": [
             {"name": name, "what": load_device(name).name, "status": "built in"}
             for name in built_in_devices()
         ],
     }
+
+
+def _rows(listed: list[Listed]) -> list[dict[str, Any]]:
+    return [{"name": row.name, "what": row.summary, "status": row.status} for row in listed]
 
 
 def _ports() -> list[dict[str, Any]]:

@@ -8,11 +8,11 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.filters.mixture import add_densities
-from tactsim.estimators.filters.motion import EVIDENCE, Motion
+from tactsim.estimators.filters.motion import Motion
 from tactsim.estimators.filters.weights import Weights
 
 CENTRES = 240  # of a letter's belief that is moved, and of each round of proposals
@@ -20,7 +20,7 @@ DRAWN = 600  # states of a letter in a round
 _ROUNDS = 4
 _ENOUGH = 60.0  # effective states that a round aims at
 _NEGLIGIBLE = 20.0
-_JUMPING = 24  # centres from which jumps go out
+_FEWEST = 24  # centres from which wide steps go out
 _TINY = np.finfo(float).tiny
 # Of the draws, beside the share that is believed: for each scale, and for jumps, which have far to look.
 _LEAST_SHARE, _JUMP_SHARE = 0.1, 0.4
@@ -61,63 +61,69 @@ class Drawn:
 class _Moved:
     """A letter's belief after the motion: a mixture of normal distributions for each scale, and one for jumps.
 
-    centre: (n, 3) mm. spread: (n,) mm^2. weight: (n, scales + 1). variance: (scales + 1,) mm^2. around: mm, the
-    length of the circle of angles.
+    centre: (n, 3) mm, variance: (n,) mm^2, weight: (n,) of all parts. mixture: (n,) of which mixture each is. held:
+    (scales + 1,) the weight of each mixture. around: mm, the length of the circle of angles.
     """
 
     centre: FloatArray
-    spread: FloatArray
-    weight: FloatArray
     variance: FloatArray
+    weight: FloatArray
+    mixture: NDArray[np.int64]
+    held: FloatArray
     around: float
 
     @classmethod
     def of(cls, cloud: Cloud, weight: FloatArray, motion: Motion, rng: np.random.Generator) -> _Moved:
-        """Move a cloud whose centres have a weight for each scale (n, scales)."""
-        stay = np.column_stack([weight * (1 - motion.jump), np.zeros(len(weight))])
-        variance = np.append(motion.variance, motion.jump_variance)
-        if not motion.jump:
-            return cls(cloud.centre, cloud.spread, stay, variance, motion.around)
-        # A jump is so wide that few centres will do.
-        chosen = Weights(log(weight.sum(axis=1))).systematic(_JUMPING, rng)
-        jump = np.zeros((_JUMPING, len(variance)))
-        jump[:, -1] = motion.jump * weight.sum() / _JUMPING
+        """Move a cloud whose centres have a weight for each scale (n, scales).
+
+        The wider a step, the fewer centres will do for it.
+        """
+        held = np.append(weight.sum(axis=0) * (1 - motion.jump), weight.sum() * motion.jump)
+        steps = np.append(motion.variance, motion.jump_variance)
+        chosen, share, every = [], [], len(cloud.centre)
+        for k in np.flatnonzero(held).tolist():
+            of_step = weight[:, k] if k < weight.shape[1] else weight.sum(axis=1)
+            count = max(_FEWEST, math.ceil(every * math.sqrt(steps[0] / steps[k])))
+            if count >= every:
+                chosen.append(np.arange(every))
+                share.append(of_step * held[k] / of_step.sum())
+            else:
+                chosen.append(Weights(log(of_step)).systematic(count, rng))
+                share.append(np.full(count, held[k] / count))
+        parts = np.repeat(np.flatnonzero(held), [len(one) for one in chosen])
+        which = np.concatenate(chosen)
         return cls(
-            np.concatenate([cloud.centre, cloud.centre[chosen]]),
-            np.concatenate([cloud.spread, cloud.spread[chosen]]),
-            np.concatenate([stay, jump]), variance, motion.around,
+            cloud.centre[which], cloud.spread[which] + steps[parts], np.concatenate(share), parts, held,
+            motion.around,
         )  # fmt: skip
 
     @cached_property
     def share(self) -> FloatArray:
         """Give the part of the draws that each mixture gets: one that is hardly believed gets enough to be found."""
-        held = self.weight.sum(axis=0)
-        share = held / held.sum() + _LEAST_SHARE * (held > 0)
-        share[-1] += _JUMP_SHARE * (held[-1] > 0)
+        share = self.held / self.held.sum() + _LEAST_SHARE * (self.held > 0)
+        share[-1] += _JUMP_SHARE * (self.held[-1] > 0)
         return np.asarray(share / share.sum(), dtype=float)
 
     def draw(self, count: int, rng: np.random.Generator) -> FloatArray:
         """Draw placements (count, 3), from each mixture its share."""
-        which = rng.choice(len(self.variance), size=count, p=self.share)
-        centre = np.empty(count, dtype=np.int64)
-        for k in np.unique(which):
-            mine = np.flatnonzero(which == k)
-            centre[mine] = Weights(log(self.weight[:, k])).systematic(len(mine), rng)
-        width = np.sqrt(self.variance[which] + self.spread[centre])
-        return self.centre[centre] + rng.standard_normal((count, 3)) * width[:, None]
+        drawn = rng.multinomial(count, self.share)
+        part = []
+        for k in np.flatnonzero(drawn).tolist():
+            mine = np.flatnonzero(self.mixture == k)
+            part.append(mine[Weights(log(self.weight[mine])).systematic(int(drawn[k]), rng)])
+        which = np.concatenate(part)
+        width = np.sqrt(self.variance[which])
+        return self.centre[which] + rng.standard_normal((count, 3)) * width[:, None]
 
     def densities(self, place: FloatArray) -> FloatArray:
         """Give the density of each mixture at placements (n, 3): (n, mixtures), mm^-3."""
-        density = np.zeros((len(place), len(self.variance)))
-        add_densities(
-            density, place, self.centre, np.ascontiguousarray(self.weight), self.variance,
-            self.spread, self.around,
-        )  # fmt: skip
+        density = np.zeros((len(place), len(self.held)))
+        add_densities(density, place, self.centre, self.weight, self.variance, self.mixture, self.around)
         return density
 
     def offered(self, density: FloatArray) -> FloatArray:
         """Turn `densities` (n, mixtures) into the density (n,) with which `draw` draws."""
-        held = self.weight.sum(axis=0)
+        held = self.held
         return np.asarray(
             density @ np.divide(self.share, held, out=np.zeros_like(held), where=held > 0), dtype=float
         )
@@ -144,8 +150,8 @@ class _Round:
         """Give the expected number of draws for each mm^3 at placements (n, 3): (n,)."""
         density, count = np.zeros((len(place), 1)), len(self.centre)
         add_densities(
-            density, place, self.centre, np.full((count, 1), float(self.count // count)), np.array([self.width**2]),
-            np.zeros(count), self.around,
+            density, place, self.centre, np.full(count, float(self.count // count)), np.full(count, self.width**2),
+            np.zeros(count, dtype=np.int64), self.around,
         )  # fmt: skip
         return density[:, 0]
 
@@ -188,15 +194,11 @@ def advance(
 
     chosen = weights.systematic(CENTRES, rng)
     scales = len(motion.variance)
-    share = moved.weight.sum(axis=0)
     # What jumped has the scales that its letter has.
     by_scale = density[chosen, :scales] + density[chosen, scales:] * weight.sum(axis=0) / weight.sum()
     by_scale /= by_scale.sum(axis=1, keepdims=True) * len(chosen)
-    gain = by_scale.sum(axis=0) / weight.sum(axis=0)
-    log_weight = log(by_scale) + (EVIDENCE - 1) * np.log(np.maximum(gain, _TINY))
-    log_weight -= np.log(np.exp(log_weight).sum())
-    evidence = cloud.log_evidence + weights.log_mean + math.log(len(weights)) - math.log(share.sum())
-    return Cloud(place[chosen], np.zeros(len(chosen)), log_weight, evidence), drawn
+    evidence = cloud.log_evidence + weights.log_mean + math.log(len(weights)) - math.log(moved.held.sum())
+    return Cloud(place[chosen], np.zeros(len(chosen)), log(by_scale), evidence), drawn
 
 
 def log(values: ArrayLike) -> FloatArray:

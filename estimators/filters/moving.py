@@ -11,12 +11,17 @@ from numpy.typing import ArrayLike
 
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.estimator import Estimate, PlaneBelief, PoseSamples
-from tactsim.estimators.field.field import LikelihoodField
 from tactsim.estimators.filters.clouds import CENTRES, DRAWN, Cloud, Drawn, advance, log
 from tactsim.estimators.filters.map_filter import MapFilter
-from tactsim.estimators.filters.motion import EVIDENCE, Motion
+from tactsim.estimators.filters.motion import Motion
 from tactsim.estimators.filters.placement import mean_around
-from tactsim.estimators.filters.states import WeightedStates, plane_histogram, pose_samples, probabilities
+from tactsim.estimators.filters.states import (
+    WeightedStates,
+    letter_mass,
+    plane_histogram,
+    pose_samples,
+    probabilities,
+)
 from tactsim.estimators.filters.trust import FEW
 from tactsim.estimators.filters.weights import Weights
 from tactsim.estimators.filters.wrapper import Wrapper
@@ -26,7 +31,7 @@ _FORGOTTEN = 30.0  # a letter this many nats below the best is not followed any 
 
 
 class Moving(Wrapper):
-    """A filter, and beside it one for an object that moves between touches.
+    """A filter, and beside it one for an object that moves between touches, from the first belief on.
 
     The moving belief is a mixture of normal distributions over placements. Between readings it is widened by the
     motion. Then states are drawn from it, weighed by the last reading alone, and drawn again around the better
@@ -47,36 +52,39 @@ class Moving(Wrapper):
         self.filter.reset(rng)
         self._rng = rng.spawn(1)[0]
         self._clouds: list[Cloud | None] = []
+        self._rest = 0.0
         self._past: list[list[Cloud | None]] = []
         self._drawn: list[Drawn | None] = []
 
     def update(self, reading: ArrayLike, sensor_in_robot: ArrayLike) -> None:
         """Take in one reading (taxels,) kPa at the pose sensor_in_robot [mm, mm, rad]."""
-        field: LikelihoodField = self.filter.field
-        if self._motion.still is None and len(field):
+        if not self._clouds:
+            self.filter.update(reading, sensor_in_robot)
+            if self._located:
+                self._begin()
+            return
+        if self._motion.still is None:
             self.filter.take(reading, sensor_in_robot)
         else:
-            self.filter.update(reading, sensor_in_robot)
-        if len(field) == 1:
-            self._begin()
-            return
+            self._rest += self._foretold(reading, sensor_in_robot)
         self._past.append(self._clouds)
         self._clouds = list(self._clouds)
-        count = DRAWN * (_BROAD if len(field) == 2 else 1)
+        count = DRAWN * (_BROAD if len(self._past) == 1 else 1)
         best = max(cloud.log_evidence for cloud in self._clouds if cloud is not None)
         for letter, cloud in enumerate(self._clouds):
             if cloud is None or cloud.log_evidence < best - _FORGOTTEN:
                 self._clouds[letter] = self._drawn[letter] = None
             else:
-                log_p = partial(self._log_p, letter)
+                log_p = partial(self._of_placed, letter)
                 self._clouds[letter], self._drawn[letter] = advance(
                     cloud, self._motion, log_p, count, self._rng
                 )
 
     def _begin(self) -> None:
-        """Take over what the filter holds after the first reading: nothing has moved yet."""
+        """Take over what the filter holds: nothing has moved yet."""
         belief, motion = self.filter.weighted_states(), self._motion
-        evidence = self.filter.log_evidence()
+        mass = letter_mass(belief.letter, belief.weights, len(self.labels))
+        evidence = log(mass / mass.sum())
         self._clouds, self._drawn = [], []
         for letter in range(len(self.labels)):
             mine = np.flatnonzero(belief.letter == letter)
@@ -96,18 +104,43 @@ class Moving(Wrapper):
             )
             self._drawn.append(Drawn(state, np.zeros(len(chosen)), np.zeros(len(chosen))))
 
-    def _log_p(self, letter: int, place: FloatArray) -> FloatArray:
-        """Weigh placements by the last reading: (n,). It counts as one of few, since the object leaves its place."""
-        self._evaluated += len(place)
-        state, last = self._motion.state(place), len(self.filter.field) - 1
-        return np.asarray(self.filter.trust(FEW) * self.filter.field.log_p(letter, state, last), dtype=float)
+    @property
+    def _located(self) -> bool:
+        """Tell whether the filter's belief can be followed; before, the object is taken to lie still."""
+        return True
+
+    @property
+    def _touches(self) -> int:
+        """Count the readings."""
+        return len(self.filter.field)
+
+    def _log_p(self, letter: int, state: FloatArray, touch: int) -> FloatArray:
+        """Weigh states (3, n) by one reading: (n,). It counts as one of few, since the object leaves its place."""
+        self._evaluated += state.shape[1]
+        return np.asarray(
+            self.filter.trust(FEW) * self.filter.field.log_p(letter, state, touch, touch + 1), dtype=float
+        )
+
+    def _of_placed(self, letter: int, place: FloatArray) -> FloatArray:
+        """Weigh placements (n, 3) by the last reading: (n,)."""
+        return self._log_p(letter, self._motion.state(place), self._touches - 1)
+
+    def _foretold(self, reading: ArrayLike, sensor_in_robot: ArrayLike) -> float:
+        """Update the filter; returns the log-likelihood, as `_log_p`, of the reading in its belief before."""
+        expected = self.filter.weighted_states()
+        self.filter.update(reading, sensor_in_robot)
+        log_p = np.log(expected.weights.normalised)
+        for letter in np.unique(expected.letter).tolist():
+            mine = np.flatnonzero(expected.letter == letter)
+            log_p[mine] += self._log_p(letter, expected.state.take(mine, axis=1), self._touches - 1)
+        return float(np.logaddexp.reduce(log_p))
 
     def estimate(self) -> Estimate:
         """Sum the models for each letter; take the pose from the likelier model of the best letter."""
-        if len(self.filter.field) < 2:
+        if not self._past:
             return self.filter.estimate()
-        models = self._models()
         known = self.filter.estimate() if self._motion.still is not None else None
+        models = self._models(known)
         # A letter that neither belief is about has no pose to state.
         stated = [
             one is not None or (known is not None and label == known.label)
@@ -134,16 +167,16 @@ class Moving(Wrapper):
         From the last pose back, each pose is the centre that explains best its own reading and the step to its
         successor. All poses are the last one where the object is more probably still.
         """
-        letter, count = self.labels.index(estimate.label), len(self.filter.field)
+        letter, count = self.labels.index(estimate.label), self._touches
         poses = np.tile(estimate.robot_in_object, (count, 1))
-        if count < 2 or self._drawn[letter] is None:
+        if not self._past or self._drawn[letter] is None:
             return poses
         models = self._models()
         if models[0, letter] > models[1, letter]:
             return poses
         motion, later = self._motion, self._motion.placed(poses[-1:].T)[0]
-        for touch in range(count - 2, -1, -1):
-            cloud = self._past[touch][letter]
+        for touch, past in zip(range(count - 2, -1, -1), reversed(self._past), strict=False):
+            cloud = past[letter]
             if cloud is None:
                 break
             step = cloud.centre - later
@@ -152,16 +185,14 @@ class Moving(Wrapper):
             weight = np.append(np.log(1 - motion.jump) + np.zeros(len(motion.variance)), log(motion.jump))
             held = np.column_stack([cloud.log_weight, np.logaddexp.reduce(cloud.log_weight, axis=1)])
             reached = held + weight - 1.5 * np.log(variance) - 0.5 * (step**2).sum(axis=1)[:, None] / variance
-            own = self.filter.trust(FEW) * self.filter.field.log_p(
-                letter, motion.state(cloud.centre), touch, touch + 1
-            )
+            own = self._log_p(letter, motion.state(cloud.centre), touch)
             later = cloud.centre[int((reached.max(axis=1) + own).argmax())]
             poses[touch] = motion.state(later[None])[:, 0]
         return poses
 
     def weighted_states(self) -> WeightedStates:
         """Give the states of both models."""
-        if len(self.filter.field) < 2:
+        if not self._past:
             return self.filter.weighted_states()
         models, parts = self._models(), []
         if self._motion.still is not None:
@@ -194,19 +225,24 @@ class Moving(Wrapper):
         work = self.filter.work
         return {**work, "likelihood_evaluations": work["likelihood_evaluations"] + self._evaluated}
 
-    def _models(self) -> FloatArray:
-        """Weigh the models, still and moving, and their letters: (2, letters), summing to 1.
+    def _models(self, known: Estimate | None = None) -> FloatArray:
+        """Weigh the models, at rest and moving, and their letters: (2, letters), summing to 1.
 
-        Between the models a reading's likelihood counts by the power EVIDENCE, between letters in full.
+        known: the estimate of the filter, if it was made already.
+
+        A model counts as much as it foretold the readings one by one (Dawid 1984). So both are asked the same, though
+        a sequence counts for less in the belief of an object at rest than single readings do.
         """
-        moving = np.array([-np.inf if one is None else one.log_evidence for one in self._clouds])
+        moving = Weights(np.array([-np.inf if one is None else one.log_evidence for one in self._clouds]))
         still = self._motion.still
         if still is None:
-            return np.stack([np.zeros(len(moving)), Weights(moving).normalised])
-        models = np.stack([self.filter.log_evidence() + math.log(still), moving + math.log1p(-still)])
-        total = np.logaddexp.reduce(models, axis=1)
-        within = np.exp(models - total[:, None])
-        return Weights(EVIDENCE * total).normalised[:, None] * within
+            return np.stack([np.zeros(len(self.labels)), moving.normalised])
+        at_rest = (known or self.filter.estimate()).probabilities
+        followed = moving.log_mean + math.log(len(moving))
+        models = Weights(np.array([self._rest, followed]) + np.log([still, 1 - still])).normalised
+        return np.stack(
+            [models[0] * np.array([at_rest[label] for label in self.labels]), models[1] * moving.normalised]
+        )
 
 
 def _mixed(parts: list[tuple[float, PoseSamples | None]]) -> PoseSamples | None:

@@ -31,6 +31,7 @@ class MovingBins:
         variance = [*([] if motion.still is None else [0.0]), *motion.variance, motion.jump_variance]
         self._kernels = [_kernels(grid, one, motion.ratio) for one in variance]
         still = [] if motion.still is None else [motion.still]
+        self._first = len(still)  # of the scales that move
         moving = (1 - sum(still)) * motion.prior
         self._prior = np.append(still, moving)
         self.reset()
@@ -58,10 +59,16 @@ class MovingBins:
     def summary(self) -> tuple[FloatArray, NDArray[np.int64]]:
         """Sum the bins of each letter (eq. 14), and find its mode (eq. 15): (letters,) each.
 
-        A mode is a flat index into (angles, rows, columns).
+        A mode is a flat index into (angles, rows, columns). It is that of the letter at rest or moving, whichever is
+        likelier: the sum of both may be highest between their modes.
         """
-        each = self._p.sum(axis=0).reshape(self._shape[0], -1)
-        return each.sum(axis=1), each.argmax(axis=1)
+        each = self._p.reshape(len(self._prior), self._shape[0], -1)
+        moving = each[self._first :].sum(axis=0)
+        mass, mode = moving.sum(axis=1), moving.argmax(axis=1)
+        if self._first:
+            at_rest = each[0].sum(axis=1)
+            return mass + at_rest, np.where(at_rest > mass, each[0].argmax(axis=1), mode)
+        return mass, mode
 
     def log_belief(self) -> FloatArray:
         """Give the log-belief of all bins: (letters, angles, rows, columns)."""
@@ -76,7 +83,7 @@ class MovingBins:
 
     def _move(self) -> None:
         """Convolve the belief of each scale; some of what moves jumps, and changes its scale."""
-        motion, first = self._motion, 0 if self._motion.still is None else 1
+        motion, first = self._motion, self._first
         moved = np.stack([_convolved(p, kernel) for p, kernel in zip(self._p, self._kernels, strict=False)])
         if motion.jump:
             moving = self._p[first:]

@@ -24,6 +24,7 @@ from tactsim.estimators.estimator import (
 from tactsim.estimators.filters.modes import GYRATION, Modes, sensor_motion
 from tactsim.estimators.filters.placement import mean_around
 from tactsim.estimators.filters.pose_bank import PoseBank
+from tactsim.estimators.filters.states import WeightedStates
 from tactsim.estimators.filters.weights import Weights
 from tactsim.estimators.likelihoods.gaussian_kernels import log_gaussian
 
@@ -31,17 +32,22 @@ _SCOUTS = 1500  # states a letter that wait for the first reading which says whe
 # Squared pressures over the noise's variance. From the first on a reading says where it was taken; a fainter one
 # does, as well as it can, when few scouts are left. For a taxel the latter; noise alone has 1.
 _CONTACT, _FAINT = 1000.0, 3.0
-_NEGLIGIBLE = 14.0  # nats below the heaviest mode at which one is given up
+_NEGLIGIBLE = 30.0  # nats below the heaviest mode at which one is given up
 _APART = 0.7  # standard deviations; modes that are nearer to each other are one
 _LOST = 1e-6  # probability that the true mode was given up
 _OUTLIER = 1e-3  # probability of a reading that no mode explains
-_SAMPLES = 256
+_SAMPLES, _STATES = 256, 4096  # drawn from the modes for an estimate, and to stand for the belief
 _ROUNDS = 4  # of Gauss and Newton after a reading, at most
 _CANDIDATES = 10  # places of the bank that are looked at closely for each mode that is begun
 _CELL = 0.6  # standard deviation of a cell's prior over its size; a sum of such Gaussians is nearly even
-_ROUGH = 1.5  # times the noise: what a bank's linear predictions are off by within a cell
+# Times the noise: what a bank's linear predictions are off by, within a cell and for presses that err. With less, the
+# true place may be given up before it is pressed.
+_ROUGH = 6.0
 _FEW = 200  # modes; more are not compared with each other
 _RESTARTS = 4
+# How often a press is predicted anew, if in place, tilt or load it is off by so many standard deviations more than was
+# taken; and at most by so many.
+_PRESSES, _OFF, _FARTHEST = 2, 0.7, 3.0
 # A reading is expanded again where its mode has moved by this share of its standard deviation, within limits in mm.
 _STALE, _STALE_MM = 0.25, (0.02, 0.25)
 
@@ -52,6 +58,10 @@ class SynthesisOptions(Options):
     modes: int = Field(500, ge=1, le=100_000, description="how many places of the first contact are followed")
     spacing: float = Field(1.5, ge=0.2, le=10, description="mm between the poses pressed beforehand")
     angles: int = Field(12, ge=2, le=360, description="angles to half a turn pressed beforehand")
+    motion: str = Field(
+        "off",
+        description="how the object moves between touches: off, auto (learned) or MM,RAD of a random walk",
+    )
     reach: float = Field(10.0, gt=0, le=1000, description="T_R^O has x and y in [-reach, reach], mm")
 
 
@@ -93,7 +103,7 @@ class Synthesis(Estimator):
         rng = np.random.default_rng(0)
         reach = self.options.reach
         self._scout_states = rng.uniform([-reach, -reach, -math.pi], [reach, reach, math.pi], (_SCOUTS, 3))
-        self._normal = rng.standard_normal((_SAMPLES, 3))
+        self._normal = rng.standard_normal((_STATES, 3))
 
     def reset(self, rng: np.random.Generator) -> None:
         """Forget the sequence."""
@@ -108,14 +118,7 @@ class Synthesis(Estimator):
 
     def update(self, reading: ArrayLike, sensor_in_robot: ArrayLike) -> None:
         """Take in one reading (taxels,) kPa at the pose sensor_in_robot [mm, mm, rad]."""
-        check_order(self._started, "reset" if self.labels else "fit", "update")
-        values, pose = check_reading(reading, sensor_in_robot, self.forward.taxels)
-        self._readings.append(values)
-        self._poses.append(pose)
-        broad = max(float((values**2).mean()), self._typical**2) + self.noise**2
-        self._floor = np.append(
-            self._floor, math.log(_OUTLIER) - len(values) / 2 * (math.log(2 * math.pi * broad) + 1)
-        )
+        values, pose = self.take(reading, sensor_in_robot)
         energy = (np.array(self._readings) ** 2).sum(axis=1) / self.noise**2
         number = len(energy) - 1
         if self._modes is None:
@@ -137,6 +140,18 @@ class Synthesis(Estimator):
                 modes = self._settled(modes.joined(begun))
         self._modes = modes
 
+    def take(self, reading: ArrayLike, sensor_in_robot: ArrayLike) -> tuple[FloatArray, FloatArray]:
+        """Add a reading and leave the belief alone; returns both as arrays. Raises InputError as `update`."""
+        check_order(self._started, "reset" if self.labels else "fit", "update")
+        values, pose = check_reading(reading, sensor_in_robot, self.forward.taxels)
+        self._readings.append(values)
+        self._poses.append(pose)
+        broad = max(float((values**2).mean()), self._typical**2) + self.noise**2
+        self._floor = np.append(
+            self._floor, math.log(_OUTLIER) - len(values) / 2 * (math.log(2 * math.pi * broad) + 1)
+        )
+        return values, pose
+
     def _scout(self, reading: FloatArray, pose: FloatArray) -> None:
         """Weigh states all over the prior, for as long as no reading says where the letter is."""
         poses = compose(self._scout_states, pose)
@@ -157,7 +172,7 @@ class Synthesis(Estimator):
         if not len(score):
             return None
         copies = np.log([bank.copies for bank in self.banks])[letter]
-        best = np.sort(_highest(score + copies, _CANDIDATES * self.options.modes))
+        best = _highest(score + copies, _CANDIDATES * self.options.modes)
         letter, entry, turned, state = letter[best], entry[best], turned[best], state[best]
 
         def from_bank(one: int, which: NDArray[np.intp]) -> Linearised:
@@ -167,7 +182,7 @@ class Synthesis(Estimator):
         modes = modes.with_reading(
             first, state, *self._expand(letter, state, np.full(len(letter), first), from_bank, _ROUGH)
         )
-        modes = self._refreshed(self._heaviest(modes.posterior(self._floor)))
+        modes = self._refreshed(modes.posterior(self._floor).heaviest(self.options.modes, math.inf))
         for number in range(len(self._readings)):
             if number != first:
                 modes = self._heaviest(self._taken_in(modes, number))
@@ -206,11 +221,28 @@ class Synthesis(Estimator):
     def _expanded(
         self, letter: NDArray[np.int64], state: FloatArray, number: NDArray[np.int64]
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Expand readings `number` (n,) at states (n, 3) with presses there, as `_expand`."""
+        """Expand readings `number` (n,) at states (n, 3) with presses there, as `_expand`.
+
+        A press is predicted as it most probably was: its place, tilt and load are searched for with the pose held
+        (Laplace's approximation, by Gauss and Newton).
+        """
         sensor_in_object = compose(state, np.array(self._poses)[number])
+        readings = np.array(self._readings)
 
         def pressed(one: int, which: NDArray[np.intp]) -> Linearised:
-            return self.forward.linearised(self.labels[one], sensor_in_object[which])
+            label, poses, felt = self.labels[one], sensor_in_object[which], readings[number[which]]
+            found = self.forward.linearised(label, poses)
+            off = np.zeros(found.nuisance.shape[:2])
+            for _ in range(_PRESSES):
+                likely = likeliest_press(felt, found, self.noise)
+                again = np.flatnonzero(np.abs(likely - off).max(axis=1, initial=0) > _OFF)
+                if not len(again):
+                    break
+                off[again] = likely[again].clip(-_FARTHEST, _FARTHEST)
+                found = found.with_rows(
+                    again, self.forward.linearised(label, poses[again], off[again]), off[again]
+                )
+            return found
 
         return self._expand(letter, state, number, pressed, 1.0)
 
@@ -281,8 +313,45 @@ class Synthesis(Estimator):
         reached = np.cumsum(weights.normalised)
         which = np.searchsorted(reached, (np.arange(_SAMPLES) + 0.5) / _SAMPLES).clip(max=len(modes) - 1)
         factor = np.linalg.cholesky(modes.cov)[which]
-        poses = modes.mean[which] + np.einsum("nij,nj->ni", factor, self._normal)
+        poses = modes.mean[which] + np.einsum("nij,nj->ni", factor, self._normal[:_SAMPLES])
         return PoseSamples(poses, np.full(_SAMPLES, 1 / _SAMPLES))
+
+    @property
+    def located(self) -> bool:
+        """Tell whether some reading said where the object is, so that there are modes to follow."""
+        return self._modes is not None
+
+    @property
+    def touches(self) -> int:
+        """Count the readings."""
+        return len(self._readings)
+
+    def log_p(self, letter: int, state: FloatArray, touch: int) -> FloatArray:
+        """Weigh states T_R^O (3, n) of a letter by one reading, with presses there: (n,).
+
+        A reading that is less likely than that counts as an outlier, which says nothing of the pose.
+        """
+        count = state.shape[1]
+        which = np.full(count, letter), state.T, np.full(count, touch)
+        return np.maximum(self._expanded(*which)[0], self._floor[touch])
+
+    def log_evidence(self) -> float:
+        """Give log p(readings) of an object that lies still, up to what no reading changes, once it is located."""
+        assert self._modes is not None
+        return float(np.logaddexp.reduce(self._modes.log_weight))
+
+    def weighted_states(self) -> WeightedStates:
+        """Give the belief as states that are drawn from the modes, the same every time, equally many of each."""
+        if self._modes is None:
+            states = np.tile(self._scout_states.T, len(self.labels))
+            letter = np.repeat(np.arange(len(self.labels)), _SCOUTS)
+            return WeightedStates(letter, states, Weights(self._scouts.ravel()))
+        modes = self._modes
+        each = max(1, _STATES // len(modes))
+        which = np.repeat(np.arange(len(modes)), each)
+        normal = self._normal[np.arange(len(which)) % _STATES]
+        states = modes.mean[which] + np.einsum("nij,nj->ni", np.linalg.cholesky(modes.cov)[which], normal)
+        return WeightedStates(modes.letter[which], states.T, Weights(modes.log_weight[which]))
 
     @property
     def work(self) -> dict[str, Any]:
@@ -290,7 +359,16 @@ class Synthesis(Estimator):
         return {"likelihood_evaluations": self._compared, "skipped": {}}
 
 
+def likeliest_press(readings: FloatArray, found: Linearised, noise: float) -> FloatArray:
+    """Find by how many standard deviations n presses most probably were off, (n, q), to first order."""
+    q = found.nuisance.shape[1]
+    inner = noise**2 * np.eye(q) + found.nuisance @ found.nuisance.swapaxes(1, 2)
+    seen = found.nuisance @ (readings - found.mean)[..., None]
+    return np.asarray(np.linalg.solve(inner, seen)[..., 0], dtype=float)
+
+
 def _highest(values: FloatArray, count: int) -> NDArray[np.intp]:
+    """Choose the `count` highest of n values, and what is as high as the last of them."""
     if count >= len(values):
         return np.arange(len(values))
-    return np.argpartition(-values, count)[:count]
+    return np.flatnonzero(values >= np.partition(values, -count)[-count])

@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
+from tactsim.estimators.estimator import Estimator
 from tactsim.estimators.filters.active_touch import ActiveTouch
 from tactsim.estimators.filters.map_filter import MapFilter
 from tactsim.estimators.filters.motion import parse_motion
 from tactsim.estimators.filters.moving import Moving
 from tactsim.estimators.options import OpenSetOptions
+
+if TYPE_CHECKING:
+    from tactsim.estimators.filters.synthesis import Synthesis
 
 
 def wrapped(filter: MapFilter) -> ActiveTouch:
@@ -21,3 +27,13 @@ def wrapped(filter: MapFilter) -> ActiveTouch:
 
         return ActiveTouch(OpenSet(inner, options.unknown))
     return ActiveTouch(inner)
+
+
+def wrapped_synthesis(filter: Synthesis) -> Estimator:
+    """Let `synthesis` follow an object that moves, if its options say so."""
+    from tactsim.estimators.filters.moving_synthesis import (
+        MovingSynthesis,
+    )  # only it needs the presses' kernels
+
+    motion = parse_motion(filter.options.motion)
+    return filter if motion is None else MovingSynthesis(filter, motion)  # type: ignore[arg-type]

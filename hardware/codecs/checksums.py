@@ -35,6 +35,7 @@ def crc16_modbus(data: bytes) -> int:
 CHECKSUMS: dict[str, tuple[int, Callable[[bytes], int]]] = {
     "sum8": (1, lambda data: sum(data) & 0xFF),
     "xor8": (1, lambda data: reduce(xor, data, 0)),
+    "lrc8": (1, lambda data: -sum(data) & 0xFF),  # of Modbus ASCII: all bytes and it sum to 0
     "sum16": (2, lambda data: sum(data) & 0xFFFF),
     "crc16-modbus": (2, crc16_modbus),
     "crc16-ccitt": (2, lambda data: binascii.crc_hqx(data, 0xFFFF)),

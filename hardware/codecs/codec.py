@@ -28,27 +28,31 @@ class Frame:
     """One measurement of all taxels of one device.
 
     values: (taxels,) in the device's own units and order. address: which device on the link.
-    index: its frame counter, ticks: its clock, both as sent, or None. asked: s, the host's time when it was
-    asked for; None if the device spoke unasked. seconds: its clock without overflows, which a codec leaves out.
+    index: its frame counter, ticks: its clock, both as sent, or None. packet: which packet it is of a frame that
+    comes in several, or None. asked: s, the host's time when it was asked for; None if the device spoke
+    unasked. seconds: its clock without overflows, which a codec leaves out.
     """
 
     values: FloatArray
     address: int = 0
     index: int | None = None
     ticks: float | None = None
+    packet: int | None = None
     asked: float | None = None
     seconds: float | None = None
 
 
 class Codec(ABC, Generic[Packet]):
-    """Encode and decode what one kind of device says.
+    """Decode what one kind of device says, and for an emulator encode it.
 
     taxels: values in a frame. longest: bytes of the longest packet; with that many bytes `decode` always
     moves on, so a buffer never grows beyond it. tick_s: s, one tick of the device's clock. tick_wrap: ticks
     after which the clock starts again, or None. index_wrap: the same of the frame counter. speaks: whether
     the device sends every frame unasked, so that a gap in the frame counter means lost frames.
     index_common: whether the parts of a pad may count their frames together, so that equal counters mean
-    one moment. clock_common: whether all devices on a link tell the time of one clock.
+    one moment. clock_common: whether all devices on a link tell the time of one clock. start: bytes that
+    make the device speak, sent once; request: bytes that ask for one frame; request_every_s: s from one
+    request to the next, at least. title: what the device says before its first frame.
     """
 
     taxels: int
@@ -59,6 +63,10 @@ class Codec(ABC, Generic[Packet]):
     speaks: bool = True
     index_common: bool = False
     clock_common: bool = False
+    start: bytes = b""
+    request: bytes = b""
+    request_every_s: float = 0.0
+    title: bytes = b""
 
     @abstractmethod
     def decode(self, buffer: bytes | bytearray, start: int = 0) -> tuple[int, Packet | None]:
@@ -80,9 +88,16 @@ class Codec(ABC, Generic[Packet]):
     def from_kpa(self, pressures: FloatArray) -> FloatArray:
         """Turn kPa (taxels,) into the nearest values that the device can say."""
 
+    def encode(self, frame: Frame) -> bytes:
+        """Write a frame as the device would; its values are rounded to what the device can say.
+
+        Raises CodecError if this codec is for reading only.
+        """
+        raise CodecError(f"codec {type(self).__name__} writes no frames, so its device cannot be emulated")
+
     def dialogue(self, addresses: tuple[int, ...], counters: Counters) -> Dialogue:
         """Start the conversation with the devices at these addresses on one link."""
-        return Listening(counters)
+        return Listening(counters, self.start, self.request, self.request_every_s)
 
 
 class Dialogue:
@@ -139,7 +154,7 @@ class Listening(Dialogue):
             self._counters.timeouts += self._asked is not None
             self._asked, self._next = now, now + self._pause
 
-    def take(self, packet: Frame, began: float) -> Frame:
+    def take(self, packet: Frame, began: float) -> Frame | None:
         """Pass the frame on, with the time of its question."""
         asked, self._asked = self._asked, None
         return packet if asked is None else replace(packet, asked=asked)
@@ -149,12 +164,18 @@ class Listening(Dialogue):
         self._asked = None
 
 
-class CodecFormat(BaseModel):
-    """The table `[codec]` of a device file: which codec, and what it has to know."""
+class CodecFormat(BaseModel, ABC):
+    """The table `[codec]` of a device file: which codec, and what it has to know.
+
+    A subclass adds a field for each key of the table. One that must be given has an example (`Field(examples=...)`),
+    from which tests build the codec. usual_address: of a part whose address is not given.
+    """
 
     model_config = STRICT
     usual_address: ClassVar[int] = 0
 
+    kind: str
+
+    @abstractmethod
     def build(self) -> Codec[Any]:
         """Make the codec."""
-        raise NotImplementedError

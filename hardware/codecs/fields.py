@@ -1,126 +1,45 @@
-"""`fields`: frames of a fixed layout that a device file describes, for devices whose owner knows theirs."""
+"""`fields`: frames of a fixed layout that a device file describes, for devices whose owner knows theirs.
+
+How a frame is found, so that none is invented from the remains of two:
+
+- It begins with the header. If neither a checksum nor a footer ends it, nor a question called for it, a header
+  follows.
+- Without a header, it stands between two footers.
+- With neither, it is right by its CRC, and so are as many bytes before it, the frame before.
+- Without a checksum no other such mark begins within it: where bytes were lost, the next frame's would. The same
+  holds with a checksum of one byte, unless the mark has but one byte, too, and so stands in the data too often.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import Annotated, Literal
+from dataclasses import replace
+from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
-from pydantic import BaseModel, BeforeValidator, Field, PlainSerializer, model_validator
+from pydantic import Field, model_validator
 
 from tactsim.core.counters import Counters
+from tactsim.core.finite import LARGEST
 from tactsim.core.poses import FloatArray
 from tactsim.hardware.codecs.checksums import CHECKSUMS
-from tactsim.hardware.codecs.codec import STRICT, Codec, CodecFormat, Dialogue, Frame, Listening
-
-LONGEST_FRAME = 1 << 16  # bytes
-
-
-def _from_hex(value: object) -> object:
-    """Read bytes written as hexadecimal digits, with or without blanks: "AA 55"."""
-    if not isinstance(value, str):
-        return value
-    try:
-        return bytes.fromhex(value)
-    except ValueError:
-        raise ValueError(f"bytes are written as hexadecimal digits like 'AA 55', not {value!r}") from None
-
-
-Bytes = Annotated[
-    bytes, BeforeValidator(_from_hex), PlainSerializer(lambda value: value.hex(" "), when_used="json")
-]
-FixedBytes = Annotated[Bytes, Field(min_length=1, max_length=64)]
-Size = Literal[1, 2, 4]
-
-
-class _Item(BaseModel):
-    model_config = STRICT
-
-
-class Fixed(_Item):
-    """Bytes that are the same in every frame; `header` comes first, `footer` last."""
-
-    is_: Literal["header", "footer", "fixed"] = Field(alias="is")
-    bytes: FixedBytes = Field(description="the same in every frame; the header comes first, the footer last")
-
-
-class Length(_Item):
-    """A number that says how long the frame is: checked, since the layout says it already."""
-
-    is_: Literal["length"] = Field(alias="is")
-    size: Size = Field(1, description="bytes of the number")
-    of: Literal["frame", "after", "taxels", "data"] = Field(
-        description="bytes of the whole frame; bytes behind this number; how many taxels; bytes of the taxels"
-    )
-    plus: int = Field(0, ge=-LONGEST_FRAME, le=LONGEST_FRAME, description="what the device adds to that")
-
-
-class Number(_Item):
-    """A number: `address` says which device of several it is, `index` counts the frames."""
-
-    is_: Literal["address", "index"] = Field(alias="is")
-    size: Size = Field(
-        1, description="bytes of the number: which part it is; the frame's, which all parts count alike"
-    )
-
-
-class Clock(_Item):
-    """The device's clock."""
-
-    is_: Literal["clock"] = Field(alias="is")
-    size: Size = Field(4, description="bytes of the number")
-    tick_s: float = Field(gt=0, le=3600, description="s a tick")
-
-
-class Skip(_Item):
-    """Bytes that mean nothing here."""
-
-    is_: Literal["skip"] = Field(alias="is")
-    size: int = Field(ge=1, le=4096, description="bytes that mean nothing here")
-
-
-class Taxels(_Item):
-    """The measurements, `bits` each, packed without gaps and filled up to a whole byte.
-
-    Packed 10 and 12 bits fill each byte from its high bit if the format is big-endian, else from its low.
-    """
-
-    is_: Literal["taxels"] = Field(alias="is")
-    count: int = Field(ge=1, le=10_000, description="how many values a frame has")
-    bits: Literal[8, 10, 12, 16] = Field(16, description="of each value, packed without gaps")
-    signed: bool = Field(False, description="whether values may be negative (two's complement)")
-
-    @property
-    def size(self) -> int:
-        """Count the bytes."""
-        return (self.count * self.bits + 7) // 8
-
-
-class Checksum(_Item):
-    """A checksum of all bytes before it, but for the first `skip`."""
-
-    is_: Literal["checksum"] = Field(alias="is")
-    kind: str = Field(description="how it is worked out, from all bytes before it")
-    skip: int = Field(0, ge=0, le=4096, description="bytes at the frame's beginning that it leaves out")
-    endian: Literal["big", "little"] | None = Field(
-        None,
-        description="its order of bytes; none: that of the frame's other numbers (Modbus RTU has `little`)",
-    )
-
-    @model_validator(mode="after")
-    def _known(self) -> Checksum:
-        if self.kind not in CHECKSUMS:
-            raise ValueError(f"unknown checksum {self.kind!r}; known are {', '.join(CHECKSUMS)}")
-        return self
-
-    @property
-    def size(self) -> int:
-        """Count the bytes."""
-        return CHECKSUMS[self.kind][0]
-
-
-Item = Annotated[Fixed | Length | Number | Clock | Skip | Taxels | Checksum, Field(discriminator="is_")]
+from tactsim.hardware.codecs.codec import PATIENCE, Codec, CodecFormat, Dialogue, Frame, Listening
+from tactsim.hardware.codecs.layout import (
+    Bytes,
+    Checksum,
+    Clock,
+    Fixed,
+    Item,
+    Length,
+    Number,
+    PacketNumber,
+    Taxels,
+    check_layout,
+    length_value,
+    only,
+    places,
+    size_of,
+)
+from tactsim.hardware.codecs.packed import read_values, value_range, write_values
 
 
 class FieldsFormat(CodecFormat):
@@ -130,10 +49,16 @@ class FieldsFormat(CodecFormat):
     """
 
     kind: Literal["fields"]
-    layout: tuple[Item, ...] = Field(max_length=64, description="what a frame is made of, in its order")
+    layout: tuple[Item, ...] = Field(
+        max_length=64,
+        description="what a frame is made of, in its order",
+        examples=[[{"is": "header", "bytes": "AA 55"}, {"is": "taxels", "count": 16}]],
+    )
     endian: Literal["big", "little"] = Field("big", description="which byte of a number comes first")
     zero: float = Field(0.0, description="value of an unloaded taxel")
-    kpa_per_count: float = Field(description="kPa of one count; kPa = (value - zero) * kpa_per_count")
+    kpa_per_count: float = Field(
+        description="kPa of one count; kPa = (value - zero) * kpa_per_count", examples=[0.1]
+    )
     start: Bytes = Field(b"", max_length=256, description="bytes that make the device speak, sent once")
     request: Bytes = Field(b"", max_length=256, description="bytes that ask for one frame")
     request_every_s: float = Field(
@@ -145,25 +70,9 @@ class FieldsFormat(CodecFormat):
 
     @model_validator(mode="after")
     def _makes_sense(self) -> FieldsFormat:
-        kinds = [item.is_ for item in self.layout]
-        if not kinds or kinds[0] != "header":
-            raise ValueError("the layout must begin with a header: without one no frame can be found")
-        for kind in ("header", "footer", "taxels", "address", "index", "clock", "checksum"):
-            if kinds.count(kind) > 1:
-                raise ValueError(f"the layout has {kinds.count(kind)} items {kind!r}; one is allowed")
-        if "taxels" not in kinds:
-            raise ValueError("the layout has no item 'taxels'")
-        if "footer" in kinds and kinds[-1] != "footer":
-            raise ValueError("the footer must be the last item of the layout")
+        check_layout(self.layout)
         if not self.kpa_per_count:
             raise ValueError("kpa_per_count must not be 0")
-        if sum(_size(item) for item in self.layout) > LONGEST_FRAME:
-            raise ValueError(f"a frame may have at most {LONGEST_FRAME} bytes")
-        for item, at in _places(self.layout):
-            if isinstance(item, Length) and not 0 <= _length(item, at, self.layout) < 256**item.size:
-                raise ValueError(f"a length of {_length(item, at, self.layout)} does not fit its field")
-            if isinstance(item, Checksum) and item.skip >= at:
-                raise ValueError(f"the checksum skips {item.skip} bytes, but only {at} stand before it")
         return self
 
     def build(self) -> FieldsCodec:
@@ -171,106 +80,89 @@ class FieldsFormat(CodecFormat):
         return FieldsCodec(self)
 
 
-def _size(item: Item) -> int:
-    return len(item.bytes) if isinstance(item, Fixed) else item.size
-
-
-def _places(layout: tuple[Item, ...]) -> Iterator[tuple[Item, int]]:
-    """List the items of a layout with the byte at which each begins."""
-    at = 0
-    for item in layout:
-        yield item, at
-        at += _size(item)
-
-
-def _length(item: Length, at: int, layout: tuple[Item, ...]) -> int:
-    """Compute what a length at byte `at` has to say."""
-    total = sum(_size(each) for each in layout)
-    taxels = next(each for each in layout if isinstance(each, Taxels))
-    lengths = {
-        "frame": total,
-        "after": total - at - item.size,
-        "taxels": taxels.count,
-        "data": taxels.size,
-    }
-    return lengths[item.of] + item.plus
-
-
 class FieldsCodec(Codec[Frame]):
     """Read and write frames of one described layout."""
 
     def __init__(self, form: FieldsFormat) -> None:
         self.format = form
+        self.start, self.request, self.request_every_s = form.start, form.request, form.request_every_s
         self._endian: Literal["big", "little"] = form.endian
-        self._fixed: list[tuple[int, bytes]] = []  # behind the header; lengths are fixed bytes too
+        self._fixed: list[tuple[int, bytes]] = []  # lengths are fixed bytes too
         self._spans: dict[str, slice] = {}
-        self._checksum: Checksum | None = None
-        for item, at in _places(form.layout):
-            span = slice(at, at + _size(item))
+        for item, at in places(form.layout):
             if isinstance(item, Fixed):
                 self._fixed.append((at, item.bytes))
             elif isinstance(item, Length):
-                expected = _length(item, at, form.layout)
+                expected = length_value(item, at, form.layout)
                 self._fixed.append((at, expected.to_bytes(item.size, self._endian)))
             else:
-                self._spans[item.is_] = span
+                self._spans[item.is_] = slice(at, at + item.size)
             if isinstance(item, Taxels):
-                self._values, self.taxels = item, item.count
+                self._values = item
             if isinstance(item, Clock):
                 self.tick_s, self.tick_wrap = item.tick_s, 256**item.size
             if isinstance(item, Number) and item.is_ == "index":
                 self.index_wrap, self.index_common = 256**item.size, True
-            if isinstance(item, Checksum):
-                self._checksum = item
-        self._header = self._fixed.pop(0)[1]
-        # What each bit of a packed value counts, in the order in which the bits come.
-        ascending = 1 << np.arange(self._values.bits, dtype=np.int64)
-        self._weights = ascending[::-1] if self._endian == "big" else ascending
-        self.size = sum(_size(item) for item in form.layout)
+        self._checksum = only(form.layout, Checksum)
+        self._checksum_size = 0 if self._checksum is None else self._checksum.size
+        self._packet = only(form.layout, PacketNumber)
+        self._packets = 1 if self._packet is None else self._packet.of
+        self.taxels = self._values.count * self._packets
+        self.size = sum(map(size_of, form.layout))
         self.speaks = not form.request
-        # Without checksum and footer a header inside of garbage looks like a frame; then a frame counts
-        # only if another header follows it. A device that is asked waits, so nothing follows.
-        trailer = {"checksum", "footer"} & {item.is_ for item in form.layout}
-        self._followed = self.speaks and not trailer
-        self.longest = self.size + (len(self._header) if self._followed else 0)
+        header, footer = (only(form.layout, Fixed, name) for name in ("header", "footer"))
+        # What is looked for: a frame's beginning, or the end of the frame before.
+        self._mark = header.bytes if header else footer.bytes if footer else b""
+        self._before = (
+            0 if header else len(self._mark) if footer else self.size
+        )  # bytes from there to the frame
+        unchecked = self._checksum is None
+        self._lone = unchecked or (len(self._mark) > 1 and self._checksum_size == 1)
+        self._followed = header is not None and footer is None and unchecked and self.speaks
+        self.longest = self._before + self.size + (len(self._mark) if self._followed else 0)
 
     def decode(self, buffer: bytes | bytearray, start: int = 0) -> tuple[int, Frame | None]:
         """Look for a frame at `start`; see `Codec.decode`."""
-        at = buffer.find(self._header, start)
-        if at < 0:
-            return len(buffer) - start - _beginning(buffer, start, self._header), None
-        if at > start:
-            return at - start, None
-        if len(buffer) - start < self.longest:
+        have, mark = len(buffer) - start, self._mark
+        if mark:
+            at = buffer.find(mark, start)
+            if at < 0:
+                return have - _beginning(buffer, start, mark), None
+            if at > start:
+                return at - start, None
+            if self._lone and (inner := self._mark_within(buffer, start)):
+                return inner, None
+        if have < self.longest:
             return 0, None
-        frame = bytes(buffer[start : start + self.size])
-        if not self._agrees(frame) or (
-            self._followed and not buffer.startswith(self._header, start + self.size)
-        ):
+        first = start + self._before
+        frame = bytes(buffer[first : first + self.size])
+        followed = not self._followed or buffer.startswith(mark, first + self.size)
+        # Without any mark, the frame before must be right, too.
+        follows = bool(mark) or self._agrees(bytes(buffer[start:first]))
+        if not (followed and follows and self._agrees(frame)):
+            return 1, None
+        values = read_values(frame[self._spans["taxels"]], self._values, self._endian)
+        packet = self._number(frame, "packet")
+        if self._packet is not None and packet is not None:
+            packet -= self._packet.first
+        sensible = (np.abs(self.to_kpa(values)) <= LARGEST).all()  # which the bits of a float need not be
+        if not sensible or (packet is not None and not 0 <= packet < self._packets):
             return 1, None
         return self.size, Frame(
-            self._read_values(frame[self._spans["taxels"]]).astype(np.float64),
+            values,
             self._number(frame, "address") or 0,
             self._number(frame, "index"),
             self._number(frame, "clock"),
+            packet,
         )
 
     def encode(self, frame: Frame) -> bytes:
-        """Write a frame as the device would; values are rounded and kept within their bits."""
-        parts = bytearray(self.size)
-        parts[: len(self._header)] = self._header
-        for at, content in self._fixed:
-            parts[at : at + len(content)] = content
-        numbers = {"address": frame.address, "index": frame.index or 0, "clock": int(frame.ticks or 0)}
-        for name, number in numbers.items():
-            if name in self._spans:
-                span = self._spans[name]
-                size = span.stop - span.start
-                parts[span] = (number % 256**size).to_bytes(size, self._endian)
-        parts[self._spans["taxels"]] = self._write_values(frame.values)
-        if self._checksum is not None:
-            parts[self._spans["checksum"]] = self._sum(parts)
-        return bytes(parts)
+        """Write a frame as the device would, with all its packets; values are rounded and kept within their bits."""
+        count = self._values.count
+        return b"".join(
+            self._encode(frame, frame.values[at * count : (at + 1) * count], at)
+            for at in range(self._packets)
+        )
 
     def to_kpa(self, values: FloatArray) -> FloatArray:
         """Turn values into kPa by the format's zero and scale."""
@@ -278,22 +170,53 @@ class FieldsCodec(Codec[Frame]):
 
     def from_kpa(self, pressures: FloatArray) -> FloatArray:
         """Turn kPa into the nearest values that fit the taxels' bits."""
-        low, high = self._range()
-        return np.clip(np.round(pressures / self.format.kpa_per_count + self.format.zero), low, high)
+        values = pressures / self.format.kpa_per_count + self.format.zero
+        return np.clip(values if self._values.float else np.round(values), *value_range(self._values))
 
     def dialogue(self, addresses: tuple[int, ...], counters: Counters) -> Dialogue:
-        """Listen, or ask for each frame if the format says how."""
-        form = self.format
-        return Listening(counters, form.start, form.request, form.request_every_s)
+        """Listen, or ask for each frame if the format says how; join frames that come in several packets."""
+        if self._packets == 1:
+            return super().dialogue(addresses, counters)
+        return Joining(self._packets, counters, self.start, self.request, self.request_every_s)
 
     def fails_checksum(self, buffer: bytes | bytearray, start: int) -> bool:
-        """Tell whether header, lengths and fixed bytes of a frame agree at `start`, and the checksum does not."""
-        frame = bytes(buffer[start : start + self.size])
-        whole = len(frame) == self.size and frame.startswith(self._header) and self._fixed_agree(frame)
-        return whole and not self._sum_agrees(frame)
+        """Tell whether marks, lengths and fixed bytes of a frame agree at `start`, and the checksum does not."""
+        if not self._mark or not buffer.startswith(self._mark, start):
+            return False
+        first = start + self._before
+        frame = bytes(buffer[first : first + self.size])
+        return len(frame) == self.size and self._fixed_agree(frame) and not self._sum_agrees(frame)
+
+    def _mark_within(self, buffer: bytes | bytearray, start: int) -> int:
+        """Find a mark behind that at `start` which is not the next frame's: returns how far, 0 if there is none."""
+        # The next mark is due where the frame ends: a header behind it, or the footer that is its last bytes.
+        due = start + self.size
+        at = buffer.find(self._mark, start + 1, due + len(self._mark) - 1)
+        return at - start if at >= 0 else 0
+
+    def _encode(self, frame: Frame, values: FloatArray, packet: int) -> bytes:
+        parts = bytearray(self.size)
+        for at, content in self._fixed:
+            parts[at : at + len(content)] = content
+        first = 0 if self._packet is None else self._packet.first
+        numbers = {
+            "address": frame.address,
+            "index": frame.index or 0,
+            "clock": int(frame.ticks or 0),
+            "packet": first + packet,
+        }
+        for name, number in numbers.items():
+            if name in self._spans:
+                span = self._spans[name]
+                size = span.stop - span.start
+                parts[span] = (number % 256**size).to_bytes(size, self._endian)
+        parts[self._spans["taxels"]] = write_values(values, self._values, self._endian)
+        if self._checksum is not None:
+            parts[self._spans["checksum"]] = self._sum(parts)
+        return bytes(parts)
 
     def _agrees(self, frame: bytes) -> bool:
-        """Check what is known of a frame besides its header."""
+        """Check what is known of a frame."""
         return self._fixed_agree(frame) and self._sum_agrees(frame)
 
     def _fixed_agree(self, frame: bytes) -> bool:
@@ -312,35 +235,47 @@ class FieldsCodec(Codec[Frame]):
         span = self._spans.get(name)
         return None if span is None else int.from_bytes(frame[span], self._endian)
 
-    def _range(self) -> tuple[int, int]:
-        bits = self._values.bits
-        return (-(1 << bits - 1), (1 << bits - 1) - 1) if self._values.signed else (0, (1 << bits) - 1)
 
-    def _read_values(self, data: bytes) -> NDArray[np.int64]:
-        bits, order = self._values.bits, ">" if self._endian == "big" else "<"
-        if bits in (8, 16):
-            kind = "i" if self._values.signed else "u"
-            return np.frombuffer(data, dtype=f"{order}{kind}{bits // 8}").astype(np.int64)
-        bit_order: Literal["big", "little"] = self._endian
-        stream = np.unpackbits(np.frombuffer(data, np.uint8), bitorder=bit_order)
-        words = stream[: self.taxels * bits].reshape(self.taxels, bits).astype(np.int64)
-        values = words @ self._weights
-        return np.where(values > self._range()[1], values - (1 << bits), values)
+class Joining(Listening):
+    """A device whose frames come in several packets, in order and each with the frame's counter.
 
-    def _write_values(self, values: FloatArray) -> bytes:
-        low, high = self._range()
-        whole = np.clip(np.round(values), low, high).astype(np.int64) % (1 << self._values.bits)
-        bits, order = self._values.bits, ">" if self._endian == "big" else "<"
-        if bits in (8, 16):
-            return whole.astype(f"{order}u{bits // 8}").tobytes()
-        words = (whole[:, None] // self._weights) % 2
-        bit_order: Literal["big", "little"] = self._endian
-        return np.packbits(words.astype(np.uint8).ravel(), bitorder=bit_order).tobytes()
+    A packet that is not the next one of its frame, or comes too late, voids what came before it.
+    """
+
+    def __init__(self, packets: int, *listening: Any) -> None:
+        super().__init__(*listening)
+        self._packets = packets
+        self._open: dict[
+            int, list[tuple[Frame, float]]
+        ] = {}  # by address: packets so far, and when they came
+
+    def take(self, packet: Frame, began: float) -> Frame | None:
+        """Keep a packet; returns its frame when it was the last one."""
+        have = self._open.pop(packet.address, [])
+        if have:
+            first = have[0][0]
+            in_time = began - have[-1][1] < PATIENCE
+            if packet.packet != len(have) or packet.index != first.index or not in_time:
+                self._counters.torn += 1
+                have = []
+        if packet.packet != len(have):
+            return None
+        have.append((packet, began))
+        if len(have) < self._packets:
+            self._open[packet.address] = have
+            return None
+        values = np.concatenate([part.values for part, _ in have])
+        return super().take(replace(have[0][0], values=values, packet=None), have[0][1])
+
+    def reset(self) -> None:
+        """Forget the open question and the frames that are not complete."""
+        super().reset()
+        self._open.clear()
 
 
-def _beginning(buffer: bytes | bytearray, start: int, header: bytes) -> int:
-    """Count the bytes at the buffer's end that could be the beginning of a header."""
-    for length in range(min(len(header) - 1, len(buffer) - start), 0, -1):
-        if buffer.endswith(header[:length]):
+def _beginning(buffer: bytes | bytearray, start: int, mark: bytes) -> int:
+    """Count the bytes at the buffer's end that could be the beginning of a mark."""
+    for length in range(min(len(mark) - 1, len(buffer) - start), 0, -1):
+        if buffer.endswith(mark[:length]):
             return length
     return 0

@@ -27,7 +27,7 @@ class CsvFormat(CodecFormat):
     """The table `[codec]` of a device file with `kind = "pps-csv"`."""
 
     kind: Literal["pps-csv"]
-    taxels: int = Field(ge=1, le=10_000, description="columns behind the time")
+    taxels: int = Field(ge=1, le=10_000, description="columns behind the time", examples=[36])
     unit: Literal["kPa", "psi", "Pa"] = Field("kPa", description="unit of the numbers")
 
     def build(self) -> CsvCodec:
@@ -45,6 +45,7 @@ class CsvCodec(Codec[Frame]):
         self.taxels = form.taxels
         self._longest_line = _LONGEST_NUMBER * (form.taxels + 1)
         self.longest = self._longest_line + _LONGEST_TITLE * (form.taxels + 1)
+        self.title = (", ".join(["Time [ms]", *(f"Elem{k}" for k in range(self.taxels))]) + "\n").encode()
 
     def decode(self, buffer: bytes | bytearray, start: int = 0) -> tuple[int, Frame | None]:
         """Look for a line at `start`; see `Codec.decode`. The title line counts to the line behind it."""
@@ -63,10 +64,6 @@ class CsvCodec(Codec[Frame]):
     def encode(self, frame: Frame) -> bytes:
         """Write one line."""
         return (", ".join(f"{value:.9g}" for value in (frame.ticks or 0.0, *frame.values)) + "\n").encode()
-
-    def title(self) -> bytes:
-        """Write the title line."""
-        return (", ".join(["Time [ms]", *(f"Elem{k}" for k in range(self.taxels))]) + "\n").encode()
 
     def to_kpa(self, values: FloatArray) -> FloatArray:
         """Turn the file's unit into kPa."""

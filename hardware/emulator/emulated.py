@@ -1,16 +1,15 @@
-"""Emulated devices, one class for each codec: the bytes that a device sends until a given time."""
+"""Emulated devices: the bytes that a device sends until a given time."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
+from typing import Any
 
 import numpy as np
 
 from tactsim.core.poses import FloatArray
-from tactsim.hardware.codecs.codec import Frame
-from tactsim.hardware.codecs.fields import FieldsCodec
-from tactsim.hardware.codecs.pps_csv import CsvCodec
+from tactsim.hardware.codecs.codec import Codec, Frame
 from tactsim.hardware.codecs.singletact import (
     ACCUMULATOR_REGISTER,
     ELEMENTS_REGISTER,
@@ -25,13 +24,15 @@ from tactsim.hardware.codecs.singletact import (
     WRITE,
     Reply,
     SingleTactCodec,
+    SingleTactFormat,
     write_reply,
 )
 from tactsim.hardware.device import UNREAD, Device
 
 Pressures = Callable[[float], FloatArray]
 
-_SAMPLES = (1, 4, 8, 16, 32, 64)  # a frame, by the accumulator (C8051F70x, chapter 15)
+_SAMPLES = (1, 4, 8, 16, 32, 64)  # a frame, by the accumulator (CS0ACU of C8051F70x)
+_SHIPPED = 4  # the accumulator's default (SingleTact's manual 2.3, table 2)
 _BEHIND = 1.0  # s: older frames are dropped while the host does not read
 
 
@@ -44,7 +45,7 @@ class Emulated(ABC):
 
     def __init__(self, device: Device, pressures: Pressures, rate: float, link: int = 0) -> None:
         self._device, self._pressures, self.rate = device, pressures, rate
-        self._codec = device.codec.build()
+        self._codec: Codec[Any] = device.build_codec()
         self._parts = [
             (device.place(part)[1], device.wiring(part)) for part in device.part if part.port == link
         ]
@@ -67,27 +68,25 @@ class Emulated(ABC):
         return self._codec.from_kpa(np.where(wiring == UNREAD, 0.0, pad[wiring]))
 
 
-class EmulatedFields(Emulated):
-    """A device with described frames: it sends them `rate` times a second, or when it is asked."""
-
-    _codec: FieldsCodec
+class EmulatedFrames(Emulated):
+    """A device whose codec writes frames: it sends them `rate` times a second, or when it is asked."""
 
     def __init__(self, device: Device, pressures: Pressures, rate: float, link: int = 0) -> None:
         super().__init__(device, pressures, rate, link)
         self._frame = 0  # number of the next frame
         self._heard = b""
-        self._started = not self._codec.format.start
+        self._started = not self._codec.start
         self._asked = 0
+        self._title = self._codec.title
 
     def hear(self, data: bytes, now: float) -> None:
         """Look for the command to start and for requests."""
-        form = self._codec.format
         self._heard += data
-        if not self._started and form.start in self._heard:
-            self._heard = self._heard.partition(form.start)[2]
+        if not self._started and self._codec.start in self._heard:
+            self._heard = self._heard.partition(self._codec.start)[2]
             self._started, self._frame = True, int(now * self.rate) + 1
-        if self._started and form.request:
-            *requests, self._heard = self._heard.split(form.request)
+        if self._started and self._codec.request:
+            *requests, self._heard = self._heard.split(self._codec.request)
             self._asked += len(requests)
         self._heard = self._heard[-256:]
 
@@ -95,12 +94,13 @@ class EmulatedFields(Emulated):
         """Return the frames that were measured since the last call, or one for each request."""
         if not self._started:
             return []
-        if self._codec.format.request:
+        said = [self._title] if self._title else []
+        self._title = b""
+        if self._codec.request:
             asked, self._asked, self._frame = self._asked, 0, int(now * self.rate)
-            return list(self._next_frame()) * asked
+            return said + list(self._next_frame()) * asked
         latest = int(now * self.rate)
         self._frame = max(self._frame, latest - int(_BEHIND * self.rate))
-        said: list[bytes] = []
         while self._frame <= latest:
             said += self._next_frame()
         return said
@@ -116,37 +116,12 @@ class EmulatedFields(Emulated):
             yield self._codec.encode(Frame(self.values(wiring, frame / self.rate), address, frame, ticks))
 
 
-class EmulatedCsv(EmulatedFields):
-    """The CSV lines that the vendor's tool writes, one a frame."""
-
-    _codec: CsvCodec  # type: ignore[assignment]
-
-    def __init__(self, device: Device, pressures: Pressures, rate: float, link: int = 0) -> None:
-        Emulated.__init__(self, device, pressures, rate, link)
-        self._frame = self._asked = 0
-        self._titled = False
-
-    def hear(self, data: bytes, now: float) -> None:
-        """Ignore the host."""
-
-    def say(self, now: float) -> list[bytes]:
-        """Return the lines until `now`, the title first."""
-        said = [] if self._titled else [self._codec.title()]
-        self._titled = True
-        while self._frame <= int(now * self.rate):
-            _, wiring = self._parts[0]
-            ticks = 1e3 * self._frame / self.rate
-            said.append(self._codec.encode(Frame(self.values(wiring, self._frame / self.rate), ticks=ticks)))
-            self._frame += 1
-        return said
-
-
 class EmulatedSingleTact(Emulated):
     """SingleTact sensors behind the maker's bridge, which answers one request at a time.
 
     silent: addresses that do not answer; for them the bridge sends old bytes after 100 ms and its
     timed-out flag stays 0, as the real one's does. elements: what register 12 says, None for the device file's
-    number. A sensor measures `rate` frames a second with its accumulator at 0, and fewer with more samples a frame.
+    number. A sensor measures `rate` frames a second as it is shipped, with 32 samples a frame, and more with fewer.
     """
 
     _codec: SingleTactCodec
@@ -164,7 +139,7 @@ class EmulatedSingleTact(Emulated):
         self.silent = silent
         self._elements = self._codec.taxels if elements is None else elements
         self._counted = (0.0, 0.0)  # when the rate last changed, and frames until then
-        self._samples = _SAMPLES[0]
+        self._samples = _SAMPLES[_SHIPPED]
         self._heard = b""
         self._answers: list[tuple[float, bytes]] = []  # (time when due, bytes)
         self._old = bytes(MOST_READ)  # what the bridge's buffer held before
@@ -214,15 +189,20 @@ class EmulatedSingleTact(Emulated):
         ticks = round(now / self._codec.tick_s) % self._codec.tick_wrap
         self._answers.append((when, write_reply(Reply(address, False, number, ticks, data))))
 
+    @property
+    def _per_second(self) -> float:
+        return self.rate * _SAMPLES[_SHIPPED] / self._samples
+
     def _frames(self, now: float) -> float:
         """Count the frames until `now`, with the share of the one that is being measured."""
         since, before = self._counted
-        return before + (now - since) * self.rate / self._samples
+        return before + (now - since) * self._per_second
 
     def _registers(self, address: int) -> bytearray:
         """Make the settings registers, as far as a host reads them."""
         settings = bytearray(INDEX_REGISTER)
         settings[0] = address
+        settings[ACCUMULATOR_REGISTER] = _SHIPPED
         settings[10:12] = (100).to_bytes(2, "big")
         settings[ELEMENTS_REGISTER] = self._elements
         settings[15 : 15 + self._codec.taxels] = bytes(range(self._codec.taxels))
@@ -231,19 +211,20 @@ class EmulatedSingleTact(Emulated):
 
     def _memory(self, address: int, now: float) -> bytes:
         """Make the content of all registers at `now`."""
-        frames, per_second = self._frames(now), self.rate / self._samples
+        frames = self._frames(now)
         frame = int(frames)
         wiring = dict(self._parts)[address]
         head = (frame % 65536).to_bytes(2, "big") + (round(1e3 * now) % 65536).to_bytes(2, "big")
-        output = self.values(wiring, now - (frames - frame) / per_second).astype(">u2").tobytes()
+        output = self.values(wiring, now - (frames - frame) / self._per_second).astype(">u2").tobytes()
         memory = bytes(self._settings[address]) + head + output
         assert len(head) == OUTPUT_REGISTER - INDEX_REGISTER
         return memory.ljust(REGISTERS, b"\0")
 
 
 def emulate(device: Device, pressures: Pressures, rate: float, link: int = 0) -> Emulated:
-    """Make the emulated end of one link of the device; the codec decides its class."""
-    kinds: dict[str, type[Emulated]] = {
-        "fields": EmulatedFields, "singletact": EmulatedSingleTact, "pps-csv": EmulatedCsv
-    }  # fmt: skip
-    return kinds[device.codec.kind](device, pressures, rate, link)
+    """Make the emulated end of one link of the device.
+
+    Raises CodecError if the device has no codec, or one that writes no frames.
+    """
+    kind = EmulatedSingleTact if isinstance(device.codec, SingleTactFormat) else EmulatedFrames
+    return kind(device, pressures, rate, link)

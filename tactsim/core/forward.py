@@ -6,6 +6,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
+import numpy as np
+from numpy.typing import NDArray
+
 from tactsim.core.poses import FloatArray
 
 
@@ -22,6 +25,13 @@ class Linearised:
     mean: FloatArray
     by_pose: FloatArray
     nuisance: FloatArray
+
+    def with_rows(self, rows: NDArray[np.intp], others: Linearised, off: FloatArray) -> Linearised:
+        """Put others, of presses that were off by `off` (k, q) standard deviations, in the place of some rows (k,)."""
+        mean, by_pose, nuisance = self.mean.copy(), self.by_pose.copy(), self.nuisance.copy()
+        mean[rows] = others.mean - (off[:, None] @ others.nuisance)[:, 0]
+        by_pose[rows], nuisance[rows] = others.by_pose, others.nuisance
+        return Linearised(mean, by_pose, nuisance)
 
 
 class ForwardModel(Protocol):
@@ -48,6 +58,12 @@ class ForwardModel(Protocol):
         """Predict the readings (n, taxels) kPa of presses at poses (n, 3), exactly there, without noise."""
         ...
 
-    def linearised(self, letter: str, sensor_in_object: FloatArray) -> Linearised:
-        """Predict the readings of presses at poses (n, 3), and how they change."""
+    def linearised(
+        self, letter: str, sensor_in_object: FloatArray, off: FloatArray | None = None
+    ) -> Linearised:
+        """Predict the readings of presses stated to be at poses (n, 3), and how they change.
+
+        off: (n, q) by how many standard deviations each press is off, in the order of `Linearised.nuisance`; by
+        default none is.
+        """
         ...

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from tactsim.core.checking import checked
 from tactsim.core.errors import InputError, unknown
 from tactsim.core.forward import Linearised
-from tactsim.core.poses import FloatArray
+from tactsim.core.poses import FloatArray, compose
 from tactsim.core.scan import Scan
 from tactsim.models import Letter
 from tactsim.press.engine import engine_for
@@ -94,25 +94,47 @@ class PressModel:
         return self._pressed(letter, sensor_in_object, tilts, derive=False)[0]
 
     def linearised(
-        self, letter: str, sensor_in_object: FloatArray, tilts: FloatArray | None = None
+        self, letter: str, sensor_in_object: FloatArray, off: FloatArray | None = None
     ) -> Linearised:
-        """Predict readings and their derivatives, as `ForwardModel.linearised` says."""
-        mean, by = self._pressed(letter, sensor_in_object, tilts, derive=True)
+        """Predict readings and their derivatives, as `ForwardModel.linearised` says.
+
+        Loads are log-normal with mean 1, as `draw_loads` draws them.
+        """
         own = np.flatnonzero(self._spread)
-        by_pose = np.ascontiguousarray(by[:, :_MOTIONS])
+        off = np.zeros((len(sensor_in_object), _MOTIONS + len(own))) if off is None else off
+        place = off[:, :_MOTIONS] * self.placement
+        spread = np.zeros((len(off), 3))
+        spread[:, own] = off[:, _MOTIONS:] * self._spread[own]
+        load = np.exp(spread[:, 2] - self._spread[2] ** 2 / 2)
+        mean, by = self._pressed(letter, compose(sensor_in_object, place), spread[:, :2], load, derive=True)
+        by_pose = _by_stated(by[:, :_MOTIONS], place)
+        by_place = by_pose.copy()
+        by_place[:, 2] = by[:, 2]  # the pad errs by turning about its own middle
         nuisance = np.concatenate(
-            [by_pose * self.placement[:, None], by[:, _MOTIONS + own] * self._spread[own, None]], axis=1
+            [by_place * self.placement[:, None], by[:, _MOTIONS + own] * self._spread[own, None]], axis=1
         )
         return Linearised(mean, by_pose, nuisance)
 
     def _pressed(
-        self, letter: str, poses: FloatArray, tilts: FloatArray | None, *, derive: bool
+        self,
+        letter: str,
+        poses: FloatArray,
+        tilts: FloatArray | None,
+        load: FloatArray | None = None,
+        *,
+        derive: bool,
     ) -> tuple[FloatArray, FloatArray]:
+        """Press at poses (n, 3), with tilts (n, 2) rad beside the press's own and loads (n,) in shares of its force.
+
+        On springs everything is proportional: c times the load and c times the tilts give c times the pressures.
+        """
         if letter not in self._outlines:
             raise unknown("letter of the forward model", letter, self.letters)
         outline, start = self._outlines[letter]
         poses = np.array(poses, dtype=float, order="C")  # the compiled loops take no read-only array
         tilted = np.tile(self._tilt, (len(poses), 1)) if tilts is None else tilts + self._tilt
+        if load is not None:
+            tilted /= load[:, None]
         taxels = self._felt_x.shape[2] * self._felt_y.shape[2]
         mean = np.empty((len(poses), taxels))
         by = np.empty((len(poses), 6, taxels))
@@ -120,6 +142,10 @@ class PressModel:
             outline, start, poses, tilted, self._bounds, self._press, self._felt_x, self._felt_y, self._table,
             int(derive), mean, by,
         )  # fmt: skip
+        if load is not None:
+            mean *= load[:, None]
+            by *= load[:, None, None]
+            by[:, _MOTIONS : _MOTIONS + 2] /= load[:, None, None]
         if self._response != 1:  # the sensor's response curve, as `sensor.sense` bends it
             relative = np.maximum(mean, 1e-3) / self._response_pressure
             by *= (self._response * relative ** (self._response - 1))[:, None]
@@ -168,6 +194,17 @@ def _check_flat(letter: Letter, options: ScanOptions) -> None:
             f"the forward model presses flat faces with sharp edges on springs, at rest; {letter.name!r} is pressed "
             f"otherwise here"
         )
+
+
+def _by_stated(by_own: FloatArray, place: FloatArray) -> FloatArray:
+    """Turn derivatives by motions of the pad where it is (n, 3, taxels) into those by motions of where it was stated.
+
+    place: (n, 3) the pad's pose in the stated one. A turn about the stated middle carries the pad along.
+    """
+    (x, y, turn) = place.T[:, :, None]
+    cos, sin = np.cos(turn), np.sin(turn)
+    by_x, by_y = cos * by_own[:, 0] - sin * by_own[:, 1], sin * by_own[:, 0] + cos * by_own[:, 1]
+    return np.stack([by_x, by_y, by_own[:, 2] - y * by_x + x * by_y], axis=1)
 
 
 def _felt(nodes: FloatArray, edges: FloatArray, sigma: float) -> FloatArray:

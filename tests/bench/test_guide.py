@@ -80,3 +80,14 @@ def test_the_guide_stops_at_a_key_while_the_pad_is_lost(bench, on_terminal, tmp_
         terminal.press("q")
         assert terminal.ended(20) == 0
         assert "0 of 192 presses are in A.tactrec" in terminal.screen.text
+
+
+def test_the_guide_ends_when_its_terminal_is_closed(bench, on_terminal, tmp_path):
+    with (
+        emulated(bench),
+        on_terminal("record", "--port", "pad", "--letter", "A", "--out", "A.npz") as terminal,
+    ):
+        terminal.until(lambda screen: "lift the letter" in screen.text)
+        terminal.close()
+        terminal.process.wait(20)
+    assert list(RecordReader(tmp_path / "A.tactrec"))

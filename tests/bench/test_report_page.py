@@ -1,32 +1,19 @@
 """The report in a real browser: headless Chromium, opened from disk."""
 
-import shutil
 from itertools import pairwise
 
 import pytest
+from browser import browser, needs_browser
 
 from tactsim.bench.report.write import write_report
 
-CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
-pytestmark = pytest.mark.skipif(
-    CHROMIUM is None, reason="no Chromium on this machine; Debian: apt-get install chromium"
-)
-ARGUMENTS = (
-    "--headless --no-sandbox --disable-gpu --disable-quic --no-first-run --disable-background-networking "
-    "--disable-component-update --disable-sync"
-)
+pytestmark = needs_browser
 
 
 @pytest.fixture(scope="module")
 def context(tmp_path_factory):
-    from playwright.sync_api import sync_playwright
-
-    with sync_playwright() as playwright:
-        context = playwright.chromium.launch_persistent_context(
-            tmp_path_factory.mktemp("profile"), executable_path=CHROMIUM, args=ARGUMENTS.split(" ")
-        )
+    with browser(tmp_path_factory.mktemp("profile")) as context:
         yield context
-        context.close()
 
 
 @pytest.fixture(scope="module")
@@ -87,6 +74,17 @@ def test_a_page_opens_without_a_complaint(open_page, path):
     assert page.locator("section.protocol").count() == 2
     for words in ("Headlines", "Run time against error", "Accuracy and error", "Learned maps"):
         assert page.get_by_role("heading", name=words).count() >= 1
+    assert "[object" not in page.locator("body").inner_text()
+
+
+def test_how_sure_is_drawn_beside_how_often_right(open_page, path):
+    sure = open_page(path).locator("section").filter(has_text="How sure, and how rightly").last
+    titles = sure.locator("figure.chart figcaption").all_inner_texts()
+    assert titles == [
+        "Share of 90 % regions that hold the truth",
+        "Share right against the probability stated",
+    ]
+    assert all(sure.locator("figure.chart svg path").nth(i).get_attribute("d") for i in range(4))
 
 
 def test_the_slider_moves_by_keyboard_and_everything_follows(open_page, path):

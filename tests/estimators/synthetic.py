@@ -96,7 +96,10 @@ class SyntheticForward:
     def readings(self, letter: str, sensor_in_object: NDArray[np.float64]) -> NDArray[np.float64]:
         return 30 * pressures(letter, transform(sensor_in_object, self.taxel_xy))
 
-    def linearised(self, letter: str, sensor_in_object: NDArray[np.float64]) -> Linearised:
+    def linearised(
+        self, letter: str, sensor_in_object: NDArray[np.float64], off: NDArray[np.float64] | None = None
+    ) -> Linearised:
+        """Predict; nothing is unknown of a press, so `off` has no columns."""
         mean = self.readings(letter, sensor_in_object)
         steps = 1e-3 * np.eye(3)
         by_pose = [(self.readings(letter, compose(sensor_in_object, step)) - mean) / 1e-3 for step in steps]

@@ -44,6 +44,11 @@ class Nothing(Guessing):
 class Faulty(Guessing):
     def update(self, reading, sensor_in_robot): raise KeyError("a bug of the plug-in's")
 """,
+    "described": """
+from tactsim.hardware.codecs.codec import CodecFormat
+class Unfinished(CodecFormat):
+    taxels: int
+""",
     "sources": """
 from tactsim.core.counters import Counters
 from tactsim.core.source import Source
@@ -69,6 +74,7 @@ BROKEN = [
 ]  # fmt: skip
 ESTIMATORS = [*BROKEN, "wrong:Bare", "wrong:function", "halves:Unfinished", "halves:Whole"]
 WORKING = ["guessing:Guessing", "guessing:Nan", "guessing:Nothing", "guessing:Faulty"]
+CODECS = [*BROKEN, "wrong:Bare", "wrong:function", "described:Unfinished"]
 SOURCES = ["sources:nothing", "sources:bare", "sources:silent", "sources:short"]
 
 
@@ -86,6 +92,8 @@ def plugged(bench):
     lines += ["[tactsim.sources]"]
     lines += [f"bad{number} = {point}" for number, point in enumerate(BROKEN)]
     lines += [f"{point.partition(':')[2]} = {point}" for point in SOURCES]
+    lines += ["[tactsim.codecs]"]
+    lines += [f"bad{number} = {point}" for number, point in enumerate(CODECS)]
     (metadata / "METADATA").write_text("Metadata-Version: 2.1\nName: plugged\nVersion: 1.0\n")
     (metadata / "entry_points.txt").write_text("\n".join(lines) + "\n")
     bench.environment |= {"PYTHONPATH": str(site), "COLUMNS": "400"}
@@ -107,6 +115,11 @@ def test_every_broken_plug_in_is_a_status(plugged):
     for number in range(len(BROKEN)):
         assert f"plug-in 'bad{number}'" in status[f"bad{number}"]
     assert status["simulated"] == "from tactsim"
+    status = {row["name"]: row["status"] for row in json.loads(result.stdout)["codecs"]}
+    for number in range(len(CODECS)):
+        assert f"plug-in 'bad{number}'" in status[f"bad{number}"]
+    assert "does not define build" in status[f"bad{len(CODECS) - 1}"]
+    assert status["fields"] == "built in"
 
 
 RUN = ["run", "--letters", "IO", "--trials", "1", "--readings", "2", "--out", "out"]
@@ -125,6 +138,13 @@ def test_a_plug_in_that_answers_nonsense_is_named_in_one_line(plugged, scan_file
     assert "guessing.py" in result.stderr, "an exception of its own keeps its traceback, for its author"
     assert not (plugged.folder / "out").exists()
     assert plugged(*RUN, "--scan", scan_file, "--estimator", "guessing").returncode == 0
+
+
+def test_a_codec_that_is_broken_is_named_in_one_line(plugged):
+    content = 'name = "x"\n[codec]\nkind = "bad0"\n[pad]\nrows = 1\ncolumns = 1\nno_seam = true\n'
+    (plugged.folder / "x.toml").write_text(content)
+    result = plugged("probe", "--port", "loop://", "--device", "x.toml")
+    refused(result, "device file x.toml: codec: plug-in 'bad0'", "RuntimeError: first line")
 
 
 @pytest.mark.parametrize(

@@ -7,8 +7,10 @@ from hypothesis import strategies as st
 from made_pads import csv_device, singletact, small_device
 
 from tactsim.core.counters import Counters
+from tactsim.hardware.codecs import registry
 from tactsim.hardware.codecs.codec import Codec, CodecError, Frame
 from tactsim.hardware.codecs.singletact import Reply, write_reply
+from tactsim.hardware.device import Device
 from tactsim.hardware.framing import Framer
 
 
@@ -38,16 +40,66 @@ def singletact_messages(count, rng):
 def csv_messages(count, rng):
     form = csv_device().codec.build()
     rows = [form.encode(Frame(rng.normal(size=6).round(3), ticks=10.0 * k)) for k in range(count)]
-    return form, [form.title() + rows[0], *rows[1:]]
+    return form, [form.title + rows[0], *rows[1:]]
+
+
+def layout_codec(layout, taxels, **codec):
+    pad = {"rows": 1, "columns": taxels, "no_seam": True}
+    return small_device(codec={"layout": layout, "zero": 0} | codec, pad=pad).codec.build()
+
+
+def footed_messages(count, rng):
+    """Floats of three axes without a header. The first message begins with the end of the one before."""
+    taxels = {"is": "taxels", "count": 3, "bits": 32, "float": True, "axes": 3, "normal": 2}
+    form = layout_codec([taxels, {"is": "footer", "bytes": "0D 0A"}], 3, endian="little")
+    values = rng.normal(size=(count, 3)).astype(np.float32).astype(float)
+    messages = [form.encode(Frame(row)) for row in values]
+    return form, [b"\r\n" + messages[0], *messages[1:]]
+
+
+def crc_messages(count, rng):
+    """Nothing but values and a CRC. The first message begins with the one before."""
+    form = layout_codec(
+        [{"is": "index"}, {"is": "taxels", "count": 4}, {"is": "checksum", "kind": "crc32"}], 4
+    )
+    values = rng.integers(0, 65536, size=(count + 1, 4)).astype(float)
+    messages = [form.encode(Frame(row, index=k)) for k, row in enumerate(values)]
+    return form, [messages[0] + messages[1], *messages[2:]]
+
+
+def line_messages(count, rng):
+    """An Arduino's lines. The first one begins with the end of the one before."""
+    pad = {"rows": 1, "columns": 4, "no_seam": True}
+    codec = {
+        "kind": "csv",
+        "taxels": 4,
+        "kpa_per_count": 1.0,
+        "before": ["index", "clock"],
+        "checksum": "crc16-ccitt",
+    }
+    form = Device.model_validate({"name": "lines", "codec": codec, "pad": pad}).codec.build()
+    values = rng.integers(0, 1024, size=(count, 4)).astype(float)
+    messages = [form.encode(Frame(row, index=k, ticks=10 * k)) for k, row in enumerate(values)]
+    return form, [b"\n" + messages[0], *messages[1:]]
 
 
 MAKERS = {
     "fields": small_messages,
     "fields-header-only": headed_messages,
+    "fields-footer-only": footed_messages,
+    "fields-crc-only": crc_messages,
     "singletact": singletact_messages,
+    "csv": line_messages,
     "pps-csv": csv_messages,
 }
+# In these a frame is told by its neighbours.
+BY_NEIGHBOURS = (headed_messages, footed_messages, crc_messages, line_messages, csv_messages)
 every_codec = pytest.mark.parametrize("make", MAKERS.values(), ids=MAKERS)
+
+
+def test_every_codec_that_comes_along_is_tried_here():
+    assert {name.removesuffix("-only").removesuffix("-header").removesuffix("-footer").removesuffix("-crc")
+            for name in MAKERS} == set(registry.BUILT_IN)  # fmt: skip
 
 
 def key(packet):
@@ -114,8 +166,7 @@ def test_garbage_between_frames_costs_none(make, garbage, where):
 def test_a_burst_costs_at_most_the_frames_it_touches(make, garbage, at, lost):
     """Bytes are overwritten, lost or added somewhere; every frame that they do not touch is read.
 
-    A frame without footer and checksum counts by the header behind it, and a line by the end of the
-    line before it, so there a burst touches the neighbours too.
+    Where a frame is told by its neighbours, a burst touches these, too.
     """
     form, messages = make(12, np.random.default_rng(1))
     stream = b"".join(messages)
@@ -123,7 +174,7 @@ def test_a_burst_costs_at_most_the_frames_it_touches(make, garbage, at, lost):
     spoiled = stream[:at] + garbage + stream[at + lost :]
     ends = np.cumsum([len(message) for message in messages])
     starts = ends - [len(message) for message in messages]
-    reach = 1 if make in (headed_messages, csv_messages) else 0
+    reach = 1 if make in BY_NEIGHBOURS else 0
     untouched = [
         k for k in range(reach, 12 - reach) if ends[k + reach] <= at or starts[k - reach] >= at + max(lost, 1)
     ]

@@ -57,8 +57,49 @@ def test_packed_values_are_read_as_the_documentation_says(bits, endian, data, va
     assert frame.values.tolist() == values
 
 
+@pytest.mark.parametrize(
+    ("item", "endian", "data", "values"),
+    [
+        # IEEE 754: 1 is 3F800000, -2.5 is C0200000
+        ({"bits": 32, "float": True}, "big", "3F 80 00 00 C0 20 00 00", [1.0, -2.5]),
+        ({"bits": 32, "float": True}, "little", "00 00 80 3F 00 00 20 C0", [1.0, -2.5]),
+        ({"bits": 32}, "big", "00 01 02 03 FF FF FF FF", [0x10203, 2**32 - 1]),
+        ({"bits": 32, "signed": True}, "little", "FE FF FF FF 01 00 00 00", [-2, 1]),
+        ({"bits": 8, "axes": 3, "normal": 2}, "big", "FF 80 01 02 03 C8", [1, 200]),
+        ({"bits": 8, "axes": 3, "normal": 0, "signed": True}, "big", "FF 80 01 02 03 C8", [-1, 2]),
+        # 12 bits, two axes: 123 and 456, then 789 and ABC
+        ({"bits": 12, "axes": 2, "normal": 1}, "big", "12 34 56 78 9A BC", [0x456, 0xABC]),
+    ],
+)
+def test_floats_and_the_normal_of_several_axes_are_read(item, endian, data, values):
+    layout = [HEADER, {"is": "taxels", "count": 2} | item, {"is": "footer", "bytes": "0A"}]
+    form = codec(layout, endian=endian, kpa_per_count=0.1)
+    message = bytes.fromhex(f"AA 55 {data} 0A")
+    used, frame = form.decode(message)
+    assert (used, frame.values.tolist()) == (len(message), values)
+    _, again = form.decode(form.encode(frame))
+    assert again.values.tolist() == values
+
+
+@pytest.mark.parametrize("odd", ["7F C0 00 00", "7F 80 00 00", "FF 7F FF FF"])  # NaN, infinite, -3.4e38
+def test_a_float_that_is_no_pressure_is_in_no_frame(odd):
+    layout = [
+        HEADER,
+        {"is": "taxels", "count": 1, "bits": 32, "float": True},
+        {"is": "checksum", "kind": "lrc8"},
+    ]
+    form = codec(layout)
+    body = bytes.fromhex(f"AA 55 {odd}")
+    assert form.decode(body + bytes([-sum(body) & 255])) == (1, None)
+
+
+def test_the_checksum_of_modbus_ascii_makes_all_bytes_sum_to_nothing():
+    message = bytes.fromhex("55 AA 00 10 17 00 01 00 01 D8")  # PaXini's command to send by itself
+    assert CHECKSUMS["lrc8"][1](message[:-1]) == message[-1]
+
+
 @given(
-    st.sampled_from([8, 10, 12, 16]),
+    st.sampled_from([8, 10, 12, 16, 32]),
     st.sampled_from(["big", "little"]),
     st.booleans(),
     st.sampled_from([None, *CHECKSUMS]),
@@ -78,7 +119,7 @@ def test_what_is_encoded_is_decoded(bits, endian, signed, checksum, data):
         *([] if checksum is None else [{"is": "checksum", "kind": checksum, "skip": 2}]),
         {"is": "footer", "bytes": "0D0A"},
     ]
-    form = codec(layout, endian=endian)
+    form = codec(layout, endian=endian, kpa_per_count=0.1)
     frame = Frame(np.array(values, dtype=float), address=7, index=70_000, ticks=123_456)
     message = form.encode(frame)
     used, again = form.decode(message)
@@ -113,8 +154,13 @@ def test_counts_become_pressures_and_back():
 @pytest.mark.parametrize(
     ("layout", "message"),
     [
-        ([], "must begin with a header"),
-        ([{"is": "taxels", "count": 1}], "must begin with a header"),
+        ([], "no item 'taxels'"),
+        ([{"is": "taxels", "count": 1}], "must begin with a header, end with a footer, or have a checksum"),
+        (
+            [{"is": "taxels", "count": 1}, {"is": "checksum", "kind": "sum16"}],
+            "a checksum of crc16-modbus, crc16-ccitt, crc32",
+        ),
+        ([{"is": "taxels", "count": 1}, HEADER], "header must be the first"),
         ([HEADER], "no item 'taxels'"),
         ([HEADER, {"is": "taxels", "count": 1}, {"is": "taxels", "count": 1}], "2 items 'taxels'"),
         (
@@ -135,7 +181,14 @@ def test_counts_become_pressures_and_back():
             "unknown checksum 'md5'",
         ),
         ([HEADER, {"is": "taxels", "count": 1}, {"is": "checksum", "kind": "sum8", "skip": 4}], "skips 4"),
-        ([HEADER, {"is": "taxels", "count": 1, "bits": 9}], "8, 10, 12 or 16"),
+        ([HEADER, {"is": "taxels", "count": 1, "bits": 9}], "8, 10, 12, 16 or 32"),
+        ([HEADER, {"is": "taxels", "count": 1, "float": True}], "a float has 32 bits, not 16"),
+        ([HEADER, {"is": "taxels", "count": 1, "axes": 3, "normal": 3}], "normal axis 3 is none of 3"),
+        ([HEADER, {"is": "taxels", "count": 1}, {"is": "packet", "of": 2}], "needs an 'index'"),
+        (
+            [HEADER, {"is": "index"}, {"is": "packet", "of": 256, "first": 1}, {"is": "taxels", "count": 1}],
+            "256 packets from 1 on do not fit a number of 1 bytes",
+        ),
         ([HEADER, {"is": "taxel", "count": 1}], "does not match any of the expected tags"),
     ],
 )

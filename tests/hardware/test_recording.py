@@ -15,6 +15,7 @@ from made_pads import csv_device, ramp, serving, small_device
 from tactsim.core import InputError
 from tactsim.core.reading import Reading
 from tactsim.core.source import SourceError
+from tactsim.hardware.device import Device
 from tactsim.hardware.emulator import Faults, emulate
 from tactsim.hardware.live import LiveSource
 from tactsim.hardware.recorded import CsvReplay, Replay
@@ -161,9 +162,46 @@ def test_other_files_are_refused(tmp_path, content):
         check_whole(tmp_path / "a")
 
 
+def test_a_recording_keeps_the_axes_that_are_not_read(tmp_path):
+    """Three bytes a taxel: x, y and z. The normal one is read; the others can be, from the same bytes."""
+
+    def device(normal, signed, rows=1):
+        layout = [
+            {"is": "header", "bytes": "AA 55"},
+            {"is": "taxels", "count": 2, "bits": 8, "axes": 3, "normal": normal, "signed": signed},
+            {"is": "checksum", "kind": "lrc8"},
+        ]
+        pad = {"rows": rows, "columns": 2 // rows, "no_seam": True}
+        codec = {"kind": "fields", "kpa_per_count": 0.5, "layout": layout}
+        return Device.model_validate({"name": f"axis {normal}", "codec": codec, "pad": pad})
+
+    body = bytes.fromhex("AA 55 FE 01 64 02 FF C8")  # -2, 1, 100 and 2, -1, 200
+    with Recorder(tmp_path / "a") as recorder:
+        recorder.segment({"device": device(2, False).as_json()}, 0.0)
+        recorder.received(0, body + bytes([-sum(body) & 255]), 0.1)
+
+    def pressures(read_as=None):
+        (reading,) = Replay(tmp_path / "a", read_as=read_as)
+        return reading.pressures.tolist()
+
+    assert pressures() == [50.0, 100.0]
+    assert pressures(device(0, True)) == [-1.0, 1.0]
+    assert pressures(device(1, True)) == [0.5, -0.5]
+    with pytest.raises(InputError, match="recorded with another pad than that of 'axis 0'"):
+        pressures(device(0, True, rows=2))
+
+
+def test_bytes_of_a_device_that_has_no_codec_are_refused_in_one_line(tmp_path):
+    with Recorder(tmp_path / "a") as recorder:
+        recorder.segment({"device": {"name": "x"}}, 0.0)
+        recorder.received(0, b"abc", 0.1)
+    with pytest.raises(InputError, match=r"bytes of a device that has no \[codec\]"):
+        list(Replay(tmp_path / "a"))
+
+
 @pytest.mark.parametrize(
     "payload",
-    [b"", b"[]", b"{", b'{"device": 3}', b"\xff", b"[" * 100_000, b'{"device": {"name": "x"}}'],
+    [b"", b"[]", b"{", b'{"device": 3}', b"\xff", b"[" * 100_000, b'{"device": {"name": ""}}'],
 )
 def test_a_hostile_segment_is_refused_in_one_line(tmp_path, payload):
     with Recorder(tmp_path / "a") as recorder:

@@ -54,7 +54,11 @@ def test_derivatives_are_those_of_differences(world):
     model = PressModel([models.letter("A")], given)
     poses = presses(rng, 40)
     found = model.linearised("A", poses)
-    np.testing.assert_array_equal(found.mean, model.readings("A", poses))
+    # Loads have mean 1, so the middle one of a log-normal spread is a little less.
+    middle = np.exp(-np.log1p(0.09) / 2)
+    weaker = given.model_copy(update={"press": given.press.model_copy(update={"force": 2 * middle})})
+    model = PressModel([models.letter("A")], weaker)
+    np.testing.assert_allclose(found.mean, model.readings("A", poses), atol=1e-3 * found.mean.max(), rtol=0)
     step = 1e-3
     for axis in range(3):
         moved = [compose(poses, sign * step * np.eye(3)[axis]) for sign in (1, -1)]
@@ -72,7 +76,7 @@ def test_derivatives_are_those_of_differences(world):
         by = (model.readings("A", poses, turn) - model.readings("A", poses, -turn)) / 2e-5
         off = np.abs(by * given.placement_tilt - found.nuisance[:, 3 + axis]).max(axis=1)
         assert np.quantile(off, 0.9) < 0.02 * max(np.abs(found.nuisance[:, 3 + axis]).max(), 1e-6)
-    stronger = given.model_copy(update={"press": given.press.model_copy(update={"force": 2.002})})
+    stronger = given.model_copy(update={"press": given.press.model_copy(update={"force": 2.002 * middle})})
     by = (PressModel([models.letter("A")], stronger).readings("A", poses) - found.mean) / 1e-3
     off = np.abs(by * np.sqrt(np.log1p(0.09)) - found.nuisance[:, -1]).max(axis=1)
     assert np.quantile(off, 0.9) < 0.01 * np.abs(found.nuisance[:, -1]).max()
@@ -147,3 +151,41 @@ def test_what_cannot_be_pressed_is_refused_in_one_line():
         forward_model(moved)
     with pytest.raises(InputError, match="letter of the forward model"):
         forward_model(scan).readings("A", np.zeros((1, 3)))
+
+
+@pytest.mark.parametrize("world", ["default", "handheld", "rough"])
+def test_a_press_that_is_off_is_predicted_as_it_is_pressed(world):
+    """Its load, against a press of that force; its place and tilt, against one there; slopes, against differences."""
+    rng = np.random.default_rng(5)
+    given = ScanOptions(**WORLDS[world])
+    letter = models.letter("E")
+    model, poses = PressModel([letter], given), presses(rng, 30)
+    spread = [given.placement_mm, given.placement_mm, given.placement_rad, *2 * [given.placement_tilt]]
+    spread = np.array(spread + [np.sqrt(np.log1p(given.load_spread**2))] * bool(given.load_spread))
+    for off in rng.standard_normal((3, len(spread))):
+        found = model.linearised("E", poses, np.tile(off, (len(poses), 1)))
+        load = np.exp(spread[5] * off[5] - spread[5] ** 2 / 2) if given.load_spread else 1.0
+        press = given.press.model_copy(update={"force": load * given.press.force})
+        there = PressModel([letter], given.model_copy(update={"press": press}))
+        actual = compose(poses, spread[:3] * off[:3])
+        by_hand = there.readings("E", actual, np.tile(spread[3:5] * off[3:5], (len(poses), 1)))
+        scale = by_hand.max()
+        assert np.quantile(np.abs(found.mean - by_hand).max(axis=1), 0.9) < 3e-3 * scale
+        for axis, step in enumerate((1e-3, 1e-3, 1e-4)):
+            ends = [
+                model.linearised(
+                    "E", compose(poses, sign * step * np.eye(3)[axis]), np.tile(off, (len(poses), 1))
+                )
+                for sign in (1, -1)
+            ]
+            by = (ends[0].mean - ends[1].mean) / (2 * step)
+            apart = np.abs(by - found.by_pose[:, axis]).max(axis=1) / np.abs(by).max()
+            assert np.median(apart) < 0.005
+        for k in range(len(spread)):
+            ends = [
+                model.linearised("E", poses, np.tile(off + d * np.eye(len(off))[k], (len(poses), 1)))
+                for d in (1e-2, -1e-2)
+            ]
+            by = (ends[0].mean - ends[1].mean) / 2e-2
+            apart = np.abs(by - found.nuisance[:, k]).max(axis=1) / np.abs(by).max()
+            assert np.median(apart) < 0.01, k

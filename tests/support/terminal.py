@@ -137,6 +137,11 @@ class OnTerminal:
     def press(self, keys):
         os.write(self._master, keys.encode())
 
+    def close(self):
+        """Close the window, and leave the program alone."""
+        os.close(self._master)
+        self._master = -1
+
     def ended(self, seconds=60.0):
         """Read until the program ends; gives its exit status."""
         end = time.monotonic() + seconds
@@ -161,4 +166,5 @@ class OnTerminal:
         if self.process.poll() is None:
             self.process.kill()
         self.process.wait(10)
-        os.close(self._master)
+        if self._master >= 0:
+            os.close(self._master)

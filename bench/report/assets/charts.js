@@ -156,23 +156,49 @@ function curves(spec, onReading) {
   };
 }
 
-// What was stated against what came true, both 0 to 1. `spec`: title, alt, points of {method, p, right, count, text}.
-// Arrow keys go from point to point.
-function reliability(spec) {
+// A plot of marks that pointer and arrow keys go through. `spec`: title, alt. `points`: in the order of the keys, each
+// with the text that is read out. draw(svg, width, height, chosen, choose) draws it all anew; `ratio` and `heights` give
+// its height for a width.
+function marks(spec, points, ratio, heights, draw) {
   const svg = s("svg", { class: "plot", role: "group", tabindex: 0, "aria-label": `${spec.alt} Use the arrow keys to go from point to point.` });
   const say = h("p", { class: "readout", "aria-live": "polite" }, "Point at a mark, or tab to the plot and use the arrow keys.");
   const box = h("figure", { class: "chart" }, h("figcaption", {}, spec.title), svg, say);
-  const points = [...spec.points].sort((a, b) => a.method - b.method || a.p - b.p);
-  const most = Math.max(1, ...points.map((point) => point.count));
   let chosen = -1, width = 0;
 
-  function draw() {
+  function drawn() {
     if (!width) return;
-    const height = Math.round(clamp(width * 0.62, 210, 340));
+    const height = Math.round(clamp(width * ratio, ...heights));
     svg.setAttribute("width", width);
     svg.setAttribute("height", height);
     svg.setAttribute("viewBox", `0 0 ${width} ${height}`);
-    const share = (name) => ({ kind: "linear", low: 0, high: 1, name });
+    draw(svg, width, height, chosen, choose);
+  }
+  function choose(i) {
+    if (i === chosen || !points.length) return;
+    chosen = i;
+    say.textContent = points[i].text;
+    drawn();
+  }
+  svg.addEventListener("keydown", (event) => {
+    const step = { ArrowRight: 1, ArrowUp: 1, ArrowLeft: -1, ArrowDown: -1 }[event.key];
+    const end = { Home: 0, End: points.length - 1 }[event.key];
+    if (step === undefined && end === undefined) return;
+    event.preventDefault();
+    choose(end ?? clamp(chosen + step, 0, points.length - 1));
+  });
+  whenSized(box, (now) => {
+    width = now;
+    drawn();
+  });
+  return box;
+}
+
+// What was stated against what came true, both 0 to 1. `spec`: title, alt, points of {method, p, right, count, text}.
+function reliability(spec) {
+  const points = [...spec.points].sort((a, b) => a.method - b.method || a.p - b.p);
+  const most = Math.max(1, ...points.map((point) => point.count));
+  const share = (name) => ({ kind: "linear", low: 0, high: 1, name });
+  return marks(spec, points, 0.62, [210, 340], (svg, width, height, chosen, choose) => {
     const { inside, sx, sy } = frame(svg, width, height, share("probability stated"), share());
     inside.append(s("path", { class: "ideal", d: `M${sx(0)} ${sy(0)}L${sx(1)} ${sy(1)}` }));
     for (const method of new Set(points.map((point) => point.method))) {
@@ -185,41 +211,14 @@ function reliability(spec) {
         d: mark(point.method, 3 + 5 * Math.sqrt(point.count / most)), transform: `translate(${sx(point.p)} ${sy(point.right)})`,
       }));
     });
-  }
-  function choose(i) {
-    if (i === chosen) return;
-    chosen = i;
-    say.textContent = points[i].text;
-    draw();
-  }
-  svg.addEventListener("keydown", (event) => {
-    const step = { ArrowRight: 1, ArrowUp: 1, ArrowLeft: -1, ArrowDown: -1 }[event.key];
-    if (step === undefined) return;
-    event.preventDefault();
-    choose(clamp(chosen + step, 0, points.length - 1));
   });
-  whenSized(box, (now) => {
-    width = now;
-    draw();
-  });
-  return box;
 }
 
 // A plot of points joined by method, with the frontier behind. `spec`: title, alt, xName, y, points of
-// {method, x, y, low, high, budget, frontier, text}. Arrow keys go from point to point.
+// {method, x, y, low, high, budget, frontier, text}.
 function scatter(spec) {
-  const svg = s("svg", { class: "plot", role: "group", tabindex: 0, "aria-label": `${spec.alt} Use the arrow keys to go from point to point.` });
-  const say = h("p", { class: "readout", "aria-live": "polite" }, "Point at a mark, or tab to the plot and use the arrow keys.");
-  const box = h("figure", { class: "chart" }, h("figcaption", {}, spec.title), svg, say);
   const byTime = [...spec.points].sort((a, b) => a.x - b.x);
-  let chosen = -1, width = 0;
-
-  function draw() {
-    if (!width) return;
-    const height = Math.round(clamp(width * 0.72, 250, 420));
-    svg.setAttribute("width", width);
-    svg.setAttribute("height", height);
-    svg.setAttribute("viewBox", `0 0 ${width} ${height}`);
+  return marks(spec, byTime, 0.72, [250, 420], (svg, width, height, chosen, choose) => {
     const xs = spec.points.map((point) => point.x);
     const x = { kind: "log", low: Math.min(...xs) / 1.35, high: Math.max(...xs) * 1.5, name: spec.xName };
     const { inside, sx, sy } = frame(svg, width, height, x, spec.y);
@@ -258,23 +257,5 @@ function scatter(spec) {
       const point = byTime[chosen];
       inside.append(s("circle", { class: "halo", cx: sx(point.x), cy: sy(point.y), r: 12 }));
     }
-  }
-  function choose(i) {
-    if (i === chosen) return;
-    chosen = i;
-    say.textContent = byTime[i].text;
-    draw();
-  }
-  svg.addEventListener("keydown", (event) => {
-    const step = { ArrowRight: 1, ArrowUp: 1, ArrowLeft: -1, ArrowDown: -1 }[event.key];
-    const end = { Home: 0, End: byTime.length - 1 }[event.key];
-    if (step === undefined && end === undefined) return;
-    event.preventDefault();
-    choose(end ?? clamp(chosen + step, 0, byTime.length - 1));
   });
-  whenSized(box, (now) => {
-    width = now;
-    draw();
-  });
-  return box;
 }

@@ -137,7 +137,7 @@ function certaintySection(task) {
   update(Math.min(10, last));
   return section("How sure, and how rightly",
     h("p", { class: "lead" }, "A region is all placements within a distance of the estimate that hold together 90 % of the belief. Its radius is the error that the method itself expects not to exceed in nine of ten trials."),
-    h("div", { class: "two" }, left, right),
+    h("div", { class: "two" }, left && left.box, right),
     h("p", { class: "hint" }, "Dashed: as it should be. Left: over the trials whose letter is right. Right: all readings of all trials; the larger a mark, the more estimates it stands for."),
     h("div", { class: "controls" }, control.field),
     scrolling("How sure at the chosen reading", h("table", { class: "values" },

@@ -7,6 +7,7 @@ from synthetic import SyntheticForward, make_scan, placement_error, pressures, s
 from tactsim import estimators
 from tactsim.core import InputError, Scan, compose, invert, transform
 from tactsim.core.forward import Linearised
+from tactsim.estimators.filters.synthesis import likeliest_press
 
 
 class Forward(SyntheticForward):
@@ -25,12 +26,23 @@ class Forward(SyntheticForward):
     def readings(self, letter, sensor_in_object):
         return super().readings(letter[0], sensor_in_object)
 
-    def linearised(self, letter, sensor_in_object):
-        found = super().linearised(letter[0], sensor_in_object)
+    def linearised(self, letter, sensor_in_object, off=None):
+        at = sensor_in_object if off is None else compose(sensor_in_object, off * self.placement)
+        found = super().linearised(letter[0], at)
         return Linearised(found.mean, found.by_pose, found.by_pose * self.placement[:, None])
 
 
-def fitted(labels, placement=0.0, **options):
+class Handheld(Forward):
+    """Loads are log-normal, by about a third, and a taxel feels the square of its load."""
+
+    def linearised(self, letter, sensor_in_object, off=None):
+        found = super().linearised(letter, sensor_in_object)
+        share = np.exp(0.6 * (0 if off is None else off[:, 0]) * np.ones(len(found.mean)))[:, None]
+        mean, by_pose = share * found.mean, share[..., None] * found.by_pose
+        return Linearised(mean, by_pose, 0.6 * mean[:, None])
+
+
+def fitted(labels, placement=0.0, forward=Forward, **options):
     """Fit to a scan that holds nothing but the labels."""
     count = len(labels)
     scan = Scan(
@@ -41,7 +53,7 @@ def fitted(labels, placement=0.0, **options):
         square_pad(),
     )
     estimator = estimators.create("synthesis", **{"spacing": 1.5, "angles": 12, "modes": 200} | options)
-    estimator.bring(Forward(labels, placement))
+    estimator.bring(forward(labels, placement))
     estimator.fit(scan)
     return estimator
 
@@ -105,6 +117,31 @@ def test_it_reaches_the_bound_and_says_how_sure_it_is(letters):
     assert np.median(squares) < 1.3  # 0.79 for a Gaussian at the bound
     assert np.mean(np.minimum(squares, 9)) < 1.5
     assert np.mean(held) >= 0.75
+
+
+def test_loads_that_vary_too_much_for_a_slope_are_searched_for():
+    estimator, rng, far = fitted(["E", "I", "L", "T"], forward=Handheld), np.random.default_rng(6), []
+    right = 0
+    for trial in range(12):
+        readings, poses, truth = hidden("ELT"[trial % 3], 5, rng)
+        readings *= np.exp(0.6 * rng.standard_normal((5, 1)))
+        estimate = follow(estimator, readings, poses)
+        right += estimate.label == "ELT"[trial % 3]
+        far.append(placement_error(estimate.robot_in_object, truth, 1, 64.0))
+    assert right >= 11
+    assert np.median(far) < 0.4
+
+
+def test_the_likeliest_press_is_the_ridge_regression():
+    rng = np.random.default_rng(7)
+    found = Linearised(rng.normal(size=(3, 8)), np.zeros((3, 3, 8)), rng.normal(size=(3, 2, 8)))
+    readings = rng.normal(size=(3, 8))
+    for reading, mean, slopes, off in zip(
+        readings, found.mean, found.nuisance, likeliest_press(readings, found, 0.5), strict=True
+    ):
+        rows = np.vstack([slopes.T / 0.5, np.eye(2)])
+        target = np.concatenate([(reading - mean) / 0.5, np.zeros(2)])
+        np.testing.assert_allclose(off, np.linalg.lstsq(rows, target)[0], rtol=1e-9)
 
 
 def test_letters_that_are_alike_share_the_probability():

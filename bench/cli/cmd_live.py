@@ -1,0 +1,131 @@
+"""`bench live`: recognition while somebody presses; of a real pad, a simulated object or a recording."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from tactsim.bench.cli import pad_options as pads
+from tactsim.bench.cli import shared_options as shared
+
+if TYPE_CHECKING:
+    from tactsim.core import Scan
+    from tactsim.hardware.device import Device
+
+
+def command(
+    port: Annotated[
+        list[str],
+        typer.Option(
+            help="Where the pad is, as for `bench watch`. simulated:A hides an A, which is pressed where it is asked "
+            "for; recording:FILE plays a guided session. Repeat for a pad on several ports."
+        ),
+    ],
+    train_scan: Annotated[
+        Path | None,
+        typer.Option(
+            help="What the estimator learns from. Default: simulated presses of AEIOU on this pad.",
+            show_default=False,
+        ),
+    ] = None,
+    estimator: Annotated[str, typer.Option(help="The estimator; `bench list` names them all.")] = "refined",
+    settings: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set",
+            help="An option of the estimator, key=value; unknown=0.5 allows 'none'.",
+            show_default=False,
+        ),
+    ] = None,
+    explore: Annotated[
+        str, typer.Option(help="The next touch: information (the estimator proposes it) or random.")
+    ] = "information",
+    readings: Annotated[
+        int | None, typer.Option(min=1, help="End after so many touches. Default: go on.", show_default=False)
+    ] = None,
+    device: pads.DeviceName = "emulated",
+    calibration: pads.CalibrationFile = None,
+    web: pads.Web = False,
+    web_port: pads.WebPort = 8737,
+    seen: pads.Seen = "behind",
+    seed: shared.Seed = 0,
+    as_json: Annotated[
+        bool,
+        typer.Option(
+            "--json", help="Print one JSON object for each touch on standard output and nothing else there."
+        ),
+    ] = False,
+) -> None:
+    """Recognise what is pressed, touch by touch; says which letter, where, and where to press next."""
+    from contextlib import ExitStack
+
+    import numpy as np
+
+    from tactsim.bench.config import key_values
+    from tactsim.bench.console import plain_console
+    from tactsim.bench.watching.live_screen import live
+    from tactsim.bench.watching.pad_view import PadReader
+    from tactsim.bench.watching.pressed import open_pressed
+    from tactsim.bench.watching.recogniser import Recogniser, on_taxels
+    from tactsim.bench.watching.told import Told
+    from tactsim.bench.watching.touch_leader import TouchLeader
+    from tactsim.bench.watching.web import WebPage
+    from tactsim.core.errors import InputError
+    from tactsim.estimators import create
+    from tactsim.estimators.likelihoods.occupancy import maps_of
+
+    if explore not in ("information", "random"):
+        raise InputError(f"--explore {explore!r}: say information or random")
+    from_behind = pads.seen_from_behind(seen)
+    described, correction = pads.load(device, calibration)
+    made = create(estimator, **key_values(settings or (), "--set"))
+    console = plain_console(stderr=as_json)
+    pressed = open_pressed(port, described, correction, seed)
+    with pressed.source as source, ExitStack() as stack:
+        reader = PadReader(source, pressed.device, " ".join(port))
+        if pressed.plan is not None:  # a pad speaks while the estimator learns
+            stack.enter_context(reader)
+        train = on_taxels(
+            _training(train_scan, pressed.device), source.taxel_xy, str(train_scan or "the simulation")
+        )
+        candidates = np.array(pressed.plan.poses) if pressed.plan and explore == "information" else None
+        recogniser = Recogniser.fitted(made, train, seed, candidates)
+        leading = pressed.leading(recogniser, "information" if explore == "information" else "random", seed)
+        told = Told(leading, train, maps_of(made), source, pressed.truth, from_behind)
+        reader.on_reading = leading.take
+        if isinstance(leading, TouchLeader):
+            reader.on_tare = leading.tared
+        page = None
+        if web:
+            page = WebPage(
+                reader, web_port, from_behind=from_behind, about=told.about(), more=told.event,
+                commands=leading.commands(),
+            )  # fmt: skip
+            console.print(page.url)
+            stack.enter_context(page)
+        stack.enter_context(leading)
+        if pressed.plan is None:
+            stack.enter_context(reader)
+        live(
+            reader, told, console, readings=readings, as_json=as_json, page=None if page is None else page.url
+        )
+        reader.check()
+        if leading.error is not None:
+            raise leading.error
+
+
+def _training(path: Path | None, device: Device) -> Scan:
+    """Load the training readings, or press them."""
+    from tactsim.bench.terminal import progress_bars
+    from tactsim.core import Scan
+    from tactsim.press import ScanOptions, scan_letters
+    from tactsim.press.simulated_source import on_pad_of
+
+    if path is not None:
+        return Scan.load(path)
+    with progress_bars() as progress:
+        return scan_letters(
+            on_pad_of(device, ScanOptions()), progress=lambda done, total: progress("press", done, total)
+        )[0]

@@ -1,0 +1,253 @@
+// The pad as it is now: the picture, the force, the counters. Every event is the latest there is; none is waited for.
+
+const find = (id) => document.getElementById(id);
+const taxels = data.rows * data.columns;
+const SILENT_S = 1.5; // without news from the program for so long, nothing on this page is shown as live
+const LATE_S = 1; // a stream that is this far behind is dropped and opened again
+
+let latest = null, shown = null, frozen = false, mirrored = data.fromBehind, dirty = true;
+let heardAt = 0, stream = null, soonest = Infinity;
+const forces = []; // of the last seconds, in bins; null where nothing came
+const watchers = []; // who else wants the events, and who else draws
+let lastBin = 0;
+
+find("device").textContent = data.device;
+find("port").textContent = data.port;
+
+const seconds = () => performance.now() / 1000;
+
+// Drop what is old, and open the stream again: the server then sends what is new.
+function listen() {
+  if (stream) stream.close();
+  soonest = Infinity;
+  stream = new EventSource("/events");
+  stream.addEventListener("message", (message) => take(JSON.parse(message.data)));
+}
+
+function take(event) {
+  heardAt = seconds();
+  const behind = heardAt - event.sent;
+  soonest = Math.min(soonest, behind);
+  if (event.history.first < lastBin) forces.length = 0; // the program began anew
+  if (event.history.first > lastBin) forces.length = 0;
+  forces.push(...event.history.forces);
+  lastBin = event.history.first + event.history.forces.length;
+  forces.splice(0, forces.length - Math.round(data.historySeconds / data.binSeconds));
+  latest = event;
+  if (!frozen) shown = event;
+  dirty = true;
+  for (const watcher of watchers) if (watcher.take) watcher.take(event);
+  if (behind - soonest > LATE_S) listen();
+}
+
+document.addEventListener("visibilitychange", () => {
+  if (document.hidden) stream.close();
+  else listen();
+});
+
+function freeze() {
+  frozen = !frozen;
+  if (!frozen) shown = latest;
+  freezeButton.setAttribute("aria-pressed", String(frozen));
+  dirty = true;
+}
+const command = (name) => fetch(`/do/${name}`, { method: "POST", headers: { "X-Tactsim": "1" } }).catch(() => {});
+const button = (text, key, action, more) => h("button", { type: "button", "aria-keyshortcuts": key, title: `key ${key}`, click: action, ...more }, text);
+const freezeButton = button("Freeze", "f", freeze, { "aria-pressed": "false" });
+const mirror = button("Seen from behind", "m", () => {
+  mirrored = !mirrored;
+  mirror.setAttribute("aria-pressed", String(mirrored));
+  dirty = true;
+}, { "aria-pressed": String(mirrored) });
+find("buttons").append(freezeButton, button("Tare", "t", () => command("tare")), mirror);
+document.addEventListener("keydown", (event) => {
+  if (event.ctrlKey || event.metaKey || event.altKey || event.repeat) return;
+  const pressed = document.querySelector(`button[aria-keyshortcuts="${CSS.escape(event.key)}"]`);
+  if (pressed) pressed.click();
+});
+
+// Edges of the taxel in mm, left, right, low, high, as they are seen.
+function edges(taxel) {
+  const [low, high] = data.rowEdges[Math.floor(taxel / data.columns)];
+  const [left, right] = data.columnEdges[taxel % data.columns];
+  return mirrored ? [-right, -left, low, high] : [left, right, low, high];
+}
+const reachX = Math.max(...data.columnEdges.flat()) + 0.3, reachY = Math.max(...data.rowEdges.flat()) + 0.3;
+
+const picture = find("picture");
+let width = 0;
+whenSized(picture.parentElement, (now) => {
+  width = now;
+  dirty = true;
+});
+
+const mark = (taxel, event) => (event.leftOut.includes(taxel) ? "x" : event.stuck.includes(taxel) ? "=" : "");
+
+function drawPicture(event, live) {
+  const ratio = window.devicePixelRatio || 1;
+  const scale = width / (2 * reachX), height = 2 * reachY * scale;
+  picture.width = Math.round(width * ratio);
+  picture.height = Math.round(height * ratio);
+  picture.style.height = `${height}px`;
+  const context = picture.getContext("2d");
+  context.setTransform(ratio, 0, 0, ratio, 0, 0);
+  const style = getComputedStyle(document.body);
+  const soft = style.getPropertyValue("--soft"), line = style.getPropertyValue("--line");
+  context.textAlign = "center";
+  context.textBaseline = "middle";
+  const values = live && event ? event.pressures : null;
+  const bars = new Set(event ? [...event.leftOut, ...event.stuck] : []);
+  for (let taxel = 0; taxel < taxels; taxel++) {
+    const [left, right, low, high] = edges(taxel);
+    const x = (left + reachX) * scale, y = (reachY - high) * scale;
+    const w = (right - left) * scale, tall = (high - low) * scale;
+    const value = values ? values[taxel] : null;
+    const sign = bars.has(taxel) ? mark(taxel, event) : "";
+    context.font = `500 ${Math.min(0.3 * tall, 0.32 * w, 22)}px system-ui, sans-serif`;
+    if (value === null) {
+      context.strokeStyle = line;
+      context.strokeRect(x + 0.5, y + 0.5, w - 1, tall - 1);
+      context.fillStyle = soft;
+      if (w > 14 && sign) context.fillText(sign, x + w / 2, y + tall / 2);
+      continue;
+    }
+    const colour = ramp("up", value / event.scale);
+    context.fillStyle = rgb(colour);
+    context.fillRect(x, y, w, tall);
+    if (w > 26) {
+      context.fillStyle = ink(colour);
+      context.fillText(sign + String(Math.round(value) + 0), x + w / 2, y + tall / 2);
+    }
+  }
+}
+
+function drawScale(event) {
+  const bar = find("scale"), context = bar.getContext("2d");
+  for (let i = 0; i < bar.width; i++) {
+    context.fillStyle = rgb(ramp("up", i / (bar.width - 1)));
+    context.fillRect(i, 0, 1, 1);
+  }
+  find("most").textContent = `${event.scale} kPa`;
+  const told = [];
+  if (event.leftOut.length) told.push(`x left out: ${event.leftOut.join(", ")}`);
+  if (event.stuck.length) told.push(`= has not changed yet: ${event.stuck.join(", ")}`);
+  find("marks").textContent = told.join("; ");
+}
+
+let historyWidth = 0;
+whenSized(find("history"), (now) => {
+  historyWidth = now;
+  dirty = true;
+});
+function drawHistory() {
+  if (!historyWidth) return;
+  const height = 130, left = 40, bottom = height - 20, bins = Math.round(data.historySeconds / data.binSeconds);
+  const known = forces.filter((value) => value !== null);
+  const most = Math.max(0.1, ...known), least = Math.min(0, ...known);
+  const x = (i) => left + ((historyWidth - left - 4) * (i + bins - forces.length)) / Math.max(bins - 1, 1);
+  const y = (value) => bottom - ((bottom - 8) * (value - least)) / (most - least);
+  // Bins without a reading are a gap in the line, unless the pad is as slow as that.
+  const usual = 3 + 3 / (Math.max(latest ? latest.rate : 0, 0.2) * data.binSeconds);
+  let path = "", gap = Infinity;
+  forces.forEach((value, i) => {
+    if (value !== null) path += `${gap > usual ? "M" : "L"}${x(i).toFixed(1)} ${y(value).toFixed(1)}`;
+    gap = value === null ? gap + 1 : 0;
+  });
+  const label = (at, value, anchor = "end") => s("text", { x: left - 6, y: at + 4, "text-anchor": anchor }, plain(value));
+  const axis = s("g", { class: "axis" },
+    [0, most].map((value) => [s("line", { class: "grid", x1: left, x2: historyWidth, y1: y(value), y2: y(value) }), label(y(value), value)]),
+    s("text", { x: left, y: height - 4 }, `${data.historySeconds} s ago`),
+    s("text", { x: historyWidth - 4, y: height - 4, "text-anchor": "end" }, "now"));
+  const now = known.length ? `now ${fixed(forces[forces.length - 1], 2)} N, at most ${fixed(most, 2)} N` : "nothing yet";
+  find("history").replaceChildren(
+    s("svg", { class: "plot m0", role: "img", "aria-label": `Force of the last ${data.historySeconds} s: ${now}`, width: historyWidth, height },
+      axis, s("path", { class: "line", d: path })));
+}
+
+const WRONG = new Set(["garbage_bytes", "bad_checksums", "missed", "torn", "impossible", "stale", "strays", "timeouts", "unpaired", "clock_restarts", "reconnects"]);
+function drawCounters(event) {
+  find("counters").replaceChildren(...Object.entries(event.counters).map(([name, count]) =>
+    h("div", { class: WRONG.has(name) && count ? "wrong" : null }, h("dt", {}, name.replaceAll("_", " ")), h("dd", {}, count.toLocaleString("en-US")))));
+}
+
+// A number with so many decimals; what rounds to nothing has no minus.
+const unsigned = (value, digits) => (value === null ? MISSING : (Number(value.toFixed(digits)) + 0).toFixed(digits));
+const say = (id, text) => {
+  if (find(id).textContent !== text) find(id).textContent = text;
+};
+
+let pointed = null;
+picture.addEventListener("pointermove", (event) => {
+  const box = picture.getBoundingClientRect();
+  const x = ((event.clientX - box.left) / box.width - 0.5) * 2 * reachX, y = (0.5 - (event.clientY - box.top) / box.height) * 2 * reachY;
+  pointed = null;
+  for (let taxel = 0; taxel < taxels; taxel++) {
+    const [left, right, low, high] = edges(taxel);
+    if (left <= x && x <= right && low <= y && y <= high) pointed = taxel;
+  }
+  dirty = true;
+});
+picture.addEventListener("pointerleave", () => {
+  pointed = null;
+  dirty = true;
+});
+
+// What there is to say of the connection: the program's own word, unless it is silent or the picture is frozen.
+function stateNow() {
+  const silent = seconds() - heardAt;
+  if (!heardAt) return { state: "waiting", word: "waiting", why: "waiting for the program" };
+  if (silent > SILENT_S) return { state: "gone", word: "no connection", why: `The program that reads the pad has said nothing for ${silent.toFixed(0)} s.` };
+  if (latest.state === "lost") return { state: "lost", word: "lost", why: `The pad is lost: ${latest.trouble}` };
+  if (latest.state === "ended") return { state: "ended", word: "ended", why: "The recording has ended." };
+  if (latest.state === "waiting") return { state: "waiting", word: "waiting", why: "Waiting for the first reading." };
+  return { state: "live", word: "live", why: "" };
+}
+
+let saidAt = 0;
+function draw() {
+  const now = stateNow();
+  const live = now.state === "live" || frozen;
+  say("state", frozen ? `frozen (${now.word})` : now.word);
+  find("state").dataset.state = frozen && now.state === "live" ? "frozen" : now.state;
+  find("veil").hidden = live;
+  say("veil", now.why);
+  picture.parentElement.classList.toggle("frozen", frozen);
+  const event = live && shown && shown.pressures ? shown : null;
+  if (width) drawPicture(event || latest, Boolean(event));
+  if (!latest) return;
+  drawScale(event || latest);
+  drawHistory();
+  drawCounters(latest);
+  const values = event ? event.pressures.filter((value) => value !== null) : [];
+  const largest = event ? Math.max(...values) : null;
+  say("force", unsigned(event ? event.force : null, 2));
+  say("largest", unsigned(largest, 1));
+  say("rate", now.state === "live" ? latest.rate.toFixed(1) : "0");
+  say("readings", latest.readings.toLocaleString("en-US"));
+  say("message", frozen && now.why ? now.why : latest.message || (latest.tared ? "" : "Not tared: take a tare with nothing on the pad."));
+  const at = pointed === null ? "" : `taxel ${pointed}, row ${Math.floor(pointed / data.columns)}, column ${pointed % data.columns}: `;
+  const here = pointed === null || !event ? null : event.pressures[pointed];
+  say("readout", at && at + (here === null ? "no value" : `${here.toFixed(1)} kPa`));
+  if (seconds() - saidAt > 1) { // a screen reader is not told sixty times a second
+    saidAt = seconds();
+    picture.setAttribute("aria-label", event ? `The pad: largest ${largest.toFixed(1)} kPa, force ${event.force.toFixed(2)} N` : `The pad: ${now.why}`);
+  }
+  for (const watcher of watchers) watcher.draw(now, event);
+  document.documentElement.dataset.ready = "";
+}
+
+function frame() {
+  if (dirty || seconds() - heardAt > SILENT_S) {
+    dirty = false;
+    draw();
+  }
+  requestAnimationFrame(frame);
+}
+onTheme(() => {
+  dirty = true;
+});
+// The scripts behind this one are part of the page, too.
+queueMicrotask(() => {
+  listen();
+  frame();
+});

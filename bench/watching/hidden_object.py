@@ -1,0 +1,80 @@
+"""A simulated object that lies hidden, and a hand that presses it where it is asked to: for trying without a pad."""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+
+from tactsim.core import compose
+from tactsim.core.counters import Counters
+from tactsim.core.poses import FloatArray
+from tactsim.core.reading import Reading
+from tactsim.core.seeds import stream
+from tactsim.core.source import HasPad, Source
+from tactsim.hardware.emulator.hand import Pressing
+from tactsim.models import letter
+from tactsim.press import ScanOptions
+from tactsim.press.engine import press_at
+from tactsim.press.scanning import as_pressed
+from tactsim.press.simulated_source import on_pad_of, sensing
+
+_RATE = 100.0  # readings a second
+_PAUSE = 0.5  # s that the hand takes to its next place
+
+
+class HiddenObject(Source):
+    """Readings of the pad of a device while a hand presses a letter in the default world. There is no zero to correct.
+
+    label: the letter. robot_in_object: (3,) where it lies. poses: (n, 3) sensor_in_robot of the presses that may be
+    asked for.
+    """
+
+    calibrated = True
+
+    def __init__(
+        self, label: str, robot_in_object: FloatArray, poses: FloatArray, device: HasPad, seed: int
+    ) -> None:
+        """Hide the letter. Raises InputError if there is no such letter."""
+        self.pad, self.taxel_xy, self.counters = device.pad, device.pad.taxel_xy, Counters()
+        self.label, self.robot_in_object = label, robot_in_object
+        self._letter, self._poses, self._seed = letter(label), poses, seed
+        self._options = on_pad_of(device, ScanOptions())
+        self._feel = sensing(
+            Pressing(device.pad.taxels, self._wanted), self._options, stream(seed, label, "sense")
+        )
+        self._row: FloatArray | None = None
+        self._from = 0.0  # host time from which the hand presses
+        self._pressing = False
+        self._begun = time.monotonic()
+
+    def prepare(self, number: int) -> bool:
+        """Get ready to press at the pose of this number; False if the press does not come to rest there."""
+
+        def draw(purpose: str) -> np.random.Generator:
+            return stream(self._seed, self.label, f"touch {number}", purpose)
+
+        stated = compose(self.robot_in_object, self._poses[number])[None]
+        pressed = press_at(as_pressed(self._letter, stated, "test", self._options, draw), self._options)
+        if pressed.blanks:
+            return False
+        self._row = pressed.readings(self._options)[0]
+        self._from = time.monotonic() + _PAUSE
+        return True
+
+    def press(self, wanted: bool) -> None:
+        """Press, or lift."""
+        self._pressing = wanted
+
+    def read(self, timeout: float | None = None) -> Reading:
+        """Return the next reading when it is due; see `Source.read`."""
+        index = self.counters.readings
+        time.sleep(max(0.0, self._begun + index / _RATE - time.monotonic()))
+        self.counters.readings += 1
+        return Reading(self._feel(index / _RATE), time.monotonic(), index / _RATE, index)
+
+    def close(self) -> None:
+        """Take the hand away."""
+
+    def _wanted(self, now: float) -> FloatArray | None:
+        return self._row if self._pressing and time.monotonic() >= self._from else None

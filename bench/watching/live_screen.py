@@ -1,0 +1,195 @@
+"""Recognition on the terminal while somebody presses: the pad, the object that is believed in, and how surely."""
+
+from __future__ import annotations
+
+import json
+import sys
+import time
+from collections.abc import Callable
+
+import numpy as np
+from rich.console import Console, Group, RenderableType
+from rich.live import Live
+from rich.table import Table
+from rich.text import Text
+
+from tactsim.bench.keyboard import keys
+from tactsim.bench.watching.pad_picture import shade
+from tactsim.bench.watching.pad_view import PadReader, PadView
+from tactsim.bench.watching.recogniser import Belief
+from tactsim.bench.watching.told import Told
+from tactsim.bench.watching.watch_screen import pad_lines, state_text
+from tactsim.core.errors import printable
+from tactsim.core.poses import FloatArray, invert, transform
+from tactsim.estimators import NONE
+from tactsim.press.clip import covers
+
+_REDRAW_S = 0.05
+_COMMANDS = {" ": "take", "r": "redo", "s": "skip", "n": "begin"}
+_KEYS = "space take it   r redo   s skip   n new object   t tare   q quit"
+_CELL = (1.0, 2.0)  # mm of one character: twice as high as wide
+_SCENE = (40, 16)  # characters
+_BAR = 20
+
+
+def live(
+    reader: PadReader, told: Told, console: Console, *, readings: int | None, as_json: bool, page: str | None
+) -> None:
+    """Show what is believed until q, Ctrl-C, the end of a recording, or `readings` touches.
+
+    as_json: print one JSON object a touch on standard output, and nothing else there.
+    """
+
+    def over(view: PadView) -> bool:
+        failed = reader.error is not None or told.leading.error is not None
+        enough = readings is not None and len(told.leading.view().belief.touches) >= readings
+        ended = view.state == "ended" and page is None and told.leading.idle()
+        return failed or enough or ended
+
+    try:
+        if console.is_terminal and not as_json:
+            _on_terminal(reader, told, console, page, over)
+        else:
+            _in_lines(reader, told, console, as_json, over)
+    except KeyboardInterrupt:
+        pass
+    if console.is_terminal and not as_json:
+        console.print(Text(printable(told.line(told.leading.view().belief))))
+
+
+def _on_terminal(
+    reader: PadReader, told: Told, console: Console, page: str | None, over: Callable[[PadView], bool]
+) -> None:
+    with keys() as typed, Live(console=console, auto_refresh=False, screen=True) as shown:
+        view = reader.view()
+        while not over(view):
+            for key in typed():
+                if key == "q":
+                    return
+                if key == "t":
+                    reader.tare()
+                _obey(key, told)
+            shown.update(_screen(view, reader, told, console, page), refresh=True)
+            time.sleep(_REDRAW_S)
+            view = reader.wait(view.number, _REDRAW_S)
+
+
+def _obey(key: str, told: Told) -> None:
+    command = told.leading.commands().get(_COMMANDS.get(key, ""))
+    if command is not None:
+        command()
+
+
+def _screen(view: PadView, reader: PadReader, told: Told, console: Console, page: str | None) -> Group:
+    colours = console.color_system is not None and not console.no_color
+    now = told.leading.view()
+    belief = now.belief
+    pad = pad_lines(view, reader, width=26, height=8, from_behind=told.from_behind, colours=colours)
+    left: list[RenderableType] = [scene(told, belief, now.asked, colours)]
+    right: list[RenderableType] = [*pad, Text(), *_bars(belief)]
+    table = Table.grid(padding=(0, 1))
+    table.add_row(Group(*left), Group(*right))
+    asks = Text(f"{now.phase}  ", "bold green", no_wrap=True, overflow="ellipsis")
+    asks.append(f"{100 * now.progress:3.0f} %  " if now.progress else "", "bold green")
+    asks.append(f"{view.force + 0.0:.2f} N" if view.pressures is not None else "")
+    lines: list[RenderableType] = [
+        state_text(view, frozen=False).append(f"   {page or ''}", "default"),
+        asks,
+        Text(told.where(now), "bold"),
+        Text(
+            printable(view.trouble or now.message or view.message), "red", no_wrap=True, overflow="ellipsis"
+        ),
+        table,
+        Text(printable(told.line(belief)), "bold"),
+        Text(_KEYS if told.leading.commands() else "q quit", "dim", no_wrap=True),
+    ]
+    return Group(*lines)
+
+
+def scene(told: Told, belief: Belief, asked: FloatArray | None, colours: bool) -> Text:
+    """Draw the most probable letter, the last touch on it in colours, and a frame of `o` where the next goes."""
+    columns, rows = _SCENE
+    x = (np.arange(columns) - (columns - 1) / 2) * _CELL[0]
+    y = ((rows - 1) / 2 - np.arange(rows)) * _CELL[1]
+    points = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+    marks = np.full(len(points), " ", dtype=object)
+    styles = np.full(len(points), "", dtype=object)
+    places = belief.sensor_in_object
+    if belief.estimate is None or places is None:
+        return _said("\n".join([" " * columns] * rows))
+    if belief.estimate.label == NONE:
+        words = "none of the known letters"
+        return _said("\n".join([words.center(columns) if row == rows // 2 else "" for row in range(rows)]))
+    pad = told.pad
+    half = np.array([pad.column_edges.max(), pad.row_edges.max()])
+    on_letter = covers(told.outlines[belief.estimate.label], points)
+    marks[on_letter] = "#"
+    styles[on_letter] = "dim"
+    image = told.image(belief)
+    felt = transform(invert(places[-1]), points)
+    inside = (np.abs(felt) <= half).all(axis=1)
+    if image is not None and inside.any():
+        nearest = np.abs(felt[inside, None] - pad.taxel_xy[None]).max(axis=-1).argmin(axis=1)
+        most = max(float(np.nanmax(image)), 1e-9)
+        for at, value in zip(np.flatnonzero(inside), np.nan_to_num(image[nearest]), strict=True):
+            red, green, blue = shade(float(value) / most)
+            ink = "black" if value > 0.6 * most else "white"
+            styles[at] = f"{ink} on rgb({red},{green},{blue})" if colours else "reverse"
+    if asked is not None:
+        wanted = transform(invert(told.in_object(belief, asked)), points)
+        depth = (np.abs(wanted) - half).max(axis=1)
+        frame = (depth <= 0) & (depth > -_CELL[0] * 1.2)
+        marks[frame], styles[frame & ~inside] = "o", "bold green"
+    text = Text()
+    for row in range(rows):
+        for place in range(row * columns, (row + 1) * columns):
+            text.append(str(marks[place]), str(styles[place]))
+        text.append("\n")
+    text.rstrip()
+    return text
+
+
+def _said(words: str) -> Text:
+    return Text(words, "bold")
+
+
+def _bars(belief: Belief, most: int = 7) -> list[Text]:
+    if belief.estimate is None:
+        return [Text("no touch yet", "dim")]
+    ranked = sorted(belief.estimate.probabilities.items(), key=lambda item: -item[1])[:most]
+    lines = []
+    for label, p in ranked:
+        line = Text(f"{printable(label)[:6]:>6} ", "bold" if label == belief.estimate.label else "")
+        line.append("█" * round(_BAR * p), "cyan")
+        line.append("·" * (_BAR - round(_BAR * p)), "dim")
+        line.append(f" {p:.3f}")
+        lines.append(line)
+    return lines
+
+
+def _in_lines(
+    reader: PadReader, told: Told, console: Console, as_json: bool, over: Callable[[PadView], bool]
+) -> None:
+    """Say each touch once, and each trouble at most once a second."""
+    said, trouble, spoke = 0, "", 0.0
+
+    def say_new() -> None:
+        nonlocal said
+        for belief in told.leading.beliefs[said:]:
+            said += 1
+            if as_json:
+                sys.stdout.write(json.dumps(told.json_of(belief), allow_nan=False) + "\n")
+                sys.stdout.flush()
+            else:
+                console.print(Text(printable(told.line(belief))), soft_wrap=True)
+
+    view = reader.view()
+    while not over(view):
+        say_new()
+        now = view.trouble or told.leading.view().message
+        if now and now != trouble and time.monotonic() - spoke >= 1.0:
+            trouble, spoke = now, time.monotonic()
+            print(printable(now), file=sys.stderr)
+        time.sleep(_REDRAW_S)
+        view = reader.view()
+    say_new()

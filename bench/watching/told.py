@@ -1,0 +1,172 @@
+"""What is told of a belief, the same to a terminal, a page and a program that reads JSON."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from tactsim.bench.certainty import certainty
+from tactsim.bench.placement_error import Properties, placement_error, properties
+from tactsim.bench.report.outlines import outline
+from tactsim.bench.watching.pad_view import taxels_of
+from tactsim.bench.watching.recogniser import Belief
+from tactsim.bench.watching.touch_leader import Leading, LiveView
+from tactsim.bench.watching.web import numbers
+from tactsim.core import Scan, compose
+from tactsim.core.poses import FloatArray
+from tactsim.core.source import Source
+from tactsim.estimators import NONE
+from tactsim.estimators.likelihoods.occupancy import OccupancyMap
+from tactsim.hardware.terminal_pictures import where
+
+
+@dataclass(frozen=True, eq=False)
+class Truth:
+    """What lies under the pad, where that is known. robot_in_object: (3,)."""
+
+    label: str
+    robot_in_object: FloatArray
+
+
+class Told:
+    """Put beliefs into words and numbers.
+
+    truth: None on a real pad. outlines: by letter its contours, (k, 2) mm each, in its own frame. pad: the one that is
+    pressed.
+    """
+
+    def __init__(
+        self,
+        leading: Leading,
+        train: Scan,
+        maps: Mapping[str, OccupancyMap],
+        source: Source,
+        truth: Truth | None,
+        from_behind: bool,
+    ) -> None:
+        self.leading, self.truth, self.from_behind = leading, truth, from_behind
+        self.letters = leading.recogniser.letters
+        self.outlines = {label: outline(label, train, maps)[0] for label in self.letters}
+        self._of: dict[str, Properties] = properties(train)
+        self.pad, self._places = source.pad, taxels_of(source)
+
+    def image(self, belief: Belief) -> FloatArray | None:
+        """Give what the last touch felt on all taxels of the pad, (taxels,) kPa, NaN where one is left out."""
+        if not belief.touches:
+            return None
+        image = np.full(self.pad.taxels, np.nan)
+        image[self._places] = belief.touches[-1].pressures
+        return image
+
+    def line(self, belief: Belief) -> str:
+        """Say in one line what is believed."""
+        if belief.estimate is None:
+            return "no touch yet"
+        ranked = sorted(belief.estimate.probabilities.items(), key=lambda item: -item[1])
+        letters = ", ".join(f"{label} {p:.3f}" for label, p in ranked[:3])
+        return "; ".join([f"touch {len(belief.touches)}: {letters}", *self.details(belief)])
+
+    def details(self, belief: Belief) -> list[str]:
+        """Say how sure the place is, whether it is right where that is known, and how soon it was known."""
+        values = self.json_of(belief)
+        parts: list[str] = []
+        if belief.estimate is None:
+            return parts
+        if values["within_mm"] is not None:
+            parts.append(f"90 % sure of its place within {values['within_mm']:.2f} mm")
+        if self.truth is not None:
+            parts.append(self._verdict(values))
+        if values["delay_ms"] is not None:
+            parts.append(f"known {values['delay_ms']:.1f} ms after the touch")
+        return parts
+
+    def json_of(self, belief: Belief) -> dict[str, Any]:
+        """Describe a belief by numbers: mm, rad, ms. within_mm: radius about the estimate that holds 90 % of it."""
+        estimate = belief.estimate
+        values: dict[str, Any] = {"touch": len(belief.touches)}
+        if estimate is None:
+            return values
+        known = estimate.label in self._of and estimate.samples is not None
+        sure = certainty(estimate, estimate.robot_in_object, self._of[estimate.label]) if known else None
+        values |= {
+            "label": estimate.label,
+            "probabilities": {label: float(p) for label, p in estimate.probabilities.items()},
+            "robot_in_object": numbers(estimate.robot_in_object, 4),
+            "sensor_in_robot": numbers(belief.touches[-1].sensor_in_robot, 4),
+            "within_mm": None if sure is None else round(float(sure.radius), 3),
+            "delay_ms": None if belief.delay is None else round(1e3 * belief.delay, 1),
+        }
+        if self.truth is not None:
+            values["truth"] = self.truth.label
+            answer = self.truth.label if self.truth.label in self.letters else NONE
+            values["right"] = estimate.label == answer
+            values["error_mm"] = self._error(estimate.label, estimate.robot_in_object)
+        return values
+
+    def about(self) -> dict[str, Any]:
+        """Tell a page once what it needs to draw beliefs."""
+        return {
+            "live": {
+                "letters": self.letters,
+                "outlines": {
+                    label: [np.round(contour, 2).tolist() for contour in contours]
+                    for label, contours in self.outlines.items()
+                },
+                "commands": list(self.leading.commands()),
+            }
+        }
+
+    def event(self, sent: dict[str, int]) -> dict[str, Any]:
+        """Describe what is asked for, and the belief if it is another than the browser was `sent`; renews that."""
+        view = self.leading.view()
+        content: dict[str, Any] = {
+            "phase": view.phase,
+            "message": view.message,
+            "progress": round(view.progress, 2),
+            "where": self.where(view),
+            "asked": self.asked_in_object(view),
+        }
+        if sent.get("belief") != view.number:
+            sent["belief"] = view.number
+            content["belief"] = self._drawn(view.belief)
+        return {"live": content}
+
+    def where(self, view: LiveView) -> str:
+        """Say in words where the touch is that is asked for."""
+        return "" if view.asked is None else where(view.asked, self.from_behind)
+
+    def asked_in_object(self, view: LiveView) -> list[float | None] | None:
+        """Give where the touch that is asked for lies on the most probable object, [x, y, theta]."""
+        estimate = view.belief.estimate
+        if view.asked is None or estimate is None or estimate.label == NONE:
+            return None
+        return numbers(self.in_object(view.belief, view.asked), 3)
+
+    def in_object(self, belief: Belief, sensor_in_robot: FloatArray) -> FloatArray:
+        """Give where a pose lies on the most probable object, (3,). Needs a touch before."""
+        assert belief.estimate is not None
+        return compose(belief.estimate.robot_in_object, sensor_in_robot)
+
+    def _drawn(self, belief: Belief) -> dict[str, Any]:
+        values, image, places = self.json_of(belief), self.image(belief), belief.sensor_in_object
+        values["details"] = "; ".join(self.details(belief))
+        values["felt"] = None if image is None else numbers(image, 1)
+        values["inObject"] = None if places is None else [numbers(place, 3) for place in places]
+        return values
+
+    def _error(self, label: str, robot_in_object: FloatArray) -> float | None:
+        assert self.truth is not None
+        if label != self.truth.label or label not in self._of:
+            return None
+        error = placement_error(robot_in_object, self.truth.robot_in_object, self._of[label])
+        return round(float(error), 3)
+
+    def _verdict(self, values: Mapping[str, Any]) -> str:
+        assert self.truth is not None
+        if not values["right"]:
+            return f"wrong: it is {self.truth.label}"
+        error = values["error_mm"]
+        return "right" + ("" if error is None else f", placed {error:.2f} mm off")

@@ -1,0 +1,303 @@
+"""Lead through touches and let an estimator take each: the state of `bench live`."""
+
+from __future__ import annotations
+
+import queue
+from abc import ABC, abstractmethod
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from threading import RLock, Thread
+from types import TracebackType
+from typing import Any, Literal, Protocol, Self
+
+import numpy as np
+
+from tactsim.bench.watching.recogniser import NOTHING, Belief, Recogniser, Touch
+from tactsim.core.checking import checked
+from tactsim.core.errors import InputError
+from tactsim.core.pad import Pad
+from tactsim.core.poses import FloatArray
+from tactsim.core.reading import Reading
+from tactsim.hardware.calibration import Calibration
+from tactsim.hardware.recording import Kind
+from tactsim.hardware.session import Phase, Plan, Press, Session, note, parse_press
+
+Explore = Literal["information", "random"]
+_TOUCH = 5.0  # standard deviations of the noisiest taxel above which a taxel is touched
+_CHOOSING = "choosing the next touch"
+_KEPT = 10_000  # readings of a recording that are kept for a mark, beside those of two presses
+
+
+def touch_above(calibration: Calibration) -> float:
+    """Give the pressure above which a taxel is touched and not noisy, kPa."""
+    return _TOUCH * max(calibration.noise)
+
+
+@dataclass(frozen=True, eq=False)
+class LiveView:
+    """What is asked for and what is believed.
+
+    number: grows with every belief. phase: what is waited for, in words. message: what is wrong with the touch, or "".
+    progress: share of the touch's readings that have come. asked: (3,) sensor_in_robot of the touch that is asked for,
+    or None.
+    """
+
+    number: int = 0
+    phase: str = "learning the letters"
+    message: str = ""
+    progress: float = 0.0
+    asked: FloatArray | None = None
+    belief: Belief = NOTHING
+
+
+class Hand(Protocol):
+    """What presses a simulated pad where it is asked to."""
+
+    def prepare(self, number: int) -> bool:
+        """Get ready to press at the pose of this number; False if no press comes to rest there."""
+
+    def press(self, wanted: bool) -> None:
+        """Press, or lift."""
+
+
+class Leading(ABC):
+    """What all kinds share: a thread for the estimator, so that readings and viewers never wait for it."""
+
+    def __init__(self, recogniser: Recogniser) -> None:
+        self.recogniser = recogniser
+        self.error: Exception | None = None  # what ended it, if something did
+        self.beliefs: list[Belief] = []  # one for each touch that was taken, in order
+        self._numbers: list[int] = []  # which presses of the plan the recogniser's touches are
+        self._busy = False
+        self._changed = RLock()
+        self._view = LiveView()
+        self._jobs: queue.SimpleQueue[Callable[[], None] | None] = queue.SimpleQueue()
+        self._thread = Thread(target=self._work, name="estimate", daemon=True)
+
+    def __enter__(self) -> Self:
+        self._thread.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._jobs.put(None)
+        self._thread.join(5.0)
+
+    def view(self) -> LiveView:
+        """Give what is asked for and believed now."""
+        with self._changed:
+            return self._view
+
+    @abstractmethod
+    def take(self, reading: Reading) -> None:
+        """Take in a reading; called in the thread that reads."""
+
+    def commands(self) -> dict[str, Callable[[], None]]:
+        """Name what a person may ask for; nothing of a recording."""
+        return {}
+
+    def idle(self) -> bool:
+        """Tell whether no touch waits for the estimator."""
+        return self._jobs.empty() and not self._busy
+
+    def _work(self) -> None:
+        while (job := self._jobs.get()) is not None:
+            self._busy = True
+            try:
+                job()
+            except Exception as error:  # the caller raises it again, in the main thread
+                self.error = error
+                return
+            finally:
+                self._busy = False
+
+    def _believe(self, number: int, touch: Touch) -> None:
+        """Take in the touch that is press `number` of the plan; a later one of the same number replaces it."""
+        self._forget(number)
+        belief = self.recogniser.take(touch)
+        self._numbers.append(number)
+        with self._changed:
+            self.beliefs.append(belief)
+            self._publish(belief)
+
+    def _forget(self, number: int) -> None:
+        if number in self._numbers:
+            index = self._numbers.index(number)
+            del self._numbers[index]
+            belief = self.recogniser.take_back(index)
+            with self._changed:
+                self._publish(belief)
+
+    def _publish(self, belief: Belief) -> None:
+        self._set(number=self._view.number + 1, belief=belief)
+
+    def _set(self, **changes: Any) -> None:
+        self._view = replace(self._view, **changes)
+
+
+class TouchLeader(Leading):
+    """Ask for touches at the poses of a plan, chosen by the estimator or at random, and take those that are steady.
+
+    The session is looked at by two threads, one at a time: that of the readings while a touch is asked for, that of the
+    estimator while it is `choosing`.
+    """
+
+    def __init__(
+        self,
+        recogniser: Recogniser,
+        plan: Plan,
+        pad: Pad,
+        explore: Explore,
+        seed: int,
+        hand: Hand | None = None,
+    ) -> None:
+        """Prepare to ask for touches on `pad`. hand: what presses it, if it is simulated."""
+        super().__init__(recogniser)
+        self._plan, self._pad, self._explore, self._hand = plan, pad, explore, hand
+        self._poses = np.array(plan.poses)
+        self._rng = np.random.default_rng(seed)
+        self._session = Session(plan, pad)
+        self._count = 0
+        self._choosing = True
+        self._jobs.put(self._begin)
+
+    def take(self, reading: Reading) -> None:
+        """Take in a reading of the pad; called in the thread that reads. Raises InputError as `Session.take` does."""
+        with self._changed:
+            self._count += 1
+            if not self._choosing:
+                self._after(self._session.take(reading, self._count - 1), reading.host_time)
+
+    def tared(self, calibration: Calibration) -> None:
+        """Let noise, as the tare has found it, not count as a touch."""
+        with self._changed:
+            touch = max(self._plan.touch_kpa, touch_above(calibration))
+            self._plan = self._session.plan = self._plan.model_copy(update={"touch_kpa": touch})
+
+    def commands(self) -> dict[str, Callable[[], None]]:
+        """Name what a person may ask for."""
+        return {"take": self.take_anyway, "redo": self.redo, "skip": self.skip, "begin": self.begin_anew}
+
+    def take_anyway(self) -> None:
+        """Take the touch that is asked for as it is from now on."""
+        with self._changed:
+            if not self._choosing:
+                self._session.take_anyway()
+
+    def skip(self) -> None:
+        """Leave out the touch that is asked for."""
+        with self._changed:
+            if not self._choosing:
+                self._after(self._session.skip(), 0.0)
+
+    def redo(self) -> None:
+        """Ask for the last touch again; what it told is forgotten."""
+        self._jobs.put(self._redo)
+
+    def begin_anew(self) -> None:
+        """Forget everything: another object comes."""
+        self._jobs.put(self._begin)
+
+    def _after(self, press: Press | None, came: float) -> None:
+        """Pass on what became of a touch, if something did, and say how it stands."""
+        session = self._session
+        if press is None:
+            self._set(phase=session.phase.value, message=session.message, progress=session.progress)
+        else:
+            self._choosing = True
+            self._set(phase=_CHOOSING, message="", progress=0.0)
+            if press.what == "taken" and session.image is not None:
+                touch = Touch(session.image, self._poses[press.number], came)
+                self._jobs.put(lambda: self._believe(press.number, touch))
+            self._jobs.put(self._choose)
+        if self._hand is not None:
+            self._hand.press(not self._choosing and session.phase not in (Phase.LIFT, Phase.DONE))
+
+    def _begin(self) -> None:
+        with self._changed:
+            self._choosing, self._session = True, Session(self._plan, self._pad)
+            self._set(phase=_CHOOSING, message="", asked=None)
+            self._numbers.clear()
+            self._publish(self.recogniser.begin_anew())
+        self._choose()
+
+    def _redo(self) -> None:
+        with self._changed:
+            mark = self._session.redo()
+            if mark is None:
+                return
+            self._choosing = True
+        self._forget(mark.number)
+        self._ask(mark.number)
+
+    def _choose(self) -> None:
+        """Choose the next touch among those that are left, and ask for it."""
+        while left := [k for k in range(len(self._poses)) if k not in self._session.presses]:
+            chosen = int(self._rng.integers(len(left)))
+            if self._explore == "information":
+                chosen = self.recogniser.choose(self._poses[left])
+            if self._hand is None or self._hand.prepare(left[chosen]):
+                self._ask(left[chosen])
+                return
+            note(self._session.presses, Press(number=left[chosen], what="skipped"))  # no press rests there
+        with self._changed:
+            self._set(phase="every pose was tried; begin anew", asked=None)
+
+    def _ask(self, number: int) -> None:
+        with self._changed:
+            self._session.current, self._choosing = number, False
+            self._set(
+                phase=self._session.phase.value, message=self._session.message, asked=self._poses[number]
+            )
+
+
+class Marks:
+    """What the notes of a recording say, passed on to `listener`. plan: of its guided session, or None."""
+
+    def __init__(self) -> None:
+        self.plan: Plan | None = None
+        self.listener: Callable[[Press], None] | None = None
+
+    def take(self, kind: Kind, content: dict[str, Any], readings: int) -> None:
+        """Take a note of the recording; see `Replay`. Raises InputError if it makes no sense."""
+        if kind is Kind.SEGMENT and content.get("plan") is not None:
+            self.plan = checked(Plan, content["plan"], "plan")
+        elif kind is Kind.MARK and self.plan is not None and self.listener is not None:
+            self.listener(parse_press(content, len(self.plan.poses)))
+
+
+class MarkedTouches(Leading):
+    """Take the touches that a guided session marked in its recording, while the recording is played."""
+
+    def __init__(self, recogniser: Recogniser, marks: Marks) -> None:
+        """Listen to `marks`, of a recording whose first segment was read. Raises InputError if it is no session."""
+        super().__init__(recogniser)
+        if marks.plan is None:
+            raise InputError("it is no recording of a guided session, so nothing says where it was touched")
+        self._marks, self._poses = marks, np.array(marks.plan.poses)
+        self._recent: deque[Reading] = deque(maxlen=_KEPT + 2 * marks.plan.frames)
+        self._count = 0  # readings so far
+        self._set(phase="playing the recording")
+        marks.listener = self._mark
+
+    def take(self, reading: Reading) -> None:
+        """Keep a reading for the mark that may name it; called in the thread that reads."""
+        self._recent.append(reading)
+        self._count += 1
+
+    def _mark(self, press: Press) -> None:
+        if press.what == "redo":
+            self._jobs.put(lambda: self._forget(press.number))
+        if press.what != "taken":
+            return
+        before = self._count - press.first  # where it begins, counted from the last reading
+        if not 0 < press.count <= before <= len(self._recent):
+            raise InputError(f"mark: press {press.number} names readings that are not the last before it")
+        named = list(self._recent)[len(self._recent) - before :][: press.count]
+        image = np.mean([reading.pressures for reading in named], axis=0)
+        touch = Touch(image, self._poses[press.number], named[-1].host_time)
+        with self._changed:
+            self._set(asked=touch.sensor_in_robot)
+        self._jobs.put(lambda: self._believe(press.number, touch))

@@ -1,0 +1,184 @@
+"""A pad on the terminal: one picture that changes, or, where there is no terminal, a line a second."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+import numpy as np
+from rich.console import Console, Group, RenderableType
+from rich.live import Live
+from rich.text import Text
+
+from tactsim.bench.cli.pad_options import rounded
+from tactsim.bench.keyboard import keys
+from tactsim.bench.watching.pad_picture import marked, pad_picture, scale_bar
+from tactsim.bench.watching.pad_view import PadReader, PadView
+from tactsim.core.errors import printable
+
+_REDRAW_S = 0.05
+_LINE_S = 1.0
+_BARS = " ▁▂▃▄▅▆▇█"
+_KEYS = "f freeze   t tare   q quit"
+_MOST_COUNTERS = 6
+_MOMENT = 4  # values of the history
+STATES = {"waiting": "yellow", "live": "bold green", "lost": "bold white on red", "ended": "yellow"}
+
+
+def watch(
+    reader: PadReader, console: Console, *, from_behind: bool, seconds: float | None, page: str | None
+) -> None:
+    """Show what the pad says until q, Ctrl-C, the end of a recording, or for `seconds`.
+
+    page: the address of the page that shows the same; a page goes on when a recording has ended.
+    """
+    until = None if seconds is None else time.monotonic() + seconds
+
+    def over(view: PadView) -> bool:
+        late = until is not None and time.monotonic() >= until
+        return late or reader.error is not None or (view.state == "ended" and page is None)
+
+    try:
+        if console.is_terminal:
+            _on_terminal(reader, console, from_behind, page, over)
+        else:
+            _in_lines(reader, console, over)
+    except KeyboardInterrupt:
+        pass
+    console.print(Text(status_line(reader.view())))
+    if line := counters_shown(reader.view().counters):
+        console.print(Text(line))
+
+
+def status_line(view: PadView) -> str:
+    """Say in one line how the pad is."""
+    parts: list[str] = [view.state]
+    if view.state == "live" and view.pressures is not None:
+        largest = float(np.nanmax(view.pressures))
+        parts += [f"force {rounded(view.force, 2)} N", f"largest {rounded(largest, 1)} kPa"]
+    parts.append(f"{view.rate:.1f} readings/s, {view.readings:,} so far")
+    if view.trouble:
+        parts.append(view.trouble)
+    return printable(", ".join(parts))
+
+
+def counters_shown(counters: dict[str, int]) -> str:
+    """List what went wrong between device and reading, the counters that are not zero."""
+    plain = ("bytes", "frames", "readings")
+    told = [
+        f"{name.replace('_', ' ')} {count:,}"
+        for name, count in counters.items()
+        if count and name not in plain
+    ]
+    return ", ".join(told[:_MOST_COUNTERS]) + (" ..." if len(told) > _MOST_COUNTERS else "")
+
+
+def sparkline(forces: list[float | None], width: int) -> str:
+    """Draw the last forces as `width` characters; a gap of more than a moment is a gap."""
+    shown = forces[-width:]
+    for place in range(1, len(shown)):
+        if shown[place] is None and any(value is not None for value in shown[place + 1 : place + _MOMENT]):
+            shown[place] = shown[place - 1]
+    most = max([value for value in shown if value is not None] or [0.0])
+    top = len(_BARS) - 1
+    line = "".join(
+        " " if value is None else _BARS[min(max(round(top * value / max(most, 0.05)), 0), top)]
+        for value in shown
+    )
+    return line.rjust(width)
+
+
+def pad_lines(
+    view: PadView, reader: PadReader, *, width: int, height: int, from_behind: bool, colours: bool
+) -> list[RenderableType]:
+    """Draw the picture of the pad and its scale within `width` x `height` characters."""
+    picture = pad_picture(
+        view.pressures, reader.pad, view.scale, marks=marked(view.left_out, view.stuck), width=width,
+        height=height - 1, from_behind=from_behind, colours=colours,
+    )  # fmt: skip
+    picture.rstrip()
+    return [picture, scale_bar(view.scale, min(width, 40), colours)]
+
+
+def _on_terminal(
+    reader: PadReader,
+    console: Console,
+    from_behind: bool,
+    page: str | None,
+    over: Callable[[PadView], bool],
+) -> None:
+    frozen: PadView | None = None
+    with keys() as typed, Live(console=console, auto_refresh=False, screen=True) as live:
+        view = reader.view()
+        while not over(view):
+            for key in typed():
+                if key == "q":
+                    return
+                if key == "t":
+                    reader.tare()
+                elif key == "f":
+                    frozen = None if frozen is not None else view
+            live.update(_screen(view, frozen, reader, console, from_behind, page), refresh=True)
+            time.sleep(_REDRAW_S)
+            view = reader.wait(view.number, _REDRAW_S)
+
+
+def _screen(
+    view: PadView,
+    frozen: PadView | None,
+    reader: PadReader,
+    console: Console,
+    from_behind: bool,
+    page: str | None,
+) -> Group:
+    width, height = console.size
+    shown = view if frozen is None else frozen
+    colours = console.color_system is not None and not console.no_color
+    _, forces = reader.history()
+    lines: list[RenderableType] = [
+        Text(printable(f"{reader.device.name} at {reader.name}"), "bold", no_wrap=True, overflow="ellipsis"),
+        state_text(view, frozen is not None),
+        Text(printable(view.trouble), "red", no_wrap=True, overflow="ellipsis"),
+        Text(f"force {rounded(shown.force, 2):>6} N  {sparkline(forces, max(width - 18, 1))}", no_wrap=True),
+        *pad_lines(
+            shown, reader, width=width - 1, height=height - 11, from_behind=from_behind, colours=colours
+        ),
+        Text(_legend(shown), "dim", no_wrap=True, overflow="ellipsis"),
+        Text(counters_shown(view.counters), "dim", no_wrap=True, overflow="ellipsis"),
+        Text(printable(view.message), "yellow"),
+        Text(_KEYS + (f"   {page}" if page else ""), "dim", no_wrap=True, overflow="ellipsis"),
+    ]
+    return Group(*lines)
+
+
+def state_text(view: PadView, frozen: bool) -> Text:
+    """Say in colour whether the pad speaks and how fast; a picture that is frozen is called so."""
+    text = Text(f" {view.state} ", STATES[view.state], no_wrap=True, overflow="ellipsis")
+    text.append(f"  {view.rate:.1f} readings/s, {view.readings:,} so far", "default")
+    if not view.tared:
+        text.append("  not tared", "default")
+    if frozen:
+        text.append("  ")
+        text.append(" FROZEN: the picture is an earlier one ", "bold black on yellow")
+    return text
+
+
+def _legend(view: PadView) -> str:
+    words = []
+    if view.left_out:
+        words.append(f"x left out: {', '.join(map(str, view.left_out))}")
+    if view.stuck:
+        words.append(f"= has not changed yet: {', '.join(map(str, view.stuck))}")
+    return "   ".join(words)
+
+
+def _in_lines(reader: PadReader, console: Console, over: Callable[[PadView], bool]) -> None:
+    said = 0.0
+    view = reader.view()
+    while not over(view):
+        now = time.monotonic()
+        if now - said >= _LINE_S:
+            said = now
+            console.print(Text(status_line(view)), soft_wrap=True)
+        time.sleep(_REDRAW_S)
+        view = reader.view()

@@ -1,0 +1,79 @@
+"""Find codecs by the `kind` in a device file: the built-in ones and those of installed packages."""
+
+from __future__ import annotations
+
+import inspect
+from importlib import import_module
+from typing import Annotated, Any, cast
+
+from pydantic import BeforeValidator, SerializeAsAny
+
+from tactsim.core import plug_ins
+from tactsim.core.errors import InputError, unknown
+from tactsim.core.plug_ins import Listed
+from tactsim.hardware.codecs.codec import CodecFormat
+
+GROUP = "tactsim.codecs"
+
+# kind: (where its format is, what it is). Nothing is imported before its kind is asked for.
+BUILT_IN: dict[str, tuple[str, str]] = {
+    "singletact": (
+        "tactsim.hardware.codecs.singletact:SingleTactFormat",
+        "SingleTact sensors and arrays behind the maker's Arduino bridge",
+    ),
+    "fields": (
+        "tactsim.hardware.codecs.fields:FieldsFormat",
+        "frames of a layout that the device file describes",
+    ),
+    "csv": (
+        "tactsim.hardware.codecs.lines:LinesFormat",
+        "lines of numbers, as an Arduino prints them",
+    ),
+    "pps-csv": (
+        "tactsim.hardware.codecs.pps_csv:CsvFormat",
+        "lines 'Time [ms], Elem0, ...' as the PPS demonstration tool records them",
+    ),
+}
+
+
+def names() -> tuple[str, ...]:
+    """List every kind of codec, the built-in ones first."""
+    return (*BUILT_IN, *(point.name for point in plug_ins.plug_ins(GROUP) if point.name not in BUILT_IN))
+
+
+def listing() -> list[Listed]:
+    """Describe every kind of codec; a plug-in that cannot be loaded is a status, not a crash."""
+    return plug_ins.listing(GROUP, BUILT_IN, _fault)
+
+
+def load(kind: str) -> type[CodecFormat]:
+    """Give the format of that kind, whose fields are the keys of `[codec]`.
+
+    Raises InputError for an unknown kind or a broken plug-in.
+    """
+    if kind in BUILT_IN:
+        module, name = BUILT_IN[kind][0].split(":")
+        return cast("type[CodecFormat]", getattr(import_module(module), name))
+    for point in plug_ins.plug_ins(GROUP):
+        if point.name == kind:
+            return cast("type[CodecFormat]", plug_ins.load_plug_in(point, _fault))
+    raise unknown("codec", kind, names())
+
+
+def _fault(found: Any) -> str | None:
+    if not (isinstance(found, type) and issubclass(found, CodecFormat)):
+        return "is no subclass of tactsim.hardware.codecs.codec.CodecFormat"
+    return "does not define build" if inspect.isabstract(found) else None
+
+
+def _read(value: Any) -> Any:
+    """Read the table `[codec]` as the format of its `kind`."""
+    if not isinstance(value, dict):
+        return value
+    kind = value.get("kind")
+    if not isinstance(kind, str):
+        raise InputError(f"kind must say which codec: {', '.join(names())}")
+    return load(kind).model_validate(value)
+
+
+Format = Annotated[SerializeAsAny[CodecFormat], BeforeValidator(_read)]

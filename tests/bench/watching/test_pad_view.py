@@ -1,0 +1,166 @@
+"""The state that viewers share: what is live, what is lost, and what a tare does."""
+
+import threading
+import time
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tactsim.bench.watching.pad_view import BIN_S, HISTORY_S, History, PadReader, round_up
+from tactsim.core.errors import InputError
+from tactsim.core.source import SourceEnded, SourceError
+from tactsim.hardware.calibration import Calibration
+
+RAMP = np.arange(36.0)
+
+
+def test_a_view_is_the_last_reading_in_full(source, device, eventually):
+    with PadReader(source, device, "here") as reader:
+        assert reader.view().state == "waiting"
+        source.feed(RAMP + 1, RAMP)
+        eventually(lambda: reader.view().readings == 2)
+        view = reader.view()
+        assert view.state == "live"
+        np.testing.assert_array_equal(view.pressures, RAMP)
+        assert view.force == pytest.approx(RAMP.sum() * 1.8 * 1.8e-3)
+        assert view.scale == 50.0
+
+
+def test_a_pad_that_falls_silent_is_lost_and_shows_nothing_until_it_speaks_again(source, device, eventually):
+    with PadReader(source, device, "here") as reader:
+        source.feed(RAMP)
+        eventually(lambda: reader.view().state == "lost")
+        assert reader.view().pressures is None
+        eventually(lambda: "the cable is off" in reader.view().trouble)
+        source.feed(RAMP)
+        eventually(lambda: reader.view().readings == 2)
+        assert reader.view().state == "live"
+        assert reader.view().trouble == ""
+
+
+def test_the_end_of_a_recording_shows_no_image(source, device, eventually):
+    with PadReader(source, device, "here") as reader:
+        source.feed(RAMP, SourceEnded("over"))
+        eventually(lambda: reader.view().state == "ended")
+        assert reader.view().pressures is None
+        reader.check()
+
+
+def test_what_breaks_the_source_is_raised_again(source, device, eventually):
+    with PadReader(source, device, "here") as reader:
+        source.feed(SourceError("another device"))
+        eventually(lambda: reader.error is not None)
+    with pytest.raises(SourceError, match="another device"):
+        reader.check()
+
+
+def test_a_pad_that_never_spoke_is_an_error_at_the_end(source, device, eventually):
+    with PadReader(source, device, "here") as reader:
+        eventually(lambda: reader.view().state == "lost")
+    with pytest.raises(SourceError, match="the cable is off"):
+        reader.check()
+
+
+def test_waiting_ends_with_the_next_change(source, device):
+    with PadReader(source, device, "here") as reader:
+        number = reader.view().number
+        threading.Timer(0.05, source.feed, [RAMP]).start()
+        start = time.monotonic()
+        while reader.view().number == number and time.monotonic() < start + 10:
+            view = reader.wait(number, 10.0)
+        assert view.number > number
+
+
+def test_a_tare_is_taken_and_refused(source, device, eventually):
+    rng = np.random.default_rng(0)
+    with PadReader(source, device, "here") as reader:
+        reader.tare()
+        source.feed(*(3 + 0.1 * rng.standard_normal((100, 36))))
+        eventually(lambda: reader.view().message.startswith("tared"))
+        source.feed(RAMP + 3)
+        eventually(lambda: reader.view().readings == 101)
+        np.testing.assert_allclose(reader.view().pressures, RAMP, atol=0.1)
+        reader.tare()
+        source.feed(*(60 + 0.1 * rng.standard_normal((100, 36))))
+        eventually(lambda: "something touches the pad" in reader.view().message)
+        source.feed(RAMP + 3)
+        eventually(lambda: reader.view().readings == 202)
+        np.testing.assert_allclose(reader.view().pressures, RAMP, atol=0.1)
+
+
+def test_a_tare_is_given_up_when_the_pad_is_lost(source, device, eventually):
+    with PadReader(source, device, "here") as reader:
+        source.feed(RAMP)
+        reader.tare()
+        eventually(lambda: "lost" in reader.view().message)
+
+
+def test_taxels_that_are_left_out_or_never_change_are_named(source, device, eventually):
+    calibration = Calibration(
+        device="x", port="x", taken="2026-01-01T00:00:00Z", frames=40, tare=[1.0] * 36, noise=[1.0] * 36,
+        gain=[2.0] * 36, dead=[7], stuck=[8],
+    )  # fmt: skip
+    frames = np.random.default_rng(0).standard_normal((250, 36))
+    frames[:, 3] = 0.25
+    with PadReader(source, device, "here", calibration) as reader:
+        source.feed(*frames)
+        eventually(lambda: reader.view().readings == 250)
+        view = reader.view()
+    assert view.left_out == (7, 8)
+    assert view.stuck == (3,)
+    assert np.isnan(view.pressures[[7, 8]]).all()
+    kept = np.delete(np.arange(36), [7, 8])
+    np.testing.assert_allclose(view.pressures[kept], 2 * (frames[-1, kept] - 1))
+
+
+def test_two_calibrations_are_refused(source, device):
+    source.calibrated = True
+    calibration = Calibration(
+        device="x", port="x", taken="2026-01-01T00:00:00Z", frames=40, tare=[0.0] * 36, noise=[1.0] * 36,
+        gain=[1.0] * 36,
+    )  # fmt: skip
+    with pytest.raises(InputError, match="calibration of its own"):
+        PadReader(source, device, "here", calibration)
+
+
+@given(
+    st.lists(st.tuples(st.floats(0, 0.7), st.floats(-1, 50)), max_size=40),
+    st.lists(st.integers(0, 40), max_size=5),
+)
+def test_history_in_parts_is_history_at_once(steps, looks):
+    """Whenever a viewer looks, the parts that it got are the bins' means, each once."""
+    history, seen, following = History(), [], 0
+    bins, now = {}, 0.0
+    for number, (step, force) in enumerate(steps):
+        now += step
+        history.add(now, force)
+        bins.setdefault(int(now / BIN_S), []).append(force)
+        if number in looks:
+            first, values = history.after(following)
+            assert first == following
+            seen += values
+            following = first + len(values)
+    seen += history.after(following)[1]
+    wanted = [bins.get(k) for k in range(int(now / BIN_S))]
+    assert len(seen) == len(wanted)
+    for value, forces in zip(seen, wanted, strict=True):
+        assert value is None if forces is None else value == pytest.approx(np.mean(forces))
+
+
+def test_history_forgets_what_is_too_old():
+    history = History()
+    history.add(0.0, 1.0)
+    history.add(1e6, 2.0)
+    first, values = history.after(0)
+    assert len(values) <= HISTORY_S / BIN_S
+    assert first + len(values) == int(1e6 / BIN_S)
+    assert set(values) == {None}
+
+
+@pytest.mark.parametrize(
+    ("value", "up"), [(1.0, 1), (1.1, 2), (2, 2), (3, 5), (7, 10), (10, 10), (11, 20), (0.3, 0.5)]
+)
+def test_scales_are_round(value, up):
+    assert round_up(value) == pytest.approx(up)

@@ -1,0 +1,110 @@
+"""The page of a pad in a real browser: live, lost, back, frozen, tared; narrow and dark."""
+
+import numpy as np
+import pytest
+from browser import browser, needs_browser
+from playwright.sync_api import expect
+
+from tactsim.bench.watching.pad_view import PadReader
+from tactsim.bench.watching.web import WebPage
+
+pytestmark = needs_browser
+PICTURE = "document.getElementById('picture').toDataURL()"
+RAMP = np.arange(36.0)
+
+
+@pytest.fixture(scope="module")
+def context(tmp_path_factory):
+    with browser(tmp_path_factory.mktemp("profile")) as context:
+        yield context
+
+
+@pytest.fixture
+def opened(context, source, device):
+    """Open the page of a pad; at the end of the test nothing may have been thrown or asked of another place."""
+    faults = []
+    page = context.new_page()
+    page.on("pageerror", lambda error: faults.append(str(error)))
+    with PadReader(source, device, "here") as reader, WebPage(reader, 0, from_behind=True) as web:
+        page.on("request", lambda request: request.url.startswith(web.url) or faults.append(request.url))
+        page.on("console", lambda message: faults.append(message.text))
+        page.goto(web.url)
+        page.wait_for_selector("html[data-ready]")
+        yield page, reader
+        page.close()
+    assert faults == []
+
+
+def state(page, word):
+    page.wait_for_selector(f"#state[data-state={word}]")
+
+
+def test_the_picture_follows_the_pad_and_is_gone_when_the_pad_is_lost(opened, source):
+    page, _ = opened
+    source.feed(RAMP)
+    state(page, "live")
+    expect(page.locator("#largest")).to_have_text("35.0")
+    assert page.inner_text("#force") == "2.04"
+    shown = page.evaluate(PICTURE)
+    state(page, "lost")
+    expect(page.locator("#veil")).to_contain_text("the cable is off")
+    assert page.locator("#veil").is_visible()
+    assert page.evaluate(PICTURE) != shown
+    assert page.inner_text("#force") == "–"
+    source.feed(RAMP)
+    state(page, "live")
+    assert page.locator("#veil").is_hidden()
+
+
+def test_a_frozen_picture_is_called_so_and_stays(opened, source):
+    page, _ = opened
+    source.feed(RAMP)
+    state(page, "live")
+    page.keyboard.press("f")
+    state(page, "frozen")
+    frozen = page.evaluate(PICTURE)
+    source.feed(RAMP[::-1] + 60)
+    expect(page.locator("#readings")).to_have_text("2")
+    assert page.evaluate(PICTURE) == frozen
+    assert "frozen" in page.inner_text("#state")
+    page.get_by_role("button", name="Freeze").click()
+    source.feed(RAMP)
+    expect(page.locator("#state")).to_have_text("live")
+
+
+def test_a_click_takes_a_tare_and_the_pointer_reads_a_taxel(opened, source, fed):
+    page, _ = opened
+    with fed(source, 5 + 0.1 * np.random.default_rng(0).standard_normal((1000, 36))):
+        page.get_by_role("button", name="Tare").click()
+        expect(page.locator("#message")).to_contain_text("taking")
+        expect(page.locator("#message")).to_contain_text("tared")
+    page.keyboard.press("f")
+    box = page.locator("#picture").bounding_box()
+    page.mouse.move(box["x"] + 0.93 * box["width"], box["y"] + 0.93 * box["height"])
+    expect(page.locator("#readout")).to_contain_text("taxel 0, row 0, column 0")
+    page.get_by_role("button", name="Seen from behind").click()
+    page.mouse.move(box["x"] + 0.93 * box["width"], box["y"] + 0.92 * box["height"])
+    expect(page.locator("#readout")).to_contain_text("taxel 5, row 0, column 5")
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize("width", [390, 1280])
+def test_nothing_scrolls_sideways(opened, source, width, scheme):
+    page, _ = opened
+    page.set_viewport_size({"width": width, "height": 800})
+    page.emulate_media(color_scheme=scheme)
+    source.feed(RAMP)
+    state(page, "live")
+    assert page.evaluate("document.documentElement.scrollWidth") == width
+
+
+def test_when_the_program_ends_the_page_says_so(context, source, device):
+    page = context.new_page()
+    with PadReader(source, device, "here") as reader, WebPage(reader, 0, from_behind=True) as web:
+        page.goto(web.url)
+        page.wait_for_selector("html[data-ready]")
+        source.feed(RAMP)
+        state(page, "live")
+    state(page, "gone")
+    assert page.inner_text("#force") == "–"
+    page.close()

@@ -1,0 +1,124 @@
+"""`bench watch` as a user calls it: on a terminal, in a pipe and as a page, on every kind of port."""
+
+import http.client
+import signal
+import socket
+from contextlib import contextmanager
+
+import numpy as np
+import pytest
+from command_line import BENCH, refused
+from pty_session import Terminal
+
+from tactsim.core.reading import Reading
+from tactsim.hardware.recording import Recorder
+
+
+@contextmanager
+def emulated(bench, *words):
+    process = bench.start("emulate", *words)
+    try:
+        yield process.stdout.readline().strip()
+    finally:
+        process.send_signal(signal.SIGINT)
+        assert process.wait(10) == 130
+
+
+@pytest.fixture
+def recording(tmp_path, device):
+    path = tmp_path / "a.tactrec"
+    with Recorder(path) as recorder:
+        recorder.segment({"device": device.as_json(), "calibration": None}, 0.0)
+        for k in range(20):
+            recorder.reading(Reading(np.full(36, float(k)), 0.02 * k))
+        recorder.end({}, 0.4)
+    return path
+
+
+def test_on_a_terminal_the_pad_is_drawn_lost_and_back(bench, tmp_path):
+    words = ["--port", "pty:pad", "--letter", "A", "--hold", "1000", "--lift", "0.1"]
+    with emulated(bench, *words) as name:
+        terminal = Terminal([BENCH, "watch", "--port", name], tmp_path, bench.environment)
+        terminal.wait_for(" live ")
+        terminal.wait_for("kPa")
+        terminal.type("f")
+        terminal.wait_for("FROZEN")
+        terminal.type("f")
+    terminal.wait_for(" lost ")
+    with emulated(bench, *words):
+        terminal.wait_for(" live ")
+        terminal.type("q")
+        last = terminal.end()
+    assert terminal.status == 0
+    assert "readings/s" in last
+    assert "reconnects 1" in last
+    assert "Traceback" not in last
+    assert last.count("\x1b[?1049l") == 1  # the terminal's own screen is back
+
+
+def test_ctrl_c_ends_it_cleanly(bench, tmp_path):
+    terminal = Terminal([BENCH, "watch", "--port", "simulated:A"], tmp_path, bench.environment)
+    terminal.wait_for(" live ")
+    terminal.type("\x03")
+    last = terminal.end()
+    assert terminal.status == 0
+    assert "Traceback" not in last
+
+
+def test_in_a_pipe_there_is_a_line_a_second(bench):
+    with emulated(bench, "--port", "tcp", "--garbage", "0.2") as name:
+        result = bench("watch", "--port", name, "--seconds", "2.5")
+    assert result.returncode == 0, result.stderr
+    lines = result.stdout.splitlines()
+    assert 3 <= len(lines) <= 6
+    assert lines[-2].startswith("live, force")
+    assert "garbage bytes" in lines[-1]
+
+
+def test_a_recording_is_played_and_ends(bench, recording):
+    result = bench("watch", "--port", f"recording:{recording}")
+    assert result.returncode == 0, result.stderr
+    assert "ended" in result.stdout
+    assert "20 so far" in result.stdout
+
+
+def test_the_page_is_served_until_the_command_ends(bench):
+    process = bench.start("watch", "--port", "simulated:A", "--web", "--web-port", "0")
+    url = process.stdout.readline().strip()
+    connection = http.client.HTTPConnection(url.removeprefix("http://").strip("/"), timeout=10)
+    connection.request("GET", "/")
+    assert "simulated:A" in connection.getresponse().read().decode()
+    process.send_signal(signal.SIGINT)
+    output, errors = process.communicate(timeout=20)
+    assert process.returncode == 0, errors
+    assert errors == ""
+    assert "live" in output
+
+
+def test_a_pad_that_says_nothing_right_is_an_error_at_the_end(bench):
+    with emulated(bench, "--port", "pty:pad") as name:
+        words = ["watch", "--port", name, "--device", "singletact-5x5", "--seconds", "5"]
+        refused(bench(*words), "no whole frame")
+
+
+@pytest.mark.parametrize(
+    ("words", "parts"),
+    [
+        (["--port", "/dev/nothing"], ["there is no such port"]),
+        (["--port", "x", "--device", "emulatd"], ["unknown device 'emulatd'"]),
+        (["--port", "simulated:A", "--seen", "above"], ["--seen 'above'", "behind or front"]),
+        (["--port", "recording:nothing.tactrec"], ["cannot read recording nothing.tactrec"]),
+    ],
+)
+def test_mistakes_end_in_one_line(here, words, parts):
+    refused(here("watch", *words), *parts)
+
+
+def test_a_page_on_a_port_that_is_taken_is_refused(here):
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+        refused(
+            here("watch", "--port", "simulated:A", "--web", "--web-port", port),
+            f"127.0.0.1:{port}",
+            "--web-port",
+        )

@@ -1,0 +1,124 @@
+"""Synthesis of an object that moves, on readings whose forward model is known."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+from scipy.stats import multivariate_normal
+from synthetic import SyntheticForward, make_scan, placement_error, pressures, square_pad
+
+from tactsim.bench.slip import Slip
+from tactsim.core import compose, invert, transform
+from tactsim.core.forward import Linearised
+from tactsim.estimators import create
+
+
+class Misplaced(SyntheticForward):
+    """Presses that are misplaced by 0.1 mm along their first axis."""
+
+    def linearised(self, letter, sensor_in_object):
+        found = super().linearised(letter, sensor_in_object)
+        return Linearised(found.mean, found.by_pose, 0.1 * found.by_pose[:, :1])
+
+
+@cache
+def fitted(motion):
+    estimator = create("synthesis", spacing=2.5, angles=8, modes=100, motion=motion)
+    estimator.bring(Misplaced("EL", square_pad()))
+    estimator.fit(make_scan("EL"))
+    return estimator
+
+
+def sequence(count, slip, seed=0):
+    """Press the letter E, which moves: readings, sensor_in_robot, true robot_in_object at each touch."""
+    rng = np.random.default_rng(seed)
+    first = np.array([3.0, -2.0, 0.7])
+    true = slip.poses(first, count, np.random.default_rng(seed + 1))
+    stated = rng.uniform([-8, -8, -np.pi], [8, 8, np.pi], (count, 3))
+    readings = 30 * pressures("E", transform(stated, square_pad()))
+    return readings + 2 * rng.standard_normal(readings.shape), compose(invert(true), stated), true
+
+
+def follow(estimator, readings, poses):
+    estimator.reset(np.random.default_rng(0))
+    found = []
+    for reading, pose in zip(readings, poses, strict=True):
+        estimator.update(reading, pose)
+        found.append(estimator.estimate())
+    return found
+
+
+def away(estimate, true):
+    return placement_error(estimate.robot_in_object, true, 1, 64.0)
+
+
+def test_zero_motion_is_the_static_estimator_to_the_bit():
+    readings, poses, _ = sequence(4, Slip())
+    off, zero = (follow(fitted(motion), readings, poses) for motion in ("off", "0,0"))
+    for one, other in zip(off, zero, strict=True):
+        assert one.probabilities == other.probabilities
+        assert one.robot_in_object.tobytes() == other.robot_in_object.tobytes()
+
+
+def test_an_object_at_rest_is_placed_as_without_motion():
+    readings, poses, _ = sequence(8, Slip())
+    off, auto = (follow(fitted(motion), readings, poses) for motion in ("off", "auto"))
+    for one, other in zip(off, auto, strict=True):
+        assert one.label == other.label
+        assert one.robot_in_object.tobytes() == other.robot_in_object.tobytes()
+
+
+@pytest.mark.parametrize("motion", ["auto", "0.6,0.03"])
+def test_a_walk_is_followed(motion):
+    readings, poses, true = sequence(10, Slip(walk_mm=0.6, walk_rad=0.03))
+    found = follow(fitted(motion), readings, poses)
+    lost = away(follow(fitted("off"), readings, poses)[-1], true[-1])
+    assert np.median([away(one, at) for one, at in zip(found[-4:], true[-4:], strict=True)]) < 0.4 < lost
+    assert found[-1].samples.weights.sum() == pytest.approx(1)
+
+
+def test_a_jump_is_found_again():
+    readings, poses, true = sequence(8, Slip(jump_mm=5), seed=3)
+    jump = int(np.abs(np.diff(true, axis=0)).sum(axis=1).argmax()) + 1
+    found = follow(fitted("auto"), readings, poses)
+    assert min(away(one, at) for one, at in zip(found[jump:], true[jump:], strict=True)) < 0.5
+
+
+def test_states_are_weighed_by_the_whole_covariance_of_a_press():
+    """The density of a reading against SciPy's, and the floor below which it is an outlier."""
+    estimator = fitted("auto")
+    readings, poses, true = sequence(3, Slip())
+    follow(estimator, readings, poses)
+    states = true[2] + np.array([[0.0, 0, 0], [0.3, -0.2, 0.02]])
+    at = estimator.forward.linearised("E", compose(states, poses[2]))
+    expected = [
+        multivariate_normal(mean, 4 * np.eye(36) + nuisance.T @ nuisance).logpdf(readings[2])
+        for mean, nuisance in zip(at.mean, at.nuisance, strict=True)
+    ]
+    np.testing.assert_allclose(estimator.log_p(0, states.T, 2), expected, rtol=1e-9)
+    far = estimator.log_p(0, states.T + np.array([[12.0], [9.0], [0]]), 2)
+    assert far[0] == far[1] > -2000
+
+
+def test_what_a_reading_adds_to_the_evidence_is_its_mean_likelihood_in_the_belief():
+    """The growth of the modes' evidence against a sum over states drawn from the belief before the reading."""
+    readings, poses, _ = sequence(6, Slip())
+    estimator = fitted("auto")
+    follow(estimator, readings[:5], poses[:5])
+    belief = estimator.filter.weighted_states()
+    grown = estimator._foretold(readings[5], poses[5])
+    log_p = np.log(belief.weights.normalised) + [
+        estimator.log_p(letter, state[:, None], 5)[0]
+        for letter, state in zip(belief.letter, belief.state.T, strict=True)
+    ]
+    assert grown == pytest.approx(np.logaddexp.reduce(log_p), abs=0.2)
+
+
+def test_until_the_object_is_touched_it_is_taken_to_lie_still():
+    readings, poses, true = sequence(6, Slip())
+    beside = compose(invert(true[0]), np.array([[40.0, 0, 0], [0, 45.0, 1.0]]))
+    noise = 2 * np.random.default_rng(5).standard_normal((2, 36))
+    for motion in ("auto", "0.6,0.03"):
+        found = follow(fitted(motion), [*noise, *readings], [*beside, *poses])
+        assert min(found[1].probabilities.values()) > 0.1
+        assert (found[-1].label, away(found[-1], true[-1]) < 0.6) == ("E", True)

@@ -1,0 +1,137 @@
+"""Codecs by the kind in a device file: the built-in ones, and those of an installed package."""
+
+import numpy as np
+import pytest
+from made_pads import ramp, serving
+from plugging import install_plug_in
+
+from tactsim.core import InputError
+from tactsim.core.plug_ins import plug_ins
+from tactsim.hardware.codecs import registry
+from tactsim.hardware.codecs.codec import Codec, CodecError, CodecFormat, Frame
+from tactsim.hardware.device import Device, built_in_devices, load_device
+from tactsim.hardware.emulator import emulate
+from tactsim.hardware.live import LiveSource
+from tactsim.hardware.recorded import Replay
+from tactsim.hardware.recording import Recorder
+
+KNOCKS = '''
+"""A codec of somebody else's: each taxel is one character, "A" for 0 kPa and "B" for `step_kpa`, and so on."""
+import numpy as np
+from pydantic import Field
+from tactsim.hardware.codecs.codec import Codec, CodecFormat, Frame
+
+class Knocks(CodecFormat):
+    """Letters for pressures."""
+    taxels: int = Field(ge=1)
+    step_kpa: float = Field(gt=0)
+    def build(self):
+        return KnocksCodec(self)
+
+class KnocksCodec(Codec):
+    def __init__(self, form):
+        self.form, self.taxels, self.longest = form, form.taxels, form.taxels + 1
+    def decode(self, buffer, start=0):
+        end = buffer.find(b"\\n", start, start + self.longest)
+        if end < 0:
+            return (1, None) if len(buffer) - start >= self.longest else (0, None)
+        line = bytes(buffer[start:end])
+        whole = len(line) == self.taxels and all(b"A"[0] <= byte <= b"Z"[0] for byte in line)
+        return end + 1 - start, Frame(np.frombuffer(line, np.uint8) - 65.0) if whole else None
+    def encode(self, frame):
+        return bytes((frame.values + 65).astype(np.uint8)) + b"\\n"
+    def to_kpa(self, values):
+        return values * self.form.step_kpa
+    def from_kpa(self, pressures):
+        return np.clip(np.round(pressures / self.form.step_kpa), 0, 25)
+'''
+DEVICE = """
+name = "knocking"
+[codec]
+kind = "knocks"
+taxels = 6
+step_kpa = 0.5
+[pad]
+rows = 2
+columns = 3
+no_seam = true
+"""
+
+
+@pytest.fixture
+def knocking(tmp_path, monkeypatch):
+    """Install the package, and write a device file that uses it."""
+    (tmp_path / "knocks.py").write_text(KNOCKS)
+    install_plug_in(tmp_path, monkeypatch, group=registry.GROUP, knocks="knocks:Knocks")
+    (tmp_path / "knocking.toml").write_text(DEVICE)
+    return tmp_path / "knocking.toml"
+
+
+def test_every_built_in_codec_can_be_loaded_and_says_what_it_is():
+    for kind in registry.BUILT_IN:
+        assert issubclass(registry.load(kind), CodecFormat)
+    assert {row.name for row in registry.listing()} >= set(registry.BUILT_IN)
+    assert [row.name for row in registry.listing() if not row.summary] == []
+
+
+def test_every_device_file_names_a_codec_that_is_built_in():
+    assert {load_device(name).codec.kind for name in built_in_devices()} >= {"fields", "singletact", "csv"}
+
+
+def test_an_installed_codec_is_listed_and_reads_a_port(knocking, tmp_path):
+    (row,) = (row for row in registry.listing() if row.name == "knocks")
+    assert (row.summary, row.status) == ("Letters for pressures.", "from plugged")
+    assert "knocks" in registry.names()
+    device = load_device(knocking)
+    with serving(emulate(device, ramp(device), 100.0)) as url, Recorder(tmp_path / "copy") as recorder:
+        recorder.segment({"device": device.as_json()}, 0.0)
+        with LiveSource([url], device, recorder) as source:
+            live = [source.read(5.0) for _ in range(5)]
+    # The recording names the codec and holds all of its keys.
+    again = [reading for reading, _ in zip(Replay(tmp_path / "copy"), range(5), strict=False)]
+    for one, other in zip(live, again, strict=True):
+        assert np.array_equal(one.pressures, other.pressures)
+        assert (one.pressures >= 0).all()
+        assert (np.diff(one.pressures) >= 0).all()
+
+
+def test_a_wrong_key_of_an_installed_codec_is_named_in_one_line(knocking):
+    knocking.write_text(DEVICE.replace("step_kpa = 0.5", "step_kpa = -1"))
+    with pytest.raises(InputError, match=r"knocking.toml: codec.step_kpa: .* greater than 0, got -1"):
+        load_device(knocking)
+    knocking.write_text(DEVICE.replace("step_kpa = 0.5", "stepp = 1"))
+    with pytest.raises(InputError, match=r"codec.step"):
+        load_device(knocking)
+
+
+def test_an_unknown_codec_is_answered_with_those_that_are_known(knocking):
+    knocking.write_text(DEVICE.replace('"knocks"', '"knock"'))
+    with pytest.raises(InputError, match=r"codec: unknown codec 'knock': did you mean 'knocks'\?"):
+        load_device(knocking)
+    knocking.write_text(DEVICE.replace('kind = "knocks"', ""))
+    with pytest.raises(
+        InputError, match="kind must say which codec: singletact, fields, csv, pps-csv, knocks"
+    ):
+        load_device(knocking)
+
+
+def test_a_codec_that_only_reads_cannot_be_emulated(knocking):
+    form = load_device(knocking).codec.build()
+    with pytest.raises(CodecError, match="KnocksCodec writes no frames, so its device cannot be emulated"):
+        Codec.encode(form, Frame(np.zeros(6)))
+
+
+def test_a_device_without_codec_is_for_installed_sources_only():
+    device = Device.model_validate({"name": "elsewhere", "pad": {"rows": 1, "columns": 2, "no_seam": True}})
+    assert Device.model_validate(device.as_json()) == device
+    with pytest.raises(
+        InputError, match=r"'elsewhere' has no \[codec\]: its readings come from an installed source"
+    ):
+        LiveSource(["loop://"], device)
+
+
+def test_no_plug_in_hides_a_built_in_codec(tmp_path, monkeypatch):
+    install_plug_in(tmp_path, monkeypatch, group=registry.GROUP, fields="nowhere:Nothing")
+    assert "fields" in [point.name for point in plug_ins(registry.GROUP)]
+    assert registry.load("fields").__name__ == "FieldsFormat"
+    assert "hidden by the built-in of that name" in [row.status for row in registry.listing()]
