@@ -40,6 +40,11 @@ class Slip(BaseModel):
         """Tell whether the object does not move at all."""
         return not any(self.model_dump().values())
 
+    @property
+    def is_walk(self) -> bool:
+        """Tell whether the object lies still or walks at random, and no more."""
+        return not (self.jump_mm or self.jump_rad or self.drift_mm or self.drift_rad)
+
     def describe(self) -> str:
         """Say in a few words how the object moves."""
         parts = []
