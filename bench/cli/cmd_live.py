@@ -11,6 +11,7 @@ from tactsim.bench.cli import pad_options as pads
 from tactsim.bench.cli import shared_options as shared
 
 if TYPE_CHECKING:
+    from tactsim.bench.trials import Progress
     from tactsim.core import Scan
     from tactsim.hardware.device import Device
 
@@ -65,6 +66,7 @@ def command(
 
     from tactsim.bench.config import key_values
     from tactsim.bench.console import plain_console
+    from tactsim.bench.terminal import progress_bars
     from tactsim.bench.watching.live_screen import live
     from tactsim.bench.watching.pad_view import PadReader
     from tactsim.bench.watching.pressed import open_pressed
@@ -87,11 +89,16 @@ def command(
         reader = PadReader(source, pressed.device, " ".join(port))
         if pressed.plan is not None:  # a pad speaks while the estimator learns
             stack.enter_context(reader)
-        train = on_taxels(
-            _training(train_scan, pressed.device), source.taxel_xy, str(train_scan or "the simulation")
-        )
-        candidates = np.array(pressed.plan.poses) if pressed.plan and explore == "information" else None
-        recogniser = Recogniser.fitted(made, train, seed, candidates)
+        with progress_bars() as progress:
+            train = on_taxels(
+                _training(train_scan, pressed.device, progress),
+                source.taxel_xy,
+                str(train_scan or "the simulation"),
+            )
+            candidates = np.array(pressed.plan.poses) if pressed.plan and explore == "information" else None
+            progress("map", 0, 1)
+            recogniser = Recogniser.fitted(made, train, seed, candidates)
+            progress("map", 1, 1)
         leading = pressed.leading(recogniser, "information" if explore == "information" else "random", seed)
         told = Told(leading, train, maps_of(made), source, pressed.truth, from_behind)
         reader.on_reading = leading.take
@@ -116,16 +123,13 @@ def command(
             raise leading.error
 
 
-def _training(path: Path | None, device: Device) -> Scan:
+def _training(path: Path | None, device: Device, progress: Progress) -> Scan:
     """Load the training readings, or press them."""
-    from tactsim.bench.terminal import progress_bars
     from tactsim.core import Scan
     from tactsim.press import ScanOptions, scan_letters
     from tactsim.press.simulated_source import on_pad_of
 
     if path is not None:
         return Scan.load(path)
-    with progress_bars() as progress:
-        return scan_letters(
-            on_pad_of(device, ScanOptions()), progress=lambda done, total: progress("press", done, total)
-        )[0]
+    options = on_pad_of(device, ScanOptions())
+    return scan_letters(options, progress=lambda done, total: progress("press", done, total))[0]
