@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from tactsim.bench.cli import guide_options as guiding
 from tactsim.bench.cli import pad_options as pads
 from tactsim.bench.cli import shared_options as shared
 
@@ -50,7 +51,7 @@ def command(
     calibration: pads.CalibrationFile = None,
     web: pads.Web = False,
     web_port: pads.WebPort = 8737,
-    seen: pads.Seen = "behind",
+    seen: guiding.Seen = "behind",
     seed: shared.Seed = 0,
     as_json: Annotated[
         bool,
@@ -80,7 +81,7 @@ def command(
 
     if explore not in ("information", "random"):
         raise InputError(f"--explore {explore!r}: say information or random")
-    from_behind = pads.seen_from_behind(seen)
+    from_behind = guiding.from_behind(seen)
     described, correction = pads.load(device, calibration)
     made = create(estimator, **key_values(settings or (), "--set"))
     console = plain_console(stderr=as_json)
