@@ -76,7 +76,7 @@ TABLES := better paper-better robustness slip open-set active paper paper-like t
 
 tables: $(DEVELOP)  ## do the sweeps that are not done yet, and fill the tables of the documentation from them
 	@for suite in $(TABLES); do $(BIN)/bench sweep $$suite || exit; done
-	@$(BIN)/python -m tactsim.bench.page_tables README.md docs/results.md docs/choose-an-estimator.md
+	@$(BIN)/python -m tactsim.bench.page_tables README.md docs/results.md docs/method.md docs/choose-an-estimator.md
 
 setup: $(DEVELOP)  ## create .venv with all that work on the project needs
 

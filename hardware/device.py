@@ -107,6 +107,11 @@ class Device(BaseModel):
                 f"the pad has {len(self.part)} parts, and their frames have no counter of two bytes or more that they "
                 "share: state pair_within_s, the s within which the frames of one reading are measured"
             )
+        if codec is not None and len(self.part) > 1 and codec.packets > 1 and self.pair_within_s is not None:
+            raise ValueError(
+                "frames in several packets have no one time; those of several parts are joined by their counter: "
+                "leave out pair_within_s"
+            )
         return self
 
     @property

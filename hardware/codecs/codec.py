@@ -50,9 +50,10 @@ class Codec(ABC, Generic[Packet]):
     after which the clock starts again, or None. index_wrap: the same of the frame counter. speaks: whether
     the device sends every frame unasked, so that a gap in the frame counter means lost frames.
     index_common: whether the parts of a pad may count their frames together, so that equal counters mean
-    one moment. clock_common: whether all devices on a link tell the time of one clock. start: bytes that
-    make the device speak, sent once; request: bytes that ask for one frame; request_every_s: s from one
-    request to the next, at least. title: what the device says before its first frame.
+    one moment. clock_common: whether all devices on a link tell the time of one clock. packets: in how many
+    packets a frame comes. start: bytes that make the device speak, sent once; request: bytes that ask for one
+    frame; request_every_s: s from one request to the next, at least. title: what the device says before its
+    first frame.
     """
 
     taxels: int
@@ -63,6 +64,7 @@ class Codec(ABC, Generic[Packet]):
     speaks: bool = True
     index_common: bool = False
     clock_common: bool = False
+    packets: int = 1
     start: bytes = b""
     request: bytes = b""
     request_every_s: float = 0.0

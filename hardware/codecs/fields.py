@@ -106,8 +106,8 @@ class FieldsCodec(Codec[Frame]):
         self._checksum = only(form.layout, Checksum)
         self._checksum_size = 0 if self._checksum is None else self._checksum.size
         self._packet = only(form.layout, PacketNumber)
-        self._packets = 1 if self._packet is None else self._packet.of
-        self.taxels = self._values.count * self._packets
+        self.packets = 1 if self._packet is None else self._packet.of
+        self.taxels = self._values.count * self.packets
         self.size = sum(map(size_of, form.layout))
         self.speaks = not form.request
         header, footer = (only(form.layout, Fixed, name) for name in ("header", "footer"))
@@ -146,7 +146,7 @@ class FieldsCodec(Codec[Frame]):
         if self._packet is not None and packet is not None:
             packet -= self._packet.first
         sensible = (np.abs(self.to_kpa(values)) <= LARGEST).all()  # which the bits of a float need not be
-        if not sensible or (packet is not None and not 0 <= packet < self._packets):
+        if not sensible or (packet is not None and not 0 <= packet < self.packets):
             return 1, None
         return self.size, Frame(
             values,
@@ -160,8 +160,7 @@ class FieldsCodec(Codec[Frame]):
         """Write a frame as the device would, with all its packets; values are rounded and kept within their bits."""
         count = self._values.count
         return b"".join(
-            self._encode(frame, frame.values[at * count : (at + 1) * count], at)
-            for at in range(self._packets)
+            self._encode(frame, frame.values[at * count : (at + 1) * count], at) for at in range(self.packets)
         )
 
     def to_kpa(self, values: FloatArray) -> FloatArray:
@@ -175,9 +174,9 @@ class FieldsCodec(Codec[Frame]):
 
     def dialogue(self, addresses: tuple[int, ...], counters: Counters) -> Dialogue:
         """Listen, or ask for each frame if the format says how; join frames that come in several packets."""
-        if self._packets == 1:
+        if self.packets == 1:
             return super().dialogue(addresses, counters)
-        return Joining(self._packets, counters, self.start, self.request, self.request_every_s)
+        return Joining(self.packets, counters, self.start, self.request, self.request_every_s)
 
     def fails_checksum(self, buffer: bytes | bytearray, start: int) -> bool:
         """Tell whether marks, lengths and fixed bytes of a frame agree at `start`, and the checksum does not."""

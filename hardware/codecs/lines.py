@@ -97,7 +97,7 @@ class LinesCodec(Codec[Frame]):
         self._at = {name: form.before.index(name) for name in ("clock", "index") if name in form.before}
         self.tick_wrap = _COUNTER
         if "index" in self._at:
-            self.index_wrap, self.index_common = _COUNTER, True
+            self.index_wrap = _COUNTER  # two boards count each for itself, so nothing is paired by it
 
     def decode(self, buffer: bytes | bytearray, start: int = 0) -> tuple[int, Frame | None]:
         """Look for a line behind the line end at `start`; see `Codec.decode`.

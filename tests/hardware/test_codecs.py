@@ -125,6 +125,7 @@ def chunks_of(data, lengths):
 
 
 @every_codec
+@settings(max_examples=50)
 @given(lengths=st.lists(st.integers(0, 60), max_size=60), seed=st.integers(0, 5))
 def test_any_chunking_gives_the_same_frames(make, lengths, seed):
     form, messages = make(12, np.random.default_rng(seed))
@@ -138,6 +139,7 @@ def test_any_chunking_gives_the_same_frames(make, lengths, seed):
 
 
 @every_codec
+@settings(max_examples=50)
 @given(
     garbage=st.one_of(
         st.binary(max_size=300), st.lists(st.sampled_from(b"\xff\xfe\xaa\x55\r\n\x04T,1"), max_size=80)
@@ -162,6 +164,7 @@ def test_garbage_between_frames_costs_none(make, garbage, where):
 
 
 @every_codec
+@settings(max_examples=50)
 @given(garbage=st.binary(min_size=1, max_size=200), at=st.integers(0, 400), lost=st.integers(0, 200))
 def test_a_burst_costs_at_most_the_frames_it_touches(make, garbage, at, lost):
     """Bytes are overwritten, lost or added somewhere; every frame that they do not touch is read.
@@ -184,7 +187,7 @@ def test_a_burst_costs_at_most_the_frames_it_touches(make, garbage, at, lost):
 
 
 @every_codec
-@settings(max_examples=200)
+@settings(max_examples=100)
 @given(data=st.lists(st.binary(max_size=200), max_size=20))
 def test_a_fuzzed_codec_raises_nothing_and_keeps_little(make, data):
     form, _ = make(1, np.random.default_rng(0))
@@ -194,6 +197,7 @@ def test_a_fuzzed_codec_raises_nothing_and_keeps_little(make, data):
 
 
 @every_codec
+@settings(max_examples=50)
 @given(flips=st.lists(st.tuples(st.integers(0, 10_000), st.integers(1, 255)), max_size=10))
 def test_a_fuzzed_stream_raises_nothing(make, flips):
     form, messages = make(8, np.random.default_rng(2))

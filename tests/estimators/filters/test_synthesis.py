@@ -7,7 +7,6 @@ from synthetic import SyntheticForward, make_scan, placement_error, pressures, s
 from tactsim import estimators
 from tactsim.core import InputError, Scan, compose, invert, transform
 from tactsim.core.forward import Linearised
-from tactsim.estimators.filters.synthesis import likeliest_press
 
 
 class Forward(SyntheticForward):
@@ -130,18 +129,6 @@ def test_loads_that_vary_too_much_for_a_slope_are_searched_for():
         far.append(placement_error(estimate.robot_in_object, truth, 1, 64.0))
     assert right >= 11
     assert np.median(far) < 0.4
-
-
-def test_the_likeliest_press_is_the_ridge_regression():
-    rng = np.random.default_rng(7)
-    found = Linearised(rng.normal(size=(3, 8)), np.zeros((3, 3, 8)), rng.normal(size=(3, 2, 8)))
-    readings = rng.normal(size=(3, 8))
-    for reading, mean, slopes, off in zip(
-        readings, found.mean, found.nuisance, likeliest_press(readings, found, 0.5), strict=True
-    ):
-        rows = np.vstack([slopes.T / 0.5, np.eye(2)])
-        target = np.concatenate([(reading - mean) / 0.5, np.zeros(2)])
-        np.testing.assert_allclose(off, np.linalg.lstsq(rows, target)[0], rtol=1e-9)
 
 
 def test_letters_that_are_alike_share_the_probability():
