@@ -19,10 +19,13 @@ MEASURE    := $(BIN)/python -m pytest -q -m benchmark tests/bench/bench_regressi
               --benchmark-timer=time.process_time --benchmark-json=$(MEASURED)
 REGRESSION := $(BIN)/python -m tactsim.bench.regression
 
+# For how long `make soak` reads.
+MINUTES ?= 30
+
 # What `make mutants` is given, such as MUTANTS="--all tactsim/press/clip.py".
 MUTANTS ?=
 
-.PHONY: run test check docs setup lock test-slow mutants bench-check bench-baseline tables clean help
+.PHONY: run test check docs setup lock test-slow soak mutants bench-check bench-baseline tables clean help
 
 help:            ## list these commands
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 18
@@ -51,6 +54,9 @@ $(DOCS): $(DOCS_LOCK) | $(READY)
 test-slow: $(PACKAGING)  ## the longer tests
 	@$(BIN)/python -m pytest -m slow
 
+soak: $(DEVELOP)   ## read two devices under random faults for MINUTES (30)
+	@nice $(BIN)/python -m pytest -q -s -m soak tests/hardware/test_soak.py --soak-minutes $(MINUTES)
+
 mutants: $(MUTATION)  ## break formulas in a copy: do the tests notice? an hour or two
 	@nice $(BIN)/python tests/mutants/mutate.py $(MUTANTS)
 
@@ -70,7 +76,7 @@ TABLES := better paper-better robustness slip open-set active paper paper-like t
 
 tables: $(DEVELOP)  ## do the sweeps that are not done yet, and fill the tables of the documentation from them
 	@for suite in $(TABLES); do $(BIN)/bench sweep $$suite || exit; done
-	@$(BIN)/python -m tactsim.bench.page_tables README.md docs/results.md docs/choose-an-estimator.md
+	@$(BIN)/python -m tactsim.bench.page_tables README.md docs/results.md docs/method.md docs/choose-an-estimator.md
 
 setup: $(DEVELOP)  ## create .venv with all that work on the project needs
 

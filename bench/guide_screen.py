@@ -122,17 +122,18 @@ class Screen:
         cell = max(1.0, reach / max(height, 1))  # mm of a character along x; along y it is twice as much
         drawing = placement(pose, session.pad, self._covers, self._from_behind, reach, cell)
         drawing.right_crop()  # the last line's end
-        room = width - int(2 * reach / cell) - 3, (height - 3) // 2
-        images = [Text("the pad now"), tactile_image(self.felt, self._taxel_xy, self._from_behind, room)]
+        room = width - int(2 * reach / cell) - 3, max((height - 2) // 2, 1)
+        now = tactile_image(self.felt, self._taxel_xy, self._from_behind, room)
+        images = [Text("the pad now\n"), now]
         if session.image is not None:
-            images += [
-                Text("\nthe last press that was taken"),
-                tactile_image(session.image, self._taxel_xy, self._from_behind, room),
-            ]
+            last = tactile_image(session.image, self._taxel_xy, self._from_behind, room)
+            images += [Text("the last press that was taken\n"), last]
+        beside = Text().join(images)
+        beside.right_crop()
         table = Table.grid(padding=(0, 3, 0, 0))
         table.add_column(no_wrap=True, overflow="crop")
         table.add_column(no_wrap=True, overflow="crop")
-        table.add_row(drawing, Text("\n").join(images))
+        table.add_row(drawing, beside)
         return table
 
 

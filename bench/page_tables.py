@@ -7,7 +7,9 @@ A page says itself which table it wants, between two comments. The first names t
 
 The sweep is a folder in results/sweeps, and its runs are pooled over their seeds, of which there are five at least.
 There is a row for each method and, if the sweep has several, for each protocol or condition. `SWEEP by method` makes a
-column of each method, and a row of each condition. What stands between the comments is replaced.
+column of each method, and a row of each condition; `SWEEP by method: refined, graded` of these methods only. A figure
+after several readings, `coverage_90@3,5,10`, is written without intervals. What stands between the comments is
+replaced.
 """
 
 from __future__ import annotations
@@ -54,8 +56,10 @@ def fill(text: str, sweeps: Path) -> str:
         name, _, by = sweep.partition(" by ")
         if name not in pools:
             pools[name] = _pools(sweeps / name)
-        rows = _by_method(pools[name], figures) if by == "method" else _plain(pools[name], figures)
-        return f"{match[1]}{_markdown(rows)}\n{_origin(name, pools[name])}\n{match[3]}"
+        by, _, methods = by.partition(":")
+        shown = _of_methods(pools[name], [method.strip() for method in methods.split(",")] if methods else [])
+        rows = _by_method(shown, figures) if by == "method" else _plain(shown, figures)
+        return f"{match[1]}{_markdown(rows)}\n{_origin(name, shown, figures)}\n{match[3]}"
 
     filled = TABLE.sub(table, text)
     commits = {_commit(run) for of in pools.values() for one in of for run in one.runs}
@@ -66,12 +70,24 @@ def fill(text: str, sweeps: Path) -> str:
     return filled
 
 
-def _origin(sweep: str, pools: Sequence[Pooled]) -> str:
+def _of_methods(pools: Sequence[Pooled], methods: Sequence[str]) -> list[Pooled]:
+    """Choose the pools of some methods, or all if none is named. Raises InputError for a method that is not there."""
+    for method in methods:
+        if method not in {one.method for one in pools}:
+            raise unknown("method of the sweep", method, sorted({one.method for one in pools}))
+    return [one for one in pools if not methods or one.method in methods]
+
+
+def _origin(sweep: str, pools: Sequence[Pooled], figures: Sequence[str]) -> str:
     """Say beneath a table how it was made."""
-    of = pools[0]
+    counts = sorted({len(of.trials.truth) for of in pools})
+    trials = (
+        f"{' or '.join(map(str, counts[:-1]))}{' or ' * (len(counts) > 1)}{_several(counts[-1], 'trial')}"
+    )
+    intervals = "in brackets 95 % intervals over scans and trials; " * any("," not in one for one in figures)
     return (
-        f"*`bench sweep {sweep}`: {_several(len(of.runs), 'scan')}, {_several(len(of.trials.truth), 'trial')} for each "
-        f"figure; in brackets 95 % intervals over scans and trials; commit {_commit(of.runs[0])}.*"
+        f"*`bench sweep {sweep}`: {_several(len(pools[0].runs), 'scan')}, {trials} for each figure; "
+        f"{intervals}commit {_commit(pools[0].runs[0])}.*"
     )
 
 
@@ -131,11 +147,13 @@ def _name(pools: Sequence[Pooled], protocol: str, task: str) -> str:
 
 
 def cell(one: Pooled, figure: str) -> str:
-    """Write one figure of a pool, such as right@5, with its interval.
+    """Write one figure of a pool, such as right@5, with its interval; right@5,10 for two readings, without.
 
     Raises InputError for an unknown figure or a reading that the runs do not have.
     """
     name, _, at = figure.partition("@")
+    if "," in at:
+        return " / ".join(cell(one, f"{name}@{reading}").partition(" (")[0] for reading in at.split(","))
     if name in READINGS and not at:
         found = READINGS[name](one)
         value, low, high = (str(part or "later") for part in (found.value, found.low, found.high))
@@ -230,7 +248,7 @@ HEADINGS = {
 
 def _heading(figure: str) -> str:
     name, _, at = figure.partition("@")
-    return HEADINGS.get(name, name).format(at)
+    return HEADINGS.get(name, name).format(at.replace(",", ", "))
 
 
 def _markdown(rows: Sequence[Sequence[str]]) -> str:

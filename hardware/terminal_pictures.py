@@ -86,7 +86,8 @@ def tactile_image(
     """Draw pressures (taxels,) kPa where the taxels (taxels, 2) mm lie, the numbers in whole kPa.
 
     pressures: None where they are not known, as of a pad that is lost. room: characters across and down that there
-    are; where the numbers do not fit, the colours alone are drawn, two rows of taxels a line.
+    are. Where the numbers do not fit, the colours alone are drawn, two rows of taxels a line; where these do not fit,
+    the largest of neighbouring taxels stands for them.
     """
     xs, columns = np.unique(np.round(taxel_xy[:, 0], 3), return_inverse=True)
     ys, rows = np.unique(np.round(taxel_xy[:, 1], 3), return_inverse=True)
@@ -95,14 +96,12 @@ def tactile_image(
     if from_behind:
         taxels = taxels[:, ::-1]
     taxels = taxels[::-1]
+    numbered = room is None or (_NUMBERED * len(xs) <= room[0] and len(ys) <= room[1])
     if pressures is None:
-        return (
-            Text("\n".join("   ?" * len(xs) for _ in ys), "dim") if _fits(taxels, room) else Text("?", "dim")
-        )
+        return Text(("   ?" * len(xs) + "\n") * len(ys) if numbered else "?\n", "dim")
     share = np.clip(pressures / max(float(np.max(pressures, initial=0.0)), 1e-9), 0.0, 1.0)
-    shades = [_SCALE[round(each * (len(_SCALE) - 1))] for each in share.tolist()]
-    if not _fits(taxels, room):
-        return _half_blocks(taxels, shades)
+    if room is not None and not numbered:
+        return _half_blocks(np.where(taxels < 0, np.nan, share[taxels]), room)
     text = Text()
     for row in taxels.tolist():
         for taxel in row:
@@ -110,25 +109,28 @@ def tactile_image(
                 text.append("   -")
                 continue
             whole = round(float(pressures[taxel])) + 0  # the integer 0 has no sign
-            colour = "black" if share[taxel] > 0.5 else "white"
-            text.append(f"{whole:4d}", f"{colour} on {shades[taxel]}")
+            text.append(
+                f"{whole:4d}", f"{'black' if share[taxel] > 0.5 else 'white'} on {_shade(share[taxel])}"
+            )
         text.append("\n")
     return text
 
 
-def _fits(taxels: NDArray[np.int64], room: tuple[int, int] | None) -> bool:
-    """Tell whether the numbers of all taxels fit."""
-    return room is None or (_NUMBERED * taxels.shape[1] <= room[0] and taxels.shape[0] <= room[1])
+def _shade(share: float) -> str:
+    return "black" if np.isnan(share) else _SCALE[round(float(share) * (len(_SCALE) - 1))]
 
 
-def _half_blocks(taxels: NDArray[np.int64], shades: list[str]) -> Text:
-    """Draw a character for two taxels, one above the other; where there is none, it is black."""
+def _half_blocks(shares: FloatArray, room: tuple[int, int]) -> Text:
+    """Draw a character for two taxels, one above the other; black where there is none (NaN)."""
+    rows, columns = shares.shape
+    every = max(1, -(-columns // room[0]), -(-rows // (2 * room[1])))  # taxels a side that share a place
+    filled = np.full((-(-rows // (2 * every)) * 2 * every, -(-columns // every) * every), -1.0)
+    filled[:rows, :columns] = np.nan_to_num(shares, nan=-1.0)
+    places = filled.reshape(len(filled) // every, every, -1, every).max(axis=(1, 3))
+    places[places < 0] = np.nan
     text = Text()
-    if len(taxels) % 2:
-        taxels = np.vstack([taxels, np.full_like(taxels[:1], -1)])
-    for upper, lower in zip(taxels[::2].tolist(), taxels[1::2].tolist(), strict=True):
-        for above, below in zip(upper, lower, strict=True):
-            ink, paper = ("black" if taxel < 0 else shades[taxel] for taxel in (above, below))
-            text.append("\u2580", f"{ink} on {paper}")
+    for above, below in zip(places[::2], places[1::2], strict=True):
+        for upper, lower in zip(above, below, strict=True):
+            text.append("\u2580", f"{_shade(upper)} on {_shade(lower)}")
         text.append("\n")
     return text

@@ -14,6 +14,18 @@ settings.register_profile("no-deadline", deadline=None)
 settings.load_profile("no-deadline")
 
 
+def pytest_addoption(parser):
+    parser.addoption(
+        "--soak-minutes", type=float, default=30.0, help="how long `make soak` reads its devices"
+    )
+
+
+@pytest.fixture
+def soak_minutes(request):
+    """Say for how long the long soak reads."""
+    return request.config.getoption("--soak-minutes")
+
+
 @pytest.fixture(scope="session", autouse=True)
 def shared_cache(tmp_path_factory):
     """Keep tests from the user's cache; what one test has pressed another finds."""

@@ -25,6 +25,7 @@ from tactsim.bench.cli import cmd_scan as scan
 from tactsim.bench.cli import cmd_stress as stress
 from tactsim.bench.cli import cmd_sweep as sweep
 from tactsim.bench.cli import cmd_tare as tare
+from tactsim.bench.cli import cmd_template as template
 from tactsim.bench.cli import cmd_validate as validate
 from tactsim.bench.cli import cmd_watch as watch
 from tactsim.core.errors import InputError, printable
@@ -53,6 +54,7 @@ verbs = {
     "watch": watch,
     "live": live,
     "tare": tare,
+    "template": template,
     "record": record,
     "replay": replay,
     "emulate": emulate,

@@ -70,6 +70,7 @@ def command(
     from tactsim.bench.watching.pressed import open_pressed
     from tactsim.bench.watching.recogniser import Recogniser, on_taxels
     from tactsim.bench.watching.told import Told
+    from tactsim.bench.watching.touch_leader import TouchLeader
     from tactsim.bench.watching.web import WebPage
     from tactsim.core.errors import InputError
     from tactsim.estimators import create
@@ -94,6 +95,8 @@ def command(
         leading = pressed.leading(recogniser, "information" if explore == "information" else "random", seed)
         told = Told(leading, train, maps_of(made), source, pressed.truth, from_behind)
         reader.on_reading = leading.take
+        if isinstance(leading, TouchLeader):
+            reader.on_tare = leading.tared
         page = None
         if web:
             page = WebPage(

@@ -34,9 +34,11 @@ class Toy(MapFilter):
     def __len__(self) -> int:
         return len(self.seen)
 
-    def log_p(self, letter: int, state: FloatArray, first: int) -> FloatArray:
-        """Weigh states (3, n) by the readings from `first` on."""
-        away = self.motion.placed(state)[:, None] * [1, 1, self.motion.ratio] - np.array(self.seen[first:])
+    def log_p(self, letter: int, state: FloatArray, first: int, last: int) -> FloatArray:
+        """Weigh states (3, n) by the readings from `first` up to, and without, `last`."""
+        away = self.motion.placed(state)[:, None] * [1, 1, self.motion.ratio] - np.array(
+            self.seen[first:last]
+        )
         away[..., 2] = wrap_angle(away[..., 2])
         density = -0.5 * (away / self.deviation) ** 2 - np.log(self.deviation * np.sqrt(2 * np.pi))
         return np.asarray(density.sum(axis=(1, 2)), dtype=float)

@@ -24,11 +24,13 @@ _PAUSE = 0.5  # s that the hand takes to its next place
 
 
 class HiddenObject(Source):
-    """Readings of the pad of a device while a hand presses a letter in the default world.
+    """Readings of the pad of a device while a hand presses a letter in the default world. There is no zero to correct.
 
     label: the letter. robot_in_object: (3,) where it lies. poses: (n, 3) sensor_in_robot of the presses that may be
     asked for.
     """
+
+    calibrated = True
 
     def __init__(
         self, label: str, robot_in_object: FloatArray, poses: FloatArray, device: HasPad, seed: int

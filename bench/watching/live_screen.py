@@ -26,7 +26,7 @@ from tactsim.press.clip import covers
 
 _REDRAW_S = 0.05
 _COMMANDS = {" ": "take", "r": "redo", "s": "skip", "n": "begin"}
-_KEYS = "space take it as it is   r redo the last   s skip   n new object   q quit"
+_KEYS = "space take it   r redo   s skip   n new object   t tare   q quit"
 _CELL = (1.0, 2.0)  # mm of one character: twice as high as wide
 _SCENE = (40, 16)  # characters
 _BAR = 20
@@ -66,6 +66,8 @@ def _on_terminal(
             for key in typed():
                 if key == "q":
                     return
+                if key == "t":
+                    reader.tare()
                 _obey(key, told)
             shown.update(_screen(view, reader, told, console, page), refresh=True)
             time.sleep(_REDRAW_S)
@@ -91,13 +93,15 @@ def _screen(view: PadView, reader: PadReader, told: Told, console: Console, page
     asks.append(f"{100 * now.progress:3.0f} %  " if now.progress else "", "bold green")
     asks.append(f"{view.force + 0.0:.2f} N" if view.pressures is not None else "")
     lines: list[RenderableType] = [
-        state_text(view, frozen=False),
+        state_text(view, frozen=False).append(f"   {page or ''}", "default"),
         asks,
         Text(told.where(now), "bold"),
-        Text(printable(view.trouble or now.message), "red", no_wrap=True, overflow="ellipsis"),
+        Text(
+            printable(view.trouble or now.message or view.message), "red", no_wrap=True, overflow="ellipsis"
+        ),
         table,
         Text(printable(told.line(belief)), "bold"),
-        Text(_KEYS if told.leading.commands() else f"q quit   {page or ''}", "dim", no_wrap=True),
+        Text(_KEYS if told.leading.commands() else "q quit", "dim", no_wrap=True),
     ]
     return Group(*lines)
 

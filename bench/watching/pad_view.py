@@ -109,19 +109,20 @@ class PadReader:
         name: str,
         calibration: Calibration | None = None,
         on_reading: Callable[[Reading], None] | None = None,
+        on_tare: Callable[[Calibration], None] | None = None,
     ) -> None:
         """Prepare to read `source`, called `name` in messages.
 
-        calibration: corrects what is shown; None shows the readings as they come. on_reading(reading) is called in the
-        thread for each reading, as the source gave it. Raises InputError if the calibration is not of this pad,
-        or the readings are corrected already.
+        calibration: corrects what is shown; None shows the readings as they come. on_reading(reading) is called in
+        the thread for each reading, corrected, and on_tare(calibration) when a tare was taken. Raises InputError if
+        the calibration is not of this pad, or the readings are corrected already.
         """
         if calibration is not None and source.calibrated:
             raise InputError(f"{name} was recorded with a calibration of its own; give none")
         self.source, self.pad, self.device, self.name = source, source.pad, device, name
         self._calibration = calibration
         self._correction = None if calibration is None else Correction(calibration, source.pad)
-        self.on_reading = on_reading
+        self.on_reading, self.on_tare = on_reading, on_tare
         self._places = taxels_of(source)
         self._kept = np.zeros(self.pad.taxels, dtype=bool)
         self._kept[self._places] = True if calibration is None else calibration.kept
@@ -209,16 +210,17 @@ class PadReader:
                 except NoReading as error:
                     self._lost(str(error))
                     continue
-                self._came(reading)
+                corrected = self._came(reading)
                 if self.on_reading is not None:
-                    self.on_reading(reading)
+                    self.on_reading(replace(reading, pressures=corrected))
         except SourceEnded:
             self._end("ended", "")
         except Exception as error:  # the caller raises it again, in the main thread
             self.error = error
             self._end("lost", str(error))
 
-    def _came(self, reading: Reading) -> None:
+    def _came(self, reading: Reading) -> FloatArray:
+        """Take in a reading; returns its pressures, corrected by the calibration there is."""
         now = time.monotonic()
         with self._changed:
             self._first = reading.pressures if self._first is None else self._first
@@ -246,6 +248,7 @@ class PadReader:
                 state="live", trouble="", pressures=pressures, host_time=now, readings=self._view.readings + 1,
                 force=load, counters=self.source.counters.as_dict(),
             )  # fmt: skip
+            return corrected
 
     def _lost(self, why: str) -> None:
         with self._changed:
@@ -309,6 +312,8 @@ class PadReader:
         self._kept = taken.kept
         self._recent.clear()
         self._set(tared=True, message=f"tared, from {len(readings)} readings")
+        if self.on_tare is not None:
+            self.on_tare(taken)
 
     def _say(self, message: str) -> None:
         self._set(message=message)

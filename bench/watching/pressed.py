@@ -10,7 +10,14 @@ from tactsim.bench.trials import draw_true_pose
 from tactsim.bench.watching.hidden_object import HiddenObject
 from tactsim.bench.watching.recogniser import Recogniser
 from tactsim.bench.watching.told import Truth
-from tactsim.bench.watching.touch_leader import Explore, Leading, MarkedTouches, Marks, TouchLeader
+from tactsim.bench.watching.touch_leader import (
+    Explore,
+    Leading,
+    MarkedTouches,
+    Marks,
+    TouchLeader,
+    touch_above,
+)
 from tactsim.core.errors import InputError
 from tactsim.core.source import Source
 from tactsim.hardware.calibration import Calibration
@@ -24,7 +31,6 @@ from tactsim.press.scan_poses import grid_poses
 from tactsim.press.simulated_source import parse_pose
 
 _SIMULATED, _RECORDING = "simulated:", "recording:"
-_TOUCH = 5.0  # standard deviations of the noisiest taxel above which a taxel is touched
 _HAND_PATIENCE = 1.0  # s after which a simulated hand's touch is taken as it is: a hole may lie over the pad
 
 
@@ -60,13 +66,12 @@ def open_pressed(ports: list[str], device: Device, calibration: Calibration | No
     place = ports[0]
     if place.startswith(_RECORDING):
         return _recorded(place.removeprefix(_RECORDING), ports, calibration)
-    noise = 0.0 if calibration is None else max(calibration.noise)
-    patience = None
+    touch, patience = 0.0 if calibration is None else touch_above(calibration), None
     if place.startswith(_SIMULATED):
-        noise, patience = ScanOptions().sensor.noise, _HAND_PATIENCE
+        touch, patience = 5.0 * ScanOptions().sensor.noise, _HAND_PATIENCE
     plan = Plan(
         label="live", split="test", poses=tuple(tuple(pose) for pose in grid_poses().tolist()), patience=patience,
-        touch_kpa=max(device.touch_kpa, _TOUCH * noise),
+        touch_kpa=max(device.touch_kpa, touch),
     )  # fmt: skip
     if not place.startswith(_SIMULATED):
         return Pressed(open_source(ports, device, calibration), device, plan)

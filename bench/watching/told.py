@@ -63,18 +63,25 @@ class Told:
 
     def line(self, belief: Belief) -> str:
         """Say in one line what is believed."""
-        values = self.json_of(belief)
         if belief.estimate is None:
             return "no touch yet"
-        ranked = sorted(values["probabilities"].items(), key=lambda item: -item[1])
-        parts = [f"touch {values['touch']}: " + ", ".join(f"{label} {p:.3f}" for label, p in ranked[:3])]
+        ranked = sorted(belief.estimate.probabilities.items(), key=lambda item: -item[1])
+        letters = ", ".join(f"{label} {p:.3f}" for label, p in ranked[:3])
+        return "; ".join([f"touch {len(belief.touches)}: {letters}", *self.details(belief)])
+
+    def details(self, belief: Belief) -> list[str]:
+        """Say how sure the place is, whether it is right where that is known, and how soon it was known."""
+        values = self.json_of(belief)
+        parts: list[str] = []
+        if belief.estimate is None:
+            return parts
         if values["within_mm"] is not None:
             parts.append(f"90 % sure of its place within {values['within_mm']:.2f} mm")
         if self.truth is not None:
             parts.append(self._verdict(values))
         if values["delay_ms"] is not None:
             parts.append(f"known {values['delay_ms']:.1f} ms after the touch")
-        return "; ".join(parts)
+        return parts
 
     def json_of(self, belief: Belief) -> dict[str, Any]:
         """Describe a belief by numbers: mm, rad, ms. within_mm: radius about the estimate that holds 90 % of it."""
@@ -145,7 +152,7 @@ class Told:
 
     def _drawn(self, belief: Belief) -> dict[str, Any]:
         values, image, places = self.json_of(belief), self.image(belief), belief.sensor_in_object
-        values["line"] = self.line(belief)
+        values["details"] = "; ".join(self.details(belief))
         values["felt"] = None if image is None else numbers(image, 1)
         values["inObject"] = None if places is None else [numbers(place, 3) for place in places]
         return values

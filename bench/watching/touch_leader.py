@@ -19,12 +19,19 @@ from tactsim.core.errors import InputError
 from tactsim.core.pad import Pad
 from tactsim.core.poses import FloatArray
 from tactsim.core.reading import Reading
+from tactsim.hardware.calibration import Calibration
 from tactsim.hardware.recording import Kind
 from tactsim.hardware.session import Phase, Plan, Press, Session, note, parse_press
 
 Explore = Literal["information", "random"]
+_TOUCH = 5.0  # standard deviations of the noisiest taxel above which a taxel is touched
 _CHOOSING = "choosing the next touch"
 _KEPT = 10_000  # readings of a recording that are kept for a mark, beside those of two presses
+
+
+def touch_above(calibration: Calibration) -> float:
+    """Give the pressure above which a taxel is touched and not noisy, kPa."""
+    return _TOUCH * max(calibration.noise)
 
 
 @dataclass(frozen=True, eq=False)
@@ -162,6 +169,12 @@ class TouchLeader(Leading):
             self._count += 1
             if not self._choosing:
                 self._after(self._session.take(reading, self._count - 1), reading.host_time)
+
+    def tared(self, calibration: Calibration) -> None:
+        """Let noise, as the tare has found it, not count as a touch."""
+        with self._changed:
+            touch = max(self._plan.touch_kpa, touch_above(calibration))
+            self._plan = self._session.plan = self._plan.model_copy(update={"touch_kpa": touch})
 
     def commands(self) -> dict[str, Callable[[], None]]:
         """Name what a person may ask for."""

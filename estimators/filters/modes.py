@@ -115,10 +115,13 @@ class Modes:
         return self.log_p + np.einsum("nki,nki->nk", self.gradient - bent / 2, away)
 
     def heaviest(self, count: int, within: float) -> Modes:
-        """Keep the `count` heaviest modes, and of those what is at most `within` nats below the heaviest."""
-        order = np.argsort(-self.log_weight, kind="stable")[:count]
-        order = order[self.log_weight[order] >= self.log_weight[order[0]] - within]
-        return self.some(np.sort(order))
+        """Keep the `count` heaviest modes, and of those what is at most `within` nats below the heaviest.
+
+        What is as heavy as the last one is kept, too: letters that are alike lose the same modes.
+        """
+        weight = np.sort(self.log_weight)[::-1]
+        least = max(weight[min(count, len(weight)) - 1], weight[0] - within)
+        return self.some(np.flatnonzero(self.log_weight >= least))
 
     def together(self, apart: float) -> Modes:
         """Merge modes of one letter whose means are less than `apart` of their standard deviations apart.

@@ -19,7 +19,7 @@ _SWITCH = 0.02  # how often the scale changes from one touch to the next
 # By what power a reading's likelihood counts when a filter that does not learn its own `trust` compares scales. Taxels
 # side by side err together, and a press is misplaced: a belief that may move follows such errors, and would be taken
 # for the better one.
-EVIDENCE = 0.25
+EVIDENCE = 0.1
 _LEAST = 0.01, 0.0006  # mm, rad: densities need a width
 
 

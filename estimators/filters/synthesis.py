@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -21,18 +20,18 @@ from tactsim.estimators.estimator import (
     check_order,
     check_reading,
 )
-from tactsim.estimators.filters.modes import GYRATION, Modes, sensor_motion
+from tactsim.estimators.filters.expansion import expand, pressed
+from tactsim.estimators.filters.modes import GYRATION, Modes
 from tactsim.estimators.filters.placement import mean_around
 from tactsim.estimators.filters.pose_bank import PoseBank
 from tactsim.estimators.filters.states import WeightedStates
 from tactsim.estimators.filters.weights import Weights
-from tactsim.estimators.likelihoods.gaussian_kernels import log_gaussian
 
 _SCOUTS = 1500  # states a letter that wait for the first reading which says where
 # Squared pressures over the noise's variance. From the first on a reading says where it was taken; a fainter one
 # does, as well as it can, when few scouts are left. For a taxel the latter; noise alone has 1.
 _CONTACT, _FAINT = 1000.0, 3.0
-_NEGLIGIBLE = 14.0  # nats below the heaviest mode at which one is given up
+_NEGLIGIBLE = 30.0  # nats below the heaviest mode at which one is given up
 _APART = 0.7  # standard deviations; modes that are nearer to each other are one
 _LOST = 1e-6  # probability that the true mode was given up
 _OUTLIER = 1e-3  # probability of a reading that no mode explains
@@ -40,12 +39,11 @@ _SAMPLES, _STATES = 256, 4096  # drawn from the modes for an estimate, and to st
 _ROUNDS = 4  # of Gauss and Newton after a reading, at most
 _CANDIDATES = 10  # places of the bank that are looked at closely for each mode that is begun
 _CELL = 0.6  # standard deviation of a cell's prior over its size; a sum of such Gaussians is nearly even
-_ROUGH = 1.5  # times the noise: what a bank's linear predictions are off by within a cell
+# Times the noise: what a bank's linear predictions are off by, within a cell and for presses that err. With less, the
+# true place may be given up before it is pressed.
+_ROUGH = 3.0
 _FEW = 200  # modes; more are not compared with each other
 _RESTARTS = 4
-# How often a press is predicted anew, if in place, tilt or load it is off by so many standard deviations more than was
-# taken; and at most by so many.
-_PRESSES, _OFF, _FARTHEST = 2, 0.7, 3.0
 # A reading is expanded again where its mode has moved by this share of its standard deviation, within limits in mm.
 _STALE, _STALE_MM = 0.25, (0.02, 0.25)
 
@@ -170,17 +168,19 @@ class Synthesis(Estimator):
         if not len(score):
             return None
         copies = np.log([bank.copies for bank in self.banks])[letter]
-        best = np.sort(_highest(score + copies, _CANDIDATES * self.options.modes))
+        best = _highest(score + copies, _CANDIDATES * self.options.modes)
         letter, entry, turned, state = letter[best], entry[best], turned[best], state[best]
 
         def from_bank(one: int, which: NDArray[np.intp]) -> Linearised:
             return self.banks[one].predicted(entry[which], turned[which])
 
         modes = Modes.begun(letter, state, np.diag((_CELL * self.banks[0].spacing) ** 2), copies[best])
-        modes = modes.with_reading(
-            first, state, *self._expand(letter, state, np.full(len(letter), first), from_bank, _ROUGH)
-        )
-        modes = self._refreshed(self._heaviest(modes.posterior(self._floor)))
+        readings, which = np.array(self._readings), np.full(len(letter), first)
+        poses = np.array(self._poses)[which]
+        expanded = expand(letter, state, poses, readings, which, from_bank, _ROUGH * self.noise)
+        self._compared += len(letter)
+        modes = modes.with_reading(first, state, *expanded)
+        modes = self._refreshed(modes.posterior(self._floor).heaviest(self.options.modes, math.inf))
         for number in range(len(self._readings)):
             if number != first:
                 modes = self._heaviest(self._taken_in(modes, number))
@@ -219,68 +219,11 @@ class Synthesis(Estimator):
     def _expanded(
         self, letter: NDArray[np.int64], state: FloatArray, number: NDArray[np.int64]
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Expand readings `number` (n,) at states (n, 3) with presses there, as `_expand`.
-
-        A press is predicted as it most probably was: its place, tilt and load are searched for with the pose held
-        (Laplace's approximation, by Gauss and Newton).
-        """
-        sensor_in_object = compose(state, np.array(self._poses)[number])
-        readings = np.array(self._readings)
-
-        def pressed(one: int, which: NDArray[np.intp]) -> Linearised:
-            label, poses, felt = self.labels[one], sensor_in_object[which], readings[number[which]]
-            found = self.forward.linearised(label, poses)
-            off = np.zeros(found.nuisance.shape[:2])
-            for _ in range(_PRESSES):
-                likely = likeliest_press(felt, found, self.noise)
-                again = np.flatnonzero(np.abs(likely - off).max(axis=1, initial=0) > _OFF)
-                if not len(again):
-                    break
-                off[again] = likely[again].clip(-_FARTHEST, _FARTHEST)
-                found = found.with_rows(
-                    again, self.forward.linearised(label, poses[again], off[again]), off[again]
-                )
-            return found
-
-        return self._expand(letter, state, number, pressed, 1.0)
-
-    def _expand(
-        self,
-        letter: NDArray[np.int64],
-        state: FloatArray,
-        number: NDArray[np.int64],
-        predict: Callable[[int, NDArray[np.intp]], Linearised],
-        rough: float,
-    ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Expand readings `number` (n,) at states (n, 3): log p, its gradient and its information in x, y and theta.
-
-        predict(letter, which) predicts some of them. rough: by which the noise is multiplied.
-        """
-        n = len(letter)
-        log_p, misfit = np.empty(n), np.empty(n)
-        gradient, information = np.empty((n, 3)), np.empty((n, 3, 3))
-        readings = np.array(self._readings)
-        for one in np.unique(letter).tolist():
-            which = np.flatnonzero(letter == one)
-            found = predict(one, which)
-            own = (
-                np.empty(len(which)),
-                np.empty(len(which)),
-                np.empty((len(which), 3)),
-                np.empty((len(which), 3, 3)),
-            )
-            log_gaussian(
-                readings, number[which], found.mean, found.by_pose, found.nuisance, rough * self.noise, *own
-            )
-            for array, values in zip((log_p, misfit, gradient, information), own, strict=True):
-                array[which] = values
-        self._compared += n
-        motion = sensor_motion(state, np.array(self._poses)[number])
-        return (
-            log_p,
-            np.einsum("ni,nij->nj", gradient, motion),
-            motion.transpose(0, 2, 1) @ information @ motion,
-        )
+        """Expand readings `number` (n,) at states (n, 3) with presses there, as `expand`."""
+        readings, poses = np.array(self._readings), np.array(self._poses)[number]
+        presses = pressed(self.forward, self.labels, compose(state, poses), readings, number)
+        self._compared += len(letter)
+        return expand(letter, state, poses, readings, number, presses, self.noise)
 
     def estimate(self) -> Estimate:
         """Say which letter it is and where, after the readings so far."""
@@ -357,15 +300,8 @@ class Synthesis(Estimator):
         return {"likelihood_evaluations": self._compared, "skipped": {}}
 
 
-def likeliest_press(readings: FloatArray, found: Linearised, noise: float) -> FloatArray:
-    """Find by how many standard deviations n presses most probably were off, (n, q), to first order."""
-    q = found.nuisance.shape[1]
-    inner = noise**2 * np.eye(q) + found.nuisance @ found.nuisance.swapaxes(1, 2)
-    seen = found.nuisance @ (readings - found.mean)[..., None]
-    return np.asarray(np.linalg.solve(inner, seen)[..., 0], dtype=float)
-
-
 def _highest(values: FloatArray, count: int) -> NDArray[np.intp]:
+    """Choose the `count` highest of n values, and what is as high as the last of them."""
     if count >= len(values):
         return np.arange(len(values))
-    return np.argpartition(-values, count)[:count]
+    return np.flatnonzero(values >= np.partition(values, -count)[-count])

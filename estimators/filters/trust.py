@@ -1,14 +1,15 @@
 """How much the readings of a sequence count: learned from training readings that were left out of the maps.
 
-A likelihood multiplies the taxels of a reading, and the readings of a sequence, as if they erred independently. They
-do not: neighbours share the error of the press's place, and all readings that of the map, so that a posterior is too
-narrow. Here the log-likelihood of a sequence is given a weight (a composite likelihood: Pauli, Racugno and Ventura
-2011). It is the one with which regions that hold 90 % of the belief hold the truth in 90 % of sequences of left-out
-training readings.
+A likelihood multiplies the taxels of a reading as if they erred independently. They do not: neighbours share the error
+of the press's place and of the map, so that a posterior is too narrow. Here the log-likelihood of a sequence is given a
+weight (a composite likelihood: Pauli, Racugno and Ventura 2011). It is the one with which regions that hold 90 % of the
+belief hold the truth in 90 % of sequences of left-out training readings.
 
-What readings share does not average out, so the weight falls as they become more: if a reading errs with variance
-a v, where the likelihood says v, and all share an error of variance c v, the mean of n errs with (a / n + c) v and not
-v / n. Hence the weight 1 / (a + c n), learned from short and from long sequences.
+Readings at new places err independently, but left-out training readings do not: those at one position miss the same
+press, and all of them together agree with the maps, which are their mean. So each reading of a sequence is mirrored, or
+not, at random: moves of the object change their sign. That keeps the size of its error and what its likelihood makes
+of it, and takes the correlation away (the wild bootstrap: Wu 1986, Liu 1988). What new readings do share is the error
+of a map that was learned from N readings: the mean of n errs with the variance v / n + v / N.
 """
 
 from __future__ import annotations
@@ -25,31 +26,34 @@ from tactsim.estimators.field.field import LikelihoodField
 from tactsim.estimators.likelihoods.folds import FOLDS, by_letter, folds, touched_elsewhere
 from tactsim.estimators.likelihoods.likelihood import Likelihood
 
-# Sequences of few and of many readings are tried, so many of each, at poses that are off by so many moves.
-FEW, _MANY, _SEQUENCES, _MOVES = 3, 20, 400, 1024
+# Sequences of few and of many readings are tried, so many of each and of a letter, at poses off by so many moves.
+FEW, _MANY, _SEQUENCES, _MOVES = 3, 20, 120, 1024
 # What is learned is one number: more letters than these are not needed for it.
 _LETTERS = 6
 # mm, the least and the largest move; a turn is counted at a letter's radius of gyration, mm.
 _LEAST, _MOST, _GYRATION = 0.01, 4.0, 9.0
 _ROOT = 1.1673039782614187  # of x^5 = x + 1
 _SHARE = 0.9
-_LOWEST, _HIGHEST, _BISECTIONS = 0.02, 2.0, 14
+_LOWEST, _HIGHEST, _BISECTIONS = 0.02, 2.0, 10
 
 
 @dataclass(frozen=True)
 class Trust:
-    """The weight of the log-likelihood of a sequence, 1 / (own + shared n) for n readings.
+    """The weight of the log-likelihood of a sequence of n readings, 1 / (own + growth ln n + shared n).
 
-    own: how much too small the likelihood says the variance of a reading's own error is, as a factor. shared: the
-    variance of the error that all readings have in common, in the same unit.
+    own: how much too small the likelihood says the variance of the error of one reading is, as a factor. growth: how
+    much more for e times as many readings: a narrow belief rests on finer features of the maps than a wide one.
+    shared: the variance of the error that all readings have in common, in the same unit.
     """
 
     own: float = 1.0
+    growth: float = 0.0
     shared: float = 0.0
 
     def __call__(self, readings: int) -> float:
-        """Give the weight of a sequence of so many readings."""
-        return 1 / (self.own + self.shared * readings)
+        """Give the weight of a sequence of so many readings, of one at least."""
+        count = max(readings, 1)
+        return 1 / (self.own + self.growth * math.log(count) + self.shared * count)
 
 
 def learn_trust(likelihood: Likelihood, scan: Scan) -> Trust:
@@ -60,11 +64,18 @@ def learn_trust(likelihood: Likelihood, scan: Scan) -> Trust:
     log_p = _left_out(likelihood, train, labels, states)
     if log_p is None:
         return Trust()
-    few, many = (1 / _weight(_sequences(log_p, count, rng), shift, size) for count in (FEW, _MANY))
-    shared = max(0.0, (many - few) / (_MANY - FEW))
-    # Both lengths tell the same if nothing is shared.
-    own = few - shared * FEW if shared else (few + many) / 2
-    return Trust(max(own, 1 / _HIGHEST), shared)
+    # The median letter's: the turn of a round one is free, and only small turns are tried.
+    few, many = (
+        float(np.median([1 / _weight(_sequences(one, count, rng), shift, size) for one in log_p]))
+        for count in (FEW, _MANY)
+    )
+    growth = max(0.0, (many - few) / math.log(_MANY / FEW))
+    own = (
+        few - growth * math.log(FEW) if growth else (few + many) / 2
+    )  # one number from both if there is no growth
+    own = max(own, growth, 1 / _HIGHEST)  # with less, two readings would say less than one
+    trained = float(np.mean([len(one) for one in log_p]))
+    return Trust(own, growth, (own + growth * math.log(trained)) / trained)
 
 
 def _weight(sums: FloatArray, shift: FloatArray, size: FloatArray) -> float:
@@ -73,7 +84,7 @@ def _weight(sums: FloatArray, shift: FloatArray, size: FloatArray) -> float:
     for _ in range(_BISECTIONS):
         middle = math.sqrt(low * high)
         low, high = (middle, high) if _held(middle * sums, shift, size) > _SHARE else (low, middle)
-    return low
+    return math.sqrt(low * high)
 
 
 def _moves(centre: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -81,14 +92,16 @@ def _moves(centre: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
 
     They have all sizes, as many of one order of magnitude as of another, and all directions, spread evenly by an
     additive recurrence (Richtmyer 1951) with the powers of the root of x^5 = x + 1 (Roberts 2018). Few of them lie in a
-    narrow region, and drawn independently they would make it seem narrower than it is.
+    narrow region, and drawn independently they would make it seem narrower than it is. The second half are those of
+    the first half the other way.
     """
     from scipy.special import ndtri  # imported here: only a fit needs it
 
-    spread = (np.arange(1, _MOVES + 1)[:, None] * _ROOT ** -np.arange(1.0, 5.0) + 0.5) % 1
+    spread = (np.arange(1, _MOVES // 2 + 1)[:, None] * _ROOT ** -np.arange(1.0, 5.0) + 0.5) % 1
     size = _LEAST * (_MOST / _LEAST) ** spread[:, 0]
     direction = ndtri(spread[:, 1:])
     move = direction / np.linalg.norm(direction, axis=1, keepdims=True) * size[:, None]
+    move, size = np.concatenate([move, -move]), np.tile(size, 2)
     turn = move[:, 2] / _GYRATION
     cos, sin, (x, y) = np.cos(turn), np.sin(turn), centre
     about = centre - np.column_stack([cos * x - sin * y, sin * x + cos * y])
@@ -119,12 +132,17 @@ def _left_out(
     return [np.array(some) for some in found.values()]
 
 
-def _sequences(log_p: Sequence[FloatArray], count: int, rng: np.random.Generator) -> FloatArray:
-    """Draw `count` readings of one letter, or all, and sum their log p (readings, moves): (sequences, moves)."""
-    sums = np.empty((_SEQUENCES, log_p[0].shape[1]))
+def _sequences(log_p: FloatArray, count: int, rng: np.random.Generator) -> FloatArray:
+    """Draw `count` readings of a letter, or all, mirror half of them and sum their log p: (sequences, moves).
+
+    log_p: (readings, moves). In a mirrored reading every move is the other way.
+    """
+    half = log_p.shape[1] // 2
+    sums = np.empty((_SEQUENCES, 2 * half))
     for number in range(_SEQUENCES):
-        one = log_p[number % len(log_p)]
-        sums[number] = one[rng.permutation(len(one))[:count]].sum(axis=0)
+        drawn = rng.permutation(len(log_p))[:count]
+        mirrored = rng.random(len(drawn)) < 0.5
+        sums[number] = log_p[drawn[~mirrored]].sum(axis=0) + np.roll(log_p[drawn[mirrored]].sum(axis=0), half)
     return sums
 
 

@@ -15,10 +15,12 @@ from tactsim.estimators.likelihoods.class_table import calibrate, quantile_edges
 from tactsim.estimators.likelihoods.classifier import UNKNOWN, classify
 from tactsim.estimators.likelihoods.folds import folds, touched_elsewhere
 from tactsim.estimators.likelihoods.likelihood import Evidence, Likelihood, covered
-from tactsim.estimators.likelihoods.occupancy import OccupancyMap, log_odds_of
+from tactsim.estimators.likelihoods.occupancy import OccupancyMap, log_odds, log_odds_of
 from tactsim.estimators.likelihoods.scale import threshold_of
 
 _CLASSES = UNKNOWN + 1
+# mm; log-odds are averaged so far around a place, for the presses' lattice is finer than that.
+_AROUND = 1.5
 
 
 class CalibratedLikelihood(Likelihood):
@@ -28,20 +30,23 @@ class CalibratedLikelihood(Likelihood):
     the training taxels of all letters are divided into quantile bins, and the classes in each bin are counted.
     Unknown taxels lie at edges, so they say much about the pose.
 
-    threshold: T of eq. 3, kPa.
+    threshold: T of eq. 3, kPa. steeper: see `steepness`.
     """
 
     def fit(self, scan: Scan, maps: Mapping[str, OccupancyMap]) -> None:
         """Count classes at the training taxels, each against a map without the presses at its position."""
         self.maps = maps
         self.threshold = threshold_of(self.options.threshold, scan.where("train").readings)
-        odds, kinds = [], []
+        odds, kinds, places = [], [], []
         for label in maps:
             train = scan.where("train", label)
             known = touched_elsewhere(train, folds(train.poses))
+            known = known if known.any() else ~known
             found = self.left_out(label, scan)
-            odds.append(found[0][known] if known.any() else found[0].ravel())
-            kinds.append(found[1][known] if known.any() else found[1].ravel())
+            odds.append(found[0][known])
+            kinds.append(found[1][known])
+            places.append(transform(train.poses, train.taxel_xy)[known])
+        self.steeper = steepness(list(maps.values()), places, odds)
         seen = np.concatenate(odds)
         edges = quantile_edges(seen, self.options.quantiles)
         self.calibration = calibrate(seen, np.concatenate(kinds), _CLASSES, edges)
@@ -63,11 +68,15 @@ class CalibratedLikelihood(Likelihood):
         return odds, classes
 
     def without(self, train: Scan, gone: NDArray[np.bool_], labels: Sequence[str]) -> CalibratedLikelihood:
-        """Make a copy whose maps were learned without some training readings."""
+        """Make a copy whose maps were learned without some training readings, and made as steep as those with all."""
         rest = copy(self)
         xy, classes = transform(train.poses, train.taxel_xy), self.classes(train.readings)
-        chosen = {label: gone & (train.labels == label) for label in labels}
-        rest.maps = {label: self._without(label, xy[mine], classes[mine]) for label, mine in chosen.items()}
+        rest.maps = {}
+        for label in labels:
+            mine = gone & (train.labels == label)
+            chart = self._without(label, xy[mine], classes[mine])
+            prior = log_odds(chart.prior)
+            rest.maps[label] = replace(chart, log_odds=prior + self.steeper * (chart.log_odds - prior))
         return rest
 
     def _without(self, label: str, xy: FloatArray, classes: NDArray[np.int8]) -> OccupancyMap:
@@ -93,3 +102,22 @@ class CalibratedLikelihood(Likelihood):
         """Classify the taxels; each is a term, an Unknown one too."""
         classes = self.classes(reading).astype(np.int64)
         return Evidence(classes, np.arange(len(classes)), np.ones(len(classes), dtype=np.float32))
+
+
+def steepness(
+    maps: Sequence[OccupancyMap], places: Sequence[FloatArray], left_out: Sequence[FloatArray]
+) -> float:
+    """Find how much farther from the prior's the log-odds of maps are than those of maps without a press's position.
+
+    Log-odds are sums over the presses around a place, so a press at a new place meets larger ones than a press that is
+    left out. places: (n, 2) mm, of left-out taxels, for each map. left_out: (n,) their log-odds without their position.
+    """
+    from scipy.ndimage import gaussian_filter  # imported here: only a fit needs it
+
+    whole = part = 0.0
+    for chart, xy, odds in zip(maps, places, left_out, strict=True):
+        prior = log_odds(chart.prior)
+        size = gaussian_filter(np.abs(chart.log_odds - prior), _AROUND / chart.cell, mode="constant")
+        whole += float(replace(chart, log_odds=size, prior=0.5).log_odds_at(xy).sum())
+        part += float(np.abs(odds - prior).sum())
+    return whole / part if part else 1.0

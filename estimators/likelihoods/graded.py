@@ -8,9 +8,9 @@ from copy import copy
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tactsim.core import Scan
+from tactsim.core import Scan, transform
 from tactsim.core.poses import FloatArray
-from tactsim.estimators.likelihoods.calibrated import CalibratedLikelihood
+from tactsim.estimators.likelihoods.calibrated import CalibratedLikelihood, steepness
 from tactsim.estimators.likelihoods.class_table import Calibration, calibrate, quantile_edges
 from tactsim.estimators.likelihoods.folds import folds, touched_elsewhere
 from tactsim.estimators.likelihoods.likelihood import Evidence, Likelihood, covered
@@ -50,12 +50,17 @@ class GradedLikelihood(Likelihood):
         self.bounds = np.quantile(scale, np.arange(1, _CLASSES) / _CLASSES)
         of_class = np.searchsorted(self.bounds, scale)
         odds, counted = np.empty(grades.shape), np.empty(grades.shape, dtype=bool)
+        places = transform(train.poses, train.taxel_xy)
         for label in maps:
             mine = train.labels == label
             letter = scan.where("train", label)
             odds[mine] = self._classes.left_out(label, scan)[0]
             known = touched_elsewhere(letter, folds(letter.poses))
             counted[mine] = known if known.any() else ~known
+        of_letter = [counted & (train.labels == label)[:, None] for label in maps]
+        self._classes.steeper = steepness(
+            list(maps.values()), [places[those] for those in of_letter], [odds[those] for those in of_letter]
+        )
         edges = quantile_edges(odds[counted], self.options.quantiles)
         self.calibrations: list[Calibration] = []
         for number in range(_CLASSES):

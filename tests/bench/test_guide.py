@@ -1,13 +1,20 @@
 """The guided session as a person sees it: on a real terminal of 80 x 24, with a pad that is lost and comes back."""
 
+import io
 import signal
 from contextlib import contextmanager
 
+import numpy as np
 import pytest
 from command_line import BENCH
+from rich.console import Console
 from terminal import OnTerminal
+from terminal import Screen as Terminal
 
+from tactsim.bench.guide_screen import Screen
+from tactsim.core.pad import Pad
 from tactsim.hardware.recording import Kind, RecordReader
+from tactsim.hardware.session import Plan, Session
 
 
 @contextmanager
@@ -91,3 +98,35 @@ def test_the_guide_ends_when_its_terminal_is_closed(bench, on_terminal, tmp_path
         terminal.close()
         terminal.process.wait(20)
     assert list(RecordReader(tmp_path / "A.tactrec"))
+
+
+@pytest.mark.parametrize(
+    ("rows", "columns", "pitch"),
+    [(1, 1, 5.0), (6, 6, 1.9), (5, 5, 4.0), (9, 10, 2.0), (16, 32, 2.0), (64, 64, 1.0)],
+)
+@pytest.mark.parametrize("lost", [False, True])
+def test_the_picture_fits_80_x_24_whatever_the_pad(rows, columns, pitch, lost):
+    pad = Pad(rows=rows, columns=columns, pitch_x=pitch, pitch_y=pitch, taxel_width=pitch - 0.1,
+              taxel_height=pitch - 0.1, seam=None, unread_columns=0)  # fmt: skip
+    plan = Plan(label="shape-with-a-name", poses=((-11.6, -10.4, np.deg2rad(328.6)),) * 192, enough=150)
+    session = Session(plan, pad)
+    session.image = np.linspace(-3, 1234, pad.taxels)
+    session.message = "taxel 511 still reads 1234.5 kPa; lift everything off, or take a tare; " * 3
+    file = io.StringIO()
+    console = Console(file=file, width=80, height=24, force_terminal=True, color_system="truecolor")
+    screen = Screen(session, pad.taxel_xy, None, True, console, "trial 100 of 200: ")
+    screen.felt = None if lost else session.image
+    screen.lost = (
+        "cannot open /dev/serial/by-id/usb-Arduino_LLC_Arduino_Leonardo-if00: no such port; `x`"
+        if lost
+        else ""
+    )
+    shown = Terminal(80, 24)
+    with screen:
+        screen.draw()
+        shown.feed(file.getvalue().replace("\n", "\r\n").encode())
+    assert whole(shown)
+    assert "trial 100 of 200: shape-with-a-name (train), press 1 of 150" in shown.lines[0]
+    assert "space" in shown.lines[23]
+    assert "the last press that was taken" in shown.text
+    assert ("THE PAD IS LOST" in shown.text) == lost

@@ -65,7 +65,7 @@ def test_trials_are_measured_stopped_gone_on_with_and_scored(bench, here, scan_f
     assert np.array_equal(again.trials.pose, run.trials.pose)
     fewer = tactsim.run(**{**config, "estimator": "refined", "bins": None, "trials": 1, "readings": 2})
     assert fewer.trials.label.shape == (2, 2)
-    with pytest.raises(tactsim.InputError, match=r"I-3\.tactrec was not measured yet.*--port"):
+    with pytest.raises(tactsim.InputError, match=r"I-3.tactrec was not measured yet.*--port"):
         tactsim.run(**{**config, "trials": 3})
     refused(here(*words[:-1], "other", "--presses", folder, "--seed", "1"), "another seed")
 

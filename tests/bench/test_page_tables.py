@@ -1,6 +1,7 @@
 """Tables of a page, filled from sweeps by the command that `make tables` calls."""
 
 import json
+import re
 import shutil
 import subprocess
 import sys
@@ -37,6 +38,9 @@ Words between.
 <!-- table: s by method; settled_95 -->
 <!-- end of table -->
 
+<!-- table: s by method: nearest; right@1,3 -->
+<!-- end of table -->
+
 Words behind.
 """
 
@@ -69,7 +73,12 @@ def test_a_page_gets_its_tables_and_keeps_its_words(folder):
     assert sum(line.startswith("| histogram, 100 bins | test poses same") for line in lines) == 1
     assert sum(line.startswith("| nearest |") for line in lines) == 2
     assert "| condition | histogram, 100 bins | histogram, 1,000 bins | nearest |" in lines
-    assert page.count("`bench sweep s`: 5 scans, 10 trials for each figure") == 2
+    assert "| condition | nearest |" in lines
+    assert re.fullmatch(
+        r"\| .* \| [01]\.\d{3} / [01]\.\d{3} \|", lines[lines.index("| condition | nearest |") + 2]
+    )
+    assert page.count("`bench sweep s`: 5 scans, 10 trials for each figure; in brackets") == 2
+    assert page.count("`bench sweep s`: 5 scans, 10 trials for each figure; commit") == 1
 
 
 @pytest.mark.parametrize(
@@ -78,6 +87,8 @@ def test_a_page_gets_its_tables_and_keeps_its_words(folder):
         ("s; right@4", "reading 4 of 3"),
         ("s; right@0", "reading 0 of 3"),
         ("s; rigth@1", "did you mean 'right"),
+        ("s; right@1,4", "reading 4 of 3"),
+        ("s by method: nearst; right@1", "did you mean 'nearest"),
         ("s; right", "unknown figure 'right'"),
         ("t; right@1", "there is no such folder"),
     ],

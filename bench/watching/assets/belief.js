@@ -7,6 +7,7 @@ if (data.live) {
   const scene = find("scene"), bars = find("bars");
   const halfX = reachX - 0.3, halfY = reachY - 0.3;
   find("live").hidden = false;
+  document.body.classList.add("live");
 
   const keys = { " ": ["Take it as it is", "take"], r: ["Redo the last", "redo"], s: ["Skip", "skip"], n: ["New object", "begin"] };
   if (data.live.commands.length) {
@@ -65,7 +66,9 @@ if (data.live) {
       find("progress").value = gone ? 0 : now.progress;
       say("where", now.where);
       say("trouble", now.message);
-      say("verdict", belief && belief.line ? belief.line : "no touch yet");
+      const felt = belief && belief.touch;
+      say("verdict", felt ? `${belief.label}, ${fixed(belief.probabilities[belief.label], 3)}` : MISSING);
+      say("details", felt ? `after ${belief.touch} touch${belief.touch > 1 ? "es" : ""}; ${belief.details}` : "no touch yet");
       find("verdict").classList.toggle("bad", Boolean(belief && belief.right === false));
       drawScene();
       drawBars();

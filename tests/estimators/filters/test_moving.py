@@ -86,6 +86,36 @@ def test_every_filter_follows_an_object_that_walks_away(two, name):
         assert off[0] > 2 * max(off[1:])
 
 
+@pytest.mark.parametrize("options", [{}, {"likelihood": "force"}])
+def test_an_object_at_rest_is_placed_as_without_motion(two, options):
+    """A sequence counts for less than single readings do; at rest is not given up for that."""
+    readings, poses, _ = sequence(two, "E", 14)
+    pair = []
+    for motion in ("off", "auto"):
+        estimator = create("refined", bins=1000, motion=motion, **options)
+        estimator.fit(two)
+        pair.append(estimates(estimator, readings, poses))
+    for off, auto in zip(*pair, strict=True):
+        assert off.label == auto.label
+        assert off.robot_in_object.tobytes() == auto.robot_in_object.tobytes()
+
+
+def test_models_are_weighed_by_how_well_they_foretold_each_reading(two):
+    """The growth of the evidence of an object at rest, against a sum over the belief, written out."""
+    readings, poses, _ = sequence(two, "E", 5)
+    estimator = create("refined", bins=1000, motion="auto")
+    estimator.fit(two)
+    estimates(estimator, readings[:4], poses[:4])
+    moving = estimator.filter
+    belief, before = moving.filter.weighted_states(), moving._rest
+    estimator.update(readings[4], poses[4])
+    likelihood = np.empty(len(belief.letter))
+    for k in range(len(belief.letter)):
+        log_p = moving.field.log_p(int(belief.letter[k]), belief.state[:, k : k + 1].copy(), 4)
+        likelihood[k] = np.exp(moving.trust(3) * log_p[0])
+    assert moving._rest - before == pytest.approx(np.log(belief.weights.normalised @ likelihood), rel=1e-6)
+
+
 def test_a_jump_is_found_again(small):
     _, _, true = sequence(small, "L", 12)
     moved = Slip(jump_mm=5).poses(true[0], 12, np.random.default_rng(4))

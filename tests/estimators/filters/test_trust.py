@@ -5,6 +5,8 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from synthetic import make_scan, paper_poses
 
 from tactsim.core import compose
@@ -21,44 +23,72 @@ def test_moves_turn_about_the_centre_and_have_the_sizes_that_are_said():
     assert np.hypot(np.hypot(*shift.T), trust._GYRATION * moved[:, 2]) == pytest.approx(size)
 
 
-def gaussian(rng, too_sure, shared):
+LETTERS, READINGS = ("E", "I", "L", "O", "U"), 192
+
+
+def gaussian(rng, too_sure, spoil=lambda seen: seen):
     """Make a stand-in for left-out readings: Gaussians about places drawn from them, log p times a factor.
 
-    shared: variance of the error common to all readings of a letter, in the unit of one reading's own.
+    spoil: what is done to the places (letters, readings, 3) that are seen, in the unit of their deviation.
     """
     sigma = 0.4
 
     def left_out(likelihood, train, labels, states):
         shift, _, _ = trust._moves(np.zeros(2))
         place = np.column_stack([shift, trust._GYRATION * states[2]])
-        common = rng.normal(size=(100, 1, 3)) * math.sqrt(shared)
-        seen = (rng.normal(size=(100, 30, 3)) + common) * sigma
+        seen = spoil(rng.normal(size=(len(LETTERS), READINGS, 3))) * sigma
         return [-too_sure * ((place[None] - one[:, None]) ** 2).sum(axis=2) / (2 * sigma**2) for one in seen]
 
     return left_out
 
 
-SCAN = SimpleNamespace(where=lambda split: SimpleNamespace(letters=("E", "I", "L"), poses=np.zeros((3, 3))))
+SCAN = SimpleNamespace(where=lambda split: SimpleNamespace(letters=LETTERS, poses=np.zeros((3, 3))))
+
+
+def learned_from(monkeypatch, left_out):
+    monkeypatch.setattr(trust, "_left_out", left_out)
+    learned = learn_trust(None, SCAN)
+    return [1 / learned(n) for n in (3, 8, 20)]
+
+
+def known(too_sure):
+    """Give 1 / the right weight: what makes up for `too_sure`, and the error of a mean over all training readings."""
+    return [too_sure * (1 + n / READINGS) for n in (3, 8, 20)]
 
 
 @pytest.mark.parametrize("too_sure", [1.0, 2.0, 5.0])
 def test_a_gaussian_likelihood_that_is_too_sure_gets_the_weight_that_makes_up_for_it(monkeypatch, too_sure):
-    monkeypatch.setattr(trust, "_left_out", gaussian(np.random.default_rng(1), too_sure, 0.0))
-    learned = learn_trust(None, SCAN)
-    assert [learned(n) for n in (3, 8, 20)] == pytest.approx([1 / too_sure] * 3, rel=0.2)
+    found = learned_from(monkeypatch, gaussian(np.random.default_rng(1), too_sure))
+    assert found == pytest.approx(known(too_sure), rel=0.2)
 
 
-def test_an_error_that_all_readings_share_makes_the_weight_fall_as_they_become_more(monkeypatch):
-    # The mean of n readings errs with 1 / n + shared, and the likelihood says 1 / n.
-    monkeypatch.setattr(trust, "_left_out", gaussian(np.random.default_rng(1), 1.0, 0.1))
-    learned = learn_trust(None, SCAN)
-    for n in (3, 8, 20):
-        assert learned(n) == pytest.approx(1 / (1 + 0.1 * n), rel=0.25)
+@pytest.mark.parametrize("correlation", [-1 / READINGS, 0.3])
+def test_what_left_out_readings_share_and_new_ones_do_not_changes_nothing(monkeypatch, correlation):
+    # Residuals sum to 0, and those of one position, here of the whole letter, have the same sign.
+    def spoil(seen):
+        if correlation < 0:
+            return seen - seen.mean(axis=1, keepdims=True)
+        common = np.random.default_rng(2).normal(size=(len(LETTERS), 1, 3))
+        return math.sqrt(1 - correlation) * seen + math.sqrt(correlation) * common / np.abs(common)
+
+    found = learned_from(monkeypatch, gaussian(np.random.default_rng(1), 2.0, spoil))
+    assert found == pytest.approx(known(2.0), rel=0.2)
 
 
-def test_more_readings_never_say_less():
-    learned = trust.Trust(own=1.5, shared=0.1)
-    assert np.all(np.diff([n * learned(n) for n in range(1, 1000)]) > 0)
+def test_one_letter_of_its_own_kind_does_not_decide_for_the_others(monkeypatch):
+    def spoil(seen):
+        seen[3] *= 5  # a round letter's free turn looks like this
+        return seen
+
+    found = learned_from(monkeypatch, gaussian(np.random.default_rng(1), 1.0, spoil))
+    assert found == pytest.approx(known(1.0), rel=0.2)
+
+
+@given(st.floats(0.5, 10), st.floats(0, 1), st.floats(0, 1))
+def test_more_readings_never_say_less(own, growth, shared):
+    learned = trust.Trust(own, growth * own, shared)
+    said = [n * learned(n) for n in range(1, 300)]
+    assert np.all(np.diff(said) > 0)
 
 
 @pytest.mark.parametrize("likelihood", ["calibrated", "force"])
@@ -71,6 +101,14 @@ def test_it_is_learned_from_training_readings_alone(likelihood):
         weights.append(learn_trust(estimator.likelihood, one))
     assert weights[0] == weights[1]
     assert 0 < weights[0](20) <= weights[0](1) <= 2
+
+
+def test_moves_come_in_pairs_there_and_back():
+    shift, size, states = trust._moves(np.array([3.0, -2.0]))
+    half = len(size) // 2
+    assert shift[:half] == pytest.approx(-shift[half:])
+    assert states[2, :half] == pytest.approx(-states[2, half:])
+    assert size[:half] == pytest.approx(size[half:])
 
 
 def test_a_likelihood_that_cannot_leave_readings_out_counts_fully():

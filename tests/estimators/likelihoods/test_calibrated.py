@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from synthetic import draw_trial, make_scan, paper_poses
@@ -5,10 +7,11 @@ from synthetic import draw_trial, make_scan, paper_poses
 from tactsim import estimators
 from tactsim.core import InputError, Scan, transform
 from tactsim.estimators.likelihoods import likelihood
+from tactsim.estimators.likelihoods.calibrated import steepness
 from tactsim.estimators.likelihoods.class_table import calibrate, quantile_edges
 from tactsim.estimators.likelihoods.classifier import CONTACT, NO_CONTACT, UNKNOWN, classify
 from tactsim.estimators.likelihoods.folds import folds, touched_elsewhere
-from tactsim.estimators.likelihoods.occupancy import learn_maps
+from tactsim.estimators.likelihoods.occupancy import OccupancyMap, learn_maps, log_odds
 from tactsim.estimators.options import LikelihoodOptions
 
 
@@ -73,7 +76,17 @@ def test_a_taxel_is_judged_by_the_map_without_the_presses_at_its_position():
         points = transform(scan.poses[mine], scan.taxel_xy)
         assert odds[mine][known[mine]] == pytest.approx(without.log_odds_at(points)[known[mine]], abs=1e-9)
         left = model.without(scan, mine, ("E",))
-        assert left.maps["E"].log_odds_at(points) == pytest.approx(without.log_odds_at(points), abs=1e-9)
+        prior = log_odds(without.prior)
+        steeper = prior + model.steeper * (without.log_odds_at(points) - prior)
+        assert left.maps["E"].log_odds_at(points) == pytest.approx(steeper, abs=1e-9)
+
+
+def test_maps_are_steeper_than_those_without_a_position_by_the_presses_that_these_lack():
+    half = OccupancyMap(np.zeros(2), 0.5, np.full((40, 40), -3.0), 0.5)
+    whole = replace(half, log_odds=2 * half.log_odds)
+    places = np.random.default_rng(0).uniform(8, 12, (50, 2))
+    assert steepness([whole], [places], [half.log_odds_at(places)]) == pytest.approx(2, rel=1e-6)
+    assert steepness([whole], [places], [np.zeros(50)]) == 1
 
 
 def told_and_seen(model, shift):

@@ -1,0 +1,184 @@
+"""The sheets are measured in the PDF itself: true sizes, and where they put the letter on the pad at every pose."""
+
+import re
+import zlib
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from command_line import refused
+
+from tactsim.bench.template import PAPERS, Sheets, as_pdf, draw_sheets
+from tactsim.core.pad import Pad
+from tactsim.core.poses import invert, transform
+from tactsim.models import letter
+from tactsim.press.scan_poses import POSITIONS, grid_poses
+
+POINT = 25.4 / 72  # mm
+BOLD = 0.35  # mm
+
+
+@dataclass
+class Page:
+    """What stands on a page, in mm from its lower left corner. paths: (width, points). words: (text, place)."""
+
+    size: tuple
+    paths: list
+    words: list
+
+    def lines(self, width=BOLD):
+        """Straight lines of that width, as pairs of points."""
+        return [points for of, points in self.paths if len(points) == 2 and abs(of - width) < 1e-3]
+
+    def line_called(self, name):
+        """The bold line that is nearest to such a text; rulers have numbers, too, but farther from their lines."""
+        places = [place for text, place in self.words if text == name]
+        assert places, name
+
+        def away(line):
+            length = np.linalg.norm(line[1] - line[0])
+            direction = (line[1] - line[0]) / length
+            normal = np.array([-direction[1], direction[0]])
+            along = [(place - line[0]) @ direction / length for place in places]
+            across = [abs((place - line[0]) @ normal) for place in places]
+            return min(far for far, at in zip(across, along, strict=True) if -0.2 < at < 1.2)
+
+        lines = [line for line in self.lines() if self._beside(line, places)]
+        return min(lines, key=away)
+
+    @staticmethod
+    def _beside(line, places):
+        """Tell whether one of the places is along the line, and not beyond its ends."""
+        along = [
+            (place - line[0]) @ (line[1] - line[0]) / np.sum((line[1] - line[0]) ** 2) for place in places
+        ]
+        return any(-0.2 < at < 1.2 for at in along)
+
+
+def pages_of(pdf):
+    """Read the pages of a PDF: an interpreter of the few operators that lines and words are made of."""
+    boxes = re.findall(rb"/MediaBox \[([^\]]*)\]", pdf)
+    contents = re.findall(rb"/Contents (\d+) 0 R", pdf)
+    pages = []
+    for box, number in zip(boxes, contents, strict=True):
+        body = re.search(rb"\n%s 0 obj\n.*?stream\r?\n(.*?)\r?\nendstream" % number, pdf, re.S).group(1)
+        text = zlib.decompress(body).decode("latin-1")
+        size = tuple(float(word) * POINT for word in box.split()[2:])
+        pages.append(Page(size, *read_content(text)))
+    return pages
+
+
+TOKEN = re.compile(r"\((?:\\.|[^()\\])*\)|/\S+|[\[\]]|-?\d*\.?\d+|[A-Za-z*']+")
+
+
+def read_content(text):
+    """Follow lines and words; a word's place is about its middle."""
+    paths, words, width, points, place, size, before = [], [], 0.0, [], None, 0.0, []
+    for token in TOKEN.findall(text):
+        if not token[0].isalpha():
+            before.append(token)
+            continue
+        if token == "w":
+            width = float(before[-1]) * POINT
+        elif token in ("m", "l"):
+            point = np.array([float(word) for word in before[-2:]]) * POINT
+            points = [point] if token == "m" else [*points, point]
+        elif token == "S":
+            paths.append((width, np.array(points)))
+        elif token == "cm":
+            place = np.array([float(word) for word in before[-2:]]) * POINT
+        elif token == "Tf":
+            size = float(before[-1]) * POINT
+        elif token in ("Tj", "TJ"):
+            said = "".join(word[1:-1] for word in before if word[0] == "(")
+            words.append((said, place + size * np.array([0.27 * len(said), 0.35])))
+        before = []
+    return paths, words
+
+
+def drawn(paper="a4", behind=True, name="R"):
+    pdf = as_pdf(draw_sheets([letter(name)], Sheets(paper, Pad(), behind)))
+    return pages_of(pdf)
+
+
+@pytest.mark.parametrize("paper", PAPERS)
+@pytest.mark.parametrize("behind", [True, False])
+def test_pages_and_rulers_have_their_true_size(paper, behind):
+    pages = drawn(paper, behind)
+    assert len(pages) == 2
+    for page in pages:
+        assert page.size == pytest.approx(PAPERS[paper], abs=0.01)
+        lengths = [np.abs(line[1] - line[0]) for line in page.lines()]
+        for ruler in ((100, 0), (0, 100)):
+            assert any(np.allclose(length, ruler, atol=0.005) for length in lengths)
+        everything = np.vstack([points for _, points in page.paths])
+        assert everything.min() > 5
+        assert (everything < np.array(page.size) - 5).all()
+
+
+def middle_of_rays(page):
+    return np.mean([page.line_called(f"{angle}").mean(axis=0) for angle in range(0, 360, 30)], axis=0)
+
+
+@pytest.mark.parametrize("behind", [True, False])
+def test_the_sheets_put_the_letter_where_every_pose_of_the_scan_says(behind):
+    """A person lays the sheets so that the lines of x and y cross over the pad's middle, and the arrow at the angle."""
+    pad_page, letter_page = drawn("a4", behind)
+    _, points = max(letter_page.paths, key=lambda path: len(path[1]))  # the letter's outline
+    pad_middle = middle_of_rays(pad_page)
+    contour = max(letter("R").contours, key=len)
+    contour = np.vstack([contour, contour[:1]])
+    mirror = np.array([-1.0, 1.0]) if behind else np.array([1.0, 1.0])
+    for pose in grid_poses():
+        x, y, theta = pose
+        cross = np.array(
+            [letter_page.line_called(f"x {x:g}")[0, 0], letter_page.line_called(f"y {y:g}")[0, 1]]
+        )
+        ray = pad_page.line_called(f"{round(np.rad2deg(theta))}").mean(axis=0) - pad_middle
+        ray /= np.linalg.norm(ray)
+        # From behind the letter's sheet is turned until its arrow, which is up, points along the ray. From the front
+        # the pad's sheet is turned until its ray points up; seen from the pad, the letter then turns likewise.
+        turn = np.array([[ray[1], ray[0]], [-ray[0], ray[1]]])
+        on_pad = (points - cross) @ turn.T * mirror
+        assert np.allclose(on_pad, transform(invert(pose), contour), atol=0.005)
+
+
+@pytest.mark.parametrize("behind", [True, False])
+def test_whole_millimetres_and_every_five_degrees_are_marked(behind):
+    pad_page, letter_page = drawn("letter", behind)
+    assert len({name for name, _ in pad_page.words} & {str(at) for at in range(0, 360, 30)}) == 12
+    middle = middle_of_rays(pad_page)
+    rays = [line - middle for width in (0.1, BOLD) for line in pad_page.lines(width)]
+    through = [ray for ray in rays if abs(np.linalg.det(ray)) < 0.05 and np.linalg.norm(ray[1]) > 40]
+    angles = np.sort(np.round(np.rad2deg([np.arctan2(*ray[1][::-1]) for ray in through]), 2) % 360)
+    assert np.allclose(np.unique(np.round(angles)), np.arange(0, 360, 5))
+    marks = [line for width in (0.1, 0.2) for line in letter_page.lines(width)]
+    middle = np.mean(
+        [letter_page.line_called(f"{axis} {at:g}").mean(axis=0) for axis in "xy" for at in POSITIONS], axis=0
+    )
+    upright = {
+        round(float(line[0, 0] - middle[0]), 2) for line in marks if abs(line[0, 0] - line[1, 0]) < 1e-6
+    }
+    assert {float(at) for at in range(-15, 16)} <= upright
+
+
+def test_what_does_not_fit_on_a_sheet_is_refused(here, tmp_path):
+    (tmp_path / "big.toml").write_text(
+        'name = "big"\n[codec]\nkind = "pps-csv"\ntaxels = 256\n'
+        "[pad]\nrows = 16\ncolumns = 16\npitch_x = 6\npitch_y = 6\nno_seam = true\nunread_columns = 0\n"
+    )
+    refused(here("template", "--device", "big.toml", "--out", "t.pdf"), "the pad reaches", "has room for")
+    refused(here("template", "--out", "t.png"), "FILE.pdf")
+    refused(here("template", "--out", "t.pdf", "--paper", "a5"), "say a4 or letter")
+    refused(here("template", "--out", "t.pdf", "--letters", "?"), "unknown letter")
+    assert not (tmp_path / "t.pdf").exists()
+
+
+def test_the_command_writes_a_page_for_the_pad_and_each_letter(here, tmp_path):
+    said = here("template", "--letters", "AE", "--out", "t.pdf")
+    assert said.returncode == 0, said.stderr
+    assert "3 pages in t.pdf" in said.stdout
+    pages = pages_of((tmp_path / "t.pdf").read_bytes())
+    assert len(pages) == 3
+    assert here("template", "--letters", "AE", "--out", "again.pdf").returncode == 0
+    assert (tmp_path / "again.pdf").read_bytes() == (tmp_path / "t.pdf").read_bytes()

@@ -1,0 +1,137 @@
+"""`bench live` as a user calls it: a hidden object, a pad behind a pty, a recorded session; and what is refused."""
+
+import json
+import signal
+import time
+
+import numpy as np
+import pytest
+from command_line import BENCH, refused
+from pty_session import Terminal
+
+from tactsim.core import Scan
+from tactsim.core.reading import Reading
+from tactsim.hardware.recording import Recorder
+from tactsim.hardware.session import Plan
+
+SMALL = ["--estimator", "histogram", "--set", "bins=1000"]
+
+
+@pytest.fixture
+def recording(tmp_path, device, scan_file):
+    """Write a session of the letter O: presses of a scan, three readings each, a moment apart."""
+    test = Scan.load(scan_file).where("test", "O")
+    path = tmp_path / "O.tactrec"
+    plan = Plan(label="O", split="test", poses=tuple(map(tuple, test.poses[:4].tolist())), frames=3)
+    with Recorder(path) as recorder:
+        recorder.segment(
+            {"device": device.as_json(), "calibration": None, "plan": plan.model_dump(mode="json")}, 0.0
+        )
+        for k in range(12):
+            recorder.reading(Reading(test.readings[k // 3], 0.01 * k))
+            if k % 3 == 2:
+                recorder.mark({"number": k // 3, "what": "taken", "first": k - 2, "count": 3}, 0.01 * k)
+        recorder.end({}, 0.2)
+    return path
+
+
+def test_a_hidden_object_is_recognised_as_json(bench, scan_file):
+    words = ["--port", "simulated:O@2,1,0.3", "--train-scan", scan_file, "--readings", "3", "--json"]
+    result = bench("live", *words, *SMALL)
+    assert result.returncode == 0, result.stderr
+    said = [json.loads(line) for line in result.stdout.splitlines()]
+    assert [one["touch"] for one in said] == [1, 2, 3]
+    last = said[-1]
+    assert last["label"] == "O" == last["truth"]
+    assert last["right"] is True
+    assert sum(last["probabilities"].values()) == pytest.approx(1)
+    assert 0 <= last["error_mm"] < 10
+    assert len({tuple(one["sensor_in_robot"]) for one in said}) == 3
+    assert all(one["delay_ms"] > 0 for one in said)
+
+
+def test_a_recorded_session_is_recognised_in_lines(bench, recording, scan_file):
+    result = bench("live", "--port", f"recording:{recording}", "--train-scan", scan_file, *SMALL)
+    assert result.returncode == 0, result.stderr
+    lines = result.stdout.splitlines()
+    assert [line.split(":")[0] for line in lines] == [f"touch {k}" for k in (1, 2, 3, 4)]
+    assert "O " in lines[-1].split(",")[0]
+    assert "right" in lines[-1]
+
+
+def test_a_pad_on_a_pty_is_recognised_on_a_terminal(bench, tmp_path, scan_file):
+    emulated = bench.start("emulate", "--port", "pty:pad", "--letter", "I", "--hold", "1.2", "--lift", "1.6")
+    name = emulated.stdout.readline().strip()
+    tare = bench("tare", "--port", name, "--out", "tare.toml")  # nothing is pressed yet
+    assert tare.returncode == 0, tare.stderr
+    words = [
+        "live",
+        "--port",
+        name,
+        "--calibration",
+        "tare.toml",
+        "--train-scan",
+        scan_file,
+        "--explore",
+        "random",
+        *SMALL,
+    ]
+    terminal = Terminal([BENCH, *words], tmp_path, bench.environment)
+    terminal.wait_for("lift the letter")
+    terminal.wait_for("touch 1: ")
+    terminal.wait_for("touch 2: ")
+    terminal.type("r")
+    terminal.wait_for("touch 1: ")
+    terminal.type("n")
+    terminal.wait_for("no touch yet")
+    emulated.send_signal(signal.SIGINT)
+    emulated.wait(10)
+    terminal.wait_for(" lost ")
+    terminal.type("q")
+    last = terminal.end()
+    assert terminal.status == 0
+    assert "Traceback" not in last
+
+
+def test_ctrl_c_ends_it_cleanly(bench, scan_file):
+    process = bench.start("live", "--port", "simulated:I", "--train-scan", scan_file, *SMALL)
+    process.stdout.readline()
+    process.send_signal(signal.SIGINT)
+    _, errors = process.communicate(timeout=20)
+    assert process.returncode == 0
+    assert errors == ""
+
+
+@pytest.mark.parametrize(
+    ("words", "parts"),
+    [
+        (["--port", "/dev/nothing"], ["there is no such port"]),
+        (["--port", "simulated:?"], ["unknown letter"]),
+        (["--port", "simulated:A@1,2"], ["x,y,theta"]),
+        (["--port", "simulated:A", "--estimator", "refind"], ["unknown estimator 'refind'", "refined"]),
+        (["--port", "simulated:A", "--explore", "blind"], ["information or random"]),
+        (["--port", "simulated:A", "--set", "bins"], ["key=value"]),
+        (["--port", "simulated:A", "--train-scan", "nothing.npz"], ["nothing.npz"]),
+        (["--port", "recording:nothing.tactrec"], ["cannot read recording nothing.tactrec"]),
+    ],
+)
+def test_mistakes_end_in_one_line(here, words, parts):
+    refused(here("live", *words), *parts)
+
+
+def test_what_does_not_fit_together_is_refused(here, tmp_path, scan_file, device):
+    scan = Scan.load(scan_file)
+    moved = Scan(scan.readings, scan.poses, scan.labels, scan.split, scan.taxel_xy + 0.7)
+    moved.save(tmp_path / "moved.npz")
+    refused(
+        here("live", "--port", "simulated:I", "--train-scan", "moved.npz"),
+        "moved.npz was taken on another pad",
+    )
+    words = ["live", "--port", "simulated:I", "--train-scan", scan_file, "--estimator", "nearest"]
+    refused(here(*words), "proposes no readings")
+    with Recorder(tmp_path / "all.tactrec") as recorder:
+        recorder.segment({"device": device.as_json(), "calibration": None}, 0.0)
+        recorder.reading(Reading(np.zeros(36), time.monotonic()))
+    refused(
+        here("live", "--port", "recording:all.tactrec"), "no recording of a guided session", "bench watch"
+    )

@@ -1,0 +1,178 @@
+"""Touches that are asked for, taken, redone and skipped: of a hidden object, and of a recording's marks."""
+
+import time
+from contextlib import contextmanager
+
+import numpy as np
+import pytest
+
+from tactsim.bench.watching.hidden_object import HiddenObject
+from tactsim.bench.watching.pad_view import PadReader
+from tactsim.bench.watching.recogniser import Recogniser, on_taxels
+from tactsim.bench.watching.touch_leader import MarkedTouches, Marks, TouchLeader
+from tactsim.core import Scan, compose
+from tactsim.core.errors import InputError
+from tactsim.core.reading import Reading
+from tactsim.estimators import create
+from tactsim.hardware.calibration import Calibration
+from tactsim.hardware.recording import Kind
+from tactsim.hardware.session import Plan
+
+POSES = [(0.0, 4.0, 0.0), (0.0, -4.0, 0.0), (0.0, 0.0, 1.6), (60.0, 0.0, 0.0)]
+PLACE = np.array([1.0, 0.5, 0.4])
+
+
+@pytest.fixture(scope="module")
+def scan(scan_file):
+    return Scan.load(scan_file)
+
+
+@pytest.fixture(scope="module")
+def fitted(scan):
+    return Recogniser.fitted(create("histogram", bins=1000), on_taxels(scan, scan.taxel_xy, "x"), 0)
+
+
+@pytest.fixture
+def recogniser(fitted):
+    fitted.begin_anew()
+    return fitted
+
+
+@contextmanager
+def led(recogniser, device, poses=POSES, frames=5):
+    plan = Plan(label="live", poses=poses, frames=frames, window=5, patience=1.0, touch_kpa=10.0)
+    hidden = HiddenObject("I", PLACE, np.array(poses), device, 0)
+    leading = TouchLeader(recogniser, plan, device.pad, "random", 0, hidden)
+    with PadReader(hidden, device, "here", on_reading=leading.take) as reader, leading:
+        yield leading, reader
+
+
+def test_a_hidden_object_is_recognised_and_its_touches_lie_where_they_were_asked_for(
+    recogniser, device, eventually
+):
+    with led(recogniser, device) as (leading, reader):
+        eventually(lambda: len(leading.beliefs) == len(POSES))
+        belief = leading.view().belief
+        assert belief.estimate.label == "I"
+        asked = {tuple(touch.sensor_in_robot) for touch in belief.touches}
+        assert asked == set(POSES)
+        empty = next(touch for touch in belief.touches if touch.sensor_in_robot[0] == 60.0)
+        assert np.abs(empty.pressures).max() < 10.0
+        best = belief.estimate.robot_in_object
+        np.testing.assert_allclose(
+            belief.sensor_in_object[0], compose(best, belief.touches[0].sensor_in_robot)
+        )
+        eventually(lambda: "every pose was tried" in leading.view().phase)
+        assert leading.error is None
+        assert reader.error is None
+
+
+def test_a_touch_is_redone_and_everything_begun_anew(recogniser, device, eventually):
+    with led(recogniser, device, POSES[:2]) as (leading, _):
+        eventually(lambda: "every pose was tried" in leading.view().phase)
+        last = leading.view().belief.touches[-1].sensor_in_robot
+        leading.redo()
+        eventually(lambda: len(leading.beliefs) == 3)
+        touches = leading.view().belief.touches
+        assert len(touches) == 2
+        np.testing.assert_array_equal(touches[-1].sensor_in_robot, last)
+        eventually(lambda: "every pose was tried" in leading.view().phase)
+        leading.begin_anew()
+        eventually(lambda: leading.view().belief.estimate is None)
+        eventually(lambda: len(leading.view().belief.touches) == 2)
+
+
+def test_a_touch_is_skipped(recogniser, device, eventually):
+    with led(recogniser, device, POSES[:2]) as (leading, _):
+        eventually(lambda: leading.view().asked is not None)
+        skipped = leading.view().asked
+        leading.skip()
+        eventually(lambda: "every pose was tried" in leading.view().phase)
+        (touch,) = leading.view().belief.touches
+        assert not np.array_equal(touch.sensor_in_robot, skipped)
+
+
+def test_what_breaks_the_estimator_is_kept_to_be_raised(recogniser, device, eventually, monkeypatch):
+    monkeypatch.setattr(recogniser, "take", lambda touch: 1 / 0)
+    with led(recogniser, device, POSES[:1]) as (leading, _):
+        eventually(lambda: isinstance(leading.error, ZeroDivisionError))
+
+
+def test_a_tare_says_what_is_noise(recogniser, device, scan, eventually):
+    """A pad whose noise is above the device file's `touch_kpa` is never free until it is tared."""
+    rng = np.random.default_rng(0)
+    plan = Plan(label="live", poses=POSES, frames=5, window=5)
+    leading = TouchLeader(recogniser, plan, device.pad, "random", 0)
+
+    def feed(level, count):
+        for _ in range(count):
+            leading.take(Reading(level + 3 * rng.standard_normal(36), time.monotonic()))
+
+    with leading:
+        eventually(lambda: leading.view().asked is not None)
+        feed(0.0, 60)
+        assert leading.view().phase == "lift the letter off the pad"
+        leading.tared(calibration_of([3.0] * 36))
+        feed(0.0, 60)
+        assert leading.view().phase == "press the letter on the pad"
+        feed(60.0, 60)
+        eventually(lambda: len(leading.beliefs) == 1)
+
+
+def calibration_of(noise):
+    return Calibration(
+        device="x",
+        port="x",
+        taken="2026-01-01T00:00:00Z",
+        frames=40,
+        tare=[0.0] * 36,
+        noise=noise,
+        gain=[1.0] * 36,
+    )
+
+
+def marked(recogniser, frames=3):
+    marks = Marks()
+    plan = Plan(label="I", poses=POSES, frames=frames)
+    marks.take(Kind.SEGMENT, {"plan": plan.model_dump(mode="json")}, 0)
+    return MarkedTouches(recogniser, marks), marks
+
+
+def mark(marks, readings, **press):
+    marks.take(Kind.MARK, press, readings)
+
+
+def test_marks_of_a_recording_name_their_readings(recogniser, scan, eventually):
+    leading, marks = marked(recogniser)
+    images = scan.where("test", "I").readings[:10]
+    with leading:
+        for number, image in enumerate(images):
+            leading.take(Reading(image, float(number)))
+        mark(marks, 10, number=1, what="taken", first=2, count=3)
+        mark(marks, 10, number=0, what="taken", first=5, count=4)
+        mark(marks, 10, number=2, what="skipped")
+        eventually(lambda: len(leading.beliefs) == 2)
+        first, second = leading.view().belief.touches
+        np.testing.assert_allclose(first.pressures, images[2:5].mean(axis=0))
+        np.testing.assert_allclose(second.pressures, images[5:9].mean(axis=0))
+        assert tuple(first.sensor_in_robot) == POSES[1]
+        assert second.came == 8.0
+        mark(marks, 10, number=1, what="redo")
+        eventually(lambda: len(leading.view().belief.touches) == 1)
+        assert tuple(leading.view().belief.touches[0].sensor_in_robot) == POSES[0]
+
+
+@pytest.mark.parametrize(
+    "press", [{"first": 9, "count": 3}, {"first": 0, "count": 0}, {"first": 11, "count": 1}]
+)
+def test_a_mark_of_readings_that_are_not_there_is_refused(recogniser, press):
+    leading, marks = marked(recogniser)
+    for number in range(10):
+        leading.take(Reading(np.zeros(36), float(number)))
+    with pytest.raises(InputError, match="press 1 names readings"):
+        mark(marks, 10, number=1, what="taken", **press)
+
+
+def test_a_recording_without_a_session_is_refused(recogniser):
+    with pytest.raises(InputError, match="no recording of a guided session"):
+        MarkedTouches(recogniser, Marks())

@@ -1,0 +1,151 @@
+"""Read two devices at once for a long time, while all goes wrong that can: is any reading made up, does memory grow?"""
+
+import json
+import multiprocessing
+import resource
+import socket
+import threading
+import time
+from dataclasses import dataclass, field
+
+import numpy as np
+import soak_devices
+from made_pads import singletact
+
+from tactsim.core.source import NoReading
+from tactsim.hardware.device import load_device
+from tactsim.hardware.live import LiveSource
+
+_WARM = 1 / 3  # share of the time after which memory is looked at for the first time
+
+
+@dataclass
+class Found:
+    """What was read of one device. invented: what is wrong with readings, the first few."""
+
+    readings: int = 0
+    silences: int = 0
+    last: int = -1
+    device_time: float = -1.0
+    reconnects: int = 0
+    invented: list = field(default_factory=list)
+    counters: dict = field(default_factory=dict)
+    faults: dict = field(default_factory=dict)
+    error: str = ""
+
+
+@dataclass
+class Result:
+    """How a soak ended. memory_kb: the most that was ever in use, after the first third and at the end."""
+
+    seconds: float
+    devices: dict
+    memory_kb: tuple
+    cpu_share: float
+
+    def __str__(self):
+        lines = [
+            f"{self.seconds:.0f} s, {100 * self.cpu_share:.1f} % of a core; memory {self.memory_kb[0]:,} kB after a "
+            f"third, {self.memory_kb[1]:,} kB at the end "
+            f"({60 * (self.memory_kb[1] - self.memory_kb[0]) / ((1 - _WARM) * self.seconds / 60):+,.0f} kB an hour)"
+        ]
+        for name, found in self.devices.items():
+            counters = ", ".join(f"{word} {count:,}" for word, count in found.counters.items() if count)
+            faults = ", ".join(f"{word} {count:,}" for word, count in found.faults.items())
+            lines.append(
+                f"{name}: {found.readings:,} readings ({found.readings / self.seconds:.0f} a second), "
+                f"{len(found.invented)} invented, {found.silences} silences\n  faults: {faults}\n  counted: {counters}"
+            )
+        return "\n".join(lines)
+
+
+def soak(seconds, folder, often=1.0, seed=0):
+    """Read both devices for so many seconds; `often`: how many times as often as usual they are unplugged."""
+    context = multiprocessing.get_context("spawn")
+    link, port = str(folder / "pad"), _free_port()
+    array, url = singletact(soak_devices.SINGLETACT_TAXELS), f"socket://127.0.0.1:{port}"
+    placed = {
+        "arrays": (load_device("emulated"), link, link, 500, _moment_of_arrays),
+        "bridge": (array, url, port, 60, _moment_of_bridge),
+    }
+    processes, threads, found = [], [], {}
+    end = time.monotonic() + seconds + 5  # what it takes to start
+    for name, (device, url, place, rate, moment) in placed.items():
+        found[name] = Found()
+        arguments = (name, place, rate, seconds + 15, seed, often, str(folder / f"{name}.json"))
+        processes.append(context.Process(target=soak_devices.run, args=arguments, daemon=True))
+        processes[-1].start()
+        threads.append(threading.Thread(target=_read, args=(device, url, end, moment, found[name])))
+    for thread in threads:
+        thread.start()
+    begun, used = time.monotonic(), time.process_time()
+    time.sleep(_WARM * seconds)
+    warm = _memory()
+    for thread in threads:
+        thread.join()
+    elapsed = time.monotonic() - begun
+    share = (time.process_time() - used) / elapsed
+    for name, process in zip(found, processes, strict=True):
+        process.join(60)
+        found[name].faults = json.loads((folder / f"{name}.json").read_text())
+    return Result(elapsed, found, (warm, _memory()), share)
+
+
+def _read(device, url, end, moment_of, found):
+    """Read a device until `end`, and look whether each reading is of one moment."""
+    try:
+        while time.monotonic() < end:
+            try:
+                source = LiveSource([url], device)
+                break
+            except Exception:  # the device is not there yet, or unplugged just now
+                time.sleep(0.1)
+        with source:
+            while time.monotonic() < end:
+                try:
+                    reading = source.read(0.5)
+                except NoReading:
+                    found.silences += 1
+                    continue
+                found.readings += 1
+                _check(reading, moment_of(reading), source.counters.reconnects, found)
+            found.counters = source.counters.as_dict()
+    except Exception as error:
+        found.error = f"{type(error).__name__}: {error}"
+
+
+def _check(reading, moment, reconnects, found):
+    wrong = ""
+    if moment is None:
+        wrong = "its values are of no one moment"
+    elif moment <= found.last:
+        wrong = f"moment {moment} after {found.last}"
+    elif reading.device_time < found.device_time:
+        wrong = f"its time {reading.device_time} is before {found.device_time}"
+    elif reconnects > found.reconnects and not reading.after_loss:
+        wrong = "the link was lost before it, and it does not say so"
+    if wrong and len(found.invented) < 20:
+        found.invented.append(f"reading {found.readings}: {wrong}")
+    found.last = found.last if moment is None else moment
+    found.device_time, found.reconnects = reading.device_time, reconnects
+
+
+def _moment_of_arrays(reading):
+    values = np.rint(reading.pressures / 0.7 + 512).astype(int).tolist()
+    moment = values[0] << 24 | values[1] << 12 | values[2]
+    return moment if values == soak_devices.arrays_at(moment) else None
+
+
+def _moment_of_bridge(reading):
+    values = np.rint(reading.pressures * 512 / 100 + 255).astype(int).tolist()
+    moment = values[0] << 20 | values[1] << 10 | values[2]
+    return moment if values == soak_devices.singletact_at(moment) else None
+
+
+def _memory():
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+
+
+def _free_port():
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        return server.getsockname()[1]
