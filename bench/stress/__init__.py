@@ -21,6 +21,7 @@ TOPICS = (
     "none",
     "motion",
     "press",
+    "loads",
     "engines",
     "dynamics",
     "foundations",
