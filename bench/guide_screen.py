@@ -127,7 +127,8 @@ class Screen:
         images = [Text("the pad now\n"), now]
         if session.image is not None:
             last = tactile_image(session.image, self._taxel_xy, self._from_behind, room)
-            images += [Text("the last press that was taken\n"), last]
+            room_left = now.plain.count("\n") + last.plain.count("\n") + 3 <= height
+            images += [Text("\n" * room_left + "the last press that was taken\n"), last]
         beside = Text().join(images)
         beside.right_crop()
         table = Table.grid(padding=(0, 3, 0, 0))

@@ -7,13 +7,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from tactsim.bench.guided import Station, record
+from tactsim.bench.guided import Station
+from tactsim.bench.guided import record as record_presses
 from tactsim.bench.measured import poses_to_press, recording_of
 from tactsim.core import InputError, Scan
 from tactsim.core.checking import checked
-from tactsim.hardware.recording import check_whole
-from tactsim.hardware.scans import read_session
-from tactsim.hardware.session import Plan, count_taken
+from tactsim.hardware.recording import Kind, RecordReader
+from tactsim.hardware.session import Plan, Press, count_taken, note, parse_press
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ def measure(station: Station, wanted: Wanted, folder: Path, settings: Mapping[st
         if begun and _taken(path, plan) >= wanted.readings:
             continue
         title = f"trial {number} of {len(trials)}: "
-        sitting = record(station, plan, path, resume=begun, title=title)
+        sitting = record_presses(station, plan, path, resume=begun, title=title)
         if not sitting.done:
             return False
         if _taken(path, plan) < wanted.readings:
@@ -57,8 +57,7 @@ def count_measured(wanted: Wanted, folder: Path) -> int:
     paths = [
         recording_of(folder, letter, trial) for letter in wanted.letters for trial in range(wanted.trials)
     ]
-    begun = [path for path in paths if path.exists() and check_whole(path).records]
-    return sum(count_taken(read_session(path).presses) for path in begun)
+    return sum(count_taken(_progress(path)[1]) for path in paths if path.exists())
 
 
 def check_pads(train: Scan, station: Station) -> None:
@@ -81,13 +80,22 @@ def _plan(letter: str, trial: int, wanted: Wanted, settings: Mapping[str, Any]) 
 
 def _taken(path: Path, plan: Plan) -> int:
     """Count the presses of a recording that was begun. Raises InputError if it was not made for this trial."""
-    if not check_whole(path).records:  # killed before it began
-        return 0
-    before = read_session(path)
-    same = before.plan.label == plan.label and before.plan.poses == plan.poses
-    if not same:
+    before, presses = _progress(path)
+    if before is not None and (before.label, before.poses) != (plan.label, plan.poses):
         raise InputError(
-            f"{path} is a session of {before.plan.label!r} with other poses: it was measured with another seed or "
-            "number of readings; name another folder"
+            f"{path} is a session of {before.label!r} with other poses: it was measured with another seed or number of "
+            "readings; name another folder"
         )
-    return count_taken(before.presses)
+    return count_taken(presses)
+
+
+def _progress(path: Path) -> tuple[Plan | None, dict[int, Press]]:
+    """Read plan and marks of a recording, without its readings; there is no plan if it was killed before it began."""
+    plan: Plan | None = None
+    presses: dict[int, Press] = {}
+    for record in RecordReader(path):
+        if record.kind is Kind.SEGMENT:
+            plan = checked(Plan, record.json().get("plan"), f"plan of {path}")
+        elif record.kind is Kind.MARK and plan is not None:
+            note(presses, parse_press(record.json(), len(plan.poses)))
+    return plan, presses

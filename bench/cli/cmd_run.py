@@ -17,7 +17,6 @@ if TYPE_CHECKING:
 
 # A person presses: fewer trials and readings than of a simulation.
 _BY_HAND: dict[str, Any] = {"trials": 2, "readings": 10}
-_DEVICE = "emulated"
 
 
 @with_options_of(RunConfig)
@@ -48,7 +47,7 @@ def command(
             help="Device file (.toml), or a built-in one; `bench devices` names them.",
             rich_help_panel=guide.PANEL,
         ),
-    ] = _DEVICE,
+    ] = "emulated",
     calibration: Annotated[
         Path | None,
         typer.Option(
@@ -68,7 +67,7 @@ def command(
     from tactsim.bench.terminal import print_run, progress_bars
 
     if port is None:
-        _refuse_without_port(calibration=calibration, patience=patience, device=device)
+        _refuse_without_port(context)
     if port is not None or "presses" in words:
         untyped = {name for name in _BY_HAND if not _is_typed(context, name)}
         words = {**words, **{name: _BY_HAND[name] for name in untyped}}
@@ -103,12 +102,12 @@ def _is_typed(context: typer.Context, name: str) -> bool:
     return source is not None and source.name != "DEFAULT"
 
 
-def _refuse_without_port(**given: Any) -> None:
+def _refuse_without_port(context: typer.Context) -> None:
     """Raise InputError for an option that says how a pad is pressed where none is."""
     from tactsim.core.errors import InputError
 
-    for name, value in given.items():
-        if value not in (None, _DEVICE):
+    for name in ("device", "calibration", "frames", "force", "patience", "seen"):
+        if _is_typed(context, name):
             raise InputError(f"--{name} is for a pad; say where that is with --port, or leave it out")
 
 

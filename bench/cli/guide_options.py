@@ -65,7 +65,9 @@ def plan_settings(
         "frames": frames, "touch_kpa": max(device.touch_kpa, _TOUCH * noise), "least_force": least,
         "most_force": most, "patience": patience,
     }  # fmt: skip
-    return settings | (simulated_hand.settings() if ports == [simulated_hand.PLACE] else {})
+    if ports == [simulated_hand.PLACE]:
+        settings |= simulated_hand.settings() | ({} if patience is None else {"patience": patience})
+    return settings
 
 
 def station(
