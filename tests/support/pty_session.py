@@ -29,7 +29,7 @@ class Terminal:
         """Type keys; "\\x03" is Ctrl-C."""
         os.write(self._end, keys.encode())
 
-    def wait_for(self, words, seconds=60):
+    def wait_for(self, words, seconds=120):
         """Wait until the command has written `words` since the last call; gives what it wrote till then."""
         until = time.monotonic() + seconds
         while words not in self.said:
@@ -38,7 +38,7 @@ class Terminal:
         before, _, self.said = self.said.partition(words)
         return before
 
-    def end(self, seconds=60):
+    def end(self, seconds=120):
         """Wait for the command's end; gives what it wrote last."""
         until = time.monotonic() + seconds
         while self._listen():

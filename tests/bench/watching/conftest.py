@@ -6,6 +6,7 @@ from contextlib import contextmanager
 import numpy as np
 import pytest
 
+from tactsim.bench.watching import pad_view
 from tactsim.core.counters import Counters
 from tactsim.core.reading import Reading
 from tactsim.core.source import NoReading, Source, SourceEnded
@@ -59,6 +60,17 @@ def _fed(source, frames):
         feeder.join()
 
 
+@pytest.fixture(autouse=True)
+def silence(monkeypatch):
+    """Say how long a pad may be silent, s: as long as it likes, unless a test calls this."""
+
+    def allow(seconds):
+        monkeypatch.setattr(pad_view, "_SILENCE_S", seconds)
+
+    allow(1000.0)
+    return allow
+
+
 @pytest.fixture
 def typing():
     """Take care of a terminal: what still runs in it at the end of the test is killed."""
@@ -88,7 +100,7 @@ def source(device):
 def eventually():
     """Wait until something is so; the longest wait is far longer than it should take."""
 
-    def wait(condition, seconds=20.0):
+    def wait(condition, seconds=120.0):
         until = time.monotonic() + seconds
         while time.monotonic() < until:
             if condition():

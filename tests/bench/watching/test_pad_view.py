@@ -28,12 +28,16 @@ def test_a_view_is_the_last_reading_in_full(source, device, eventually):
         assert view.scale == 50.0
 
 
-def test_a_pad_that_falls_silent_is_lost_and_shows_nothing_until_it_speaks_again(source, device, eventually):
+def test_a_pad_that_falls_silent_is_lost_and_shows_nothing_until_it_speaks_again(
+    source, device, eventually, silence
+):
+    silence(0.3)
     with PadReader(source, device, "here") as reader:
         source.feed(RAMP)
         eventually(lambda: reader.view().state == "lost")
         assert reader.view().pressures is None
         eventually(lambda: "the cable is off" in reader.view().trouble)
+        silence(1000.0)
         source.feed(RAMP)
         eventually(lambda: reader.view().readings == 2)
         assert reader.view().state == "live"
@@ -56,7 +60,8 @@ def test_what_breaks_the_source_is_raised_again(source, device, eventually):
         reader.check()
 
 
-def test_a_pad_that_never_spoke_is_an_error_at_the_end(source, device, eventually):
+def test_a_pad_that_never_spoke_is_an_error_at_the_end(source, device, eventually, silence):
+    silence(0.3)
     with PadReader(source, device, "here") as reader:
         eventually(lambda: reader.view().state == "lost")
     with pytest.raises(SourceError, match="the cable is off"):
@@ -90,7 +95,8 @@ def test_a_tare_is_taken_and_refused(source, device, eventually):
         np.testing.assert_allclose(reader.view().pressures, RAMP, atol=0.1)
 
 
-def test_a_tare_is_given_up_when_the_pad_is_lost(source, device, eventually):
+def test_a_tare_is_given_up_when_the_pad_is_lost(source, device, eventually, silence):
+    silence(0.3)
     with PadReader(source, device, "here") as reader:
         source.feed(RAMP)
         reader.tare()

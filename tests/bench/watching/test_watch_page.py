@@ -39,18 +39,20 @@ def state(page, word):
     page.wait_for_selector(f"#state[data-state={word}]")
 
 
-def test_the_picture_follows_the_pad_and_is_gone_when_the_pad_is_lost(opened, source):
+def test_the_picture_follows_the_pad_and_is_gone_when_the_pad_is_lost(opened, source, silence):
     page, _ = opened
     source.feed(RAMP)
     state(page, "live")
     expect(page.locator("#largest")).to_have_text("35.0")
     assert page.inner_text("#force") == "2.04"
     shown = page.evaluate(PICTURE)
+    silence(0.3)
     state(page, "lost")
     expect(page.locator("#veil")).to_contain_text("the cable is off")
     assert page.locator("#veil").is_visible()
     assert page.evaluate(PICTURE) != shown
     assert page.inner_text("#force") == "–"
+    silence(1000.0)
     source.feed(RAMP)
     state(page, "live")
     assert page.locator("#veil").is_hidden()
