@@ -190,13 +190,13 @@ def _recovered(one: Pooled) -> Figure:
 def _bound(one: Pooled, k: int) -> Figure:
     if one.bounds is None:
         return Figure(None, None, None)
-    return one.mean(one.bounds[:, k], of=determined(one.bounds[:, k]))
+    return one.mean(one.bounds[:, k], of=determined(one.bounds[:, k], one.trials))
 
 
 def _efficiency(one: Pooled, k: int) -> Figure:
-    if one.bounds is None or determined(one.bounds[:, k]).mean() < ENOUGH:
+    if one.bounds is None or determined(one.bounds[:, k], one.trials).mean() < ENOUGH:
         return Figure(None, None, None)
-    counted = one.trials.named[:, k] & determined(one.bounds[:, k])
+    counted = one.trials.named[:, k] & determined(one.bounds[:, k], one.trials)
     return one.ratio(one.errors[:, k] * counted, one.bounds[:, k] * counted)
 
 

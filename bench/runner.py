@@ -190,7 +190,7 @@ def finished_run(
     the trials of several runs at once, has none.
     """
     objects = properties(gathered.scan)
-    bounds, no_bound = bounds_of_trials(gathered.scan, trials, config.explore)
+    bounds, no_bound = bounds_of_trials(gathered.scan, trials, config.explore, config.moving)
     made = estimator or create(config.estimator, **config.options)
     about: dict[str, Any] = {
         "protocol": _protocol_name(config, gathered.scan),

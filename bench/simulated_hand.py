@@ -2,49 +2,31 @@
 
 from __future__ import annotations
 
-import time
-
 import numpy as np
 
-from tactsim.core.counters import Counters
 from tactsim.core.poses import FloatArray
-from tactsim.core.reading import Reading
 from tactsim.core.seeds import stream
-from tactsim.core.source import Source
 from tactsim.hardware.device import Device
 from tactsim.hardware.emulator.hand import Pressing
 from tactsim.hardware.session import Phase, Session
 from tactsim.press import ScanOptions
-from tactsim.press.simulated_source import on_pad_of, press_table, sensing
+from tactsim.press.simulated_source import SimulatedPad, on_pad_of, press_table, sensing
 
 PLACE = "simulated:hand"  # what is given instead of a port
-_RATE = 100.0  # readings a second
 _PATIENCE = 1.0  # s after which it takes a press as it is: a hole of the letter may lie over the pad
 _TOUCH = 5.0  # sd of the noise above which a taxel is touched
 
 
-class SimulatedHand(Source):
+class SimulatedHand(SimulatedPad):
     """Readings of the pad while the hand presses, in the default world, what `session` asks for."""
 
     def __init__(self, session: Session, device: Device, seed: int) -> None:
-        self.pad, self.taxel_xy, self.counters = device.pad, device.pad.taxel_xy, Counters()
         self._session, self._seed = session, seed
         self._options = on_pad_of(device, ScanOptions())
         rng = np.random.default_rng(seed)
-        self._feel = sensing(Pressing(device.pad.taxels, self._wanted), self._options, rng)
+        super().__init__(device, sensing(Pressing(device.pad.taxels, self._wanted), self._options, rng))
         self._row: FloatArray | None = None
         self._pressed = -1  # which press `_row` is
-        self._begun = time.monotonic()
-
-    def read(self, timeout: float | None = None) -> Reading:
-        """Return the next reading when it is due; see `Source.read`."""
-        index = self.counters.readings
-        time.sleep(max(0.0, self._begun + index / _RATE - time.monotonic()))
-        self.counters.readings += 1
-        return Reading(self._feel(index / _RATE), time.monotonic(), index / _RATE, index)
-
-    def close(self) -> None:
-        """Take the hand away."""
 
     def _wanted(self, now: float) -> FloatArray | None:
         """Give what is to be pressed, (taxels,) kPa; None while the session waits for a free pad."""

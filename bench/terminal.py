@@ -253,7 +253,7 @@ def print_bound(found: Bound) -> None:
     console.print(
         "right, error: exact Bayes, which knows the press. bound: Cramer and Rao's, of the pressures and of the three "
         "classes of eq. 3, over the trials that their readings determine to "
-        f"{values['determined_below_mm']:g} mm; - where these are too few, and the bound is the prior's."
+        f"{values['determined_below_mm']:.2g} mm; - where these are too few, and the bound is the prior's."
     )
 
 

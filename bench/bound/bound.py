@@ -7,8 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from tactsim.bench.bound.cramer_rao import MOST_MM
-from tactsim.bench.bound.efficiency import bound_curves
+from tactsim.bench.bound.efficiency import bound_curves, determined_below_mm
 from tactsim.bench.bound.exact_bayes import ExactBayes
 from tactsim.bench.bound.scan_information import scan_information
 from tactsim.bench.config import RunConfig
@@ -54,7 +53,7 @@ class Bound:
             "bayes_efficiency": nothing if self.no_bayes else of_pressures["efficiency"],
             "classes_bound_mm": of_classes["bound_mm"],
             "classes_determined": of_classes["determined"],
-            "determined_below_mm": MOST_MM,
+            "determined_below_mm": determined_below_mm(self.run.trials),
             "seconds": self.run.seconds,
             "versions": self.run.versions,
         }
@@ -93,10 +92,13 @@ def find_bound(config: RunConfig, *, jobs: int = 1, cache: bool = True, progress
 
     Exact Bayes is done anew each time; the information behind the Cramer-Rao bound is kept in the cache of readings.
     Where exact Bayes does not know the press there is the Cramer-Rao bound alone.
-    Raises InputError if the readings do not say how they were pressed, or if the bound does not know the sensor.
+    Raises InputError if the readings do not say how they were pressed, or if the bound does not know the sensor or how
+    the object moves.
     """
     no_bayes = ""
     try:
+        if not config.moving.still:
+            raise InputError("exact Bayes takes the object to lie still; leave out --slip")
         run = perform(config, estimator=ExactBayes(), jobs=jobs, cache=cache, progress=progress)
     except InputError as error:
         no_bayes = str(error)
@@ -104,4 +106,7 @@ def find_bound(config: RunConfig, *, jobs: int = 1, cache: bool = True, progress
         run = perform(order, jobs=jobs, cache=cache, progress=progress)
     assert run.plan is not None
     information = scan_information(run.plan.scan, jobs=jobs, cache=cache, progress=progress)
-    return Bound(run, information.bounds(run.trials), information.bounds(run.trials, "classes"), no_bayes)
+    pressures, classes = (
+        information.bounds(run.trials, of, config.moving) for of in ("pressures", "classes")
+    )
+    return Bound(run, pressures, classes, no_bayes)

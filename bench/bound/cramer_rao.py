@@ -12,8 +12,8 @@ import numpy as np
 from tactsim.bench.placement_error import Properties
 from tactsim.core.poses import FloatArray
 
-# A trial counts as determined by its readings if its bound is at most this. Beyond, what is known beforehand and what
-# was not touched say more than the slopes of the readings: the bound is then the prior's.
+# A trial of an object at rest counts as determined by its readings if its bound is at most this. Beyond, what is known
+# beforehand and what was not touched say more than the slopes of the readings: the bound is then the prior's.
 MOST_MM = 0.5
 FARTHEST_MM = 1000.0  # the bound where readings determine nothing: no object is lost by more
 _LOGS = np.arange(-80.0, 80.5, 0.5)  # nodes of the integral in `mean_length`
@@ -31,6 +31,27 @@ def bound_mm(information: FloatArray, of: Properties) -> FloatArray:
     whole = eigen[..., 0] > 1e-12 * np.maximum(eigen[..., -1], 1e-300)
     result = np.full(eigen.shape[:-1], FARTHEST_MM)
     result[whole] = np.minimum(mean_length(1 / eigen[whole]), FARTHEST_MM)
+    return result
+
+
+def walked(information: FloatArray, turns: FloatArray, walk_mm: float, walk_rad: float) -> FloatArray:
+    """Sum information (n, r, 3, 3) of readings of an object that takes a random step before each but the first.
+
+    Between two touches what is known of the last place becomes J' = (J^-1 + Q)^-1 = (1 + J Q)^-1 J, Q being the
+    covariance of a step, and each reading adds its own: the recursion of Tichavsky, Muravchik and Nehorai (IEEE Trans.
+    Signal Processing 46(5), 1998, eq. 21). Without a step this is the sum.
+
+    turns: (n, r) rad, by which the object's frame turned before each touch; J is in that frame.
+    """
+    step = np.diag([walk_mm**2, walk_mm**2, walk_rad**2])
+    result = np.array(information)
+    for touch in range(1, information.shape[1]):
+        cos, sin = np.cos(turns[:, touch]), np.sin(turns[:, touch])
+        back = np.tile(np.eye(3), (len(turns), 1, 1))
+        back[:, 0, 0], back[:, 0, 1], back[:, 1, 0], back[:, 1, 1] = cos, -sin, sin, cos
+        before = back.swapaxes(1, 2) @ result[:, touch - 1] @ back
+        left = np.linalg.solve(np.eye(3) + before @ step, before)
+        result[:, touch] += (left + left.swapaxes(1, 2)) / 2
     return result
 
 

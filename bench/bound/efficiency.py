@@ -13,29 +13,33 @@ from tactsim.bench.bound.response import is_quick
 from tactsim.bench.bound.scan_information import pressed_letters, scan_information, stated_options
 from tactsim.bench.placement_error import Properties
 from tactsim.bench.score import errors
+from tactsim.bench.slip import STILL, Slip
 from tactsim.bench.trials import Trials
 from tactsim.core.errors import InputError
-from tactsim.core.poses import FloatArray
+from tactsim.core.poses import FloatArray, invert
 from tactsim.core.scan import Scan
 
 ENOUGH = 0.9  # share of the trials that readings must determine for a mean bound to be stated
+_STEPS = 3.0  # rms steps of an object, which a few readings that touch nothing leave unknown
 
 
-def bounds_of_trials(scan: Scan, trials: Trials, explore: str) -> tuple[FloatArray | None, str]:
+def bounds_of_trials(
+    scan: Scan, trials: Trials, explore: str, slip: Slip = STILL
+) -> tuple[FloatArray | None, str]:
     """Bound the mean placement error of trials after each reading, (n, r) mm, by what their readings tell.
 
     Returns None and why, if nobody knows: the readings do not say how they were pressed, only a slow engine presses
-    them (`bench bound` does), they were chosen by the estimator, or the object moved.
+    them (`bench bound` does), they were chosen by the estimator, or the object moved otherwise than by a random walk.
     """
     if explore != "random":
         return None, "the estimator chose the readings"
-    if (trials.true_pose != trials.true_pose[:, :1]).any():
+    if slip.still and (trials.true_pose != trials.true_pose[:, :1]).any():
         return None, "the object moved"
     try:
         options = stated_options(scan)
         if not all(is_quick(letter, options) for letter in pressed_letters(scan, options).values()):
             return None, "an engine has to press the letters; `bench bound` does"
-        return scan_information(scan).bounds(trials), ""
+        return scan_information(scan).bounds(trials, slip=slip), ""
     except InputError as error:
         return None, str(error)
 
@@ -52,7 +56,7 @@ def bound_curves(
     if bounds is None:
         nothing: list[float | None] = [None] * trials.label.shape[1]
         return {"bound_mm": nothing, "determined": nothing, "efficiency": nothing}
-    counted = determined(bounds)
+    counted = determined(bounds, trials)
     share = counted.mean(axis=0)
     enough = share >= ENOUGH
     named = counted & trials.named
@@ -70,9 +74,15 @@ def bound_curves(
     }
 
 
-def determined(bounds: FloatArray) -> NDArray[np.bool_]:
+def determined(bounds: FloatArray, trials: Trials) -> NDArray[np.bool_]:
     """Tell which trials are determined by their readings, so that the bound is not the prior's."""
-    return bounds <= MOST_MM
+    return bounds <= determined_below_mm(trials)
+
+
+def determined_below_mm(trials: Trials) -> float:
+    """Give the bound, mm, from which on a trial counts as determined: larger where objects move in steps."""
+    steps = np.diff(invert(trials.true_pose)[..., :2], axis=1)
+    return max(MOST_MM, _STEPS * float(np.sqrt((steps**2).sum(axis=-1).mean()))) if steps.size else MOST_MM
 
 
 def _where(known: NDArray[np.bool_], values: FloatArray) -> list[Any]:

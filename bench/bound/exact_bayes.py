@@ -28,6 +28,9 @@ from tactsim.press.press_model import PressModel
 SIDE, ANGLES = 16, 40  # cells along x and y and round the circle, before any is split
 _DEPTH = 6  # times that a cell may be halved along x, y and angle
 _DEAD = 30.0  # nats below the heaviest cell, at which a cell is given up
+_DOUBT = (
+    20.0  # nats, which the prediction over a whole cell may be too low; a quarter of that over half a cell
+)
 _STEEPEST = (
     1e4  # kPa, by which a taxel changes at most over a cell: beyond, as in a sliver, rounding eats the noise
 )
@@ -137,8 +140,9 @@ class ExactBayes(Estimator):
             cells = cells.some(~beside).and_also(cells.some(whole)).and_also(halves.some(kept))
         for _ in range(_DEPTH):
             mass = cells.log_mass
-            heavy = (mass > np.log(self.options.split)) & (cells.depth < _DEPTH)
-            alive = mass > mass.max() - _DEAD
+            highest = mass + _DOUBT / 4.0**cells.depth
+            heavy = (highest > np.log(self.options.split)) & (cells.depth < _DEPTH)
+            alive = highest > mass.max() - _DEAD
             cells, heavy = cells.some(alive), heavy[alive]
             if not heavy.any():
                 break

@@ -11,10 +11,11 @@ from typing import Any
 
 import numpy as np
 
-from tactsim.bench.bound.cramer_rao import bound_mm
+from tactsim.bench.bound.cramer_rao import bound_mm, walked
 from tactsim.bench.bound.pose_information import of_classes, of_pressures
 from tactsim.bench.bound.response import noise_variance, respond
 from tactsim.bench.placement_error import Properties, properties
+from tactsim.bench.slip import STILL, Slip
 from tactsim.bench.trials import Trials
 from tactsim.core.checking import checked
 from tactsim.core.errors import InputError
@@ -46,18 +47,27 @@ class ScanInformation:
     classes: Mapping[str, FloatArray]
     objects: Mapping[str, Properties]
 
-    def bounds(self, trials: Trials, of: str = "pressures") -> FloatArray:
+    def bounds(self, trials: Trials, of: str = "pressures", slip: Slip = STILL) -> FloatArray:
         """Bound the mean placement error of every trial after each reading, (n, r) mm.
 
-        of: "pressures", or "classes" for an estimator that sees the three classes of eq. 3 only.
+        of: "pressures", or "classes" for an estimator that sees the three classes of eq. 3 only. slip: how the objects
+        moved, a random walk at most; the bound knows of it, and the error is that of the place at the last touch.
+        Raises InputError for another motion.
         """
+        if slip.jump_mm or slip.jump_rad or slip.drift_mm or slip.drift_rad:
+            raise InputError(
+                "the bound knows objects that lie still or walk at random, without jump or drift"
+            )
         information = getattr(self, of)
         result = np.empty(trials.reading.shape)
         for letter in np.unique(trials.truth).tolist():
             rows = trials.truth == letter
-            summed = information[letter][trials.reading[rows]].cumsum(axis=1)
+            # robot_in_object turns the other way than the object.
+            turns = -np.diff(trials.true_pose[rows, :, 2], axis=1, prepend=trials.true_pose[rows, :1, 2])
+            summed = walked(information[letter][trials.reading[rows]], turns, slip.walk_mm, slip.walk_rad)
             result[rows] = bound_mm(summed, self.objects[letter])
-        result[np.ptp(trials.true_pose, axis=1).any(axis=1)] = np.inf  # readings of other poses do not add up
+        if slip.still:  # readings of other poses do not add up
+            result[np.ptp(trials.true_pose, axis=1).any(axis=1)] = np.inf
         return result
 
 

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from tactsim.bench.cli import shared_options as shared
-from tactsim.bench.cli.words import Words, with_options_of
+from tactsim.bench.cli.words import Words, key_values, with_options_of
 from tactsim.bench.config import ScanWords, run_config
 
 
@@ -20,6 +20,14 @@ def command(
     scan: Annotated[
         Path | None,
         typer.Option(help="Readings from a file of `bench scan` instead of the press.", show_default=False),
+    ] = None,
+    slip: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="How the object moves between touches, a random walk: walk_mm=0.5, walk_rad=0.03.",
+            metavar="NAME=VALUE",
+            show_default=False,
+        ),
     ] = None,
     jobs: shared.Jobs = 1,
     cache: shared.Cache = True,
@@ -40,7 +48,8 @@ def command(
     if out is not None:
         check_new_file(out)
     given = {} if scan is None else {"scan": scan}
-    config = run_config(**words, **given, trials=trials, readings=readings)
+    moving = {} if slip is None else {"slip": key_values(slip, "--slip")}
+    config = run_config(**words, **given, **moving, trials=trials, readings=readings)
     with progress_bars() as progress:
         found = find_bound(config, jobs=jobs, cache=cache, progress=progress)
     if out is not None:

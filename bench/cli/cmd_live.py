@@ -7,10 +7,12 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from tactsim.bench.cli import guide_options as guiding
 from tactsim.bench.cli import pad_options as pads
 from tactsim.bench.cli import shared_options as shared
 
 if TYPE_CHECKING:
+    from tactsim.bench.trials import Progress
     from tactsim.core import Scan
     from tactsim.hardware.device import Device
 
@@ -49,7 +51,7 @@ def command(
     calibration: pads.CalibrationFile = None,
     web: pads.Web = False,
     web_port: pads.WebPort = 8737,
-    seen: pads.Seen = "behind",
+    seen: guiding.Seen = "behind",
     seed: shared.Seed = 0,
     as_json: Annotated[
         bool,
@@ -65,6 +67,7 @@ def command(
 
     from tactsim.bench.config import key_values
     from tactsim.bench.console import plain_console
+    from tactsim.bench.terminal import progress_bars
     from tactsim.bench.watching.live_screen import live
     from tactsim.bench.watching.pad_view import PadReader
     from tactsim.bench.watching.pressed import open_pressed
@@ -78,7 +81,7 @@ def command(
 
     if explore not in ("information", "random"):
         raise InputError(f"--explore {explore!r}: say information or random")
-    from_behind = pads.seen_from_behind(seen)
+    from_behind = guiding.from_behind(seen)
     described, correction = pads.load(device, calibration)
     made = create(estimator, **key_values(settings or (), "--set"))
     console = plain_console(stderr=as_json)
@@ -87,11 +90,16 @@ def command(
         reader = PadReader(source, pressed.device, " ".join(port))
         if pressed.plan is not None:  # a pad speaks while the estimator learns
             stack.enter_context(reader)
-        train = on_taxels(
-            _training(train_scan, pressed.device), source.taxel_xy, str(train_scan or "the simulation")
-        )
-        candidates = np.array(pressed.plan.poses) if pressed.plan and explore == "information" else None
-        recogniser = Recogniser.fitted(made, train, seed, candidates)
+        with progress_bars() as progress:
+            train = on_taxels(
+                _training(train_scan, pressed.device, progress),
+                source.taxel_xy,
+                str(train_scan or "the simulation"),
+            )
+            candidates = np.array(pressed.plan.poses) if pressed.plan and explore == "information" else None
+            progress("map", 0, 1)
+            recogniser = Recogniser.fitted(made, train, seed, candidates)
+            progress("map", 1, 1)
         leading = pressed.leading(recogniser, "information" if explore == "information" else "random", seed)
         told = Told(leading, train, maps_of(made), source, pressed.truth, from_behind)
         reader.on_reading = leading.take
@@ -116,16 +124,13 @@ def command(
             raise leading.error
 
 
-def _training(path: Path | None, device: Device) -> Scan:
+def _training(path: Path | None, device: Device, progress: Progress) -> Scan:
     """Load the training readings, or press them."""
-    from tactsim.bench.terminal import progress_bars
     from tactsim.core import Scan
     from tactsim.press import ScanOptions, scan_letters
     from tactsim.press.simulated_source import on_pad_of
 
     if path is not None:
         return Scan.load(path)
-    with progress_bars() as progress:
-        return scan_letters(
-            on_pad_of(device, ScanOptions()), progress=lambda done, total: progress("press", done, total)
-        )[0]
+    options = on_pad_of(device, ScanOptions())
+    return scan_letters(options, progress=lambda done, total: progress("press", done, total))[0]

@@ -6,6 +6,7 @@ from typing import Annotated
 
 import typer
 
+from tactsim.bench.cli import guide_options as guiding
 from tactsim.bench.cli import pad_options as pads
 
 
@@ -15,7 +16,7 @@ def command(
     calibration: pads.CalibrationFile = None,
     web: pads.Web = False,
     web_port: pads.WebPort = 8737,
-    seen: pads.Seen = "behind",
+    seen: guiding.Seen = "behind",
     seconds: Annotated[
         float | None,
         typer.Option(
@@ -32,7 +33,7 @@ def command(
     from tactsim.bench.watching.web import WebPage
     from tactsim.hardware.sources import open_source
 
-    from_behind = pads.seen_from_behind(seen)
+    from_behind = guiding.from_behind(seen)
     described, correction = pads.load(device, calibration)
     console = plain_console()
     with open_source(port, described) as opened:

@@ -26,12 +26,6 @@ CalibrationFile = Annotated[
     Path | None,
     typer.Option("--calibration", help="Calibration file of `bench tare`.", show_default=False),
 ]
-Seen = Annotated[
-    str,
-    typer.Option(
-        help="behind: you see the pad, and the object's back; front: the pad is pressed on the object."
-    ),
-]
 Web = Annotated[bool, typer.Option("--web", help="Show it also as a page on localhost.")]
 WebPort = Annotated[
     int, typer.Option(min=0, max=65535, help="The port of that page; 0 takes any that is free.")
@@ -47,15 +41,6 @@ def load(name: str, calibration: Path | None = None) -> tuple[Device, Calibratio
     from tactsim.hardware.device import load_device
 
     return load_device(name), None if calibration is None else Calibration.load(calibration)
-
-
-def seen_from_behind(seen: str) -> bool:
-    """Read `--seen`. Raises InputError if it says something else."""
-    from tactsim.core.errors import InputError
-
-    if seen not in ("behind", "front"):
-        raise InputError(f"--seen {seen!r}: say behind or front")
-    return seen == "behind"
 
 
 def played(source: Source, device: Device) -> tuple[Source, Device]:

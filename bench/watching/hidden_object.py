@@ -7,23 +7,20 @@ import time
 import numpy as np
 
 from tactsim.core import compose
-from tactsim.core.counters import Counters
 from tactsim.core.poses import FloatArray
-from tactsim.core.reading import Reading
 from tactsim.core.seeds import stream
-from tactsim.core.source import HasPad, Source
+from tactsim.core.source import HasPad
 from tactsim.hardware.emulator.hand import Pressing
 from tactsim.models import letter
 from tactsim.press import ScanOptions
 from tactsim.press.engine import press_at
 from tactsim.press.scanning import as_pressed
-from tactsim.press.simulated_source import on_pad_of, sensing
+from tactsim.press.simulated_source import SimulatedPad, on_pad_of, sensing
 
-_RATE = 100.0  # readings a second
 _PAUSE = 0.5  # s that the hand takes to its next place
 
 
-class HiddenObject(Source):
+class HiddenObject(SimulatedPad):
     """Readings of the pad of a device while a hand presses a letter in the default world. There is no zero to correct.
 
     label: the letter. robot_in_object: (3,) where it lies. poses: (n, 3) sensor_in_robot of the presses that may be
@@ -36,17 +33,14 @@ class HiddenObject(Source):
         self, label: str, robot_in_object: FloatArray, poses: FloatArray, device: HasPad, seed: int
     ) -> None:
         """Hide the letter. Raises InputError if there is no such letter."""
-        self.pad, self.taxel_xy, self.counters = device.pad, device.pad.taxel_xy, Counters()
         self.label, self.robot_in_object = label, robot_in_object
         self._letter, self._poses, self._seed = letter(label), poses, seed
         self._options = on_pad_of(device, ScanOptions())
-        self._feel = sensing(
-            Pressing(device.pad.taxels, self._wanted), self._options, stream(seed, label, "sense")
-        )
+        noise = stream(seed, label, "sense")
+        super().__init__(device, sensing(Pressing(device.pad.taxels, self._wanted), self._options, noise))
         self._row: FloatArray | None = None
         self._from = 0.0  # host time from which the hand presses
         self._pressing = False
-        self._begun = time.monotonic()
 
     def prepare(self, number: int) -> bool:
         """Get ready to press at the pose of this number; False if the press does not come to rest there."""
@@ -65,16 +59,6 @@ class HiddenObject(Source):
     def press(self, wanted: bool) -> None:
         """Press, or lift."""
         self._pressing = wanted
-
-    def read(self, timeout: float | None = None) -> Reading:
-        """Return the next reading when it is due; see `Source.read`."""
-        index = self.counters.readings
-        time.sleep(max(0.0, self._begun + index / _RATE - time.monotonic()))
-        self.counters.readings += 1
-        return Reading(self._feel(index / _RATE), time.monotonic(), index / _RATE, index)
-
-    def close(self) -> None:
-        """Take the hand away."""
 
     def _wanted(self, now: float) -> FloatArray | None:
         return self._row if self._pressing and time.monotonic() >= self._from else None

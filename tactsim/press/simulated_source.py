@@ -25,19 +25,15 @@ from tactsim.press.touches import Touches, draw_loads
 _RATE = 100.0  # readings a second
 
 
-class SimulatedSource(Source):
-    """Readings of a letter that lies still on the simulated pad."""
+class SimulatedPad(Source):
+    """A pad that gives 100 readings a second of what `feel` says; a subclass says who presses it.
 
-    def __init__(self, letter: str, pose: str, device: HasPad, seed: int = 0) -> None:
-        """Press `letter` at `pose`, written x,y,theta in mm and rad, on the device's pad.
+    feel(now): the pressures (taxels,) kPa at a time, s since the first reading.
+    """
 
-        Raises InputError for an unknown letter or a bad pose.
-        """
-        rng = np.random.default_rng(seed)
-        options = on_pad_of(device, ScanOptions())
-        table = press_table(letter, parse_pose(pose)[None], options, rng)
-        self._sense = sensing(lambda now: table[0], options, rng)
+    def __init__(self, device: HasPad, feel: Callable[[float], FloatArray]) -> None:
         self.pad, self.taxel_xy, self.counters = device.pad, device.pad.taxel_xy, Counters()
+        self._feel = feel
         self._closed = False
         self._begun: float | None = None  # when the first reading was given
 
@@ -49,11 +45,25 @@ class SimulatedSource(Source):
         self._begun = time.monotonic() if self._begun is None else self._begun
         time.sleep(max(0.0, self._begun + index / _RATE - time.monotonic()))
         self.counters.readings += 1
-        return Reading(self._sense(index / _RATE), time.monotonic(), index / _RATE, index)
+        return Reading(self._feel(index / _RATE), time.monotonic(), index / _RATE, index)
 
     def close(self) -> None:
         """Stop giving readings."""
         self._closed = True
+
+
+class SimulatedSource(SimulatedPad):
+    """Readings of a letter that lies still on the simulated pad."""
+
+    def __init__(self, letter: str, pose: str, device: HasPad, seed: int = 0) -> None:
+        """Press `letter` at `pose`, written x,y,theta in mm and rad, on the device's pad.
+
+        Raises InputError for an unknown letter or a bad pose.
+        """
+        rng = np.random.default_rng(seed)
+        options = on_pad_of(device, ScanOptions())
+        table = press_table(letter, parse_pose(pose)[None], options, rng)
+        super().__init__(device, sensing(lambda now: table[0], options, rng))
 
 
 def open_source(places: Sequence[str], device: HasPad, log: Log | None) -> Source:

@@ -1,5 +1,6 @@
 """The Cramer-Rao bound where it is known in closed form, by enumeration, or reached by an estimator."""
 
+import json
 from dataclasses import replace
 from itertools import product
 
@@ -49,6 +50,46 @@ def test_a_turn_counts_by_the_root_of_inertia_over_mass_and_a_disc_has_none():
     assert cramer_rao.bound_mm(turn_only, BAR) == pytest.approx(5 * 0.01 * np.sqrt(2 / np.pi), rel=1e-4)
     assert cramer_rao.bound_mm(np.diag([4.0, 4.0, 0.0]), DISC) == pytest.approx(0.5 * np.sqrt(np.pi / 2))
     assert cramer_rao.bound_mm(np.diag([4.0, 4.0, 0.0]), BAR) == cramer_rao.FARTHEST_MM
+
+
+@pytest.mark.parametrize("walk", [(0.5, 0.03), (0.5, 0.0), (0.0, 0.1), (0.0, 0.0)])
+def test_the_bound_of_a_walk_is_the_covariance_of_kalmans_filter(walk):
+    """A linear toy, whose object does not turn: prediction and update as Kalman (1960) has them."""
+    rng = np.random.default_rng(4)
+    slopes = rng.normal(size=(6, 5, 3))
+    covariance, step = np.linalg.inv(slopes[0].T @ slopes[0]), np.diag(np.square([walk[0], walk[0], walk[1]]))
+    expected = [covariance]
+    for of in slopes[1:]:
+        before = expected[-1] + step
+        gain = before @ of.T @ np.linalg.inv(of @ before @ of.T + np.eye(5))
+        expected.append((np.eye(3) - gain @ of) @ before)
+    found = cramer_rao.walked((slopes.swapaxes(1, 2) @ slopes)[None], np.zeros((1, 6)), *walk)[0]
+    np.testing.assert_allclose(np.linalg.inv(found), expected, rtol=1e-8, atol=1e-12)
+
+
+def test_the_bound_of_a_walk_that_turns_is_that_of_the_whole_path():
+    """The covariance of the last place, out of that of all places at once; steps are in the robot's frame.
+
+    Some touches say nothing, and the first says nothing of the angle: then the bound is the prior's.
+    """
+    rng = np.random.default_rng(5)
+    angle, slopes = rng.uniform(-3, 3, 5), rng.normal(size=(5, 4, 3))
+    slopes[0, :, 2], slopes[2] = 0, 0
+    in_robot = np.tile(np.eye(3), (5, 1, 1))
+    in_robot[:, 0, 0] = in_robot[:, 1, 1] = np.cos(angle)
+    in_robot[:, 1, 0], in_robot[:, 0, 1] = np.sin(angle), -np.sin(angle)
+    own = in_robot @ (slopes.swapaxes(1, 2) @ slopes) @ in_robot.swapaxes(1, 2)
+    path, precision = np.zeros((15, 15)), np.diag(1 / np.square([0.4, 0.4, 0.2]))
+    for k in range(5):
+        path[3 * k : 3 * k + 3, 3 * k : 3 * k + 3] += own[k]
+        if k:
+            join = np.kron([[1, -1], [-1, 1]], precision)
+            path[3 * k - 3 : 3 * k + 3, 3 * k - 3 : 3 * k + 3] += join
+    expected = in_robot[4].T @ np.linalg.inv(path)[-3:, -3:] @ in_robot[4]
+    turns = np.diff(angle, prepend=angle[0])
+    found = cramer_rao.walked((slopes.swapaxes(1, 2) @ slopes)[None], turns[None], 0.4, 0.2)[0]
+    np.testing.assert_allclose(np.linalg.inv(found[-1]), expected, rtol=1e-8)
+    assert cramer_rao.bound_mm(found[0], BAR) == cramer_rao.FARTHEST_MM
 
 
 def toy(rng, taxels=6, unknowns=2):
@@ -181,3 +222,20 @@ def test_readings_that_do_not_say_how_they_were_pressed_have_no_bound():
     scan = tactsim.scan(letters="I", noise="off")
     with pytest.raises(InputError, match="do not say how they were pressed"):
         scan_information(replace(scan, meta={}))
+
+
+def test_a_run_on_a_walk_has_its_bound_beside_it_and_other_motions_have_none(here):
+    order = ("--letters", "EO", "--trials", "2", "--readings", "12", "--json")
+    words = {"letters": "EO", "trials": 2, "readings": 12, "estimator": "nearest"}
+    found = json.loads(here("bound", *order, "--slip", "walk_mm=0.5", "--slip", "walk_rad=0.03").stdout)
+    assert "lie still" in found["no_bayes"]
+    assert found["bound_mm"][-1] > 1.5 * tactsim.run(**words).bound_mm[-1]
+    assert found["determined_below_mm"] > 0.5
+    refused = here("bound", *order, "--slip", "jump_mm=5")
+    assert refused.returncode == 2
+    assert "walk" in refused.stderr
+    walk = tactsim.run(**words, world="slip")
+    assert walk.bound_mm[-1] == pytest.approx(found["bound_mm"][-1])
+    drift = tactsim.run(**words, slip={"drift_mm": 0.1})
+    assert drift.bounds is None
+    assert "drift" in drift.about["no_bound"]

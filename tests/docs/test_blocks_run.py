@@ -113,6 +113,9 @@ def smaller(arguments):
         return [*arguments, "--poses", "random:3"]
     if verb == "emulate":
         return [*arguments, "--rate", "200"]
+    if verb in ("watch", "live"):
+        few = ["--seconds", "0.5"] if verb == "watch" else ["--readings", "1"]
+        return [*arguments, *few, "--web-port", "0"]
     if verb == "stress":
         return [verb, *without(rest, "--tag"), "--case", "frames.wrap"]
     return arguments

@@ -136,6 +136,27 @@ def test_the_remains_of_an_answer_are_not_joined_with_the_next_answer():
     assert read(form, first[:9] + second) == [(2.0,) * 6]
 
 
+def test_the_remains_of_two_frames_whose_checksum_is_right_by_chance_are_no_frame():
+    """One in 256 is: here a frame breaks off behind four bytes, and the next one's bytes go on to the right sum."""
+    form = described([HEADER, TAXELS, {"is": "checksum", "kind": "lrc8"}]).codec.build()
+    torn = form.encode(Frame(np.arange(6.0)))[:4]
+    for last in range(256):
+        second = form.encode(Frame(np.array([1, 2, 3, last * 256, 5, 6], dtype=float)))
+        mixed = torn + second
+        by_chance = -sum(mixed[: form.size - 1]) & 255 == mixed[form.size - 1]
+        assert read(form, mixed) == [(1, 2, 3, last * 256, 5, 6)]
+        if by_chance:
+            break
+    assert by_chance
+
+
+def test_a_crc_that_is_right_by_chance_is_no_frame_but_with_the_frame_before_it_is():
+    form = described([TAXELS, {"is": "checksum", "kind": "crc16-modbus"}]).codec.build()
+    first, second = (form.encode(Frame(np.full(6, value))) for value in (1.0, 2.0))
+    assert read(form, bytes(20) + first + bytes(20)) == []
+    assert read(form, bytes(20) + first + second + bytes(20)) == [(2.0,) * 6]
+
+
 PACKETS = [
     HEADER,
     {"is": "index", "size": 2},
@@ -186,6 +207,18 @@ def test_a_lost_packet_costs_its_frame_and_no_other():
     stream.received(0, b"".join(packets[:2]), 0.2)
     stream.lost(0, 0.2)
     assert stream.received(0, packets[2], 0.2) == []
+
+
+def test_packets_with_the_same_counter_are_of_two_frames_if_time_lies_between_them():
+    """A counter of one byte is the same again after 256 frames."""
+    layout = [HEADER, {"is": "index"}, {"is": "packet", "of": 2}, {"is": "taxels", "count": 3}, SUM]
+    device = described(layout)
+    form, stream = device.codec.build(), Stream(device)
+    early, late = (form.encode(Frame(np.full(6, value), index=7)) for value in (1.0, 2.0))
+    assert stream.received(0, early[: form.size], 0.0) == []
+    assert stream.received(0, late[form.size :], 0.26) == []
+    assert stream.counters.torn == 1
+    assert [reading.pressures[0] for reading in stream.received(0, late, 0.3)] == [2.0]
 
 
 def test_packets_of_several_devices_on_a_line_may_alternate():

@@ -1,8 +1,10 @@
 """The command line as a user calls it: the installed command `bench`, in a folder of its own."""
 
 import os
+import signal
 import subprocess
 import sys
+from contextlib import contextmanager
 from pathlib import Path
 
 BENCH = Path(sys.executable).parent / "bench"
@@ -29,6 +31,17 @@ class Bench:
         process = self.start(*words, **options)
         output, errors = process.communicate(timeout=240)
         return subprocess.CompletedProcess(words, process.returncode, output, errors)
+
+
+@contextmanager
+def emulated(bench, *words):
+    """Run `bench emulate` as long as a `with` goes on; gives the name of the port that it prints."""
+    process = bench.start("emulate", *words)
+    try:
+        yield process.stdout.readline().strip()
+    finally:
+        process.send_signal(signal.SIGINT)
+        assert process.wait(10) == 130
 
 
 def refused(result, *parts):

@@ -4,6 +4,7 @@ import fcntl
 import os
 import pty
 import select
+import signal
 import struct
 import termios
 import time
@@ -45,6 +46,13 @@ class Terminal:
         self.status = os.waitstatus_to_exitcode(os.waitpid(self._pid, 0)[1])
         os.close(self._end)
         return self.said
+
+    def kill(self):
+        """End the command if it still runs."""
+        if self.status is None:
+            os.kill(self._pid, signal.SIGKILL)
+            os.waitpid(self._pid, 0)
+            os.close(self._end)
 
     def _listen(self):
         if not select.select([self._end], [], [], 0.1)[0]:

@@ -3,25 +3,14 @@
 import http.client
 import signal
 import socket
-from contextlib import contextmanager
 
 import numpy as np
 import pytest
-from command_line import BENCH, refused
+from command_line import BENCH, emulated, refused
 from pty_session import Terminal
 
 from tactsim.core.reading import Reading
 from tactsim.hardware.recording import Recorder
-
-
-@contextmanager
-def emulated(bench, *words):
-    process = bench.start("emulate", *words)
-    try:
-        yield process.stdout.readline().strip()
-    finally:
-        process.send_signal(signal.SIGINT)
-        assert process.wait(10) == 130
 
 
 @pytest.fixture
@@ -35,10 +24,10 @@ def recording(tmp_path, device):
     return path
 
 
-def test_on_a_terminal_the_pad_is_drawn_lost_and_back(bench, tmp_path):
+def test_on_a_terminal_the_pad_is_drawn_lost_and_back(bench, tmp_path, typing):
     words = ["--port", "pty:pad", "--letter", "A", "--hold", "1000", "--lift", "0.1"]
     with emulated(bench, *words) as name:
-        terminal = Terminal([BENCH, "watch", "--port", name], tmp_path, bench.environment)
+        terminal = typing(Terminal([BENCH, "watch", "--port", name], tmp_path, bench.environment))
         terminal.wait_for(" live ")
         terminal.wait_for("kPa")
         terminal.type("f")
@@ -56,8 +45,8 @@ def test_on_a_terminal_the_pad_is_drawn_lost_and_back(bench, tmp_path):
     assert last.count("\x1b[?1049l") == 1  # the terminal's own screen is back
 
 
-def test_ctrl_c_ends_it_cleanly(bench, tmp_path):
-    terminal = Terminal([BENCH, "watch", "--port", "simulated:A"], tmp_path, bench.environment)
+def test_ctrl_c_ends_it_cleanly(bench, tmp_path, typing):
+    terminal = typing(Terminal([BENCH, "watch", "--port", "simulated:A"], tmp_path, bench.environment))
     terminal.wait_for(" live ")
     terminal.type("\x03")
     last = terminal.end()

@@ -134,7 +134,7 @@ def test_a_moving_object_is_not_taken_for_an_unknown_one(small):
         estimator = create("refined", bins=1000, unknown=0.3, motion=motion)
         estimator.fit(small)
         unknown = []
-        for letter, seed in product("ELT", (0, 1)):
+        for letter, seed in product("ELT", range(4)):
             readings, poses, _ = sequence(small, letter, 10, slip, seed)
             estimator.reset(np.random.default_rng(0))
             for reading, pose in zip(readings, poses, strict=True):

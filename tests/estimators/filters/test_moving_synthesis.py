@@ -16,7 +16,9 @@ from tactsim.estimators import create
 class Misplaced(SyntheticForward):
     """Presses that are misplaced by 0.1 mm along their first axis."""
 
-    def linearised(self, letter, sensor_in_object):
+    def linearised(self, letter, sensor_in_object, off=None):
+        if off is not None:
+            sensor_in_object = compose(sensor_in_object, off * [0.1, 0.0, 0.0])
         found = super().linearised(letter, sensor_in_object)
         return Linearised(found.mean, found.by_pose, 0.1 * found.by_pose[:, :1])
 
