@@ -1,9 +1,11 @@
 """Read two devices at once for a long time, while all goes wrong that can: is any reading made up, does memory grow?"""
 
+import gc
 import json
 import multiprocessing
 import resource
 import socket
+import sys
 import threading
 import time
 from dataclasses import dataclass, field
@@ -16,7 +18,26 @@ from tactsim.core.source import NoReading
 from tactsim.hardware.device import load_device
 from tactsim.hardware.live import LiveSource
 
+_START = 120.0  # s within which a device must have said something
 _WARM = 1 / 3  # share of the time after which memory is looked at for the first time
+
+
+class Losses:
+    """A source's log that knows how often the link had been lost when the bytes of a reading came."""
+
+    def __init__(self):
+        self.count, self.when = 0, {}
+
+    def received(self, link, data, time):
+        self.when[time] = self.count
+        if len(self.when) > 1000:
+            del self.when[next(iter(self.when))]
+
+    def sent(self, link, data, time):
+        pass
+
+    def lost(self, link, time):
+        self.count += 1
 
 
 @dataclass
@@ -27,7 +48,7 @@ class Found:
     silences: int = 0
     last: int = -1
     device_time: float = -1.0
-    reconnects: int = 0
+    losses: int = 0
     invented: list = field(default_factory=list)
     counters: dict = field(default_factory=dict)
     faults: dict = field(default_factory=dict)
@@ -36,18 +57,23 @@ class Found:
 
 @dataclass
 class Result:
-    """How a soak ended. memory_kb: the most that was ever in use, after the first third and at the end."""
+    """How a soak ended.
+
+    memory_kb: the most that was ever in use, blocks: how many Python had in use, after the first third and at the end.
+    """
 
     seconds: float
     devices: dict
     memory_kb: tuple
+    blocks: tuple
     cpu_share: float
 
     def __str__(self):
+        growth = 60 * (self.memory_kb[1] - self.memory_kb[0]) / ((1 - _WARM) * self.seconds / 60)
         lines = [
             f"{self.seconds:.0f} s, {100 * self.cpu_share:.1f} % of a core; memory {self.memory_kb[0]:,} kB after a "
-            f"third, {self.memory_kb[1]:,} kB at the end "
-            f"({60 * (self.memory_kb[1] - self.memory_kb[0]) / ((1 - _WARM) * self.seconds / 60):+,.0f} kB an hour)"
+            f"third, {self.memory_kb[1]:,} kB at the end ({growth:+,.0f} kB an hour); blocks {self.blocks[0]:,} and "
+            f"{self.blocks[1]:,}"
         ]
         for name, found in self.devices.items():
             counters = ", ".join(f"{word} {count:,}" for word, count in found.counters.items() if count)
@@ -60,22 +86,22 @@ class Result:
 
 
 def soak(seconds, folder, often=1.0, seed=0):
-    """Read both devices for so many seconds; `often`: how many times as often as usual they are unplugged."""
+    """Read both devices for so many seconds; `often`: how many times as often as usual all goes wrong."""
     context = multiprocessing.get_context("spawn")
     link, port = str(folder / "pad"), _free_port()
     array, url = singletact(soak_devices.SINGLETACT_TAXELS), f"socket://127.0.0.1:{port}"
     placed = {
         "arrays": (load_device("emulated"), link, link, 500, _moment_of_arrays),
-        "bridge": (array, url, port, 60, _moment_of_bridge),
+        "bridge": (array, url, port, 20, _moment_of_bridge),
     }
     processes, threads, found = [], [], {}
-    end = time.monotonic() + seconds + 5  # what it takes to start
+    stop = context.Event()
     for name, (device, url, place, rate, moment) in placed.items():
         found[name] = Found()
-        arguments = (name, place, rate, seconds + 15, seed, often, str(folder / f"{name}.json"))
+        arguments = (name, place, rate, stop, seed, often, str(folder / f"{name}.json"))
         processes.append(context.Process(target=soak_devices.run, args=arguments, daemon=True))
         processes[-1].start()
-        threads.append(threading.Thread(target=_read, args=(device, url, end, moment, found[name])))
+        threads.append(threading.Thread(target=_read, args=(device, url, seconds, moment, found[name])))
     for thread in threads:
         thread.start()
     begun, used = time.monotonic(), time.process_time()
@@ -84,37 +110,40 @@ def soak(seconds, folder, often=1.0, seed=0):
     for thread in threads:
         thread.join()
     elapsed = time.monotonic() - begun
-    share = (time.process_time() - used) / elapsed
+    share, end = (time.process_time() - used) / elapsed, _memory()
+    stop.set()
     for name, process in zip(found, processes, strict=True):
         process.join(60)
         found[name].faults = json.loads((folder / f"{name}.json").read_text())
-    return Result(elapsed, found, (warm, _memory()), share)
+    return Result(elapsed, found, (warm[0], end[0]), (warm[1], end[1]), share)
 
 
-def _read(device, url, end, moment_of, found):
-    """Read a device until `end`, and look whether each reading is of one moment."""
+def _read(device, url, seconds, moment_of, found):
+    """Read a device for so many seconds from its first reading on, and look whether each reading is of one moment."""
+    losses, until = Losses(), time.monotonic() + _START
     try:
-        while time.monotonic() < end:
+        while time.monotonic() < until:
             try:
-                source = LiveSource([url], device)
+                source = LiveSource([url], device, losses)
                 break
             except Exception:  # the device is not there yet, or unplugged just now
                 time.sleep(0.1)
         with source:
-            while time.monotonic() < end:
+            while time.monotonic() < until:
                 try:
                     reading = source.read(0.5)
                 except NoReading:
                     found.silences += 1
                     continue
+                until = until if found.readings else time.monotonic() + seconds
                 found.readings += 1
-                _check(reading, moment_of(reading), source.counters.reconnects, found)
+                _check(reading, moment_of(reading), losses.when[reading.host_time], found)
             found.counters = source.counters.as_dict()
     except Exception as error:
         found.error = f"{type(error).__name__}: {error}"
 
 
-def _check(reading, moment, reconnects, found):
+def _check(reading, moment, losses, found):
     wrong = ""
     if moment is None:
         wrong = "its values are of no one moment"
@@ -122,12 +151,12 @@ def _check(reading, moment, reconnects, found):
         wrong = f"moment {moment} after {found.last}"
     elif reading.device_time < found.device_time:
         wrong = f"its time {reading.device_time} is before {found.device_time}"
-    elif reconnects > found.reconnects and not reading.after_loss:
+    elif losses > found.losses and not reading.after_loss:
         wrong = "the link was lost before it, and it does not say so"
     if wrong and len(found.invented) < 20:
         found.invented.append(f"reading {found.readings}: {wrong}")
     found.last = found.last if moment is None else moment
-    found.device_time, found.reconnects = reading.device_time, reconnects
+    found.device_time, found.losses = reading.device_time, losses
 
 
 def _moment_of_arrays(reading):
@@ -143,7 +172,8 @@ def _moment_of_bridge(reading):
 
 
 def _memory():
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    gc.collect()
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss, sys.getallocatedblocks()
 
 
 def _free_port():

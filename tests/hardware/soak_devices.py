@@ -61,7 +61,7 @@ _TABLE = [_shifted(byte) for byte in range(256)]
 
 
 class Faults:
-    """Draws what goes wrong, and counts it. often: how many times as often as in the long test."""
+    """Draws what goes wrong, and counts it. often: how many times as often as in the long test everything does."""
 
     def __init__(self, seed, often):
         self.random, self.often = random.Random(seed), often
@@ -69,7 +69,7 @@ class Faults:
         self.unplug_at = 0.0
 
     def strikes(self, name, probability):
-        hit = self.random.random() < probability
+        hit = self.random.random() < self.often * probability
         self.counts[name] = self.counts.get(name, 0) + hit
         return hit
 
@@ -120,7 +120,7 @@ class Arrays:
         return said
 
     def _moment(self, moment):
-        if self.faults.strikes("restart", 0.0001 * self.faults.often):
+        if self.faults.strikes("restart", 0.0001):
             self.index_from, self.clock_from = (
                 self.faults.random.randrange(65536),
                 -round(1e3 * moment / self.rate),
@@ -197,9 +197,9 @@ class Bridge:
         self.answers.append((due, self.faults.spoil(reply + b"\xfe\xfe\xfe\xfe", flips=False)))
 
 
-def serve_pty(device, link, until):
+def serve_pty(device, link, stop):
     """Speak on a pty behind the link; each time it is unplugged another takes over after a moment."""
-    while time.monotonic() < until:
+    while not stop.is_set():
         master, slave = os.openpty()
         tty.setraw(slave)
         part = Path(f"{link}.part")
@@ -208,7 +208,7 @@ def serve_pty(device, link, until):
         os.close(slave)
         os.set_blocking(master, False)
         device.faults.plugged(time.monotonic())
-        while time.monotonic() < until and not device.faults.unplugs(time.monotonic()):
+        while not stop.is_set() and not device.faults.unplugs(time.monotonic()):
             poll = select.poll()
             poll.register(master, select.POLLHUP)
             if any(event & select.POLLHUP for _, event in poll.poll(0)):  # nobody has opened it
@@ -221,9 +221,9 @@ def serve_pty(device, link, until):
         time.sleep(0.3)
 
 
-def serve_tcp(device, port, until):
+def serve_tcp(device, port, stop):
     """Speak on a TCP port; when it is unplugged the connection ends, and for a moment nobody answers."""
-    while time.monotonic() < until:
+    while not stop.is_set():
         with socket.create_server(("127.0.0.1", port)) as server:
             if not select.select([server], [], [], 0.1)[0]:
                 continue
@@ -233,7 +233,7 @@ def serve_tcp(device, port, until):
             connection.setblocking(False)
             device.answers.clear()
             device.faults.plugged(time.monotonic())
-            while time.monotonic() < until and not device.faults.unplugs(time.monotonic()):
+            while not stop.is_set() and not device.faults.unplugs(time.monotonic()):
                 if not _turn(device, connection.fileno(), connection.send):
                     break
         time.sleep(0.3)
@@ -257,12 +257,11 @@ def _turn(device, fileno, write):
     return True
 
 
-def run(kind, place, rate, seconds, seed, often, report):
-    """Be the device `kind` at `place` for so long, in a process of its own; write what went wrong to `report`."""
+def run(kind, place, rate, stop, seed, often, report):
+    """Be the device `kind` at `place` until `stop`, in a process of its own; write what went wrong to `report`."""
     faults = Faults(seed, often)
-    until = time.monotonic() + seconds
     if kind == "arrays":
-        serve_pty(Arrays(faults, rate), place, until)
+        serve_pty(Arrays(faults, rate), place, stop)
     else:
-        serve_tcp(Bridge(faults, rate), place, until)
+        serve_tcp(Bridge(faults, rate), place, stop)
     Path(report).write_text(json.dumps(faults.counts))
