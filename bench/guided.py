@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -83,26 +84,34 @@ def record(station: Station, plan: Plan, journal: Path, *, resume: bool, title: 
 
 
 def _open(station: Station, session: Session, recorder: Recorder, new: bool) -> Source:
-    if station.ports == [PLACE]:
+    if station.ports != [PLACE]:
+        return open_recorded(station.ports, station.device, station.calibration, recorder, new)
+    with _retried(recorder, new):
+        letter(session.plan.label)  # an unknown one is refused before it is pressed
         hand = Recorded(SimulatedHand(session, station.device, seed=0), recorder)
         return hand if station.calibration is None else Corrected(hand, station.calibration, PLACE)
-    return open_recorded(station.ports, station.device, station.calibration, recorder, new)
 
 
 def open_recorded(
     ports: list[str], device: Device, calibration: Calibration | None, recorder: Recorder, new: bool
 ) -> Source:
     """Open what is recorded. A recording that is new is removed if that fails, so that it can be tried again."""
-    try:
+    with _retried(recorder, new):
         source = open_source(ports, device, calibration, recorder)
         if source.pad != device.pad:
             source.close()
             raise InputError(f"{ports[0]} has another pad than --device says")
+        return source
+
+
+@contextmanager
+def _retried(recorder: Recorder, new: bool) -> Iterator[None]:
+    try:
+        yield
     except InputError:
         if new:
             recorder.discard()
         raise
-    return source
 
 
 def shape(label: str) -> Covers | None:

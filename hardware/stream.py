@@ -46,6 +46,7 @@ class Stream:
         self._pairing = self._choose_pairing(device)
         self.by_arrival = isinstance(self._pairing, ByTime) and not self._one_clock
         self._after_loss = False
+        self._deadline, self._last_now = device.deadline, np.inf  # s: of the last reading; there was none
         self.heard = dict.fromkeys(self._wires, 0)  # frames of each part (port, address)
 
     def greeting(self, link: int) -> bytes:
@@ -132,7 +133,9 @@ class Stream:
         for part, (read, taxels) in self._wires.items():
             pressures[taxels] = self._codec.to_kpa(moment[part].values)[read]
         first = moment[self._first]
-        after_loss, self._after_loss = self._after_loss, False
+        # A pad that was silent may have been lost behind a port that stayed open.
+        after_loss = self._after_loss or now - self._last_now > self._deadline
+        self._after_loss, self._last_now = False, now
         self.counters.readings += 1
         return Reading(pressures, now, first.seconds, first.index, after_loss)
 

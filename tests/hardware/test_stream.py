@@ -138,3 +138,14 @@ def test_two_ports_make_one_pad():
 
 def test_a_device_survives_being_written_down(paper_pad):
     assert Device.model_validate(paper_pad.as_json()) == paper_pad
+
+
+def test_a_reading_after_a_silence_says_so_though_the_port_stayed_open():
+    device = small_device()
+    form, stream = device.codec.build(), Stream(device)
+    late = device.deadline
+    said = [
+        stream.received(0, form.encode(Frame(np.zeros(6), index=index)), now)[0].after_loss
+        for index, now in enumerate([9.0, 9.0 + late, 9.5 + 2 * late, 9.6 + 2 * late])
+    ]
+    assert said == [False, False, True, False]
