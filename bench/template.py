@@ -264,6 +264,6 @@ def _text(
     box: bool = False,
 ) -> None:
     axes.text(
-        at[0], at[1], words, fontsize=size, ha=align, va="center" if above else "top",
+        at[0], at[1], words, fontsize=size, ha=align, va="center" if above else "top", parse_math=False,
         bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.5} if box else None,
     )  # fmt: skip
