@@ -42,6 +42,7 @@ _CELL = 0.6  # standard deviation of a cell's prior over its size; a sum of such
 # Times the noise: what a bank's linear predictions are off by, within a cell and for presses that err. With less, the
 # true place may be given up before it is pressed.
 _ROUGH = 3.0
+_ROUGH_LEAST = 0.2  # of a typical pressure, however little noise there is
 _FEW = 200  # modes; more are not compared with each other
 _RESTARTS = 4
 # A reading is expanded again where its mode has moved by this share of its standard deviation, within limits in mm.
@@ -177,7 +178,15 @@ class Synthesis(Estimator):
         modes = Modes.begun(letter, state, np.diag((_CELL * self.banks[0].spacing) ** 2), copies[best])
         readings, which = np.array(self._readings), np.full(len(letter), first)
         poses = np.array(self._poses)[which]
-        expanded = expand(letter, state, poses, readings, which, from_bank, _ROUGH * self.noise)
+        expanded = expand(
+            letter,
+            state,
+            poses,
+            readings,
+            which,
+            from_bank,
+            max(_ROUGH * self.noise, _ROUGH_LEAST * self._typical),
+        )
         self._compared += len(letter)
         modes = modes.with_reading(first, state, *expanded)
         modes = self._refreshed(modes.posterior(self._floor).heaviest(self.options.modes, math.inf))

@@ -29,6 +29,9 @@ from tactsim.press.touches import Touches
 _NODES_PER_SIGMA = (
     50  # of the tables of what a taxel feels; linear between them, which costs 5e-5 of a pressure
 )
+_LEAST_NOISE = (
+    0.01  # of the load spread evenly over the pad: of a pad without noise nobody could begin to search
+)
 _MOTIONS = 3  # of the derivatives, the first three are the sensor's own motions
 
 
@@ -67,8 +70,10 @@ class PressModel:
         self._felt_x = _felt(x_nodes, pad.column_edges, sensor.psf_sigma)
         self._felt_y = np.ascontiguousarray(_felt(y_nodes, pad.row_edges, sensor.psf_sigma)[:, :1])
         self._table = np.array([x_nodes[0], y_nodes[0], gap])
-        # A step of the reading adds the variance of what is rounded off.
-        self.noise = math.hypot(sensor.noise, sensor.resolution / math.sqrt(12))
+        # A step of the reading adds the variance of what is rounded off. No prediction is better than to first order.
+        noise = math.hypot(sensor.noise, sensor.resolution / math.sqrt(12))
+        width, height = self._bounds[1] - self._bounds[0], self._bounds[3] - self._bounds[2]
+        self.noise = max(noise, _LEAST_NOISE * 1e3 * press.force / (width * height))
         self.placement = np.array([options.placement_mm, options.placement_mm, options.placement_rad])
         load_spread = math.sqrt(math.log1p(options.load_spread**2))
         self._spread = np.array([options.placement_tilt, options.placement_tilt, load_spread])

@@ -38,3 +38,9 @@ def test_a_scan_that_does_not_say_how_it_was_pressed_is_refused_in_one_line(scan
     bare = Scan(scan.readings, scan.poses, scan.labels, scan.split, scan.taxel_xy)
     with pytest.raises(InputError, match="does not say how its letters were pressed"):
         tactsim.run(bare, estimator="synthesis", trials=1, readings=2)
+
+
+def test_a_world_without_noise_is_recognised_too():
+    run = tactsim.run(letters="AEIOU", world="ideal", estimator="synthesis", trials=2, readings=6)
+    assert run.accuracy[-1] == 1
+    assert run.error_mm[-1] < 0.1

@@ -189,3 +189,11 @@ def test_a_press_that_is_off_is_predicted_as_it_is_pressed(world):
             by = (ends[0].mean - ends[1].mean) / 2e-2
             apart = np.abs(by - found.nuisance[:, k]).max(axis=1) / np.abs(by).max()
             assert np.median(apart) < 0.01, k
+
+
+def test_noise_is_that_of_a_taxel_and_its_steps_and_never_none():
+    letter = models.letter("I")
+    assert PressModel([letter], options()).noise == np.hypot(2.0, 0.7 / np.sqrt(12))
+    least = [PressModel([letter], options("ideal", force=force)).noise for force in (1.0, 2.0)]
+    assert 0 < least[0] < 0.2
+    assert least[1] == pytest.approx(2 * least[0])
