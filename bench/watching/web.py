@@ -7,9 +7,6 @@ and only a page of this server may send commands: another site's page cannot set
 
 from __future__ import annotations
 
-import base64
-import hashlib
-import html
 import json
 import socket
 import time
@@ -17,7 +14,6 @@ from collections.abc import Callable, Mapping
 from contextlib import suppress
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
-from importlib.resources import files
 from threading import Thread
 from types import TracebackType
 from typing import Any, Self
@@ -25,7 +21,8 @@ from typing import Any, Self
 import numpy as np
 
 from tactsim.bench.watching.pad_view import BIN_S, HISTORY_S, PadReader, PadView
-from tactsim.core.errors import InputError
+from tactsim.bench.whole_page import whole_page
+from tactsim.core.errors import InputError, printable
 
 HOST = "127.0.0.1"
 # The page looks like a report, and is made by the same small functions.
@@ -60,7 +57,8 @@ class WebPage:
         more: adds to every event. Raises InputError if the port is taken.
         """
         handler = type("Handler", (_Handler,), {
-            "reader": reader, "page": _page(reader, from_behind, about or {}), "more": staticmethod(more or _nothing),
+            "reader": reader, "page": _page(reader, from_behind, about or {}),
+            "more": staticmethod(more or _nothing),
             "commands": {"tare": reader.tare, **(commands or {})},
         })  # fmt: skip
         try:
@@ -208,12 +206,10 @@ def _nothing(sent: dict[str, int]) -> dict[str, Any]:
 
 
 def _page(reader: PadReader, from_behind: bool, about: Mapping[str, Any]) -> bytes:
-    """Make the page: script and style in line, what it is told once as JSON in which no tag can begin."""
-    bench = files("tactsim.bench")
     pad = reader.pad
     told = {
         "device": reader.device.name,
-        "port": reader.name,
+        "port": printable(reader.name),
         "rows": pad.rows,
         "columns": pad.columns,
         "columnEdges": np.round(pad.column_edges, 4).tolist(),
@@ -224,25 +220,11 @@ def _page(reader: PadReader, from_behind: bool, about: Mapping[str, Any]) -> byt
         "touchKpa": reader.device.touch_kpa,
         **about,
     }
-    script, style = (
-        "\n".join((bench / name).read_text(encoding="utf-8") for name in names)
-        for names in (_SCRIPTS, _STYLES)
-    )
-    script = f'"use strict";\n(() => {{\n{script}}})();\n'
-    parts = {
-        "title": html.escape(f"{reader.device.name}: {reader.name}"),
-        "policy": "default-src 'none'; connect-src 'self'; img-src data:; "
-        f"style-src {_hash(style)}; script-src {_hash(script)}",
-        "style": style,
-        "data": json.dumps(told, allow_nan=False).replace("<", "\\u003c").replace("&", "\\u0026"),
-        "script": script,
-    }
-    text = (bench / "watching" / "assets" / "watch.html").read_text(encoding="utf-8")
-    for name, part in parts.items():
-        before, after = text.split(f"<!--{name}-->")
-        text = before + part + after
-    return text.encode()
-
-
-def _hash(text: str) -> str:
-    return f"'sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()}'"
+    return whole_page(
+        "watching/assets/watch.html",
+        _SCRIPTS,
+        _STYLES,
+        title=f"{reader.device.name}: {reader.name}",
+        data=told,
+        policy="connect-src 'self'; ",
+    ).encode()
