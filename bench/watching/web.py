@@ -8,6 +8,7 @@ and only a page of this server may send commands: another site's page cannot set
 from __future__ import annotations
 
 import json
+import secrets
 import socket
 import time
 from collections.abc import Callable, Mapping
@@ -56,9 +57,10 @@ class WebPage:
         about: what the page is told once besides the pad. commands: by name, what its buttons do besides "tare".
         more: adds to every event. Raises InputError if the port is taken.
         """
+        token = secrets.token_hex(8)
         handler = type("Handler", (_Handler,), {
-            "reader": reader, "page": _page(reader, from_behind, about or {}),
-            "more": staticmethod(more or _nothing),
+            "reader": reader, "page": _page(reader, from_behind, {**(about or {}), "page": token}),
+            "more": staticmethod(more or _nothing), "token": token,
             "commands": {"tare": reader.tare, **(commands or {})},
         })  # fmt: skip
         try:
@@ -125,6 +127,7 @@ class _Server(ThreadingHTTPServer):
 class _Handler(BaseHTTPRequestHandler):
     reader: PadReader
     page: bytes
+    token: str  # tells a page of this server from one of a server that was here before
     commands: Mapping[str, Callable[[], None]]
     more: More
 
@@ -192,7 +195,7 @@ class _Handler(BaseHTTPRequestHandler):
         while True:
             view = self.reader.wait(number, _STILL_S)
             number = view.number
-            event = event_of(self.reader, view, sent) | self.more(sent)
+            event = {"page": self.token} | event_of(self.reader, view, sent) | self.more(sent)
             content = f"data: {json.dumps(event, allow_nan=False, separators=(',', ':'))}\n\n".encode()
             self.wfile.write(content)
             if self.reader.closed:
