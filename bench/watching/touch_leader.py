@@ -13,6 +13,7 @@ from typing import Any, Literal, Protocol, Self
 
 import numpy as np
 
+from tactsim.bench.touch_level import touch_above
 from tactsim.bench.watching.recogniser import NOTHING, Belief, Recogniser, Touch
 from tactsim.core.checking import checked
 from tactsim.core.errors import InputError
@@ -24,14 +25,8 @@ from tactsim.hardware.recording import Kind
 from tactsim.hardware.session import Phase, Plan, Press, Session, note, parse_press
 
 Explore = Literal["information", "random"]
-_TOUCH = 5.0  # standard deviations of the noisiest taxel above which a taxel is touched
 _CHOOSING = "choosing the next touch"
 _KEPT = 10_000  # readings of a recording that are kept for a mark, beside those of two presses
-
-
-def touch_above(calibration: Calibration) -> float:
-    """Give the pressure above which a taxel is touched and not noisy, kPa."""
-    return _TOUCH * max(calibration.noise)
 
 
 @dataclass(frozen=True, eq=False)
@@ -171,7 +166,7 @@ class TouchLeader(Leading):
     def tared(self, calibration: Calibration) -> None:
         """Let noise, as the tare has found it, not count as a touch."""
         with self._changed:
-            touch = max(self._plan.touch_kpa, touch_above(calibration))
+            touch = max(self._plan.touch_kpa, touch_above(max(calibration.noise)))
             self._plan = self._session.plan = self._plan.model_copy(update={"touch_kpa": touch})
 
     def commands(self) -> dict[str, Callable[[], None]]:
@@ -221,7 +216,8 @@ class TouchLeader(Leading):
 
     def _begin(self) -> None:
         with self._changed:
-            self._choosing, self._session = True, Session(self._plan, self._pad)  # others may have asked
+            self._choosing = True  # a job before may have asked
+            self._session = Session(self._plan, self._pad)
             self._set(phase=_CHOOSING, message="", asked=None)
             self._numbers.clear()
             self._publish(self.recogniser.begin_anew())
