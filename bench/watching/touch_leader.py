@@ -35,7 +35,7 @@ class LiveView:
 
     number: grows with every belief. phase: what is waited for, in words. message: what is wrong with the touch, or "".
     progress: share of the touch's readings that have come. asked: (3,) sensor_in_robot of the touch that is asked for,
-    or None.
+    or None. tried: nothing is left to ask for.
     """
 
     number: int = 0
@@ -43,6 +43,7 @@ class LiveView:
     message: str = ""
     progress: float = 0.0
     asked: FloatArray | None = None
+    tried: bool = False
     belief: Belief = NOTHING
 
 
@@ -218,7 +219,7 @@ class TouchLeader(Leading):
         with self._changed:
             self._choosing = True  # a job before may have asked
             self._session = Session(self._plan, self._pad)
-            self._set(phase=_CHOOSING, message="", asked=None)
+            self._set(phase=_CHOOSING, message="", asked=None, tried=False)
             self._numbers.clear()
             self._publish(self.recogniser.begin_anew())
         self._choose()
@@ -246,7 +247,7 @@ class TouchLeader(Leading):
                 self._ask(left[chosen])
                 return
         with self._changed:
-            self._set(phase="every pose was tried; begin anew", asked=None)
+            self._set(phase="every pose was tried; begin anew", asked=None, tried=True)
 
     def _can_press(self, number: int) -> bool:
         """Let the hand get ready to press there, if there is one; a pose where no press rests is left out."""
@@ -259,7 +260,10 @@ class TouchLeader(Leading):
         with self._changed:
             self._session.current, self._choosing = number, False
             self._set(
-                phase=self._session.phase.value, message=self._session.message, asked=self._poses[number]
+                phase=self._session.phase.value,
+                message=self._session.message,
+                asked=self._poses[number],
+                tried=False,
             )
 
 
