@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from tactsim.bench.touch_level import HAND_PATIENCE, touch_above
 from tactsim.core.poses import FloatArray
 from tactsim.core.seeds import stream
 from tactsim.hardware.device import Device
@@ -13,8 +14,6 @@ from tactsim.press import ScanOptions
 from tactsim.press.simulated_source import SimulatedPad, on_pad_of, press_table, sensing
 
 PLACE = "simulated:hand"  # what is given instead of a port
-_PATIENCE = 1.0  # s after which it takes a press as it is: a hole of the letter may lie over the pad
-_TOUCH = 5.0  # sd of the noise above which a taxel is touched
 
 
 class SimulatedHand(SimulatedPad):
@@ -43,4 +42,4 @@ class SimulatedHand(SimulatedPad):
 
 def settings() -> dict[str, float]:
     """Give what a session's plan says differently for this hand."""
-    return {"patience": _PATIENCE, "touch_kpa": _TOUCH * ScanOptions().sensor.noise}
+    return {"patience": HAND_PATIENCE, "touch_kpa": touch_above(ScanOptions().sensor.noise)}

@@ -16,7 +16,6 @@ if TYPE_CHECKING:
     from tactsim.hardware.device import Device
 
 PANEL = "On a real pad"
-_TOUCH = 5.0  # standard deviations of the noisiest taxel above which a taxel is touched
 
 Frames = Annotated[int, typer.Option(min=1, help="Readings whose mean is a press.", rich_help_panel=PANEL)]
 Force = Annotated[
@@ -58,11 +57,12 @@ def plan_settings(
 ) -> dict[str, Any]:
     """Give the fields of a session's plan that options and pad decide; a simulated hand has its own."""
     from tactsim.bench import simulated_hand
+    from tactsim.bench.touch_level import touch_above
 
     least, most = _force(force)
     noise = 0.0 if calibration is None else max(calibration.noise)
     settings = {
-        "frames": frames, "touch_kpa": max(device.touch_kpa, _TOUCH * noise), "least_force": least,
+        "frames": frames, "touch_kpa": max(device.touch_kpa, touch_above(noise)), "least_force": least,
         "most_force": most, "patience": patience,
     }  # fmt: skip
     if ports == [simulated_hand.PLACE]:

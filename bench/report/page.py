@@ -1,4 +1,4 @@
-"""Put the page together: the data as JSON, arrays in one compressed block, script and style in line.
+"""Put the report's page together: the data as JSON, arrays in one compressed block.
 
 Nothing that comes from a file becomes markup. The data are one JSON text in which no tag can begin or end, and
 the script writes every name as text. The page's own policy forbids all other scripts and any network request.
@@ -7,12 +7,8 @@ the script writes every name as text. The page's own policy forbids all other sc
 from __future__ import annotations
 
 import base64
-import hashlib
-import html
-import json
 import zlib
 from collections.abc import Mapping, Sequence
-from importlib.resources import files
 from typing import Any
 
 import numpy as np
@@ -23,9 +19,11 @@ from tactsim.bench.report.curves import confusion_counts, error_band, reliabilit
 from tactsim.bench.report.outlines import outline, taxel_size
 from tactsim.bench.report.pareto import has_curves, machine_line, points
 from tactsim.bench.report.recognition import Recognition, Replayed
+from tactsim.bench.whole_page import whole_page
 from tactsim.estimators.likelihoods.occupancy import OccupancyMap, log_odds
 
-SCRIPTS = ("base.js", "charts.js", "tables.js", "recognition.js", "main.js")
+_ASSETS = "report/assets/"
+_SCRIPTS = ("base.js", "charts.js", "tables.js", "recognition.js", "main.js")
 
 
 class Arrays:
@@ -61,33 +59,14 @@ def page(groups: Sequence[Group], replayed: Sequence[Replayed], remarks: Sequenc
             for name in dict.fromkeys(group.protocol for group in groups)
         ],
     }
-    assets = files("tactsim.bench") / "report" / "assets"
-    script = "\n".join((assets / name).read_text(encoding="utf-8") for name in SCRIPTS)
-    script = f'"use strict";\n(() => {{\n{script}}})();\n'
-    style = (assets / "page.css").read_text(encoding="utf-8")
-    heading = f"tactsim: {len(entries)} run{'s' if len(entries) > 1 else ''}"
-    parts = {
-        "title": html.escape(heading),
-        "policy": f"default-src 'none'; img-src data:; style-src {_hash(style)}; script-src {_hash(script)}",
-        "style": style,
-        "data": _inert(json.dumps(data, allow_nan=False, separators=(",", ":"))),
-        "arrays": arrays.text(),
-        "script": script,
-    }
-    text = (assets / "page.html").read_text(encoding="utf-8")
-    for name, part in parts.items():
-        before, after = text.split(f"<!--{name}-->")
-        text = before + part + after
-    return text
-
-
-def _inert(json_text: str) -> str:
-    """Write JSON so that no tag or comment can begin or end in it."""
-    return json_text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
-
-
-def _hash(text: str) -> str:
-    return f"'sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()}'"
+    return whole_page(
+        f"{_ASSETS}page.html",
+        [_ASSETS + name for name in _SCRIPTS],
+        [f"{_ASSETS}page.css"],
+        title=f"tactsim: {len(entries)} run{'s' if len(entries) > 1 else ''}",
+        data=data,
+        arrays=arrays.text(),
+    )
 
 
 def _versions(entries: Sequence[Entry]) -> str:

@@ -18,6 +18,7 @@ from tactsim.bench.watching.pad_picture import shade
 from tactsim.bench.watching.pad_view import PadReader, PadView
 from tactsim.bench.watching.recogniser import Belief
 from tactsim.bench.watching.told import Told
+from tactsim.bench.watching.touch_leader import LiveView
 from tactsim.bench.watching.watch_screen import pad_lines, state_text
 from tactsim.core.errors import printable
 from tactsim.core.poses import FloatArray, invert, transform
@@ -37,23 +38,26 @@ def live(
 ) -> None:
     """Show what is believed until q, Ctrl-C, the end of a recording, or `readings` touches.
 
+    Where nobody can begin anew, without keys and without a page, it ends when every pose was tried, too.
     as_json: print one JSON object a touch on standard output, and nothing else there.
     """
+    on_terminal = console.is_terminal and not as_json
 
     def over(view: PadView) -> bool:
         failed = reader.error is not None or told.leading.error is not None
-        enough = readings is not None and len(told.leading.view().belief.touches) >= readings
-        ended = view.state == "ended" and page is None and told.leading.idle()
-        return failed or enough or ended
+        now = told.leading.view()
+        enough = readings is not None and len(now.belief.touches) >= readings
+        ended = view.state == "ended" or (now.tried and not on_terminal)
+        return failed or enough or (ended and page is None and told.leading.idle())
 
     try:
-        if console.is_terminal and not as_json:
+        if on_terminal:
             _on_terminal(reader, told, console, page, over)
         else:
             _in_lines(reader, told, console, as_json, over)
     except KeyboardInterrupt:
         pass
-    if console.is_terminal and not as_json:
+    if on_terminal:
         console.print(Text(printable(told.line(told.leading.view().belief))))
 
 
@@ -89,12 +93,9 @@ def _screen(view: PadView, reader: PadReader, told: Told, console: Console, page
     right: list[RenderableType] = [*pad, Text(), *_bars(belief)]
     table = Table.grid(padding=(0, 1))
     table.add_row(Group(*left), Group(*right))
-    asks = Text(f"{now.phase}  ", "bold green", no_wrap=True, overflow="ellipsis")
-    asks.append(f"{100 * now.progress:3.0f} %  " if now.progress else "", "bold green")
-    asks.append(f"{view.force + 0.0:.2f} N" if view.pressures is not None else "")
     lines: list[RenderableType] = [
         state_text(view, frozen=False).append(f"   {page or ''}", "default"),
-        asks,
+        asks(view, now),
         Text(told.where(now), "bold"),
         Text(
             printable(view.trouble or now.message or view.message), "red", no_wrap=True, overflow="ellipsis"
@@ -106,8 +107,21 @@ def _screen(view: PadView, reader: PadReader, told: Told, console: Console, page
     return Group(*lines)
 
 
+def asks(view: PadView, now: LiveView) -> Text:
+    """Say in colour what is waited for; of a pad that is lost, nothing but that."""
+    if view.state == "lost":
+        return Text("the pad is lost", "bold red")
+    text = Text(f"{now.phase}  ", "bold green", no_wrap=True, overflow="ellipsis")
+    text.append(f"{100 * now.progress:3.0f} %  " if now.progress else "", "bold green")
+    text.append(f"{view.force + 0.0:.2f} N" if view.pressures is not None else "")
+    return text
+
+
 def scene(told: Told, belief: Belief, asked: FloatArray | None, colours: bool) -> Text:
-    """Draw the most probable letter, the last touch on it in colours, and a frame of `o` where the next goes."""
+    """Draw the most probable letter, the last touch on it in colours, and a frame of `o` where the next goes.
+
+    A letter whose shape nobody knows is not drawn.
+    """
     columns, rows = _SCENE
     x = (np.arange(columns) - (columns - 1) / 2) * _CELL[0]
     y = ((rows - 1) / 2 - np.arange(rows)) * _CELL[1]
@@ -122,9 +136,10 @@ def scene(told: Told, belief: Belief, asked: FloatArray | None, colours: bool) -
         return _said("\n".join([words.center(columns) if row == rows // 2 else "" for row in range(rows)]))
     pad = told.pad
     half = np.array([pad.column_edges.max(), pad.row_edges.max()])
-    on_letter = covers(told.outlines[belief.estimate.label], points)
-    marks[on_letter] = "#"
-    styles[on_letter] = "dim"
+    if outline := told.outlines[belief.estimate.label]:
+        on_letter = covers(outline, points)
+        marks[on_letter] = "#"
+        styles[on_letter] = "dim"
     image = told.image(belief)
     felt = transform(invert(places[-1]), points)
     inside = (np.abs(felt) <= half).all(axis=1)
@@ -170,8 +185,10 @@ def _bars(belief: Belief, most: int = 7) -> list[Text]:
 def _in_lines(
     reader: PadReader, told: Told, console: Console, as_json: bool, over: Callable[[PadView], bool]
 ) -> None:
-    """Say each touch once, and each trouble at most once a second."""
+    """Say each touch once, where the next is asked for, and each trouble at most once a second."""
     said, trouble, spoke = 0, "", 0.0
+    asked: FloatArray | None = None
+    leads = bool(told.leading.commands())  # not a recording, which was touched where it was
 
     def say_new() -> None:
         nonlocal said
@@ -186,10 +203,14 @@ def _in_lines(
     view = reader.view()
     while not over(view):
         say_new()
-        now = view.trouble or told.leading.view().message
-        if now and now != trouble and time.monotonic() - spoke >= 1.0:
-            trouble, spoke = now, time.monotonic()
-            print(printable(now), file=sys.stderr)
+        now = told.leading.view()
+        if leads and now.asked is not None and now.asked is not asked:
+            asked = now.asked
+            print(told.where(now), file=sys.stderr)
+        wrong = view.trouble or now.message
+        if wrong and wrong != trouble and time.monotonic() - spoke >= 1.0:
+            trouble, spoke = wrong, time.monotonic()
+            print(printable(wrong), file=sys.stderr)
         time.sleep(_REDRAW_S)
         view = reader.view()
     say_new()

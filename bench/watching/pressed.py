@@ -6,18 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from tactsim.bench.touch_level import HAND_PATIENCE, touch_above
 from tactsim.bench.trials import draw_true_pose
 from tactsim.bench.watching.hidden_object import HiddenObject
 from tactsim.bench.watching.recogniser import Recogniser
 from tactsim.bench.watching.told import Truth
-from tactsim.bench.watching.touch_leader import (
-    Explore,
-    Leading,
-    MarkedTouches,
-    Marks,
-    TouchLeader,
-    touch_above,
-)
+from tactsim.bench.watching.touch_leader import Explore, Leading, MarkedTouches, Marks, TouchLeader
 from tactsim.core.errors import InputError
 from tactsim.core.source import Source
 from tactsim.hardware.calibration import Calibration
@@ -31,7 +25,6 @@ from tactsim.press.scan_poses import grid_poses
 from tactsim.press.simulated_source import parse_pose
 
 _SIMULATED, _RECORDING = "simulated:", "recording:"
-_HAND_PATIENCE = 1.0  # s after which a simulated hand's touch is taken as it is: a hole may lie over the pad
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,9 +59,9 @@ def open_pressed(ports: list[str], device: Device, calibration: Calibration | No
     place = ports[0]
     if place.startswith(_RECORDING):
         return _recorded(place.removeprefix(_RECORDING), ports, calibration)
-    touch, patience = 0.0 if calibration is None else touch_above(calibration), None
+    touch, patience = 0.0 if calibration is None else touch_above(max(calibration.noise)), None
     if place.startswith(_SIMULATED):
-        touch, patience = 5.0 * ScanOptions().sensor.noise, _HAND_PATIENCE
+        touch, patience = touch_above(ScanOptions().sensor.noise), HAND_PATIENCE
     plan = Plan(
         label="live", split="test", poses=tuple(tuple(pose) for pose in grid_poses().tolist()), patience=patience,
         touch_kpa=max(device.touch_kpa, touch),

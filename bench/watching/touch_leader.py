@@ -13,6 +13,7 @@ from typing import Any, Literal, Protocol, Self
 
 import numpy as np
 
+from tactsim.bench.touch_level import touch_above
 from tactsim.bench.watching.recogniser import NOTHING, Belief, Recogniser, Touch
 from tactsim.core.checking import checked
 from tactsim.core.errors import InputError
@@ -24,14 +25,8 @@ from tactsim.hardware.recording import Kind
 from tactsim.hardware.session import Phase, Plan, Press, Session, note, parse_press
 
 Explore = Literal["information", "random"]
-_TOUCH = 5.0  # standard deviations of the noisiest taxel above which a taxel is touched
 _CHOOSING = "choosing the next touch"
 _KEPT = 10_000  # readings of a recording that are kept for a mark, beside those of two presses
-
-
-def touch_above(calibration: Calibration) -> float:
-    """Give the pressure above which a taxel is touched and not noisy, kPa."""
-    return _TOUCH * max(calibration.noise)
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +35,7 @@ class LiveView:
 
     number: grows with every belief. phase: what is waited for, in words. message: what is wrong with the touch, or "".
     progress: share of the touch's readings that have come. asked: (3,) sensor_in_robot of the touch that is asked for,
-    or None.
+    or None. tried: nothing is left to ask for.
     """
 
     number: int = 0
@@ -48,6 +43,7 @@ class LiveView:
     message: str = ""
     progress: float = 0.0
     asked: FloatArray | None = None
+    tried: bool = False
     belief: Belief = NOTHING
 
 
@@ -69,10 +65,9 @@ class Leading(ABC):
         self.error: Exception | None = None  # what ended it, if something did
         self.beliefs: list[Belief] = []  # one for each touch that was taken, in order
         self._numbers: list[int] = []  # which presses of the plan the recogniser's touches are
-        self._busy = False
         self._changed = RLock()
         self._view = LiveView()
-        self._jobs: queue.SimpleQueue[Callable[[], None] | None] = queue.SimpleQueue()
+        self._jobs: queue.Queue[Callable[[], None] | None] = queue.Queue()
         self._thread = Thread(target=self._work, name="estimate", daemon=True)
 
     def __enter__(self) -> Self:
@@ -100,18 +95,17 @@ class Leading(ABC):
 
     def idle(self) -> bool:
         """Tell whether no touch waits for the estimator."""
-        return self._jobs.empty() and not self._busy
+        return not self._jobs.unfinished_tasks
 
     def _work(self) -> None:
         while (job := self._jobs.get()) is not None:
-            self._busy = True
             try:
                 job()
             except Exception as error:  # the caller raises it again, in the main thread
                 self.error = error
                 return
             finally:
-                self._busy = False
+                self._jobs.task_done()
 
     def _believe(self, number: int, touch: Touch) -> None:
         """Take in the touch that is press `number` of the plan; a later one of the same number replaces it."""
@@ -173,7 +167,7 @@ class TouchLeader(Leading):
     def tared(self, calibration: Calibration) -> None:
         """Let noise, as the tare has found it, not count as a touch."""
         with self._changed:
-            touch = max(self._plan.touch_kpa, touch_above(calibration))
+            touch = max(self._plan.touch_kpa, touch_above(max(calibration.noise)))
             self._plan = self._session.plan = self._plan.model_copy(update={"touch_kpa": touch})
 
     def commands(self) -> dict[str, Callable[[], None]]:
@@ -194,11 +188,17 @@ class TouchLeader(Leading):
 
     def redo(self) -> None:
         """Ask for the last touch again; what it told is forgotten."""
-        self._jobs.put(self._redo)
+        self._close(self._redo)
 
     def begin_anew(self) -> None:
         """Forget everything: another object comes."""
-        self._jobs.put(self._begin)
+        self._close(self._begin)
+
+    def _close(self, job: Callable[[], None]) -> None:
+        """Take no more of the touch that is asked for, and do the job: what would still come is void."""
+        with self._changed:
+            self._choosing = True
+            self._jobs.put(job)
 
     def _after(self, press: Press | None, came: float) -> None:
         """Pass on what became of a touch, if something did, and say how it stands."""
@@ -217,8 +217,9 @@ class TouchLeader(Leading):
 
     def _begin(self) -> None:
         with self._changed:
-            self._choosing, self._session = True, Session(self._plan, self._pad)
-            self._set(phase=_CHOOSING, message="", asked=None)
+            self._choosing = True  # a job before may have asked
+            self._session = Session(self._plan, self._pad)
+            self._set(phase=_CHOOSING, message="", asked=None, tried=False)
             self._numbers.clear()
             self._publish(self.recogniser.begin_anew())
         self._choose()
@@ -227,10 +228,14 @@ class TouchLeader(Leading):
         with self._changed:
             mark = self._session.redo()
             if mark is None:
+                self._choosing = self._view.asked is None
                 return
             self._choosing = True
         self._forget(mark.number)
-        self._ask(mark.number)
+        if self._can_press(mark.number):
+            self._ask(mark.number)
+        else:
+            self._choose()
 
     def _choose(self) -> None:
         """Choose the next touch among those that are left, and ask for it."""
@@ -238,18 +243,27 @@ class TouchLeader(Leading):
             chosen = int(self._rng.integers(len(left)))
             if self._explore == "information":
                 chosen = self.recogniser.choose(self._poses[left])
-            if self._hand is None or self._hand.prepare(left[chosen]):
+            if self._can_press(left[chosen]):
                 self._ask(left[chosen])
                 return
-            note(self._session.presses, Press(number=left[chosen], what="skipped"))  # no press rests there
         with self._changed:
-            self._set(phase="every pose was tried; begin anew", asked=None)
+            self._set(phase="every pose was tried; begin anew", asked=None, tried=True)
+
+    def _can_press(self, number: int) -> bool:
+        """Let the hand get ready to press there, if there is one; a pose where no press rests is left out."""
+        if self._hand is None or self._hand.prepare(number):
+            return True
+        note(self._session.presses, Press(number=number, what="skipped"))
+        return False
 
     def _ask(self, number: int) -> None:
         with self._changed:
             self._session.current, self._choosing = number, False
             self._set(
-                phase=self._session.phase.value, message=self._session.message, asked=self._poses[number]
+                phase=self._session.phase.value,
+                message=self._session.message,
+                asked=self._poses[number],
+                tried=False,
             )
 
 

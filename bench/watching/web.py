@@ -7,17 +7,14 @@ and only a page of this server may send commands: another site's page cannot set
 
 from __future__ import annotations
 
-import base64
-import hashlib
-import html
 import json
+import secrets
 import socket
 import time
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
-from importlib.resources import files
 from threading import Thread
 from types import TracebackType
 from typing import Any, Self
@@ -25,7 +22,8 @@ from typing import Any, Self
 import numpy as np
 
 from tactsim.bench.watching.pad_view import BIN_S, HISTORY_S, PadReader, PadView
-from tactsim.core.errors import InputError
+from tactsim.bench.whole_page import whole_page
+from tactsim.core.errors import InputError, printable
 
 HOST = "127.0.0.1"
 # The page looks like a report, and is made by the same small functions.
@@ -59,8 +57,10 @@ class WebPage:
         about: what the page is told once besides the pad. commands: by name, what its buttons do besides "tare".
         more: adds to every event. Raises InputError if the port is taken.
         """
+        token = secrets.token_hex(8)
         handler = type("Handler", (_Handler,), {
-            "reader": reader, "page": _page(reader, from_behind, about or {}), "more": staticmethod(more or _nothing),
+            "reader": reader, "page": _page(reader, from_behind, {**(about or {}), "page": token}),
+            "more": staticmethod(more or _nothing), "token": token,
             "commands": {"tare": reader.tare, **(commands or {})},
         })  # fmt: skip
         try:
@@ -127,6 +127,7 @@ class _Server(ThreadingHTTPServer):
 class _Handler(BaseHTTPRequestHandler):
     reader: PadReader
     page: bytes
+    token: str  # tells a page of this server from one of a server that was here before
     commands: Mapping[str, Callable[[], None]]
     more: More
 
@@ -194,7 +195,7 @@ class _Handler(BaseHTTPRequestHandler):
         while True:
             view = self.reader.wait(number, _STILL_S)
             number = view.number
-            event = event_of(self.reader, view, sent) | self.more(sent)
+            event = {"page": self.token} | event_of(self.reader, view, sent) | self.more(sent)
             content = f"data: {json.dumps(event, allow_nan=False, separators=(',', ':'))}\n\n".encode()
             self.wfile.write(content)
             if self.reader.closed:
@@ -208,12 +209,10 @@ def _nothing(sent: dict[str, int]) -> dict[str, Any]:
 
 
 def _page(reader: PadReader, from_behind: bool, about: Mapping[str, Any]) -> bytes:
-    """Make the page: script and style in line, what it is told once as JSON in which no tag can begin."""
-    bench = files("tactsim.bench")
     pad = reader.pad
     told = {
         "device": reader.device.name,
-        "port": reader.name,
+        "port": printable(reader.name),
         "rows": pad.rows,
         "columns": pad.columns,
         "columnEdges": np.round(pad.column_edges, 4).tolist(),
@@ -224,25 +223,11 @@ def _page(reader: PadReader, from_behind: bool, about: Mapping[str, Any]) -> byt
         "touchKpa": reader.device.touch_kpa,
         **about,
     }
-    script, style = (
-        "\n".join((bench / name).read_text(encoding="utf-8") for name in names)
-        for names in (_SCRIPTS, _STYLES)
-    )
-    script = f'"use strict";\n(() => {{\n{script}}})();\n'
-    parts = {
-        "title": html.escape(f"{reader.device.name}: {reader.name}"),
-        "policy": "default-src 'none'; connect-src 'self'; img-src data:; "
-        f"style-src {_hash(style)}; script-src {_hash(script)}",
-        "style": style,
-        "data": json.dumps(told, allow_nan=False).replace("<", "\\u003c").replace("&", "\\u0026"),
-        "script": script,
-    }
-    text = (bench / "watching" / "assets" / "watch.html").read_text(encoding="utf-8")
-    for name, part in parts.items():
-        before, after = text.split(f"<!--{name}-->")
-        text = before + part + after
-    return text.encode()
-
-
-def _hash(text: str) -> str:
-    return f"'sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()}'"
+    return whole_page(
+        "watching/assets/watch.html",
+        _SCRIPTS,
+        _STYLES,
+        title=f"{reader.device.name}: {reader.name}",
+        data=told,
+        policy="connect-src 'self'; ",
+    ).encode()

@@ -25,6 +25,10 @@ function listen() {
 }
 
 function take(event) {
+  if (event.page !== data.page) { // another program serves this address now: its page is made for its pad
+    stream.close();
+    return location.reload();
+  }
   heardAt = seconds();
   const behind = heardAt - event.sent;
   soonest = Math.min(soonest, behind);
@@ -52,7 +56,14 @@ function freeze() {
   dirty = true;
 }
 const command = (name) => fetch(`/do/${name}`, { method: "POST", headers: { "X-Tactsim": "1" } }).catch(() => {});
-const button = (text, key, action, more) => h("button", { type: "button", "aria-keyshortcuts": key, title: `key ${key}`, click: action, ...more }, text);
+// A button that was clicked with the pointer does not keep the focus: the next key is meant for the page.
+const button = (text, key, action, more) => h("button", {
+  type: "button", "aria-keyshortcuts": key, title: `key ${key}`, ...more,
+  click: (event) => {
+    if (event.detail) event.currentTarget.blur();
+    action();
+  },
+}, text);
 const freezeButton = button("Freeze", "f", freeze, { "aria-pressed": "false" });
 const mirror = button("Seen from behind", "m", () => {
   mirrored = !mirrored;
@@ -61,6 +72,7 @@ const mirror = button("Seen from behind", "m", () => {
 }, { "aria-pressed": String(mirrored) });
 find("buttons").append(freezeButton, button("Tare", "t", () => command("tare")), mirror);
 document.addEventListener("keydown", (event) => {
+  if (event.key === " " && event.target.closest("button, summary")) return; // it presses that one
   if (event.ctrlKey || event.metaKey || event.altKey || event.repeat) return;
   const pressed = document.querySelector(`button[aria-keyshortcuts="${CSS.escape(event.key)}"]`);
   if (pressed) pressed.click();

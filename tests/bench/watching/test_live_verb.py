@@ -1,5 +1,6 @@
 """`bench live` as a user calls it: a hidden object, a pad behind a pty, a recorded session; and what is refused."""
 
+import io
 import json
 import signal
 import time
@@ -8,13 +9,35 @@ import numpy as np
 import pytest
 from command_line import BENCH, emulated, refused
 from pty_session import Terminal
+from rich.console import Console
 
+from tactsim.bench.watching.hidden_object import HiddenObject
+from tactsim.bench.watching.live_screen import live
+from tactsim.bench.watching.pad_view import PadReader
+from tactsim.bench.watching.recogniser import Recogniser, on_taxels
+from tactsim.bench.watching.told import Told, Truth
+from tactsim.bench.watching.touch_leader import LiveView, TouchLeader
 from tactsim.core import Scan
 from tactsim.core.reading import Reading
+from tactsim.estimators import create
 from tactsim.hardware.recording import Recorder
 from tactsim.hardware.session import Plan
 
+POSE = (0.0, 4.0, 0.0)
 SMALL = ["--estimator", "histogram", "--set", "bins=1000"]
+
+
+@pytest.fixture
+def one_pose(device, scan_file):
+    """Let a simulated hand press the letter I at one pose."""
+    train = on_taxels(Scan.load(scan_file), device.pad.taxel_xy, "x")
+    estimator = create("histogram", bins=1000)
+    place = np.array([1.0, 0.5, 0.4])
+    hidden = HiddenObject("I", place, np.array([POSE]), device, 0)
+    plan = Plan(label="live", poses=(POSE,), frames=5, window=5, patience=1.0, touch_kpa=10.0)
+    leading = TouchLeader(Recogniser.fitted(estimator, train, 0), plan, device.pad, "random", 0, hand=hidden)
+    told = Told(leading, train, estimator.maps, hidden, Truth("I", place), from_behind=True)
+    return leading, told, PadReader(hidden, device, "here", on_reading=leading.take)
 
 
 @pytest.fixture
@@ -48,6 +71,16 @@ def test_a_hidden_object_is_recognised_as_json(bench, scan_file):
     assert 0 <= last["error_mm"] < 10
     assert len({tuple(one["sensor_in_robot"]) for one in said}) == 3
     assert all(one["delay_ms"] > 0 for one in said)
+
+
+def test_without_a_terminal_it_says_where_to_press_and_ends_when_every_pose_was_tried(one_pose, capsys):
+    """A machine may press the pad, so it must be told where, and that there is nowhere any more."""
+    leading, told, reader = one_pose
+    console = Console(file=io.StringIO())
+    with leading, reader:
+        live(reader, told, console, readings=None, as_json=False, page=None)
+    assert console.file.getvalue().startswith("touch 1: ")
+    assert capsys.readouterr().err.splitlines() == [told.where(LiveView(asked=np.array(POSE)))]
 
 
 def test_a_recorded_session_is_recognised_in_lines(bench, recording, scan_file):

@@ -95,6 +95,21 @@ def test_a_tare_is_taken_and_refused(source, device, eventually):
         np.testing.assert_allclose(reader.view().pressures, RAMP, atol=0.1)
 
 
+def test_a_tare_that_would_leave_a_taxel_out_is_refused_while_an_estimator_reads(source, device, eventually):
+    frames = np.random.default_rng(0).standard_normal((100, 36))
+    frames[:, 3] = 40.0
+    taken = []
+    with PadReader(source, device, "here", on_reading=taken.append) as reader:
+        reader.tare()
+        source.feed(*frames)
+        eventually(lambda: len(taken) == 100)
+        view = reader.view()
+    assert "no tare: stuck is 3" in view.message
+    assert "bench tare" in view.message
+    assert view.left_out == ()
+    assert taken[-1].pressures[3] == 40.0
+
+
 def test_a_tare_is_given_up_when_the_pad_is_lost(source, device, eventually, silence):
     silence(0.3)
     with PadReader(source, device, "here") as reader:

@@ -82,6 +82,66 @@ def test_a_touch_is_redone_and_everything_begun_anew(recogniser, device, eventua
         eventually(lambda: len(leading.view().belief.touches) == 2)
 
 
+def test_a_touch_that_is_redone_in_the_middle_is_pressed_where_it_was(recogniser, device, eventually):
+    with led(recogniser, device, POSES[:3]) as (leading, _):
+        eventually(lambda: len(leading.beliefs) == 1 and leading.idle())
+        leading.redo()
+        eventually(lambda: len(leading.beliefs) == 4)
+    images = {}
+    for belief in leading.beliefs:
+        images.setdefault(tuple(belief.touches[-1].sensor_in_robot), []).append(belief.touches[-1].pressures)
+    assert set(images) == set(POSES[:3])
+    first, again = next(both for both in images.values() if len(both) == 2)
+    assert np.abs(again - first).max() < 10.0
+
+
+@pytest.mark.parametrize("command", ["redo", "begin_anew"])
+def test_a_touch_is_void_as_soon_as_a_person_asks_for_another(recogniser, device, eventually, command):
+    leading = TouchLeader(
+        recogniser, Plan(label="live", poses=POSES, frames=5, window=5), device.pad, "random", 0
+    )
+    with leading:
+        eventually(lambda: leading.view().asked is not None)
+    before = leading.view()  # its thread has ended, so that nothing is done about the command
+    getattr(leading, command)()
+    press(leading)
+    assert leading.view() is before
+
+
+def test_where_nothing_is_to_be_redone_the_touch_goes_on(recogniser, device, eventually):
+    leading = TouchLeader(
+        recogniser, Plan(label="live", poses=POSES, frames=5, window=5), device.pad, "random", 0
+    )
+    with leading:
+        eventually(lambda: leading.view().asked is not None)
+        leading.redo()
+        eventually(leading.idle)
+        press(leading)
+        eventually(lambda: len(leading.beliefs) == 1)
+
+
+def test_it_is_not_idle_when_a_job_was_fetched(recogniser, device, eventually, monkeypatch):
+    plan = Plan(label="live", poses=POSES, frames=5, window=5)
+    leading = TouchLeader(recogniser, plan, device.pad, "random", 0)
+    idle, get = [], leading._jobs.get
+
+    def watched():
+        job = get()
+        idle.append(leading.idle())
+        return job
+
+    monkeypatch.setattr(leading._jobs, "get", watched)
+    with leading:
+        eventually(lambda: leading.view().asked is not None)
+    assert idle[0] is False
+
+
+def press(leading):
+    for level, count in ((0.0, 10), (60.0, 20)):
+        for _ in range(count):
+            leading.take(Reading(np.full(36, level), time.monotonic()))
+
+
 def test_a_touch_is_skipped(recogniser, device, eventually):
     with led(recogniser, device, POSES[:2]) as (leading, _):
         eventually(lambda: leading.view().asked is not None)

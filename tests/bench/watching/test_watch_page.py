@@ -11,6 +11,7 @@ from tactsim.bench.watching.web import WebPage
 pytestmark = needs_browser
 PICTURE = "document.getElementById('picture').toDataURL()"
 RAMP = np.arange(36.0)
+LIVE = {"phase": "", "message": "", "progress": 0, "where": "", "asked": None, "belief": {"touch": 0}}
 
 
 @pytest.fixture(scope="module")
@@ -98,6 +99,61 @@ def test_nothing_scrolls_sideways(opened, source, width, scheme):
     source.feed(RAMP)
     state(page, "live")
     assert page.evaluate("document.documentElement.scrollWidth") == width
+
+
+def test_a_key_on_a_button_does_one_thing(context, source, device):
+    """Space presses the button that has the focus, and a click does not give it the focus."""
+    given = []
+    commands = {name: lambda name=name: given.append(name) for name in ("take", "redo", "skip", "begin")}
+    about = {"live": {"letters": [], "outlines": {}, "commands": list(commands)}}
+    page = context.new_page()
+    with (
+        PadReader(source, device, "here") as reader,
+        WebPage(
+            reader, 0, from_behind=True, about=about, commands=commands, more=lambda sent: {"live": LIVE}
+        ) as web,
+    ):
+        page.goto(web.url)
+        page.wait_for_selector("html[data-ready]")
+
+        def do(action, *wanted):
+            """Do it, and wait for what it asks the program for; what a key does too much comes with it."""
+            given.clear()
+            with page.expect_response("**/do/*"):
+                action()
+            page.keyboard.press("r")
+            while "redo" not in given:
+                page.wait_for_timeout(10)
+            assert given == [*wanted, "redo"]
+
+        do(lambda: page.get_by_role("button", name="New object").click(), "begin")
+        do(lambda: page.keyboard.press(" "), "take")
+        page.get_by_role("button", name="Skip").focus()
+        do(lambda: page.keyboard.press(" "), "skip")
+        page.close()
+
+
+def test_a_page_that_was_left_open_becomes_that_of_the_next_program(context, device, source):
+    faults, loads = [], []
+    page = context.new_page()
+    page.on("pageerror", lambda error: faults.append(str(error)))
+    page.on("load", lambda: loads.append(page.url))
+    about = {"live": {"letters": [], "outlines": {}, "commands": []}}
+    with (
+        PadReader(source, device, "one") as reader,
+        WebPage(reader, 0, from_behind=True, about=about, more=lambda sent: {"live": LIVE}) as web,
+    ):
+        page.goto(web.url)
+        expect(page.locator("#port")).to_have_text("one")
+        expect(page.locator("#state")).to_have_text("waiting")
+    port = int(web.url.rsplit(":", 1)[1].strip("/"))
+    with PadReader(source, device, "another") as reader, WebPage(reader, port, from_behind=True):
+        expect(page.locator("#port")).to_have_text("another", timeout=60_000)
+        source.feed(RAMP)
+        state(page, "live")
+        assert len(loads) == 2
+        page.close()
+    assert faults == []
 
 
 def test_when_the_program_ends_the_page_says_so(context, source, device):

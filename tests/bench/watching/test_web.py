@@ -19,7 +19,7 @@ RAMP = np.arange(36.0)
 @pytest.fixture
 def served(source, device):
     with (
-        PadReader(source, device, "</script><b>here") as reader,
+        PadReader(source, device, "</script><b>here-\udcff.tactrec") as reader,  # as Python spells no UTF-8
         WebPage(reader, 0, from_behind=True) as page,
     ):
         yield reader, int(page.url.rsplit(":", 1)[1].strip("/"))
@@ -57,6 +57,7 @@ def test_the_page_is_whole_and_names_cannot_become_markup(served):
     assert not re.search(r"""(?:src|href)=["'](?!data:)""", text)
     assert text.count("<script") == 2
     assert "<b>here" not in text
+    assert r"&lt;b&gt;here-\udcff.tactrec</title>" in text
     assert "default-src 'none'" in text
     assert ask(port, "GET", "/x")[0] == 404
 

@@ -1,0 +1,61 @@
+"""Put a page together as one file: script and style in line, and no word of the data becomes markup.
+
+The page's own policy allows its script and its style by their hashes; all others are forbidden.
+"""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import html
+import json
+from collections.abc import Mapping, Sequence
+from importlib.resources import files
+from typing import Any
+
+from tactsim.core.errors import printable
+
+
+def whole_page(
+    template: str,
+    scripts: Sequence[str],
+    styles: Sequence[str],
+    *,
+    title: str,
+    data: Mapping[str, Any],
+    policy: str = "",
+    **more: str,
+) -> str:
+    """Fill a template with its parts; files are named from the folder `bench`.
+
+    policy: what the page may do besides drawing itself. more: parts that only this template has, by name; they are
+    taken as they are.
+    """
+    bench = files("tactsim.bench")
+    script, style = (
+        "\n".join((bench / name).read_text(encoding="utf-8") for name in names) for names in (scripts, styles)
+    )
+    script = f'"use strict";\n(() => {{\n{script}}})();\n'
+    parts = {
+        "title": html.escape(printable(title)),
+        "policy": f"default-src 'none'; {policy}img-src data:; "
+        f"style-src {_hash(style)}; script-src {_hash(script)}",
+        "style": style,
+        "data": _inert(json.dumps(data, allow_nan=False, separators=(",", ":"))),
+        **more,
+        "script": script,
+    }
+    text = (bench / template).read_text(encoding="utf-8")
+    for name, part in parts.items():
+        before, after = text.split(f"<!--{name}-->")
+        text = before + part + after
+    return text
+
+
+def _inert(json_text: str) -> str:
+    """Write JSON so that no tag or comment can begin or end in it."""
+    return json_text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
+
+
+def _hash(text: str) -> str:
+    return f"'sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()}'"
