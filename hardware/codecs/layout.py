@@ -122,7 +122,7 @@ class Taxels(_Item):
 
 
 class Checksum(_Item):
-    """A checksum of all bytes before it, but for the first `skip`."""
+    """A checksum of all bytes before it, but for the first `skip`; the taxels are among them."""
 
     is_: Literal["checksum"] = Field(alias="is")
     kind: str = Field(description="how it is worked out, from all bytes before it")
