@@ -40,10 +40,15 @@ class Part(BaseModel):
         "bottom", description="which row of the pad the device sends first, if `taxels` are not given"
     )
 
+    first_column: Literal["left", "right"] = Field(
+        "right",
+        description="which column, seen from above the pad, the device sends first, if `taxels` are not given",
+    )
+
     @model_validator(mode="after")
     def _one_order(self) -> Part:
-        if self.taxels is not None and self.first_row != "bottom":
-            raise ValueError("taxels say the order already: leave out first_row")
+        if self.taxels is not None and (self.first_row, self.first_column) != ("bottom", "right"):
+            raise ValueError("taxels say the order already: leave out first_row and first_column")
         return self
 
 
@@ -140,7 +145,8 @@ class Device(BaseModel):
         """List for each taxel of a part the pad's taxel that it is, or -1."""
         if part.taxels is None:
             rows = np.arange(self.pad.taxels).reshape(self.pad.rows, self.pad.columns)
-            return (rows[::-1] if part.first_row == "top" else rows).ravel()
+            rows = rows[::-1] if part.first_row == "top" else rows
+            return (rows[:, ::-1] if part.first_column == "left" else rows).ravel()  # +x is to the left
         return np.array(part.taxels, dtype=np.int64)
 
 

@@ -14,11 +14,12 @@ LARGEST_CHUNK = 1 << 16  # bytes; behind a smaller one nothing was left to read 
 
 @dataclass(frozen=True)
 class Arrived(Generic[Packet]):
-    """A packet and when it came, s: its first byte at `began`, and no byte of it before or at `after`."""
+    """A packet and when it came, s: its first byte at `began`, its last at `ended`, and none before or at `after`."""
 
     packet: Packet
     began: float
     after: float
+    ended: float
 
 
 class Framer(Generic[Packet]):
@@ -54,9 +55,11 @@ class Framer(Generic[Packet]):
                     )
                 break
             if packet is not None:
-                while self._chunks[0][0] <= at:
+                first = at + self._codec.before
+                while self._chunks[0][0] <= first:
                     self._chunks.popleft()
-                packets.append(Arrived(packet, *self._chunks[0][1:]))
+                ended = next((came for end, came, _ in self._chunks if end >= first + used), now)
+                packets.append(Arrived(packet, *self._chunks[0][1:], ended))
                 self._in_garbage = False
             else:
                 self._counters.garbage_bytes += used

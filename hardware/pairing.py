@@ -81,20 +81,20 @@ class ByTime:
     """Pair frames that were measured within `within` s of each other, whatever is not known of their times.
 
     When a frame was measured is known to lie between two times. Frames are paired only if the earliest
-    and the latest of all are at most `within` apart; a frame that no later one can be paired with is dropped.
+    and the latest of all are at most `within` apart; a frame that began too long before the latest is dropped.
+    Which of them comes first says nothing: some are known as frames only when the next one begins.
     """
 
     def __init__(self, places: Iterable[Place], within: float, counters: Counters) -> None:
         self._parts, self._within, self._counters = len(set(places)), within, counters
-        self._held: dict[Place, tuple[Frame, float]] = {}  # each part's newest frame, and its earliest time
+        self._held: dict[Place, tuple[Frame, float, float]] = {}  # each part's newest frame, and its times
 
     def add(self, place: Place, frame: Frame, earliest: float, latest: float) -> Moment | None:
         """Take in a frame that was measured between two times, s; see `Pairing.add`."""
         before = len(self._held) + 1
-        self._held[place] = frame, earliest
-        self._held = {
-            part: held for part, held in self._held.items() if 0 <= latest - held[1] <= self._within
-        }
+        self._held[place] = frame, earliest, latest
+        last = max(held[2] for held in self._held.values())
+        self._held = {part: held for part, held in self._held.items() if last - held[1] <= self._within}
         self._counters.unpaired += before - len(self._held)
         if len(self._held) < self._parts:
             return None
@@ -109,4 +109,4 @@ class ByTime:
 
     def waiting(self) -> list[Frame]:
         """List the frames that wait for others."""
-        return [frame for frame, _ in self._held.values()]
+        return [frame for frame, _, _ in self._held.values()]

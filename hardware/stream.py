@@ -69,13 +69,12 @@ class Stream:
         at, frames = self._links[link], []
         for arrived in at.framer.feed(data, now):
             if (frame := at.dialogue.take(arrived.packet, arrived.began)) is not None:
-                frames.append(
-                    (frame, arrived.after if frame.asked is None else max(arrived.after, frame.asked))
-                )
+                earliest = arrived.after if frame.asked is None else max(arrived.after, frame.asked)
+                frames.append((frame, earliest, arrived.ended))
         # Several frames of one part in one go: the reader was late, whatever it knows of when it waited.
-        if self.by_arrival and len({frame.address for frame, _ in frames}) < len(frames):
-            frames = [(frame, float("-inf")) for frame, _ in frames]
-        readings = [self._join(link, frame, earliest, now) for frame, earliest in frames]
+        if self.by_arrival and len({frame.address for frame, _, _ in frames}) < len(frames):
+            frames = [(frame, float("-inf"), latest) for frame, _, latest in frames]
+        readings = [self._join(link, frame, earliest, latest, now) for frame, earliest, latest in frames]
         return [reading for reading in readings if reading is not None]
 
     def lost(self, link: int, now: float) -> None:
@@ -108,7 +107,7 @@ class Stream:
         if self._pairing is not None:
             self._pairing.forget()
 
-    def _join(self, link: int, frame: Frame, earliest: float, now: float) -> Reading | None:
+    def _join(self, link: int, frame: Frame, earliest: float, latest: float, now: float) -> Reading | None:
         place = (link, frame.address)
         if place not in self._wires:
             self.counters.strays += 1
@@ -125,7 +124,7 @@ class Stream:
         elif self._one_clock and frame.seconds is not None:  # the link's own clock is better than the host's
             moment = self._pairing.add(place, frame, frame.seconds, frame.seconds)
         else:
-            moment = self._pairing.add(place, frame, earliest, now)
+            moment = self._pairing.add(place, frame, earliest, latest)
         return None if moment is None else self._reading(moment, now)
 
     def _reading(self, moment: Moment, now: float) -> Reading:

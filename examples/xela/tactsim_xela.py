@@ -17,6 +17,7 @@ import threading
 import time
 from collections.abc import Sequence
 from contextlib import suppress
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -128,12 +129,21 @@ class XelaSource(Source):
         if reading is not None:
             self._after_loss = self._after_loss and isinstance(reading, SourceError)
             self._arrived.put(reading)
-            if self._arrived.qsize() > _WAITING:
-                self._arrived.get_nowait()
+            self._drop_oldest()
+
+    def _drop_oldest(self) -> None:
+        """Make room if too many wait, and let the oldest that is left say that readings before it are lost."""
+        with self._arrived.mutex:
+            waiting = self._arrived.queue
+            if len(waiting) > _WAITING:
+                waiting.popleft()
+                self.counters.missed += 1
+                if isinstance(oldest := waiting[0], Reading):
+                    waiting[0] = replace(oldest, after_loss=True)
 
     def _reading(self, entry: dict[str, Any], index: int, now: float) -> Reading | SourceError | None:
         forces, taxels = entry.get("calibrated"), self.pad.taxels
-        if not forces:
+        if not isinstance(forces, list) or not forces:
             return SourceError(
                 f"{self._url} sends no forces for sensor {self._sensor}: have xServ.ini calibrate it"
             )

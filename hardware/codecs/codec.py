@@ -46,7 +46,8 @@ class Codec(ABC, Generic[Packet]):
     """Decode what one kind of device says, and for an emulator encode it.
 
     taxels: values in a frame. longest: bytes of the longest packet; with that many bytes `decode` always
-    moves on, so a buffer never grows beyond it. tick_s: s, one tick of the device's clock. tick_wrap: ticks
+    moves on, so a buffer never grows beyond it. before: bytes at a packet's beginning that end the one before, so
+    its own bytes lie that much further on. tick_s: s, one tick of the device's clock. tick_wrap: ticks
     after which the clock starts again, or None. index_wrap: the same of the frame counter. speaks: whether
     the device sends every frame unasked, so that a gap in the frame counter means lost frames.
     index_common: whether the parts of a pad may count their frames together, so that equal counters mean
@@ -58,6 +59,7 @@ class Codec(ABC, Generic[Packet]):
 
     taxels: int
     longest: int
+    before: int = 0
     tick_s: float = 1.0
     tick_wrap: int | None = None
     index_wrap: int | None = None
@@ -139,6 +141,7 @@ class Listening(Dialogue):
     ) -> None:
         self._counters, self._start, self._question, self._pause = counters, start, question, pause
         self._asked: float | None = None
+        self._first = 0.0  # when the first of the open questions was asked
         self._next = float("-inf")  # when the next question is due
 
     def greeting(self) -> bytes:
@@ -151,15 +154,16 @@ class Listening(Dialogue):
         return b"" if awaited or now < self._next else self._question
 
     def sent(self, request: bytes, now: float) -> None:
-        """Note when the question was asked; one that is still open was not answered."""
+        """Note when the question was asked; one that is still open was not answered in time."""
         if self._question and request == self._question:
             self._counters.timeouts += self._asked is not None
+            self._first = now if self._asked is None else self._first
             self._asked, self._next = now, now + self._pause
 
     def take(self, packet: Frame, began: float) -> Frame | None:
-        """Pass the frame on, with the time of its question."""
+        """Pass the frame on, with the time of its question: of the first, since its answer may only be late."""
         asked, self._asked = self._asked, None
-        return packet if asked is None else replace(packet, asked=asked)
+        return packet if asked is None else replace(packet, asked=self._first)
 
     def reset(self) -> None:
         """Forget the open question."""

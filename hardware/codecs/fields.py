@@ -2,8 +2,8 @@
 
 How a frame is found, so that none is invented from the remains of two:
 
-- It begins with the header. If neither a checksum nor a footer ends it, nor a question called for it, a header
-  follows.
+- It begins with the header. If neither a checksum nor a footer ends it, a header follows; or, where a question
+  called for it, it does not end with the beginning of a header, which may be that of the next answer.
 - Without a header, it stands between two footers.
 - With neither, it is right by its CRC, and so are as many bytes before it, the frame before.
 - Without a checksum no other such mark begins within it: where bytes were lost, the next frame's would. The same
@@ -113,13 +113,12 @@ class FieldsCodec(Codec[Frame]):
         header, footer = (only(form.layout, Fixed, name) for name in ("header", "footer"))
         # What is looked for: a frame's beginning, or the end of the frame before.
         self._mark = header.bytes if header else footer.bytes if footer else b""
-        self._before = (
-            0 if header else len(self._mark) if footer else self.size
-        )  # bytes from there to the frame
+        self.before = 0 if header else len(self._mark) if footer else self.size
         unchecked = self._checksum is None
         self._lone = unchecked or (len(self._mark) > 1 and self._checksum_size == 1)
-        self._followed = header is not None and footer is None and unchecked and self.speaks
-        self.longest = self._before + self.size + (len(self._mark) if self._followed else 0)
+        self._open_ended = header is not None and footer is None and unchecked
+        self._followed = self._open_ended and self.speaks
+        self.longest = self.before + self.size + (len(self._mark) if self._followed else 0)
 
     def decode(self, buffer: bytes | bytearray, start: int = 0) -> tuple[int, Frame | None]:
         """Look for a frame at `start`; see `Codec.decode`."""
@@ -134,12 +133,15 @@ class FieldsCodec(Codec[Frame]):
                 return inner, None
         if have < self.longest:
             return 0, None
-        first = start + self._before
+        first = start + self.before
         frame = bytes(buffer[first : first + self.size])
-        followed = not self._followed or buffer.startswith(mark, first + self.size)
+        if self._followed:
+            ends = buffer.startswith(mark, first + self.size)
+        else:
+            ends = not (self._open_ended and _beginning(frame, 0, mark))
         # Without any mark, the frame before must be right, too.
         follows = bool(mark) or self._agrees(bytes(buffer[start:first]))
-        if not (followed and follows and self._agrees(frame)):
+        if not (ends and follows and self._agrees(frame)):
             return 1, None
         values = read_values(frame[self._spans["taxels"]], self._values, self._endian)
         packet = self._number(frame, "packet")
@@ -182,7 +184,7 @@ class FieldsCodec(Codec[Frame]):
         """Tell whether marks, lengths and fixed bytes of a frame agree at `start`, and the checksum does not."""
         if not self._mark or not buffer.startswith(self._mark, start):
             return False
-        first = start + self._before
+        first = start + self.before
         frame = bytes(buffer[first : first + self.size])
         return len(frame) == self.size and self._fixed_agree(frame) and not self._sum_agrees(frame)
 

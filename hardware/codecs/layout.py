@@ -122,7 +122,7 @@ class Taxels(_Item):
 
 
 class Checksum(_Item):
-    """A checksum of all bytes before it, but for the first `skip`."""
+    """A checksum of all bytes before it, but for the first `skip`; the taxels are among them."""
 
     is_: Literal["checksum"] = Field(alias="is")
     kind: str = Field(description="how it is worked out, from all bytes before it")
@@ -217,3 +217,10 @@ def check_layout(layout: Layout) -> None:
             )
         if isinstance(item, Checksum) and item.skip >= at:
             raise ValueError(f"the checksum skips {item.skip} bytes, but only {at} stand before it")
+    if checksum is not None:
+        starts = {item.is_: at for item, at in places(layout)}
+        if not checksum.skip <= starts["taxels"] < starts["checksum"]:
+            raise ValueError(
+                "the checksum does not cover the taxels: let it stand behind them and skip none of them, "
+                "or give its bytes as an item 'skip'"
+            )

@@ -87,6 +87,8 @@ class LinesFormat(CodecFormat):
 class LinesCodec(Codec[Frame]):
     """Read and write such lines. A line that has another number of columns, or no numbers, is no frame."""
 
+    before = len(_END)
+
     def __init__(self, form: LinesFormat) -> None:
         self.format = form
         self.start, self.request, self.request_every_s = form.start, form.request, form.request_every_s

@@ -227,4 +227,8 @@ def emulate(device: Device, pressures: Pressures, rate: float, link: int = 0) ->
     Raises CodecError if the device has no codec, or one that writes no frames.
     """
     kind = EmulatedSingleTact if isinstance(device.codec, SingleTactFormat) else EmulatedFrames
-    return kind(device, pressures, rate, link)
+    emulated = kind(device, pressures, rate, link)
+    if isinstance(emulated, EmulatedFrames):
+        codec = device.build_codec()
+        codec.encode(Frame(codec.from_kpa(np.zeros(codec.taxels)), index=0, ticks=0))
+    return emulated

@@ -7,6 +7,7 @@ import socket
 import subprocess
 import sys
 import threading
+import time
 import tomllib
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -161,10 +162,32 @@ def test_what_is_no_reading_is_none_and_a_lost_server_is_found_again(installed):
     assert counters.garbage_bytes == len("[1, 2") + len("[]")
 
 
+def test_of_too_many_that_wait_the_oldest_go_and_the_next_one_says_so(installed, monkeypatch):
+    import tactsim_xela
+
+    monkeypatch.setattr(tactsim_xela, "_WAITING", 3)
+    again = [message(number) for number in range(1, 9)]
+    with (
+        serving([message(1)], again) as port,
+        sources.open_source([f"xela:127.0.0.1:{port}"], installed) as source,
+    ):
+        until = time.monotonic() + 30
+        while source.counters.frames < 9 and time.monotonic() < until:
+            time.sleep(0.01)
+        readings = [source.read(5.0) for _ in range(3)]
+    assert [(reading.index, reading.after_loss) for reading in readings] == [
+        (6, True),
+        (7, False),
+        (8, False),
+    ]
+    assert source.counters.missed == 6
+
+
 @pytest.mark.parametrize(
     ("said", "why"),
     [
         (message(1, None), "have xServ.ini calibrate it"),
+        (message(1, **{"1": {"calibrated": 5}}), "have xServ.ini calibrate it"),
         (message(1, FORCES[:4]), "has 4 taxels, the device file 16"),
     ],
 )

@@ -187,7 +187,7 @@ class PaxiniBoard(Silent):
 
 
 class Arduino(Silent):
-    """The sketch of docs/hardware.md: millis(), the counts of the rows from the top down, "*" and the XOR of it all."""
+    """The sketch of docs/your-pad.md: millis(), the counts of the rows from the top down, "*" and the XOR of it all."""
 
     def __init__(self, picture):
         self.picture, self.millis = picture, 0

@@ -60,12 +60,14 @@ class Result:
     """How a soak ended.
 
     memory_kb: the most that was ever in use, blocks: how many Python had in use, after the first third and at the end.
+    reading: whether both devices were still being read then.
     """
 
     seconds: float
     devices: dict
     memory_kb: tuple
     blocks: tuple
+    reading: bool
     cpu_share: float
 
     def __str__(self):
@@ -107,15 +109,18 @@ def soak(seconds, folder, often=1.0, seed=0):
     begun, used = time.monotonic(), time.process_time()
     time.sleep(_WARM * seconds)
     warm = _memory()
+    time.sleep((1 - _WARM) * seconds)
+    # Each reads for so long from its first reading on. Now, since a source that is closed holds nothing any more.
+    reading, end = all(thread.is_alive() for thread in threads), _memory()
     for thread in threads:
         thread.join()
     elapsed = time.monotonic() - begun
-    share, end = (time.process_time() - used) / elapsed, _memory()
+    share = (time.process_time() - used) / elapsed
     stop.set()
     for name, process in zip(found, processes, strict=True):
         process.join(60)
         found[name].faults = json.loads((folder / f"{name}.json").read_text())
-    return Result(elapsed, found, (warm[0], end[0]), (warm[1], end[1]), share)
+    return Result(elapsed, found, (warm[0], end[0]), (warm[1], end[1]), reading, share)
 
 
 def _read(device, url, seconds, moment_of, found):

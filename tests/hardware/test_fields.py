@@ -181,6 +181,14 @@ def test_counts_become_pressures_and_back():
             "unknown checksum 'md5'",
         ),
         ([HEADER, {"is": "taxels", "count": 1}, {"is": "checksum", "kind": "sum8", "skip": 4}], "skips 4"),
+        (
+            [HEADER, {"is": "checksum", "kind": "crc16-modbus"}, {"is": "taxels", "count": 1}],
+            "the checksum does not cover the taxels",
+        ),
+        (
+            [HEADER, {"is": "taxels", "count": 6}, {"is": "checksum", "kind": "sum8", "skip": 3}],
+            "the checksum does not cover the taxels",
+        ),
         ([HEADER, {"is": "taxels", "count": 1, "bits": 9}], "8, 10, 12, 16 or 32"),
         ([HEADER, {"is": "taxels", "count": 1, "float": True}], "a float has 32 bits, not 16"),
         ([HEADER, {"is": "taxels", "count": 1, "axes": 3, "normal": 3}], "normal axis 3 is none of 3"),

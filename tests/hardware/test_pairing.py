@@ -147,6 +147,54 @@ def test_frames_that_are_found_several_at_once_are_not_joined_by_time():
     assert set(reading.pressures) == {3.0}
 
 
+CRC = {"is": "checksum", "kind": "crc16-modbus"}
+FRAMINGS = {
+    "header and checksum": [HEADER, TAXELS, CRC],
+    "header": [HEADER, TAXELS],
+    "footer": [TAXELS, FOOTER],
+    "neither": [TAXELS, CRC],
+    "lines": None,
+}
+
+
+@pytest.mark.parametrize("layout", FRAMINGS.values(), ids=FRAMINGS)
+def test_a_frame_has_its_own_time_though_its_neighbour_says_where_it_begins_or_ends(layout):
+    """The two parts measure 1 ms apart, every 10 ms."""
+    codec = {"kind": "csv", "taxels": 6} if layout is None else {"kind": "fields", "layout": layout}
+    parts = [
+        {"port": at, "taxels": wire} for at, wire in enumerate(([0, 1, 2, -1, -1, -1], [-1] * 3 + [3, 4, 5]))
+    ]
+    device = Device.model_validate(
+        {
+            "name": "two",
+            "codec": codec | {"kpa_per_count": 1.0},
+            "pad": PAD,
+            "part": parts,
+            "pair_within_s": 0.004,
+        }
+    )
+    stream, readings = Stream(device), []
+    for moment in range(1, 101):
+        for port in range(2):
+            now = moment * PERIOD + port * 0.001
+            stream.received(port, b"", now)
+            readings += stream.received(port, says(device, 0, moment), now + 0.0005)
+    assert len(readings) >= 99  # of the first or the last one the neighbour is missing
+    assert all(len(set(reading.pressures)) == 1 for reading in readings)
+
+
+def test_a_late_answer_may_be_as_old_as_the_first_question():
+    """Asked again, the part answers what it was asked before; the other part's frame is 0.2 s younger."""
+    device = pad_of_parts([0, 1], [], pair_within_s=0.1)
+    device = device.model_copy(update={"codec": device.codec.model_copy(update={"request": b"?"})})
+    stream = Stream(device)
+    stream.sent(0, b"?", 1.0)
+    stream.sent(0, b"?", 1.26)
+    stream.sent(1, b"?", 1.26)
+    assert stream.received(0, says(device, 0, 1), 1.27) == []
+    assert stream.received(1, says(device, 1, 2), 1.28) == []
+
+
 def test_one_lost_frame_costs_one_reading():
     device = pad_of_parts([0, 0], [INDEX])
     stream, readings = Stream(device), []

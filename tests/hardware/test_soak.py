@@ -31,7 +31,13 @@ def test_half_an_hour_of_faults_makes_no_reading_up(tmp_path, soak_minutes):
     holds(result)
     for name in ("restart", "same frame again", "unplugged"):
         assert result.devices["arrays"].faults[name] > 0
-    assert result.devices["bridge"].counters["stale"] > 0
+    arrays, bridge = result.devices["arrays"], result.devices["bridge"]
+    assert bridge.counters["stale"] > 0
+    assert arrays.readings > 100 * result.seconds
+    assert bridge.readings > 4 * result.seconds
+    for found in (arrays, bridge):  # each lost link came back
+        assert found.counters["reconnects"] >= 0.5 * found.faults["unplugged"]
+    assert result.reading
     assert result.memory_kb[1] - result.memory_kb[0] < 2000  # kB, in 20 minutes of 30
     assert result.blocks[1] - result.blocks[0] < 2000  # one a hundred readings would be eight thousand
 

@@ -120,6 +120,26 @@ def test_wiring_that_makes_no_sense_is_refused(change, message):
         small_device(**change)
 
 
+@pytest.mark.parametrize(
+    ("part", "taxels"),
+    [
+        ({}, [0, 1, 2, 3, 4, 5]),
+        ({"first_row": "top"}, [3, 4, 5, 0, 1, 2]),
+        ({"first_column": "left"}, [2, 1, 0, 5, 4, 3]),
+        ({"first_row": "top", "first_column": "left"}, [5, 4, 3, 2, 1, 0]),
+    ],
+)
+def test_a_device_may_begin_at_each_corner(part, taxels):
+    """Taxel 0 has the lowest x and y. Seen from above, +x is to the left, so it lies at the bottom right."""
+    device = small_device(part=[part])
+    assert device.wiring(device.part[0]).tolist() == taxels
+
+
+def test_taxels_that_are_listed_have_no_other_order():
+    with pytest.raises(ValueError, match="leave out first_row and first_column"):
+        small_device(part=[{"taxels": [0, 1, 2, 3, 4, 5], "first_column": "left"}])
+
+
 def test_two_parts_at_one_place_are_refused():
     half = {"taxels": [0, 1, 2, -1, -1, -1]}
     with pytest.raises(ValueError, match="same port and address"):
