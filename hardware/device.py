@@ -15,7 +15,7 @@ from tactsim.core.documents import parse_toml, read_toml
 from tactsim.core.errors import unknown
 from tactsim.core.pad import Pad
 from tactsim.hardware.codecs.codec import STRICT, Codec, CodecError
-from tactsim.hardware.codecs.registry import Format
+from tactsim.hardware.codecs.codec_registry import Format
 
 UNREAD = -1
 

@@ -39,7 +39,7 @@ def command(as_json: pads.AsJson = False) -> None:
 
 def _found() -> dict[str, list[dict[str, Any]]]:
     from tactsim.hardware import sources
-    from tactsim.hardware.codecs import registry
+    from tactsim.hardware.codecs import codec_registry as registry
     from tactsim.hardware.device import built_in_devices, load_device
 
     return {

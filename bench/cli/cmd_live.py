@@ -70,7 +70,7 @@ def command(
     from tactsim.bench.terminal import progress_bars
     from tactsim.bench.watching.live_screen import live
     from tactsim.bench.watching.pad_view import PadReader
-    from tactsim.bench.watching.pressed import open_pressed
+    from tactsim.bench.watching.pressed_source import open_pressed
     from tactsim.bench.watching.recogniser import Recogniser, on_taxels
     from tactsim.bench.watching.told import Told
     from tactsim.bench.watching.touch_leader import TouchLeader

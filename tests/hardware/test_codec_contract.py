@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tactsim.core.counters import Counters
-from tactsim.hardware.codecs import registry
+from tactsim.hardware.codecs import codec_registry as registry
 from tactsim.hardware.codecs.codec import CodecError
 from tactsim.hardware.device import Device
 from tactsim.hardware.emulator import emulate

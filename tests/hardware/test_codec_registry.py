@@ -7,7 +7,7 @@ from plugging import install_plug_in
 
 from tactsim.core import InputError
 from tactsim.core.plug_ins import plug_ins
-from tactsim.hardware.codecs import registry
+from tactsim.hardware.codecs import codec_registry as registry
 from tactsim.hardware.codecs.codec import Codec, CodecError, CodecFormat
 from tactsim.hardware.device import Device, built_in_devices, load_device
 from tactsim.hardware.emulator import emulate

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from made_pads import csv_device, singletact, small_device
 
 from tactsim.core.counters import Counters
-from tactsim.hardware.codecs import registry
+from tactsim.hardware.codecs import codec_registry as registry
 from tactsim.hardware.codecs.codec import Codec, CodecError, Frame
 from tactsim.hardware.codecs.singletact import Reply, write_reply
 from tactsim.hardware.device import Device

@@ -388,7 +388,7 @@ def test_the_accumulator_of_the_device_file_makes_torn_frames_whole():
     """With one sample a frame a sensor measures 32 times as fast as it is shipped, more than can be read whole."""
     device = singletact(taxels=25, accumulator=0)
     with (
-        serving(emulate(device, ramp(device), rate=140.0)) as url,
+        serving(emulate(device, ramp(device), rate=500.0)) as url,
         LiveSource([url], device) as source,
         pytest.raises(NoReading, match=r"changed while they were read.*accumulator in the device file"),
     ):
