@@ -1,12 +1,10 @@
 """The guided session as a person sees it: on a real terminal of 80 x 24, with a pad that is lost and comes back."""
 
 import io
-import signal
-from contextlib import contextmanager
 
 import numpy as np
 import pytest
-from command_line import BENCH
+from command_line import BENCH, emulated
 from rich.console import Console
 from terminal import OnTerminal
 from terminal import Screen as Terminal
@@ -15,17 +13,6 @@ from tactsim.bench.guide_screen import Screen
 from tactsim.core.pad import Pad
 from tactsim.hardware.recording import Kind, RecordReader
 from tactsim.hardware.session import Plan, Session
-
-
-@contextmanager
-def emulated(bench, *words):
-    process = bench.start("emulate", "--port", "pty:pad", *words)
-    try:
-        process.stdout.readline()
-        yield
-    finally:
-        process.send_signal(signal.SIGINT)
-        process.communicate(timeout=10)
 
 
 @pytest.fixture
@@ -55,13 +42,13 @@ def test_the_guide_fits_a_terminal_and_outlives_a_lost_pad(bench, on_terminal, t
         "5",
     ]
     hand = ["--follow", "A.tactrec", "--rate", "200", "--lift", "0.5", "--scan-set", "sensor.noise=0.2"]
-    with emulated(bench, *hand):
+    with emulated(bench, "--port", "pty:pad", *hand):
         terminal = on_terminal(*words)
         screen = terminal.until(lambda screen: "the last press that was taken" in screen.text)
         shown = screen.lines
     with terminal:
         lost = terminal.until(lambda screen: "THE PAD IS LOST" in screen.text).lines
-        with emulated(bench, *hand):
+        with emulated(bench, "--port", "pty:pad", *hand):
             terminal.until(lambda screen: "THE PAD IS LOST" not in screen.text and "press" in screen.text)
             assert terminal.ended() == 0
         assert "3 readings of A in A.npz" in terminal.screen.text
@@ -79,7 +66,7 @@ def test_the_guide_fits_a_terminal_and_outlives_a_lost_pad(bench, on_terminal, t
 
 
 def test_the_guide_stops_at_a_key_while_the_pad_is_lost(bench, on_terminal, tmp_path):
-    with emulated(bench):
+    with emulated(bench, "--port", "pty:pad"):
         terminal = on_terminal("record", "--port", "pad", "--letter", "A", "--out", "A.npz")
         terminal.until(lambda screen: "lift the letter" in screen.text)
     with terminal:
@@ -91,7 +78,7 @@ def test_the_guide_stops_at_a_key_while_the_pad_is_lost(bench, on_terminal, tmp_
 
 def test_the_guide_ends_when_its_terminal_is_closed(bench, on_terminal, tmp_path):
     with (
-        emulated(bench),
+        emulated(bench, "--port", "pty:pad"),
         on_terminal("record", "--port", "pad", "--letter", "A", "--out", "A.npz") as terminal,
     ):
         terminal.until(lambda screen: "lift the letter" in screen.text)

@@ -2,11 +2,10 @@
 
 import signal
 import time
-from contextlib import contextmanager
 
 import numpy as np
 import pytest
-from command_line import refused
+from command_line import emulated, refused
 
 import tactsim
 from tactsim.bench.measured import MeasuredTrials, measured_scan, poses_to_press, recording_of
@@ -70,26 +69,15 @@ def test_trials_are_measured_stopped_gone_on_with_and_scored(bench, here, scan_f
     refused(here(*words[:-1], "other", "--presses", folder, "--seed", "1"), "another seed")
 
 
-@contextmanager
-def emulated(bench, *words):
-    process = bench.start("emulate", "--port", "pty:pad", *words)
-    try:
-        process.stdout.readline()
-        yield
-    finally:
-        process.send_signal(signal.SIGINT)
-        process.communicate(timeout=10)
-
-
 def test_a_run_outlives_a_pad_that_is_lost(bench, scan_file, tmp_path):
     follow = "r.presses/O-1.tactrec"
     hand = ["--follow", follow, "--rate", "200", "--lift", "0.3", "--scan-set", "sensor.noise=0.2"]
     words = ["run", "--port", "pad", "--train-scan", scan_file, "--letters", "O", "--trials", "1", "--readings", "3",
              "--frames", "5", "--patience", "2", "--estimator", "nearest", "--out", "r"]  # fmt: skip
-    with emulated(bench, *hand):
+    with emulated(bench, "--port", "pty:pad", *hand):
         run = bench.start(*words)
         wait_for(lambda: marks(tmp_path / follow) >= 1)
-    with emulated(bench, *hand):
+    with emulated(bench, "--port", "pty:pad", *hand):
         output, errors = run.communicate(timeout=60)
     assert run.returncode == 0, errors
     assert "press 3 of 3: taken" in output

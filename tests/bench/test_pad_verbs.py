@@ -3,24 +3,12 @@
 import json
 import signal
 import time
-from contextlib import contextmanager
 
 import numpy as np
 import pytest
-from command_line import refused
+from command_line import emulated, refused
 
 from tactsim.core import Scan
-
-
-@contextmanager
-def emulated(bench, *words):
-    """Run `bench emulate`; gives the name that it prints."""
-    process = bench.start("emulate", *words)
-    try:
-        yield process.stdout.readline().strip()
-    finally:
-        process.send_signal(signal.SIGINT)
-        assert process.wait(10) == 130
 
 
 def right(result):
