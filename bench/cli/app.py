@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import sys
 from concurrent.futures import BrokenExecutor
 from importlib import import_module
@@ -98,6 +99,10 @@ def run_app() -> NoReturn:
     except BrokenPipeError:  # as in `bench list | head`, which stops reading
         sys.stderr.close()
         sys.exit(FAILED)
+    except OSError as error:
+        if error.errno != errno.ENOSPC:
+            raise
+        fail("cannot write to standard output: the disk is full")
     if status == INTERRUPTED:
         end_interrupted()
     sys.exit(status if isinstance(status, int) else 0)

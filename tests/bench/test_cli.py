@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from command_line import Bench, refused
 
-from tactsim.bench.cli import main
+from tactsim.bench.cli import run
 from tactsim.core import Scan
 
 SMALL = ["--trials", "1", "--readings", "4", "--bins", "1000"]
@@ -249,7 +249,7 @@ def test_an_interrupt_while_modules_are_imported_ends_alike(monkeypatch, capsys)
     monkeypatch.delitem(sys.modules, "tactsim.bench.cli.app")
     monkeypatch.setattr(sys, "meta_path", [Interrupts(), *sys.meta_path])
     with pytest.raises(SystemExit, match="130"):
-        main()
+        run()
     assert capsys.readouterr().err == "bench: interrupted; nothing half-written was kept\n"
 
 
