@@ -92,7 +92,7 @@ $(READY): requirements.lock pyproject.toml
 	$(INSTALL) --no-deps --no-build-isolation -e . && \
 	echo "setting up $(VENV): compiling the inner loops, after $$(($$(date +%s) - start)) s ..." && \
 	$(BIN)/python -m tactsim.bench.compile_kernels && \
-	echo "set up in $$(($$(date +%s) - start)) s"
+	echo "ready for bench after $$(($$(date +%s) - start)) s"
 	@touch $@
 
 # What tests and checks need besides.
@@ -100,7 +100,7 @@ $(DEVELOP): $(READY) requirements-dev.lock
 	@start=$$(date +%s) && \
 	echo "setting up $(VENV): fetching and unpacking the tools for tests and checks, another 0.7 GB ..." && \
 	$(INSTALL) -r requirements-dev.lock && \
-	echo "set up in $$(($$(date +%s) - start)) s"
+	echo "ready for make test and make check after $$(($$(date +%s) - start)) s more"
 	@touch $@
 
 $(MUTATION): $(MUTATION_LOCK) | $(DEVELOP)

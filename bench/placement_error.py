@@ -87,7 +87,7 @@ Placements = tuple[FloatArray, FloatArray, FloatArray]
 
 
 def placements(robot_in_object: ArrayLike, of: Properties) -> Placements:
-    """Say where objects lie, T_O^R, for poses (..., 3) T_R^O: x, y mm of the centre of mass and angle rad, each (...)."""
+    """Say where objects lie, T_O^R, for poses (..., 3) T_R^O: x, y mm of the centre of mass, and angle rad."""
     pose = np.asarray(robot_in_object, dtype=float)
     x, y, theta = pose[..., 0], pose[..., 1], pose[..., 2]
     cos, sin, angle = np.cos(theta), np.sin(theta), wrap_angle(-theta)

@@ -10,6 +10,7 @@ import atexit
 import os
 import sys
 from contextlib import suppress
+from pathlib import Path
 from typing import NoReturn
 
 INTERRUPTED = 130
@@ -31,9 +32,20 @@ def run() -> NoReturn:
     try:  # importing takes long enough to be interrupted
         from tactsim.bench.cli.app import run_app
 
+        _let_matplotlib_keep_its_fonts()
         run_app()
     except KeyboardInterrupt:
         end_interrupted()
+
+
+def _let_matplotlib_keep_its_fonts() -> None:
+    """Give matplotlib a folder where its own cannot be written: it would warn, and look for all fonts in every run."""
+    from tactsim.core.cache_folder import cache_folder, can_be_written
+
+    home = Path(os.path.expanduser("~"))  # noqa: PTH111  (pathlib raises an error where there is no home)
+    folders = (("XDG_CONFIG_HOME", ".config"), ("XDG_CACHE_HOME", ".cache"))
+    if not all(can_be_written(Path(os.environ.get(name) or home / own)) for name, own in folders):
+        os.environ.setdefault("MPLCONFIGDIR", str(cache_folder() / "matplotlib"))
 
 
 def end_interrupted() -> NoReturn:

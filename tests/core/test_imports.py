@@ -8,12 +8,14 @@ import pytest
 from tactsim.press import ScanOptions, scan_letters
 
 
-def imported(code):
-    """Run code in a fresh interpreter and say which of the heavy modules it brought."""
-    heavy = ("mujoco", "numba", "trimesh", "pydantic", "scipy", "matplotlib")
-    script = f"{code}\nimport sys; print(*[name for name in {heavy} if name in sys.modules])"
+HEAVY = ("mujoco", "numba", "trimesh", "pydantic", "scipy.linalg", "scipy.special", "matplotlib", "serial")
+
+
+def imported(code, *more):
+    """Run code in a fresh interpreter and say which of the heavy modules, and of `more`, it brought."""
+    script = f"{code}\nimport sys; print('', *[name for name in {HEAVY + more} if name in sys.modules])"
     run = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
-    return set(run.stdout.split())
+    return set(run.stdout.splitlines()[-1].split())
 
 
 def test_the_data_types_bring_nothing_heavy():
@@ -35,3 +37,20 @@ def test_a_name_that_is_not_there_is_said():
 
     with pytest.raises(AttributeError, match="nothing"):
         tactsim.nothing  # noqa: B018
+
+
+# Brought by a command, or by those before it: a list of what each needs, so that nothing else creeps in.
+def test_help_brings_neither_numpy_nor_a_configuration():
+    assert not imported(
+        "from tactsim.bench.cli.app import app; app(['--help'], standalone_mode=False)", "numpy"
+    )
+
+
+def test_a_run_from_the_cache_brings_no_physics_and_no_scipy(here, own_cache):
+    words = "run --estimator histogram --bins 100 --letters I --trials 1 --readings 2 --json --out".split()
+    assert here(*words, "first").returncode == 0
+    script = f"""
+from tactsim.bench.cli.app import app
+app({[*words, "second"]!r}, standalone_mode=False)
+"""
+    assert imported(script) == {"matplotlib", "numba", "pydantic"}

@@ -109,3 +109,27 @@ def test_the_commit_is_that_of_the_checkout():
     wanted = head.stdout.strip() if head.returncode == 0 else None
     commit = git_commit()
     assert (commit and commit.removesuffix("-changed")) == wanted
+
+
+def test_what_was_found_in_files_is_kept_by_their_content(own_cache, tmp_path, monkeypatch):
+    script = """
+import ast, sys
+from tactsim.core import source_digest
+parsed, parse = [], ast.parse
+ast.parse = lambda *given: parsed.append(1) or parse(*given)
+print(source_digest.source_digest("tactsim.press.engine"), len(parsed))
+"""
+
+    def found():
+        done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+        digest, count = done.stdout.split()
+        return digest, int(count)
+
+    first, count = found()
+    assert count > 10
+    assert found() == (first, 0)
+    kept = own_cache / "sources"
+    kept.write_bytes(kept.read_bytes()[:-20])  # cut short, as by a full disk
+    assert found() == (first, count)
+    monkeypatch.setenv("TACTSIM_CACHE_DIR", str(kept / "below a file"))
+    assert found() == (first, count)
