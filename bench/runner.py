@@ -13,11 +13,9 @@ from tactsim.bench.bound.efficiency import bounds_of_trials
 from tactsim.bench.config import RunConfig
 from tactsim.bench.fitting import fit
 from tactsim.bench.machine import machine, peak_memory_mb, versions
-from tactsim.bench.measured import MeasuredTrials, measured_scan
 from tactsim.bench.offered_touches import Press
 from tactsim.bench.placement_error import properties
 from tactsim.bench.run import Run
-from tactsim.bench.touching import OnDemand
 from tactsim.bench.trial_plan import TrialPlan, source_of_trials
 from tactsim.bench.trial_workers import run_trials
 from tactsim.bench.trials import Progress, Task, Trials, check_readings
@@ -117,6 +115,8 @@ def gather(
     if scan is None and config.scan is not None:
         scan = Scan.load(config.scan)
     elif scan is None and config.presses is not None:
+        from tactsim.bench.measured import measured_scan
+
         letters = config.letters or train_scan(config).letters
         scan = measured_scan(config.presses, letters, config.trials, config.readings)
     elif scan is None:
@@ -172,9 +172,16 @@ def plan_of(config: RunConfig, scan: Scan, given: Estimator | None = None) -> Tr
 
 def _press(config: RunConfig, scan: Scan) -> Press | None:
     """Choose where touches come from that are not simply the scan's."""
+    # Each is imported here: most runs take the scan's readings, and need neither a pad's files nor MuJoCo.
     if config.presses is not None:
+        from tactsim.bench.measured import MeasuredTrials
+
         return MeasuredTrials(scan, config.readings)
-    return OnDemand(config.scan_options) if config.on_demand else None
+    if config.on_demand:
+        from tactsim.bench.touching import OnDemand
+
+        return OnDemand(config.scan_options)
+    return None
 
 
 def finished_run(
