@@ -269,3 +269,7 @@ def test_a_baseline_of_an_earlier_schema_is_refused(tmp_path):
 def test_wrong_words_end_with_2(words, capsys):
     assert regression.main(words) == 2
     assert "Traceback" not in capsys.readouterr().err
+
+
+def test_the_committed_baseline_is_of_the_benchmarks():
+    assert len(read_baseline(ROOT / "results" / "baseline.json").figures) == COUNT
