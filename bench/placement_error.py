@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from pydantic import BaseModel, Field
 
-from tactsim.core import InputError, Scan, invert, transform, wrap_angle
+from tactsim.core import InputError, Scan, transform, wrap_angle
 from tactsim.core.checking import checked
 from tactsim.core.errors import short
 from tactsim.core.finite import LARGEST
@@ -80,12 +80,28 @@ def placement_error(estimated: ArrayLike, true: ArrayLike, of: Properties) -> Fl
     the object's points (the paper's ref. [24], Eqn. 4, in mm); dtheta is folded by the object's
     rotational symmetry (eq. 17-20, with the wrap that the printed mod lacks).
     """
-    estimated, true = invert(estimated), invert(true)
-    centre = np.array([of.centre])
-    shift = transform(estimated, centre)[..., 0, :] - transform(true, centre)[..., 0, :]
-    turn = fold_angle(estimated[..., 2] - true[..., 2], of.symmetry)
-    squared = (shift**2).sum(axis=-1) + of.inertia_over_mass * 2 * (1 - np.cos(turn))
-    return np.sqrt(squared)
+    estimated, true = np.asarray(estimated, dtype=float), np.asarray(true, dtype=float)
+    x, y, cos, sin = _placed(estimated, of)
+    true_x, true_y, true_cos, true_sin = _placed(true, of)
+    if of.symmetry == 0:
+        turned: FloatArray | float = 0.0
+    elif of.symmetry <= 2:
+        # 2 (1 - cos dtheta) is the squared chord, which needs no angle to be wrapped.
+        turned = (cos - true_cos) ** 2 + (sin - true_sin) ** 2
+        if of.symmetry == 2:
+            turned = np.minimum(turned, (cos + true_cos) ** 2 + (sin + true_sin) ** 2)
+    else:
+        turned = 2 * (1 - np.cos(fold_angle(true[..., 2] - estimated[..., 2], of.symmetry)))
+    return np.asarray(np.sqrt((x - true_x) ** 2 + (y - true_y) ** 2 + of.inertia_over_mass * turned))
+
+
+def _placed(
+    robot_in_object: FloatArray, of: Properties
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Place an object in the robot's frame: x and y of its centre of mass, mm, and cosine and sine of its turn."""
+    cos, sin = np.cos(robot_in_object[..., 2]), np.sin(robot_in_object[..., 2])
+    x, y = of.centre[0] - robot_in_object[..., 0], of.centre[1] - robot_in_object[..., 1]
+    return cos * x + sin * y, cos * y - sin * x, cos, sin
 
 
 def fold_angle(angle: ArrayLike, symmetry: int) -> FloatArray:
