@@ -90,7 +90,9 @@ def readings_figure(run: Run) -> Picture:
     for axes in (left, right):
         axes.spines[["top", "right"]].set_visible(False)
         axes.xaxis.set_major_locator(MaxNLocator(integer=True))  # there are no half readings
-        axes.set_title("", y=1)  # a title without a place is moved away from all ticks, which are measured for it
+        axes.set_title(
+            "", y=1
+        )  # a title without a place is moved away from all ticks, which are measured for it
         axes.xaxis.set_label_coords(0.5, -0.105)
     figure.suptitle("\n".join(lines), y=1 - 0.06 / 3.8, fontsize=10, parse_math=False)
     return figure
