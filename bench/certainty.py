@@ -42,8 +42,8 @@ def certainty(estimate: Estimate, true: ArrayLike, of: Properties) -> Certainty:
     poses = np.concatenate([estimate.samples.poses, [estimate.robot_in_object, np.asarray(true)]])
     other = np.full(len(poses) - 1, -2)  # from the samples to the estimate,
     other[-1] = -1  # and from that to the truth
-    x, y, angle = placements(poses, of)
-    found = distance((x[:-1], y[:-1], angle[:-1]), (x[other], y[other], angle[other]), of)
+    placed = placements(poses, of)
+    found = distance(placed[:, :-1], placed[:, other], of)
     away, of_truth = found[:-1], found[-1]
     nearer = away < of_truth
     return Certainty(float(weights[nearer].sum() / weights.sum()), radius(away, weights, 0.9))

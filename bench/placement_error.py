@@ -83,28 +83,31 @@ def placement_error(estimated: ArrayLike, true: ArrayLike, of: Properties) -> Fl
     return distance(placements(estimated, of), placements(true, of), of)
 
 
-Placements = tuple[FloatArray, FloatArray, FloatArray]
+def placements(robot_in_object: ArrayLike, of: Properties) -> FloatArray:
+    """Say where objects lie, T_O^R, for poses (..., 3) T_R^O.
 
-
-def placements(robot_in_object: ArrayLike, of: Properties) -> Placements:
-    """Say where objects lie, T_O^R, for poses (..., 3) T_R^O: x, y mm of the centre of mass, and angle rad."""
+    Returns (5, ...): x, y mm of the centre of mass, cosine and sine of the angle, and the angle of T_R^O, rad.
+    """
     pose = np.asarray(robot_in_object, dtype=float)
-    x, y, theta = pose[..., 0], pose[..., 1], pose[..., 2]
-    cos, sin, angle = np.cos(theta), np.sin(theta), wrap_angle(-theta)
-    turn_x, turn_y = np.cos(angle), np.sin(angle)
-    centre_x, centre_y = of.centre
-    return (
-        -cos * x - sin * y + turn_x * centre_x - turn_y * centre_y,
-        sin * x - cos * y + turn_y * centre_x + turn_x * centre_y,
-        angle,
-    )
+    cos, sin = np.cos(pose[..., 2]), np.sin(pose[..., 2])
+    x, y = of.centre[0] - pose[..., 0], of.centre[1] - pose[..., 1]
+    return np.stack([cos * x + sin * y, cos * y - sin * x, cos, -sin, pose[..., 2]])
 
 
-def distance(estimated: Placements, true: Placements, of: Properties) -> FloatArray:
-    """Measure the distance between placements, mm, as `placement_error` says; they broadcast."""
-    x, y, angle = (one - other for one, other in zip(estimated, true, strict=True))
-    turn = fold_angle(angle, of.symmetry)
-    return np.sqrt(x**2 + y**2 + of.inertia_over_mass * 2 * (1 - np.cos(turn)))
+def distance(estimated: FloatArray, true: FloatArray, of: Properties) -> FloatArray:
+    """Measure the distance between `placements` (5, ...), mm, as `placement_error` says; they broadcast."""
+    x, y, cos, sin, angle = estimated
+    true_x, true_y, true_cos, true_sin, true_angle = true
+    if of.symmetry == 0:
+        turned: FloatArray | float = 0.0
+    elif of.symmetry <= 2:
+        # 2 (1 - cos dtheta) is the squared chord, which needs no angle to be wrapped.
+        turned = (cos - true_cos) ** 2 + (sin - true_sin) ** 2
+        if of.symmetry == 2:
+            turned = np.minimum(turned, (cos + true_cos) ** 2 + (sin + true_sin) ** 2)
+    else:
+        turned = 2 * (1 - np.cos(fold_angle(true_angle - angle, of.symmetry)))
+    return np.asarray(np.sqrt((x - true_x) ** 2 + (y - true_y) ** 2 + of.inertia_over_mass * turned))
 
 
 def fold_angle(angle: ArrayLike, symmetry: int) -> FloatArray:

@@ -24,6 +24,7 @@ from tactsim.core.errors import unknown
 from tactsim.core.scan import train_on
 from tactsim.core.source_digest import git_commit
 from tactsim.estimators import NONE, Estimator, Options, create
+from tactsim.estimators.estimator import proposes_none
 from tactsim.estimators.likelihoods.occupancy import maps_of
 from tactsim.press import forward_model, scan_letters
 
@@ -64,6 +65,8 @@ def perform(
         fitted = create(config.estimator, **config.options)  # a wrong option is reported before the work
     else:
         config, fitted = _with_estimator(config, estimator), estimator
+    if config.explore == "information" and not fitted.proposes:
+        raise proposes_none(config.estimator)
     gathered = gather(config, scan=scan, jobs=jobs, cache=cache, progress=progress)
     check_readings(gathered.scan, gathered.letters, config.readings, config.hold_out)
     plan = plan_of(config, gathered.scan, estimator)

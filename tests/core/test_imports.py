@@ -7,7 +7,6 @@ import pytest
 
 from tactsim.press import ScanOptions, scan_letters
 
-
 HEAVY = ("mujoco", "numba", "trimesh", "pydantic", "scipy.linalg", "scipy.special", "matplotlib", "serial")
 
 
@@ -47,7 +46,8 @@ def test_help_brings_neither_numpy_nor_a_configuration():
 
 
 def test_a_run_from_the_cache_brings_no_physics_and_no_scipy(here, own_cache):
-    words = "run --estimator histogram --bins 100 --letters I --trials 1 --readings 2 --json --out".split()
+    small = ("--bins", "100", "--letters", "I", "--trials", "1", "--readings", "2", "--json")
+    words = ["run", "--estimator", "histogram", *small, "--out"]
     assert here(*words, "first").returncode == 0
     script = f"""
 from tactsim.bench.cli.app import app
