@@ -11,10 +11,10 @@ from importlib.resources import files
 
 import numpy as np
 import pytest
-from conftest import make_run_in
 from hypothesis import given
 from hypothesis import strategies as st
 from made_up import make_run
+from small_runs import make_run_in
 
 from tactsim.bench import api, results, score
 from tactsim.bench.config import run_config
@@ -183,7 +183,7 @@ def test_the_frontier_is_what_nothing_dominates(pairs):
         assert any(on)
 
 
-def test_points_are_taken_at_the_readings_that_all_runs_have(runs, own_cache, tmp_path, changed):
+def test_points_are_taken_at_the_readings_that_all_runs_have(runs, tmp_path, changed):
     run = results.load(runs.large)
     wide = [name for name, values in vars(run.trials).items() if values.shape[1:2] == (8,)]
     short = {name: getattr(run.trials, name)[:, :5] for name in wide}
@@ -428,7 +428,7 @@ def test_a_letter_held_out_is_right_when_it_is_refused(open_set_run):
     assert all(trial.same for trial in replayed.recognitions)
 
 
-def test_a_press_through_time_is_shown_where_readings_have_their_sequence(own_cache, tmp_path):
+def test_a_press_through_time_is_shown_where_readings_have_their_sequence(tmp_path):
     scan_set = {"press": {"dynamics": "full", "frame_rate": 100.0}}
     scan = api.scan("IO", sequence=True, scan_set=scan_set)
     hostile = replace(scan, labels=np.where(scan.labels == "I", "<b>$x$", scan.labels))
