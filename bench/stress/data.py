@@ -28,6 +28,15 @@ def pressed(letters: str = "AEIOU", world: str = "default", pad: Pad | None = No
     return scan_letters(options, cache=False)[0]
 
 
+def few(scan: Scan, every: int = 16) -> Scan:
+    """Keep every n-th reading of a scan."""
+    chosen = np.arange(0, len(scan), every)
+    return Scan(
+        scan.readings[chosen], scan.poses[chosen], scan.labels[chosen], scan.split[chosen], scan.taxel_xy,
+        scan.meta,
+    )  # fmt: skip
+
+
 def fitted(name: str, scan: Scan, **options: Any) -> Estimator:
     """Make an estimator, fit it and begin a sequence with seed 0."""
     estimator = create(name, **options)

@@ -161,15 +161,22 @@ def test_mistakes_end_in_one_line(here, words, parts):
     refused(here(*words), *parts)
 
 
-def test_a_simulation_is_validated_and_brought_nearer(here, tmp_path):
-    """The recording is another simulation, whose parameters are known and have to be found."""
+@pytest.mark.parametrize(
+    ("every", "within"), [(6, 0.03 * np.sqrt(6)), pytest.param(1, 0.03, marks=pytest.mark.slow)]
+)
+def test_a_simulation_is_validated_and_brought_nearer(here, tmp_path, every, within):
+    """The recording is another simulation, whose parameters are known and have to be found.
+
+    Its every sixth press is enough for a point spread as much less exact as the root of six.
+    """
     right(here("scan", "--letters", "E", "--out", "simulated.npz"))
     truth = {"sensor.psf_sigma": 1.4, "sensor.noise": 3, "press.force": 2.5, "placement_mm": 0.5}
     changes = [word for name, value in truth.items() for word in ("--scan-set", f"{name}={value}")]
     right(here("scan", "--letters", "E", "--seed", "5", "--out", "whole.npz", *changes))
     whole = Scan.load(tmp_path / "whole.npz")
+    few = slice(None, None, every)
     Scan(  # as a recording with a dead taxel would be
-        np.delete(whole.readings, 17, axis=1), whole.poses, whole.labels, whole.split,
+        np.delete(whole.readings[few], 17, axis=1), whole.poses[few], whole.labels[few], whole.split[few],
         np.delete(whole.taxel_xy, 17, axis=0), {"source": "recorded"},
     ).save(tmp_path / "recorded.npz")  # fmt: skip
     words = ["validate", "--recorded", "recorded.npz", "--trials", "1", "--set", "bins=1000"]
@@ -177,7 +184,7 @@ def test_a_simulation_is_validated_and_brought_nearer(here, tmp_path):
     for word in ("rms kPa", "point spread", "eq. 3", "simulated -> recorded", "recorded -> recorded"):
         assert word in out
     before = json.loads((tmp_path / "result" / "validation.json").read_text())
-    assert before["fit"]["psf_sigma"] == pytest.approx(1.4, abs=0.03)
+    assert before["fit"]["psf_sigma"] == pytest.approx(1.4, abs=within)
     assert before["fit"]["noise"] == pytest.approx(3.0, abs=0.3)
     assert before["parameters"]["press"]["force"] == pytest.approx(2.5, rel=0.02)
     assert before["fit"]["placement_mm"] == pytest.approx(0.5, rel=0.15)
