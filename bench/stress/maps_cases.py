@@ -166,7 +166,7 @@ def order_of_readings(worst: Worst) -> None:
 )
 def without_information(worst: Worst) -> None:
     """Train where nothing can be learned, then recognise: every letter stays as probable as any other."""
-    scan = few(pressed("AEI"), 4)
+    scan = few(pressed("AEI"), 8)
     readings, poses, _ = hidden(pressed("AEI"), "E", 6)
     unknown = np.full(scan.readings.shape, 1.9)  # below T, above 0.3 of the largest
     for what, trained in (("Unknown", unknown), ("zero", 0 * unknown), ("in contact", 0 * unknown + 50.0)):

@@ -430,8 +430,8 @@ def test_a_letter_held_out_is_right_when_it_is_refused(open_set_run):
 
 def test_a_press_through_time_is_shown_where_readings_have_their_sequence(tmp_path):
     scan_set = {"press": {"dynamics": "full", "frame_rate": 100.0}}
-    scan = api.scan("IO", sequence=True, scan_set=scan_set)
-    hostile = replace(scan, labels=np.where(scan.labels == "I", "<b>$x$", scan.labels))
+    scan = api.scan("I", sequence=True, scan_set=scan_set)
+    hostile = replace(scan, labels=np.full(len(scan), "<b>$x$"))
     hostile.save(tmp_path / "scan.npz")
     make_run_in(tmp_path / "run", letters=None, scan=str(tmp_path / "scan.npz"), bins=100)
     written, _ = write_report([tmp_path / "run"], tmp_path / "out" / "report.html")
