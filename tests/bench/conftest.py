@@ -7,6 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from command_line import Bench
 from small_runs import make_run_in
 
 from tactsim.bench import results, runner
@@ -51,6 +52,15 @@ def hostile_run(tmp_path_factory):
     content["machine"]["processor"] = "<iframe src=//example.org>"
     (place / "run.json").write_text(json.dumps(content))
     return place
+
+
+@pytest.fixture(scope="session")
+def scan_through_time(tmp_path_factory, shared_cache):
+    """Scan the letter I with the images of each press; gives the file, and what the command answered."""
+    folder = tmp_path_factory.mktemp("through-time")
+    full = ("--scan-set", "press.dynamics=full", "--scan-set", "press.frame_rate=100")
+    answer = Bench(folder, shared_cache)("scan", "--out", "full.npz", "--letters", "I", *full, "--sequence")
+    return folder / "full.npz", answer
 
 
 @pytest.fixture
