@@ -1,11 +1,13 @@
 """What tests of all folders share. What is called and not given is in `tests/support`."""
 
+import os
 import subprocess
 import sys
 
 import pytest
 from command_line import Bench
 from hypothesis import settings
+from processor_time import ProcessorTime
 
 from tactsim.bench.cli.app import run_app
 
@@ -20,6 +22,10 @@ def pytest_addoption(parser):
     )
 
 
+def pytest_configure(config):
+    config.pluginmanager.register(ProcessorTime())
+
+
 @pytest.fixture
 def soak_minutes(request):
     """Say for how long the long soak reads."""
@@ -28,8 +34,10 @@ def soak_minutes(request):
 
 @pytest.fixture(scope="session", autouse=True)
 def shared_cache(tmp_path_factory):
-    """Keep tests from the user's cache; what one test has pressed another finds."""
-    folder = tmp_path_factory.mktemp("shared-cache")
+    """Keep tests from the user's cache; what one test has pressed another finds, also in another process."""
+    own = tmp_path_factory.getbasetemp()
+    folder = (own.parent if "PYTEST_XDIST_WORKER" in os.environ else own) / "shared-cache"
+    folder.mkdir(exist_ok=True)
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("TACTSIM_CACHE_DIR", str(folder))
         yield folder

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from functools import cache
+from copy import deepcopy
+from functools import cache, lru_cache
 from typing import Any
 
 import numpy as np
@@ -28,10 +29,30 @@ def pressed(letters: str = "AEIOU", world: str = "default", pad: Pad | None = No
     return scan_letters(options, cache=False)[0]
 
 
-def fitted(name: str, scan: Scan, **options: Any) -> Estimator:
-    """Make an estimator, fit it and begin a sequence with seed 0."""
-    estimator = create(name, **options)
+@cache
+def few(scan: Scan, every: int = 16) -> Scan:
+    """Keep every n-th reading of a scan."""
+    chosen = np.arange(0, len(scan), every)
+    return Scan(
+        scan.readings[chosen], scan.poses[chosen], scan.labels[chosen], scan.split[chosen], scan.taxel_xy,
+        scan.meta,
+    )  # fmt: skip
+
+
+@lru_cache(maxsize=16)
+def fit_once(name: str, scan: Scan, options: tuple[tuple[str, Any], ...]) -> Estimator:
+    """Make an estimator and fit it: once for the cases that follow each other and ask for the same.
+
+    Nobody may feel with it: `fitted` gives copies. `fit_once.cache_clear()` forgets what was fitted by other code.
+    """
+    estimator = create(name, **dict(options))
     fit(estimator, scan, forward_model)
+    return estimator
+
+
+def fitted(name: str, scan: Scan, **options: Any) -> Estimator:
+    """Give an estimator that is fitted to a scan, and begin a sequence with seed 0."""
+    estimator = deepcopy(fit_once(name, scan, tuple(options.items())))
     estimator.reset(np.random.default_rng(0))
     return estimator
 

@@ -8,7 +8,16 @@ import numpy as np
 
 from tactsim.bench.placement_error import placement_error, properties
 from tactsim.bench.stress.case import Worst, case, refused
-from tactsim.bench.stress.data import draws, every_estimator, fitted, flaw, hidden, pressed, probabilities
+from tactsim.bench.stress.data import (
+    draws,
+    every_estimator,
+    few,
+    fitted,
+    flaw,
+    hidden,
+    pressed,
+    probabilities,
+)
 from tactsim.bench.stress.likelihood_cases import (
     exact_log_p_of_letters,
     on_the_lattice,
@@ -132,7 +141,7 @@ def no_drift(worst: Worst) -> None:
 )
 def order_of_readings(worst: Worst) -> None:
     """Present the same readings in another order."""
-    scan = pressed()
+    scan = few(pressed("AEI"), 5)
     for name, options in exact_estimators():
         estimator = fitted(name, scan, **options)
         for label in scan.letters:
@@ -147,7 +156,7 @@ def order_of_readings(worst: Worst) -> None:
 
 @case(
     "filters.order-of-letters",
-    varied="the same readings with the letters in five orders, for every estimator but those that draw",
+    varied="the same readings with the letters in three orders, for every estimator but those that draw",
     deviation="probability of a letter",
     limit=1e-12,
     because="letters are only summed over, and five numbers are summed in another order",
@@ -155,11 +164,11 @@ def order_of_readings(worst: Worst) -> None:
 )
 def order_of_letters(worst: Worst) -> None:
     """Fit to the same letters in another order: no letter may profit from its place."""
-    scan = pressed("AEIO")
+    scan = few(pressed("AEIO"), 5)
     readings, poses, _ = hidden(scan, "O", 3, seed=5)
     for name, options in exact_estimators():
         first = feed(fitted(name, scan, **options), readings, poses)
-        for letters in ("OIEA", "EAOI", "IOAE"):
+        for letters in ("OIEA", "IOAE"):
             order = np.concatenate([np.flatnonzero(scan.labels == letter) for letter in letters])
             moved = Scan(
                 scan.readings[order], scan.poses[order], scan.labels[order], scan.split[order], scan.taxel_xy
@@ -233,7 +242,7 @@ def skipping(worst: Worst) -> None:
 )
 def budget_of_one(worst: Worst) -> None:
     """Give every estimator the smallest budget."""
-    several = pressed("AEI")
+    several = few(pressed("AEI"), 5)
     for name, _ in every_estimator():
         for budget in (1, 2, 3):
             for scan in (several, several.of_letters(["E"])):
@@ -282,7 +291,7 @@ def every_letter(worst: Worst) -> None:
 )
 def faulty_taxels(worst: Worst) -> None:
     """Recognise with a pad that is broken in every way, and trained in good order."""
-    scan = pressed("AEI")
+    scan = few(pressed("AEI"), 5)
     readings, poses, _ = hidden(scan, "E", 4)
     faults = {
         "all dead": np.zeros_like(readings),
@@ -314,7 +323,7 @@ def faulty_taxels(worst: Worst) -> None:
 )
 def trained_on_faults(worst: Worst) -> None:
     """Learn from a broken pad, recognise with a good one."""
-    scan = pressed("AEI")
+    scan = few(pressed("AEI"), 5)
     readings, poses, _ = hidden(scan, "E", 4)
     for what, value in (("dead", 0.0), ("stuck", 50.0), ("saturated", 1e9), ("negative", -1e9)):
         faulty = np.where(scan.split[:, None] == "train", value, scan.readings)
@@ -336,7 +345,7 @@ def trained_on_faults(worst: Worst) -> None:
 )
 def refused_readings(worst: Worst) -> None:
     """Offer invalid readings between two valid ones."""
-    scan = pressed("AEI")
+    scan = few(pressed("AEI"), 5)
     readings, poses, _ = hidden(scan, "E", 2)
     good, pose = readings[0], poses[0]
     bad: list[tuple[FloatArray, FloatArray]] = []
@@ -346,8 +355,9 @@ def refused_readings(worst: Worst) -> None:
     bad += [(good[:-1], pose), (np.append(good, 0), pose), (good, pose[:2]), (good[None], pose)]
     for name, budget in every_estimator():
         answers = []
+        estimator = fitted(name, scan, **budget)
         for offered in ([], bad):
-            estimator = fitted(name, scan, **budget)
+            estimator.reset(np.random.default_rng(0))
             estimator.update(good, pose)
             for reading, where in offered:
                 worst.holds(refused(estimator.update, reading, where), f"{name} takes {reading[-1]}, {where}")
@@ -367,7 +377,7 @@ def refused_readings(worst: Worst) -> None:
 )
 def far_off_the_map(worst: Worst) -> None:
     """Read where there is nothing to be felt, whatever the reading says."""
-    scan = pressed("AEI")
+    scan = few(pressed("AEI"), 5)
     readings, poses, _ = hidden(scan, "E", 6)
     for name, budget in every_estimator():
         estimator = fitted(name, scan, **budget)
@@ -417,7 +427,7 @@ def symmetric_letters(worst: Worst) -> None:
 )
 def nothing_said(worst: Worst) -> None:
     """Take in readings without information: every taxel lies between the two limits of eq. 3."""
-    scan = pressed("AEI")
+    scan = few(pressed("AEI"), 5)
     readings, poses, _ = hidden(scan, "E", 1)
     unknown = np.full(36, 1.5)  # below T = 2, above 0.3 of the largest
     for name, budget in every_estimator():

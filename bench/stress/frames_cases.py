@@ -9,7 +9,7 @@ import numpy as np
 from tactsim.bench.certainty import certainty
 from tactsim.bench.placement_error import Properties, fold_angle, placement_error
 from tactsim.bench.stress.case import Worst, case
-from tactsim.bench.stress.data import every_estimator, fitted, hidden, pressed, probabilities
+from tactsim.bench.stress.data import every_estimator, few, fitted, hidden, pressed, probabilities
 from tactsim.core import compose, invert, transform, wrap_angle
 from tactsim.estimators.estimator import Estimate, PoseSamples
 
@@ -150,12 +150,13 @@ def error_at_the_seam(worst: Worst) -> None:
 )
 def angles_many_turns_away(worst: Worst) -> None:
     """Give the same poses with another number of whole turns."""
-    scan = pressed("AEI")
+    scan = few(pressed("AEI"), 5)
     readings, poses, _ = hidden(scan, "E", 8)
     for name, budget in every_estimator():
         answers = []
+        estimator = fitted(name, scan, **budget)
         for turns in (0, 1, -1000, 10**6):
-            estimator = fitted(name, scan, **budget)
+            estimator.reset(np.random.default_rng(0))
             steps = []
             for reading, pose in zip(readings, poses + [0, 0, TURN * turns], strict=True):
                 estimator.update(reading, pose)

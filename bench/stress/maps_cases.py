@@ -7,20 +7,21 @@ import math
 import numpy as np
 
 from tactsim.bench.stress.case import Worst, case, refused
-from tactsim.bench.stress.data import draws, every_estimator, fitted, flaw, hidden, pressed, probabilities
+from tactsim.bench.stress.data import (
+    draws,
+    every_estimator,
+    few,
+    fitted,
+    flaw,
+    hidden,
+    pressed,
+    probabilities,
+)
 from tactsim.core import Scan, transform
 from tactsim.core.poses import FloatArray
 from tactsim.estimators import create
 from tactsim.estimators.likelihoods.classifier import CONTACT, NO_CONTACT, classify
 from tactsim.estimators.likelihoods.occupancy import OccupancyMap, learn_maps
-
-
-def few(scan: Scan, every: int = 16) -> Scan:
-    """Keep every n-th reading of a scan."""
-    chosen = np.arange(0, len(scan), every)
-    return Scan(
-        scan.readings[chosen], scan.poses[chosen], scan.labels[chosen], scan.split[chosen], scan.taxel_xy
-    )
 
 
 def exact_log_odds(
@@ -165,7 +166,7 @@ def order_of_readings(worst: Worst) -> None:
 )
 def without_information(worst: Worst) -> None:
     """Train where nothing can be learned, then recognise: every letter stays as probable as any other."""
-    scan = few(pressed("AEI"), 4)
+    scan = few(pressed("AEI"), 8)
     readings, poses, _ = hidden(pressed("AEI"), "E", 6)
     unknown = np.full(scan.readings.shape, 1.9)  # below T, above 0.3 of the largest
     for what, trained in (("Unknown", unknown), ("zero", 0 * unknown), ("in contact", 0 * unknown + 50.0)):

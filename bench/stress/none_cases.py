@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from tactsim.bench.stress.case import Worst, case
-from tactsim.bench.stress.data import fitted, flaw, hidden, pressed
+from tactsim.bench.stress.data import few, fitted, flaw, hidden, pressed
 from tactsim.estimators import NONE
 
 
@@ -19,7 +19,7 @@ from tactsim.estimators import NONE
 )
 def odd_readings(worst: Worst) -> None:
     """Ask whether it is none of the letters, whatever is felt."""
-    scan = pressed("AEI")
+    scan = few(pressed("AEI"), 5)
     readings, poses, _ = hidden(scan, "E", 5)
     for unknown in (1e-12, 0.5, 1 - 1e-12):
         estimator = fitted("refined", scan, bins=1000, unknown=unknown)

@@ -7,6 +7,8 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from command_line import Bench
+from small_runs import make_run_in
 
 from tactsim.bench import results, runner
 from tactsim.bench.config import run_config
@@ -17,23 +19,7 @@ IMAGE = '"><img src=x onerror="document.title=1">'
 
 
 @pytest.fixture(scope="session")
-def own_cache(tmp_path_factory):
-    """Keep pressed readings out of the user's cache."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("TACTSIM_CACHE_DIR", str(tmp_path_factory.mktemp("cache")))
-        yield
-
-
-def make_run_in(folder, **words):
-    small = {"estimator": "histogram", "letters": "AEU", "trials": 4, "readings": 8}
-    run = runner.perform(run_config(**(small | words)))
-    folder.mkdir(parents=True)
-    results.save(run, folder)
-    return folder
-
-
-@pytest.fixture(scope="session")
-def runs(tmp_path_factory, own_cache):
+def runs(tmp_path_factory):
     """Three runs: two budgets under the paper's protocol, one on readings off the grid."""
     folder = tmp_path_factory.mktemp("runs")
     return SimpleNamespace(
@@ -44,14 +30,14 @@ def runs(tmp_path_factory, own_cache):
 
 
 @pytest.fixture(scope="session")
-def open_set_run(tmp_path_factory, own_cache):
+def open_set_run(tmp_path_factory):
     """Give a run in which U was held out and may be refused."""
     words = {"estimator": "refined", "set": {"unknown": 0.5}, "bins": 1000, "hold_out": "U", "readings": 10}
     return make_run_in(tmp_path_factory.mktemp("open") / "set", **words)
 
 
 @pytest.fixture(scope="session")
-def hostile_run(tmp_path_factory, own_cache):
+def hostile_run(tmp_path_factory):
     """Give a run whose every name tries to become markup."""
     folder = tmp_path_factory.mktemp("hostile")
     scan = runner.gather(run_config(letters="AU"), jobs=1, cache=True, progress=runner.silent).scan
@@ -66,6 +52,15 @@ def hostile_run(tmp_path_factory, own_cache):
     content["machine"]["processor"] = "<iframe src=//example.org>"
     (place / "run.json").write_text(json.dumps(content))
     return place
+
+
+@pytest.fixture(scope="session")
+def scan_through_time(tmp_path_factory, shared_cache):
+    """Scan the letter I with the images of each press; gives the file, and what the command answered."""
+    folder = tmp_path_factory.mktemp("through-time")
+    full = ("--scan-set", "press.dynamics=full", "--scan-set", "press.frame_rate=100")
+    answer = Bench(folder, shared_cache)("scan", "--out", "full.npz", "--letters", "I", *full, "--sequence")
+    return folder / "full.npz", answer
 
 
 @pytest.fixture

@@ -41,7 +41,7 @@ class Even(tactsim.Estimator):
 
 
 @pytest.fixture(scope="module")
-def scan(own_cache):
+def scan():
     return tactsim.scan("AE")
 
 
@@ -137,7 +137,7 @@ def test_an_estimator_of_ones_own_is_sent_to_workers(scan):
     assert alone.summary == together.summary == named.summary
 
 
-def test_an_estimator_that_workers_cannot_import_is_refused_in_one_line(own_cache):
+def test_an_estimator_that_workers_cannot_import_is_refused_in_one_line():
     class Local(Even):
         pass
 
@@ -146,7 +146,7 @@ def test_an_estimator_that_workers_cannot_import_is_refused_in_one_line(own_cach
     assert "\n" not in str(caught.value)
 
 
-def test_an_estimator_of_a_notebook_cannot_be_sent_to_workers(own_cache):
+def test_an_estimator_of_a_notebook_cannot_be_sent_to_workers():
     """A class of `__main__` where that is no file, as in a notebook."""
     script = "\n".join(
         [

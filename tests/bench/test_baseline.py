@@ -36,7 +36,6 @@ def test_no_default_task_tests_at_the_training_poses(name):
         assert config.on_demand or config.scan_options.test_poses == "random"
 
 
-@pytest.mark.usefixtures("own_cache")
 @pytest.mark.parametrize("explore", ["random", "blind"])
 def test_the_default_run_is_not_done_by_remembering(explore):
     assert right_at_once(run_config(explore=explore)) <= MOST
@@ -45,7 +44,6 @@ def test_the_default_run_is_not_done_by_remembering(explore):
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("own_cache")
 @pytest.mark.parametrize("name", DEFAULT_TASKS)
 def test_no_default_task_is_done_by_remembering(name):
     tasks = {}

@@ -24,9 +24,9 @@ def estimate_of(placements, weights, at):
     return Estimate("A", {"A": 1.0}, invert(np.asarray(at, dtype=float)), samples)
 
 
-def gaussian_grid(sigma, turn=0.0):
+def gaussian_grid(sigma, turn=0.0, points=401):
     """Tabulate a Gaussian about the placement (2, 1, turn): (n, 3) placements and their weights."""
-    steps = np.linspace(-5, 5, 401) * sigma
+    steps = np.linspace(-5, 5, points) * sigma
     x, y = (part.ravel() for part in np.meshgrid(steps, steps))
     placed = np.column_stack([2 + x, 1 + y, np.full(len(x), turn)])
     return placed, np.exp(-(x**2 + y**2) / (2 * sigma**2))
@@ -47,7 +47,7 @@ def test_the_regions_of_a_gaussian_are_those_of_the_rayleigh_distribution(sigma)
 
 
 def test_truths_drawn_from_the_belief_are_held_as_often_as_the_region_says():
-    placed, weights = gaussian_grid(0.5)
+    placed, weights = gaussian_grid(0.5, points=101)
     estimate, rng = estimate_of(placed, weights, [2, 1, 0]), np.random.default_rng(0)
     truths = invert(placed[rng.choice(len(placed), size=400, p=weights / weights.sum())])
     credibility = np.array([certainty(estimate, truth, BAR).credibility for truth in truths])

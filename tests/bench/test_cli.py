@@ -115,12 +115,11 @@ def test_noise_off_makes_readings_without_chance(here, tmp_path):
     assert np.array_equal(train.readings, test.readings)
 
 
-def test_a_scan_keeps_the_images_of_each_press_if_asked_to(here, tmp_path):
-    full = ("--scan-set", "press.dynamics=full", "--scan-set", "press.frame_rate=50")
-    result = here("scan", "--out", "full.npz", "--letters", "I", *full, "--sequence")
+def test_a_scan_keeps_the_images_of_each_press_if_asked_to(scan_through_time):
+    path, result = scan_through_time
     assert result.returncode == 0, result.stderr
     assert "ms after touch" in result.stdout
-    scan = Scan.load(tmp_path / "full.npz")
+    scan = Scan.load(path)
     assert f"{len(scan.sequence_times)} images of each press" in result.stdout
     assert scan.sequence.shape == (384, len(scan.sequence_times), 36)
     touching = scan.sequence_force[:, -1] > 0

@@ -16,6 +16,7 @@ from tactsim.press.press_model import forward_model
 FLAT = Properties(symmetry=1, centre=(0.0, 0.0), inertia_over_mass=50.0)
 
 
+@pytest.mark.slow
 def test_exact_bayes_is_the_sum_over_a_dense_grid():
     """Noise of 25 kPa and exact poses, so that a grid of 1 mm and 9 degrees is dense."""
     scan = tactsim.scan(

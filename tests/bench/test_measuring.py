@@ -38,7 +38,7 @@ def test_trials_are_measured_stopped_gone_on_with_and_scored(bench, here, scan_f
     assert not (tmp_path / "friday").exists()
     kept = scan_of_sessions([tmp_path / "friday.presses" / "I-1.tactrec"])
 
-    done = bench(*words)
+    done = here(*words)
     assert done.returncode == 0, done.stderr
     assert "trial 2 of 4: press 3 of 3: taken" in done.stdout
     assert "trial 1 of 4" not in done.stdout

@@ -16,19 +16,19 @@ def right(result):
     return result.stdout
 
 
-def test_devices_are_listed(bench):
-    out = right(bench("devices"))
+def test_devices_are_listed(here):
+    out = right(here("devices"))
     for word in ("ports", "sources", "recording", "simulated", "codecs", "Time [ms]", "singletact-5x5"):
         assert word in out
-    found = json.loads(right(bench("devices", "--json")))
+    found = json.loads(right(here("devices", "--json")))
     assert {"ports", "sources", "codecs", "device_files"} == set(found)
 
 
 @pytest.mark.parametrize("on", ["pty:pad", "tcp"])
-def test_a_pad_is_probed(bench, tmp_path, on):
+def test_a_pad_is_probed(bench, here, on):
     with emulated(bench, "--port", on, "--letter", "A", "--hold", "1000", "--lift", "0.1") as name:
-        found = json.loads(right(bench("probe", "--port", name, "--seconds", "0.5", "--json")))
-        shown = right(bench("probe", "--port", name, "--seconds", "0.3"))
+        found = json.loads(right(here("probe", "--port", name, "--seconds", "0.5", "--json")))
+        shown = right(here("probe", "--port", name, "--seconds", "0.3"))
     assert found["taxels"] == 36
     assert 50 < found["readings_per_s"] < 150
     assert found["counters"]["garbage_bytes"] == 0
@@ -36,17 +36,17 @@ def test_a_pad_is_probed(bench, tmp_path, on):
     assert "36 taxels" in shown
 
 
-def test_a_probe_of_something_else_shows_its_bytes(bench, tmp_path):
+def test_a_probe_of_something_else_shows_its_bytes(bench, here):
     with emulated(bench, "--port", "pty:pad") as name:
-        result = bench("probe", "--port", name, "--device", "singletact-5x5")
+        result = here("probe", "--port", name, "--device", "singletact-5x5")
     refused(result, "no whole frame of 'SingleTact 5x5 array'", "baud rate")
     assert "aa 55" in result.stderr
 
 
-def test_a_letter_is_recorded_from_tare_to_scan(bench, tmp_path):
+def test_a_letter_is_recorded_from_tare_to_scan(bench, here, tmp_path):
     with emulated(bench, "--port", "pty:pad", "--follow", "A.tactrec", "--rate", "200", "--lift", "0.2",
                   "--scan-set", "placement_tilt=0"):  # fmt: skip
-        assert "36 taxels" in right(bench("tare", "--port", "pad", "--out", "cal.toml"))
+        assert "36 taxels" in right(here("tare", "--port", "pad", "--out", "cal.toml"))
         words = [
             "record", "--port", "pad", "--letter", "A", "--calibration", "cal.toml", "--out", "A.npz",
             "--poses", "random:5", "--frames", "10",
@@ -58,9 +58,9 @@ def test_a_letter_is_recorded_from_tare_to_scan(bench, tmp_path):
         session.send_signal(signal.SIGKILL)
         session.communicate(timeout=10)
         assert not (tmp_path / "A.npz").exists()
-        refused(bench(*words), "A.tactrec exists", "--resume")
-        refused(bench(*words, "--resume", "--letter", "B"), "is a session of 'A'")
-        out = right(bench(*words, "--resume"))
+        refused(here(*words), "A.tactrec exists", "--resume")
+        refused(here(*words, "--resume", "--letter", "B"), "is a session of 'A'")
+        out = right(here(*words, "--resume"))
     assert "5 readings of A in A.npz" in out
     scan = Scan.load(tmp_path / "A.npz")
     assert scan.readings.shape == (5, 36)
@@ -68,7 +68,7 @@ def test_a_letter_is_recorded_from_tare_to_scan(bench, tmp_path):
     pressed = _pressed(scan.poses)
     assert np.sqrt(((scan.readings - pressed) ** 2).mean()) < 2.0
     assert pressed.max() > 20
-    again = right(bench("replay", "A.tactrec", "--scan", "again.npz", "--csv", "readings.csv"))
+    again = right(here("replay", "A.tactrec", "--scan", "again.npz", "--csv", "readings.csv"))
     assert "finished" in again
     assert "2 segments" in again
     assert Scan.load(tmp_path / "again.npz").digest == scan.digest
@@ -90,16 +90,16 @@ def _pressed(poses):
     return np.array([press_letter(models.letter("A"), pose).ideal for pose in poses])
 
 
-def test_all_that_a_pad_says_is_recorded(bench, tmp_path):
+def test_all_that_a_pad_says_is_recorded(bench, here):
     with emulated(bench, "--port", "tcp") as name:
         assert "readings in a.tactrec" in right(
-            bench("record", "--port", name, "--out", "a.tactrec", "--seconds", "0.5")
+            here("record", "--port", name, "--out", "a.tactrec", "--seconds", "0.5")
         )
-    assert "finished" in right(bench("replay", "a.tactrec"))
-    refused(bench("replay", "a.tactrec", "--scan", "a.npz"), "no recording of a guided session")
+    assert "finished" in right(here("replay", "a.tactrec"))
+    refused(here("replay", "a.tactrec", "--scan", "a.npz"), "no recording of a guided session")
 
 
-def test_faults_are_emulated_and_survived(bench, tmp_path):
+def test_faults_are_emulated_and_survived(bench, here):
     faults = [
         "--drop",
         "0.001",
@@ -113,13 +113,13 @@ def test_faults_are_emulated_and_survived(bench, tmp_path):
         "0.7",
     ]
     with emulated(bench, "--port", "pty:pad", *faults) as name:
-        found = json.loads(right(bench("probe", "--port", name, "--seconds", "2", "--json")))
+        found = json.loads(right(here("probe", "--port", name, "--seconds", "2", "--json")))
     assert found["counters"]["garbage_bytes"] > 0
     assert found["counters"]["reconnects"] >= 1
     assert found["readings"] > 20
 
 
-def test_a_large_array_is_cut_into_touches(bench, tmp_path):
+def test_a_large_array_is_cut_into_touches(here, tmp_path):
     rng = np.random.default_rng(0)
     (tmp_path / "array.toml").write_text(
         'name = "16x16"\n[codec]\nkind = "pps-csv"\ntaxels = 256\n'
@@ -132,8 +132,8 @@ def test_a_large_array_is_cut_into_touches(bench, tmp_path):
         "label,split,x_mm,y_mm,theta_rad,first_s,last_s\nA,train,0,0,0,0,0.1\nA,test,1,0,0.5,0.2,0.3\n"
     )
     words = ["replay", "array.csv", "--device", "array.toml", "--marks", "marks.csv", "--cut", "5x5"]
-    refused(bench(*words), "name it with --scan")
-    assert "288 readings of A, 25 taxels" in right(bench(*words, "--scan", "touches.npz"))
+    refused(here(*words), "name it with --scan")
+    assert "288 readings of A, 25 taxels" in right(here(*words, "--scan", "touches.npz"))
     assert Scan.load(tmp_path / "touches.npz").readings.shape == (288, 25)
 
 
@@ -161,29 +161,36 @@ def test_mistakes_end_in_one_line(here, words, parts):
     refused(here(*words), *parts)
 
 
-def test_a_simulation_is_validated_and_brought_nearer(bench, tmp_path):
-    """The recording is another simulation, whose parameters are known and have to be found."""
-    right(bench("scan", "--letters", "E", "--out", "simulated.npz"))
+@pytest.mark.parametrize(
+    ("every", "within"), [(6, 0.03 * np.sqrt(6)), pytest.param(1, 0.03, marks=pytest.mark.slow)]
+)
+def test_a_simulation_is_validated_and_brought_nearer(here, tmp_path, every, within):
+    """The recording is another simulation, whose parameters are known and have to be found.
+
+    Its every sixth press is enough for a point spread as much less exact as the root of six.
+    """
+    right(here("scan", "--letters", "E", "--out", "simulated.npz"))
     truth = {"sensor.psf_sigma": 1.4, "sensor.noise": 3, "press.force": 2.5, "placement_mm": 0.5}
     changes = [word for name, value in truth.items() for word in ("--scan-set", f"{name}={value}")]
-    right(bench("scan", "--letters", "E", "--seed", "5", "--out", "whole.npz", *changes))
+    right(here("scan", "--letters", "E", "--seed", "5", "--out", "whole.npz", *changes))
     whole = Scan.load(tmp_path / "whole.npz")
+    few = slice(None, None, every)
     Scan(  # as a recording with a dead taxel would be
-        np.delete(whole.readings, 17, axis=1), whole.poses, whole.labels, whole.split,
+        np.delete(whole.readings[few], 17, axis=1), whole.poses[few], whole.labels[few], whole.split[few],
         np.delete(whole.taxel_xy, 17, axis=0), {"source": "recorded"},
     ).save(tmp_path / "recorded.npz")  # fmt: skip
     words = ["validate", "--recorded", "recorded.npz", "--trials", "1", "--set", "bins=1000"]
-    out = right(bench(*words, "--simulated", "simulated.npz", "--out", "result"))
+    out = right(here(*words, "--simulated", "simulated.npz", "--out", "result"))
     for word in ("rms kPa", "point spread", "eq. 3", "simulated -> recorded", "recorded -> recorded"):
         assert word in out
     before = json.loads((tmp_path / "result" / "validation.json").read_text())
-    assert before["fit"]["psf_sigma"] == pytest.approx(1.4, abs=0.03)
+    assert before["fit"]["psf_sigma"] == pytest.approx(1.4, abs=within)
     assert before["fit"]["noise"] == pytest.approx(3.0, abs=0.3)
     assert before["parameters"]["press"]["force"] == pytest.approx(2.5, rel=0.02)
     assert before["fit"]["placement_mm"] == pytest.approx(0.5, rel=0.15)
     assert before["after"]["rms"] < before["before"]["rms"]
-    right(bench("scan", "--letters", "E", "--world", "result/world.toml", "--out", "nearer.npz"))
-    after = json.loads(right(bench(*words, "--simulated", "nearer.npz", "--json")))
+    right(here("scan", "--letters", "E", "--world", "result/world.toml", "--out", "nearer.npz"))
+    after = json.loads(right(here(*words, "--simulated", "nearer.npz", "--json")))
     assert after["before"]["rms"] < before["before"]["rms"]
     assert after["fit"]["gain"] == pytest.approx(1.0, abs=0.02)
     assert after["class_agreement"] > before["class_agreement"] - 0.02
@@ -198,35 +205,35 @@ def test_a_simulation_is_validated_and_brought_nearer(bench, tmp_path):
         "--readings",
         "4",
     ]
-    assert "accuracy" in right(bench(*train_on_one, "--bins", "1000", "--out", "run"))
+    assert "accuracy" in right(here(*train_on_one, "--bins", "1000", "--out", "run"))
 
 
-def test_scans_that_cannot_be_compared_are_refused(bench, tmp_path):
-    right(bench("scan", "--letters", "A", "--out", "a.npz"))
+def test_scans_that_cannot_be_compared_are_refused(here, tmp_path):
+    right(here("scan", "--letters", "A", "--out", "a.npz"))
     scan = Scan.load(tmp_path / "a.npz")
     Scan(scan.readings, scan.poses, np.full(len(scan), "Z"), scan.split, scan.taxel_xy).save(
         tmp_path / "z.npz"
     )
     Scan(scan.readings, scan.poses, scan.labels, scan.split, scan.taxel_xy + 1).save(tmp_path / "moved.npz")
     words = ["validate", "--simulated"]
-    refused(bench(*words, "a.npz", "--recorded", "z.npz"), "'Z' was recorded but not simulated")
-    refused(bench(*words, "a.npz", "--recorded", "moved.npz"), "the pads differ")
-    refused(bench(*words, "z.npz", "--recorded", "a.npz"), "does not say how it was made")
-    refused(bench("scan", "--out", "b.npz", "--world", "nothing.toml"), "cannot read world nothing.toml")
+    refused(here(*words, "a.npz", "--recorded", "z.npz"), "'Z' was recorded but not simulated")
+    refused(here(*words, "a.npz", "--recorded", "moved.npz"), "the pads differ")
+    refused(here(*words, "z.npz", "--recorded", "a.npz"), "does not say how it was made")
+    refused(here("scan", "--out", "b.npz", "--world", "nothing.toml"), "cannot read world nothing.toml")
 
 
-def test_a_recording_that_failed_does_not_stand_in_its_own_way(bench, tmp_path):
+def test_a_recording_that_failed_does_not_stand_in_its_own_way(bench, here, tmp_path):
     for words in (["--out", "a.tactrec"], ["--letter", "A", "--out", "A.npz"]):
         for _ in range(2):
-            refused(bench("record", "--port", "pad", *words), "there is no such port")
+            refused(here("record", "--port", "pad", *words), "there is no such port")
     with emulated(bench, "--port", "pty:pad") as name:
         words = ["record", "--port", name, "--out", "a.tactrec", "--seconds", "0.3"]
-        refused(bench(*words, "--device", "singletact-5x5"), "no whole frame")
-        assert "readings in a.tactrec" in right(bench(*words))
-        refused(bench(*words), "a.tactrec exists")
+        refused(here(*words, "--device", "singletact-5x5"), "no whole frame")
+        assert "readings in a.tactrec" in right(here(*words))
+        refused(here(*words), "a.tactrec exists")
 
 
-def test_a_recording_goes_on_when_the_pad_comes_back(bench, tmp_path):
+def test_a_recording_goes_on_when_the_pad_comes_back(bench, here, tmp_path):
     """The pad is away for longer than the deadline of 1 s."""
     with emulated(bench, "--port", "pty:pad"):
         process = bench.start("record", "--port", "pad", "--out", "a.tactrec", "--seconds", "8")
@@ -241,7 +248,7 @@ def test_a_recording_goes_on_when_the_pad_comes_back(bench, tmp_path):
     assert "waiting for it" in output
     assert "reconnects 1" in output
     assert _size(tmp_path) > before + 5000
-    right(bench("replay", "a.tactrec", "--csv", "a.csv"))
+    right(here("replay", "a.tactrec", "--csv", "a.csv"))
 
 
 def _size(folder):
@@ -262,21 +269,21 @@ def test_without_a_terminal_a_session_says_each_trouble_once(bench, tmp_path):
     assert (tmp_path / "A.tactrec").stat().st_size < 2_000_000
 
 
-def test_a_scan_of_one_split_is_refused_with_the_way_out(bench, tmp_path):
-    right(bench("scan", "--letters", "A", "--out", "a.npz"))
+def test_a_scan_of_one_split_is_refused_with_the_way_out(here, tmp_path):
+    right(here("scan", "--letters", "A", "--out", "a.npz"))
     scan = Scan.load(tmp_path / "a.npz")
     chosen = scan.where("train")
     chosen.save(tmp_path / "train.npz")
     refused(
-        bench("run", "--scan", "train.npz", "--trials", "1"), "no test readings", "--split", "--train-scan"
+        here("run", "--scan", "train.npz", "--trials", "1"), "no test readings", "--split", "--train-scan"
     )
 
 
-def test_nothing_is_minus_zero(bench, tmp_path):
+def test_nothing_is_minus_zero(bench, here):
     with emulated(bench, "--port", "tcp", "--rate", "100") as name:
-        shown = right(bench("probe", "--port", name, "--seconds", "0.3"))
-        said = right(bench("probe", "--port", name, "--seconds", "0.3", "--json"))
-        tared = right(bench("tare", "--port", name, "--out", "t.toml"))
+        shown = right(here("probe", "--port", name, "--seconds", "0.3"))
+        said = right(here("probe", "--port", name, "--seconds", "0.3", "--json"))
+        tared = right(here("tare", "--port", name, "--out", "t.toml"))
     assert "-0 " not in shown
     assert "-0.0," not in said
     assert "-0.00 " not in tared

@@ -6,7 +6,7 @@ import pytest
 from tactsim.bench.config import run_config
 from tactsim.bench.runner import perform
 
-pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("own_cache")]
+pytestmark = pytest.mark.slow
 
 
 def run(**words):

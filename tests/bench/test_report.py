@@ -11,12 +11,12 @@ from importlib.resources import files
 
 import numpy as np
 import pytest
-from conftest import make_run_in
 from hypothesis import given
 from hypothesis import strategies as st
 from made_up import make_run
+from small_runs import make_run_in
 
-from tactsim.bench import api, results, score
+from tactsim.bench import results, score
 from tactsim.bench.config import run_config
 from tactsim.bench.placement_error import Properties
 from tactsim.bench.report import recognition as replay
@@ -27,7 +27,7 @@ from tactsim.bench.report.press_picture import images_shown
 from tactsim.bench.report.write import write_report
 from tactsim.bench.runner import about_estimator
 from tactsim.bench.trials import Task, Trials
-from tactsim.core import invert
+from tactsim.core import Scan, invert
 from tactsim.core.errors import InputError
 from tactsim.estimators import Estimate, create
 from tactsim.estimators.estimator import PoseSamples
@@ -183,7 +183,7 @@ def test_the_frontier_is_what_nothing_dominates(pairs):
         assert any(on)
 
 
-def test_points_are_taken_at_the_readings_that_all_runs_have(runs, own_cache, tmp_path, changed):
+def test_points_are_taken_at_the_readings_that_all_runs_have(runs, tmp_path, changed):
     run = results.load(runs.large)
     wide = [name for name, values in vars(run.trials).items() if values.shape[1:2] == (8,)]
     short = {name: getattr(run.trials, name)[:, :5] for name in wide}
@@ -428,10 +428,9 @@ def test_a_letter_held_out_is_right_when_it_is_refused(open_set_run):
     assert all(trial.same for trial in replayed.recognitions)
 
 
-def test_a_press_through_time_is_shown_where_readings_have_their_sequence(own_cache, tmp_path):
-    scan_set = {"press": {"dynamics": "full", "frame_rate": 100.0}}
-    scan = api.scan("IO", sequence=True, scan_set=scan_set)
-    hostile = replace(scan, labels=np.where(scan.labels == "I", "<b>$x$", scan.labels))
+def test_a_press_through_time_is_shown_where_readings_have_their_sequence(scan_through_time, tmp_path):
+    scan = Scan.load(scan_through_time[0])
+    hostile = replace(scan, labels=np.full(len(scan), "<b>$x$"))
     hostile.save(tmp_path / "scan.npz")
     make_run_in(tmp_path / "run", letters=None, scan=str(tmp_path / "scan.npz"), bins=100)
     written, _ = write_report([tmp_path / "run"], tmp_path / "out" / "report.html")

@@ -11,6 +11,7 @@ from typer.testing import CliRunner
 from tactsim.bench.cli.app import app
 from tactsim.bench.stress import TOPICS, cases, chosen_cases, run_case
 from tactsim.bench.stress.case import Worst, case, refused
+from tactsim.bench.stress.data import fit_once
 from tactsim.core import wrap_angle
 from tactsim.core.errors import InputError
 from tactsim.estimators.likelihoods.occupancy import sigmoid
@@ -94,7 +95,17 @@ def test_cases_are_chosen_by_name_and_by_tag():
         chosen_cases(tags=["quik"])
 
 
-@pytest.mark.parametrize("chosen", QUICK, ids=lambda one: one.name)
+# Each fits every estimator many times: to few letters and budgets, and to faults. By default most of what they find is
+# found by tests/estimators/test_contract.py (one letter; any budget is an option of its estimator's own tests) and by
+# the case maps.without-information.
+LONG = ("filters.budget-of-one", "filters.trained-on-faults")
+
+
+@pytest.mark.parametrize(
+    "chosen",
+    [pytest.param(one, marks=[pytest.mark.slow] if one.name in LONG else []) for one in QUICK],
+    ids=lambda one: one.name,
+)
 def test_quick_case(chosen):
     outcome = run_case(chosen)
     assert outcome.passed, f"{outcome.worst} at {outcome.at}; the limit is {chosen.limit}: {chosen.because}"
@@ -151,8 +162,16 @@ PLANTED = {
 }
 
 
+@pytest.fixture
+def own_fits():
+    """Let nothing be taken that was fitted without the fault, and leave nothing behind that was fitted with it."""
+    fit_once.cache_clear()
+    yield
+    fit_once.cache_clear()
+
+
 @pytest.mark.parametrize("name", PLANTED)
-def test_a_planted_fault_fails_the_case(monkeypatch, name):
+def test_a_planted_fault_fails_the_case(monkeypatch, own_fits, name):
     place, fault = PLANTED[name]
     monkeypatch.setattr(place, fault)
     (chosen,) = chosen_cases([name])

@@ -12,7 +12,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from command_line import Bench, refused
+from command_line import refused
 
 from tactsim.bench import chunks, results, sweep, sweep_file, trial_plan
 from tactsim.bench.config import run_config
@@ -43,7 +43,7 @@ def whole(tmp_path_factory, shared_cache):
     """Finish the small sweep once, undisturbed; tests compare with it or copy it."""
     folder = tmp_path_factory.mktemp("sweep")
     (folder / "s.toml").write_text(SMALL)
-    finish(Bench(folder, shared_cache).start("sweep", "s.toml", "--out", "whole", "--jobs", "1"))
+    sweep.perform(sweep_file.read(str(folder / "s.toml"))[1], folder / "whole", jobs=1, progress=silent)
     return folder / "whole"
 
 
@@ -125,13 +125,13 @@ def test_a_sweep_gives_what_single_runs_give(bench, tmp_path):
         assert (places[0] / name).read_bytes() == (tmp_path / "single" / name).read_bytes()
 
 
-def test_a_chunk_that_was_damaged_is_done_again(bench, tmp_path, whole):
+def test_a_chunk_that_was_damaged_is_done_again(here, tmp_path, whole):
     (tmp_path / "s.toml").write_text(SMALL)
     folder = tmp_path / "again" / "chunks"
     folder.mkdir(parents=True)
     for place in (whole / "runs").iterdir():
         (folder / f"{place.name}.00000.npz").write_bytes(b"no chunk at all")
-    finish(bench.start("sweep", "s.toml", "--out", "again", "--jobs", "1"))
+    assert here("sweep", "s.toml", "--out", "again", "--jobs", "1").returncode == 0
     assert contents(tmp_path / "again") == contents(whole)
 
 
@@ -189,7 +189,7 @@ def test_a_sweep_does_not_go_on_beside_runs_of_another_source(tmp_path, whole):
         sweep.perform(configs, tmp_path / "out", jobs=1, progress=silent)
 
 
-def test_what_a_killed_sweep_left_behind_is_removed(bench, tmp_path, whole):
+def test_what_a_killed_sweep_left_behind_is_removed(here, tmp_path, whole):
     (tmp_path / "s.toml").write_text(SMALL)
     shutil.copytree(whole, tmp_path / "out")
     kept = contents(tmp_path / "out")
@@ -202,12 +202,12 @@ def test_what_a_killed_sweep_left_behind_is_removed(bench, tmp_path, whole):
     left[2].parent.mkdir()
     for path in left:
         path.write_bytes(b"left")
-    finish(bench.start("sweep", "s.toml", "--out", "out", "--jobs", "1"))
+    assert here("sweep", "s.toml", "--out", "out", "--jobs", "1").returncode == 0
     assert not any(path.exists() for path in left)
     assert contents(tmp_path / "out") == kept
 
 
-def test_a_folder_in_use_or_of_another_sweep_is_refused(bench, tmp_path):
+def test_a_folder_in_use_or_of_another_sweep_is_refused(bench, here, tmp_path):
     (tmp_path / "s.toml").write_text(SMALL)
     (tmp_path / "other.toml").write_text(SMALL.replace("trials = 30", "trials = 1"))
     first = bench.start("sweep", "s.toml", "--out", "out", "--jobs", "1")
@@ -215,16 +215,10 @@ def test_a_folder_in_use_or_of_another_sweep_is_refused(bench, tmp_path):
         time.sleep(0.02)
         assert first.poll() is None
     first.send_signal(signal.SIGSTOP)  # it stays at work until the second has looked
-    second = bench.start("sweep", "s.toml", "--out", "out")
-    _, errors = second.communicate(timeout=60)
-    assert second.returncode == 2
-    assert "another sweep is at work" in errors
+    refused(here("sweep", "s.toml", "--out", "out"), "another sweep is at work")
     first.send_signal(signal.SIGCONT)
     finish(first)
-    other = bench.start("sweep", "other.toml", "--out", "out")
-    _, errors = other.communicate(timeout=60)
-    assert other.returncode == 2
-    assert "holds another sweep" in errors
+    refused(here("sweep", "other.toml", "--out", "out"), "holds another sweep")
 
 
 def free_port():
@@ -261,10 +255,12 @@ def cluster(bench, tmp_path):
         process.wait()
 
 
-def test_a_dask_cluster_that_loses_a_worker_loses_nothing_and_does_nothing_twice(bench, tmp_path, cluster):
+def test_a_dask_cluster_that_loses_a_worker_loses_nothing_and_does_nothing_twice(
+    bench, here, tmp_path, cluster
+):
     address, workers = cluster
     (tmp_path / "s.toml").write_text(
-        SMALL.replace("trials = 30", "trials = 200").replace("readings = 3", "readings = 8")
+        SMALL.replace("trials = 30", "trials = 100").replace("readings = 3", "readings = 8")
     )
     process = bench.start("sweep", "s.toml", "--out", "far", "--dask", address)
     folder = tmp_path / "far" / "chunks"
@@ -275,12 +271,12 @@ def test_a_dask_cluster_that_loses_a_worker_loses_nothing_and_does_nothing_twice
         time.sleep(0.01)
     workers[0].kill()
     finish(process)
-    finish(bench.start("sweep", "s.toml", "--out", "near", "--jobs", "1"))
+    assert here("sweep", "s.toml", "--out", "near", "--jobs", "1").returncode == 0
     assert contents(tmp_path / "far") == contents(tmp_path / "near")
     for place in (tmp_path / "far" / "runs").iterdir():
         with (place / "trials.csv").open(newline="") as stream:
             rows = [(row["truth"], row["trial"], row["reading_number"]) for row in csv.DictReader(stream)]
-        assert len(rows) == len(set(rows)) == 2 * 200 * 8
+        assert len(rows) == len(set(rows)) == 2 * 100 * 8
 
 
 def test_no_scheduler_is_said_in_one_line(here, tmp_path, monkeypatch):

@@ -289,7 +289,7 @@ def test_letters_are_held_out_once_and_in_one_order():
     assert run_config(hold_out="O,A,O").hold_out == run_config(hold_out="A O").hold_out == ("A", "O")
 
 
-def test_each_letter_held_out_in_turn_is_what_holding_out_one_by_one_gives(own_cache, tmp_path):
+def test_each_letter_held_out_in_turn_is_what_holding_out_one_by_one_gives(tmp_path):
     words = {"letters": "EIL", "estimator": "refined", "bins": 1000, "trials": 2, "readings": 4}
     run = tactsim.run(hold_out="each", **words)
     assert not run.trials.known.any()

@@ -1,7 +1,8 @@
 """Every block that a reader may type in runs, a page's blocks one after the other in a folder of its own.
 
-Commands are given less work: few letters, one trial of three readings, one run for each method of a sweep. Only what
-a page shows with its output (```console) is run as it stands, and must print what is shown.
+Commands are given less work: few letters, one trial of three readings, one run for each method of a sweep. What is then
+the same as on a page before, and leaves no file behind, is not run again. Only what a page shows with its output
+(```console) is run as it stands, and must print what is shown.
 """
 
 import re
@@ -10,6 +11,7 @@ import subprocess
 import sys
 import tomllib
 from importlib.resources import files
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -44,10 +46,16 @@ def test_what_is_not_run_is_known():
     assert {(block.page, block.not_run) for block in BLOCKS if block.not_run} == NOT_RUN
 
 
+@pytest.fixture(scope="module")
+def done():
+    """Remember the commands that were run for a page before."""
+    return set()
+
+
 @pytest.mark.parametrize(
     "page", [pytest.param(page, marks=[pytest.mark.slow] if page in SLOW else []) for page in RUN_PAGES]
 )
-def test_a_pages_blocks_run(page, tmp_path, monkeypatch):
+def test_a_pages_blocks_run(page, done, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("MPLBACKEND", "agg")
     monkeypatch.setenv("COLUMNS", "300")
@@ -58,14 +66,14 @@ def test_a_pages_blocks_run(page, tmp_path, monkeypatch):
     try:
         for block in BLOCKS:
             if block.page == page and not block.not_run:
-                run(block, names, behind)
+                run(block, names, behind, done)
     finally:
         for process in behind:
             process.send_signal(signal.SIGINT)
             process.wait(30)
 
 
-def run(block, names, behind):
+def run(block, names, behind, done):
     """Run one block in the folder that is current; what a block leaves behind, running, is put on a list."""
     if block.file:
         Path(block.file).write_text(block.text, encoding="utf-8")
@@ -78,12 +86,22 @@ def run(block, names, behind):
     elif block.language == "sh":
         for words in commands(block):
             arguments = bench(words)  # test_commands.py says which other programs there may be
-            if arguments is not None and arguments[0] == "emulate":
-                behind.append(subprocess.Popen([BENCH, *smaller(arguments)], stdout=subprocess.PIPE))
+            if arguments is None:
+                continue
+            less = smaller(arguments)
+            if less[0] == "emulate":
+                behind.append(subprocess.Popen([BENCH, *less], stdout=subprocess.PIPE))
                 behind[-1].stdout.readline()  # it names the port that it has opened
-            elif arguments is not None:
-                status = app(smaller(arguments), standalone_mode=False, prog_name="bench")
+            elif tuple(less) not in done:
+                status = app(less, standalone_mode=False, prog_name="bench")
                 assert not isinstance(status, int) or status == 0, f"{block.page}:{block.line}: {arguments}"
+                if less[0] in ("run", "bound", "list") and not names_a_file(less):
+                    done.add(tuple(less))
+
+
+def names_a_file(words):
+    """Tell whether a command reads a file of its page, or writes one under a name of the page's own."""
+    return "--out" in words or any(Path(word.rpartition("=")[2]).exists() for word in words)
 
 
 def compare(block):
@@ -103,9 +121,14 @@ def smaller(arguments):
     verb, *rest = arguments
     if verb in ("run", "bound"):
         few = ["--trials", "1", "--readings", "3"]
-        if not {"--letters", "--scan", "--hold-out"} & set(rest):
-            few += ["--letters", "AE"]
+        if not {"--letters", "--scan"} & set(rest):
+            held_out = dict(pairwise(rest)).get("--hold-out", "")
+            few += ["--letters", "I" if verb == "bound" else "AE" + held_out]
         return [verb, *without(rest, "--trials", "--readings", "--jobs"), *few]
+    if verb == "scan" and "press.dynamics=full" in rest:  # a press takes a hundred times as long
+        return [verb, *without(rest, "--letters"), "--letters", "I"]
+    if verb == "scan" and "--letters" not in rest:
+        return [*arguments, "--letters", "AE"]
     if verb == "sweep":
         path = smaller_sweep(rest[0])
         return [verb, str(path), *without(rest[1:], "--jobs")]

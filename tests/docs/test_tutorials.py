@@ -1,7 +1,7 @@
 """Every tutorial runs to its end in a folder with a `models/`, `bench/` and `estimators/` of its own.
 
-The first of them runs from a wheel, as a new user has it. The others run from the checkout, in the slow suite, because
-`make docs` runs them too.
+The first of them runs from the checkout. The slow suite runs it from a wheel, as a new user has it, and the others from
+the checkout; `make docs` runs them too.
 """
 
 import json
@@ -70,13 +70,19 @@ def run(notebook, folder, cache, wheel=""):
     assert result.returncode == 0, result.stderr
 
 
+@pytest.mark.slow
 def test_a_new_user_brings_an_estimator_with_the_wheel_alone(wheel, shared_cache, tmp_path):
+    """All is compiled anew there; tests/packaging says that the wheel is whole."""
     run(ROOT / "docs" / "tutorials" / "bring-an-estimator.ipynb", tmp_path, shared_cache, wheel)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
-    "notebook", [one for one in NOTEBOOKS if one.stem != "bring-an-estimator"], ids=lambda path: path.stem
+    "notebook",
+    [
+        pytest.param(one, marks=[] if one.stem == "bring-an-estimator" else pytest.mark.slow)
+        for one in NOTEBOOKS
+    ],
+    ids=lambda path: path.stem,
 )
 def test_a_tutorial_runs(notebook, shared_cache, tmp_path):
     run(notebook, tmp_path, shared_cache)

@@ -1,9 +1,7 @@
 """What is built holds one package and all of it, and what is installed runs in anybody's folder."""
 
-import os
 import sys
 import zipfile
-from importlib.util import cache_from_source
 from pathlib import Path
 
 import pytest
@@ -33,25 +31,21 @@ def files_of_checkout():
             inside = path.relative_to(ROOT)
             if inside.parts[:2] in {("tactsim", room) for room in ROOMS} or not path.is_file():
                 continue
-            if path.suffix not in (".pyc", ".nbi", ".nbc", ".md"):
+            if path.suffix != ".md" and "__pycache__" not in path.parts:
                 name = inside if inside.parts[0] == "tactsim" else Path("tactsim", inside)
                 found[str(name)] = path.read_bytes()
     return found
 
 
 def keep_kernels(environment):
-    """Take over the kernels that are compiled already: numba wants the same time on the same source."""
+    """Take over what is compiled already; every file says of which source."""
     (packages,) = environment.glob("lib/python*/site-packages")
-    for source in (ROOT / "estimators").rglob("*.py"):
-        copy = packages / "tactsim" / source.relative_to(ROOT)
-        assert copy.read_bytes() == source.read_bytes()
-        kept = Path(cache_from_source(str(source))).parent
-        for kernel in kept.glob(f"{source.stem}.*.nb?"):
-            place = copy.parent / "__pycache__" / kernel.name
+    for folder in (ROOT / "tactsim", *(ROOT / room for room in ROOMS)):
+        for kernel in folder.rglob("__pycache__/*.kernel"):
+            inside = kernel.relative_to(ROOT)
+            place = packages / (inside if inside.parts[0] == "tactsim" else Path("tactsim", inside))
             place.parent.mkdir(exist_ok=True)
             place.write_bytes(kernel.read_bytes())
-        times = source.stat()
-        os.utime(copy, ns=(times.st_atime_ns, times.st_mtime_ns))
 
 
 def smoke(environment, folder):

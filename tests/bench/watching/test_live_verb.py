@@ -58,9 +58,9 @@ def recording(tmp_path, device, scan_file):
     return path
 
 
-def test_a_hidden_object_is_recognised_as_json(bench, scan_file):
+def test_a_hidden_object_is_recognised_as_json(here, scan_file):
     words = ["--port", "simulated:O@2,1,0.3", "--train-scan", scan_file, "--readings", "3", "--json"]
-    result = bench("live", *words, *SMALL)
+    result = here("live", *words, *SMALL)
     assert result.returncode == 0, result.stderr
     said = [json.loads(line) for line in result.stdout.splitlines()]
     assert [one["touch"] for one in said] == [1, 2, 3]
@@ -90,8 +90,8 @@ def test_without_a_terminal_it_says_where_to_press_and_ends_when_every_pose_was_
     assert capsys.readouterr().err.splitlines() == [told.where(LiveView(asked=np.array(POSE)))]
 
 
-def test_a_recorded_session_is_recognised_in_lines(bench, recording, scan_file):
-    result = bench("live", "--port", f"recording:{recording}", "--train-scan", scan_file, *SMALL)
+def test_a_recorded_session_is_recognised_in_lines(here, recording, scan_file):
+    result = here("live", "--port", f"recording:{recording}", "--train-scan", scan_file, *SMALL)
     assert result.returncode == 0, result.stderr
     lines = result.stdout.splitlines()
     assert [line.split(":")[0] for line in lines] == [f"touch {k}" for k in (1, 2, 3, 4)]
@@ -99,9 +99,9 @@ def test_a_recorded_session_is_recognised_in_lines(bench, recording, scan_file):
     assert "right" in lines[-1]
 
 
-def test_a_pad_on_a_pty_is_recognised_on_a_terminal(bench, tmp_path, scan_file, typing):
+def test_a_pad_on_a_pty_is_recognised_on_a_terminal(bench, here, tmp_path, scan_file, typing):
     with emulated(bench, "--port", "pty:pad", "--letter", "I", "--hold", "1.2", "--lift", "1.6") as name:
-        tare = bench("tare", "--port", name, "--out", "tare.toml")  # nothing is pressed yet
+        tare = here("tare", "--port", name, "--out", "tare.toml")  # nothing is pressed yet
         assert tare.returncode == 0, tare.stderr
         words = ["live", "--port", name, "--calibration", "tare.toml", "--train-scan", scan_file]
         terminal = typing(

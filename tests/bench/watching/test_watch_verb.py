@@ -64,8 +64,8 @@ def test_in_a_pipe_there_is_a_line_a_second(bench):
     assert "garbage bytes" in lines[-1]
 
 
-def test_a_recording_is_played_and_ends(bench, recording):
-    result = bench("watch", "--port", f"recording:{recording}")
+def test_a_recording_is_played_and_ends(here, recording):
+    result = here("watch", "--port", f"recording:{recording}")
     assert result.returncode == 0, result.stderr
     assert "ended" in result.stdout
     assert "20 so far" in result.stdout
@@ -84,10 +84,10 @@ def test_the_page_is_served_until_the_command_ends(bench):
     assert "live" in output
 
 
-def test_a_pad_that_says_nothing_right_is_an_error_at_the_end(bench):
+def test_a_pad_that_says_nothing_right_is_an_error_at_the_end(bench, here):
     with emulated(bench, "--port", "pty:pad") as name:
         words = ["watch", "--port", name, "--device", "singletact-5x5", "--seconds", "5"]
-        refused(bench(*words), "no whole frame")
+        refused(here(*words), "no whole frame")
 
 
 @pytest.mark.parametrize(
