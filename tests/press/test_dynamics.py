@@ -97,10 +97,10 @@ def test_a_letter_beside_the_pad_has_no_sequence():
 
 
 def test_a_scan_can_be_taken_with_full_dynamics():
-    options = level_scan(letters=("I",), press=level_press(dynamics="full"), placement_mm=0, placement_rad=0)
+    options = level_scan(letters=("I",), press=level_press(dynamics="full"), placement_mm=0, placement_rad=0, test_poses="same")
     scan, work = scan_letters(options, cache=False)
     usual, _ = scan_letters(options.model_copy(update={"press": level_press()}), cache=False)
-    assert work["presses"] > 100
+    assert work["presses"] > 50
     assert np.abs(scan.readings - usual.readings).max() <= 0.7 + 5e-3 * usual.readings.max()
 
 
@@ -224,8 +224,10 @@ def test_the_servo_is_exact_without_contact_at_any_step():
         assert left == pytest.approx(0.015 * np.exp(-control.servo / 0.1 * step), abs=1e-12)
 
 
-@pytest.mark.parametrize("speed", [0.001, 0.01, 0.1])  # m/s
-@pytest.mark.parametrize("dissipation", [0.0, 3.0, 30.0])  # s/m
+# m/s and s/m, whose product is all that a bounce depends on.
+@pytest.mark.parametrize(
+    ("speed", "dissipation"), [(0.01, 0.0), (0.001, 3.0), (0.01, 30.0), (0.1, 3.0), (0.1, 30.0)]
+)
 def test_a_free_letter_bounces_as_hunt_and_crossley_say(speed, dissipation):
     """m v dv = -k x (1 + c v) dx gives c u + log(1 - c u) = -(c v - log(1 + c v)) for leaving at speed u."""
     letter, options = models.letter("I"), level_press(dynamics="full")
