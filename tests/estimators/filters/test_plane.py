@@ -2,18 +2,23 @@
 
 import numpy as np
 import pytest
-from synthetic import draw_trial, fitted
+from synthetic import draw_trial, fitted, make_scan, paper_poses
 
 from tactsim import estimators
 
 SHOWING = [name for name in estimators.names() if name not in ("synthesis", "nearest")]
 
 
+@pytest.fixture(scope="module")
+def scan():
+    return make_scan("EIL", poses=paper_poses(positions=4, angles=6))
+
+
 def begun(name, scan, count, **options):
     """An estimator after `count` readings, with the readings and poses that follow."""
     estimator = fitted(name, scan, **options)
     rng = np.random.default_rng(5)
-    readings, poses, _ = draw_trial(scan, "U", count + 2, rng)
+    readings, poses, _ = draw_trial(scan, "L", count + 2, rng)
     estimator.reset(rng)
     for reading, pose in zip(readings[:count], poses[:count], strict=True):
         estimator.update(reading, pose)

@@ -181,9 +181,10 @@ def test_the_order_of_readings_does_not_matter(vowels):
         {"cells": 100_000, "bins": 100, "halvings": 1}, {"split": "1x1x7", "halvings": 0, "cells": 1},
     ],
 )  # fmt: skip
-def test_extreme_options_work(small, options):
-    estimator = shared("refined", small, **options)
-    readings, poses, _ = draw_trial(small, "I", 3, np.random.default_rng(0))
+def test_extreme_options_work(options):
+    scan = make_scan("EI", poses=COARSE)
+    estimator = shared("refined", scan, **options)
+    readings, poses, _ = draw_trial(scan, "I", 3, np.random.default_rng(0))
     for count in range(4):
         got = updated(estimator, readings[:count], poses[:count]).estimate()
         assert sum(got.probabilities.values()) == pytest.approx(1)

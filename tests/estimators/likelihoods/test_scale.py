@@ -11,7 +11,7 @@ from tactsim.core import InputError, Scan
 from tactsim.estimators.likelihoods.classifier import classify
 from tactsim.estimators.likelihoods.scale import lehmer_mean, threshold_of
 
-SCAN = make_scan("EIL", poses=paper_poses(4, 6))
+SCAN = make_scan("EL", poses=paper_poses(4, 6))
 
 
 @given(st.floats(1e-6, 1e6))
@@ -43,7 +43,7 @@ def test_the_unit_of_the_readings_changes_no_label(name, options, unit):
     other = Scan(unit * SCAN.readings, SCAN.poses, SCAN.labels, SCAN.split, SCAN.taxel_xy, SCAN.meta)
     small = {"bins": 500, "cells": 20, "halvings": 1}
     made = [fitted(name, scan, **small, **options) for scan in (SCAN, other)]
-    for seed, label in enumerate("EILEIL"):
+    for seed, label in enumerate("ELELEL"):
         readings, poses, _ = draw_trial(SCAN, label, 4, np.random.default_rng(seed))
         for estimator in made:
             estimator.reset(np.random.default_rng(0))
