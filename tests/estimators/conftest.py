@@ -12,6 +12,6 @@ def scan() -> Scan:
 
 
 @pytest.fixture(scope="session")
-def vowels() -> Scan:
+def vowels(shared_cache) -> Scan:
     """The paper's experiment: five letters, test readings at the training poses."""
-    return scan_letters(ScanOptions(test_poses="same"), cache=False)[0]
+    return scan_letters(ScanOptions(test_poses="same"))[0]

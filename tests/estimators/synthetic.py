@@ -1,12 +1,17 @@
 """Synthetic readings for tests: bars and rings pressed on any layout, blurred and noisy, without physics."""
 
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import lru_cache
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import erf
 
 from tactsim.core import Scan, compose, invert, transform
 from tactsim.core.forward import Linearised
-from tactsim.estimators import Estimator
+from tactsim.estimators import Estimator, create
 
 # Bars as (centre x, centre y, half length x, half length y) mm, axis-aligned and disjoint.
 SHAPES = {
@@ -111,6 +116,30 @@ def fit(estimator: Estimator, scan: Scan) -> None:
     if estimator.uses_forward_model:
         estimator.bring(SyntheticForward("".join(scan.letters), scan.taxel_xy))
     estimator.fit(scan)
+
+
+@lru_cache(maxsize=64)
+def _fitted(name: str, options: tuple[tuple[str, object], ...], known: _Known) -> Estimator:
+    estimator = create(name, **dict(options))
+    fit(estimator, known.scan)
+    return estimator
+
+
+@dataclass(frozen=True)
+class _Known:
+    """A scan as a key: two that hold the same are the same."""
+
+    digest: str
+    scan: Scan = field(compare=False)
+
+
+def fitted(name: str, scan: Scan, **options: object) -> Estimator:
+    """Give an estimator that has learned a scan.
+
+    All tests that ask for the same share it, as a fit takes longer than most of them: reset it before use, leave
+    it as it was learned, and do not count on its counters.
+    """
+    return _fitted(name, tuple(sorted(options.items())), _Known(scan.digest, scan))
 
 
 def draw_trial(

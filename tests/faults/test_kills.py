@@ -2,6 +2,7 @@
 
 import os
 import random
+import shutil
 import signal
 import subprocess
 import time
@@ -15,16 +16,13 @@ from tactsim.core.reading import Reading
 from tactsim.hardware.device import load_device
 from tactsim.hardware.recording import Kind, Recorder, RecordReader, check_whole
 
-SWEEP = """
-[defaults]
-letters = "IO"
-trials = 60
-readings = 3
 
-[[run]]
-estimator = "histogram"
-bins = [100, 1000]
-"""
+def sweep_of(scan, trials):
+    """Write the sweep of two runs over the readings of a file."""
+    return (
+        f'[defaults]\nscan = "{scan}"\ntrials = {trials}\nreadings = 3\n'
+        '[[run]]\nestimator = "histogram"\nbins = [100, 1000]\n'
+    )
 
 
 def kill_at(process, moment, folder, while_writing):
@@ -71,19 +69,24 @@ def check_run(out):
 
 def check_sweep(out):
     for place in (out / "runs").glob("[!.]*"):
-        assert results.load(place).trials.label.shape == (120, 3)
+        assert results.load(place).trials.label.shape == (60, 3)
 
 
 COMMANDS = {
     "scan": (["scan", "--letters", "IO", "--out", "out"], check_scan),
-    "run": (["run", "--letters", "IO", "--trials", "4", "--readings", "4", "--bins", "100", "--out", "out"], check_run),
+    "run": (
+        ["run", "--scan", "two.npz", "--trials", "4", "--readings", "4",
+         "--estimator", "histogram", "--bins", "100", "--out", "out"],
+        check_run,
+    ),
     "sweep": (["sweep", "s.toml", "--jobs", "1", "--out", "out"], check_sweep),
 }  # fmt: skip
 
 
-def kill_again_and_again(bench, name, kills, seed):
+def kill_again_and_again(bench, scan_file, name, kills, seed):
     words, check = COMMANDS[name]
-    (bench.folder / "s.toml").write_text(SWEEP)
+    shutil.copy(scan_file, bench.folder / "two.npz")
+    (bench.folder / "s.toml").write_text(sweep_of("two.npz", trials=30))
     out, kept = bench.folder / "out", bench.folder / "kept"
     start = time.monotonic()
     assert bench(*words, "--no-cache").returncode == 0
@@ -122,15 +125,16 @@ def kill_again_and_again(bench, name, kills, seed):
     assert (whole(out) if out.is_dir() else out.read_bytes()) == expected
 
 
-@pytest.mark.parametrize("name", COMMANDS)
-def test_killed_again_and_again_it_ends_with_the_same_bytes(bench, name):
-    kill_again_and_again(bench, name, kills=2, seed=1)
+# A run is written as those of a sweep are.
+@pytest.mark.parametrize("name", ["scan", "sweep"])
+def test_killed_again_and_again_it_ends_with_the_same_bytes(bench, scan_file, name):
+    kill_again_and_again(bench, scan_file, name, kills=2, seed=1)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", COMMANDS)
-def test_killed_at_many_moments_it_ends_with_the_same_bytes(bench, name):
-    kill_again_and_again(bench, name, kills=20, seed=2)
+def test_killed_at_many_moments_it_ends_with_the_same_bytes(bench, scan_file, name):
+    kill_again_and_again(bench, scan_file, name, kills=20, seed=2)
 
 
 @pytest.mark.parametrize("kills", [3, pytest.param(20, marks=pytest.mark.slow)])

@@ -107,10 +107,10 @@ def test_no_claim_of_a_file_is_believed(bombs):
     assert not any("<newline>" in line for line in lines)
 
 
-def test_a_table_of_a_run_that_counts_to_a_billion_is_refused(bench, scan_file):
-    words = ["run", "--scan", scan_file, "--trials", "1", "--readings", "2", "--bins", "100", "--out", "run"]
-    assert bench(*words).returncode == 0
-    table = bench.folder / "run" / "trials.csv"
+def test_a_table_of_a_run_that_counts_to_a_billion_is_refused(here, tmp_path, scan_file):
+    words = ["--estimator", "histogram", "--trials", "1", "--readings", "2", "--bins", "100"]
+    assert here("run", "--scan", scan_file, *words, "--out", "run").returncode == 0
+    table = tmp_path / "run" / "trials.csv"
     good = table.read_text()
     rows = good.splitlines()
     fields = rows[-1].split(",")
@@ -123,20 +123,20 @@ def test_a_table_of_a_run_that_counts_to_a_billion_is_refused(bench, scan_file):
         (13, "9" * 30),
     ):
         row = ",".join(value if number == place else word for number, word in enumerate(fields))
-        folder = shutil.copytree(bench.folder / "run", bench.folder / f"run{len(hostile)}")
+        folder = shutil.copytree(tmp_path / "run", tmp_path / f"run{len(hostile)}")
         (folder / "trials.csv").write_text("\n".join([*rows[:-1], row]) + "\n")
         hostile.append(("run", folder))
     for line in read_with_little_memory(hostile):
         assert line.startswith("refused"), line
     table.write_text(good.replace(rows[-1].split(",")[4], "\x1b[31m[bold]"))
-    result = bench("compare", "run", "run")
+    result = here("compare", "run", "run")
     refused(result, "run")
     assert "\x1b" not in result.stderr
 
 
-def test_what_a_file_names_does_not_steer_the_terminal(bench):
-    (bench.folder / "s.toml").write_text('[[run]]\n"\\u001b]0;title\\u0007[bold]" = 1')
-    result = bench("sweep", "s.toml")
+def test_what_a_file_names_does_not_steer_the_terminal(here, tmp_path):
+    (tmp_path / "s.toml").write_text('[[run]]\n"\\u001b]0;title\\u0007[bold]" = 1')
+    result = here("sweep", "s.toml")
     refused(result, "[bold]")
     assert "\x1b" not in result.stderr
     assert "\x07" not in result.stderr

@@ -1,6 +1,8 @@
 """Plug-ins that are broken in every way, installed as a user's are: a status in a list, or one sentence."""
 
 import json
+import sys
+from pathlib import Path
 
 import pytest
 from command_line import refused
@@ -122,22 +124,32 @@ def test_every_broken_plug_in_is_a_status(plugged):
     assert status["fields"] == "built in"
 
 
-RUN = ["run", "--letters", "IO", "--trials", "1", "--readings", "2", "--out", "out"]
+RUN = ["run", "--trials", "1", "--readings", "2", "--out", "out"]
 
 
-def test_a_plug_in_that_answers_nonsense_is_named_in_one_line(plugged, scan_file):
+@pytest.fixture
+def called_here(plugged, here, monkeypatch):
+    """Call the command line in this process, where the package is installed too."""
+    monkeypatch.setenv("COLUMNS", "400")
+    monkeypatch.syspath_prepend(plugged.environment["PYTHONPATH"])
+    yield here
+    for name in MODULES:
+        sys.modules.pop(name, None)
+
+
+def test_a_plug_in_that_answers_nonsense_is_named_in_one_line(plugged, called_here, scan_file):
     for name, said in {
         "nan": "guessing.Nan is broken",
         "nothing": "guessing.Nothing is broken",
         "bad1": "plug-in 'bad1'",
     }.items():
-        refused(plugged(*RUN, "--scan", scan_file, "--estimator", name), said)
-        assert not (plugged.folder / "out").exists()
+        refused(called_here(*RUN, "--scan", scan_file, "--estimator", name), said)
+        assert not Path("out").exists()
     result = plugged(*RUN, "--scan", scan_file, "--estimator", "faulty")
     assert result.returncode == 1
     assert "guessing.py" in result.stderr, "an exception of its own keeps its traceback, for its author"
-    assert not (plugged.folder / "out").exists()
-    assert plugged(*RUN, "--scan", scan_file, "--estimator", "guessing").returncode == 0
+    assert not Path("out").exists()
+    assert called_here(*RUN, "--scan", scan_file, "--estimator", "guessing").returncode == 0
 
 
 def test_a_codec_that_is_broken_is_named_in_one_line(plugged):

@@ -10,8 +10,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from test_kills import SWEEP, whole
+from test_kills import sweep_of, whole
 
+from tactsim.bench import runner, sweep, sweep_file
 from tactsim.core import InputError
 from tactsim.core.workers import worker_processes
 
@@ -73,22 +74,22 @@ def refuse(value):
     raise InputError(f"{value} is wrong")
 
 
-RUN = ["run", "--letters", "IO", "--trials", "2000", "--readings", "30", "--out", "out"]
+RUN = ["run", "--estimator", "histogram", "--bins", "100", "--readings", "30", "--out", "out", "--scan"]
 
 
-def test_a_run_whose_worker_dies_at_its_start_says_so_and_leaves_nothing(bench):
-    process = bench.start(*RUN, "--jobs", "2")
+def test_a_run_whose_worker_dies_at_its_start_says_so_and_leaves_nothing(bench, here, scan_file):
+    process = bench.start(*RUN, scan_file, "--trials", "2000", "--jobs", "2")
     kill_one_worker(process)
     _, errors = process.communicate(timeout=120)
     assert process.returncode == 1
     assert "Traceback" not in errors
     assert "bench: a worker process died" in errors
     assert not (bench.folder / "out").exists()
-    assert bench(*RUN[:4], "4", *RUN[5:]).returncode == 0
+    assert here(*RUN, scan_file, "--trials", "2").returncode == 0
 
 
-def test_workers_end_with_a_run_that_is_killed(bench):
-    process = bench.start(*RUN, "--jobs", "2")
+def test_workers_end_with_a_run_that_is_killed(bench, scan_file):
+    process = bench.start(*RUN, scan_file, "--trials", "2000", "--jobs", "2")
     wait_until(process, lambda: len(workers_of(process)) == 2)
     workers = workers_of(process)
     process.kill()  # it alone
@@ -125,14 +126,17 @@ def test_an_error_of_a_task_comes_back_with_its_place_and_the_worker_lives_on():
         assert list(pool.map(abs, [-1, 2])) == [1, 2]
 
 
-@pytest.mark.parametrize("first", ["worker", "chunk"])
-def test_a_sweep_whose_worker_dies_loses_nothing(bench, first):
-    (bench.folder / "s.toml").write_text(SWEEP.replace("trials = 60", "trials = 400"))
+def test_a_sweep_whose_workers_die_loses_nothing(bench, scan_file):
+    (bench.folder / "s.toml").write_text(sweep_of(scan_file, trials=150))
     process = bench.start("sweep", "s.toml", "--jobs", "2", "--out", "out")
-    if first == "chunk":
-        wait_until(process, lambda: any((bench.folder / "out" / "chunks").glob("*.npz")))  # 1 of 80
+    kill_one_worker(process)
+    chunks = bench.folder / "out" / "chunks"
+    wait_until(process, lambda: any(chunks.glob("*.npz")))  # 1 of 30
     kill_one_worker(process)
     _, errors = process.communicate(timeout=240)
     assert process.returncode == 0, errors
-    assert bench("sweep", "s.toml", "--jobs", "1", "--out", "again").returncode == 0
-    assert whole(bench.folder / "out") == whole(bench.folder / "again")
+    again = bench.folder / "again"
+    again.mkdir()
+    configs = sweep_file.read(str(bench.folder / "s.toml"))[1]
+    sweep.perform(configs, again, jobs=1, progress=runner.silent)
+    assert whole(bench.folder / "out") == whole(again)

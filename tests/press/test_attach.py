@@ -6,6 +6,7 @@ import pytest
 from attached_scenes import GRAVITY, ball, block, errors, image, rest, roll
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
+from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 
 import tactsim
@@ -344,8 +345,7 @@ def test_a_round_finger_on_a_plane_is_the_closed_form(stiffness):
         pressure = stiff * np.maximum(radius - (radius - depth) / np.cos(angle), 0)
         return np.trapezoid(pressure * np.cos(angle) * 2 * np.pi * radius**2 * np.sin(angle), angle)
 
-    depths = np.linspace(0, 3, 3001)
-    depth = np.interp(reading.force, [force(one) for one in depths], depths)
+    depth = brentq(lambda depth: force(depth) - reading.force, 0, 3)
 
     def pressure(u, v):  # on the foil around the ball
         polar = np.hypot(u, v) / radius

@@ -82,12 +82,14 @@ def test_images_come_as_often_as_asked_for(rate):
     assert len(press.times) == np.ceil(press.times[-1] * rate - 1e-9)
 
 
+TOO_SHORT = level_scan(letters=("E",), press=level_press(dynamics="full", ramp=0.01, time_limit=0.035))
+
+
 def test_a_press_that_does_not_settle_is_reported():
-    options = level_scan(letters=("E",), press=level_press(dynamics="full", time_limit=0.08))
     with pytest.raises(UnsettledError, match=r"'E'.*time_limit"):
-        press_letter(models.letter("E"), [0.0, 0.0, 0.0], options)
+        press_letter(models.letter("E"), [0.0, 0.0, 0.0], TOO_SHORT)
     with pytest.raises(InputError, match=r"192 of 192 presses of 'E' do not come to rest.*time_limit"):
-        scan_letters(options, cache=False)
+        scan_letters(TOO_SHORT, cache=False)
 
 
 def test_a_letter_beside_the_pad_has_no_sequence():
@@ -97,10 +99,12 @@ def test_a_letter_beside_the_pad_has_no_sequence():
 
 
 def test_a_scan_can_be_taken_with_full_dynamics():
-    options = level_scan(letters=("I",), press=level_press(dynamics="full"), placement_mm=0, placement_rad=0)
+    options = level_scan(
+        letters=("I",), press=level_press(dynamics="full"), placement_mm=0, placement_rad=0, test_poses="same"
+    )
     scan, work = scan_letters(options, cache=False)
     usual, _ = scan_letters(options.model_copy(update={"press": level_press()}), cache=False)
-    assert work["presses"] > 100
+    assert work["presses"] > 50
     assert np.abs(scan.readings - usual.readings).max() <= 0.7 + 5e-3 * usual.readings.max()
 
 
@@ -123,9 +127,8 @@ def test_a_sliver_stops_where_the_layer_ends():
 
 def test_a_worker_s_unsettled_press_is_reported_too(monkeypatch):
     monkeypatch.setattr("tactsim.press.scanning.WORTH_A_WORKER", 1e-3)
-    options = level_scan(letters=("E",), press=level_press(dynamics="full", time_limit=0.08))
     with pytest.raises(InputError, match=r"'E'.*time_limit"):
-        scan_letters(options, jobs=2, cache=False)
+        scan_letters(TOO_SHORT, jobs=2, cache=False)
 
 
 def test_a_press_that_failed_leaves_nothing_behind():
@@ -224,8 +227,10 @@ def test_the_servo_is_exact_without_contact_at_any_step():
         assert left == pytest.approx(0.015 * np.exp(-control.servo / 0.1 * step), abs=1e-12)
 
 
-@pytest.mark.parametrize("speed", [0.001, 0.01, 0.1])  # m/s
-@pytest.mark.parametrize("dissipation", [0.0, 3.0, 30.0])  # s/m
+# m/s and s/m, whose product is all that a bounce depends on.
+@pytest.mark.parametrize(
+    ("speed", "dissipation"), [(0.01, 0.0), (0.001, 3.0), (0.01, 30.0), (0.1, 3.0), (0.1, 30.0)]
+)
 def test_a_free_letter_bounces_as_hunt_and_crossley_say(speed, dissipation):
     """m v dv = -k x (1 + c v) dx gives c u + log(1 - c u) = -(c v - log(1 + c v)) for leaving at speed u."""
     letter, options = models.letter("I"), level_press(dynamics="full")
@@ -233,7 +238,7 @@ def test_a_free_letter_bounces_as_hunt_and_crossley_say(speed, dissipation):
     (springs,) = bed.springs
     stage = scene(Setup(mass=0.1), len(springs.share))
     rate = np.sqrt(1000.0 * springs.area / 0.1)
-    step = 2e-4 / rate
+    step = 4e-4 / rate
     stage.set_springs(springs, 1000.0, step=step)
     stage.reset(0.0)
     data = stage.data

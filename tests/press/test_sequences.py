@@ -51,20 +51,15 @@ def test_how_presses_settle_is_summed_up(taken):
     assert 0 <= work["overshoot"] < 0.01
 
 
-def test_readings_do_not_depend_on_whether_sequences_are_kept():
-    options = FULL.model_copy(update={"sensor": SensorOptions(), "test_poses": "random"})
+def test_images_have_the_sensor_s_imperfections_with_random_numbers_of_their_own(taken):
+    sensor = SensorOptions(noise=3.0, resolution=0.5, gain_spread=0.3, drift=5.0, dead_taxels=(7,))
+    options = FULL.model_copy(update={"sensor": sensor})
     scan, _ = scan_letters(options, cache=False, sequence=True)
     usual, work = scan_letters(options, cache=False)
     assert np.array_equal(scan.readings, usual.readings)
     assert usual.sequence is None
     assert work["settle_time"]["median"] > 0
-
-
-def test_images_have_the_sensor_s_imperfections_with_random_numbers_of_their_own():
-    sensor = SensorOptions(noise=3.0, resolution=0.5, gain_spread=0.3, drift=5.0, dead_taxels=(7,))
-    options = FULL.model_copy(update={"sensor": sensor})
-    scan, _ = scan_letters(options, cache=False, sequence=True)
-    untouched = ~scan_letters(FULL, cache=False)[0].readings.any(axis=1)
+    untouched = ~taken[0].readings.any(axis=1)
     images = scan.sequence[untouched]
     assert np.delete(images, 7, axis=2).std() == pytest.approx(3.0, rel=0.02)
     assert not images[:, :, 7].any()
@@ -73,11 +68,9 @@ def test_images_have_the_sensor_s_imperfections_with_random_numbers_of_their_own
     assert np.corrcoef(images[:, 0, 0], images[:, 1, 0])[0, 1] < 0.3
 
 
-def test_the_number_of_processes_changes_no_bit(monkeypatch):
+def test_the_number_of_processes_changes_no_bit(taken, monkeypatch):
     monkeypatch.setattr("tactsim.press.scanning.WORTH_A_WORKER", 1e-3)
-    options = FULL.model_copy(update={"sensor": SensorOptions()})
-    one, two = (scan_letters(options, jobs=jobs, cache=False, sequence=True)[0] for jobs in (1, 2))
-    assert one.digest == two.digest
+    assert scan_letters(FULL, jobs=2, cache=False, sequence=True)[0].digest == taken[0].digest
 
 
 def test_a_sequence_of_a_press_at_rest_is_refused():

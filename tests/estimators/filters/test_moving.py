@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from synthetic import make_scan
+from synthetic import fitted, make_scan
 
 from tactsim.bench.slip import Slip
 from tactsim.bench.stress import chosen_cases, run_case
@@ -58,8 +58,7 @@ def test_zero_motion_is_the_static_filter_to_the_bit(two, name):
     readings, poses, _ = sequence(two, "E", 4)
     pair = []
     for motion in ("off", "0,0"):
-        estimator = create(name, **MAP_FILTERS[name], motion=motion)
-        estimator.fit(two)
+        estimator = fitted(name, two, **MAP_FILTERS[name], motion=motion)
         pair.append(estimates(estimator, readings, poses))
     for off, zero in zip(*pair, strict=True):
         assert off.probabilities == zero.probabilities
@@ -92,8 +91,7 @@ def test_an_object_at_rest_is_placed_as_without_motion(two, options):
     readings, poses, _ = sequence(two, "E", 14)
     pair = []
     for motion in ("off", "auto"):
-        estimator = create("refined", bins=1000, motion=motion, **options)
-        estimator.fit(two)
+        estimator = fitted("refined", two, bins=1000, motion=motion, **options)
         pair.append(estimates(estimator, readings, poses))
     for off, auto in zip(*pair, strict=True):
         assert off.label == auto.label
@@ -103,8 +101,7 @@ def test_an_object_at_rest_is_placed_as_without_motion(two, options):
 def test_models_are_weighed_by_how_well_they_foretold_each_reading(two):
     """The growth of the evidence of an object at rest, against a sum over the belief, written out."""
     readings, poses, _ = sequence(two, "E", 5)
-    estimator = create("refined", bins=1000, motion="auto")
-    estimator.fit(two)
+    estimator = fitted("refined", two, bins=1000, motion="auto")
     estimates(estimator, readings[:4], poses[:4])
     moving = estimator.filter
     belief, before = moving.filter.weighted_states(), moving._rest

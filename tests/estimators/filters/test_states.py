@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from synthetic import draw_trial, make_scan, paper_poses
+from synthetic import draw_trial, fitted, make_scan, paper_poses
 
 from tactsim import estimators
 from tactsim.estimators.filters.map_filter import MapFilter
@@ -32,8 +32,7 @@ def test_bins_are_drawn_with_a_place_inside_them(scan):
 
 @pytest.mark.parametrize("name", FILTERS)
 def test_states_are_drawn_as_the_belief_says(name, scan):
-    estimator = estimators.create(name)
-    estimator.fit(scan)
+    estimator = fitted(name, scan)
     estimator.reset(np.random.default_rng(3))
     readings, poses = draw_trial(scan, "E", 3, np.random.default_rng(4))[:2]
     for count in range(3):
@@ -47,8 +46,7 @@ def test_states_are_drawn_as_the_belief_says(name, scan):
 
 @pytest.mark.parametrize("name", FILTERS)
 def test_the_weighted_states_are_the_belief_that_the_estimate_sums(name, scan):
-    estimator = estimators.create(name)
-    estimator.fit(scan)
+    estimator = fitted(name, scan)
     estimator.reset(np.random.default_rng(3))
     readings, poses = draw_trial(scan, "L", 4, np.random.default_rng(4))[:2]
     for count in range(5):

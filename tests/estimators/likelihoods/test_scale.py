@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from synthetic import draw_trial, make_scan, paper_poses
+from synthetic import draw_trial, fitted, make_scan, paper_poses
 
 from tactsim import estimators
 from tactsim.core import InputError, Scan
 from tactsim.estimators.likelihoods.classifier import classify
 from tactsim.estimators.likelihoods.scale import lehmer_mean, threshold_of
 
-SCAN = make_scan("EIL", poses=paper_poses(4, 6))
+SCAN = make_scan("EL", poses=paper_poses(4, 6))
 
 
 @given(st.floats(1e-6, 1e6))
@@ -41,10 +41,9 @@ def test_a_threshold_that_is_given_is_taken():
 @pytest.mark.parametrize("unit", [1e-3, 1e3])
 def test_the_unit_of_the_readings_changes_no_label(name, options, unit):
     other = Scan(unit * SCAN.readings, SCAN.poses, SCAN.labels, SCAN.split, SCAN.taxel_xy, SCAN.meta)
-    made = [estimators.create(name, bins=500, cells=20, halvings=1, **options) for _ in range(2)]
-    for estimator, scan in zip(made, (SCAN, other), strict=True):
-        estimator.fit(scan)
-    for seed, label in enumerate("EILEIL"):
+    small = {"bins": 500, "cells": 20, "halvings": 1}
+    made = [fitted(name, scan, **small, **options) for scan in (SCAN, other)]
+    for seed, label in enumerate("ELELEL"):
         readings, poses, _ = draw_trial(SCAN, label, 4, np.random.default_rng(seed))
         for estimator in made:
             estimator.reset(np.random.default_rng(0))
