@@ -4,7 +4,7 @@
 `make bench-baseline` the same with `write`. BENCHMARKS is tests/bench/bench_regression.py. The baseline names a
 commit, and holds the errors that its code gave. Times are compared with the code of that commit, in turns on
 this machine (see tactsim.bench.regression_timing). Errors have no noise: the same seed gives the same error,
-within 1e-9.
+within 1e-9, unless the machine or a package is another one; then the baseline's code gives the new error too.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from typing import Any
 from pydantic import BaseModel, ConfigDict, Field
 
 from tactsim.bench.machine import machine, versions
-from tactsim.bench.regression_timing import LEVEL, Side, Timing, commit_of, measure, tree_of
+from tactsim.bench.regression_timing import LEVEL, Measured, Side, Timing, commit_of, measure, tree_of
 from tactsim.bench.results import to_json
 from tactsim.core.checking import checked
 from tactsim.core.documents import read_json
@@ -49,7 +49,10 @@ class Baseline:
 
 @dataclass(frozen=True)
 class Finding:
-    """One compared value; `verdict` is "ok", "slower", "changed", "gone" or "new"."""
+    """One compared value; `verdict` is "ok", "slower", "changed", "moved", "gone" or "new".
+
+    "moved" is a figure that the baseline's code gives here too: the machine or a package is another one.
+    """
 
     benchmark: str
     what: str
@@ -74,33 +77,41 @@ def write_baseline(found: Baseline, path: str | Path) -> None:
     write_text(path, to_json(content | made))
 
 
-def check(base: Figures, new: Figures, timings: Mapping[str, Timing]) -> list[Finding]:
+def check(base: Figures, found: Measured) -> list[Finding]:
     """Judge every ratio of times and every figure, also of benchmarks that are gone or new."""
     findings = []
-    for name in sorted(base | new):
-        if name not in new:
+    for name in sorted(base | found.figures):
+        if name not in found.figures:
             findings.append(Finding(name, "", None, None, "gone"))
             continue
-        if name in timings:
-            verdict = "slower" if timings[name].slower else "ok"
-            findings.append(Finding(name, "time", 1.0, timings[name].ratio, verdict))
+        if name in found.timings:
+            timing = found.timings[name]
+            findings.append(Finding(name, "time", 1.0, timing.ratio, "slower" if timing.slower else "ok"))
         else:
             findings.append(Finding(name, "time", None, None, "new"))
-        findings += _figures(name, base.get(name, {}), new[name])
+        before, after, here = (figures.get(name, {}) for figures in (base, found.figures, found.base_figures))
+        findings += [
+            Finding(name, what, before.get(what), after.get(what), _verdict(what, before, after, here))
+            for what in sorted({*before, *after})
+        ]
     return findings
 
 
-def _figures(name: str, base: Mapping[str, float], new: Mapping[str, float]) -> list[Finding]:
-    findings = []
-    for what in sorted({*base, *new}):
-        before, after = base.get(what), new.get(what)
-        if before is None or after is None:
-            verdict = "new" if before is None else "gone"
-        else:
-            same = abs(after - before) <= SAME_ERROR * max(1.0, abs(before))
-            verdict = "ok" if same else "changed"
-        findings.append(Finding(name, what, before, after, verdict))
-    return findings
+def _verdict(
+    what: str, before: Mapping[str, float], after: Mapping[str, float], here: Mapping[str, float]
+) -> str:
+    """Judge one figure. here: what the baseline's code gave in this check."""
+    if what not in after:
+        return "gone"
+    if what not in before:
+        return "new"
+    if _same(before[what], after[what]):
+        return "ok"
+    return "moved" if what in here and _same(here[what], after[what]) else "changed"
+
+
+def _same(before: float, after: float) -> bool:
+    return abs(after - before) <= SAME_ERROR * max(1.0, abs(before))
 
 
 def print_timing(name: str, timing: Timing) -> None:
@@ -117,13 +128,13 @@ def _check(path: Path, benchmarks: Path) -> int:
     base = read_baseline(path)
     root = Path.cwd()
     found = measure(root, tree_of(base.commit, root, TREES), benchmarks, progress=print_timing)
-    findings = check(base.figures, found.figures, found.timings)
+    findings = check(base.figures, found)
     for finding in findings:
         values = " -> ".join(
             "-" if value is None else f"{value:.6g}" for value in (finding.base, finding.new)
         )
         print(f"{finding.verdict:8} {finding.benchmark:28} {finding.what:16} {values}")
-    bad = [finding for finding in findings if finding.verdict not in ("ok", "new")]
+    bad = [finding for finding in findings if finding.verdict not in ("ok", "new", "moved")]
     print(
         f"Times are in units of the code of {base.commit[:12]}. Unchanged code is called slower in at most "
         f"{LEVEL:.0%} of checks."

@@ -132,9 +132,10 @@ class Side:
 
 @dataclass(frozen=True)
 class Measured:
-    """What the benchmarks of the new code gave. timings: of those that the base has too."""
+    """What the benchmarks gave: figures of the new code; of those that the base has too, its figures and timings."""
 
     figures: dict[str, dict[str, float]]
+    base_figures: dict[str, dict[str, float]]
     timings: dict[str, Timing]
 
 
@@ -152,7 +153,7 @@ def measure(
     whether the new side does a quarter more calls of each, to see whether that is found. progress(name,
     timing): called after each timing. Raises InputError if a benchmark fails.
     """
-    found = Measured({}, {})
+    found = Measured({}, {}, {})
     only: list[str] | None = None  # the first time all
     for _ in range(2):
         with Side(new, benchmarks) as new_side, Side(base, benchmarks) as base_side:
@@ -163,8 +164,12 @@ def measure(
                     continue
                 for side in (new_side, base_side):
                     side.ask({"prepare": name})
-                found.figures[name], lasts = new_side.answer()["figures"], base_side.answer()["seconds"]
-                calls = max(1, math.ceil(SHORTEST / PORTIONS / max(lasts, 1e-6)))
+                prepared = base_side.answer()
+                found.figures[name], found.base_figures[name] = (
+                    new_side.answer()["figures"],
+                    prepared["figures"],
+                )
+                calls = max(1, math.ceil(SHORTEST / PORTIONS / max(prepared["seconds"], 1e-6)))
                 timing = decide(partial(_round, new_side, base_side, calls, slowed), len(names))
                 found.timings[name] = timing
                 progress(name, timing)

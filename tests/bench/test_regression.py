@@ -17,6 +17,7 @@ from tactsim.bench.regression_timing import (
     MOST_ABOVE,
     MOST_ROUNDS,
     SLOWER,
+    Measured,
     Side,
     Timing,
     commit_of,
@@ -178,6 +179,18 @@ def test_another_error_is_found_also_a_smaller_one(project, capsys):
     assert "changed  quick" in capsys.readouterr().out
 
 
+def test_another_machine_or_package_is_told_from_another_code(project, capsys):
+    """The baseline's code, run here, gives what the new code gives, and not what the baseline says."""
+    baseline = json.loads(Path("baseline.json").read_text())
+    baseline["benchmarks"]["long"]["error_mm"] += 0.1
+    Path("baseline.json").write_text(json.dumps(baseline))
+    assert gate("check") == 0
+    assert "moved    long" in capsys.readouterr().out
+    write_thing(project, THING | {"long": (3.0, 1.9)})
+    assert gate("check") == 1
+    assert "changed  long" in capsys.readouterr().out
+
+
 def test_a_benchmark_may_be_new_but_not_gone(project, capsys):
     write_thing(project, THING | {"another": (1.0, 1.0)})
     assert gate("check") == 0
@@ -244,7 +257,8 @@ def test_no_process_is_left(project):
 
 
 def verdicts(base, new):
-    return [finding.verdict for finding in check(base, new, {"a": Timing((1.0,), slower=False)})]
+    found = Measured(new, base, {"a": Timing((1.0,), slower=False)})
+    return [finding.verdict for finding in check(base, found)]
 
 
 @pytest.mark.parametrize(

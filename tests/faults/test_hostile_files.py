@@ -19,6 +19,7 @@ from tactsim.bench import chunks, regression, results, sweep_file
 from tactsim.bench.compare import compare
 from tactsim.bench.config import run_config, scan_options
 from tactsim.bench.placement_error import properties
+from tactsim.bench.regression_timing import Measured
 from tactsim.bench.report.collect import collect, find
 from tactsim.bench.report.curves import tables
 from tactsim.bench.report.page import page
@@ -173,7 +174,7 @@ def read_run(path):
 
 
 def read_baseline(path):
-    regression.check(regression.read_baseline(path).figures, {"a": {"error_mm": 0.3}}, {})
+    regression.check(regression.read_baseline(path).figures, Measured({"a": {"error_mm": 0.3}}, {}, {}))
 
 
 def recording(path):
