@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import reference
 from synthetic import make_scan, paper_poses
 
 from tactsim.estimators.field.field import LikelihoodField
@@ -168,3 +169,39 @@ def test_a_sequence_that_was_left_alone_for_long_is_caught_up_reading_by_reading
         assert (ours[known] == whole[known]).all()
         assert whole[~known].max(initial=-np.inf) < whole.max() - 20
     assert behind > 1000  # some were caught up at once
+
+
+def test_ten_thousand_readings_do_not_drift(model):
+    """Running sums, of a belief that waits and of one that does not, beside a replay and beside float64."""
+    grid = StateGrid(5, 5, 2)
+    field = field_of(model, grid)
+    lazy, full = BinnedBelief(field, grid, negligible=1e-8), BinnedBelief(field, grid)
+    rng = np.random.default_rng(0)
+    train = model[1].where("train", "E")
+    different = [(train.readings[k], train.poses[k].copy()) for k in rng.permutation(len(train))[:25]]
+    for k in range(10_000):
+        reading, pose = different[k % 25]
+        field.append(model[0].evidence(reading), pose)
+        lazy.update()
+        full.update()
+    ours, whole = lazy.log_belief(), full.log_belief()
+    known = ours > -np.inf
+    assert known.any()
+    assert (ours[known] == whole[known]).all()
+    x, y, angle = grid.centres
+    for letter, turn, row, column in ((0, 0, 2, 2), (1, 1, 0, 4)):
+        state = np.array([x[column], y[row], angle[turn]])
+        replayed = field.log_p(letter, state[:, None])[0]
+        one_by_one = 0.0
+        for k in range(10_000):
+            one_by_one += field.log_p(letter, state[:, None], k, k + 1)[0]
+        assert one_by_one == replayed
+        each = [
+            reference.tabulated_log_likelihood(field.tables, letter, state, *one, field.taxel_xy)
+            for one in different
+        ]
+        exact = 400 * sum(each)
+        assert abs(exact) > 10_000
+        # A reading's sum is rounded to float32: 1e-7 of some ten nats, in the same direction 400 times.
+        assert whole[letter, turn, row, column] == pytest.approx(exact, abs=0.02)
+        assert replayed == pytest.approx(exact, abs=0.02)
