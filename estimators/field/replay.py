@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import float32, int64, uint64, void
+from numba import float32, int32, int64, uint32, uint64, void
 
 from tactsim.core.compiling import (
     FLOATS_4D,
@@ -37,12 +37,16 @@ def replay(
     start, kind, xy, weight, constant = terms.start, terms.kind, terms.xy, terms.weight, terms.constant
     _, letters, rows, columns = nodes.shape
     flat, plane = nodes.reshape(nodes.size), rows * columns
-    cos_x, sin_x, cos_y, sin_y = np.empty(_BATCH), np.empty(_BATCH), np.empty(_BATCH), np.empty(_BATCH)
-    x, y, total = np.empty(_BATCH), np.empty(_BATCH), np.empty(_BATCH, dtype=np.float32)
-    base, at = np.empty(_BATCH, dtype=np.int64), np.empty(_BATCH, dtype=np.int64)
+    # Places are in float32, twice as many to a vector: the nodes of a letter are some hundred, not thousands, apart.
+    cos_x, sin_x = np.empty(_BATCH, dtype=np.float32), np.empty(_BATCH, dtype=np.float32)
+    cos_y, sin_y = np.empty(_BATCH, dtype=np.float32), np.empty(_BATCH, dtype=np.float32)
+    x, y = np.empty(_BATCH, dtype=np.float32), np.empty(_BATCH, dtype=np.float32)
     right, above = np.empty(_BATCH, dtype=np.float32), np.empty(_BATCH, dtype=np.float32)
+    base, at = np.empty(_BATCH, dtype=np.int32), np.empty(_BATCH, dtype=np.int32)
+    total = np.empty(_BATCH, dtype=np.float32)
     # Beyond the rim everything is as at the rim: places are moved there instead of being left out.
-    last_column, last_row = columns - 1.000001, rows - 1.000001
+    nowhere, last_column, last_row = float32(0), float32(columns - 1), float32(rows - 1)
+    width, most_left, most_below = int32(columns), int32(columns - 2), int32(rows - 2)
     one, row_above = uint64(1), uint64(columns)
     for begin in range(0, len(log_p), _BATCH):
         count = min(_BATCH, len(log_p) - begin)
@@ -57,17 +61,20 @@ def replay(
         for reading in range(first, last):
             total[:count] = 0
             for i in range(start[reading], start[reading + 1]):
-                there_x, there_y, factor = xy[i, 0], xy[i, 1], weight[i]
-                tables = kind[i] * letters * plane
-                # Two loops, because places are computed in vectors and values are not loaded in vectors.
+                factor, tables = weight[i], uint64(kind[i] * letters * plane)
+                # Two loops, because places are computed in vectors and values are not loaded in vectors. A taxel's
+                # terms follow each other and share its places.
+                if i == start[reading] or xy[i, 0] != xy[i - 1, 0] or xy[i, 1] != xy[i - 1, 1]:
+                    there_x, there_y = float32(xy[i, 0]), float32(xy[i, 1])
+                    for k in range(uint64(count)):
+                        u = x[k] + cos_x[k] * there_x - sin_x[k] * there_y
+                        v = y[k] + sin_y[k] * there_x + cos_y[k] * there_y
+                        u, v = min(max(u, nowhere), last_column), min(max(v, nowhere), last_row)
+                        column, row = min(int32(u), most_left), min(int32(v), most_below)
+                        right[k], above[k] = u - float32(column), v - float32(row)
+                        at[k] = base[k] + row * width + column
                 for k in range(uint64(count)):
-                    u = min(max(x[k] + cos_x[k] * there_x - sin_x[k] * there_y, 0.0), last_column)
-                    v = min(max(y[k] + sin_y[k] * there_x + cos_y[k] * there_y, 0.0), last_row)
-                    column, row = int64(u), int64(v)
-                    right[k], above[k] = float32(u - column), float32(v - row)
-                    at[k] = tables + base[k] + row * columns + column
-                for k in range(uint64(count)):
-                    corner = uint64(at[k])
+                    corner = tables + uint64(uint32(at[k]))
                     below_left, below_right = flat[corner], flat[corner + one]
                     above_left, above_right = flat[corner + row_above], flat[corner + row_above + one]
                     lower = below_left + right[k] * (below_right - below_left)

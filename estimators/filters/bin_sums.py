@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import float64, int64, void
+from numba import float64, int64, types, void
 
-from tactsim.core.compiling import INTS, REALS, Ints, Reals, compiled
+from tactsim.core.compiling import INTS, REALS, REALS_2D, Ints, Reals, compiled
 from tactsim.estimators.field.vectors import LANES, TALL
 from tactsim.estimators.filters.branch_and_bound import BELIEF, Belief
 
@@ -48,18 +48,29 @@ def summarise(
                                     mode[letter] = (angle * rows + row) * columns + column
 
 
-@compiled(int64(BELIEF, float64, int64, float64, INTS, REALS))
-def pick(belief: Belief, any_state: float, count: int, least: float, flat: Ints, log_p: Reals) -> int:
-    """List the bins, up to date after `count` readings, whose log-belief is at least `least`.
+@compiled(int64(BELIEF, float64, int64, float64, int64, int64, INTS, REALS))
+def pick(
+    belief: Belief,
+    any_state: float,
+    count: int,
+    least: float,
+    first: int,
+    last: int,
+    flat: Ints,
+    log_p: Reals,
+) -> int:
+    """List the bins of letters first, ..., last - 1, up to date after `count` readings, from log-belief `least` on.
 
     any_state: `Terms.upper` after so many readings. Fills flat, index into (letters, angles, rows,
-    columns), and log_p, both (bins of all letters,), from the start; returns how many there are.
+    columns), and log_p from the start, which need the room that `room_for` says; returns how many there are.
     """
-    letters, angles, block_rows, block_columns = belief.seen.shape
+    _, angles, block_rows, block_columns = belief.seen.shape
     rows, columns, tall, wide = belief.size[0], belief.size[1], belief.size[2], belief.size[3]
     found = 0
-    for letter in range(letters):
+    for letter in range(first, last):
         for angle in range(angles):
+            if belief.summit[letter, angle] + any_state < least:
+                continue
             for i in range(block_rows):
                 for j in range(block_columns):
                     bound = belief.upper[letter, angle, i, j] + any_state
@@ -68,9 +79,77 @@ def pick(belief: Belief, any_state: float, count: int, least: float, flat: Ints,
                     for row in range(i * tall, min(rows, (i + 1) * tall)):
                         tiles = belief.log_p[letter, angle, row // TALL]
                         for column in range(j * wide, min(columns, (j + 1) * wide)):
-                            value = tiles[column // LANES, row % TALL * LANES + column % LANES]
+                            # Before the first reading all bins are alike, whatever is stored.
+                            value = (
+                                tiles[column // LANES, row % TALL * LANES + column % LANES] if count else 0.0
+                            )
                             if value >= least:
                                 flat[found] = ((letter * angles + angle) * rows + row) * columns + column
                                 log_p[found] = value
                                 found += 1
     return found
+
+
+@compiled(int64(BELIEF, float64, int64, float64, int64, int64), called_from_python=False)
+def room_for(belief: Belief, any_state: float, count: int, least: float, first: int, last: int) -> int:
+    """Count the bins of the blocks that `pick` looks into, given the same."""
+    _, angles, block_rows, block_columns = belief.seen.shape
+    blocks = 0
+    for letter in range(first, last):
+        for angle in range(angles):
+            if belief.summit[letter, angle] + any_state < least:
+                continue
+            for i in range(block_rows):
+                for j in range(block_columns):
+                    bound = belief.upper[letter, angle, i, j] + any_state
+                    blocks += belief.seen[letter, angle, i, j] == count and bound >= least
+    return blocks * belief.size[2] * belief.size[3]
+
+
+@compiled(
+    types.Tuple((REALS, INTS, REALS_2D, REALS))(
+        BELIEF, REALS, int64, float64, int64, float64, REALS, REALS, REALS, REALS_2D, float64
+    )
+)
+def posterior(
+    belief: Belief, any_state: Reals, count: int, margin: float, incumbent: int, within: float,
+    x: Reals, y: Reals, angle: Reals, corners: Reals, spread: float,
+) -> tuple[Reals, Ints, Reals, Reals]:  # fmt: skip
+    """Sum the belief of each letter and find its mode (`summarise`), and list the bins of the letter that holds most.
+
+    within: nats below the best bin up to which bins are listed. x, y (mm), angle (rad): the bins' centroids. A bin with
+    more than the share `spread` of the listed belief is listed as eight poses, `corners` (8, 3) away from its middle
+    (`pose_samples`). Returns mass and mode, (letters,) each, and poses (n, 3) and weights (n,), which sum to 1.
+    """
+    letters, rows, columns = len(belief.seen), belief.size[0], belief.size[1]
+    mass, mode = np.empty(letters), np.empty(letters, dtype=np.int64)
+    summarise(belief, any_state, count, margin, incumbent, mass, mode)
+    letter = int(mass.argmax())
+    least = belief.upper.reshape(belief.upper.size)[incumbent] + any_state[count] - within
+    size = room_for(belief, any_state[count], count, least, letter, letter + 1)
+    flat, weight = np.empty(size, dtype=np.int64), np.empty(size)
+    found = pick(belief, any_state[count], count, least, letter, letter + 1, flat, weight)
+    highest = weight[:found].max()
+    total = 0.0
+    for k in range(found):
+        weight[k] = math.exp(weight[k] - highest)
+        total += weight[k]
+    heavy = 0
+    for k in range(found):
+        weight[k] /= total
+        heavy += weight[k] > spread
+    poses, share = np.empty((found + 7 * heavy, 3)), np.empty(found + 7 * heavy)
+    light, part = 0, found - heavy
+    for k in range(found):
+        column, row = flat[k] % columns, flat[k] // columns % rows
+        turn = flat[k] // (columns * rows) % len(angle)
+        if weight[k] <= spread:
+            poses[light, 0], poses[light, 1], poses[light, 2] = x[column], y[row], angle[turn]
+            share[light] = weight[k]
+            light += 1
+        else:
+            for corner in corners:
+                poses[part, 0], poses[part, 1] = x[column] + corner[0], y[row] + corner[1]
+                poses[part, 2], share[part] = angle[turn] + corner[2], weight[k] / 8
+                part += 1
+    return mass, mode, poses, share

@@ -9,11 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactsim.core.poses import FloatArray
+from tactsim.estimators.estimator import PoseSamples
 from tactsim.estimators.field.field import LikelihoodField
 from tactsim.estimators.field.vectors import LANES, TALL
-from tactsim.estimators.filters.bin_sums import pick, summarise
+from tactsim.estimators.filters.bin_sums import pick, posterior
 from tactsim.estimators.filters.branch_and_bound import Belief, advance
 from tactsim.estimators.filters.grid import StateGrid
+from tactsim.estimators.filters.states import CORNERS, SPREAD
 
 # mm, about the side of a block of bins that is left alone or looked at together.
 _BLOCK = 4.0
@@ -31,7 +33,8 @@ class BinnedBelief:
     def __init__(self, field: LikelihoodField, grid: StateGrid, negligible: float | None = None) -> None:
         letters = len(field.labels)
         self._field, self._grid = field, grid
-        x, y, angle = grid.centres
+        x, y, angle = self._axes = grid.centres
+        self._corners = np.ascontiguousarray((CORNERS * np.array(grid.spacing)[:, None]).T)
         first, spacing = np.array([x[0], y[0]]), grid.spacing[:2]
         wide, tall = _block(grid)
         self._bins = field.slices(first, spacing)
@@ -69,22 +72,22 @@ class BinnedBelief:
         """
         belief, count = self._belief, len(self._field)
         belief.log_p[:] = belief.edge
-        belief.upper[:] = np.inf
+        belief.upper[:] = belief.summit[:] = np.inf
         belief.seen[:] = count - 1
         bins, _ = self.update()
         return self.log_belief(), bins
 
-    def summary(self) -> tuple[FloatArray, NDArray[np.int64]]:
+    def summary(self, within: float) -> tuple[FloatArray, NDArray[np.int64], PoseSamples]:
         """Sum the bins of each letter (eq. 14), relative to the best bin, and find its mode (eq. 15): (letters,) each.
 
-        A mode is a flat index into (angles, rows, columns).
+        A mode is a flat index into (angles, rows, columns). The samples are the bins of the letter that holds most,
+        less than `within` nats below the best bin.
         """
-        letters = len(self._field.labels)
-        mass, mode = np.zeros(letters), np.zeros(letters, dtype=np.int64)
-        summarise(
-            self._belief, self._field.terms.upper, len(self._field), self._margin, self._incumbent, mass, mode
-        )
-        return mass, mode
+        mass, mode, poses, weights = posterior(
+            self._belief, self._field.terms.upper, len(self._field), self._margin, self._incumbent, within,
+            *self._axes, self._corners, SPREAD,
+        )  # fmt: skip
+        return mass, mode, PoseSamples(poses, weights)
 
     def log_belief(self) -> FloatArray:
         """Give the log-belief of all bins: (letters, angles, rows, columns); of those left alone -inf."""
@@ -116,20 +119,9 @@ class BinnedBelief:
         enough = np.partition(highest, place)[place] if place else -math.inf
         least = min(enough, highest.max() - within) - _ROUNDING
         flat, log_p = self._room
-        found = pick(self._belief, any_state, readings, least, flat, log_p)
+        letters = len(self._field.labels)
+        found = pick(self._belief, any_state, readings, least, 0, letters, flat, log_p)
         return flat[:found].copy(), log_p[:found].copy()
-
-    def heavy(self, within: float) -> tuple[NDArray[np.int64], FloatArray]:
-        """List the bins less than `within` nats below the best, but for those left alone.
-
-        Returns flat indices into (letters, angles, rows, columns), and log-beliefs.
-        """
-        readings = len(self._field)
-        any_state = float(self._field.terms.upper[readings])
-        least = float(self._belief.upper.ravel()[self._incumbent]) + any_state - within
-        flat, log_p = self._room
-        found = pick(self._belief, any_state, readings, least, flat, log_p)
-        return flat[:found].copy(), log_p[:found] * (readings > 0)
 
     @cached_property
     def _room(self) -> tuple[NDArray[np.int64], FloatArray]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,7 +39,7 @@ class StateGrid:
         """Give the size of a bin: mm, mm, rad."""
         return 2 * self.reach / self.x, 2 * self.reach / self.y, 2 * math.pi / self.angle
 
-    @property
+    @cached_property
     def centres(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Give the bins' centroids along x, y (mm) and angle (rad, in [-pi, pi))."""
         dx, dy, da = self.spacing

@@ -8,13 +8,13 @@ import numpy as np
 from pydantic import Field
 
 from tactsim.core.poses import FloatArray
-from tactsim.estimators.estimator import Estimate, Options, PlaneBelief, PoseSamples
+from tactsim.estimators.estimator import Estimate, Options, PlaneBelief
 from tactsim.estimators.filters.binned import BinnedBelief
-from tactsim.estimators.filters.grid import Cells, StateGrid, state_grid
+from tactsim.estimators.filters.grid import StateGrid, state_grid
 from tactsim.estimators.filters.map_filter import MapFilter
 from tactsim.estimators.filters.motion import parse_motion
 from tactsim.estimators.filters.moving_bins import MovingBins
-from tactsim.estimators.filters.states import WeightedStates, pose_samples, probabilities
+from tactsim.estimators.filters.states import WeightedStates, probabilities
 from tactsim.estimators.filters.weights import Weights
 from tactsim.estimators.options import FilterOptions
 
@@ -82,23 +82,17 @@ class HistogramFilter(MapFilter):
 
     def _estimate(self) -> Estimate:
         """Sum the bins of each letter (eq. 14); take the mode (eq. 15, 16) within the best letter."""
-        mass, mode = self._belief.summary()
+        mass, mode, samples = self._belief.summary(_IN_BELIEF)
         best = int(mass.argmax())
-        angle, row, column = np.unravel_index(mode[best], (self.grid.angle, self.grid.y, self.grid.x))
+        place, column = divmod(int(mode[best]), self.grid.x)
+        angle, row = divmod(place, self.grid.y)
         x, y, theta = self.grid.centres
         return Estimate(
             label=self.labels[best],
             probabilities=probabilities(self.labels, mass),
             robot_in_object=np.array([x[column], y[row], theta[angle]]),
-            samples=self._samples(best),
+            samples=samples,
         )
-
-    def _samples(self, letter: int) -> PoseSamples:
-        """Give the bins of a letter that hold its belief."""
-        flat, log_p = self._belief.heavy(_IN_BELIEF)
-        mine = np.flatnonzero(flat // self.grid.bins == letter)
-        cells = Cells(self.grid, np.zeros(len(mine), dtype=np.int64), flat[mine])
-        return pose_samples(cells.states(), Weights(log_p[mine]), cells.size)
 
     def log_belief(self) -> FloatArray:
         """Give the log-belief of all bins: (letters, angles, rows, columns), not normalised.

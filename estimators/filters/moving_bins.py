@@ -6,10 +6,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactsim.core.poses import FloatArray
+from tactsim.estimators.estimator import PoseSamples
 from tactsim.estimators.field.field import LikelihoodField
 from tactsim.estimators.filters.binned import BinnedBelief
-from tactsim.estimators.filters.grid import StateGrid
+from tactsim.estimators.filters.grid import Cells, StateGrid
 from tactsim.estimators.filters.motion import EVIDENCE, Motion
+from tactsim.estimators.filters.states import pose_samples
+from tactsim.estimators.filters.weights import Weights
 
 _TINY = np.finfo(float).tiny
 
@@ -25,7 +28,7 @@ class MovingBins:
     """
 
     def __init__(self, field: LikelihoodField, grid: StateGrid, motion: Motion) -> None:
-        self._field, self._motion = field, motion
+        self._field, self._grid, self._motion = field, grid, motion
         self._last = BinnedBelief(field, grid)
         self._shape = len(field.labels), grid.angle, grid.y, grid.x
         variance = [*([] if motion.still is None else [0.0]), *motion.variance, motion.jump_variance]
@@ -56,30 +59,31 @@ class MovingBins:
         self._p /= self._p.sum()
         return bins, 0
 
-    def summary(self) -> tuple[FloatArray, NDArray[np.int64]]:
+    def summary(self, within: float) -> tuple[FloatArray, NDArray[np.int64], PoseSamples]:
         """Sum the bins of each letter (eq. 14), and find its mode (eq. 15): (letters,) each.
 
         A mode is a flat index into (angles, rows, columns). It is that of the letter at rest or moving, whichever is
-        likelier: the sum of both may be highest between their modes.
+        likelier: the sum of both may be highest between their modes. The samples are the bins of the letter that holds
+        most, at most `within` nats below the best bin.
         """
         each = self._p.reshape(len(self._prior), self._shape[0], -1)
         moving = each[self._first :].sum(axis=0)
         mass, mode = moving.sum(axis=1), moving.argmax(axis=1)
         if self._first:
             at_rest = each[0].sum(axis=1)
-            return mass + at_rest, np.where(at_rest > mass, each[0].argmax(axis=1), mode)
-        return mass, mode
+            mass, mode = mass + at_rest, np.where(at_rest > mass, each[0].argmax(axis=1), mode)
+        return mass, mode, self._samples(int(mass.argmax()), within)
+
+    def _samples(self, letter: int, within: float) -> PoseSamples:
+        log_p = self.log_belief()
+        flat = np.flatnonzero(log_p[letter] >= log_p.max() - within)
+        cells = Cells(self._grid, np.zeros(len(flat), dtype=np.int64), flat)
+        return pose_samples(cells.states(), Weights(log_p[letter].ravel()[flat]), cells.size)
 
     def log_belief(self) -> FloatArray:
         """Give the log-belief of all bins: (letters, angles, rows, columns)."""
         with np.errstate(divide="ignore"):
             return np.log(self._p.sum(axis=0))
-
-    def heavy(self, within: float) -> tuple[NDArray[np.int64], FloatArray]:
-        """List the bins at most `within` nats below the best: flat indices over the letters, and log-beliefs."""
-        log_p = self.log_belief().ravel()
-        flat = np.flatnonzero(log_p >= log_p.max() - within)
-        return flat, log_p[flat]
 
     def _move(self) -> None:
         """Convolve the belief of each scale; some of what moves jumps, and changes its scale."""

@@ -16,9 +16,9 @@ from tactsim.estimators.filters.weights import Weights
 _MOST_CELLS = 200
 # A cell with more than this share of the belief stands for eight poses, in its corners' directions, one with less for
 # its middle: so a belief in few cells is not a belief in few points.
-_SPREAD = 1e-3
+SPREAD = 1e-3
 # The eight poses of a cell, in units of its size: as far from the middle as the cell's points are, rms.
-_CORNERS = np.array([[i, j, k] for i in (-1, 1) for j in (-1, 1) for k in (-1, 1)]).T / np.sqrt(12)
+CORNERS = np.array([[i, j, k] for i in (-1, 1) for j in (-1, 1) for k in (-1, 1)]).T / np.sqrt(12)
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,8 +51,8 @@ def pose_samples(state: FloatArray, weights: Weights, size: FloatArray | None = 
     weight = weights.normalised
     if size is None:
         return PoseSamples(np.ascontiguousarray(state.T), weight)
-    heavy = weight > _SPREAD
-    parts = state[:, heavy, None] + size[:, heavy, None] * _CORNERS[:, None, :]
+    heavy = weight > SPREAD
+    parts = state[:, heavy, None] + size[:, heavy, None] * CORNERS[:, None, :]
     poses = np.concatenate([state[:, ~heavy], parts.reshape(3, -1)], axis=1)
     return PoseSamples(poses.T, np.concatenate([weight[~heavy], np.repeat(weight[heavy] / 8, 8)]))
 

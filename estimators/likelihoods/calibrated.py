@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from tactsim.core import Scan, transform
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.likelihoods.class_table import calibrate, quantile_edges
+from tactsim.estimators.likelihoods.class_terms import class_terms
 from tactsim.estimators.likelihoods.classifier import UNKNOWN, classify
 from tactsim.estimators.likelihoods.folds import folds, touched_elsewhere
 from tactsim.estimators.likelihoods.likelihood import Evidence, Likelihood, covered
@@ -100,8 +101,7 @@ class CalibratedLikelihood(Likelihood):
 
     def evidence(self, reading: FloatArray) -> Evidence:
         """Classify the taxels; each is a term, an Unknown one too."""
-        classes = self.classes(reading).astype(np.int64)
-        return Evidence(classes, np.arange(len(classes)), np.ones(len(classes), dtype=np.float32))
+        return Evidence(*class_terms(reading, self.threshold, self.options.ratio, True))
 
 
 def steepness(

@@ -191,10 +191,9 @@ class ForceLikelihood(Likelihood):
         below = np.minimum(place.astype(np.int64), len(_LEVELS) - 2)
         above_share = place - below
         table = np.searchsorted(self.bounds, scale) * len(_LEVELS) + below
-        share = np.concatenate([1 - above_share, above_share])
-        return Evidence(
-            np.concatenate([table, table + 1]), np.tile(taxel, 2), (_COUNTS * share).astype(np.float32)
-        )
+        share = np.stack([1 - above_share, above_share], axis=1)
+        tables = np.stack([table, table + 1], axis=1)
+        return Evidence(tables.ravel(), np.repeat(taxel, 2), (_COUNTS * share).astype(np.float32).ravel())
 
 
 def gains(felt: FloatArray, predicted: FloatArray, pressure: FloatArray) -> FloatArray:

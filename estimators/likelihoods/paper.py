@@ -9,7 +9,8 @@ from numpy.typing import ArrayLike
 
 from tactsim.core import Scan
 from tactsim.core.poses import FloatArray
-from tactsim.estimators.likelihoods.classifier import CONTACT, NO_CONTACT, UNKNOWN, classify
+from tactsim.estimators.likelihoods.class_terms import class_terms
+from tactsim.estimators.likelihoods.classifier import CONTACT, NO_CONTACT
 from tactsim.estimators.likelihoods.likelihood import Evidence, Likelihood, covered
 from tactsim.estimators.likelihoods.occupancy import OccupancyMap, sigmoid
 from tactsim.estimators.likelihoods.scale import threshold_of
@@ -44,6 +45,4 @@ class PaperLikelihood(Likelihood):
 
     def evidence(self, reading: FloatArray) -> Evidence:
         """Classify the taxels; an Unknown one has likelihood 1 everywhere, hence no term."""
-        classes = classify(reading, self._threshold, self.options.ratio)
-        taxel = np.flatnonzero(classes != UNKNOWN)
-        return Evidence(classes[taxel].astype(np.int64), taxel, np.ones(len(taxel), dtype=np.float32))
+        return Evidence(*class_terms(reading, self._threshold, self.options.ratio, False))

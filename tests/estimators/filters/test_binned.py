@@ -2,11 +2,14 @@
 
 import numpy as np
 import pytest
+import reference
 from synthetic import make_scan, paper_poses
 
 from tactsim.estimators.field.field import LikelihoodField
 from tactsim.estimators.filters.binned import BinnedBelief
-from tactsim.estimators.filters.grid import StateGrid
+from tactsim.estimators.filters.grid import Cells, StateGrid
+from tactsim.estimators.filters.states import pose_samples
+from tactsim.estimators.filters.weights import Weights
 from tactsim.estimators.likelihoods import likelihood
 from tactsim.estimators.likelihoods.occupancy import learn_maps
 from tactsim.estimators.options import LikelihoodOptions
@@ -49,7 +52,7 @@ def test_tiles_that_hang_over_the_tables_read_nothing_beyond_them(model, split, 
             reading = model[1].readings[rng.integers(len(model[1]))]
             field.append(model[0].evidence(reading), rng.uniform(-reach, reach, 3))
             belief.update()
-        mass, mode = belief.summary()
+        mass, mode, _ = belief.summary(20.0)
         assert np.isfinite(mass).all()
         assert mode.max() >= 0
         assert np.isfinite(belief.upper_bounds()).all()
@@ -111,3 +114,94 @@ def test_the_best_bins_are_listed_whole(model, count, within):
     wanted = np.argsort(-everything, kind="stable")[: count + 1]
     assert np.isin(wanted, flat).all()
     assert np.isin(np.flatnonzero(everything > everything.max() - within), flat).all()
+
+
+@pytest.mark.parametrize("negligible", [None, 1e-8])
+@pytest.mark.parametrize("readings", [0, 1, 2, 6])
+def test_the_summary_is_what_the_log_belief_of_all_bins_says(model, readings, negligible):
+    grid = StateGrid(20, 17, 6)
+    field = field_of(model, grid)
+    belief = BinnedBelief(field, grid, negligible)
+    rng = np.random.default_rng(readings)
+    for count in (3, readings):  # the first sequence leaves something behind that the second must not see
+        field.reset()
+        belief.reset()
+        for _ in range(count):
+            field.append(
+                model[0].evidence(model[1].readings[rng.integers(len(model[1]))]), rng.uniform(-8, 8, 3)
+            )
+            belief.update()
+    mass, mode, samples = belief.summary(15.0)
+    log_p = belief.log_belief().reshape(2, -1)
+    best = log_p.max()
+    whole = np.exp(log_p - best).sum(axis=1)
+    assert (np.abs(mass - whole) <= 1e-8 * whole.sum()).all()
+    assert mode[mass > 0].tolist() == log_p.argmax(axis=1)[mass > 0].tolist()
+    letter = int(mass.argmax())
+    flat = np.flatnonzero(log_p[letter] >= best - 15)
+    cells = Cells(grid, np.zeros(len(flat), dtype=np.int64), flat)
+    expected = pose_samples(cells.states(), Weights(log_p[letter][flat]), cells.size)
+    order, other = (np.lexsort(poses.T.round(9)) for poses in (samples.poses, expected.poses))
+    assert np.allclose(samples.poses[order], expected.poses[other], rtol=0, atol=1e-12)
+    assert samples.weights[order] == pytest.approx(expected.weights[other], rel=1e-9)
+    assert samples.weights.sum() == pytest.approx(1)
+
+
+def test_a_sequence_that_was_left_alone_for_long_is_caught_up_reading_by_reading(model):
+    """Blocks far behind take in what they missed: the sums are those of a belief that never waits."""
+    grid = StateGrid(12, 12, 4)
+    field = field_of(model, grid)
+    lazy, full = BinnedBelief(field, grid, negligible=1e-8), BinnedBelief(field, grid)
+    train = model[1].where("train")
+    poses = np.zeros((400, 3))
+    # A long time at one letter, then at the other, until it leads.
+    shown = [("E", k) for k in range(150)] + [("I", k) for k in range(250)]
+    behind = 0
+    for pose, (label, k) in zip(poses, shown, strict=True):
+        mine = train.where("train", label)
+        index = k % len(mine)
+        field.append(model[0].evidence(mine.readings[index]), mine.poses[index] + pose)
+        evaluated, _ = lazy.update()
+        full.update()
+        behind = max(behind, evaluated)
+        ours, whole = lazy.log_belief(), full.log_belief()
+        known = ours > -np.inf
+        assert (ours[known] == whole[known]).all()
+        assert whole[~known].max(initial=-np.inf) < whole.max() - 20
+    assert behind > 1000  # some were caught up at once
+
+
+def test_ten_thousand_readings_do_not_drift(model):
+    """Running sums, of a belief that waits and of one that does not, beside a replay and beside float64."""
+    grid = StateGrid(5, 5, 2)
+    field = field_of(model, grid)
+    lazy, full = BinnedBelief(field, grid, negligible=1e-8), BinnedBelief(field, grid)
+    rng = np.random.default_rng(0)
+    train = model[1].where("train", "E")
+    different = [(train.readings[k], train.poses[k].copy()) for k in rng.permutation(len(train))[:25]]
+    for k in range(10_000):
+        reading, pose = different[k % 25]
+        field.append(model[0].evidence(reading), pose)
+        lazy.update()
+        full.update()
+    ours, whole = lazy.log_belief(), full.log_belief()
+    known = ours > -np.inf
+    assert known.any()
+    assert (ours[known] == whole[known]).all()
+    x, y, angle = grid.centres
+    for letter, turn, row, column in ((0, 0, 2, 2), (1, 1, 0, 4)):
+        state = np.array([x[column], y[row], angle[turn]])
+        replayed = field.log_p(letter, state[:, None])[0]
+        one_by_one = 0.0
+        for k in range(10_000):
+            one_by_one += field.log_p(letter, state[:, None], k, k + 1)[0]
+        assert one_by_one == replayed
+        each = [
+            reference.tabulated_log_likelihood(field.tables, letter, state, *one, field.taxel_xy)
+            for one in different
+        ]
+        exact = 400 * sum(each)
+        assert abs(exact) > 10_000
+        # A reading's sum is rounded to float32: 1e-7 of some ten nats, in the same direction 400 times.
+        assert whole[letter, turn, row, column] == pytest.approx(exact, abs=0.02)
+        assert replayed == pytest.approx(exact, abs=0.02)
