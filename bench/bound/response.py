@@ -11,7 +11,7 @@ from tactsim.core.errors import InputError
 from tactsim.core.poses import FloatArray
 from tactsim.models import Letter
 from tactsim.press.engine import ideal_readings
-from tactsim.press.press_model import PressModel
+from tactsim.press.press_model import PressModel, check_flat
 from tactsim.press.scan_options import ScanOptions, SensorOptions
 from tactsim.press.sensor import gains
 from tactsim.press.touches import Touches
@@ -70,7 +70,7 @@ def respond(letter: Letter, poses: FloatArray, options: ScanOptions) -> Response
 def is_quick(letter: Letter, options: ScanOptions) -> bool:
     """Tell whether the forward model presses this letter, in some 10 us a press; if not, an engine does, in 0.5 ms."""
     try:
-        PressModel([letter], options)
+        check_flat(letter, options)
     except InputError:
         return False
     return True
