@@ -6,6 +6,7 @@ import os
 import platform
 import resource
 import sys
+from functools import cache
 from importlib.metadata import version
 from pathlib import Path
 
@@ -14,7 +15,7 @@ LIBRARIES = ("tactsim", "numpy", "scipy", "mujoco-core", "manifold3d", "numba")
 
 def versions() -> dict[str, str]:
     """Name the versions of Python and of the libraries that a result depends on."""
-    return {"python": platform.python_version()} | {name: version(name) for name in LIBRARIES}
+    return {"python": platform.python_version()} | {name: _version(name) for name in LIBRARIES}
 
 
 def machine() -> dict[str, str | int]:
@@ -35,6 +36,11 @@ def peak_memory_mb() -> float:
     """Return the largest resident size that this process has had, in MB."""
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     return peak / (1e6 if sys.platform == "darwin" else 1e3)
+
+
+@cache
+def _version(name: str) -> str:
+    return version(name)  # reads the library's metadata from disk
 
 
 def _processor() -> str:

@@ -15,7 +15,7 @@ import hashlib
 import json
 import subprocess
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from dataclasses import asdict, dataclass
 from functools import cache, lru_cache
@@ -48,6 +48,7 @@ def source_digest(*modules: str) -> str:
 def source_of(*modules: str) -> dict[str, str]:
     """Find the modules that `source_digest` hashes, each with the digest of its file."""
     packages = {_OWN, *(name.partition(".")[0] for name in modules)}
+    parsed = cache(_parsed)  # so that every file is looked at once
     found: dict[str, str] = {}
     left = list(modules)
     while left:
@@ -58,9 +59,9 @@ def source_of(*modules: str) -> dict[str, str]:
         if path is None:
             found[name] = ""
             continue
-        file = _parsed(path)
+        file = parsed(path)
         found[name] = file.digest
-        left += _modules(one for one in file.imports(name) if one[0].partition(".")[0] in packages)
+        left += _modules((one for one in file.imports(name) if one[0].partition(".")[0] in packages), parsed)
     return found
 
 
@@ -128,7 +129,7 @@ class _File:
         return ".".join([*base, *filter(None, [one.module])]), one.name
 
 
-def _modules(imports: Iterable[tuple[str, str | None]]) -> Iterator[str]:
+def _modules(imports: Iterable[tuple[str, str | None]], parsed: Callable[[Path], _File]) -> Iterator[str]:
     """Find the modules in which imported names are defined."""
     for module, name in imports:
         if name is None or _file(module) is None:
@@ -136,9 +137,9 @@ def _modules(imports: Iterable[tuple[str, str | None]]) -> Iterator[str]:
         elif _file(f"{module}.{name}") is not None:
             yield f"{module}.{name}"
         else:
-            file = _parsed(_file(module) or Path())
+            file = parsed(_file(module) or Path())
             passed_on = [one for one in file.imported if one.bound == name] if file.package else []
-            yield from _modules([file.absolute(module, passed_on[0])]) if passed_on else [module]
+            yield from _modules([file.absolute(module, passed_on[0])], parsed) if passed_on else [module]
 
 
 @lru_cache(maxsize=4096)

@@ -26,6 +26,8 @@ MM = 1e-3  # m
 # A cell's force is proportional to its covered area. A cell with less than this share of the whole contact is
 # left out: its force would be far below the balance of forces that is promised (1e-4).
 SMALLEST_PART = 1e-8
+# Cells of all presses that are clipped at a time, so that their moments stay in the processor's cache.
+_BLOCK = 1 << 17
 SMALLEST_CONTACT = 1e-9  # mm^2; what touches less than this does not touch
 
 
@@ -177,21 +179,29 @@ def lay_bed(
     if depths is not None:
         slope = slopes(tilts) if tilts is not None else np.zeros((len(poses), 2))
         surface = np.column_stack([depths, slope])
-    every = np.empty((moments, len(poses), len(levels), rows * columns))
-    for index, level in enumerate(levels):
-        depth = None if surface is None else surface - (level.gap, 0.0, 0.0)
-        of_level = cell_moments(
-            level.edges, object_in_sensor, x_lines, y_lines, plane=plane, depth=depth, moments=moments
-        )
-        every[:, :, index] = of_level.reshape(moments, len(poses), rows * columns)
-    area = every[0]
-    whole = area.sum(axis=(1, 2), keepdims=True)
-    covered = (area > SMALLEST_PART * whole) & (whole > SMALLEST_CONTACT)
-    if not skip_empty:
-        every *= covered
-        covered = np.ones_like(covered)
-    press, level_index, cell = np.nonzero(covered)
-    kept = every[:, covered]
+    block = max(1, _BLOCK // (rows * columns))
+    found = []
+    for first in range(0, max(len(poses), 1), block):
+        these = slice(first, first + block)
+        of_levels = [
+            cell_moments(
+                level.edges, object_in_sensor[these], x_lines, y_lines,
+                plane=None if plane is None else plane[these],
+                depth=None if surface is None else surface[these] - (level.gap, 0.0, 0.0),
+                moments=moments,
+            )
+            for level in levels
+        ]  # fmt: skip
+        every = np.stack([some.reshape(*some.shape[:2], rows * columns) for some in of_levels], axis=2)
+        area = every[0]
+        whole = area.sum(axis=(1, 2), keepdims=True)
+        covered = (area > SMALLEST_PART * whole) & (whole > SMALLEST_CONTACT)
+        if not skip_empty:
+            every *= covered
+            covered = np.ones_like(covered)
+        press, *level_and_cell = np.nonzero(covered)
+        found.append((press + first, *level_and_cell, every[:, covered]))
+    press, level_index, cell, kept = (np.concatenate(parts, axis=-1) for parts in zip(*found, strict=True))
     area = kept[0]
     row, column = np.divmod(cell, columns)
     centre = np.stack(

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -62,12 +63,11 @@ class PressModel:
         wrist = -1.0 if press.wrist_stiffness is None else press.wrist_stiffness
         self._press = np.array([press.force, 1e-3 * press.stiffness, press.thickness, wrist])
         self._tilt = np.array([press.tilt_x, press.tilt_y])
-        gap = max(sensor.psf_sigma, 0.3) / _NODES_PER_SIGMA
-        x_nodes = np.arange(self._bounds[0] - gap, self._bounds[1] + 2 * gap, gap)
-        y_nodes = np.arange(self._bounds[2] - gap, self._bounds[3] + 2 * gap, gap)
-        self._felt_x = _felt(x_nodes, pad.column_edges, sensor.psf_sigma)
-        self._felt_y = np.ascontiguousarray(_felt(y_nodes, pad.row_edges, sensor.psf_sigma)[:, :1])
-        self._table = np.array([x_nodes[0], y_nodes[0], gap])
+        low_x, high_x, low_y, high_y = self._bounds.tolist()
+        self._felt_x, first_x, gap = _felt(low_x, high_x, pad.column_edges.tobytes(), sensor.psf_sigma)
+        felt_y, first_y, _ = _felt(low_y, high_y, pad.row_edges.tobytes(), sensor.psf_sigma)
+        self._felt_y = np.ascontiguousarray(felt_y[:, :1])
+        self._table = np.array([first_x, first_y, gap])
         # A step of the reading adds the variance of what is rounded off. No prediction is better than to first order.
         noise = math.hypot(sensor.noise, sensor.resolution / math.sqrt(12))
         width, height = self._bounds[1] - self._bounds[0], self._bounds[3] - self._bounds[2]
@@ -202,18 +202,24 @@ def _by_stated(by_own: FloatArray, place: FloatArray) -> FloatArray:
     return np.stack([by_x, by_y, by_own[:, 2] - y * by_x + x * by_y], axis=1)
 
 
-def _felt(nodes: FloatArray, edges: FloatArray, sigma: float) -> FloatArray:
+@lru_cache(maxsize=8)
+def _felt(low: float, high: float, edges: bytes, sigma: float) -> tuple[FloatArray, float, float]:
     """Tabulate what each taxel along one axis feels of a unit force, and the integrals of that and of x times it.
 
-    nodes: (n,) mm, equally far apart. edges: (taxels, 2) mm. Returns (n, 3, taxels): 1/mm, 1 and mm.
+    low, high: mm, the pad's bounds along the axis. edges: the bytes of (taxels, 2) mm. Returns (n, 3, taxels), in 1/mm,
+    1 and mm, at nodes equally far apart, with the place of the first node and their distance, mm. The tables are kept:
+    many models of one pad are made, one for each load or letter.
     """
+    gap = max(sigma, 0.3) / _NODES_PER_SIGMA
+    nodes = np.arange(low - gap, high + 2 * gap, gap)
+    edge = np.frombuffer(edges).reshape(-1, 2)
     points, weights = np.polynomial.legendre.leggauss(4)
-    gap = nodes[1] - nodes[0]
-    inside = (nodes[:-1, None] + gap / 2) + gap / 2 * points
-    felt = felt_along(inside, edges, sigma) / (edges[:, 1] - edges[:, 0])
+    step = nodes[1] - nodes[0]
+    inside = (nodes[:-1, None] + step / 2) + step / 2 * points
+    felt = felt_along(inside, edge, sigma) / (edge[:, 1] - edge[:, 0])
     pieces = np.stack(
         [np.einsum("p,npt->nt", weights, felt), np.einsum("p,np,npt->nt", weights, inside, felt)], axis=1
     )
-    sums = np.concatenate([np.zeros((1, 2, len(edges))), np.cumsum(pieces * gap / 2, axis=0)])
-    at_nodes = felt_along(nodes, edges, sigma) / (edges[:, 1] - edges[:, 0])
-    return np.concatenate([at_nodes[:, None], sums], axis=1)
+    sums = np.concatenate([np.zeros((1, 2, len(edge))), np.cumsum(pieces * step / 2, axis=0)])
+    at_nodes = felt_along(nodes, edge, sigma) / (edge[:, 1] - edge[:, 0])
+    return np.concatenate([at_nodes[:, None], sums], axis=1), float(nodes[0]), gap
