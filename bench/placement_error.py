@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from pydantic import BaseModel, Field
 
-from tactsim.core import InputError, Scan, invert, transform, wrap_angle
+from tactsim.core import InputError, Scan, transform, wrap_angle
 from tactsim.core.checking import checked
 from tactsim.core.errors import short
 from tactsim.core.finite import LARGEST
@@ -80,12 +80,31 @@ def placement_error(estimated: ArrayLike, true: ArrayLike, of: Properties) -> Fl
     the object's points (the paper's ref. [24], Eqn. 4, in mm); dtheta is folded by the object's
     rotational symmetry (eq. 17-20, with the wrap that the printed mod lacks).
     """
-    estimated, true = invert(estimated), invert(true)
-    centre = np.array([of.centre])
-    shift = transform(estimated, centre)[..., 0, :] - transform(true, centre)[..., 0, :]
-    turn = fold_angle(estimated[..., 2] - true[..., 2], of.symmetry)
-    squared = (shift**2).sum(axis=-1) + of.inertia_over_mass * 2 * (1 - np.cos(turn))
-    return np.sqrt(squared)
+    return distance(placements(estimated, of), placements(true, of), of)
+
+
+Placements = tuple[FloatArray, FloatArray, FloatArray]
+
+
+def placements(robot_in_object: ArrayLike, of: Properties) -> Placements:
+    """Say where objects lie, T_O^R, for poses (..., 3) T_R^O: x, y mm of the centre of mass and angle rad, each (...)."""
+    pose = np.asarray(robot_in_object, dtype=float)
+    x, y, theta = pose[..., 0], pose[..., 1], pose[..., 2]
+    cos, sin, angle = np.cos(theta), np.sin(theta), wrap_angle(-theta)
+    turn_x, turn_y = np.cos(angle), np.sin(angle)
+    centre_x, centre_y = of.centre
+    return (
+        -cos * x - sin * y + turn_x * centre_x - turn_y * centre_y,
+        sin * x - cos * y + turn_y * centre_x + turn_x * centre_y,
+        angle,
+    )
+
+
+def distance(estimated: Placements, true: Placements, of: Properties) -> FloatArray:
+    """Measure the distance between placements, mm, as `placement_error` says; they broadcast."""
+    x, y, angle = (one - other for one, other in zip(estimated, true, strict=True))
+    turn = fold_angle(angle, of.symmetry)
+    return np.sqrt(x**2 + y**2 + of.inertia_over_mass * 2 * (1 - np.cos(turn)))
 
 
 def fold_angle(angle: ArrayLike, symmetry: int) -> FloatArray:

@@ -13,7 +13,9 @@ from numba import float64, int64, types, uint64, void
 
 from tactsim.core.compiling import (
     FLOATS,
+    FLOATS_2D,
     INTS,
+    INTS_2D,
     INTS_4D,
     REALS,
     REALS_2D,
@@ -53,6 +55,22 @@ class Belief(NamedTuple):
 
 
 BELIEF = types.NamedTuple((REALS_5D, REALS_3D, REALS_4D, INTS_4D, INTS_4D, REALS_2D, INTS), Belief)
+# What `least_age` gives where no block is above the limit.
+_NEVER = np.iinfo(np.int64).max
+
+
+class Room(NamedTuple):
+    """Room for the terms of one reading as `place_terms` places them, a tile's total, and the peak of its columns."""
+
+    offset: Ints
+    share: Floats
+    within: Ints
+    total: Floats
+    peak: Reals
+
+
+ROOM = types.NamedTuple((INTS_2D, FLOATS_2D, INTS_2D, FLOATS, REALS_2D), Room)
+PART = types.UniTuple(int64, 6)
 
 
 @compiled(void(REALS, REALS, FLOATS, float64, int64, int64, REALS), ordered=False, called_from_python=False)
@@ -80,160 +98,175 @@ def add_tile(
         peak[k] = max(peak[k], max(upper, lower))
 
 
-@compiled(int64(BELIEF, SLICES, TERMS, REALS_2D, int64, int64, float64), called_from_python=False)
+@compiled(int64(REALS_2D, INTS_2D, int64, int64, int64, int64, float64), called_from_python=False)
+def least_age(
+    upper: Reals, age: Ints, row: int, last_row: int, column: int, last_column: int, least: float
+) -> int:
+    """Find the least age of the blocks of a rectangle whose `upper` is above `least`; if none is, _NEVER.
+
+    upper, age: (block rows, block columns) of one letter and angle; an age is a number of readings taken in.
+    """
+    youngest = _NEVER
+    for i in range(row, last_row):
+        for j in range(column, last_column):
+            if upper[i, j] > least:
+                youngest = min(youngest, age[i, j])
+    return youngest
+
+
+@compiled(int64(BELIEF, SLICES, TERMS, REALS_2D, int64, ROOM, float64), called_from_python=False)
 def lower_bounds(
-    belief: Belief, slices: Slices, terms: Terms, turns: Reals, count: int, longest: int, floor: float
+    belief: Belief, slices: Slices, terms: Terms, turns: Reals, count: int, room: Room, floor: float
 ) -> int:
     """Lower the upper bounds of the blocks that are above `floor`, with the tables' maxima over a block.
 
-    A block whose upper bound falls below `floor` on the way takes in no further reading. longest: terms of the
-    longest reading. Returns how many times a block took in a reading.
+    A block whose upper bound falls below `floor` on the way takes in no further reading. Returns how many times a
+    block took in a reading.
     """
     letters, angles, rows, columns = belief.upper.shape
-    offset, within = np.empty((longest, 4), dtype=np.int64), np.empty((longest, 4), dtype=np.int64)
-    share, total = np.empty((longest, 4), dtype=np.float32), np.empty(TALL * LANES, dtype=np.float32)
     tile_rows, tile_columns = -(-rows // TALL), -(-columns // LANES)
-    wanted, any_state = np.empty(letters * tile_rows * tile_columns, dtype=np.int64), terms.upper
-    evaluated = 0
+    tiles = letters * tile_rows * tile_columns
+    wanted, waits_for = np.empty(tiles, dtype=np.int64), np.empty(tiles, dtype=np.int64)
+    any_state, evaluated = terms.upper, 0
+    least = floor - any_state[count]  # what `upper` is compared with
     for angle in range(angles):
-        oldest, chosen = count, 0
+        chosen, reading = 0, count
         for letter in range(letters):
-            if belief.summit[letter, angle] + any_state[count] <= floor:
+            if belief.summit[letter, angle] <= least:
                 continue
-            for i in range(tile_rows):
-                for j in range(tile_columns):
-                    age = count
-                    for row in range(i * TALL, min(rows, (i + 1) * TALL)):
-                        for column in range(j * LANES, min(columns, (j + 1) * LANES)):
-                            if belief.upper[letter, angle, row, column] + any_state[count] > floor:
-                                age = min(age, belief.bounded[letter, angle, row, column])
+            upper, bounded = belief.upper[letter, angle], belief.bounded[letter, angle]
+            for i in range(0, rows, TALL):
+                for j in range(0, columns, LANES):
+                    age = least_age(upper, bounded, i, min(rows, i + TALL), j, min(columns, j + LANES), least)
                     if age < count:
-                        wanted[chosen] = (letter * tile_rows + i) * tile_columns + j
+                        wanted[chosen] = (letter * rows + i) * columns + j
+                        waits_for[chosen] = age
                         chosen += 1
-                        oldest = min(oldest, age)
-        for reading in range(oldest, count):
-            placed = False
+                        reading = min(reading, age)
+        # Only readings that a tile waits for are visited: one that was left alone may be thousands behind.
+        while reading < count:
+            place_terms(
+                terms, reading, slices, turns[angle, 0], turns[angle, 1], rows, columns,
+                room.offset, room.share, room.within,
+            )  # fmt: skip
             number = terms.start[reading + 1] - terms.start[reading]
             gain = terms.slack[reading] - (any_state[reading + 1] - any_state[reading])
+            next_one = count
             for w in range(chosen):
-                letter, i = wanted[w] // (tile_rows * tile_columns), wanted[w] // tile_columns % tile_rows
-                first_row, first_column = i * TALL, wanted[w] % tile_columns * LANES
-                last_row, last_column = min(rows, first_row + TALL), min(columns, first_column + LANES)
-                upper, bounded = belief.upper[letter, angle], belief.bounded[letter, angle]
-                needed = False
-                for row in range(first_row, last_row):
-                    for column in range(first_column, last_column):
-                        if bounded[row, column] == reading and upper[row, column] + any_state[count] > floor:
-                            needed = True
-                if not needed:
-                    continue
-                if not placed:
-                    cos, sin = turns[angle, 0], turns[angle, 1]
-                    place_terms(terms, reading, slices, cos, sin, rows, columns, offset, share, within)
-                    placed = True
-                sum_tile(total, slices, number, letter, first_row, first_column, offset, share, within)
-                for row in range(first_row, last_row):
-                    for column in range(first_column, last_column):
-                        if bounded[row, column] == reading:
-                            value = total[(row - first_row) * LANES + column - first_column]
-                            upper[row, column] += value + terms.constant[reading, letter] + gain
-                            bounded[row, column] = reading + 1
-                            evaluated += 1
+                if waits_for[w] == reading:
+                    letter, i, j = (
+                        wanted[w] // (rows * columns),
+                        wanted[w] // columns % rows,
+                        wanted[w] % columns,
+                    )
+                    last_row, last_column = min(rows, i + TALL), min(columns, j + LANES)
+                    upper, bounded = belief.upper[letter, angle], belief.bounded[letter, angle]
+                    sum_tile(room.total, slices, number, letter, i, j, room.offset, room.share, room.within)
+                    for row in range(i, last_row):
+                        for column in range(j, last_column):
+                            if bounded[row, column] == reading:
+                                value = room.total[(row - i) * LANES + column - j]
+                                upper[row, column] += value + terms.constant[reading, letter] + gain
+                                bounded[row, column] = reading + 1
+                                evaluated += 1
+                    waits_for[w] = least_age(upper, bounded, i, last_row, j, last_column, least)
+                next_one = min(next_one, waits_for[w])
+            reading = next_one
         for letter in range(letters):
-            if belief.summit[letter, angle] + any_state[count] > floor:
+            if belief.summit[letter, angle] > least:
                 belief.summit[letter, angle] = belief.upper[letter, angle].max()
     return evaluated
 
 
 @compiled(
     types.Tuple((int64, float64, int64))(
-        BELIEF, SLICES, TERMS, REALS_2D, int64, int64, int64, int64, float64, float64, int64
+        BELIEF, SLICES, TERMS, REALS_2D, int64, PART, int64, ROOM, float64, float64, int64
     ),
     called_from_python=False,
 )
 def catch_up(
-    belief: Belief, slices: Slices, terms: Terms, turns: Reals, angle: int, only: int,
-    count: int, longest: int, margin: float, best: float, incumbent: int,
+    belief: Belief, slices: Slices, terms: Terms, turns: Reals, angle: int, part: tuple[int, ...],
+    count: int, room: Room, margin: float, best: float, incumbent: int,
 ) -> tuple[int, float, int]:  # fmt: skip
     """Bring the bins of one angle's blocks up to date that may come within `margin` of the best bin.
 
-    only: flat index of the one block to look at, or -1. best: log-belief of the best bin so far. incumbent:
-    flat index of its block. Returns how many times a bin took in a reading, and the new best and incumbent.
+    part: of which blocks: letters from, to, block rows from, to, block columns from, to. best: log-belief of the best
+    bin so far. incumbent: flat index of its block. Returns how many times a bin took in a reading, and the new best
+    and incumbent.
     """
-    letters, angles, block_rows, block_columns = belief.seen.shape
+    _, angles, block_rows, block_columns = belief.seen.shape
     rows, columns, tall, wide = belief.size[0], belief.size[1], belief.size[2], belief.size[3]
-    offset, within = np.empty((longest, 4), dtype=np.int64), np.empty((longest, 4), dtype=np.int64)
-    share, total = np.empty((longest, 4), dtype=np.float32), np.empty(TALL * LANES, dtype=np.float32)
-    peak = np.empty((belief.log_p.shape[3], LANES))
-    wanted = np.empty(letters * block_rows, dtype=np.int64)
-    any_state = terms.upper
-    oldest, evaluated, chosen = count, 0, 0
-    for letter in range(letters):
-        if belief.summit[letter, angle] + any_state[count] <= best - margin:
+    any_state, evaluated, chosen, reading = terms.upper, 0, 0, count
+    most = (part[1] - part[0]) * (part[3] - part[2])
+    wanted, waits_for = np.empty(most, dtype=np.int64), np.empty(most, dtype=np.int64)
+    least = best - margin - any_state[count]  # what `upper` is compared with
+    for letter in range(part[0], part[1]):
+        if belief.summit[letter, angle] <= least:
             continue
-        for i in range(block_rows):
-            age = count
-            for j in range(block_columns):
-                block = ((letter * angles + angle) * block_rows + i) * block_columns + j
-                bound = belief.upper[letter, angle, i, j] + any_state[count]
-                if bound > best - margin and (only < 0 or only == block):
-                    age = min(age, belief.seen[letter, angle, i, j])
+        for i in range(part[2], part[3]):
+            age = least_age(
+                belief.upper[letter, angle], belief.seen[letter, angle], i, i + 1, part[4], part[5], least
+            )
             if age < count:
-                wanted[chosen] = letter * block_rows + i
+                wanted[chosen], waits_for[chosen] = letter * block_rows + i, age
                 chosen += 1
-                oldest = min(oldest, age)
-    for reading in range(oldest, count):
-        placed = False
-        number = terms.start[reading + 1] - terms.start[reading]
+                reading = min(reading, age)
+    # Only readings that a row of blocks waits for are visited, as with bounds.
+    while reading < count:
+        place_terms(
+            terms, reading, slices, turns[angle, 0], turns[angle, 1], rows, columns,
+            room.offset, room.share, room.within,
+        )  # fmt: skip
+        number, next_one = terms.start[reading + 1] - terms.start[reading], count
         for w in range(chosen):
+            if waits_for[w] != reading:
+                next_one = min(next_one, waits_for[w])
+                continue
             letter, i = wanted[w] // block_rows, wanted[w] % block_rows
-            upper, seen = belief.upper[letter, angle, i], belief.seen[letter, angle, i]
-            bounded = belief.bounded[letter, angle, i]
+            upper, seen = belief.upper[letter, angle], belief.seen[letter, angle]
             first_block = ((letter * angles + angle) * block_rows + i) * block_columns
-            j = 0
-            while j < block_columns:
+            height = min(rows, (i + 1) * tall) - i * tall
+            j = part[4]
+            while j < part[5]:
                 # Neighbours that want the same reading are evaluated together.
                 last = j
-                while (
-                    last < block_columns
-                    and seen[last] == reading
-                    and upper[last] + any_state[count] > best - margin
-                    and (only < 0 or only == first_block + last)
-                ):
+                while last < part[5] and seen[i, last] == reading and upper[i, last] > least:
                     last += 1
                 if last == j:
                     j += 1
                     continue
-                if not placed:
-                    cos, sin = turns[angle, 0], turns[angle, 1]
-                    place_terms(terms, reading, slices, cos, sin, rows, columns, offset, share, within)
-                    placed = True
                 begin, end = j * wide, last * wide
                 first_tile, end_tile = begin // LANES, (end - 1) // LANES + 1
-                peak[first_tile:end_tile] = -np.inf
+                room.peak[first_tile:end_tile] = -np.inf
                 for tile_row in range(i * tall // TALL, min(belief.log_p.shape[2], (i + 1) * tall // TALL)):
                     for tile in range(first_tile, end_tile):
                         row, column = tile_row * TALL, tile * LANES
-                        sum_tile(total, slices, number, letter, row, column, offset, share, within)
+                        sum_tile(
+                            room.total, slices, number, letter, row, column,
+                            room.offset, room.share, room.within,
+                        )  # fmt: skip
                         here = belief.log_p[letter, angle, tile_row, tile]
                         # Before the first reading all bins are alike, whatever is stored.
                         before = belief.edge[tile_row, tile] if reading == 0 else here
                         add_tile(
-                            here, before, total, terms.constant[reading, letter],
-                            max(0, begin - column), min(LANES, end - column), peak[tile],
+                            here, before, room.total, terms.constant[reading, letter],
+                            max(0, begin - column), min(LANES, end - column), room.peak[tile],
                         )  # fmt: skip
-                height = min(rows, (i + 1) * tall) - i * tall
-                evaluated += height * (min(columns, last * wide) - j * wide)
+                evaluated += height * (min(columns, end) - begin)
                 for k in range(j, last):
                     highest = -np.inf
                     for column in range(k * wide, min(columns, (k + 1) * wide)):
-                        highest = max(highest, peak[column // LANES, column % LANES])
-                    seen[k] = reading + 1
-                    upper[k] = min(upper[k], highest - any_state[reading + 1])
-                    bounded[k] = count
+                        highest = max(highest, room.peak[column // LANES, column % LANES])
+                    seen[i, k] = reading + 1
+                    upper[i, k] = min(upper[i, k], highest - any_state[reading + 1])
+                    belief.bounded[letter, angle, i, k] = count
                     if reading + 1 == count and highest > best:
                         best, incumbent = highest, first_block + k
+                        least = best - margin - any_state[count]
                 j = last
+            waits_for[w] = least_age(upper, seen, i, i + 1, part[4], part[5], least)
+            next_one = min(next_one, waits_for[w])
+        reading = next_one
     return evaluated, best, incumbent
 
 
@@ -250,20 +283,31 @@ def advance(
     that held the best bin before the last reading. Returns how many times a bin and a block took in a
     reading, and the new incumbent.
     """
-    _, angles, block_rows, block_columns = belief.seen.shape
-    best, evaluated, lowered = -np.inf, 0, 0
-    # The better the best bin that is known, the fewer blocks can matter. So the incumbent comes first; at
-    # the first reading the block with the highest upper bound.
-    for step in range(-1, angles):
-        if step == (-1 if count == 1 else 0) and margin < np.inf:
-            lowered = lower_bounds(belief, blocks, terms, turns, count, longest, best - margin)
-            if count == 1:
-                incumbent = int(belief.upper.argmax())
-        angle, only = step, -1
-        if step < 0:
-            angle, only = incumbent // (block_rows * block_columns) % angles, incumbent
+    letters, angles, block_rows, block_columns = belief.seen.shape
+    room = Room(
+        np.empty((longest, 4), dtype=np.int64), np.empty((longest, 4), dtype=np.float32),
+        np.empty((longest, 4), dtype=np.int64), np.empty(TALL * LANES, dtype=np.float32),
+        np.empty((belief.log_p.shape[3], LANES)),
+    )  # fmt: skip
+    best, lowered = -np.inf, 0
+    if count == 1 and margin < np.inf:
+        # The better the best bin that is known, the fewer blocks can matter. So the incumbent comes first; at
+        # the first reading the block with the highest upper bound.
+        lowered = lower_bounds(belief, blocks, terms, turns, count, room, best)
+        incumbent = int(belief.upper.argmax())
+    block = incumbent // block_columns
+    letter, angle, i = block // (angles * block_rows), block // block_rows % angles, block % block_rows
+    j = incumbent % block_columns
+    evaluated, best, incumbent = catch_up(
+        belief, bins, terms, turns, angle, (letter, letter + 1, i, i + 1, j, j + 1), count, room, margin,
+        best, incumbent,
+    )  # fmt: skip
+    if count > 1 and margin < np.inf:
+        lowered = lower_bounds(belief, blocks, terms, turns, count, room, best - margin)
+    for angle in range(angles):
         made, best, incumbent = catch_up(
-            belief, bins, terms, turns, angle, only, count, longest, margin, best, incumbent
-        )
+            belief, bins, terms, turns, angle, (0, letters, 0, block_rows, 0, block_columns), count, room,
+            margin, best, incumbent,
+        )  # fmt: skip
         evaluated += made
     return evaluated, lowered, incumbent
