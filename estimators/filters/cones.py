@@ -3,54 +3,234 @@
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 
 import numpy as np
-from numba import float32, float64, int64, uint64, void
+from numba import float32, float64, int64, types, uint64, void
 
-from tactsim.core.compiling import FLOATS_3D, REALS, REALS_2D, Floats, Reals, compiled
+from tactsim.core.compiling import (
+    FLOATS,
+    FLOATS_2D,
+    FLOATS_3D,
+    INTS,
+    REALS,
+    REALS_2D,
+    Floats,
+    Ints,
+    Reals,
+    compiled,
+)
+from tactsim.estimators.field.vectors import LANES, add_times, load, store
+from tactsim.estimators.filters.xoshiro import bits_of
+
+# The grid on which the paper evaluates the density of eq. 11: mm, mm, rad.
+PARZEN_STEP = np.array([0.5, 0.5, 0.04 * np.pi])
+TURN = 50  # of its nodes in a circle
+# Steps in which tabulated cones are known: of the squared distance in the plane, and of a node's fraction in angle.
+_SQUARES, _FRACTIONS = 128, 8
+# By how much a sum of cones in float32 may be off, relative to itself: thirty times what was seen.
+_ROUNDING = 1e-4
+# How far below the highest bound, relative to it, the nodes lie that are looked at first.
+_SLACK = 0.02
+_NOTHING = float(np.finfo(np.float32).tiny)  # below the bound of any node that a cone reaches
+# Nodes at once at which light states are added: more, and the grid with all states is the quicker way.
+_MANY = 256
+_BLOCK = 4  # columns that are added in one go, which compilers unroll
+_BUCKETS = 128  # of weights, two for each power of 2; the last holds all the rest
 
 
-@compiled(void(FLOATS_3D, int64, REALS_2D, REALS, REALS, REALS, float64), ordered=False)
-def add_cones(
-    density: Floats, before: int, state: Reals, weight: Reals, corner: Reals, step: Reals, rho: float
-) -> None:
-    """Add the weighted cones (eq. 10, 11) of states to a grid.
+def window(rho: float) -> tuple[int, int, int]:
+    """Count the nodes of a grid that a cone takes: along x and y, ahead of it in angle, and in angle altogether.
 
-    density: (rows, columns, angles), beginning at [x, y] = corner mm and `before` angles ahead of 0,
-    which must be more than rho has steps. state: (3, states), with angles in [0, 2 pi). step: mm, mm,
-    rad. Cones are not folded around the circle. The distance of eq. 10 counts mm and rad alike.
+    The first is a whole number of blocks, the last of vectors.
     """
-    rows, columns, angles = density.shape
-    nodes, square = density.reshape(density.size), step[2] ** 2
-    reach_x, reach_y, reach = rho / step[0], rho / step[1], int64(rho / step[2])
-    turned, nothing = np.empty(2 * reach + 2, dtype=np.float32), float32(0)
+    ahead = math.ceil(rho / PARZEN_STEP[2])
+    wide = math.ceil(2 * rho / PARZEN_STEP[0])
+    return -(-wide // _BLOCK) * _BLOCK, ahead, -(-2 * ahead // LANES) * LANES
+
+
+@lru_cache(maxsize=8)
+def cone_profiles(rho: float) -> Floats:
+    """Tabulate upper bounds of a cone of height 1 along the angle: (squared distances, fractions, angles), flat.
+
+    Of each step of the squared distance in the plane, from 0 to rho^2, and of the angle up to the next node, the entry
+    is the cone's largest value. After the last square all is 0.
+    """
+    _, ahead, lanes = window(rho)
+    square = np.arange(_SQUARES) / _SQUARES * rho**2
+    nearest = (np.arange(_FRACTIONS) / _FRACTIONS)[:, None] + np.arange(lanes) - ahead
+    away = np.maximum(0, np.maximum(nearest, -nearest - 1 / _FRACTIONS)) * PARZEN_STEP[2]
+    cone = np.maximum(0, 1 - np.sqrt(square[:, None, None] + away**2) / rho)
+    return np.append(cone, np.zeros((1, _FRACTIONS, lanes))).astype(np.float32)
+
+
+@compiled(types.Tuple((int64, float64))(INTS, REALS, REALS_2D, REALS, float64), ordered=False)
+def heaviest(chosen: Ints, box: Reals, state: Reals, weight: Reals, share: float) -> tuple[int, float]:
+    """Choose the heaviest states, leaving out the lightest that hold at most a share of the sum of the weights.
+
+    chosen: (as many as states,), of which the first become indices, ascending. box: (4,) becomes the least and the
+    largest x, and y, of the chosen states. state: (3, states). weight: from 0 to 1. Returns how many are chosen, and
+    the sum of the other weights.
+    """
+    held, total, left_out, count = np.zeros(_BUCKETS), 0.0, 0.0, uint64(0)
     for i in range(len(weight)):
-        x, y = (state[0, i] - corner[0]) / step[0], (state[1, i] - corner[1]) / step[1]
-        turn, height, slope = state[2, i] / step[2], float32(weight[i]), float32(weight[i] / rho)
-        first = math.ceil(turn - rho / step[2])
-        for k in range(uint64(len(turned))):
-            turned[k] = square * (first - turn + k) ** 2
-        for row in range(max(0, math.ceil(y - reach_y)), min(rows, math.floor(y + reach_y) + 1)):
-            for column in range(max(0, math.ceil(x - reach_x)), min(columns, math.floor(x + reach_x) + 1)):
-                flat = float32(((column - x) * step[0]) ** 2 + ((row - y) * step[1]) ** 2)
-                if flat >= rho**2:
-                    continue
-                at = uint64((row * columns + column) * angles + before + first)
-                for k in range(uint64(len(turned))):
-                    nodes[at + k] += max(nothing, height - slope * math.sqrt(flat + turned[k]))
+        bucket = min(uint64(_BUCKETS - 1), uint64(2046) - (bits_of(weight[i]) >> uint64(51)))
+        held[bucket] += weight[i]
+    for one in held:
+        total += one
+    lightest = uint64(_BUCKETS - 1)
+    while share > 0 and lightest > 0 and left_out + held[lightest] <= share * total:
+        left_out += held[lightest]
+        lightest -= uint64(1)
+    for i in range(len(weight)):
+        chosen[count] = i
+        bucket = min(uint64(_BUCKETS - 1), uint64(2046) - (bits_of(weight[i]) >> uint64(51)))
+        count += uint64(bucket <= lightest)
+    left = low = np.inf
+    right = high = -np.inf
+    for i in chosen[:count]:
+        left, right = min(left, state[0, i]), max(right, state[0, i])
+        low, high = min(low, state[1, i]), max(high, state[1, i])
+    box[0], box[1], box[2], box[3] = left, right, low, high
+    return int64(count), left_out
 
 
-@compiled(void(REALS, REALS_2D, REALS_2D, REALS, float64))
+@compiled(void(FLOATS_3D, REALS_2D, REALS, INTS, INTS, float64, FLOATS))
+def add_cones(
+    bound: Floats, state: Reals, weight: Reals, chosen: Ints, corner: Ints, rho: float, profiles: Floats
+) -> None:
+    """Add upper bounds of weighted cones (eq. 10, 11) to a grid.
+
+    bound: (rows, columns, angles) from the node corner = [column, row] of the paper's grid; its first angle lies as
+    many nodes below 0 as `window` says, and angles are not folded around the circle. All nodes that a cone reaches
+    must lie on it. state: (3, states) mm, mm, rad. chosen: (n,) indices of states. profiles: of rho, from
+    `cone_profiles`. The distance of eq. 10 counts mm and rad alike.
+    """
+    _, columns, angles = bound.shape
+    nodes = bound.reshape(bound.size)
+    wide = uint64(math.ceil(2 * rho / PARZEN_STEP[0] / _BLOCK) * _BLOCK)
+    lanes = uint64(len(profiles) // ((_SQUARES + 1) * _FRACTIONS))
+    per_x, per_y, per_angle, radius = (
+        1 / PARZEN_STEP[0], 1 / PARZEN_STEP[1], 1 / PARZEN_STEP[2], rho / PARZEN_STEP[0],
+    )  # fmt: skip
+    squares, row_below = _SQUARES / radius**2, uint64(columns * angles)
+    for j in range(uint64(len(chosen))):
+        i = uint64(chosen[j])
+        x, y = state[0, i] * per_x - corner[0], state[1, i] * per_y - corner[1]
+        turn = state[2, i] * per_angle
+        turn -= TURN * math.floor(turn / TURN)
+        angle, column, row = math.ceil(turn), math.ceil(x - radius), math.ceil(y - radius)
+        fraction = min(uint64((angle - turn) * _FRACTIONS), uint64(_FRACTIONS - 1))
+        first = uint64((int64(row) * columns + int64(column)) * angles + int64(angle))
+        height, x, y = float32(weight[i]), column - x, row - y
+        for k in range(uint64(0), lanes, uint64(LANES)):
+            for r in range(wide):
+                square_y, along = squares * (y + r) ** 2, first + r * row_below + k
+                for c in range(uint64(0), wide, uint64(_BLOCK)):
+                    for d in range(uint64(_BLOCK)):
+                        square = uint64(min(square_y + squares * (x + (c + d)) ** 2, float64(_SQUARES)))
+                        cone = load(profiles, (square * uint64(_FRACTIONS) + fraction) * lanes + k)
+                        at = along + (c + d) * uint64(angles)
+                        store(nodes, at, add_times(load(nodes, at), height, cone))
+
+
+@compiled(void(FLOATS_3D, FLOATS_2D, int64), ordered=False)
+def fold(bound: Floats, highest: Floats, ahead: int) -> None:
+    """Add what lies beyond either end of the circle to the other end, and find the highest of each column.
+
+    bound: (rows, columns, angles), of which the circle is [ahead : ahead + TURN]; the rest keeps what was added.
+    highest: (rows, columns) is overwritten.
+    """
+    rows, columns, angles = bound.shape
+    for row in range(rows):
+        for column in range(columns):
+            circle = bound[row, column]
+            for k in range(uint64(ahead)):
+                circle[k + uint64(TURN)] += circle[k]
+            for k in range(uint64(ahead), uint64(angles - TURN)):
+                circle[k] += circle[k + uint64(TURN)]
+            most = circle[ahead]
+            for k in range(uint64(ahead), uint64(ahead + TURN)):
+                most = max(most, circle[k])
+            highest[row, column] = most
+
+
+@compiled(void(REALS, REALS_2D, REALS_2D, REALS, float64), ordered=False)
 def sum_cones(density: Reals, node: Reals, state: Reals, weight: Reals, rho: float) -> None:
     """Sum the weighted cones (eq. 10, 11) of states at single nodes, around the circle.
 
-    density: (nodes,) is overwritten. node: (nodes, 3), state: (3, states) mm, mm, rad, angles in [0, 2 pi).
+    density: (nodes,) is overwritten. node: (3, nodes), with angles in [0, 2 pi), state: (3, states) mm, mm, rad.
     """
-    for m in range(len(density)):
-        density[m] = 0
-        for i in range(len(weight)):
-            turn = abs(state[2, i] - node[m, 2])
-            turn = min(turn, 2 * math.pi - turn)
-            square = (state[0, i] - node[m, 0]) ** 2 + (state[1, i] - node[m, 1]) ** 2 + turn**2
-            if square < rho**2:
-                density[m] += weight[i] * (1 - math.sqrt(square) / rho)
+    left, right = node[0].min() - rho, node[0].max() + rho
+    low, high = node[1].min() - rho, node[1].max() + rho
+    near, count = np.empty(len(weight), dtype=np.int64), uint64(0)
+    for i in range(len(weight)):
+        near[count] = i
+        x, y = state[0, i], state[1, i]
+        count += uint64((x > left) & (x < right) & (y > low) & (y < high))
+    density[:] = 0
+    circle, per_rho = 2 * math.pi, 1 / rho
+    for i in near[:count]:
+        x, y, one = state[0, i], state[1, i], weight[i]
+        angle = state[2, i] - circle * math.floor(state[2, i] / circle)
+        for m in range(uint64(len(density))):
+            turn = abs(angle - node[2, m])
+            turn = min(turn, circle - turn)
+            square = (x - node[0, m]) ** 2 + (y - node[1, m]) ** 2 + turn * turn
+            density[m] += one * max(0.0, 1.0 - math.sqrt(square) * per_rho)
+
+
+@compiled(
+    float64(INTS, REALS_2D, REALS, INTS, INTS, INTS, float64, FLOATS, float64, float64)
+)
+def search_grid(
+    place: Ints, state: Reals, weight: Reals, chosen: Ints, corner: Ints, size: Ints, rho: float, profiles: Floats,
+    light: float, best: float,
+) -> float:  # fmt: skip
+    """Find the highest node of a grid, if it is higher than `best`, or as high and before `place`.
+
+    place: [row, column, angle] of the highest node so far, is overwritten. corner, size: as in `add_cones`, of the
+    [columns, rows]. light: the sum of the weights of states that are not chosen. Returns the height of `place`, which is
+    summed over all states; -1 if light states would have to be added at too many nodes.
+    """
+    ahead, lanes = math.ceil(rho / PARZEN_STEP[2]), len(profiles) // ((_SQUARES + 1) * _FRACTIONS)
+    bound = np.zeros((size[1], size[0], TURN + 1 + lanes), dtype=np.float32)
+    highest = np.empty((size[1], size[0]), dtype=np.float32)
+    add_cones(bound, state, weight, chosen, corner, rho, profiles)
+    fold(bound, highest, ahead)
+    # All nodes above `least` are looked at; how low that must be is known afterwards.
+    least = max(highest.max() * (1 - _SLACK), best) - light
+    while True:
+        least, count = max(least, _NOTHING), 0
+        for row in range(size[1]):
+            for column in range(size[0]):
+                if highest[row, column] >= least:
+                    for k in range(ahead, ahead + TURN):
+                        count += bound[row, column, k] >= least
+        if count > _MANY and light > 0:
+            return -1.0
+        if count == 0:
+            return best
+        node, found, heights, count = np.empty((3, count)), np.empty((3, count), np.int64), np.empty(count), 0
+        for row in range(size[1]):
+            for column in range(size[0]):
+                if highest[row, column] >= least:
+                    for k in range(ahead, ahead + TURN):
+                        if bound[row, column, k] >= least:
+                            found[0, count], found[1, count] = corner[1] + row, corner[0] + column
+                            found[2, count] = k - ahead
+                            node[0, count] = found[1, count] * PARZEN_STEP[0]
+                            node[1, count] = found[0, count] * PARZEN_STEP[1]
+                            node[2, count] = found[2, count] * PARZEN_STEP[2]
+                            count += 1
+        sum_cones(heights, node, state, weight, rho)
+        for m in range(count):
+            row, column, k = found[0, m], found[1, m], found[2, m]
+            earlier = row < place[0] or (
+                row == place[0] and (column < place[1] or (column == place[1] and k < place[2]))
+            )
+            if heights[m] > best or (heights[m] == best and earlier):
+                best, place[0], place[1], place[2] = heights[m], row, column, k
+        if best * (1 - _ROUNDING) - light >= least or least <= _NOTHING:
+            return best
+        least = best * (1 - _ROUNDING) - light

@@ -29,10 +29,10 @@ class Injection:
         self._log_slow = _mix(self._log_slow, weights.log_mean, self._alpha_slow)
         self._log_fast = _mix(self._log_fast, weights.log_mean, self._alpha_fast)
 
-    def choose(self, count: int, rng: np.random.Generator) -> NDArray[np.bool_]:
-        """Choose which of `count` particles are to be replaced: (count,)."""
+    def choose(self, count: int, rng: np.random.Generator) -> NDArray[np.intp]:
+        """Choose which of `count` particles are to be replaced: their indices."""
         share = max(0.0, -math.expm1(min(0.0, self._log_fast - self._log_slow)))
-        return rng.random(count) < share
+        return np.flatnonzero(rng.random(count) < share) if share > 0 else np.empty(0, dtype=np.intp)
 
 
 def _mix(log_mean: float, log_value: float, share: float) -> float:

@@ -3,43 +3,29 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import int64, void
+from numba import void
 
 from tactsim.core.compiling import INTS, REALS, Ints, Reals, compiled
 
 
-@compiled(void(REALS))
-def sort_uniform(values: Reals) -> None:
-    """Sort numbers that are uniform in [0, 1), in place: into as many buckets, which are then put in order."""
-    count = len(values)
-    place, unsorted = np.zeros(count + 1, dtype=np.int64), values.copy()
-    for value in unsorted:
-        place[int64(value * count) + 1] += 1
-    for bucket in range(count):
-        place[bucket + 1] += place[bucket]
-    for value in unsorted:
-        bucket = int64(value * count)
-        values[place[bucket]] = value
-        place[bucket] += 1
-    for i in range(1, count):
-        value, k = values[i], i
-        while k > 0 and values[k - 1] > value:
-            values[k] = values[k - 1]
-            k -= 1
-        values[k] = value
-
-
 @compiled(void(INTS, REALS, REALS))
-def draw(chosen: Ints, weight: Reals, uniform: Reals) -> None:
+def draw(chosen: Ints, weight: Reals, spacing: Reals) -> None:
     """Choose indices with probability proportional to their weights, with replacement; ascending.
 
-    chosen: (draws,) is overwritten. uniform: (draws,) in [0, 1), is sorted.
+    chosen: (draws,) is overwritten. spacing: (draws + 1,) or more, exponential random numbers: their running sums, as
+    shares of the sum of draws + 1, are uniform numbers in ascending order, so that nothing needs to be sorted
+    (Devroye 1986, section V.3.1).
     """
-    sort_uniform(uniform)
-    total = weight.sum()
-    index, reached = 0, weight[0]
+    whole, total = 0.0, 0.0
+    for i in range(len(chosen) + 1):
+        whole += spacing[i]
+    for one in weight:
+        total += one
+    scale, reached, last = total / whole, 0.0, len(weight) - 1
+    index, filled = np.int64(0), weight[0]
     for i in range(len(chosen)):
-        while reached <= uniform[i] * total and index < len(weight) - 1:
+        reached += spacing[i]
+        while filled <= reached * scale and index < last:
             index += 1
-            reached += weight[index]
+            filled += weight[index]
         chosen[i] = index

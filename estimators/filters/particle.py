@@ -2,31 +2,33 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from tactsim.core.errors import InputError
 from tactsim.core.poses import FloatArray
-from tactsim.estimators.estimator import Estimate, Options, PlaneBelief
+from tactsim.estimators.estimator import Estimate, Options, PlaneBelief, PoseSamples
 from tactsim.estimators.filters.injection import Injection
+from tactsim.estimators.filters.kld import OccupiedBins, enough
 from tactsim.estimators.filters.map_filter import MapFilter
 from tactsim.estimators.filters.motion import Motion, parse_motion
 from tactsim.estimators.filters.multinomial import draw
+from tactsim.estimators.filters.particle_kernels import move, sum_by_letter
 from tactsim.estimators.filters.parzen import parzen_mode
 from tactsim.estimators.filters.states import (
     WeightedStates,
-    letter_mass,
     plane_histogram,
-    pose_samples,
     probabilities,
     shared,
     uniform_states,
 )
 from tactsim.estimators.filters.weights import Weights
+from tactsim.estimators.filters.xoshiro import Words, seeded, spacings
 from tactsim.estimators.options import FilterOptions
 
 
@@ -34,18 +36,61 @@ class ParticleOptions(FilterOptions):
     """Options of the particle filter."""
 
     particles: int = Field(
-        10_000, ge=1, le=10_000_000, description="n_P, the total over all letters together"
+        10_000, ge=1, le=10_000_000, description="n_P, the total over all letters; the most of them with kld_error"
     )
     noise_mm: float = Field(1.0, ge=0, le=100, description="sigma of the command update in x and y, mm")
     noise_rad: float = Field(0.1, ge=0, le=10, description="sigma of the command update in the angle, rad")
     rho: float = Field(1.0, gt=0, le=3, description="rho of eq. 10, mm and rad")
+    skip: bool = Field(
+        True, description="leave light particles out of the density of eq. 11 where they cannot decide"
+    )
+    kld_error: float = Field(
+        0.0,
+        ge=0,
+        le=10,
+        description="epsilon of KLD-sampling (Fox 2003), pf_err of nav2: as many particles as it needs; 0 for always "
+        "`particles`",
+    )
+    kld_z: float = Field(
+        2.33, ge=0, le=6, description="upper standard normal quantile of how surely kld_error is kept: 2.33 for 99 %"
+    )
+    kld_mm: float = Field(1.0, ge=0.01, le=100, description="side of KLD-sampling's bins in x and y, mm")
+    kld_rad: float = Field(0.2, ge=0.01, le=7, description="side of KLD-sampling's bins in the angle, rad")
+    min_particles: int = Field(500, ge=1, le=10_000_000, description="the fewest particles of KLD-sampling")
+
+    @model_validator(mode="after")
+    def _bounds_are_in_order(self) -> ParticleOptions:
+        if self.kld_error > 0 and self.min_particles > self.particles:
+            raise ValueError(
+                f"min_particles {self.min_particles} is above particles {self.particles}, which is the most"
+            )
+        return self
+
+
+@dataclass(frozen=True, eq=False)
+class _Particles:
+    """letter: (n,) the first of those alike. state: (3, n) T_R^O. scale: (n,) of the motion; empty without one."""
+
+    letter: NDArray[np.int64]
+    state: FloatArray
+    scale: NDArray[np.int64]
+
+    @classmethod
+    def joined(cls, parts: Sequence[_Particles]) -> _Particles:
+        """Join several sets of particles."""
+        return cls(
+            np.concatenate([part.letter for part in parts]),
+            np.concatenate([part.state for part in parts], axis=1),
+            np.concatenate([part.scale for part in parts]),
+        )
 
 
 class ParticleFilter(MapFilter):
     """Particle filter over letter, x, y and angle (paper, eq. 8 to 12), resampled at every reading.
 
     Letters whose tables are equal are one hypothesis, whose particles bear the first one's number: if each had its own,
-    resampling would leave one of them by chance.
+    resampling would leave one of them by chance. The random numbers of the command update come from generators of
+    `xoshiro`, which the generator of `reset` seeds.
     injection: which particles are replaced by random ones after resampling; None for none.
     """
 
@@ -53,16 +98,16 @@ class ParticleFilter(MapFilter):
     budget = "particles"
     moves = True
     options: ParticleOptions
-    _letter: NDArray[np.int64]
-    _state: FloatArray
+    _random: Words
+    _particles: _Particles
     _weights: Weights
-    _scale: NDArray[np.int64]
 
     def __init__(self, options: ParticleOptions, injection: Injection | None = None) -> None:
         super().__init__(options)
         self._injection = injection
         self._motion = parse_motion(options.motion)
-        self._evaluated = self._injected = 0
+        self._noise = np.array([options.noise_mm, options.noise_mm, options.noise_rad])
+        self._evaluated = self._injected = self._cones = self._spared = 0
 
     def _fit(self) -> None:
         pass  # the field is all that a sequence needs
@@ -70,9 +115,12 @@ class ParticleFilter(MapFilter):
     def _reset(self, rng: np.random.Generator) -> None:
         """Spread the particles evenly over letters and uniformly over poses."""
         count = self.options.particles
-        self._rng = rng
-        self._letter = self.field.alike[np.arange(count) % len(self.labels)]
-        self._state = uniform_states(count, self.options.reach, rng)
+        self._rng, self._random = rng, seeded(rng)
+        letter = np.sort(self.field.alike[np.arange(count) % len(self.labels)])
+        scale = np.empty(0, dtype=np.int64)
+        if self._motion is not None:
+            scale = rng.choice(len(self._motion.variance), size=count, p=self._motion.prior)
+        self._particles = _Particles(letter, uniform_states(count, self.options.reach, rng), scale)
         self._weights = Weights(np.zeros(count))
         if self._injection is not None:
             self._injection.reset()
@@ -83,41 +131,42 @@ class ParticleFilter(MapFilter):
         The paper resamples last; resampling first in the next reading instead leaves the weighted
         particles of eq. 9 and 11 for the estimate.
         """
-        chosen, readings = self.options, len(self.field)
+        readings = len(self.field)
         if readings > 1:
-            self._resample()
-            if self._injection is not None:
-                self._inject(self._injection)
-        if self._motion is not None:
-            self._move(self._motion)
-        else:
-            noise = self._rng.standard_normal(self._state.shape)
-            noise[:2] *= chosen.noise_mm
-            noise[2] *= chosen.noise_rad
-            self._state += noise
-            np.clip(self._state[:2], -chosen.reach, chosen.reach, out=self._state[:2])
-        self._weights = Weights(self.field.log_p(self._letter, self._state, readings - 1))
-        self._evaluated += len(self._letter)
+            self._particles = self._draw_enough() if self.options.kld_error > 0 else self._draw(self._most)
+        elif self._motion is None:
+            self._particles = self._moved(np.arange(self._most))
+        letter, state = self._particles.letter, self._particles.state
+        self._weights = Weights(self.field.log_p(letter, state, readings - 1))
+        self._evaluated += len(letter)
+        self._spared += self._most - len(letter)
         if self._injection is not None:
             self._injection.follow(self._weights)
 
     def _estimate(self) -> Estimate:
         """Sum the weights of each letter (eq. 9); find the mode (eq. 12) within the best letter."""
-        alike = self.field.alike
-        mass = shared(letter_mass(self._letter, self._weights, len(self.labels)), alike)
+        alike, mass = self.field.alike, np.empty(len(self.labels))
+        letter, state, weight = self._particles.letter, self._particles.state, self._weights.relative
+        sum_by_letter(mass, weight, letter)
+        mass = shared(mass, alike)
         best = int(mass.argmax())
-        mine = self._letter == alike[best]
-        state, weight = self._state.compress(mine, axis=1), self._weights.relative[mine]
+        mine = letter == alike[best]
+        if not mine.all():
+            state, weight = state.compress(mine, axis=1), weight[mine]
+        mode, left_out = parzen_mode(state, weight, self.options.rho, self.options.skip)
+        self._cones += left_out
+        poses = state.T
+        poses.flags.writeable = False  # they are the filter's own
         return Estimate(
             label=self.labels[best],
             probabilities=probabilities(self.labels, mass),
-            robot_in_object=parzen_mode(state, weight, self.options.rho),
-            samples=pose_samples(state, Weights(self._weights.log[mine])),
+            robot_in_object=mode,
+            samples=PoseSamples(poses, weight / weight.sum()),
         )
 
     def weighted_states(self) -> WeightedStates:
         """Give the particles."""
-        return WeightedStates(self._letter, self._state, self._weights)
+        return WeightedStates(self._particles.letter, self._particles.state, self._weights)
 
     def belief_over_plane(self) -> PlaneBelief:
         """Count the weighted particles in cells of about 1 mm."""
@@ -128,44 +177,69 @@ class ParticleFilter(MapFilter):
     def work(self) -> dict[str, Any]:
         """Count evaluations, a particle in a reading each, since the estimator was made.
 
-        injected: random particles that replaced others, if there is an injection.
+        skipped: cones, of particles that could not decide the mode. spared_by_kld: particles fewer than the most that
+        `kld_error` took. injected: random particles that replaced others, if there is an injection.
         """
-        counts: dict[str, Any] = {"likelihood_evaluations": self._evaluated, "skipped": {}}
+        counts: dict[str, Any] = {"likelihood_evaluations": self._evaluated, "skipped": {"cones": self._cones}}
+        if self.options.kld_error > 0:
+            counts["spared_by_kld"] = self._spared
         return counts if self._injection is None else {**counts, "injected": self._injected}
 
-    def _move(self, motion: Motion) -> None:
-        """Move the particles as the object may move, each with a scale of its own (command update).
+    @property
+    def _most(self) -> int:
+        return self.options.particles
+
+    def _draw_enough(self) -> _Particles:
+        """Draw as many particles as KLD-sampling wants (Fox 2003, table 1).
+
+        Fox asks after each particle. Here many are drawn at once: those that the bins so far call for, which would be
+        drawn whichever bins they fall into. So the number is the same.
+        """
+        chosen, parts, count = self.options, [], 0
+        bins = OccupiedBins(chosen.kld_mm, chosen.kld_rad, self._most)
+        wanted = chosen.min_particles
+        while count < wanted:
+            parts.append(self._draw(wanted - count))
+            bins.add(parts[-1].letter, parts[-1].state)
+            count = wanted
+            wanted = min(self._most, enough(len(bins), chosen.kld_error, chosen.kld_z))
+        return _Particles.joined(parts)
+
+    def _draw(self, count: int) -> _Particles:
+        """Draw particles with replacement, with probability proportional to their weights, and move them."""
+        chosen = np.empty(count, dtype=np.int64)
+        draw(chosen, self._weights.relative, spacings(self._random, count + 1))
+        drawn = self._moved(chosen) if self._motion is None else self._follow(self._motion, chosen)
+        if self._injection is not None:
+            replaced = self._injection.choose(count, self._rng)
+            drawn.letter[replaced] = self.field.alike[self._rng.integers(len(self.labels), size=len(replaced))]
+            drawn.state[:, replaced] = uniform_states(len(replaced), self.options.reach, self._rng)
+            self._injected += len(replaced)
+        return drawn
+
+    def _moved(self, chosen: NDArray[np.int64]) -> _Particles:
+        """Copy the chosen particles with the noise of the command update."""
+        old, count = self._particles, len(chosen)
+        letter, state = np.empty(count, dtype=np.int64), np.empty((3, count))
+        move(letter, state, old.letter, old.state, chosen, self._noise, self.options.reach, self._random)
+        return _Particles(letter, state, old.scale)
+
+    def _follow(self, motion: Motion, chosen: NDArray[np.int64]) -> _Particles:
+        """Move the chosen particles as the object may move, each with a scale of its own (command update).
 
         The noise of the command update in the paper is a random walk too, of 1 mm and 0.1 rad whatever the object
         does; the motion takes its place. A scale that moves as the object does survives the resampling.
         """
-        count, rng = len(self._letter), self._rng
-        if len(self.field) == 1:
-            self._scale = rng.choice(len(motion.variance), size=count, p=motion.prior)
-            return
+        old, count, rng = self._particles, len(chosen), self._rng
+        scale = old.scale[chosen]
         anew = rng.random(count) < motion.switch
-        self._scale[anew] = rng.choice(len(motion.variance), size=int(anew.sum()), p=motion.prior)
-        variance = motion.variance[self._scale]
+        scale[anew] = rng.choice(len(motion.variance), size=int(anew.sum()), p=motion.prior)
+        variance = motion.variance[scale]
         variance[rng.random(count) < motion.jump] = motion.jump_variance
         variance += (self.options.noise_mm / len(self.field)) ** 2
         step = rng.standard_normal((count, 3)) * np.sqrt(variance)[:, None]
-        self._state = motion.state(motion.placed(self._state) + step)
-
-    def _resample(self) -> None:
-        """Draw n_P particles with replacement, with probability proportional to their weights."""
-        chosen = np.empty(len(self._letter), dtype=np.int64)
-        draw(chosen, self._weights.relative, self._rng.random(len(chosen)))
-        self._letter, self._state = self._letter[chosen], self._state.take(chosen, axis=1)
-        if self._motion is not None:
-            self._scale = self._scale[chosen]
-
-    def _inject(self, injection: Injection) -> None:
-        """Replace the particles that the injection chooses by random ones."""
-        replaced = injection.choose(len(self._letter), self._rng)
-        count = int(replaced.sum())
-        self._letter[replaced] = self.field.alike[self._rng.integers(len(self.labels), size=count)]
-        self._state[:, replaced] = uniform_states(count, self.options.reach, self._rng)
-        self._injected += count
+        state = motion.state(motion.placed(old.state.take(chosen, axis=1)) + step)
+        return _Particles(old.letter[chosen], state, scale)
 
 
 class AugmentedOptions(ParticleOptions):

@@ -10,100 +10,91 @@ from numpy.typing import NDArray
 
 from tactsim.core import wrap_angle
 from tactsim.core.poses import FloatArray
-from tactsim.estimators.filters.cones import add_cones, sum_cones
+from tactsim.estimators.filters.cones import (
+    PARZEN_STEP,
+    cone_profiles,
+    heaviest,
+    search_grid,
+    window,
+)
 
-# The grid on which the paper evaluates the density of eq. 11: mm, mm, rad.
-PARZEN_STEP = np.array([0.5, 0.5, 0.04 * np.pi])
-# Particles lighter than this share of the heaviest are added to the density only if they could
-# decide which node is highest.
-_LIGHT = 1e-4
-# By how much a sum of cones in float32 may be off, relative to itself: thirty times what was seen.
-_ROUNDING = 1e-4
+# Of the sum of the weights: the lightest particles that hold it are added only at nodes that may be the highest.
+_LIGHT = 0.01
 # Nodes along a side of the tiles in which the density is worked out, 64 mm: the paper's poses fit into one.
 _TILE = 128
 
 
-def parzen_mode(state: FloatArray, weight: FloatArray, rho: float = 1.0) -> FloatArray:
+def parzen_mode(
+    state: FloatArray, weight: FloatArray, rho: float = 1.0, skip: bool = True
+) -> tuple[FloatArray, int]:
     """Find the pose of highest density (eq. 10 to 12) on the grid of 0.5 mm and 0.04 pi rad.
 
-    state: (3, n) mm, mm, rad. weight: (n,). Light particles are added only if all of them together could lift
-    another node above the highest.
+    state: (3, n) mm, mm, rad. weight: (n,). A grid gets upper bounds of the particles' cones; the exact density is
+    summed at the nodes that may be the highest. skip: the lightest particles are left out of the grid, and what they
+    hold together is added to every bound. Of equally high nodes the first counts, by y, x, angle. Also returns how
+    many particles' cones were left out.
     """
-    weight = weight / weight.max()  # of a size for float32
-    heavy = weight > _LIGHT
-    mode, lead = _density_mode(state.compress(heavy, axis=1), weight[heavy], rho)
-    if lead <= weight[~heavy].sum():
-        mode, _ = _density_mode(state, weight, rho)
-    return mode
+    if not 0.5 <= weight.max() <= 1:
+        weight = weight / weight.max()  # of a size for float32
+    for share in (_LIGHT, 0.0) if skip else (0.0,):
+        mode, left_out = _highest_node(state, weight, rho, share)
+        if mode is not None:
+            return mode, left_out
+    # No cone reaches a node.
+    return _pose(np.rint(state[:, weight.argmax()] / PARZEN_STEP)), 0
 
 
-def _density_mode(state: FloatArray, weight: FloatArray, rho: float) -> tuple[FloatArray, float]:
-    """Find the highest node of the density, and how much higher it is, at least, than every other."""
-    low = np.floor(state[:2].min(axis=1) / PARZEN_STEP[:2]) * PARZEN_STEP[:2]
-    high = np.ceil(state[:2].max(axis=1) / PARZEN_STEP[:2]) * PARZEN_STEP[:2]
-    columns, rows = (np.rint((high - low) / PARZEN_STEP[:2]).astype(int) + 1).tolist()
-    on_circle = np.stack([state[0], state[1], np.mod(state[2], 2 * np.pi)])
-    best, second = (-1.0, (0, 0, 0)), 0.0
-    for row, column, near in _tiles(on_circle, low, rows, columns, rho):
-        states, weights = (
-            (on_circle, weight) if near is None else (on_circle.take(near, axis=1), weight[near])
-        )
-        size = min(rows - row, _TILE), min(columns - column, _TILE)
-        density = _density(states, weights, low + PARZEN_STEP[:2] * [column, row], size, rho)
-        flat = density.reshape(-1)
-        # The grid is summed in float32; the nodes that may be the highest are summed again.
-        close = np.flatnonzero(flat >= flat.max() * (1 - _ROUNDING))
-        inside = np.stack(np.unravel_index(close, density.shape), axis=-1) + [row, column, 0]
-        node = np.ascontiguousarray(inside[:, [1, 0, 2]] * PARZEN_STEP + [*low, 0])
-        heights = np.empty(len(close))
-        sum_cones(heights, node, states, weights, rho)
-        first = int(heights.argmax())
-        height, flat[close[first]] = float(heights[first]), 0
-        place = tuple(inside[first].tolist())
-        second = max(second, float(flat.max()) * (1 + _ROUNDING), min(height, best[0]))
-        if height > best[0] or (height == best[0] and place < best[1]):
-            best = (height, place)
-    height, (row, column, angle) = best
-    dx, dy, turn = PARZEN_STEP
-    return np.array([low[0] + column * dx, low[1] + row * dy, wrap_angle(angle * turn)]), height - second
+def _highest_node(
+    state: FloatArray, weight: FloatArray, rho: float, share: float
+) -> tuple[FloatArray | None, int]:
+    """Find the highest node of the density, with the lightest states, up to a share, left out of the grid.
+
+    Also returns how many are left out. Gives None if those left out may reach a node that no other one does, or must
+    be looked at in too many nodes.
+    """
+    chosen, box = np.empty(len(weight), dtype=np.int64), np.empty(4)
+    count, light = heaviest(chosen, box, state, weight, share)
+    best, place, profiles = light, np.zeros(3, dtype=np.int64), cone_profiles(rho)
+    for corner, size, mine in _tiles(state, chosen[:count], box, rho):
+        best = search_grid(place, state, weight, mine, corner, size, rho, profiles, light, best)
+        if best < 0:
+            return None, 0
+    if best <= light:
+        return None, 0
+    return _pose(place[[1, 0, 2]]), len(weight) - count
+
+
+def _pose(node: NDArray[np.int64] | FloatArray) -> FloatArray:
+    """Give the pose of a node [column, row, angle]."""
+    x, y, angle = (node * PARZEN_STEP).tolist()
+    return np.array([x, y, wrap_angle(angle)])
 
 
 def _tiles(
-    state: FloatArray, low: FloatArray, rows: int, columns: int, rho: float
-) -> Iterator[tuple[int, int, NDArray[np.intp] | None]]:
-    """Cut a plane of rows x columns nodes into tiles, and leave out those that no cone reaches.
+    state: FloatArray, chosen: NDArray[np.int64], box: FloatArray, rho: float
+) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]]:
+    """Cut the plane into tiles, and leave out those that no cone reaches.
 
-    state: (3, n). low: [x, y] mm of the first node. Gives each tile's first row and column and the indices,
-    ascending, of the states whose cones may reach it; None for all of them, where one tile does.
+    box: the least and the largest x, and y, of the chosen states. Gives each tile's first [column, row], how many
+    [columns, rows] it has, with a rim for cones that reach beyond it, and the states whose cones may reach it.
     """
-    if max(rows, columns) <= _TILE:
-        yield 0, 0, None
+    rim = window(rho)[0] + 2
+    dx, dy, _ = PARZEN_STEP.tolist()
+    # The first node of each cone along x and y, or one before it; it ends before `rim` nodes further.
+    left, right, low, high = (
+        math.floor((edge - rho) / step) for edge, step in zip(box.tolist(), (dx, dx, dy, dy), strict=True)
+    )
+    if max(right - left, high - low) + rim <= _TILE:
+        yield np.array([left, low]), np.array([right - left + rim, high - low + rim]), chosen
         return
-    nodes = (state[:2] - low[:, None]) / PARZEN_STEP[:2, None]
-    reach = rho / PARZEN_STEP[0] + 1  # at most 7 nodes, so that a cone reaches two tiles each way
-    edges = [np.clip((nodes + side) // _TILE, 0, None).astype(np.int64) for side in (-reach, reach)]
-    across = columns // _TILE + 2
-    tile = np.concatenate([edges[i][1] * across + edges[j][0] for i in (0, 1) for j in (0, 1)])
-    owner = np.tile(np.arange(state.shape[1]), 4)
-    order = np.lexsort((owner, tile))
-    tile, owner = tile[order], owner[order]
-    again = np.zeros(len(tile), dtype=bool)
-    again[1:] = (tile[1:] == tile[:-1]) & (owner[1:] == owner[:-1])
-    tile, owner = tile[~again], owner[~again]
+    first = [
+        np.floor((state[k, chosen] - rho) / PARZEN_STEP[k]).astype(np.int64) - (left, low)[k] for k in (0, 1)
+    ]
+    x, y = ([one // _TILE, (one + rim) // _TILE] for one in first)
+    across, states = (right - left + rim) // _TILE + 1, state.shape[1]
+    tile = np.concatenate([j * across + i for i in x for j in y])
+    tile, owner = np.divmod(np.unique(tile * states + np.tile(chosen, 4)), states)
     for near in np.split(np.arange(len(tile)), np.flatnonzero(np.diff(tile)) + 1):
         row, column = divmod(int(tile[near[0]]), across)
-        if row * _TILE < rows and column * _TILE < columns:
-            yield row * _TILE, column * _TILE, owner[near]
-
-
-def _density(
-    on_circle: FloatArray, weight: FloatArray, low: FloatArray, size: tuple[int, int], rho: float
-) -> FloatArray:
-    """Sum the cones of states (3, n) at the nodes of a tile: (rows, columns, angles)."""
-    around, angles = int(rho / PARZEN_STEP[2]) + 1, round(2 * math.pi / PARZEN_STEP[2])
-    density = np.zeros((*size, angles + 2 * around + 1), dtype=np.float32)
-    add_cones(density, around, on_circle, weight, low, PARZEN_STEP, rho)
-    # What went round the circle at either end belongs to the other.
-    density[:, :, angles : angles + around] += density[:, :, :around]
-    density[:, :, around : 2 * around + 1] += density[:, :, around + angles :]
-    return np.ascontiguousarray(density[:, :, around : around + angles])
+        corner = np.array([left + column * _TILE - rim, low + row * _TILE - rim])
+        yield corner, np.full(2, _TILE + 2 * rim), owner[near]

@@ -1,0 +1,136 @@
+"""Random numbers inside compiled code: sixteen xoshiro256++ generators side by side, seeded by NumPy's (compiled)."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from llvmlite import ir
+from numba import int64, types, uint64, void
+from numba.extending import intrinsic
+from numpy.typing import NDArray
+
+from tactsim.core.compiling import REALS, Reals, compiled
+
+Words = NDArray[np.uint64]
+WORDS = types.uint64[::1]
+
+LANES = 16  # generators: two vectors of eight, so that one's latency is the other's time
+_LN_2 = math.log(2)
+
+
+def seeded(rng: np.random.Generator) -> Words:
+    """Draw the state of all lanes (4 * LANES,): 256 random bits for each, so that no two meet in practice."""
+    return rng.integers(0, 2**64, size=4 * LANES, dtype=np.uint64)
+
+
+@intrinsic
+def bits_of(typing: Any, real: Any) -> Any:
+    """Read the 64 bits of a float64."""
+
+    def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        return builder.bitcast(args[0], ir.IntType(64))
+
+    return types.uint64(types.float64), generate
+
+
+@intrinsic
+def real_of(typing: Any, bits: Any) -> Any:
+    """Read 64 bits as a float64."""
+
+    def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        return builder.bitcast(args[0], ir.DoubleType())
+
+    return types.float64(types.uint64), generate
+
+
+@compiled(void(WORDS, WORDS))
+def fill_words(state: Words, words: Words) -> None:
+    """Draw 64 random bits for each of words, whose number is a multiple of LANES: xoshiro256++ (Blackman, Vigna 2021).
+
+    state: as from `seeded`, is moved on. Word i comes from lane i % LANES.
+    """
+    second, third, fourth = uint64(LANES), uint64(2 * LANES), uint64(3 * LANES)
+    for i in range(uint64(len(words) // LANES)):
+        begin = uint64(i * second)
+        for k in range(uint64(LANES)):
+            s0, s1, s2, s3 = state[k], state[k + second], state[k + third], state[k + fourth]
+            total = s0 + s3
+            words[begin + k] = ((total << uint64(23)) | (total >> uint64(41))) + s0
+            shifted = s1 << uint64(17)
+            s2 ^= s0
+            s3 ^= s1
+            s1 ^= s2
+            s0 ^= s3
+            state[k], state[k + second], state[k + third] = s0, s1, s2 ^ shifted
+            state[k + fourth] = (s3 << uint64(45)) | (s3 >> uint64(19))
+
+
+@compiled(void(WORDS, REALS), ordered=False)
+def exponentials(words: Words, out: Reals) -> None:
+    """Turn random words into exponential numbers of mean 1: -ln u, with u in (0, 1] from a word's upper 52 bits.
+
+    words: as many as out, or more. The logarithm is the series of 2 artanh s to s^17, right to 1e-15; compilers know
+    no vectors of math.log.
+    """
+    for i in range(uint64(len(out))):
+        bits = bits_of(2.0 - real_of((words[i] >> uint64(12)) | uint64(0x3FF0000000000000)))
+        # u = m * 2^power with m in [sqrt(1/2), sqrt(2)); the power is turned into a float by its place in 1.5 * 2^52.
+        power = uint64(int64(bits - uint64(0x3FE6A09E667F3BCD)) >> int64(52))
+        m = real_of(bits - (power << uint64(52)))
+        s = (m - 1.0) / (m + 1.0)
+        z = s * s
+        series = 2 / 17
+        series = series * z + 2 / 15
+        series = series * z + 2 / 13
+        series = series * z + 2 / 11
+        series = series * z + 2 / 9
+        series = series * z + 2 / 7
+        series = series * z + 2 / 5
+        series = series * z + 2 / 3
+        series = series * z + 2.0
+        out[i] = -((real_of(power + uint64(0x4338000000000000)) - 6755399441055744.0) * _LN_2 + s * series)
+
+
+@compiled(void(WORDS, REALS), ordered=False)
+def normals(words: Words, out: Reals) -> None:
+    """Turn random words into normal numbers of mean 0 and deviation 1 (Box and Muller 1958), at most 8.5 in size.
+
+    words: as many as out, an even number. A pair is out[i] and out[i + half]: a radius from word i, and from word
+    i + half an angle within an eighth of a turn either side of 0, with two more bits for the quarter.
+    """
+    half = uint64(len(out) // 2)
+    exponentials(words, out[: len(out) // 2])
+    for i in range(half):
+        radius, bits = math.sqrt(2.0 * out[i]), words[i + half]
+        angle = (real_of((bits >> uint64(12)) | uint64(0x3FF0000000000000)) - 1.5) * (math.pi / 2)
+        z = angle * angle
+        sine = 1 / 6227020800
+        sine = sine * z - 1 / 39916800
+        sine = sine * z + 1 / 362880
+        sine = sine * z - 1 / 5040
+        sine = sine * z + 1 / 120
+        sine = sine * z - 1 / 6
+        sine = sine * z * angle + angle
+        cosine = -1 / 87178291200
+        cosine = cosine * z + 1 / 479001600
+        cosine = cosine * z - 1 / 3628800
+        cosine = cosine * z + 1 / 40320
+        cosine = cosine * z - 1 / 720
+        cosine = cosine * z + 1 / 24
+        cosine = cosine * z - 1 / 2
+        cosine = cosine * z + 1.0
+        cosine = real_of(bits_of(cosine) ^ ((bits & uint64(2)) << uint64(62)))
+        quarter = (bits & uint64(1)) != 0
+        out[i] = radius * (sine if quarter else cosine)
+        out[i + half] = radius * (cosine if quarter else sine)
+
+
+def spacings(state: Words, count: int) -> Reals:
+    """Draw exponential numbers of mean 1, `count` or a few more, as `multinomial.draw` takes them."""
+    words = np.empty(-(-count // LANES) * LANES, dtype=np.uint64)
+    fill_words(state, words)
+    out = np.empty(len(words))
+    exponentials(words, out)
+    return out
