@@ -60,6 +60,8 @@ def pick(belief: Belief, any_state: float, count: int, least: float, flat: Ints,
     found = 0
     for letter in range(letters):
         for angle in range(angles):
+            if belief.summit[letter, angle] + any_state < least:
+                continue
             for i in range(block_rows):
                 for j in range(block_columns):
                     bound = belief.upper[letter, angle, i, j] + any_state
