@@ -46,7 +46,7 @@ def bin_maxima(tables: Tables, first: FloatArray) -> BinMaxima:
 
 
 def _maxima(values: Floats, begin: int, end: int, step: int, count: int) -> Floats:
-    """Take the maxima of rows begin..end, both included, of values (rows, ...), and again every `step`: (count, ...)."""
+    """Take the maxima of rows begin..end of values (rows, ...), from every `step`-th on: (count, ...)."""
     found = values[begin : begin + (count - 1) * step + 1 : step].copy()
     for row in range(begin + 1, end + 1):
         np.maximum(found, values[row : row + (count - 1) * step + 1 : step], out=found)

@@ -6,7 +6,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import float64, int64, types, void
+from numba import float64, int64, types, uint64, void
 
 from tactsim.core.compiling import (
     FLOATS,
@@ -90,23 +90,38 @@ def place_maxima(
             column[i, k] = min(max(left + 1 + k * LANES, -LANES), width - LANES) + LANES
 
 
+@compiled(void(REALS, REALS, FLOATS, REALS, float64, float64, REALS), ordered=False, called_from_python=False)
+def take_in(
+    upper: Reals, log_p: Reals, total: Floats, state: Reals, gain: float, any_state: float, peak: Reals
+) -> None:  # fmt: skip
+    """Add a reading to the bounds of a row of LANES bins; raise peak (LANES,) to them.
+
+    state: 0 for bins that stay as they are, 1 for those whose bounds take it in, 2 for those whose log-beliefs do.
+    """
+    for k in range(uint64(LANES)):
+        before = log_p[k] - any_state if state[k] > 1 else upper[k]
+        after = before + (total[k] + gain)
+        upper[k] = after if state[k] > 0 else upper[k]
+        peak[k] = max(peak[k], upper[k])
+
+
 @compiled(
     int64(
-        BELIEF, CEILING, BIN_MAXIMA, TERMS, int64, int64, int64, float64, FLOATS, INTS,
+        BELIEF, CEILING, BIN_MAXIMA, TERMS, int64, int64, int64, float64, FLOATS, REALS, REALS,
         INTS_2D, INTS_2D,
     ),
     called_from_python=False,
 )  # fmt: skip
 def lower_angle(
     belief: Belief, ceiling: Ceiling, maxima: BinMaxima, terms: Terms, letter: int, angle: int, reading: int,
-    below: float, total: Floats, wanted: Ints, row: Ints, column: Ints,
+    below: float, total: Floats, state: Reals, peak: Reals, row: Ints, column: Ints,
 ) -> int:  # fmt: skip
     """Let the bins of one letter and angle take in a reading, in the blocks above `below` that took in all before it.
 
-    Returns how many blocks did.
+    state, peak: (columns,) room. Returns how many blocks did.
     """
     block_rows, block_columns = belief.upper.shape[2:]
-    rows, columns, tall, wide = belief.size[0], belief.size[1], belief.size[2], belief.size[3]
+    columns, tall, wide = belief.size[1], belief.size[2], belief.size[3]
     upper, bounded, seen = (
         belief.upper[letter, angle],
         belief.bounded[letter, angle],
@@ -122,23 +137,21 @@ def lower_angle(
     for i in range(block_rows):
         chosen = 0
         for j in range(block_columns):
-            wanted[j] = bounded[i, j] == reading and upper[i, j] > below
-            if not wanted[j]:
-                continue
-            chosen += 1
-            if seen[i, j] == reading and since[i, j] < reading:
-                # The bins themselves were up to date: there is no better bound.
-                for r in range(i * tall, min(rows, (i + 1) * tall)):
-                    tiles = belief.log_p[letter, angle, r // TALL]
-                    for c in range(j * wide, min(columns, (j + 1) * wide)):
-                        bins[r, c] = tiles[c // LANES, r % TALL * LANES + c % LANES] - terms.upper[reading]
-                since[i, j] = reading
-            upper[i, j] = -np.inf
-            bounded[i, j] = reading + 1
+            wanted = bounded[i, j] == reading and upper[i, j] > below
+            # Bins that are themselves up to date have no better bound.
+            exact = wanted and seen[i, j] == reading and since[i, j] < reading
+            for c in range(j * wide, min(columns, (j + 1) * wide)):
+                state[c] = 2.0 if exact else (1.0 if wanted else 0.0)
+            if wanted:
+                since[i, j] = reading if exact else since[i, j]
+                bounded[i, j] = reading + 1
+                chosen += 1
         if not chosen:
             continue
         evaluated += chosen
-        for first_row in range(i * tall, min(rows, (i + 1) * tall), TALL):
+        peak[:] = -np.inf
+        for tile_row in range(i * tall // TALL, min(belief.log_p.shape[2], (i + 1) * tall // TALL)):
+            first_row = tile_row * TALL
             for tile in range(column.shape[1]):
                 first = second = third = fourth = zeros()  # type: ignore[call-arg, var-annotated]
                 for k in range(number):
@@ -151,14 +164,17 @@ def lower_angle(
                 store(total, LANES, second)
                 store(total, 2 * LANES, third)
                 store(total, 3 * LANES, fourth)
-                for j in range(tile * LANES // wide, min(block_columns, -(-(tile + 1) * LANES // wide))):
-                    if not wanted[j]:
-                        continue
-                    for r in range(first_row, min(rows, first_row + TALL)):
-                        begin_at = max(j * wide, tile * LANES)
-                        for c in range(begin_at, min(columns, min((j + 1) * wide, (tile + 1) * LANES))):
-                            bins[r, c] += total[(r - first_row) * LANES + c - tile * LANES] + gain
-                            upper[i, j] = max(upper[i, j], bins[r, c])
+                tops = peak[tile * LANES : (tile + 1) * LANES]
+                lanes = state[tile * LANES : (tile + 1) * LANES]
+                for r in range(TALL):
+                    take_in(
+                        bins[first_row + r, tile * LANES : (tile + 1) * LANES],
+                        belief.log_p[letter, angle, tile_row, tile, r * LANES : (r + 1) * LANES],
+                        total[r * LANES : (r + 1) * LANES], lanes, gain, terms.upper[reading], tops,
+                    )  # fmt: skip
+        for j in range(block_columns):
+            if state[j * wide] > 0:
+                upper[i, j] = peak[j * wide : min(columns, (j + 1) * wide)].max()
     return evaluated
 
 
@@ -180,23 +196,25 @@ def lower(
         np.empty((longest, rows), dtype=np.int64),
         np.empty((longest, tiles), dtype=np.int64),
     )
-    total, wanted = np.empty(TALL * LANES, dtype=np.float32), np.empty(block_columns, dtype=np.int64)
+    total, peak = np.empty(TALL * LANES, dtype=np.float32), np.empty(tiles * LANES)
+    state = np.zeros(tiles * LANES)
     below, newest, evaluated, placed = floor - terms.upper[count], count - 1, 0, False
     # Earlier readings are of few blocks: an angle's terms are placed once for all letters.
+    oldest = np.empty(letters, dtype=np.int64)
     for angle in range(angles):
-        oldest = newest
+        oldest[:] = newest
         for letter in range(letters):
             if belief.summit[letter, angle] > below:
                 for i in range(block_rows):
                     for j in range(block_columns):
                         if belief.upper[letter, angle, i, j] > below:
-                            oldest = min(oldest, belief.bounded[letter, angle, i, j])
-        for reading in range(oldest, newest):
+                            oldest[letter] = min(oldest[letter], belief.bounded[letter, angle, i, j])
+        for reading in range(oldest.min(), newest):
             place_maxima(terms, reading, maxima, turns[angle, 0], turns[angle, 1], old_row, old_column)
             for letter in range(letters):
-                if belief.summit[letter, angle] > below:
+                if oldest[letter] <= reading:
                     evaluated += lower_angle(
-                        belief, ceiling, maxima, terms, letter, angle, reading, below, total, wanted,
+                        belief, ceiling, maxima, terms, letter, angle, reading, below, total, state, peak,
                         old_row, old_column,
                     )  # fmt: skip
     # The newest reading is for most of them: a letter's maxima are read for all its angles while they are at hand.
@@ -220,7 +238,8 @@ def lower(
                 newest,
                 below,
                 total,
-                wanted,
+                state,
+                peak,
                 row[angle],
                 column[angle],
             )
