@@ -14,10 +14,12 @@ MUTATION_LOCK  := tests/mutants/requirements.lock
 PACKAGING_LOCK := tests/packaging/requirements.lock
 DOCS_LOCK      := docs/requirements.lock
 
-MEASURED   := $(VENV)/benchmark
-MEASURE    := $(BIN)/python -m pytest -q -m benchmark tests/bench/bench_regression.py \
-              --benchmark-timer=time.process_time --benchmark-json=$(MEASURED)
 REGRESSION := $(BIN)/python -m tactsim.bench.regression
+BENCHMARKS := tests/bench/bench_regression.py
+
+# How many checks `make bench-rate` does of unchanged code, and of code with every benchmark slowed down.
+CHECKS ?= 20
+SLOWED ?= 2
 
 # For how long `make soak` reads.
 MINUTES ?= 30
@@ -25,7 +27,7 @@ MINUTES ?= 30
 # What `make mutants` is given, such as MUTANTS="--all tactsim/press/clip.py".
 MUTANTS ?=
 
-.PHONY: run test check docs setup lock test-slow soak mutants bench-check bench-baseline tables references clean help
+.PHONY: run test check docs setup lock test-slow soak mutants bench-check bench-baseline bench-rate tables references clean help
 
 help:            ## list these commands
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 18
@@ -60,16 +62,14 @@ soak: $(DEVELOP)   ## read two devices under random faults for MINUTES (30)
 mutants: $(MUTATION)  ## break formulas in a copy: do the tests notice? an hour or two
 	@nice $(BIN)/python tests/mutants/mutate.py $(MUTANTS)
 
-bench-check: $(DEVELOP)  ## compare times (as ratios) and errors with results/baseline.json
-	@$(MEASURE)-1.json
-	@$(REGRESSION) check results/baseline.json $(MEASURED)-1.json || { \
-	  echo "measuring again: the machine may have been busy"; $(MEASURE)-2.json; \
-	  $(REGRESSION) check results/baseline.json $(MEASURED)-1.json $(MEASURED)-2.json; }
+bench-check: $(DEVELOP)  ## compare times with the code of the baseline's commit, and errors with results/baseline.json
+	@$(REGRESSION) check results/baseline.json $(BENCHMARKS)
 
-bench-baseline: $(DEVELOP)  ## renew results/baseline.json
-	@$(MEASURE)-1.json
-	@$(MEASURE)-2.json
-	@$(REGRESSION) write results/baseline.json $(MEASURED)-1.json $(MEASURED)-2.json
+bench-baseline: $(DEVELOP)  ## renew results/baseline.json: this commit and its errors
+	@$(REGRESSION) write results/baseline.json $(BENCHMARKS)
+
+bench-rate: $(DEVELOP)  ## how often bench-check is wrong: CHECKS (20) of one commit, SLOWED (2) of a slower one
+	@$(BIN)/python -m tactsim.bench.regression_rate $(BENCHMARKS) $(CHECKS) $(SLOWED)
 
 # The sweeps that the tables of the documentation are made of.
 TABLES := better paper-better robustness slip open-set active paper paper-like tilt pareto

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections import deque
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields
 from io import BytesIO
@@ -29,7 +30,7 @@ MOST_TRIALS = 20  # trials of a chunk: the most that a worker loses when it is k
 
 @dataclass(frozen=True)
 class Chunk:
-    """Some trials of one letter in one run. made_with: what their result depends on, for the seal."""
+    """Some trials of one run. made_with: what their result depends on, for the seal."""
 
     run: str
     number: int
@@ -41,21 +42,53 @@ class Chunk:
         return folder / "chunks" / f"{self.run}.{self.number:05d}.npz"
 
     def seal(self, body: bytes) -> bytes:
-        """Hash a file's content with what it was made with: 32 bytes."""
-        return hashlib.sha256(self.made_with.encode() + body).digest()
+        """Hash a file's content with which trials it holds and what they were made with: 32 bytes."""
+        tasks = json.dumps([[task.truth, task.trial] for task in self.tasks])
+        return hashlib.sha256(f"{self.made_with} {tasks}".encode() + body).digest()
 
 
 def chunks_of(name: str, plan: TrialPlan, letters: Iterable[str], trials: int) -> list[Chunk]:
-    """Divide a run into chunks of at most MOST_TRIALS trials of one letter."""
+    """Divide a run into chunks of at most MOST_TRIALS trials, letter after letter.
+
+    A chunk goes on with the next letter, so that a run of few trials is one chunk, for which one worker fits once.
+    """
     trying = [plan.readings, plan.seed, plan.explore, plan.press is not None, plan.slip.model_dump()]
     trying.append(plan.each_held_out)
     made_with = json.dumps([plan.source, plan.digest, trying, versions()], sort_keys=True)
-    tasks = [
-        tuple(Task(letter, trial) for trial in range(first, min(first + MOST_TRIALS, trials)))
-        for letter in letters
-        for first in range(0, trials, MOST_TRIALS)
+    tasks = [Task(letter, trial) for letter in letters for trial in range(trials)]
+    return [
+        Chunk(name, number, tuple(tasks[first : first + MOST_TRIALS]), made_with)
+        for number, first in enumerate(range(0, len(tasks), MOST_TRIALS))
     ]
-    return [Chunk(name, number, some, made_with) for number, some in enumerate(tasks)]
+
+
+class Waiting:
+    """Chunks that no worker has yet, handed out so that few workers fit the estimator of the same run."""
+
+    def __init__(self, chunks: Iterable[Chunk]) -> None:
+        self._of_run: dict[str, deque[Chunk]] = {}
+        for chunk in chunks:
+            self._of_run.setdefault(chunk.run, deque()).append(chunk)
+        self._untouched = deque(self._of_run)
+
+    def __len__(self) -> int:
+        """Count the runs with chunks left."""
+        return len(self._of_run)
+
+    def take(self, run: str | None = None) -> Chunk:
+        """Take a chunk: of `run` if it has one left, or else of a run of which none was taken, or of any.
+
+        Raises IndexError if no chunk is left.
+        """
+        if run not in self._of_run:
+            if not self._of_run:
+                raise IndexError("no chunk is left")
+            untouched = self._untouched.popleft() if self._untouched else None
+            run = untouched or max(self._of_run, key=lambda name: len(self._of_run[name]))
+        chunk = self._of_run[run].popleft()
+        if not self._of_run[run]:
+            del self._of_run[run]
+        return chunk
 
 
 def save_chunk(folder: Path, chunk: Chunk, trials: Trials, work: Mapping[str, int]) -> None:

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
-from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
+from matplotlib.ticker import LogLocator, MaxNLocator, NullLocator
 
 from tactsim.bench.run import Run
 from tactsim.core import InputError
@@ -82,16 +82,18 @@ def readings_figure(run: Run) -> Picture:
     right.set(
         xlim=(1, max(2, number[-1])), yscale="log", xlabel="readings seen", ylabel="placement error, mm"
     )
-    for ax in (left, right):
-        ax.xaxis.set_major_locator(MaxNLocator(integer=True))  # there are no half readings
     right.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
     right.yaxis.set_major_formatter(lambda value, _: f"{value:g}")
-    right.yaxis.set_minor_formatter(NullFormatter())
-    right.grid(axis="y", which="both", lw=0.3, alpha=0.6)
+    right.yaxis.set_minor_locator(NullLocator())
+    right.grid(axis="y", lw=0.3, alpha=0.6)
     right.legend(frameon=False, loc="upper right")
     for axes in (left, right):
         axes.spines[["top", "right"]].set_visible(False)
-        axes.xaxis.set_major_locator(MaxNLocator(integer=True))
+        axes.xaxis.set_major_locator(MaxNLocator(integer=True))  # there are no half readings
+        axes.set_title(
+            "", y=1
+        )  # a title without a place is moved away from all ticks, which are measured for it
+        axes.xaxis.set_label_coords(0.5, -0.105)
     figure.suptitle("\n".join(lines), y=1 - 0.06 / 3.8, fontsize=10, parse_math=False)
     return figure
 
@@ -116,15 +118,19 @@ def maps_figure(maps: Mapping[str, Any]) -> Picture:
         wspace=across / side, hspace=down / side,
     )  # fmt: skip
     grid = figure.subplots(rows, columns, squeeze=False).ravel()
+    alike = len({tuple(m.extent) for m in maps.values()}) == 1
     limit = max(float(np.abs(m.log_odds).max()) for m in maps.values())
     image = None
-    for axes, (label, m) in zip(grid, maps.items(), strict=False):
+    for number, (label, m) in enumerate(maps.items()):
+        axes = grid[number]
         image = axes.imshow(
             m.log_odds, origin="lower", extent=m.extent, cmap="RdBu_r", vmin=-limit, vmax=limit,
             interpolation="nearest",
         )  # fmt: skip
-        axes.set_title(label, fontsize=10, parse_math=False)
+        axes.set_title(label, fontsize=10, parse_math=False, y=1)
         axes.tick_params(labelsize=7)
+        if alike and number % columns:  # the first of the row says it
+            axes.set_yticks([])
     for axes in grid[len(maps) :]:
         axes.set_visible(False)
     if image is not None:

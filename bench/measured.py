@@ -50,7 +50,9 @@ def measured_scan(folder: Path, letters: Sequence[str], trials: int, readings: i
     paths = [recording_of(folder, letter, trial) for letter in letters for trial in range(trials)]
     for path in paths:
         if not path.exists():
-            raise InputError(f"{path} was not measured yet; the same command with --port measures it")
+            raise InputError(
+                f"{path} was not measured yet; measure it by the same command with --port, or say fewer --trials"
+            )
     scan = scan_of_sessions(paths)
     for path, about in zip(paths, scan.meta["recordings"], strict=True):
         count = about["presses"]

@@ -1,56 +1,50 @@
-"""Notice when times or errors get worse: compare a benchmark's results with the baseline.
+"""Notice when times or errors get worse: compare the benchmarks with the baseline.
 
-`make bench-check` runs tests/bench/bench_regression.py under pytest-benchmark and calls
-`python -m tactsim.bench.regression check BASELINE RESULTS...`; `make bench-baseline` renews the baseline.
-Machines are noisy and differ, so a time is kept as its ratio to a fixed NumPy reference that was
-measured in the same rounds. A ratio may rise by a quarter; of several results the smallest ratio counts.
-Errors have no noise: the same seed gives the same error, within 1e-9.
+`make bench-check` calls `python -m tactsim.bench.regression check BASELINE BENCHMARKS`, and
+`make bench-baseline` the same with `write`. BENCHMARKS is tests/bench/bench_regression.py. The baseline names a
+commit, and holds the errors that its code gave. Times are compared with the code of that commit, in turns on
+this machine (see tactsim.bench.regression_timing). Errors have no noise: the same seed gives the same error,
+within 1e-9.
 """
 
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel, ConfigDict, Field
 
 from tactsim.bench.machine import machine, versions
+from tactsim.bench.regression_timing import LEVEL, Side, Timing, commit_of, measure, tree_of
 from tactsim.bench.results import to_json
 from tactsim.core.checking import checked
 from tactsim.core.documents import read_json
 from tactsim.core.errors import InputError
 from tactsim.core.files import write_text
 
-TRIP_WIRE = 1.25  # how far a ratio of times may rise
 SAME_ERROR = 1e-9  # how far a figure may move, relative to its size or to 1
-SCHEMA = 1
+SCHEMA = 2
+TREES = Path(sys.prefix) / "benchmark"  # where the code of the baselines' commits is unpacked
 
-Figures = dict[str, dict[str, Any]]  # benchmark: {"ratio": ..., "figures": {name: value}}
+Figures = dict[str, dict[str, float]]  # {benchmark: {name: value}}
 
 
-class _Strict(BaseModel):
+class _Baseline(BaseModel):
     model_config = ConfigDict(strict=True)
 
-
-class _Benchmark(_Strict):
-    ratio: float
-    figures: dict[str, float]
+    commit: str = Field(pattern=r"^[0-9a-f]{40}$")
+    benchmarks: dict[str, dict[str, float]]
 
 
-class _Baseline(_Strict):
-    benchmarks: dict[str, _Benchmark]
+@dataclass(frozen=True)
+class Baseline:
+    """The commit whose code is the reference of times, and the figures that its benchmarks gave."""
 
-
-class _Entry(_Strict):
-    name: str
-    extra_info: dict[str, float]
-
-
-class _Measured(_Strict):
-    benchmarks: list[_Entry]
+    commit: str
+    figures: Figures
 
 
 @dataclass(frozen=True)
@@ -64,98 +58,103 @@ class Finding:
     verdict: str
 
 
-def measured(path: str | Path) -> Figures:
-    """Read what the suites wrote with --benchmark-json. Raises InputError if it is no such file."""
-    content = read_json(path, "benchmark result")
-    checked(_Measured, content, str(path))
-    found: Figures = {}
-    for entry in content["benchmarks"]:
-        figures = dict(entry["extra_info"])
-        if "ratio" not in figures:
-            raise InputError(f"{path} is no result of the benchmark suites: {entry['name']} has no ratio")
-        found[entry["name"]] = {"ratio": float(figures.pop("ratio")), "figures": figures}
-    return found
-
-
-def least(results: Iterable[Figures]) -> Figures:
-    """Join repeated results: the least ratio of each benchmark, the figures of the last."""
-    joined: Figures = {}
-    for result in results:
-        for name, found in result.items():
-            ratio = min(found["ratio"], joined.get(name, found)["ratio"])
-            joined[name] = {"ratio": ratio, "figures": found["figures"]}
-    return joined
-
-
-def baseline(path: str | Path) -> Figures:
+def read_baseline(path: str | Path) -> Baseline:
     """Read a baseline. Raises InputError if it is none."""
     content = read_json(path, "baseline")
     if content.get("schema") != SCHEMA:
         raise InputError(f"{path} is no baseline of schema {SCHEMA}; make one with `make bench-baseline`")
     checked(_Baseline, content, str(path))
-    return content["benchmarks"]
+    return Baseline(content["commit"], content["benchmarks"])
 
 
-def write_baseline(found: Figures, path: str | Path) -> None:
-    """Write a baseline, with the machine and the versions that it was measured with."""
-    content = {"schema": SCHEMA, "machine": machine(), "versions": versions(), "benchmarks": found}
-    write_text(path, to_json(content))
+def write_baseline(found: Baseline, path: str | Path) -> None:
+    """Write a baseline, with the machine and the versions that its figures come from."""
+    made = {"machine": machine(), "versions": versions()}
+    content = {"schema": SCHEMA, "commit": found.commit, "benchmarks": found.figures}
+    write_text(path, to_json(content | made))
 
 
-def check(base: Figures, new: Figures) -> list[Finding]:
-    """Compare every ratio and every figure, also of benchmarks that are gone or new."""
+def check(base: Figures, new: Figures, timings: Mapping[str, Timing]) -> list[Finding]:
+    """Judge every ratio of times and every figure, also of benchmarks that are gone or new."""
     findings = []
     for name in sorted(base | new):
         if name not in new:
             findings.append(Finding(name, "", None, None, "gone"))
-        elif name not in base:
-            findings.append(Finding(name, "ratio", None, new[name]["ratio"], "new"))
+            continue
+        if name in timings:
+            verdict = "slower" if timings[name].slower else "ok"
+            findings.append(Finding(name, "time", 1.0, timings[name].ratio, verdict))
         else:
-            before, after = base[name]["ratio"], new[name]["ratio"]
-            verdict = "slower" if after > TRIP_WIRE * before else "ok"
-            findings.append(Finding(name, "ratio", before, after, verdict))
-            findings += _figures(name, base[name]["figures"], new[name]["figures"])
+            findings.append(Finding(name, "time", None, None, "new"))
+        findings += _figures(name, base.get(name, {}), new[name])
     return findings
 
 
-def _figures(name: str, base: Mapping[str, Any], new: Mapping[str, Any]) -> list[Finding]:
+def _figures(name: str, base: Mapping[str, float], new: Mapping[str, float]) -> list[Finding]:
     findings = []
     for what in sorted({*base, *new}):
-        if what not in base or what not in new:
-            findings.append(
-                Finding(name, what, base.get(what), new.get(what), "gone" if what in base else "new")
-            )
-            continue
-        before, after = float(base[what]), float(new[what])
-        same = abs(after - before) <= SAME_ERROR * max(1.0, abs(before))
-        findings.append(Finding(name, what, before, after, "ok" if same else "changed"))
+        before, after = base.get(what), new.get(what)
+        if before is None or after is None:
+            verdict = "new" if before is None else "gone"
+        else:
+            same = abs(after - before) <= SAME_ERROR * max(1.0, abs(before))
+            verdict = "ok" if same else "changed"
+        findings.append(Finding(name, what, before, after, verdict))
     return findings
 
 
-def main(words: list[str]) -> int:
-    """Run `check BASELINE RESULTS...` or `write BASELINE RESULTS...`; returns the exit status."""
-    if len(words) < 3 or words[0] not in ("check", "write"):
-        print("usage: python -m tactsim.bench.regression check|write BASELINE RESULTS...", file=sys.stderr)
-        return 2
-    try:
-        found = least(measured(path) for path in words[2:])
-        if words[0] == "write":
-            write_baseline(found, words[1])
-            return 0
-        findings = check(baseline(words[1]), found)
-    except InputError as error:
-        print(f"tactsim.bench.regression: {error}", file=sys.stderr)
-        return 2
+def print_timing(name: str, timing: Timing) -> None:
+    """Print what the rounds of a benchmark gave, to standard error."""
+    said = "slower" if timing.slower else "ok"
+    print(
+        f"{name:28} {timing.ratio:.2f} of the base's time, rounds {min(timing.ratios):.2f} to "
+        f"{max(timing.ratios):.2f} ({len(timing.ratios)}): {said}",
+        file=sys.stderr,
+    )
+
+
+def _check(path: Path, benchmarks: Path) -> int:
+    base = read_baseline(path)
+    root = Path.cwd()
+    found = measure(root, tree_of(base.commit, root, TREES), benchmarks, progress=print_timing)
+    findings = check(base.figures, found.figures, found.timings)
     for finding in findings:
         values = " -> ".join(
             "-" if value is None else f"{value:.6g}" for value in (finding.base, finding.new)
         )
-        print(f"{finding.verdict:8} {finding.benchmark:50} {finding.what:24} {values}")
+        print(f"{finding.verdict:8} {finding.benchmark:28} {finding.what:16} {values}")
     bad = [finding for finding in findings if finding.verdict not in ("ok", "new")]
+    print(
+        f"Times are in units of the code of {base.commit[:12]}. Unchanged code is called slower in at most "
+        f"{LEVEL:.0%} of checks."
+    )
     print(
         f"{len(bad)} of {len(findings)} figures are worse than the baseline" if bad else "no figure is worse"
     )
     return 1 if bad else 0
+
+
+def _write(path: Path, benchmarks: Path) -> int:
+    root = Path.cwd()
+    commit = commit_of(root, but=path)
+    tree = tree_of(commit, root, TREES)
+    with Side(tree, benchmarks) as side:
+        figures = {name: side.figures(name) for name in side.names()}
+    write_baseline(Baseline(commit, figures), path)
+    return 0
+
+
+def main(words: list[str]) -> int:
+    """Run `check BASELINE BENCHMARKS` or `write BASELINE BENCHMARKS`; returns the exit status."""
+    commands: dict[str, Any] = {"check": _check, "write": _write}
+    if len(words) != 3 or words[0] not in commands:
+        print("usage: python -m tactsim.bench.regression check|write BASELINE BENCHMARKS", file=sys.stderr)
+        return 2
+    try:
+        return int(commands[words[0]](Path(words[1]), Path(words[2])))
+    except InputError as error:
+        print(f"tactsim.bench.regression: {error}", file=sys.stderr)
+        return 2
 
 
 if __name__ == "__main__":

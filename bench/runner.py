@@ -13,11 +13,9 @@ from tactsim.bench.bound.efficiency import bounds_of_trials
 from tactsim.bench.config import RunConfig
 from tactsim.bench.fitting import fit
 from tactsim.bench.machine import machine, peak_memory_mb, versions
-from tactsim.bench.measured import MeasuredTrials, measured_scan
 from tactsim.bench.offered_touches import Press
 from tactsim.bench.placement_error import properties
 from tactsim.bench.run import Run
-from tactsim.bench.touching import OnDemand
 from tactsim.bench.trial_plan import TrialPlan, source_of_trials
 from tactsim.bench.trial_workers import run_trials
 from tactsim.bench.trials import Progress, Task, Trials, check_readings
@@ -26,6 +24,7 @@ from tactsim.core.errors import unknown
 from tactsim.core.scan import train_on
 from tactsim.core.source_digest import git_commit
 from tactsim.estimators import NONE, Estimator, Options, create
+from tactsim.estimators.estimator import proposes_none
 from tactsim.estimators.likelihoods.occupancy import maps_of
 from tactsim.press import forward_model, scan_letters
 
@@ -66,6 +65,8 @@ def perform(
         fitted = create(config.estimator, **config.options)  # a wrong option is reported before the work
     else:
         config, fitted = _with_estimator(config, estimator), estimator
+    if config.explore == "information" and not fitted.proposes:
+        raise proposes_none(config.estimator)
     gathered = gather(config, scan=scan, jobs=jobs, cache=cache, progress=progress)
     check_readings(gathered.scan, gathered.letters, config.readings, config.hold_out)
     plan = plan_of(config, gathered.scan, estimator)
@@ -114,6 +115,8 @@ def gather(
     if scan is None and config.scan is not None:
         scan = Scan.load(config.scan)
     elif scan is None and config.presses is not None:
+        from tactsim.bench.measured import measured_scan
+
         letters = config.letters or train_scan(config).letters
         scan = measured_scan(config.presses, letters, config.trials, config.readings)
     elif scan is None:
@@ -169,9 +172,16 @@ def plan_of(config: RunConfig, scan: Scan, given: Estimator | None = None) -> Tr
 
 def _press(config: RunConfig, scan: Scan) -> Press | None:
     """Choose where touches come from that are not simply the scan's."""
+    # Each is imported here: most runs take the scan's readings, and need neither a pad's files nor MuJoCo.
     if config.presses is not None:
+        from tactsim.bench.measured import MeasuredTrials
+
         return MeasuredTrials(scan, config.readings)
-    return OnDemand(config.scan_options) if config.on_demand else None
+    if config.on_demand:
+        from tactsim.bench.touching import OnDemand
+
+        return OnDemand(config.scan_options)
+    return None
 
 
 def finished_run(

@@ -13,12 +13,13 @@ import re
 import shutil
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import BrokenExecutor, Executor, as_completed
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
 from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
+from typing import Any
 
 from tactsim.bench import results
-from tactsim.bench.chunks import Chunk, chunks_of, load_chunk, save_chunk
+from tactsim.bench.chunks import Chunk, Waiting, chunks_of, load_chunk, save_chunk
 from tactsim.bench.config import RunConfig
 from tactsim.bench.run import Run
 from tactsim.bench.runner import Gathered, budget_of, finished_run, gather, plan_of
@@ -50,7 +51,7 @@ def perform(
     """Do every run that `folder` does not hold yet; returns the folders of all runs, in order.
 
     jobs: local processes, if no other `pool` is given. Readings that several runs share are pressed once, and
-    each worker fits an estimator once for all its trials of a run.
+    a worker fits an estimator once for all its trials of a run, most often all of them.
 
     Raises InputError if the folder belongs to another sweep, is in use or cannot be written, or if it holds
     runs made by other source code while others are still to do.
@@ -84,7 +85,7 @@ def perform(
             if not waiting[name]:
                 _write_run(folder, todo[name], gathered[name], chunks[name])
         queue = [chunk for of_run in left.values() for chunk in of_run]
-        for chunk, trials, work in _work_off(queue, plans, pool or _local(jobs)):
+        for chunk, trials, work in _work_off(queue, plans, pool or _local(jobs), None if pool else jobs):
             save_chunk(folder, chunk, trials, work)
             done += len(chunk.tasks)
             progress("sweep", done, total)
@@ -127,24 +128,35 @@ def _local(jobs: int) -> Pool:
 
 
 def _work_off(
-    queue: list[Chunk], plans: Mapping[str, TrialPlan], pool: Pool
+    queue: list[Chunk], plans: Mapping[str, TrialPlan], pool: Pool, at_once: int | None
 ) -> Iterator[tuple[Chunk, Trials, dict[str, int]]]:
-    """Send chunks to workers and yield their results; after a worker's death send the rest again."""
+    """Send chunks to workers and yield their results; after a worker's death send the rest again.
+
+    at_once: the number of workers, each of which then gets one chunk at a time; None if it is not known, which sends
+    all chunks.
+    """
     left = {(chunk.run, chunk.number): chunk for chunk in queue}
     for attempt in range(1, ATTEMPTS + 1):
         if not left:
             return
+        waiting, running = Waiting(left.values()), dict[Future[Any], Chunk]()
         try:
             with pool() as executor:
-                futures = {
-                    executor.submit(run_chunk, plans[chunk.run], list(chunk.tasks)): chunk
-                    for chunk in left.values()
-                }
-                for future in as_completed(futures):
-                    chunk = futures[future]
-                    trials, work = future.result()
-                    del left[chunk.run, chunk.number]
-                    yield chunk, trials, work
+                run = None
+                while waiting and len(running) < (at_once or len(left)):
+                    chunk = waiting.take(run)
+                    run = None if at_once else chunk.run
+                    running[executor.submit(run_chunk, plans[chunk.run], list(chunk.tasks))] = chunk
+                while running:
+                    done, _ = wait(running, return_when=FIRST_COMPLETED)
+                    for future in done:
+                        chunk = running.pop(future)
+                        trials, work = future.result()
+                        if waiting:  # the worker that is free now has fitted this run's estimator already
+                            more = waiting.take(chunk.run)
+                            running[executor.submit(run_chunk, plans[more.run], list(more.tasks))] = more
+                        del left[chunk.run, chunk.number]
+                        yield chunk, trials, work
         except BrokenExecutor:
             if attempt == ATTEMPTS:
                 raise

@@ -198,7 +198,7 @@ def run_trial(
                 chosen = estimator.propose(sensor_in_robot[left])
                 propose_s[k] += process_time() - start
                 _check_proposal(chosen, len(left), estimator)
-            taken[k], left = left[chosen], np.delete(left, chosen)
+            taken[k], left = left[chosen], np.concatenate([left[:chosen], left[chosen + 1 :]])
             reading = touches.reading(int(taken[k]), true_pose[k])
         start = process_time()
         estimator.update(reading, sensor_in_robot[taken[k]])

@@ -68,6 +68,11 @@ class PlaneBelief:
     probability: FloatArray
 
 
+def proposes_none(name: str) -> InputError:
+    """Say that the estimator `name` proposes no readings."""
+    return InputError(f"estimator {name} proposes no readings; explore at random")
+
+
 class Estimator(ABC):
     """Recognise and localise one object from a sequence of readings.
 
@@ -138,7 +143,12 @@ class Estimator(ABC):
 
     def propose(self, candidates: Sequence[FloatArray] | FloatArray) -> int:
         """Choose the index of the sensor_in_robot pose (n, 3) to try next, if the estimator can."""
-        raise InputError(f"estimator {type(self).__name__} proposes no readings; explore at random")
+        raise proposes_none(type(self).__name__)
+
+    @property
+    def proposes(self) -> bool:
+        """Tell whether the estimator proposes readings."""
+        return type(self).propose is not Estimator.propose
 
     def belief_over_plane(self) -> PlaneBelief | None:
         """Show how the belief lies over the plane, for a person to look at; None if it cannot be shown.

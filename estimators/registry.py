@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from importlib import import_module
 from typing import TYPE_CHECKING, Any, cast
 
-from tactsim.core import plug_ins
 from tactsim.core.checking import checked
-from tactsim.core.errors import InputError, short, unknown
-from tactsim.core.plug_ins import Listed
+from tactsim.core.errors import InputError, short
+from tactsim.core.plug_ins import Registry
 from tactsim.estimators.estimator import Estimator, Options
 from tactsim.estimators.options import FilterOptions
 
@@ -60,9 +58,19 @@ BUILT_IN: dict[str, tuple[str, str]] = {
 }
 
 
-def names() -> tuple[str, ...]:
-    """List every estimator that `create` knows, the built-in ones first."""
-    return (*BUILT_IN, *(point.name for point in plug_ins.plug_ins(GROUP) if point.name not in BUILT_IN))
+def _fault(chosen: Any) -> str | None:
+    if not (isinstance(chosen, type) and issubclass(chosen, Estimator)):
+        return "is no subclass of estimators.Estimator"
+    missing = ", ".join(sorted(chosen.__abstractmethods__))
+    if missing:
+        return f"does not define {missing}"
+    if not (isinstance(chosen.options_type, type) and issubclass(chosen.options_type, Options)):
+        return "has options_type that is no subclass of estimators.Options"
+    return None
+
+
+_ESTIMATORS = Registry("estimator", GROUP, BUILT_IN, _fault)
+names, listing = _ESTIMATORS.names, _ESTIMATORS.listing
 
 
 def create(name: str, **options: Any) -> Estimator:
@@ -90,26 +98,4 @@ def load(name: str) -> type[Estimator]:
     """Import the class of that name. Raises InputError if there is none or it is no Estimator."""
     if not isinstance(name, str):
         raise InputError(f"estimator {short(name)}: give a name, one of {', '.join(names())}")
-    if name in BUILT_IN:
-        module, attribute = BUILT_IN[name][0].split(":")
-        return getattr(import_module(module), attribute)
-    for point in plug_ins.plug_ins(GROUP):
-        if point.name == name:
-            return plug_ins.load_plug_in(point, _fault)
-    raise unknown("estimator", name, names())
-
-
-def listing() -> list[Listed]:
-    """Describe every estimator; a plug-in that cannot be loaded is a status, not a crash."""
-    return plug_ins.listing(GROUP, BUILT_IN, _fault)
-
-
-def _fault(chosen: Any) -> str | None:
-    if not (isinstance(chosen, type) and issubclass(chosen, Estimator)):
-        return "is no subclass of estimators.Estimator"
-    missing = ", ".join(sorted(chosen.__abstractmethods__))
-    if missing:
-        return f"does not define {missing}"
-    if not (isinstance(chosen.options_type, type) and issubclass(chosen.options_type, Options)):
-        return "has options_type that is no subclass of estimators.Options"
-    return None
+    return cast("type[Estimator]", _ESTIMATORS.load(name))

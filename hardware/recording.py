@@ -27,6 +27,7 @@ import os
 import struct
 import zlib
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from enum import IntEnum
 from io import BufferedReader
@@ -109,6 +110,7 @@ class Recorder:
         whole = check_whole(self.path).whole_bytes if append else 0
         flags = os.O_WRONLY | (0 if append else os.O_CREAT | os.O_EXCL)
         try:
+            self._made = [folder for folder in self.path.parents if not folder.exists()]  # the deepest first
             self.path.parent.mkdir(parents=True, exist_ok=True)
             self._file = os.open(self.path, flags, 0o666)
             if append:
@@ -164,9 +166,15 @@ class Recorder:
             self._file = -1
 
     def discard(self) -> None:
-        """Close and remove a recording that was begun in vain, so that its name is free for another try."""
+        """Close and remove a recording that was begun in vain, with the folders that were made for it.
+
+        So its name is free for another try.
+        """
         self.close()
         self.path.unlink(missing_ok=True)
+        for folder in self._made:
+            with suppress(OSError):  # something else is in it
+                folder.rmdir()
 
     def __enter__(self) -> Recorder:
         return self

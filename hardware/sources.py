@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from importlib import import_module
 from typing import Any
 
-from tactsim.core import plug_ins
-from tactsim.core.errors import InputError, unknown
-from tactsim.core.plug_ins import Listed
+from tactsim.core.errors import InputError
+from tactsim.core.plug_ins import Registry
 from tactsim.core.source import Log, Source
 from tactsim.hardware.calibration import Calibration
 from tactsim.hardware.device import Device
@@ -29,6 +27,14 @@ BUILT_IN: dict[str, tuple[str, str]] = {
 Opener = Callable[[Sequence[str], Device, "Log | None"], Source]
 
 
+def _fault(opener: Any) -> str | None:
+    return None if callable(opener) else "is no function that opens a source"
+
+
+_SOURCES = Registry("source", GROUP, BUILT_IN, _fault)
+names, listing = _SOURCES.names, _SOURCES.listing
+
+
 def open_source(
     places: Sequence[str],
     device: Device,
@@ -45,19 +51,14 @@ def open_source(
     Raises InputError if there is no such source, it cannot be opened, or it is corrected already.
     """
     name, _, rest = places[0].partition(":") if places else ("", "", "")
-    added = {point.name: point for point in plug_ins.plug_ins(GROUP)}
-    if name in BUILT_IN:
-        opener: Opener = _load(BUILT_IN[name][0])
+    known = name in names()
+    if known or _looks_like_a_name(name, rest):
+        opener: Opener = _SOURCES.load(name)
         places = [rest, *places[1:]]
-    elif name in added:
-        opener = plug_ins.load_plug_in(added[name], _fault)
-        places = [rest, *places[1:]]
-    elif rest and not rest.startswith("//") and name.isidentifier() and len(name) > 1:
-        raise unknown("source", name, names())
     else:
-        opener = _load(BUILT_IN["port"][0])
+        opener = _SOURCES.load("port")
     source = opener(places, device, log)
-    if name in added and name not in BUILT_IN:
+    if known and name not in BUILT_IN:
         source = Checked(source, name)
     try:
         if isinstance(log, Recorder) and not source.has_bytes:
@@ -68,20 +69,6 @@ def open_source(
         raise
 
 
-def names() -> tuple[str, ...]:
-    """List every source that `open_source` knows."""
-    return (*BUILT_IN, *(point.name for point in plug_ins.plug_ins(GROUP) if point.name not in BUILT_IN))
-
-
-def listing() -> list[Listed]:
-    """Describe every source; a plug-in that cannot be loaded is a status, not a crash."""
-    return plug_ins.listing(GROUP, BUILT_IN, _fault)
-
-
-def _load(where: str) -> Any:
-    module, attribute = where.split(":")
-    return getattr(import_module(module), attribute)
-
-
-def _fault(opener: Any) -> str | None:
-    return None if callable(opener) else "is no function that opens a source"
+def _looks_like_a_name(name: str, rest: str) -> bool:
+    """Tell whether NAME:REST is meant to be a source, and no port such as socket://HOST:PORT or C:port."""
+    return bool(rest) and not rest.startswith("//") and name.isidentifier() and len(name) > 1

@@ -8,7 +8,6 @@ object's points is x^2 + y^2 + (I/m) turn^2.
 from __future__ import annotations
 
 import numpy as np
-from scipy.special import ndtr
 
 from tactsim.bench.bound.response import Response, noise_variance
 from tactsim.core.poses import FloatArray
@@ -87,6 +86,8 @@ def _given_press(
     mean: (draws, taxels) kPa. slopes: (taxels, m) kPa, the last by the largest taxel's noise. error: (draws, taxels)
     kPa, of the taxels among which the largest is found.
     """
+    from scipy.special import ndtr  # imported here: information from the cache does without
+
     rows, largest = np.arange(len(mean)), (mean + error).argmax(axis=1)
     share = RATIO * (mean + error)[rows, largest]
     with_share = share > threshold

@@ -10,7 +10,7 @@ import numpy as np
 from tactsim.core.errors import InputError
 from tactsim.core.poses import FloatArray
 from tactsim.models import Letter
-from tactsim.press.engine import ideal_readings
+from tactsim.press.engine_choice import check_flat
 from tactsim.press.press_model import PressModel
 from tactsim.press.scan_options import ScanOptions, SensorOptions
 from tactsim.press.sensor import gains
@@ -70,7 +70,7 @@ def respond(letter: Letter, poses: FloatArray, options: ScanOptions) -> Response
 def is_quick(letter: Letter, options: ScanOptions) -> bool:
     """Tell whether the forward model presses this letter, in some 10 us a press; if not, an engine does, in 0.5 ms."""
     try:
-        PressModel([letter], options)
+        check_flat(letter, options)
     except InputError:
         return False
     return True
@@ -79,6 +79,8 @@ def is_quick(letter: Letter, options: ScanOptions) -> bool:
 def _ideal(touches: Touches, options: ScanOptions) -> FloatArray:
     """Press without imperfections (n, taxels): by the forward model where it can, else by the scan's engine."""
     if not is_quick(touches.letter, options):
+        from tactsim.press.engine import ideal_readings  # brings MuJoCo
+
         return ideal_readings(touches, options)[0]
     loads = touches.forces(options.press.force)
     readings = np.empty((len(touches), options.pad.taxels))

@@ -4,64 +4,77 @@ from __future__ import annotations
 
 import sys
 from concurrent.futures import BrokenExecutor
-from typing import NoReturn
+from importlib import import_module
+from typing import Any, NoReturn
 
 import typer
+from typer.core import TyperCommand, TyperGroup
 from typer.exceptions import Abort, TyperException
 
 from tactsim.bench.cli import INTERRUPTED, end_interrupted
-from tactsim.bench.cli import cmd_bound as bound
-from tactsim.bench.cli import cmd_compare as compare
-from tactsim.bench.cli import cmd_devices as devices
-from tactsim.bench.cli import cmd_emulate as emulate
-from tactsim.bench.cli import cmd_list as list_verb
-from tactsim.bench.cli import cmd_live as live
-from tactsim.bench.cli import cmd_probe as probe
-from tactsim.bench.cli import cmd_record as record
-from tactsim.bench.cli import cmd_replay as replay
-from tactsim.bench.cli import cmd_report as report
-from tactsim.bench.cli import cmd_run as run
-from tactsim.bench.cli import cmd_scan as scan
-from tactsim.bench.cli import cmd_stress as stress
-from tactsim.bench.cli import cmd_sweep as sweep
-from tactsim.bench.cli import cmd_tare as tare
-from tactsim.bench.cli import cmd_template as template
-from tactsim.bench.cli import cmd_validate as validate
-from tactsim.bench.cli import cmd_watch as watch
 from tactsim.core.errors import InputError, printable
 
 FAILED, WRONG_INPUT = 1, 2
 
+# Each verb with what `bench --help` says of it, the first line of its docstring: importing all verbs would take
+# longer than saying it.
+VERBS = {
+    "run": "Press the letters, learn their maps, recognise them in random places and score every reading.",
+    "scan": "Press the letters at 192 poses, twice (training and test), and write the readings.",
+    "sweep": "Do many runs; a sweep that was stopped goes on where it was when it is started again.",
+    "report": "Write one HTML page that opens without a network, and beside it every curve as CSV.",
+    "bound": "Say how good an estimator can be: exact Bayes, and the Cramer-Rao bound of the error, by reading.",
+    "compare": "Compare two runs on the same trials; exit status 1 if NEW is worse beyond the interval.",
+    "list": "List estimators, letters, worlds, metrics and suites; on request the options of an estimator or a scan.",
+    "stress": "Vary inputs over many decades and measure the worst deviation; exit status 1 if a case fails.",
+    "devices": "List ports, sources of readings, codecs and device files, each with its status.",
+    "probe": "Listen to a pad: show its rate, counters and mean reading, or the bytes that came if no reading did.",
+    "watch": "Watch a pad: pressures, force, rate and what goes wrong; f freezes the picture, t takes a tare.",
+    "live": "Recognise what is pressed, touch by touch; says which letter, where, and where to press next.",
+    "tare": "Calibrate a pad: nothing may touch it, or, with --load, an even load must lie on it.",
+    "template": "Print the pad's sheet and one for each letter, 1:1, with the positions and angles of the scan.",
+    "record": "Record a pad: with --letter a guided session that makes a scan, else all it says.",
+    "replay": "Read recordings again, bit for bit: show what they hold, make a scan or a table of them.",
+    "emulate": "Present a simulated pad as a device that speaks its codec's bytes; ends with Ctrl-C.",
+    "validate": "Compare a simulated with a recorded scan: readings, sensor parameters, classes, recognition.",
+}
+
+
+class _Verbs(TyperGroup):
+    """All verbs; the file of one, `cmd_*`, is imported when it is called."""
+
+    def __init__(self, **words: Any) -> None:
+        super().__init__(**words)
+        self.commands = {name: TyperCommand(name, help=summary) for name, summary in VERBS.items()}
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        """Find the verb that is called, and import it."""
+        name, command, rest = super().resolve_command(ctx, args)
+        return name, command and load(str(name)), rest
+
+
+def load(name: str) -> TyperCommand:
+    """Import one of `VERBS`, with its options."""
+    alone = typer.Typer(add_completion=False)
+    alone.command(name)(import_module(f"tactsim.bench.cli.cmd_{name}").command)
+    made = typer.main.get_command(alone)
+    assert isinstance(made, TyperCommand)
+    return made
+
+
 app = typer.Typer(
     name="bench",
-    help="Compare ways to recognise an object by touch: press, map, recognise, score.",
+    cls=_Verbs,
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-verbs = {
-    "run": run,
-    "scan": scan,
-    "sweep": sweep,
-    "report": report,
-    "bound": bound,
-    "compare": compare,
-    "list": list_verb,
-    "stress": stress,
-    "devices": devices,
-    "probe": probe,
-    "watch": watch,
-    "live": live,
-    "tare": tare,
-    "template": template,
-    "record": record,
-    "replay": replay,
-    "emulate": emulate,
-    "validate": validate,
-}
-for name, verb in verbs.items():
-    app.command(name=name)(verb.command)
+
+
+@app.callback()
+def _bench() -> None:
+    """Compare ways to recognise an object by touch: press, map, recognise, score."""
 
 
 def run_app() -> NoReturn:

@@ -42,8 +42,13 @@ def command(
         ),
     ] = None,
     explore: Annotated[
-        str, typer.Option(help="The next touch: information (the estimator proposes it) or random.")
-    ] = "information",
+        str | None,
+        typer.Option(
+            help="The next touch: information (the estimator proposes it) or random. Default: information, if the "
+            "estimator can.",
+            show_default=False,
+        ),
+    ] = None,
     readings: Annotated[
         int | None, typer.Option(min=1, help="End after so many touches. Default: go on.", show_default=False)
     ] = None,
@@ -77,13 +82,17 @@ def command(
     from tactsim.bench.watching.web import WebPage
     from tactsim.core.errors import InputError
     from tactsim.estimators import create
+    from tactsim.estimators.estimator import proposes_none
     from tactsim.estimators.likelihoods.occupancy import maps_of
 
-    if explore not in ("information", "random"):
+    if explore not in (None, "information", "random"):
         raise InputError(f"--explore {explore!r}: say information or random")
     from_behind = guiding.from_behind(seen)
     described, correction = pads.load(device, calibration)
     made = create(estimator, **key_values(settings or (), "--set"))
+    if explore == "information" and not made.proposes:
+        raise proposes_none(estimator)
+    ask = made.proposes and explore != "random"
     console = plain_console(stderr=as_json)
     pressed = open_pressed(port, described, correction, seed)
     with pressed.source as source, ExitStack() as stack:
@@ -96,11 +105,11 @@ def command(
                 source.taxel_xy,
                 str(train_scan or "the simulation"),
             )
-            candidates = np.array(pressed.plan.poses) if pressed.plan and explore == "information" else None
+            candidates = np.array(pressed.plan.poses) if pressed.plan and ask else None
             progress("map", 0, 1)
             recogniser = Recogniser.fitted(made, train, seed, candidates)
             progress("map", 1, 1)
-        leading = pressed.leading(recogniser, "information" if explore == "information" else "random", seed)
+        leading = pressed.leading(recogniser, "information" if ask else "random", seed)
         told = Told(leading, train, maps_of(made), source, pressed.truth, from_behind)
         reader.on_reading = leading.take
         if isinstance(leading, TouchLeader):

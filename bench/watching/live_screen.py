@@ -9,12 +9,11 @@ from collections.abc import Callable
 
 import numpy as np
 from rich.console import Console, Group, RenderableType
-from rich.live import Live
 from rich.table import Table
 from rich.text import Text
 
-from tactsim.bench.keyboard import keys
 from tactsim.bench.watching.pad_picture import shade
+from tactsim.bench.watching.pad_screen import REDRAW_S, show
 from tactsim.bench.watching.pad_view import PadReader, PadView
 from tactsim.bench.watching.recogniser import Belief
 from tactsim.bench.watching.told import Told
@@ -25,7 +24,6 @@ from tactsim.core.poses import FloatArray, invert, transform
 from tactsim.estimators import NONE
 from tactsim.press.clip import covers
 
-_REDRAW_S = 0.05
 _COMMANDS = {" ": "take", "r": "redo", "s": "skip", "n": "begin"}
 _KEYS = "space take it   r redo   s skip   n new object   t tare   q quit"
 _CELL = (1.0, 2.0)  # mm of one character: twice as high as wide
@@ -52,30 +50,16 @@ def live(
 
     try:
         if on_terminal:
-            _on_terminal(reader, told, console, page, over)
+            show(
+                reader, console, over, lambda view: _screen(view, reader, told, console, page),
+                lambda key, _: _obey(key, told),
+            )  # fmt: skip
         else:
             _in_lines(reader, told, console, as_json, over)
     except KeyboardInterrupt:
         pass
     if on_terminal:
         console.print(Text(printable(told.line(told.leading.view().belief))))
-
-
-def _on_terminal(
-    reader: PadReader, told: Told, console: Console, page: str | None, over: Callable[[PadView], bool]
-) -> None:
-    with keys() as typed, Live(console=console, auto_refresh=False, screen=True) as shown:
-        view = reader.view()
-        while not over(view):
-            for key in typed():
-                if key == "q":
-                    return
-                if key == "t":
-                    reader.tare()
-                _obey(key, told)
-            shown.update(_screen(view, reader, told, console, page), refresh=True)
-            time.sleep(_REDRAW_S)
-            view = reader.wait(view.number, _REDRAW_S)
 
 
 def _obey(key: str, told: Told) -> None:
@@ -211,6 +195,6 @@ def _in_lines(
         if wrong and wrong != trouble and time.monotonic() - spoke >= 1.0:
             trouble, spoke = wrong, time.monotonic()
             print(printable(wrong), file=sys.stderr)
-        time.sleep(_REDRAW_S)
+        time.sleep(REDRAW_S)
         view = reader.view()
     say_new()

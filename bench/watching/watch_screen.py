@@ -7,16 +7,14 @@ from collections.abc import Callable
 
 import numpy as np
 from rich.console import Console, Group, RenderableType
-from rich.live import Live
 from rich.text import Text
 
 from tactsim.bench.cli.pad_options import rounded
-from tactsim.bench.keyboard import keys
 from tactsim.bench.watching.pad_picture import marked, pad_picture, scale_bar
+from tactsim.bench.watching.pad_screen import REDRAW_S, show
 from tactsim.bench.watching.pad_view import PadReader, PadView
 from tactsim.core.errors import printable
 
-_REDRAW_S = 0.05
 _LINE_S = 1.0
 _BARS = " ▁▂▃▄▅▆▇█"
 _KEYS = "f freeze   t tare   q quit"
@@ -108,19 +106,13 @@ def _on_terminal(
     over: Callable[[PadView], bool],
 ) -> None:
     frozen: PadView | None = None
-    with keys() as typed, Live(console=console, auto_refresh=False, screen=True) as live:
-        view = reader.view()
-        while not over(view):
-            for key in typed():
-                if key == "q":
-                    return
-                if key == "t":
-                    reader.tare()
-                elif key == "f":
-                    frozen = None if frozen is not None else view
-            live.update(_screen(view, frozen, reader, console, from_behind, page), refresh=True)
-            time.sleep(_REDRAW_S)
-            view = reader.wait(view.number, _REDRAW_S)
+
+    def obey(key: str, view: PadView) -> None:
+        nonlocal frozen
+        if key == "f":
+            frozen = None if frozen is not None else view
+
+    show(reader, console, over, lambda view: _screen(view, frozen, reader, console, from_behind, page), obey)
 
 
 def _screen(
@@ -180,5 +172,5 @@ def _in_lines(reader: PadReader, console: Console, over: Callable[[PadView], boo
         if now - said >= _LINE_S:
             said = now
             console.print(Text(status_line(view)), soft_wrap=True)
-        time.sleep(_REDRAW_S)
+        time.sleep(REDRAW_S)
         view = reader.view()

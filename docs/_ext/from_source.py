@@ -4,7 +4,6 @@ import re
 from collections.abc import Callable, Iterator
 from typing import Any
 
-import typer
 from pydantic import BaseModel
 from sphinx.application import Sphinx
 from sphinx.environment import BuildEnvironment
@@ -40,10 +39,10 @@ def fill(app: Sphinx, page: str, content: list[str]) -> None:
 
 def commands() -> Iterator[str]:
     """Write every verb of the command line: what it does, its arguments and its options."""
-    from tactsim.bench.cli.app import app
+    from tactsim.bench.cli.app import VERBS, load
 
-    group = typer.main.get_command(app)
-    for name, verb in group.commands.items():  # type: ignore[attr-defined]
+    for name in VERBS:
+        verb = load(name)
         context = verb.make_context(f"bench {name}", [], resilient_parsing=True)
         usage = " ".join(["bench", name, *verb.collect_usage_pieces(context)])
         yield from (

@@ -14,10 +14,8 @@ from numba import float64, int64, types, uint64, void
 from tactsim.core.compiling import (
     FLOATS,
     FLOATS_2D,
-    FLOATS_3D,
     INTS,
     INTS_2D,
-    INTS_3D,
     INTS_4D,
     REALS,
     REALS_2D,
@@ -57,6 +55,22 @@ class Belief(NamedTuple):
 
 
 BELIEF = types.NamedTuple((REALS_5D, REALS_3D, REALS_4D, INTS_4D, INTS_4D, REALS_2D, INTS), Belief)
+# What `least_age` gives where no block is above the limit.
+_NEVER = np.iinfo(np.int64).max
+
+
+class Room(NamedTuple):
+    """Room for the terms of one reading as `place_terms` places them, a tile's total, and the peak of its columns."""
+
+    offset: Ints
+    share: Floats
+    within: Ints
+    total: Floats
+    peak: Reals
+
+
+ROOM = types.NamedTuple((INTS_2D, FLOATS_2D, INTS_2D, FLOATS, REALS_2D), Room)
+PART = types.UniTuple(int64, 6)
 
 
 @compiled(void(REALS, REALS, FLOATS, float64, int64, int64, REALS), ordered=False, called_from_python=False)
@@ -84,258 +98,175 @@ def add_tile(
         peak[k] = max(peak[k], max(upper, lower))
 
 
-@compiled(
-    void(TERMS, int64, SLICES, REALS_2D, int64, int64, INTS_3D, FLOATS_3D, INTS_3D),
-    called_from_python=False,
-)
-def place_everywhere(
-    terms: Terms, reading: int, slices: Slices, turns: Reals, rows: int, columns: int,
-    offset: Ints, share: Floats, within: Ints,
-) -> None:  # fmt: skip
-    """Place a reading's terms for every angle, in arrays (angles, terms, 4), as `place_terms` does for one."""
-    for angle in range(len(turns)):
-        place_terms(
-            terms, reading, slices, turns[angle, 0], turns[angle, 1], rows, columns,
-            offset[angle], share[angle], within[angle],
-        )  # fmt: skip
+@compiled(int64(REALS_2D, INTS_2D, int64, int64, int64, int64, float64), called_from_python=False)
+def least_age(
+    upper: Reals, age: Ints, row: int, last_row: int, column: int, last_column: int, least: float
+) -> int:
+    """Find the least age of the blocks of a rectangle whose `upper` is above `least`; if none is, _NEVER.
 
-
-@compiled(
-    int64(BELIEF, SLICES, TERMS, int64, int64, int64, int64, float64, FLOATS, INTS_2D, FLOATS_2D, INTS_2D),
-    called_from_python=False,
-)
-def lower_tile(
-    belief: Belief, slices: Slices, terms: Terms, letter: int, angle: int, tile: int, reading: int, floor: float,
-    total: Floats, offset: Ints, share: Floats, within: Ints,
-) -> int:  # fmt: skip
-    """Let the blocks of a tile that are above `floor` take in a reading; returns how many took it in.
-
-    They are those that have taken in all readings before it. tile: number of the tile of blocks, row by row.
+    upper, age: (block rows, block columns) of one letter and angle; an age is a number of readings taken in.
     """
-    _, _, rows, columns = belief.upper.shape
-    tile_columns = -(-columns // LANES)
-    first_row, first_column = tile // tile_columns * TALL, tile % tile_columns * LANES
-    last_row, last_column = min(rows, first_row + TALL), min(columns, first_column + LANES)
-    upper, bounded = belief.upper[letter, angle], belief.bounded[letter, angle]
-    # What the bound of any state has gained is taken back: it is for the readings that were not taken in.
-    gain = terms.slack[reading] - (terms.upper[reading + 1] - terms.upper[reading])
-    needed = False
-    for row in range(first_row, last_row):
-        for column in range(first_column, last_column):
-            needed = needed or (bounded[row, column] == reading and upper[row, column] > floor)
-    if not needed:
-        return 0
-    number = terms.start[reading + 1] - terms.start[reading]
-    sum_tile(total, slices, number, letter, first_row, first_column, offset, share, within)
-    evaluated = 0
-    for row in range(first_row, last_row):
-        for column in range(first_column, last_column):
-            if bounded[row, column] == reading:
-                value = total[(row - first_row) * LANES + column - first_column]
-                upper[row, column] += value + terms.constant[reading, letter] + gain
-                bounded[row, column] = reading + 1
-                evaluated += 1
-    return evaluated
+    youngest = _NEVER
+    for i in range(row, last_row):
+        for j in range(column, last_column):
+            if upper[i, j] > least:
+                youngest = min(youngest, age[i, j])
+    return youngest
 
 
-@compiled(int64(BELIEF, SLICES, TERMS, REALS_2D, int64, int64, float64), called_from_python=False)
+@compiled(int64(BELIEF, SLICES, TERMS, REALS_2D, int64, ROOM, float64), called_from_python=False)
 def lower_bounds(
-    belief: Belief, slices: Slices, terms: Terms, turns: Reals, count: int, longest: int, floor: float
+    belief: Belief, slices: Slices, terms: Terms, turns: Reals, count: int, room: Room, floor: float
 ) -> int:
     """Lower the upper bounds of the blocks that are above `floor`, with the tables' maxima over a block.
 
-    A block whose upper bound falls below `floor` on the way takes in no further reading. longest: terms of the
-    longest reading. Returns how many times a block took in a reading.
+    A block whose upper bound falls below `floor` on the way takes in no further reading. Returns how many times a
+    block took in a reading.
     """
     letters, angles, rows, columns = belief.upper.shape
-    offset, within = (
-        np.empty((angles, longest, 4), dtype=np.int64),
-        np.empty((angles, longest, 4), dtype=np.int64),
-    )
-    share, total = np.empty((angles, longest, 4), dtype=np.float32), np.empty(TALL * LANES, dtype=np.float32)
-    tiles = -(-rows // TALL) * -(-columns // LANES)
-    below, newest = floor - terms.upper[count], count - 1
-    evaluated, placed = 0, False
-    # Earlier readings are few and of few blocks: an angle's terms are placed once for all letters.
+    tile_rows, tile_columns = -(-rows // TALL), -(-columns // LANES)
+    tiles = letters * tile_rows * tile_columns
+    wanted, waits_for = np.empty(tiles, dtype=np.int64), np.empty(tiles, dtype=np.int64)
+    any_state, evaluated = terms.upper, 0
+    least = floor - any_state[count]  # what `upper` is compared with
     for angle in range(angles):
-        oldest = newest
+        chosen, reading = 0, count
         for letter in range(letters):
-            if belief.summit[letter, angle] <= below:
+            if belief.summit[letter, angle] <= least:
                 continue
-            for row in range(rows):
-                for column in range(columns):
-                    if belief.upper[letter, angle, row, column] > below:
-                        oldest = min(oldest, belief.bounded[letter, angle, row, column])
-        for reading in range(oldest, newest):
+            upper, bounded = belief.upper[letter, angle], belief.bounded[letter, angle]
+            for i in range(0, rows, TALL):
+                for j in range(0, columns, LANES):
+                    age = least_age(upper, bounded, i, min(rows, i + TALL), j, min(columns, j + LANES), least)
+                    if age < count:
+                        wanted[chosen] = (letter * rows + i) * columns + j
+                        waits_for[chosen] = age
+                        chosen += 1
+                        reading = min(reading, age)
+        # Only readings that a tile waits for are visited: one that was left alone may be thousands behind.
+        while reading < count:
             place_terms(
                 terms, reading, slices, turns[angle, 0], turns[angle, 1], rows, columns,
-                offset[angle], share[angle], within[angle],
+                room.offset, room.share, room.within,
             )  # fmt: skip
-            for letter in range(letters):
-                if belief.summit[letter, angle] > below:
-                    for tile in range(tiles):
-                        evaluated += lower_tile(
-                            belief, slices, terms, letter, angle, tile, reading, below,
-                            total, offset[angle], share[angle], within[angle],
-                        )  # fmt: skip
-    # The newest reading is for most of them: a letter's tables are read for all its angles while they are at hand.
-    for letter in range(letters):
-        for angle in range(angles):
-            if belief.summit[letter, angle] <= below:
-                continue
-            if not placed:
-                place_everywhere(terms, newest, slices, turns, rows, columns, offset, share, within)
-                placed = True
-            for tile in range(tiles):
-                evaluated += lower_tile(
-                    belief, slices, terms, letter, angle, tile, newest, below,
-                    total, offset[angle], share[angle], within[angle],
-                )  # fmt: skip
-            belief.summit[letter, angle] = belief.upper[letter, angle].max()
+            number = terms.start[reading + 1] - terms.start[reading]
+            gain = terms.slack[reading] - (any_state[reading + 1] - any_state[reading])
+            next_one = count
+            for w in range(chosen):
+                if waits_for[w] == reading:
+                    letter, i, j = (
+                        wanted[w] // (rows * columns),
+                        wanted[w] // columns % rows,
+                        wanted[w] % columns,
+                    )
+                    last_row, last_column = min(rows, i + TALL), min(columns, j + LANES)
+                    upper, bounded = belief.upper[letter, angle], belief.bounded[letter, angle]
+                    sum_tile(room.total, slices, number, letter, i, j, room.offset, room.share, room.within)
+                    for row in range(i, last_row):
+                        for column in range(j, last_column):
+                            if bounded[row, column] == reading:
+                                value = room.total[(row - i) * LANES + column - j]
+                                upper[row, column] += value + terms.constant[reading, letter] + gain
+                                bounded[row, column] = reading + 1
+                                evaluated += 1
+                    waits_for[w] = least_age(upper, bounded, i, last_row, j, last_column, least)
+                next_one = min(next_one, waits_for[w])
+            reading = next_one
+        for letter in range(letters):
+            if belief.summit[letter, angle] > least:
+                belief.summit[letter, angle] = belief.upper[letter, angle].max()
     return evaluated
 
 
 @compiled(
     types.Tuple((int64, float64, int64))(
-        BELIEF, SLICES, TERMS, int64, int64, int64, int64, int64, int64, float64,
-        REALS_2D, FLOATS, INTS_2D, FLOATS_2D, INTS_2D,
-    ),
-    called_from_python=False,
-)  # fmt: skip
-def advance_row(
-    belief: Belief, slices: Slices, terms: Terms, letter: int, angle: int, i: int, only: int,
-    reading: int, count: int, floor: float,
-    peak: Reals, total: Floats, offset: Ints, share: Floats, within: Ints,
-) -> tuple[int, float, int]:  # fmt: skip
-    """Let the bins of one row of blocks take in a reading: those above `floor` that have taken in all before it.
-
-    i: number of the row. only: flat index of the one block to look at, or -1. peak: (tile columns, LANES) room.
-    Returns how many bins took it in, and the best of them, if it is the last reading, and its block's flat index.
-    """
-    _, angles, block_rows, block_columns = belief.seen.shape
-    rows, columns, tall, wide = belief.size[0], belief.size[1], belief.size[2], belief.size[3]
-    upper, seen = belief.upper[letter, angle, i], belief.seen[letter, angle, i]
-    bounded, any_state = belief.bounded[letter, angle, i], terms.upper
-    first_block = ((letter * angles + angle) * block_rows + i) * block_columns
-    number = terms.start[reading + 1] - terms.start[reading]
-    below = floor - any_state[count]
-    evaluated, best, incumbent, j = 0, -np.inf, -1, 0
-    while j < block_columns:
-        # Neighbours that want the same reading are evaluated together.
-        last = j
-        while (
-            last < block_columns
-            and seen[last] == reading
-            and upper[last] > below
-            and (only < 0 or only == first_block + last)
-        ):
-            last += 1
-        if last == j:
-            j += 1
-            continue
-        begin, end = j * wide, last * wide
-        first_tile, end_tile = begin // LANES, (end - 1) // LANES + 1
-        peak[first_tile:end_tile] = -np.inf
-        for tile_row in range(i * tall // TALL, min(belief.log_p.shape[2], (i + 1) * tall // TALL)):
-            for tile in range(first_tile, end_tile):
-                row, column = tile_row * TALL, tile * LANES
-                sum_tile(total, slices, number, letter, row, column, offset, share, within)
-                here = belief.log_p[letter, angle, tile_row, tile]
-                # Before the first reading all bins are alike, whatever is stored.
-                before = belief.edge[tile_row, tile] if reading == 0 else here
-                add_tile(
-                    here, before, total, terms.constant[reading, letter],
-                    max(0, begin - column), min(LANES, end - column), peak[tile],
-                )  # fmt: skip
-        height = min(rows, (i + 1) * tall) - i * tall
-        evaluated += height * (min(columns, last * wide) - j * wide)
-        for k in range(j, last):
-            highest = -np.inf
-            for column in range(k * wide, min(columns, (k + 1) * wide)):
-                highest = max(highest, peak[column // LANES, column % LANES])
-            seen[k] = reading + 1
-            upper[k] = min(upper[k], highest - any_state[reading + 1])
-            bounded[k] = count
-            if reading + 1 == count and highest > best:
-                best, incumbent = highest, first_block + k
-        j = last
-    return evaluated, best, incumbent
-
-
-@compiled(
-    types.Tuple((int64, float64, int64))(
-        BELIEF, SLICES, TERMS, REALS_2D, int64, int64, int64, float64, float64, float64, int64
+        BELIEF, SLICES, TERMS, REALS_2D, int64, PART, int64, ROOM, float64, float64, int64
     ),
     called_from_python=False,
 )
 def catch_up(
-    belief: Belief, slices: Slices, terms: Terms, turns: Reals, only: int,
-    count: int, longest: int, floor: float, margin: float, best: float, incumbent: int,
+    belief: Belief, slices: Slices, terms: Terms, turns: Reals, angle: int, part: tuple[int, ...],
+    count: int, room: Room, margin: float, best: float, incumbent: int,
 ) -> tuple[int, float, int]:  # fmt: skip
-    """Bring the bins of blocks up to date that may come above `floor` and within `margin` of the best bin.
+    """Bring the bins of one angle's blocks up to date that may come within `margin` of the best bin.
 
-    only: flat index of the one block to look at, or -1. best: log-belief of the best bin so far. incumbent:
-    flat index of its block. Returns how many times a bin took in a reading, and the new best and incumbent.
+    part: of which blocks: letters from, to, block rows from, to, block columns from, to. best: log-belief of the best
+    bin so far. incumbent: flat index of its block. Returns how many times a bin took in a reading, and the new best
+    and incumbent.
     """
-    letters, angles, block_rows, block_columns = belief.seen.shape
-    rows, columns, any_state, newest = belief.size[0], belief.size[1], terms.upper, count - 1
-    offset, within = (
-        np.empty((angles, longest, 4), dtype=np.int64),
-        np.empty((angles, longest, 4), dtype=np.int64),
-    )
-    share, total = np.empty((angles, longest, 4), dtype=np.float32), np.empty(TALL * LANES, dtype=np.float32)
-    peak = np.empty((belief.log_p.shape[3], LANES))
-    evaluated, placed = 0, False
-    first_angle, last_angle = 0, angles
-    first_letter, last_letter = 0, letters
-    if only >= 0:
-        first_angle = only // (block_rows * block_columns) % angles
-        first_letter = only // (block_rows * block_columns * angles)
-        last_angle, last_letter = first_angle + 1, first_letter + 1
-    # A letter's tables are read for all its angles and readings while they are at hand: places are found faster than
-    # tables are fetched.
-    for letter in range(first_letter, last_letter):
-        limit = max(floor, best - margin)
-        for angle in range(first_angle, last_angle):
-            oldest = newest
-            if belief.summit[letter, angle] + any_state[count] <= limit:
+    _, angles, block_rows, block_columns = belief.seen.shape
+    rows, columns, tall, wide = belief.size[0], belief.size[1], belief.size[2], belief.size[3]
+    any_state, evaluated, chosen, reading = terms.upper, 0, 0, count
+    most = (part[1] - part[0]) * (part[3] - part[2])
+    wanted, waits_for = np.empty(most, dtype=np.int64), np.empty(most, dtype=np.int64)
+    least = best - margin - any_state[count]  # what `upper` is compared with
+    for letter in range(part[0], part[1]):
+        if belief.summit[letter, angle] <= least:
+            continue
+        for i in range(part[2], part[3]):
+            age = least_age(
+                belief.upper[letter, angle], belief.seen[letter, angle], i, i + 1, part[4], part[5], least
+            )
+            if age < count:
+                wanted[chosen], waits_for[chosen] = letter * block_rows + i, age
+                chosen += 1
+                reading = min(reading, age)
+    # Only readings that a row of blocks waits for are visited, as with bounds.
+    while reading < count:
+        place_terms(
+            terms, reading, slices, turns[angle, 0], turns[angle, 1], rows, columns,
+            room.offset, room.share, room.within,
+        )  # fmt: skip
+        number, next_one = terms.start[reading + 1] - terms.start[reading], count
+        for w in range(chosen):
+            if waits_for[w] != reading:
+                next_one = min(next_one, waits_for[w])
                 continue
-            for i in range(block_rows):
-                for j in range(block_columns):
-                    block = ((letter * angles + angle) * block_rows + i) * block_columns + j
-                    bound = belief.upper[letter, angle, i, j] + any_state[count]
-                    if bound > limit and (only < 0 or only == block):
-                        oldest = min(oldest, belief.seen[letter, angle, i, j])
-            for reading in range(oldest, newest):
-                place_terms(
-                    terms, reading, slices, turns[angle, 0], turns[angle, 1], rows, columns,
-                    offset[angle], share[angle], within[angle],
-                )  # fmt: skip
-                for i in range(block_rows):
-                    evaluated += advance_row(
-                        belief, slices, terms, letter, angle, i, only, reading, count, limit,
-                        peak, total, offset[angle], share[angle], within[angle],
-                    )[0]  # fmt: skip
-    # The newest reading is for most of them: a letter's tables are read for all its angles while they are at hand.
-    for letter in range(first_letter, last_letter):
-        for angle in range(first_angle, last_angle):
-            limit = max(floor, best - margin)
-            if belief.summit[letter, angle] + any_state[count] <= limit:
-                continue
-            if not placed:
-                place_everywhere(
-                    terms, newest, slices, turns[first_angle:last_angle], rows, columns,
-                    offset[first_angle:last_angle], share[first_angle:last_angle], within[first_angle:last_angle],
-                )  # fmt: skip
-                placed = True
-            for i in range(block_rows):
-                made, highest, block = advance_row(
-                    belief, slices, terms, letter, angle, i, only, newest, count, max(floor, best - margin),
-                    peak, total, offset[angle], share[angle], within[angle],
-                )  # fmt: skip
-                evaluated += made
-                if highest > best:
-                    best, incumbent = highest, block
+            letter, i = wanted[w] // block_rows, wanted[w] % block_rows
+            upper, seen = belief.upper[letter, angle], belief.seen[letter, angle]
+            first_block = ((letter * angles + angle) * block_rows + i) * block_columns
+            height = min(rows, (i + 1) * tall) - i * tall
+            j = part[4]
+            while j < part[5]:
+                # Neighbours that want the same reading are evaluated together.
+                last = j
+                while last < part[5] and seen[i, last] == reading and upper[i, last] > least:
+                    last += 1
+                if last == j:
+                    j += 1
+                    continue
+                begin, end = j * wide, last * wide
+                first_tile, end_tile = begin // LANES, (end - 1) // LANES + 1
+                room.peak[first_tile:end_tile] = -np.inf
+                for tile_row in range(i * tall // TALL, min(belief.log_p.shape[2], (i + 1) * tall // TALL)):
+                    for tile in range(first_tile, end_tile):
+                        row, column = tile_row * TALL, tile * LANES
+                        sum_tile(
+                            room.total, slices, number, letter, row, column,
+                            room.offset, room.share, room.within,
+                        )  # fmt: skip
+                        here = belief.log_p[letter, angle, tile_row, tile]
+                        # Before the first reading all bins are alike, whatever is stored.
+                        before = belief.edge[tile_row, tile] if reading == 0 else here
+                        add_tile(
+                            here, before, room.total, terms.constant[reading, letter],
+                            max(0, begin - column), min(LANES, end - column), room.peak[tile],
+                        )  # fmt: skip
+                evaluated += height * (min(columns, end) - begin)
+                for k in range(j, last):
+                    highest = -np.inf
+                    for column in range(k * wide, min(columns, (k + 1) * wide)):
+                        highest = max(highest, room.peak[column // LANES, column % LANES])
+                    seen[i, k] = reading + 1
+                    upper[i, k] = min(upper[i, k], highest - any_state[reading + 1])
+                    belief.bounded[letter, angle, i, k] = count
+                    if reading + 1 == count and highest > best:
+                        best, incumbent = highest, first_block + k
+                        least = best - margin - any_state[count]
+                j = last
+            waits_for[w] = least_age(upper, seen, i, i + 1, part[4], part[5], least)
+            next_one = min(next_one, waits_for[w])
+        reading = next_one
     return evaluated, best, incumbent
 
 
@@ -352,41 +283,31 @@ def advance(
     that held the best bin before the last reading. Returns how many times a bin and a block took in a
     reading, and the new incumbent.
     """
-    lowered, none = 0, -np.inf
-    # The better the best bin that is known, the fewer blocks can matter. So the incumbent comes first; at
-    # the first reading the block with the highest upper bound.
+    letters, angles, block_rows, block_columns = belief.seen.shape
+    room = Room(
+        np.empty((longest, 4), dtype=np.int64), np.empty((longest, 4), dtype=np.float32),
+        np.empty((longest, 4), dtype=np.int64), np.empty(TALL * LANES, dtype=np.float32),
+        np.empty((belief.log_p.shape[3], LANES)),
+    )  # fmt: skip
+    best, lowered = -np.inf, 0
     if count == 1 and margin < np.inf:
-        lowered = lower_bounds(belief, blocks, terms, turns, count, longest, none)
+        # The better the best bin that is known, the fewer blocks can matter. So the incumbent comes first; at
+        # the first reading the block with the highest upper bound.
+        lowered = lower_bounds(belief, blocks, terms, turns, count, room, best)
         incumbent = int(belief.upper.argmax())
+    block = incumbent // block_columns
+    letter, angle, i = block // (angles * block_rows), block // block_rows % angles, block % block_rows
+    j = incumbent % block_columns
     evaluated, best, incumbent = catch_up(
-        belief, bins, terms, turns, incumbent, count, longest, none, margin, none, incumbent
-    )
+        belief, bins, terms, turns, angle, (letter, letter + 1, i, i + 1, j, j + 1), count, room, margin,
+        best, incumbent,
+    )  # fmt: skip
     if count > 1 and margin < np.inf:
-        lowered = lower_bounds(belief, blocks, terms, turns, count, longest, best - margin)
-    made, best, incumbent = catch_up(
-        belief, bins, terms, turns, -1, count, longest, none, margin, best, incumbent
-    )
-    return evaluated + made, lowered, incumbent
-
-
-@compiled(int64(BELIEF, SLICES, TERMS, REALS_2D, int64, int64, float64))
-def raise_to(
-    belief: Belief, bins: Slices, terms: Terms, turns: Reals, count: int, longest: int, floor: float
-) -> int:
-    """Bring all blocks of bins up to date whose upper bounds after `count` readings are above `floor`.
-
-    The arguments are as for `advance`. Returns how many times a bin took in a reading.
-    """
-    return catch_up(belief, bins, terms, turns, -1, count, longest, floor, np.inf, -np.inf, 0)[0]
-
-
-@compiled(float64[:](BELIEF, int64))
-def block_tops(belief: Belief, count: int) -> Reals:
-    """List `Belief.upper` of the blocks whose bins are up to date after `count` readings."""
-    upper, seen = belief.upper.reshape(belief.upper.size), belief.seen.reshape(belief.seen.size)
-    tops, found = np.empty(len(upper)), 0
-    for block in range(len(upper)):
-        if seen[block] == count:
-            tops[found] = upper[block]
-            found += 1
-    return tops[:found]
+        lowered = lower_bounds(belief, blocks, terms, turns, count, room, best - margin)
+    for angle in range(angles):
+        made, best, incumbent = catch_up(
+            belief, bins, terms, turns, angle, (0, letters, 0, block_rows, 0, block_columns), count, room,
+            margin, best, incumbent,
+        )  # fmt: skip
+        evaluated += made
+    return evaluated, lowered, incumbent

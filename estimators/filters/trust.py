@@ -152,10 +152,11 @@ def _held(log_p: FloatArray, shift: FloatArray, size: FloatArray) -> float:
     Only shifts count, because a round letter's turn is unknown.
     """
     # As many moves are in each shell as in any other, though its volume grows with the cube of its size.
-    log_weight = log_p + 3 * np.log(size)
-    weight = np.exp(log_weight - log_weight.max(axis=1, keepdims=True))
-    weight /= weight.sum(axis=1, keepdims=True)
-    mean = weight @ shift
-    away = np.linalg.norm(shift - mean[:, None], axis=2)
-    nearer = away < np.linalg.norm(mean, axis=1)[:, None]
-    return float(np.mean((weight * nearer).sum(axis=1) < _SHARE))
+    weight = log_p + 3 * np.log(size)
+    weight -= weight.max(axis=1, keepdims=True)
+    np.exp(weight, out=weight)
+    total = weight.sum(axis=1)
+    mean = weight @ shift / total[:, None]
+    # A shift s is nearer to the mean m than no move at all is, |s - m| < |m|, if |s|^2 < 2 s m.
+    nearer = (shift**2).sum(axis=1) < mean @ (2 * shift.T)
+    return float(np.mean(np.einsum("sm,sm->s", weight, nearer) < _SHARE * total))

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import inspect
-from importlib import import_module
 from typing import Annotated, Any, cast
 
 from pydantic import BeforeValidator, SerializeAsAny
 
-from tactsim.core import plug_ins
-from tactsim.core.errors import InputError, unknown
-from tactsim.core.plug_ins import Listed
+from tactsim.core.errors import InputError
+from tactsim.core.plug_ins import Registry
 from tactsim.hardware.codecs.codec import CodecFormat
 
 GROUP = "tactsim.codecs"
@@ -36,14 +34,14 @@ BUILT_IN: dict[str, tuple[str, str]] = {
 }
 
 
-def names() -> tuple[str, ...]:
-    """List every kind of codec, the built-in ones first."""
-    return (*BUILT_IN, *(point.name for point in plug_ins.plug_ins(GROUP) if point.name not in BUILT_IN))
+def _fault(found: Any) -> str | None:
+    if not (isinstance(found, type) and issubclass(found, CodecFormat)):
+        return "is no subclass of tactsim.hardware.codecs.codec.CodecFormat"
+    return "does not define build" if inspect.isabstract(found) else None
 
 
-def listing() -> list[Listed]:
-    """Describe every kind of codec; a plug-in that cannot be loaded is a status, not a crash."""
-    return plug_ins.listing(GROUP, BUILT_IN, _fault)
+_CODECS = Registry("codec", GROUP, BUILT_IN, _fault)
+names, listing = _CODECS.names, _CODECS.listing
 
 
 def load(kind: str) -> type[CodecFormat]:
@@ -51,19 +49,7 @@ def load(kind: str) -> type[CodecFormat]:
 
     Raises InputError for an unknown kind or a broken plug-in.
     """
-    if kind in BUILT_IN:
-        module, name = BUILT_IN[kind][0].split(":")
-        return cast("type[CodecFormat]", getattr(import_module(module), name))
-    for point in plug_ins.plug_ins(GROUP):
-        if point.name == kind:
-            return cast("type[CodecFormat]", plug_ins.load_plug_in(point, _fault))
-    raise unknown("codec", kind, names())
-
-
-def _fault(found: Any) -> str | None:
-    if not (isinstance(found, type) and issubclass(found, CodecFormat)):
-        return "is no subclass of tactsim.hardware.codecs.codec.CodecFormat"
-    return "does not define build" if inspect.isabstract(found) else None
+    return cast("type[CodecFormat]", _CODECS.load(kind))
 
 
 def _read(value: Any) -> Any:

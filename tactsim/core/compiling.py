@@ -5,19 +5,14 @@ All are serial: trials are what runs in parallel.
 
 from __future__ import annotations
 
-import ast
-import logging
-import sys
 from collections.abc import Callable
-from functools import cache
-from hashlib import sha256
-from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
 from numba import float32, float64, int64, njit
-from numba.core.caching import FunctionCache
 from numpy.typing import NDArray
+
+from tactsim.core.kernel_cache import KernelCache
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 Ints = NDArray[np.int64]
@@ -54,7 +49,7 @@ def compiled(
 
     def decorate(function: _Function) -> _Function:
         dispatcher: Any = njit(**choices)(function)
-        dispatcher._cache = _Cache(function)
+        dispatcher._cache = KernelCache(function)
         dispatcher.compile(signature)
         dispatcher.disable_compile()
         made: _Function = dispatcher
@@ -63,47 +58,20 @@ def compiled(
     return decorate
 
 
-class _Cache(FunctionCache):
-    """Numba's cache on disk, which by itself notices changes of the function's own file only."""
+def _without_scipy() -> None:
+    """Let numba look for a BLAS only when a function is compiled that uses one.
 
-    def __init__(self, function: Callable[..., Any]) -> None:
-        super().__init__(function)
-        self._cache_file._source_stamp = _stamp(function.__module__)
+    It looks before the first function is compiled or loaded, by importing scipy.linalg: half as long as importing numba
+    itself. No function here uses one, and a user's function still finds it.
+    """
+    import numba.np.linalg
 
-    def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """Give what was compiled for a signature before; None, said once, if it has to be compiled."""
-        kept = super().load_overload(sig, target_context)
-        if kept is None:
-            _say_why_it_takes_long()
-        return kept
-
-
-@cache
-def _say_why_it_takes_long() -> None:
-    logging.getLogger(__name__).warning(
-        "compiling the inner loops for this machine: half a minute or more, kept for later runs"
-    )
+    look = numba.np.linalg.ensure_blas
+    numba.np.linalg.ensure_blas = lambda: None
+    try:
+        import numba.np.arraymath
+    finally:
+        numba.np.linalg.ensure_blas = look
 
 
-def _stamp(module: str) -> str:
-    """Hash the source of a module and of what it imports of its own package, directly or not."""
-    found, waiting = {module}, [module]
-    while waiting:
-        new = _imported(waiting.pop()) - found
-        found |= new
-        waiting += new
-    return sha256(b"\0".join(_source(name) for name in sorted(found))).hexdigest()
-
-
-@cache
-def _imported(module: str) -> frozenset[str]:
-    """Name the modules of its own package from which a loaded module imports names."""
-    package = module.partition(".")[0]
-    nodes = ast.walk(ast.parse(_source(module)))
-    named = {node.module or "" for node in nodes if isinstance(node, ast.ImportFrom)}
-    return frozenset(name for name in named if name.partition(".")[0] == package)
-
-
-@cache
-def _source(module: str) -> bytes:
-    return Path(sys.modules[module].__file__ or "").read_bytes()
+_without_scipy()

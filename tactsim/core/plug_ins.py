@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any
 
-from tactsim.core.errors import InputError
+from tactsim.core.errors import InputError, unknown
 
 # Says what is wrong with a loaded object, in words that follow its name in a message; None if nothing is.
 Check = Callable[[Any], "str | None"]
@@ -41,17 +42,48 @@ def load_plug_in(point: EntryPoint, check: Check) -> Any:
     return found
 
 
-def listing(group: str, built_in: Mapping[str, tuple[str, str]], check: Check) -> list[Listed]:
-    """Describe the built-in entries, {name: (where, what)}, then the plug-ins; the status says which are broken."""
-    rows = [Listed(name, summary, "built in") for name, (_, summary) in built_in.items()]
-    for point in plug_ins(group):
-        origin = point.dist.name if point.dist else point.value
-        if point.name in built_in:
-            rows.append(Listed(point.name, f"from {origin}", "hidden by the built-in of that name"))
-            continue
-        try:
-            summary = str(load_plug_in(point, check).__doc__ or "").strip().partition("\n")[0]
-            rows.append(Listed(point.name, summary, f"from {origin}"))
-        except InputError as error:
-            rows.append(Listed(point.name, f"from {origin}", str(error)))
-    return rows
+@dataclass(frozen=True)
+class Registry:
+    """What can be asked for by name: the built-in ones, and those of installed packages behind them.
+
+    what: one word for messages. group: of the entry points. built_in: {name: (where, what it is)}, in the order of
+    lists; nothing is imported before its name is asked for. check: finds the fault of one that is added.
+    """
+
+    what: str
+    group: str
+    built_in: Mapping[str, tuple[str, str]]
+    check: Check
+
+    def added(self) -> tuple[EntryPoint, ...]:
+        """List the entry points whose names are not built in."""
+        return tuple(point for point in plug_ins(self.group) if point.name not in self.built_in)
+
+    def names(self) -> tuple[str, ...]:
+        """List every name, the built-in ones first."""
+        return (*self.built_in, *(point.name for point in self.added()))
+
+    def load(self, name: str) -> Any:
+        """Import what has that name. Raises InputError for an unknown name or a broken plug-in."""
+        if name in self.built_in:
+            module, attribute = self.built_in[name][0].split(":")
+            return getattr(import_module(module), attribute)
+        for point in self.added():
+            if point.name == name:
+                return load_plug_in(point, self.check)
+        raise unknown(self.what, name, self.names())
+
+    def listing(self) -> list[Listed]:
+        """Describe all that have a name; a plug-in that cannot be loaded is a status, not a crash."""
+        rows = [Listed(name, summary, "built in") for name, (_, summary) in self.built_in.items()]
+        for point in plug_ins(self.group):
+            origin = point.dist.name if point.dist else point.value
+            if point.name in self.built_in:
+                rows.append(Listed(point.name, f"from {origin}", "hidden by the built-in of that name"))
+                continue
+            try:
+                summary = str(load_plug_in(point, self.check).__doc__ or "").strip().partition("\n")[0]
+                rows.append(Listed(point.name, summary, f"from {origin}"))
+            except InputError as error:
+                rows.append(Listed(point.name, f"from {origin}", str(error)))
+        return rows

@@ -3,21 +3,34 @@
 Imports are followed by reading the files, inside `tactsim` and inside the package that is asked about. Imports
 within functions count too. A name that a package re-exports is followed to the module that defines it. The
 hash covers compiled code, so comments, docstrings and formatting do not count.
+
+Compiling all files takes as long as a short run's trials, so what was found in a file is kept, by the file's content
+and the version of Python, in the cache folder.
 """
 
 from __future__ import annotations
 
 import ast
 import hashlib
+import json
 import subprocess
+import sys
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
-from functools import lru_cache
+from contextlib import suppress
+from dataclasses import asdict, dataclass
+from functools import cache, lru_cache
 from importlib.util import find_spec
 from pathlib import Path
 from types import CodeType
+from typing import Any
+
+from tactsim.core.cache_folder import cache_folder
+from tactsim.core.errors import InputError
+from tactsim.core.files import read_bytes, write_text
 
 _OWN = "tactsim"
+_MOST_FILES = 1000  # of which is kept what was found in them
+_LARGEST = 1 << 24  # bytes
 
 
 def source_digest(*modules: str) -> str:
@@ -28,6 +41,7 @@ def source_digest(*modules: str) -> str:
     content = hashlib.sha256()
     for name, digest in sorted(source_of(*modules).items()):
         content.update(f"{name} {digest}\n".encode())
+    _keep()
     return content.hexdigest()
 
 
@@ -94,6 +108,12 @@ class _File:
     digest: str
     imported: tuple[_Import, ...]
 
+    @classmethod
+    def stated(cls, values: dict[str, Any]) -> _File:
+        """Take a file from JSON. Raises KeyError or TypeError for what is none, such as another version's."""
+        imported = tuple(_Import(**one) for one in values["imported"])
+        return cls(values["package"], values["digest"], imported)
+
     def imports(self, name: str) -> Iterator[tuple[str, str | None]]:
         """Give the imports of the module called `name` as (module, name in it), both absolute."""
         for one in self.imported:
@@ -158,13 +178,52 @@ def _parsed(path: Path) -> _File:
 @lru_cache(maxsize=2048)
 def _parse(path: Path, mtime: int, size: int) -> _File:
     """Parse a file. The time and size are part of the cache's key, so that a changed file is parsed again."""
-    tree = ast.parse(path.read_bytes())
+    source = path.read_bytes()
+    package = path.name == "__init__.py"
+    key = hashlib.sha256(f"{sys.version} {package}\n".encode() + source).hexdigest()
+    try:
+        return _File.stated(_kept()[key])
+    except (KeyError, TypeError):
+        pass
+    tree = ast.parse(source)
     imported = tuple(_imports(tree.body))
     content = hashlib.sha256()
     # Level 2 leaves out docstrings.
     for word in _words(compile(tree, "", "exec", dont_inherit=True, optimize=2)):
         content.update(word)
-    return _File(path.name == "__init__.py", content.hexdigest(), imported)
+    file = _File(package, content.hexdigest(), imported)
+    _new[key] = asdict(file)
+    return file
+
+
+_new: dict[str, dict[str, Any]] = {}  # parsed now, and not yet kept
+
+
+@cache
+def _kept() -> dict[str, Any]:
+    """Read what was found in files before; nothing if that cannot be read, or is not what was written."""
+    with suppress(InputError):
+        said, _, content = read_bytes(_place(), _LARGEST).partition(b"\n")
+        if said == hashlib.sha256(content).hexdigest().encode():
+            return json.loads(content)
+    return {}
+
+
+def _keep() -> None:
+    """Keep what was found in files for the next process; where that cannot be, it is found again."""
+    if _new:
+        kept = _kept()
+        kept.update(_new)
+        _new.clear()
+        for oldest in list(kept)[:-_MOST_FILES]:
+            del kept[oldest]
+        content = json.dumps(kept)
+        with suppress(InputError):
+            write_text(_place(), f"{hashlib.sha256(content.encode()).hexdigest()}\n{content}")
+
+
+def _place() -> Path:
+    return cache_folder() / "sources"
 
 
 def _imports(statements: Iterable[ast.AST]) -> Iterator[_Import]:

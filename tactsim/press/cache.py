@@ -18,6 +18,7 @@ from pathlib import Path
 
 import numpy as np
 
+from tactsim.core.cache_folder import cache_folder
 from tactsim.core.errors import InputError
 from tactsim.core.files import read_bytes, write_bytes
 from tactsim.core.poses import FloatArray
@@ -25,20 +26,9 @@ from tactsim.core.source_digest import source_digest
 from tactsim.press.scan_options import ScanOptions
 from tactsim.press.touches import Touches
 
-FOLDER_VARIABLE = "TACTSIM_CACHE_DIR"
 MOST_FILES = 2000  # of some 55 kB; the ones longest unused are removed beyond
 _MAGIC = b"tactsim readings 2\n"
 _LARGEST = 1 << 28  # bytes of a file
-
-
-def folder() -> Path:
-    """Give the cache's folder: TACTSIM_CACHE_DIR, or the user's cache folder of this system."""
-    chosen = os.environ.get(FOLDER_VARIABLE)
-    if chosen:
-        return Path(chosen)
-    from platformdirs import user_cache_path
-
-    return user_cache_path("tactsim", appauthor=False)
 
 
 def key(touches: Touches, options: ScanOptions) -> str:
@@ -91,14 +81,14 @@ def store(key: str, readings: FloatArray) -> None:
 def prune() -> None:
     """Remove the files that were not used for longest, beyond MOST_FILES."""
     with suppress(OSError):
-        files = sorted((path.stat().st_mtime, path) for path in folder().glob("*.readings"))
+        files = sorted((path.stat().st_mtime, path) for path in cache_folder().glob("*.readings"))
         for _, path in files[:-MOST_FILES]:
             with suppress(FileNotFoundError):
                 path.unlink()
 
 
 def _path(key: str) -> Path:
-    return folder() / f"{key[:40]}.readings"
+    return cache_folder() / f"{key[:40]}.readings"
 
 
 @lru_cache(maxsize=1)

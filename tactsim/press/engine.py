@@ -1,4 +1,4 @@
-"""Choose the engine that presses a letter, and press: what an ideal pad would read.
+"""Press a letter with the engine that `engine_choice` names: what an ideal pad would read.
 
 The engines answer the same question, each in a file of its own: `exact` (a level flat face needs no solver),
 `balance` (the engine `bed`: exact areas, MuJoCo solves the balance of what may move), `collide` (MuJoCo alone,
@@ -20,7 +20,8 @@ from tactsim.core.poses import FloatArray
 from tactsim.press import balance, collide, exact
 from tactsim.press.bed import Bed, lay_bed
 from tactsim.press.dynamics import ForceTrace, History, press_through_time
-from tactsim.press.levels import has_relief, levels
+from tactsim.press.engine_choice import engine_for
+from tactsim.press.levels import levels
 from tactsim.press.pressed import Patches, Pressed, unsettled
 from tactsim.press.scan_options import ScanOptions
 from tactsim.press.scene import Setup, UnsettledError, scene
@@ -56,61 +57,6 @@ class Moving:
     times: FloatArray
     images: FloatArray
     trace: ForceTrace
-
-
-def engine_for(touches: Touches, options: ScanOptions) -> str:
-    """Name the engine that presses: the one asked for, or the cheapest that is exact here.
-
-    Raises InputError if the engine asked for cannot press this.
-    """
-    press = options.press
-    if press.engine != "auto":
-        obstacle = _obstacle(press.engine, touches, options)
-        if obstacle:
-            raise InputError(f"press.engine: {press.engine} cannot press this: {obstacle}; give auto")
-        return press.engine
-    if press.foundation != "winkler":
-        obstacle = _of_shape(touches, options)
-        if obstacle:
-            raise InputError(
-                f"press.foundation: {press.foundation} cannot carry this: {obstacle}; give winkler"
-            )
-        return "elastic"
-    if _of_shape(touches, options):
-        return "relief"
-    cheapest = press.skip.solver and press.skip.parts and not _obstacle("exact", touches, options)
-    return "exact" if cheapest else "bed"
-
-
-def _obstacle(engine: str, touches: Touches, options: ScanOptions) -> str:
-    """Say why an engine cannot press this; nothing if it can."""
-    press = options.press
-    if press.foundation != "winkler":
-        return f"press.foundation is {press.foundation}, and it has springs that do not move each other"
-    if engine in ("exact", "bed"):
-        shape = _of_shape(touches, options)
-        if shape:
-            return shape
-    if engine == "collide" and touches.rotations is not None:
-        return f"{touches.letter.name!r} is pressed from a side"
-    if engine != "exact":
-        return ""
-    if touches.letter.rounding:
-        return f"{touches.letter.name!r} has rounded edges"
-    if press.wrist_stiffness is not None:
-        return "the wrist gives way (press.wrist_stiffness)"
-    if touches.tilts.any():
-        return "a press is tilted"
-    return ""
-
-
-def _of_shape(touches: Touches, options: ScanOptions) -> str:
-    """Say what makes a press more than that of a flat face or a rounded edge; nothing if it is one."""
-    if touches.rotations is not None:
-        return f"{touches.letter.name!r} is pressed from a side"
-    if has_relief(touches.letter, options.press):
-        return f"{touches.letter.name!r} has relief"
-    return ""
 
 
 def press_at(touches: Touches, options: ScanOptions) -> Pressed:

@@ -19,12 +19,10 @@ from tactsim.core.forward import Linearised
 from tactsim.core.poses import FloatArray, compose
 from tactsim.core.scan import Scan
 from tactsim.models import Letter
-from tactsim.press.engine import engine_for
-from tactsim.press.forward_kernels import press_all
+from tactsim.press.engine_choice import check_flat
 from tactsim.press.scan_options import ScanOptions
 from tactsim.press.scanning import letters_of
 from tactsim.press.spread import felt_along
-from tactsim.press.touches import Touches
 
 _NODES_PER_SIGMA = (
     50  # of the tables of what a taxel feels; linear between them, which costs 5e-5 of a pressure
@@ -48,7 +46,7 @@ class PressModel:
         self, letters: Sequence[Letter], options: ScanOptions, taxel: NDArray[np.intp] | None = None
     ) -> None:
         for letter in letters:
-            _check_flat(letter, options)
+            check_flat(letter, options)
         pad, press, sensor = options.pad, options.press, options.sensor
         self.letters = tuple(letter.name for letter in letters)
         self._taxel = taxel
@@ -133,6 +131,9 @@ class PressModel:
 
         On springs everything is proportional: c times the load and c times the tilts give c times the pressures.
         """
+        # Brings compiled loops, which a model that never presses does without.
+        from tactsim.press.forward_kernels import press_all
+
         if letter not in self._outlines:
             raise unknown("letter of the forward model", letter, self.letters)
         outline, start = self._outlines[letter]
@@ -188,17 +189,6 @@ def forward_model(scan: Scan) -> PressModel:
         )
     whole = np.array_equal(taxel, np.arange(options.pad.taxels))
     return PressModel([letters[label] for label in scan.letters], options, None if whole else taxel)
-
-
-def _check_flat(letter: Letter, options: ScanOptions) -> None:
-    """Raise InputError unless a press of the letter is one of a flat face on springs at rest."""
-    nowhere = np.zeros((1, 3))
-    engine = engine_for(Touches.of(letter, nowhere), options)
-    if options.press.dynamics == "full" or letter.rounding or engine not in ("exact", "bed"):
-        raise InputError(
-            f"the forward model presses flat faces with sharp edges on springs, at rest; {letter.name!r} is pressed "
-            f"otherwise here"
-        )
 
 
 def _by_stated(by_own: FloatArray, place: FloatArray) -> FloatArray:

@@ -192,6 +192,10 @@ BAD = {
     "list": (["list", "weather"], ["weather", "estimators"]),
     "list of one": (["list", "estimators", "histogramm"], ["did you mean 'histogram'"]),
     "list of a letter": (["list", "letters", "A"], ["only an estimator"]),
+    "explore": (
+        ["run", "--estimator", "nearest", "--explore", "information"],
+        ["nearest", "explore at random"],
+    ),
     "world for a file": (["run", "--scan", "some.npz", "--world", "paper-like"], ["world", "some.npz"]),
 }
 

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from tactsim.bench.placement_error import Properties, fold_angle, placement_error, properties
-from tactsim.core import InputError, Scan, compose, invert
+from tactsim.core import InputError, Scan, compose, invert, transform
 
 PLAIN = Properties(symmetry=1, centre=(0.0, 0.0), inertia_over_mass=60.0)
 pose = arrays(float, 3, elements=st.floats(-20, 20))
@@ -70,6 +70,16 @@ def test_the_error_is_that_of_the_object_and_not_of_the_state():
     of = Properties(0, (0.0, 0.0), 60.0)
     assert placement_error(estimated, true, of) == pytest.approx(expected)
     assert expected > 9
+
+
+@given(pose, pose, st.integers(0, 5))
+def test_without_wrapped_angles_it_is_the_formula_as_it_is_printed(estimated, true, symmetry):
+    of = Properties(symmetry, (0.7, -1.1), 60.0)
+    placed, other = invert(estimated), invert(true)
+    shift = (transform(placed, [of.centre]) - transform(other, [of.centre]))[0]
+    turn = fold_angle(placed[2] - other[2], symmetry)
+    expected = math.sqrt(shift @ shift + of.inertia_over_mass * 2 * (1 - math.cos(turn)))
+    assert placement_error(estimated, true, of) == pytest.approx(expected, rel=1e-9, abs=1e-6)
 
 
 def scan_of(points, readings, meta):

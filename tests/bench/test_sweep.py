@@ -157,6 +157,26 @@ def test_a_chunk_that_was_made_with_something_else_is_not_taken(tmp_path, other)
     assert (chunks.load_chunk(tmp_path, wanted) is not None) == (other == "nothing")
 
 
+def test_a_worker_stays_with_a_run_and_every_chunk_is_taken_once():
+    run = perform(run_config(letters="IO", estimator="histogram", bins=100, trials=1, readings=3))
+    three = [chunks.chunks_of(name, run.plan, ("I", "O"), 25) for name in "abc"]
+    assert [len(chunk.tasks) for chunk in three[0]] == [20, 20, 10]
+    assert [task.truth for chunk in three[0] for task in chunk.tasks] == ["I"] * 25 + ["O"] * 25
+    waiting = chunks.Waiting(chunk for of_run in three for chunk in of_run)
+    first, second = waiting.take(), waiting.take()
+    assert (first.run, second.run) == ("a", "b")
+    taken = [first, second, waiting.take("b"), waiting.take("b"), waiting.take("b")]
+    assert [chunk.run for chunk in taken] == ["a", "b", "b", "b", "c"]
+    assert (
+        waiting.take("b").run == "a"
+    )  # all runs have begun: the one with most chunks left, or the first of them
+    while waiting:
+        taken.append(waiting.take("c"))
+    assert [chunk.run for chunk in taken[5:]] == ["c", "c", "a"]
+    with pytest.raises(IndexError):
+        waiting.take()
+
+
 def test_a_sweep_does_not_go_on_beside_runs_of_another_source(tmp_path, whole):
     shutil.copytree(whole, tmp_path / "out")
     _, configs = sweep_file.read(str(whole.parent / "s.toml"))

@@ -89,7 +89,7 @@ class Faults:
             message = message[:at] + message[at + 1 :]
         if self.strikes("torn frame", 0.002):
             message = message[: self.random.randrange(len(message))]
-        if flips and self.strikes("flipped byte", 0.002):
+        if flips and message and self.strikes("flipped byte", 0.002):  # a torn one may be empty
             at = self.random.randrange(len(message))
             message = message[:at] + bytes([message[at] ^ self.random.randrange(1, 256)]) + message[at + 1 :]
         if self.strikes("garbage", 0.002):

@@ -390,3 +390,11 @@ def test_a_recording_begun_in_vain_leaves_its_name_free(tmp_path):
         recorder.segment(segment(small_device()), 0.0)
         recorder.discard()
     assert not (tmp_path / "a").exists()
+
+
+def test_folders_made_for_a_recording_in_vain_go_with_it(tmp_path):
+    Recorder(tmp_path / "one" / "two" / "a").discard()
+    assert list(tmp_path.iterdir()) == []
+    Recorder(tmp_path / "one" / "kept").close()
+    Recorder(tmp_path / "one" / "two" / "a").discard()
+    assert [path.name for path in tmp_path.rglob("*")] == ["one", "kept"]

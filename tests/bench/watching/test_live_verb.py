@@ -73,6 +73,13 @@ def test_a_hidden_object_is_recognised_as_json(bench, scan_file):
     assert all(one["delay_ms"] > 0 for one in said)
 
 
+def test_an_estimator_that_proposes_nothing_is_led_at_random(bench, scan_file):
+    words = ["--port", "simulated:O", "--train-scan", scan_file, "--estimator", "nearest", "--readings", "2"]
+    result = bench("live", *words)
+    assert result.returncode == 0, result.stderr
+    assert [line.split(":")[0] for line in result.stdout.splitlines()] == ["touch 1", "touch 2"]
+
+
 def test_without_a_terminal_it_says_where_to_press_and_ends_when_every_pose_was_tried(one_pose, capsys):
     """A machine may press the pad, so it must be told where, and that there is nowhere any more."""
     leading, told, reader = one_pose
@@ -131,6 +138,10 @@ def test_ctrl_c_ends_it_cleanly(bench, scan_file):
         (["--port", "simulated:A@1,2"], ["x,y,theta"]),
         (["--port", "simulated:A", "--estimator", "refind"], ["unknown estimator 'refind'", "refined"]),
         (["--port", "simulated:A", "--explore", "blind"], ["information or random"]),
+        (
+            ["--port", "simulated:A", "--explore", "information", "--estimator", "nearest"],
+            ["explore at random"],
+        ),
         (["--port", "simulated:A", "--set", "bins"], ["key=value"]),
         (["--port", "simulated:A", "--train-scan", "nothing.npz"], ["nothing.npz"]),
         (["--port", "recording:nothing.tactrec"], ["cannot read recording nothing.tactrec"]),
