@@ -23,7 +23,7 @@ from tactsim.core.compiling import (
 )
 from tactsim.estimators.field.terms import TERMS, Terms
 from tactsim.estimators.field.vectors import LANES, TALL, add_times, load, store, zeros
-from tactsim.estimators.filters.branch_and_bound import BELIEF, Belief
+from tactsim.estimators.filters.branch_and_bound import BELIEF, Belief, least_age
 
 
 class BinMaxima(NamedTuple):
@@ -200,23 +200,25 @@ def lower(
     state = np.zeros(tiles * LANES)
     below, newest, evaluated, placed = floor - terms.upper[count], count - 1, 0, False
     # Earlier readings are of few blocks: an angle's terms are placed once for all letters.
-    oldest = np.empty(letters, dtype=np.int64)
+    # Only readings that a block waits for are visited: one that was left alone may be thousands behind.
+    waits_for = np.empty(letters, dtype=np.int64)
     for angle in range(angles):
-        oldest[:] = newest
         for letter in range(letters):
+            upper, bounded = belief.upper[letter, angle], belief.bounded[letter, angle]
+            waits_for[letter] = newest
             if belief.summit[letter, angle] > below:
-                for i in range(block_rows):
-                    for j in range(block_columns):
-                        if belief.upper[letter, angle, i, j] > below:
-                            oldest[letter] = min(oldest[letter], belief.bounded[letter, angle, i, j])
-        for reading in range(oldest.min(), newest):
+                waits_for[letter] = least_age(upper, bounded, 0, block_rows, 0, block_columns, below)
+        while waits_for.min() < newest:
+            reading = waits_for.min()
             place_maxima(terms, reading, maxima, turns[angle, 0], turns[angle, 1], old_row, old_column)
             for letter in range(letters):
-                if oldest[letter] <= reading:
+                if waits_for[letter] == reading:
                     evaluated += lower_angle(
                         belief, ceiling, maxima, terms, letter, angle, reading, below, total, state, peak,
                         old_row, old_column,
                     )  # fmt: skip
+                    upper, bounded = belief.upper[letter, angle], belief.bounded[letter, angle]
+                    waits_for[letter] = least_age(upper, bounded, 0, block_rows, 0, block_columns, below)
     # The newest reading is for most of them: a letter's maxima are read for all its angles while they are at hand.
     for letter in range(letters):
         for angle in range(angles):

@@ -13,8 +13,8 @@ from tactsim.estimators.filters.bin_maxima import bin_maxima, blank_ceiling
 from tactsim.estimators.filters.bin_sums import pick
 from tactsim.estimators.filters.binned import BinnedBelief
 from tactsim.estimators.filters.bounding import lower
-from tactsim.estimators.filters.branch_and_bound import block_tops, raise_to
 from tactsim.estimators.filters.grid import StateGrid
+from tactsim.estimators.filters.raising import block_tops, raise_to
 
 # Nats by which rounding may move the bound of a block of bins.
 _ROUNDING = 1e-6
