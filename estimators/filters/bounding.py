@@ -90,19 +90,28 @@ def place_maxima(
             column[i, k] = min(max(left + 1 + k * LANES, -LANES), width - LANES) + LANES
 
 
-@compiled(void(REALS, REALS, FLOATS, REALS, float64, float64, REALS), ordered=False, called_from_python=False)
+@compiled(
+    void(REALS_2D, REALS, FLOATS, REALS, float64, float64, REALS, uint64, uint64, uint64),
+    ordered=False,
+    called_from_python=False,
+)
 def take_in(
-    upper: Reals, log_p: Reals, total: Floats, state: Reals, gain: float, any_state: float, peak: Reals
+    upper: Reals, log_p: Reals, total: Floats, state: Reals, gain: float, any_state: float, peak: Reals,
+    first_row: int, lane: int, at: int,
 ) -> None:  # fmt: skip
-    """Add a reading to the bounds of a row of LANES bins; raise peak (LANES,) to them.
+    """Add a reading to the bounds of a tile of bins; raise `peak` to them.
 
-    state: 0 for bins that stay as they are, 1 for those whose bounds take it in, 2 for those whose log-beliefs do.
+    The tile begins at the row `first_row` and column `lane` of upper (rows, columns), and at `at` in log_p, which is
+    flat. state: (columns,) 0 for bins that stay as they are, 1 for those whose bounds take it in, 2 for those whose
+    log-beliefs do.
     """
-    for k in range(uint64(LANES)):
-        before = log_p[k] - any_state if state[k] > 1 else upper[k]
-        after = before + (total[k] + gain)
-        upper[k] = after if state[k] > 0 else upper[k]
-        peak[k] = max(peak[k], upper[k])
+    for r in range(uint64(TALL)):
+        for k in range(uint64(LANES)):
+            now, kind = upper[first_row + r, lane + k], state[lane + k]
+            before = log_p[at + r * uint64(LANES) + k] - any_state if kind > 1.5 else now
+            now = before + (total[r * uint64(LANES) + k] + gain) if kind > 0.5 else now
+            upper[first_row + r, lane + k] = now
+            peak[lane + k] = max(peak[lane + k], now)
 
 
 @compiled(
@@ -128,6 +137,7 @@ def lower_angle(
         belief.seen[letter, angle],
     )
     bins, since = ceiling.upper[letter, angle], ceiling.since[letter, angle]
+    log_p = belief.log_p[letter, angle].reshape(belief.log_p[letter, angle].size)
     begin, evaluated, highest = terms.start[reading], 0, maxima.highest
     number = terms.start[reading + 1] - begin
     move = letter * maxima.shape[2] * maxima.shape[3] * maxima.shape[4] * maxima.shape[5]
@@ -155,23 +165,19 @@ def lower_angle(
             for tile in range(column.shape[1]):
                 first = second = third = fourth = zeros()  # type: ignore[call-arg, var-annotated]
                 for k in range(number):
-                    weight, at = terms.weight[begin + k], column[k, tile] + move
-                    first = add_times(first, weight, load(highest, row[k, first_row] + at))
-                    second = add_times(second, weight, load(highest, row[k, first_row + 1] + at))
-                    third = add_times(third, weight, load(highest, row[k, first_row + 2] + at))
-                    fourth = add_times(fourth, weight, load(highest, row[k, first_row + 3] + at))
+                    weight, to = terms.weight[begin + k], column[k, tile] + move
+                    first = add_times(first, weight, load(highest, row[k, first_row] + to))
+                    second = add_times(second, weight, load(highest, row[k, first_row + 1] + to))
+                    third = add_times(third, weight, load(highest, row[k, first_row + 2] + to))
+                    fourth = add_times(fourth, weight, load(highest, row[k, first_row + 3] + to))
                 store(total, 0, first)
                 store(total, LANES, second)
                 store(total, 2 * LANES, third)
                 store(total, 3 * LANES, fourth)
-                tops = peak[tile * LANES : (tile + 1) * LANES]
-                lanes = state[tile * LANES : (tile + 1) * LANES]
-                for r in range(TALL):
-                    take_in(
-                        bins[first_row + r, tile * LANES : (tile + 1) * LANES],
-                        belief.log_p[letter, angle, tile_row, tile, r * LANES : (r + 1) * LANES],
-                        total[r * LANES : (r + 1) * LANES], lanes, gain, terms.upper[reading], tops,
-                    )  # fmt: skip
+                lane, at = uint64(tile * LANES), uint64((tile_row * column.shape[1] + tile) * TALL * LANES)
+                take_in(
+                    bins, log_p, total, state, gain, terms.upper[reading], peak, uint64(first_row), lane, at
+                )
         for j in range(block_columns):
             if state[j * wide] > 0:
                 upper[i, j] = peak[j * wide : min(columns, (j + 1) * wide)].max()
