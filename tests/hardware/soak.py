@@ -99,21 +99,22 @@ def soak(seconds, folder, often=1.0, seed=0):
         "bridge": (array, url, port, 20, _moment_of_bridge),
     }
     processes, threads, found = [], [], {}
-    stop = context.Event()
+    enough, stop = threading.Event(), context.Event()
     for name, (device, url, place, rate, moment) in placed.items():
         found[name] = Found()
         arguments = (name, place, rate, stop, seed, often, str(folder / f"{name}.json"))
         processes.append(context.Process(target=soak_devices.run, args=arguments, daemon=True))
         processes[-1].start()
-        threads.append(threading.Thread(target=_read, args=(device, url, seconds, moment, found[name])))
+        threads.append(threading.Thread(target=_read, args=(device, url, enough, moment, found[name])))
     for thread in threads:
         thread.start()
     begun, used = time.monotonic(), time.process_time()
     time.sleep((_WARM - _LOOK) * seconds)
     warm = _memory(_LOOK * seconds)
     time.sleep((1 - _WARM - _LOOK) * seconds)
-    # Each reads for so long from its first reading on. Now, since a source that is closed holds nothing any more.
+    # While both still read, since a source that is closed holds nothing any more.
     end, reading = _memory(_LOOK * seconds), all(thread.is_alive() for thread in threads)
+    enough.set()
     for thread in threads:
         thread.join()
     elapsed = time.monotonic() - begun
@@ -125,8 +126,8 @@ def soak(seconds, folder, often=1.0, seed=0):
     return Result(elapsed, found, (warm[0], end[0]), (warm[1], end[1]), reading, share)
 
 
-def _read(device, url, seconds, moment_of, found):
-    """Read a device for so many seconds from its first reading on, and look whether each reading is of one moment."""
+def _read(device, url, enough, moment_of, found):
+    """Read a device until it is enough, and look whether each reading is of one moment."""
     losses, until = Losses(), time.monotonic() + _START
     try:
         while time.monotonic() < until:
@@ -136,13 +137,12 @@ def _read(device, url, seconds, moment_of, found):
             except Exception:  # the device is not there yet, or unplugged just now
                 time.sleep(0.1)
         with source:
-            while time.monotonic() < until:
+            while not enough.is_set() and (found.readings or time.monotonic() < until):
                 try:
                     reading = source.read(0.5)
                 except NoReading:
                     found.silences += 1
                     continue
-                until = until if found.readings else time.monotonic() + seconds
                 found.readings += 1
                 _check(reading, moment_of(reading), losses.when[reading.host_time], found)
             found.counters = source.counters.as_dict()
