@@ -14,8 +14,8 @@ from tactsim.bench.regression import Baseline, check, read_baseline, write_basel
 from tactsim.bench.regression_rate import at_most
 from tactsim.bench.regression_timing import (
     LEVEL,
-    SHARE_ABOVE,
     MOST_ROUNDS,
+    SHARE_ABOVE,
     SLOWER,
     Measured,
     Side,
