@@ -19,7 +19,7 @@ BENCHMARKS := tests/bench/bench_regression.py
 
 # How many checks `make bench-rate` does of unchanged code, and of code with every benchmark slowed down.
 CHECKS ?= 20
-SLOWED ?= 2
+SLOWED ?= 1
 
 # For how long `make soak` reads.
 MINUTES ?= 30
@@ -68,7 +68,7 @@ bench-check: $(DEVELOP)  ## compare times with the code of the baseline's commit
 bench-baseline: $(DEVELOP)  ## renew results/baseline.json: this commit and its errors
 	@$(REGRESSION) write results/baseline.json $(BENCHMARKS)
 
-bench-rate: $(DEVELOP)  ## how often bench-check is wrong: CHECKS (20) of one commit, SLOWED (2) of a slower one
+bench-rate: $(DEVELOP)  ## how often bench-check is wrong: CHECKS (20) of one commit, SLOWED (1) of a slower one
 	@$(BIN)/python -m tactsim.bench.regression_rate $(BENCHMARKS) $(CHECKS) $(SLOWED)
 
 # The sweeps that the tables of the documentation are made of.

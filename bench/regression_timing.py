@@ -35,8 +35,8 @@ from tactsim.core.errors import InputError
 SLOWER = 1.25  # the ratio of times that is to be found
 THRESHOLD = math.sqrt(SLOWER)  # a round above it speaks for "slower"
 LEVEL = 0.05  # probability of a false alarm in one check, over all benchmarks
-MOST_ABOVE = 0.9  # share of rounds above THRESHOLD that a benchmark slower by SLOWER has at least
-MISSED = 0.05  # probability to miss a benchmark with that share
+SHARE_ABOVE = 0.9  # share of rounds above THRESHOLD that a benchmark slower by SLOWER has at least
+MISSED = 0.05  # probability that one pair of processes misses a benchmark with that share
 MOST_ROUNDS = 40
 PORTIONS = 4  # of either side in a round, in the order new base, base new, base new, new base
 SHORTEST = 0.1  # s that a round of either side takes at least
@@ -68,7 +68,7 @@ def decide(round_: Callable[[], float], benchmarks: int) -> Timing:
     ratios: list[float] = []
     while len(ratios) < MOST_ROUNDS and rest < evidence < alarm:
         ratios.append(round_())
-        evidence += math.log(2 * (MOST_ABOVE if ratios[-1] > THRESHOLD else 1 - MOST_ABOVE))
+        evidence += math.log(2 * (SHARE_ABOVE if ratios[-1] > THRESHOLD else 1 - SHARE_ABOVE))
     return Timing(tuple(ratios), slower=evidence >= alarm)
 
 

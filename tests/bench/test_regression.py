@@ -14,8 +14,8 @@ from tactsim.bench.regression import Baseline, check, read_baseline, write_basel
 from tactsim.bench.regression_rate import at_most
 from tactsim.bench.regression_timing import (
     LEVEL,
-    MOST_ABOVE,
     MOST_ROUNDS,
+    SHARE_ABOVE,
     SLOWER,
     Measured,
     Side,
@@ -79,7 +79,7 @@ def test_more_benchmarks_ask_for_more_rounds():
 
 
 def test_rounds_that_never_agree_end_without_an_alarm():
-    up, down = np.log(2 * MOST_ABOVE), -np.log(2 * (1 - MOST_ABOVE))
+    up, down = np.log(2 * SHARE_ABOVE), -np.log(2 * (1 - SHARE_ABOVE))
     ratios, evidence = [], 0.0
     while len(ratios) < MOST_ROUNDS:  # back and forth between the two limits
         above = evidence <= 0
@@ -88,9 +88,9 @@ def test_rounds_that_never_agree_end_without_an_alarm():
     assert decided(ratios) == Timing(tuple(ratios), slower=False)
 
 
-@pytest.mark.parametrize(("above", "least", "most"), [(0.5, 0.0, LEVEL / COUNT), (MOST_ABOVE, 0.93, 1.0)])
+@pytest.mark.parametrize(("above", "least", "most"), [(0.5, 0.0, LEVEL / COUNT), (SHARE_ABOVE, 0.93, 1.0)])
 def test_the_test_is_wrong_as_rarely_as_it_says(above, least, most):
-    """Independent rounds, of which half, and a share of MOST_ABOVE, speak for slower."""
+    """Independent rounds, of which half, and a share of SHARE_ABOVE, speak for slower."""
     rng = np.random.default_rng(0)
     alarms = [decide(lambda: 2.0 if rng.random() < above else 1.0, COUNT).slower for _ in range(20_000)]
     share, error = np.mean(alarms), 4 * np.sqrt(0.25 / 20_000) * (above != 0.5)
