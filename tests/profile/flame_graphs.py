@@ -146,8 +146,9 @@ def _named(loop: Callable[..., object]) -> Callable[..., object]:
         return loop(*arguments)
 
     python: FunctionType = loop.py_func  # type: ignore[attr-defined]
+    name = f"{python.__name__}*"
     code: CodeType = call.__code__.replace(
-        co_name=f"{python.__name__}*", co_filename=python.__code__.co_filename
+        co_name=name, co_qualname=name, co_filename=python.__code__.co_filename
     )
     call.__code__ = code
     return call
