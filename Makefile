@@ -10,9 +10,11 @@ DEVELOP   := $(VENV)/.ready-dev
 MUTATION  := $(VENV)/.ready-mutation
 PACKAGING := $(VENV)/.ready-packaging
 DOCS      := $(VENV)/.ready-docs
+PROFILE   := $(VENV)/.ready-profile
 MUTATION_LOCK  := tests/mutants/requirements.lock
 PACKAGING_LOCK := tests/packaging/requirements.lock
 DOCS_LOCK      := docs/requirements.lock
+PROFILE_LOCK   := tests/profile/requirements.lock
 
 REGRESSION := $(BIN)/python -m tactsim.bench.regression
 BENCHMARKS := tests/bench/bench_regression.py
@@ -27,7 +29,7 @@ MINUTES ?= 30
 # What `make mutants` is given, such as MUTANTS="--all tactsim/press/clip.py".
 MUTANTS ?=
 
-.PHONY: run test check docs setup lock test-slow soak mutants bench-check bench-baseline bench-rate tables references clean help
+.PHONY: run test check docs setup lock test-slow soak mutants bench-check bench-baseline bench-rate profile tables references clean help
 
 help:            ## list these commands
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 18
@@ -70,6 +72,14 @@ bench-baseline: $(DEVELOP)  ## renew results/baseline.json: this commit and its 
 
 bench-rate: $(DEVELOP)  ## how often bench-check is wrong: CHECKS (20) of one commit, SLOWED (1) of a slower one
 	@$(BIN)/python -m tactsim.bench.regression_rate $(BENCHMARKS) $(CHECKS) $(SLOWED)
+
+profile: $(PROFILE)  ## draw where the time of presses, a scan, a sweep and a run goes, and measure what bounds it
+	@OPENBLAS_NUM_THREADS=1 $(BIN)/python tests/profile/flame_graphs.py
+	@OPENBLAS_NUM_THREADS=1 $(BIN)/python tests/profile/bench_sweep.py
+
+$(PROFILE): $(PROFILE_LOCK) | $(DEVELOP)
+	@$(INSTALL) -r $<
+	@touch $@
 
 # The sweeps that the tables of the documentation are made of.
 TABLES := better paper-better robustness slip open-set active paper paper-like tilt pareto
@@ -122,13 +132,14 @@ PIN     := $(COMPILE) --generate-hashes --constraint $(ALL)
 
 lock: $(READY)   ## pin the newest versions that pyproject.toml allows
 	@$(INSTALL) uv
-	@cat requirements-dev.lock $(DOCS_LOCK) $(MUTATION_LOCK) $(PACKAGING_LOCK) > $(ALL)
-	@$(COMPILE) $(UPGRADE) pyproject.toml --all-extras --group dev --group docs --group mutation --group packaging -o $(ALL)
+	@cat requirements-dev.lock $(DOCS_LOCK) $(MUTATION_LOCK) $(PACKAGING_LOCK) $(PROFILE_LOCK) > $(ALL)
+	@$(COMPILE) $(UPGRADE) pyproject.toml --all-extras --group dev --group docs --group mutation --group packaging --group profile -o $(ALL)
 	@$(PIN) pyproject.toml --group build -o requirements.lock
 	@$(PIN) pyproject.toml --all-extras --group dev -o requirements-dev.lock
 	@$(PIN) --group docs -o $(DOCS_LOCK)
 	@$(PIN) --group mutation -o $(MUTATION_LOCK)
 	@$(PIN) --group packaging -o $(PACKAGING_LOCK)
+	@$(PIN) --group profile -o $(PROFILE_LOCK)
 
 clean:           ## remove .venv and what tools left behind
 	rm -rf $(VENV) .pytest_cache .mypy_cache .ruff_cache .hypothesis .benchmarks build *.egg-info docs/_build

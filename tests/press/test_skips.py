@@ -5,7 +5,7 @@ import pytest
 from level_world import level_press, level_scan
 
 from tactsim import models
-from tactsim.press import scan_letters
+from tactsim.press import bed, scan_letters
 from tactsim.press.engine import ideal_readings
 from tactsim.press.scan_options import Skips
 from tactsim.press.scan_poses import grid_poses
@@ -50,6 +50,20 @@ def test_readings_are_equal_with_and_without(name, skips, exactly):
     for reason in skips:
         assert work[reason] > 0
         assert more[reason] == 0
+
+
+def test_poses_in_blocks_do_not_change_a_bit(monkeypatch):
+    options = level_scan(press=level_press(engine="bed", wrist_stiffness=300.0))
+    touches = Touches(
+        models.letter("A"), POSES, np.random.default_rng(0).normal(scale=0.01, size=(len(POSES), 2))
+    )
+    once, _ = ideal_readings(touches, options)
+    for poses in (1, 7):
+        cells = np.prod([len(lines) - 1 for lines in options.cell_lines])
+        monkeypatch.setattr(bed, "_BLOCK", poses * cells)
+        in_blocks, _ = ideal_readings(touches, options)
+        assert np.array_equal(once, in_blocks)
+    assert once.any()
 
 
 def test_cells_without_contact_do_not_change_a_bit():

@@ -116,3 +116,18 @@ def test_a_likelihood_that_cannot_leave_readings_out_counts_fully():
     estimator = create("refined", likelihood="paper", bins=500)
     estimator.fit(scan)
     assert learn_trust(estimator.likelihood, scan)(20) == 1
+
+
+def test_the_share_of_sequences_whose_region_excludes_no_move_is_counted_as_defined():
+    rng = np.random.default_rng(3)
+    log_p, shift = rng.normal(scale=3, size=(40, 64)), rng.normal(size=(64, 2))
+    size = np.linalg.norm(shift, axis=1)
+    held = []
+    for of_sequence in log_p:
+        weight = np.exp(of_sequence) * size**3
+        weight /= weight.sum()
+        mean = weight @ shift
+        nearer = np.linalg.norm(shift - mean, axis=1) < np.linalg.norm(mean)
+        held.append(weight[nearer].sum() < 0.9)
+    assert 0 < np.mean(held) < 1
+    assert trust._held(log_p, shift, size) == np.mean(held)
