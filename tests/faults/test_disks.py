@@ -2,9 +2,12 @@
 
 import shutil
 import subprocess
+from pathlib import Path
 
 import pytest
 from command_line import BENCH
+
+import tactsim
 
 # A file system of one's own in a namespace of one's own: nothing is left mounted, whatever happens.
 IN_NAMESPACE = ["unshare", "--user", "--map-root-user", "--mount", "sh", "-eu", "-c"]
@@ -136,3 +139,29 @@ def test_a_read_only_folder_is_said_before_the_work(bench, words):
     (line,) = (line for line in result.stderr.splitlines() if line.startswith("bench:"))
     assert "disk" in line
     assert "pressing" not in result.stderr
+
+
+def test_a_read_only_installation_without_a_home_gives_the_same_results(bench, scan_file):
+    tree = Path(tactsim.__file__).parents[1]
+    words = f"run --scan {scan_file} {SMALL}"
+    assert bench(*words.split(), "--out", "usual").returncode == 0
+    del bench.environment["TACTSIM_CACHE_DIR"]
+    result = on_small_disk(
+        bench,
+        f"""
+        mkdir disk/tmp disk/home
+        mount -t tmpfs tmpfs disk/home && mount -o remount,ro disk/home
+        mount --bind {tree} {tree} && mount -o remount,ro,bind {tree}
+        export HOME=$PWD/disk/home TMPDIR=$PWD/disk/tmp
+        unset XDG_CACHE_HOME XDG_CONFIG_HOME
+        $BENCH {words} --out read-only > /dev/null
+        ls -A $TMPDIR/tactsim-*
+        """,
+        size="20m",
+    )
+    assert "matplotlib" in result.stdout.split()
+    assert "matplotlib" not in result.stderr.lower()
+    for name in ("trials.csv", "summary.json", "readings.png"):
+        assert (bench.folder / "usual" / name).read_bytes() == (
+            bench.folder / "read-only" / name
+        ).read_bytes()
