@@ -19,7 +19,9 @@ INTERRUPTED = 130
 
 def main() -> NoReturn:
     """Run the command `bench`, and end the process."""
-    gc.set_threshold(50_000, 20, 20)  # what modules make stays: looking through it for garbage is 4 % of a run
+    gc.set_threshold(
+        50_000, 20, 20
+    )  # what modules make stays: looking through it for garbage is 4 % of a run
     try:
         run()
     except SystemExit as ended:
