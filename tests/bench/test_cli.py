@@ -3,14 +3,17 @@
 import json
 import os
 import signal
+import subprocess
 import sys
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
-from command_line import Bench, refused
+from command_line import BENCH, Bench, refused
 
 from tactsim.bench.cli import run
+from tactsim.bench.cli.app import VERBS, load
 from tactsim.core import Scan
 
 SMALL = ["--trials", "1", "--readings", "4", "--bins", "1000"]
@@ -241,6 +244,22 @@ def test_an_interrupt_ends_with_130_one_line_and_no_results(tmp_path):
     assert "interrupted" in errors
     assert "Traceback" not in errors
     assert [path.name for path in tmp_path.iterdir()] == ["cache"]
+
+
+@pytest.mark.parametrize("verb", VERBS)
+def test_the_help_says_of_a_verb_what_its_docstring_does(verb):
+    assert load(verb).help.partition("\n")[0] == VERBS[verb]
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="this system has no /dev/full")
+def test_a_full_disk_behind_standard_output_is_one_line(bench):
+    with Path("/dev/full").open("w") as full:
+        process = subprocess.Popen(
+            [BENCH, "list", "letters"], stdout=full, stderr=subprocess.PIPE, text=True, env=bench.environment
+        )
+        _, errors = process.communicate(timeout=120)
+    assert (process.returncode, errors.count("\n")) == (2, 1)
+    assert "standard output" in errors
 
 
 def test_an_interrupt_while_modules_are_imported_ends_alike(monkeypatch, capsys):

@@ -2,10 +2,12 @@
 
 import shutil
 import subprocess
+from pathlib import Path
 
 import pytest
 from command_line import BENCH
 
+import tactsim
 from tactsim.bench import runner, sweep, sweep_file
 
 # A file system of one's own in a namespace of one's own: nothing is left mounted, whatever happens.
@@ -115,7 +117,7 @@ def test_a_cache_on_a_full_or_read_only_disk_is_done_without(bench):
         mount -o remount,size=10m,ro disk
         $BENCH scan --letters I --out read-only.npz > /dev/null && ls -A disk
         mount -o remount,rw disk
-        $BENCH scan --letters I --out kept.npz > /dev/null && ls disk | wc -l
+        $BENCH scan --letters I --out kept.npz > /dev/null && ls disk/*.readings | wc -l
         """,
         size="20k",
     )
@@ -145,3 +147,29 @@ def test_a_read_only_folder_is_said_before_the_work(bench, words):
     (line,) = (line for line in result.stderr.splitlines() if line.startswith("bench:"))
     assert "disk" in line
     assert "pressing" not in result.stderr
+
+
+def test_a_read_only_installation_without_a_home_gives_the_same_results(bench, scan_file):
+    tree = Path(tactsim.__file__).parents[1]
+    words = f"run --scan {scan_file} {SMALL}"
+    assert bench(*words.split(), "--out", "usual").returncode == 0
+    del bench.environment["TACTSIM_CACHE_DIR"]
+    result = on_small_disk(
+        bench,
+        f"""
+        mkdir disk/tmp disk/home
+        mount -t tmpfs tmpfs disk/home && mount -o remount,ro disk/home
+        mount --bind {tree} {tree} && mount -o remount,ro,bind {tree}
+        export HOME=$PWD/disk/home TMPDIR=$PWD/disk/tmp
+        unset XDG_CACHE_HOME XDG_CONFIG_HOME
+        $BENCH {words} --out read-only > /dev/null
+        ls -A $TMPDIR/tactsim-*
+        """,
+        size="20m",
+    )
+    assert "matplotlib" in result.stdout.split()
+    assert "matplotlib" not in result.stderr.lower()
+    for name in ("trials.csv", "summary.json", "readings.png"):
+        assert (bench.folder / "usual" / name).read_bytes() == (
+            bench.folder / "read-only" / name
+        ).read_bytes()
