@@ -59,7 +59,7 @@ def resampling(worst: Worst) -> None:
         "one particle": np.ones(1),
     }.items():
         chosen = np.empty(draws, dtype=np.int64)
-        draw(chosen, weight, np.sort(rng.random(draws)))
+        draw(chosen, weight, rng.standard_exponential(draws + 1))
         share = weight / weight.sum()
         count = np.bincount(chosen, minlength=len(weight))
         spread = np.sqrt(draws * share * (1 - share)) + 1e-9 + (share > 0)
@@ -83,7 +83,7 @@ def mode_of_the_density(worst: Worst) -> None:
         seam = rng.choice([0.0, math.pi, -math.pi, 2 * math.pi, 7.0])
         state = np.stack([rng.uniform(-2, 2, count), rng.uniform(-2, 2, count), rng.normal(seam, 0.4, count)])
         weight = 10.0 ** -rng.uniform(0, rng.choice([0.5, 30]), count)
-        found = parzen_mode(state, weight)
+        found, _ = parzen_mode(state, weight)
         x, y, k = np.meshgrid(np.arange(-8, 9), np.arange(-8, 9), np.arange(turns), indexing="ij")
         nodes = np.stack([x.ravel(), y.ravel(), k.ravel()], axis=-1) * PARZEN_STEP
         worst.see(
