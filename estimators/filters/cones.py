@@ -72,9 +72,9 @@ def heaviest(chosen: Ints, box: Reals, state: Reals, weight: Reals, share: float
     largest x, and y, of the chosen states. state: (3, states). weight: from 0 to 1. Returns how many are chosen, and
     the sum of the other weights.
     """
-    held, total, left_out, count = np.zeros(_BUCKETS), 0.0, 0.0, uint64(0)
+    held, total, left_out, count = np.zeros(_BUCKETS), 0.0, 0.0, 0
     for i in range(len(weight)):
-        bucket = min(uint64(_BUCKETS - 1), uint64(2046) - (bits_of(weight[i]) >> uint64(51)))
+        bucket = min(uint64(_BUCKETS - 1), uint64(2046) - (bits_of(weight[i]) >> uint64(51)))  # type: ignore[call-arg]
         held[bucket] += weight[i]
     for one in held:
         total += one
@@ -84,15 +84,15 @@ def heaviest(chosen: Ints, box: Reals, state: Reals, weight: Reals, share: float
         lightest -= uint64(1)
     for i in range(len(weight)):
         chosen[count] = i
-        bucket = min(uint64(_BUCKETS - 1), uint64(2046) - (bits_of(weight[i]) >> uint64(51)))
-        count += uint64(bucket <= lightest)
+        bucket = min(uint64(_BUCKETS - 1), uint64(2046) - (bits_of(weight[i]) >> uint64(51)))  # type: ignore[call-arg]
+        count += bucket <= lightest
     left = low = np.inf
     right = high = -np.inf
     for i in chosen[:count]:
         left, right = min(left, state[0, i]), max(right, state[0, i])
         low, high = min(low, state[1, i]), max(high, state[1, i])
     box[0], box[1], box[2], box[3] = left, right, low, high
-    return int64(count), left_out
+    return count, left_out
 
 
 @compiled(void(FLOATS_3D, REALS_2D, REALS, INTS, INTS, float64, FLOATS))
@@ -129,9 +129,9 @@ def add_cones(
                 for c in range(uint64(0), wide, uint64(_BLOCK)):
                     for d in range(uint64(_BLOCK)):
                         square = uint64(min(square_y + squares * (x + (c + d)) ** 2, float64(_SQUARES)))
-                        cone = load(profiles, (square * uint64(_FRACTIONS) + fraction) * lanes + k)
-                        at = along + (c + d) * uint64(angles)
-                        store(nodes, at, add_times(load(nodes, at), height, cone))
+                        entry = (square * uint64(_FRACTIONS) + fraction) * lanes + k
+                        at = along + (c + d) * uint64(angles)  # type: ignore[operator]
+                        store(nodes, at, add_times(load(nodes, at), height, load(profiles, entry)))  # type: ignore[call-arg]
 
 
 @compiled(void(FLOATS_3D, FLOATS_2D, int64), ordered=False)
@@ -180,9 +180,7 @@ def sum_cones(density: Reals, node: Reals, state: Reals, weight: Reals, rho: flo
             density[m] += one * max(0.0, 1.0 - math.sqrt(square) * per_rho)
 
 
-@compiled(
-    float64(INTS, REALS_2D, REALS, INTS, INTS, INTS, float64, FLOATS, float64, float64)
-)
+@compiled(float64(INTS, REALS_2D, REALS, INTS, INTS, INTS, float64, FLOATS, float64, float64))
 def search_grid(
     place: Ints, state: Reals, weight: Reals, chosen: Ints, corner: Ints, size: Ints, rho: float, profiles: Floats,
     light: float, best: float,
@@ -190,8 +188,8 @@ def search_grid(
     """Find the highest node of a grid, if it is higher than `best`, or as high and before `place`.
 
     place: [row, column, angle] of the highest node so far, is overwritten. corner, size: as in `add_cones`, of the
-    [columns, rows]. light: the sum of the weights of states that are not chosen. Returns the height of `place`, which is
-    summed over all states; -1 if light states would have to be added at too many nodes.
+    [columns, rows]. light: the sum of the weights of states that are not chosen. Returns the height of `place`,
+    which is summed over all states; -1 if light states would have to be added at too many nodes.
     """
     ahead, lanes = math.ceil(rho / PARZEN_STEP[2]), len(profiles) // ((_SQUARES + 1) * _FRACTIONS)
     bound = np.zeros((size[1], size[0], TURN + 1 + lanes), dtype=np.float32)
@@ -211,7 +209,13 @@ def search_grid(
             return -1.0
         if count == 0:
             return best
-        node, found, heights, count = np.empty((3, count)), np.empty((3, count), np.int64), np.empty(count), 0
+        padded = (count + 3) // 4 * 4  # vectors of 4 have no rest then
+        node, found, heights, count = (
+            np.zeros((3, padded)),
+            np.empty((3, count), np.int64),
+            np.empty(padded),
+            0,
+        )
         for row in range(size[1]):
             for column in range(size[0]):
                 if highest[row, column] >= least:
@@ -223,6 +227,8 @@ def search_grid(
                             node[1, count] = found[0, count] * PARZEN_STEP[1]
                             node[2, count] = found[2, count] * PARZEN_STEP[2]
                             count += 1
+        for m in range(count, padded):
+            node[:, m] = node[:, 0]
         sum_cones(heights, node, state, weight, rho)
         for m in range(count):
             row, column, k = found[0, m], found[1, m], found[2, m]

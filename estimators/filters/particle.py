@@ -36,7 +36,10 @@ class ParticleOptions(FilterOptions):
     """Options of the particle filter."""
 
     particles: int = Field(
-        10_000, ge=1, le=10_000_000, description="n_P, the total over all letters; the most of them with kld_error"
+        10_000,
+        ge=1,
+        le=10_000_000,
+        description="n_P, the total over all letters; the most of them with kld_error",
     )
     noise_mm: float = Field(1.0, ge=0, le=100, description="sigma of the command update in x and y, mm")
     noise_rad: float = Field(0.1, ge=0, le=10, description="sigma of the command update in the angle, rad")
@@ -52,7 +55,10 @@ class ParticleOptions(FilterOptions):
         "`particles`",
     )
     kld_z: float = Field(
-        2.33, ge=0, le=6, description="upper standard normal quantile of how surely kld_error is kept: 2.33 for 99 %"
+        2.33,
+        ge=0,
+        le=6,
+        description="upper standard normal quantile of how surely kld_error is kept: 2.33 for 99 %",
     )
     kld_mm: float = Field(1.0, ge=0.01, le=100, description="side of KLD-sampling's bins in x and y, mm")
     kld_rad: float = Field(0.2, ge=0.01, le=7, description="side of KLD-sampling's bins in the angle, rad")
@@ -110,7 +116,7 @@ class ParticleFilter(MapFilter):
         self._evaluated = self._injected = self._cones = self._spared = 0
 
     def _fit(self) -> None:
-        pass  # the field is all that a sequence needs
+        self._distinct = len(set(self.field.alike.tolist())) == len(self.labels)
 
     def _reset(self, rng: np.random.Generator) -> None:
         """Spread the particles evenly over letters and uniformly over poses."""
@@ -148,7 +154,7 @@ class ParticleFilter(MapFilter):
         alike, mass = self.field.alike, np.empty(len(self.labels))
         letter, state, weight = self._particles.letter, self._particles.state, self._weights.relative
         sum_by_letter(mass, weight, letter)
-        mass = shared(mass, alike)
+        mass = mass if self._distinct else shared(mass, alike)
         best = int(mass.argmax())
         mine = letter == alike[best]
         if not mine.all():
@@ -180,7 +186,10 @@ class ParticleFilter(MapFilter):
         skipped: cones, of particles that could not decide the mode. spared_by_kld: particles fewer than the most that
         `kld_error` took. injected: random particles that replaced others, if there is an injection.
         """
-        counts: dict[str, Any] = {"likelihood_evaluations": self._evaluated, "skipped": {"cones": self._cones}}
+        counts: dict[str, Any] = {
+            "likelihood_evaluations": self._evaluated,
+            "skipped": {"cones": self._cones},
+        }
         if self.options.kld_error > 0:
             counts["spared_by_kld"] = self._spared
         return counts if self._injection is None else {**counts, "injected": self._injected}
@@ -212,7 +221,9 @@ class ParticleFilter(MapFilter):
         drawn = self._moved(chosen) if self._motion is None else self._follow(self._motion, chosen)
         if self._injection is not None:
             replaced = self._injection.choose(count, self._rng)
-            drawn.letter[replaced] = self.field.alike[self._rng.integers(len(self.labels), size=len(replaced))]
+            drawn.letter[replaced] = self.field.alike[
+                self._rng.integers(len(self.labels), size=len(replaced))
+            ]
             drawn.state[:, replaced] = uniform_states(len(replaced), self.options.reach, self._rng)
             self._injected += len(replaced)
         return drawn

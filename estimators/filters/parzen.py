@@ -8,10 +8,10 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from tactsim.core import wrap_angle
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.filters.cones import (
     PARZEN_STEP,
+    TURN,
     cone_profiles,
     heaviest,
     search_grid,
@@ -41,7 +41,8 @@ def parzen_mode(
         if mode is not None:
             return mode, left_out
     # No cone reaches a node.
-    return _pose(np.rint(state[:, weight.argmax()] / PARZEN_STEP)), 0
+    column, row, angle = np.rint(state[:, weight.argmax()] / PARZEN_STEP).astype(np.int64).tolist()
+    return _pose(column, row, angle % TURN), 0
 
 
 def _highest_node(
@@ -61,13 +62,14 @@ def _highest_node(
             return None, 0
     if best <= light:
         return None, 0
-    return _pose(place[[1, 0, 2]]), len(weight) - count
+    row, column, angle = place.tolist()
+    return _pose(column, row, angle), len(weight) - count
 
 
-def _pose(node: NDArray[np.int64] | FloatArray) -> FloatArray:
-    """Give the pose of a node [column, row, angle]."""
-    x, y, angle = (node * PARZEN_STEP).tolist()
-    return np.array([x, y, wrap_angle(angle)])
+def _pose(column: int, row: int, angle: int) -> FloatArray:
+    """Give the pose of a node."""
+    dx, dy, turn = PARZEN_STEP.tolist()
+    return np.array([column * dx, row * dy, (angle if 2 * angle < TURN else angle - TURN) * turn])
 
 
 def _tiles(

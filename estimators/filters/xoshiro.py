@@ -75,7 +75,8 @@ def exponentials(words: Words, out: Reals) -> None:
     no vectors of math.log.
     """
     for i in range(uint64(len(out))):
-        bits = bits_of(2.0 - real_of((words[i] >> uint64(12)) | uint64(0x3FF0000000000000)))
+        uniform = 2.0 - real_of((words[i] >> uint64(12)) | uint64(0x3FF0000000000000))  # type: ignore[call-arg]
+        bits: np.uint64 = bits_of(uniform)
         # u = m * 2^power with m in [sqrt(1/2), sqrt(2)); the power is turned into a float by its place in 1.5 * 2^52.
         power = uint64(int64(bits - uint64(0x3FE6A09E667F3BCD)) >> int64(52))
         m = real_of(bits - (power << uint64(52)))
@@ -104,7 +105,7 @@ def normals(words: Words, out: Reals) -> None:
     exponentials(words, out[: len(out) // 2])
     for i in range(half):
         radius, bits = math.sqrt(2.0 * out[i]), words[i + half]
-        angle = (real_of((bits >> uint64(12)) | uint64(0x3FF0000000000000)) - 1.5) * (math.pi / 2)
+        angle = (real_of((bits >> uint64(12)) | uint64(0x3FF0000000000000)) - 1.5) * (math.pi / 2)  # type: ignore[call-arg]
         z = angle * angle
         sine = 1 / 6227020800
         sine = sine * z - 1 / 39916800

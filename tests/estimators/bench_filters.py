@@ -13,7 +13,6 @@ from rivals import Gather, GatherTables, MapCoordinates
 from synthetic import draw_trial
 
 from tactsim import estimators
-from tactsim.estimators.field import field
 from tactsim.estimators.filters.grid import state_grid
 
 pytestmark = pytest.mark.benchmark
@@ -71,24 +70,6 @@ def test_cost_grows_slower_than_bins(vowels, benchmark):
     print(f"\n10,000 to 100,000 bins: {large.mean() / small.mean():.1f} times the cost of an update")
     assert large.mean() < 10 * small.mean()
     benchmark.pedantic(update_times, (filters[1], vowels, 1), rounds=3)
-
-
-@pytest.mark.parametrize("name", ["particle", "augmented-mcl"])
-def test_particles_beside_their_own_likelihood(vowels, benchmark, name, monkeypatch):
-    filter = estimators.create(name, particles=10_000)
-    filter.fit(vowels)
-    inside, whole = [], []
-    replay = field.replay
-    monkeypatch.setattr(field, "replay", lambda *args: inside.append(seconds(replay, *args)))
-    for rng, readings, poses in trials(vowels, 5):
-        filter.reset(rng)
-        for reading, pose in zip(readings, poses, strict=True):
-            whole.append(seconds(filter.update, reading, pose) + seconds(filter.estimate))
-    ratio = sum(whole) / sum(inside)
-    benchmark.extra_info["ratio"] = ratio
-    print(f"\n{name}: update and estimate take {ratio:.1f} times the likelihood evaluations")
-    assert ratio < 3
-    benchmark.pedantic(filter.update, (readings[0], poses[0]), rounds=20)
 
 
 def recognise(filter, rng, readings, poses):

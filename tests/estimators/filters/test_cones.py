@@ -6,31 +6,78 @@ import numpy as np
 import pytest
 
 from tactsim.core import wrap_angle
-from tactsim.estimators.filters.cones import add_cones, sum_cones
+from tactsim.estimators.filters.cones import (
+    PARZEN_STEP,
+    TURN,
+    add_cones,
+    cone_profiles,
+    fold,
+    heaviest,
+    sum_cones,
+    window,
+)
 
 
-@pytest.mark.parametrize("rho", [0.4, 1.0, 2.2])
-def test_the_density_is_the_sum_of_cones_node_by_node(rho):
-    rng = np.random.default_rng(0)
-    step, corner, before = np.array([0.5, 0.4, 0.3]), np.array([-1.0, 2.0]), int(rho / 0.3) + 1
-    density = np.zeros((9, 7, 21 + 2 * before + 1), dtype=np.float32)
-    state = np.stack([rng.uniform(-1.5, 2.5, 20), rng.uniform(1.5, 6, 20), rng.uniform(0, 2 * np.pi, 20)])
-    weight = rng.random(20)
-    add_cones(density, before, np.ascontiguousarray(state), weight, corner, step, rho)
-    for (row, column, angle), got in np.ndenumerate(density):
-        node = (corner[0] + column * step[0], corner[1] + row * step[1], (angle - before) * step[2])
-        away = np.array([math.dist(node, one) for one in state.T])
-        # A state is given float32's rounding of its distance to the node.
-        assert got == pytest.approx(weight @ np.maximum(0, 1 - away / rho), abs=1e-5)
+def random_states(count, seed=0):
+    rng = np.random.default_rng(seed)
+    state = np.stack([rng.uniform(-2, 2, count), rng.uniform(1, 5, count), rng.uniform(-9, 9, count)])
+    return np.ascontiguousarray(state), rng.random(count)
+
+
+@pytest.mark.parametrize("rho", [0.3, 1.0, 2.2, 3.0])
+def test_a_grid_bounds_the_sum_of_cones_node_by_node(rho):
+    state, weight = random_states(30)
+    wide, ahead, lanes = window(rho)
+    # All nodes that a cone between -2 and 2, 1 and 5 mm may reach; `wide` may be a few nodes more.
+    corner = np.array([math.floor((-2 - rho) / 0.5) - 1, math.floor((1 - rho) / 0.5) - 1])
+    size = math.ceil(4 / 0.5) + wide + 3
+    bound = np.zeros((size, size, TURN + 1 + lanes), dtype=np.float32)
+    highest = np.empty((size, size), dtype=np.float32)
+    chosen = np.arange(0, 30, 2)
+    add_cones(bound, state, weight, chosen, corner, rho, cone_profiles(rho))
+    fold(bound, highest, ahead)
+    circle = bound[:, :, ahead : ahead + TURN]
+    assert highest.tolist() == circle.max(axis=2).tolist()
+
+    row, column, angle = np.indices(circle.shape).reshape(3, -1)
+    node = np.stack([column + corner[0], row + corner[1], angle], axis=1) * PARZEN_STEP
+    away = state.T[chosen] - node[:, None]
+    away[..., 2] = wrap_angle(away[..., 2])
+    exact = np.maximum(0, 1 - np.linalg.norm(away, axis=-1) / rho) @ weight[chosen]
+    over = circle.ravel() - exact
+    assert over.min() > -1e-5  # float32's rounding
+    assert exact.max() > 0.3
+    # An eighth of a step in angle, and a square of 1/128 next to the tip.
+    assert over.max() < weight[chosen].sum() * (PARZEN_STEP[2] / 8 / rho + 128**-0.5)
 
 
 @pytest.mark.parametrize("rho", [0.4, 1.0, 3.0])
 def test_cones_are_summed_around_the_circle_at_single_nodes(rho):
-    rng = np.random.default_rng(1)
-    state = np.ascontiguousarray(rng.uniform([-2, -2, 0], [2, 2, 2 * np.pi], (50, 3)).T)
-    node, weight, density = rng.uniform([-1, -1, 0], [1, 1, 2 * np.pi], (20, 3)), rng.random(50), np.ones(20)
+    state, weight = random_states(50, seed=1)
+    rng = np.random.default_rng(2)
+    node, density = rng.uniform([-2, 1, 0], [2, 5, 2 * np.pi], (20, 3)), np.ones(20)
     node[0, 2], node[1, 2] = 0.0, 6.28
-    sum_cones(density, node, state, weight, rho)
+    sum_cones(density, np.ascontiguousarray(node.T), state, weight, rho)
     away = state.T[None] - node[:, None]
     away[..., 2] = wrap_angle(away[..., 2])
     assert density == pytest.approx(np.maximum(0, 1 - np.linalg.norm(away, axis=-1) / rho) @ weight)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.01, 0.3])
+def test_the_lightest_are_left_out_up_to_their_share(share):
+    state, _ = random_states(2000)
+    weight = np.exp(-np.random.default_rng(3).exponential(5, 2000))
+    weight[7], weight[8], weight[9] = 1.0, 0.0, 1e-310
+    chosen, box = np.empty(2000, dtype=np.int64), np.empty(4)
+    count, light = heaviest(chosen, box, state, weight, share)
+    kept = chosen[:count]
+    others = np.setdiff1d(np.arange(2000), kept)
+    assert (np.diff(kept) > 0).all()
+    assert len(others) == 0 if share == 0 else weight[others].max() <= weight[kept].min()
+    assert light == pytest.approx(weight[others].sum())
+    assert light <= share * weight.sum()
+    assert light > 0.1 * share * weight.sum() or share == 0
+    assert box.tolist() == [
+        *state[:2, kept].min(axis=1)[:1], *state[:2, kept].max(axis=1)[:1],
+        *state[:2, kept].min(axis=1)[1:], *state[:2, kept].max(axis=1)[1:],
+    ]  # fmt: skip

@@ -4,17 +4,15 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
-from tactsim.estimators.filters.multinomial import draw, sort_uniform
+from tactsim.estimators.filters.multinomial import draw
 
 
 def test_draws_are_in_proportion_to_the_weights():
     rng = np.random.default_rng(0)
     weights = np.array([0.0, 3.0, 1.0, 0.0, 6.0, 0.0])
     chosen = np.empty(100_000, dtype=np.int64)
-    draw(chosen, weights, rng.random(len(chosen)))
+    draw(chosen, weights, rng.standard_exponential(len(chosen) + 1))
     assert (np.diff(chosen) >= 0).all()
     shares = np.bincount(chosen, minlength=6) / len(chosen)
     # Five standard deviations of a binomial share.
@@ -22,8 +20,22 @@ def test_draws_are_in_proportion_to_the_weights():
     assert shares[[0, 3, 5]].tolist() == [0, 0, 0]
 
 
-@given(st.lists(st.floats(0, 1, exclude_max=True), max_size=60))
-def test_numbers_are_sorted(values):
-    array = np.array(values)
-    sort_uniform(array)
-    assert array.tolist() == sorted(values)
+def test_spacings_are_sorted_uniform_numbers():
+    # Drawn from equal weights, one number in each n-th part of [0, 1) with spacings all alike.
+    chosen = np.empty(9, dtype=np.int64)
+    draw(chosen, np.ones(10), np.ones(12))  # the numbers are 0.1, 0.2, ..., 0.9; what is beyond is not used
+    assert chosen.tolist() in ([1, 2, 3, 4, 5, 6, 7, 8, 9], [0, 1, 2, 3, 4, 5, 6, 7, 8])
+    draw(chosen, np.ones(10), np.append(np.full(9, 1.0), 10.0))  # up to 9/19
+    assert chosen.tolist() == [0, 1, 1, 2, 2, 3, 3, 4, 4]
+
+
+def test_draws_are_independent_of_each_other():
+    # Two equal halves of n draws: the count of the first is binomial, not as even as systematic resampling makes it.
+    rng = np.random.default_rng(4)
+    counts, chosen = [], np.empty(64, dtype=np.int64)
+    for _ in range(4000):
+        draw(chosen, np.ones(2), rng.standard_exponential(65))
+        counts.append(64 - chosen.sum())
+    # The standard error of a variance of 16 from 4,000 samples is 0.36.
+    assert np.var(counts) == pytest.approx(16, abs=1.5)
+    assert np.mean(counts) == pytest.approx(32, abs=5 * 4 / math.sqrt(4000))

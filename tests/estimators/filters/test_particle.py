@@ -102,3 +102,33 @@ def test_injection_follows_the_fall_of_the_weights(scan):
 def test_a_slow_mean_that_is_faster_is_refused():
     with pytest.raises(InputError, match="alpha_slow"):
         estimators.create("augmented-mcl", alpha_slow=0.6, alpha_fast=0.5)
+
+
+@pytest.mark.parametrize("name", ["particle", "augmented-mcl"])
+def test_leaving_cones_out_changes_no_answer(name, scan):
+    quick, full = (estimators.create(name, particles=2000, skip=skip) for skip in (True, False))
+    readings, poses, _ = draw_trial(scan, "L", 8, np.random.default_rng(3))
+    for filter in (quick, full):
+        filter.fit(scan)
+        filter.reset(np.random.default_rng(1))
+    for reading, pose in zip(readings, poses, strict=True):
+        one, other = (filter.update(reading, pose) or filter.estimate() for filter in (quick, full))
+        assert one.probabilities == other.probabilities
+        assert one.robot_in_object.tolist() == other.robot_in_object.tolist()
+        assert np.array_equal(one.samples.poses, other.samples.poses)
+    assert quick.work["skipped"]["cones"] > 2000
+    assert full.work["skipped"]["cones"] == 0
+
+
+def test_estimates_stay_as_they_were_when_the_filter_goes_on(scan):
+    filter = estimators.create("particle", particles=500)
+    filter.fit(scan)
+    filter.reset(np.random.default_rng(0))
+    filter.update(scan.readings[0], scan.poses[0])
+    first = filter.estimate().samples
+    poses, weights = first.poses.copy(), first.weights.copy()
+    for _ in range(3):
+        filter.update(scan.readings[1], scan.poses[1])
+        filter.estimate()
+    assert np.array_equal(first.poses, poses)
+    assert np.array_equal(first.weights, weights)

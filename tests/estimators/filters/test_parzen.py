@@ -30,33 +30,59 @@ def test_mode_is_the_highest_node_by_brute_force(rho, light):
         for k in range(50)
     ]
     heights = parzen(nodes, states, weights, rho)
-    mode = parzen_mode(np.ascontiguousarray(states.T), weights, rho)
+    mode, _ = parzen_mode(np.ascontiguousarray(states.T), weights, rho)
     assert parzen([mode], states, weights, rho) == pytest.approx(heights.max())
     assert np.rint(mode / PARZEN_STEP) * PARZEN_STEP == pytest.approx(mode)
 
 
-def test_tiles_find_the_same_mode(monkeypatch):
+def beliefs(count, most=60):
+    """Draw weighted states of all kinds, some with equally high nodes, and a rho."""
     rng = np.random.default_rng(11)
-    for trial in range(40):
-        count = int(rng.integers(1, 60))
-        states = rng.uniform(-1, 1, (3, count)) * [[12.0], [25.0], [7.0]]
-        weights = 10.0 ** -rng.uniform(0, 6, count)
-        if trial % 3 == 0:  # equally high nodes in several tiles: the first counts
-            states[:, count // 2 :] = states[:, : count - count // 2] + [[16.0], [8.0], [0.0]]
+    for trial in range(count):
+        states = rng.uniform(-1, 1, (3, int(rng.integers(1, most)))) * [[12.0], [25.0], [7.0]]
+        weights = 10.0 ** -rng.uniform(0, 6, states.shape[1])
+        if trial % 3 == 0:
+            half = states.shape[1] // 2
+            states[:, half:] = states[:, : states.shape[1] - half] + [[16.0], [8.0], [0.0]]
             weights[:] = 1.0
-        rho = float(rng.choice([0.3, 1.0, 3.0]))
+        yield states, weights, float(rng.choice([0.3, 1.0, 3.0]))
+
+
+def test_tiles_find_the_same_mode(monkeypatch):
+    for states, weights, rho in beliefs(40):
         monkeypatch.setattr(module, "_TILE", 1000)
-        mode, lead = module._density_mode(states, weights, rho)
-        for tile in (8, 16, 33):
-            if rho / PARZEN_STEP[0] + 1 <= tile / 2:
-                monkeypatch.setattr(module, "_TILE", tile)
-                again, lead_again = module._density_mode(states, weights, rho)
-                # Of nodes summed in float32.
-                assert lead_again == pytest.approx(lead, abs=3e-4 * weights.sum())
-                if lead > 1e-9:  # of equally high nodes rounding decides
-                    assert again.tolist() == mode.tolist()
+        mode, _ = parzen_mode(states, weights, rho)
+        for tile in (24, 33, 64):
+            monkeypatch.setattr(module, "_TILE", tile)
+            assert parzen_mode(states, weights, rho)[0].tolist() == mode.tolist()
+
+
+def test_leaving_light_particles_out_of_the_grid_changes_no_mode():
+    left_out = 0
+    for states, weights, rho in beliefs(60, most=400):
+        mode, without = parzen_mode(states, weights, rho)
+        whole, none = parzen_mode(states, weights, rho, skip=False)
+        assert mode.tolist() == whole.tolist()
+        assert none == 0 <= without < len(weights)
+        left_out += without
+    assert left_out > 1000
+
+
+def test_many_nodes_that_light_particles_could_lift_are_left_to_the_whole_grid():
+    # Light particles everywhere, as heavy together as may be left out: no single one of the heavy stands out.
+    rng = np.random.default_rng(5)
+    states = rng.uniform(-1, 1, (3, 4000)) * [[20.0], [20.0], [3.1]]
+    weights = np.where(np.arange(4000) < 300, 1.0, 0.0005)
+    mode, left_out = parzen_mode(states, weights)
+    assert mode.tolist() == parzen_mode(states, weights, skip=False)[0].tolist()
+    assert left_out == 0
 
 
 def test_particles_of_no_weight_can_still_be_the_only_ones():
-    mode = parzen_mode(np.array([[1.0], [2.0], [0.5]]), np.array([1e-300]))
+    mode, _ = parzen_mode(np.array([[1.0], [2.0], [0.5]]), np.array([1e-300]))
     assert mode == pytest.approx([1.0, 2.0, 0.5], abs=0.26)
+
+
+def test_a_cone_that_reaches_no_node_has_the_node_nearest_to_it():
+    mode, _ = parzen_mode(np.array([[1.2, 9.2], [2.2, 9.2], [-0.3, 0.1]]), np.array([1.0, 0.1]), rho=0.05)
+    assert mode == pytest.approx([1.0, 2.0, -2 * PARZEN_STEP[2]])
