@@ -48,8 +48,8 @@ def summarise(
                                     mode[letter] = (angle * rows + row) * columns + column
 
 
-@compiled(int64(BELIEF, float64, int64, float64, int64, int64, INTS, REALS))
-def pick(
+@compiled(int64(BELIEF, float64, int64, float64, int64, int64, INTS, REALS), called_from_python=False)
+def pick_letters(
     belief: Belief,
     any_state: float,
     count: int,
@@ -69,8 +69,6 @@ def pick(
     found = 0
     for letter in range(first, last):
         for angle in range(angles):
-            if belief.summit[letter, angle] + any_state < least:
-                continue
             for i in range(block_rows):
                 for j in range(block_columns):
                     bound = belief.upper[letter, angle, i, j] + any_state
@@ -90,15 +88,19 @@ def pick(
     return found
 
 
+@compiled(int64(BELIEF, float64, int64, float64, INTS, REALS))
+def pick(belief: Belief, any_state: float, count: int, least: float, flat: Ints, log_p: Reals) -> int:
+    """List the bins of all letters, as `pick_letters` does; flat and log_p have room for all bins."""
+    return int(pick_letters(belief, any_state, count, least, 0, len(belief.seen), flat, log_p))
+
+
 @compiled(int64(BELIEF, float64, int64, float64, int64, int64), called_from_python=False)
 def room_for(belief: Belief, any_state: float, count: int, least: float, first: int, last: int) -> int:
-    """Count the bins of the blocks that `pick` looks into, given the same."""
+    """Count the bins of the blocks that `pick_letters` looks into, given the same."""
     _, angles, block_rows, block_columns = belief.seen.shape
     blocks = 0
     for letter in range(first, last):
         for angle in range(angles):
-            if belief.summit[letter, angle] + any_state < least:
-                continue
             for i in range(block_rows):
                 for j in range(block_columns):
                     bound = belief.upper[letter, angle, i, j] + any_state
@@ -128,7 +130,7 @@ def posterior(
     least = belief.upper.reshape(belief.upper.size)[incumbent] + any_state[count] - within
     size = room_for(belief, any_state[count], count, least, letter, letter + 1)
     flat, weight = np.empty(size, dtype=np.int64), np.empty(size)
-    found = pick(belief, any_state[count], count, least, letter, letter + 1, flat, weight)
+    found = pick_letters(belief, any_state[count], count, least, letter, letter + 1, flat, weight)
     highest = weight[:found].max()
     total = 0.0
     for k in range(found):

@@ -119,8 +119,7 @@ class BinnedBelief:
         enough = np.partition(highest, place)[place] if place else -math.inf
         least = min(enough, highest.max() - within) - _ROUNDING
         flat, log_p = self._room
-        letters = len(self._field.labels)
-        found = pick(self._belief, any_state, readings, least, 0, letters, flat, log_p)
+        found = pick(self._belief, any_state, readings, least, flat, log_p)
         return flat[:found].copy(), log_p[:found].copy()
 
     @cached_property
