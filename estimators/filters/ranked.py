@@ -71,17 +71,20 @@ class RankedBins(BinnedBelief):
             self._raise_to(least, bounding=True)
         return self._pick(least)
 
-    def lead(self) -> float:
-        """Tell how far the best bin is above whatever bins that were left alone may reach, nats; from 0 it is proven.
+    def certificate(self) -> tuple[int, FloatArray, float]:
+        """Give the letter and the middle [x, y, theta] of the best bin, and its lead over bins that were left alone.
 
-        Where no bin was left alone it is infinite.
+        The lead is that over their upper bounds, nats; infinite if all bins are up to date.
         """
         belief, readings = self._belief, len(self._field)
-        if not readings:
-            return math.inf
-        waits = belief.seen != readings
-        highest = float(belief.upper[~waits].max())
-        return highest - float(belief.upper[waits].max()) if waits.any() else math.inf
+        any_state, waits = float(self._field.terms.upper[readings]), belief.seen != readings
+        flat, log_p = self._pick(float(belief.upper[~waits].max()) + any_state - _ROUNDING)
+        letter, angle, row, column = np.unravel_index(
+            flat[log_p.argmax()], (len(waits), self._grid.angle, self._grid.y, self._grid.x)
+        )
+        x, y, theta = self._grid.centres
+        others = float(belief.upper[waits].max()) + any_state if waits.any() else -math.inf
+        return int(letter), np.array([x[column], y[row], theta[angle]]), float(log_p.max()) - others
 
     def _raise_to(self, floor: float, *, bounding: bool) -> None:
         field = self._field
