@@ -87,12 +87,11 @@ class RankedBins(BinnedBelief):
         return int(letter), np.array([x[column], y[row], theta[angle]]), float(log_p.max()) - others
 
     def _raise_to(self, floor: float, *, bounding: bool) -> None:
-        field = self._field
-        state = self._belief, field.terms, self._turns, len(field), field.longest, floor - _ROUNDING
-        belief, *rest = state
+        field, belief, turns, least = self._field, self._belief, self._turns, floor - _ROUNDING
+        terms, readings, longest = field.terms, len(field), field.longest
         if bounding and self._skip:
-            self.bounds += lower(belief, self._ceiling, self._maxima, *rest)
-        self.evaluated += raise_to(belief, self._bins, *rest)
+            self.bounds += lower(belief, self._ceiling, self._maxima, terms, turns, readings, longest, least)
+        self.evaluated += raise_to(belief, self._bins, terms, turns, readings, longest, least)
 
     def _limit(self, count: int) -> float:
         """Find the log-belief of the best bin but `count`, of those that are up to date; -inf if there is none."""
