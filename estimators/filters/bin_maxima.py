@@ -37,9 +37,9 @@ def bin_maxima(tables: Tables, first: FloatArray) -> BinMaxima:
         )
         framed = np.pad(nodes, ((0, 0), (steps_y, steps_y + 1), (steps_x, steps_x + 1)))
         for k in range(phases):
-            down = _maxima(framed.swapaxes(0, 1), *start[0, k : k + 2], steps_y, rows + 1)
+            down = _maxima(framed.swapaxes(0, 1), start[0, k], start[0, k + 1], steps_y, rows + 1)
             for m in range(phases):
-                both = _maxima(down.transpose(2, 0, 1), *start[1, m : m + 2], steps_x, columns + 1)
+                both = _maxima(down.transpose(2, 0, 1), start[1, m], start[1, m + 1], steps_x, columns + 1)
                 room[:, letter, k, m, 1:-1, LANES:] = both.transpose(2, 1, 0)
     place = np.concatenate([first - tables.origin, tables.step])
     return BinMaxima(highest, np.ascontiguousarray(start[:, :-1]), np.array(shape), place, np.array(steps))

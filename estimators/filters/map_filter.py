@@ -9,7 +9,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tactsim.core import Scan
+from tactsim.core import Scan, memory
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.estimator import Estimate, Estimator, Options, check_order, check_reading
 from tactsim.estimators.field.field import LikelihoodField
@@ -21,6 +21,9 @@ from tactsim.estimators.likelihoods.calibrated import CalibratedLikelihood
 from tactsim.estimators.likelihoods.likelihood import Likelihood
 from tactsim.estimators.likelihoods.occupancy import OccupancyMap, learn_maps
 from tactsim.estimators.options import FilterOptions
+
+# Bytes that a filter holds for a bin of a letter and for a particle: logs, indices, and room to list and sum them.
+_OF_A_BIN, _OF_A_PARTICLE = 64, 200
 
 
 class MapFilter(Estimator):
@@ -49,6 +52,7 @@ class MapFilter(Estimator):
 
     def fit(self, scan: Scan) -> None:
         """Learn the maps (eq. 2 to 6) and the measurement model from the training readings."""
+        self._check_memory(len(scan.where("train").letters))
         chosen = self.options
         maps = learn_maps(
             scan, sigma=chosen.sigma, peak=chosen.peak, prior=chosen.prior, threshold=chosen.threshold,
@@ -146,6 +150,15 @@ class MapFilter(Estimator):
     @abstractmethod
     def _estimate(self) -> Estimate:
         """Make the estimate."""
+
+    def _check_memory(self, letters: int) -> None:
+        """Raise InputError if the belief of so many letters would not fit in memory: before hours of work."""
+        grid, particles = getattr(self, "grid", None), getattr(self.options, "particles", None)
+        if grid is not None:
+            what, count = f"{letters} letters with {grid.bins:,} bins each", letters * grid.bins * _OF_A_BIN
+            memory.require(count, what, "choose fewer bins")
+        elif particles is not None:
+            memory.require(particles * _OF_A_PARTICLE, f"{particles:,} particles", "choose fewer particles")
 
     def _check_started(self, call: str) -> None:
         check_order(self._started, "reset" if self.maps else "fit", call)

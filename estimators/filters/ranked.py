@@ -71,25 +71,27 @@ class RankedBins(BinnedBelief):
             self._raise_to(least, bounding=True)
         return self._pick(least)
 
-    def lead(self) -> float:
-        """Tell how far the best bin is above whatever bins that were left alone may reach, nats; from 0 it is proven.
+    def certificate(self) -> tuple[int, FloatArray, float]:
+        """Give the letter and the middle [x, y, theta] of the best bin, and its lead over bins that were left alone.
 
-        Where no bin was left alone it is infinite.
+        The lead is that over their upper bounds, nats; infinite if all bins are up to date.
         """
         belief, readings = self._belief, len(self._field)
-        if not readings:
-            return math.inf
-        waits = belief.seen != readings
-        highest = float(belief.upper[~waits].max())
-        return highest - float(belief.upper[waits].max()) if waits.any() else math.inf
+        any_state, waits = float(self._field.terms.upper[readings]), belief.seen != readings
+        flat, log_p = self._pick(float(belief.upper[~waits].max()) + any_state - _ROUNDING)
+        letter, angle, row, column = np.unravel_index(
+            flat[log_p.argmax()], (len(waits), self._grid.angle, self._grid.y, self._grid.x)
+        )
+        x, y, theta = self._grid.centres
+        others = float(belief.upper[waits].max()) + any_state if waits.any() else -math.inf
+        return int(letter), np.array([x[column], y[row], theta[angle]]), float(log_p.max()) - others
 
     def _raise_to(self, floor: float, *, bounding: bool) -> None:
-        field = self._field
-        state = self._belief, field.terms, self._turns, len(field), field.longest, floor - _ROUNDING
-        belief, *rest = state
+        field, belief, turns, least = self._field, self._belief, self._turns, floor - _ROUNDING
+        terms, readings, longest = field.terms, len(field), field.longest
         if bounding and self._skip:
-            self.bounds += lower(belief, self._ceiling, self._maxima, *rest)
-        self.evaluated += raise_to(belief, self._bins, *rest)
+            self.bounds += lower(belief, self._ceiling, self._maxima, terms, turns, readings, longest, least)
+        self.evaluated += raise_to(belief, self._bins, terms, turns, readings, longest, least)
 
     def _limit(self, count: int) -> float:
         """Find the log-belief of the best bin but `count`, of those that are up to date; -inf if there is none."""
