@@ -120,7 +120,6 @@ def command(
                 reader, web_port, from_behind=from_behind, about=told.about(), more=told.event,
                 commands=leading.commands(),
             )  # fmt: skip
-            console.print(page.url)
             stack.enter_context(page)
         stack.enter_context(leading)
         if pressed.plan is None:

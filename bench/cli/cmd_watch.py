@@ -41,8 +41,6 @@ def command(
         reader = PadReader(source, played, " ".join(port), correction)
         page = WebPage(reader, web_port, from_behind=from_behind) if web else None
         with reader, page or nullcontext():
-            if page is not None:
-                console.print(page.url)
             watch(
                 reader,
                 console,

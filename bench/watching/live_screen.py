@@ -49,6 +49,8 @@ def live(
         return failed or enough or (ended and page is None and told.leading.idle())
 
     try:
+        if page is not None:
+            console.print(page)
         if on_terminal:
             show(
                 reader, console, over, lambda view: _screen(view, reader, told, console, page),

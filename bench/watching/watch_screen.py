@@ -37,6 +37,8 @@ def watch(
         return late or reader.error is not None or (view.state == "ended" and page is None)
 
     try:
+        if page is not None:
+            console.print(page)
         if console.is_terminal:
             _on_terminal(reader, console, from_behind, page, over)
         else:

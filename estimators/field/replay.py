@@ -70,7 +70,9 @@ def replay(
                         u = x[k] + cos_x[k] * there_x - sin_x[k] * there_y
                         v = y[k] + sin_y[k] * there_x + cos_y[k] * there_y
                         u, v = min(max(u, nowhere), last_column), min(max(v, nowhere), last_row)
-                        column, row = min(int32(u), most_left), min(int32(v), most_below)
+                        # NaN is at no node: it must not be looked up outside.
+                        column = min(max(int32(u), int32(0)), most_left)
+                        row = min(max(int32(v), int32(0)), most_below)
                         right[k], above[k] = u - float32(column), v - float32(row)
                         at[k] = base[k] + row * width + column
                 for k in range(uint64(count)):

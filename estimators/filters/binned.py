@@ -14,6 +14,7 @@ from tactsim.estimators.field.field import LikelihoodField
 from tactsim.estimators.field.vectors import LANES, TALL
 from tactsim.estimators.filters.bin_sums import pick, posterior
 from tactsim.estimators.filters.branch_and_bound import Belief, advance
+from tactsim.estimators.filters.every_bin import take_in
 from tactsim.estimators.filters.grid import StateGrid
 from tactsim.estimators.filters.states import CORNERS, SPREAD
 
@@ -59,6 +60,10 @@ class BinnedBelief:
         Returns how many times a bin took in a reading, and how many times a block's upper bound did.
         """
         field = self._field
+        if self._margin == math.inf:
+            take_in(self._belief, self._bins, field.terms, self._turns, len(field), field.longest)
+            self._incumbent = int(self._belief.upper.argmax())
+            return len(field.labels) * self._grid.bins, 0
         bins, blocks, self._incumbent = advance(
             self._belief, self._bins, self._blocks, field.terms, self._turns, len(field), field.longest,
             self._margin, self._incumbent,

@@ -290,7 +290,7 @@ def advance(
         np.empty((belief.log_p.shape[3], LANES)),
     )  # fmt: skip
     best, lowered = -np.inf, 0
-    if count == 1 and margin < np.inf:
+    if count == 1:
         # The better the best bin that is known, the fewer blocks can matter. So the incumbent comes first; at
         # the first reading the block with the highest upper bound.
         lowered = lower_bounds(belief, blocks, terms, turns, count, room, best)
@@ -302,7 +302,7 @@ def advance(
         belief, bins, terms, turns, angle, (letter, letter + 1, i, i + 1, j, j + 1), count, room, margin,
         best, incumbent,
     )  # fmt: skip
-    if count > 1 and margin < np.inf:
+    if count > 1:
         lowered = lower_bounds(belief, blocks, terms, turns, count, room, best - margin)
     for angle in range(angles):
         made, best, incumbent = catch_up(

@@ -14,11 +14,11 @@ from pydantic import Field
 from tactsim.core import Scan
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.estimator import Estimate, Options, PlaneBelief
+from tactsim.estimators.filters.binned import BinnedBelief
 from tactsim.estimators.filters.grid import Cells, StateGrid, state_grid
 from tactsim.estimators.filters.halving import halve
 from tactsim.estimators.filters.map_filter import MapFilter
 from tactsim.estimators.filters.placement import mean_around
-from tactsim.estimators.filters.ranked import RankedBins
 from tactsim.estimators.filters.states import WeightedStates, letter_mass, pose_samples, probabilities
 from tactsim.estimators.filters.trust import learn_trust
 from tactsim.estimators.filters.weights import Weights
@@ -47,9 +47,7 @@ class RefinedOptions(OpenSetOptions):
         6, ge=0, le=8, description="how many times cells are halved in x, y and angle, at most"
     )
     skip: bool = Field(
-        True,
-        description="leave bins alone that cannot matter, replay only the new reading in cells halved before; "
-        "the answer is the same",
+        True, description="replay only the new reading in cells halved before; the answer is the same"
     )
 
 
@@ -63,19 +61,6 @@ class _Halved:
     cell: NDArray[np.int64]
     half: NDArray[np.int64]
     log_p: FloatArray
-
-
-@dataclass(frozen=True, eq=False)
-class Certificate:
-    """The best bin of the whole grid, whichever letter's, and the proof that it is.
-
-    label: its letter. robot_in_object: its middle, [x, y, theta]. lead: nats that it is above the upper bound of
-    every bin that was not evaluated, infinite if all were. From 0 on it is proven that no bin is better.
-    """
-
-    label: str
-    robot_in_object: FloatArray
-    lead: float
 
 
 _Leaves = tuple[NDArray[np.int64], FloatArray]  # cells of one size and their log-beliefs, (n,) each
@@ -108,7 +93,7 @@ class RefinedFilter(MapFilter):
         self.grid = state_grid(options.bins, options.split, options.reach)
         if options.split is not None:
             self.budget = "split"
-        self._evaluated = self._bounds = self._unreplayed = self._left_alone = 0
+        self._evaluated = self._unreplayed = 0
 
     def describe(self) -> str:
         """Say how the state space is split, in one line."""
@@ -123,7 +108,7 @@ class RefinedFilter(MapFilter):
         return self.grid.spacing[:2]
 
     def _fit(self) -> None:
-        self._coarse = RankedBins(self.field, self.grid, self.options.skip)
+        self._coarse = BinnedBelief(self.field, self.grid)
         self._counts = np.array([self.grid.x, self.grid.y, self.grid.angle])
         self._size = np.array(self.grid.spacing)
         every = np.arange(len(self.labels) * self.grid.bins)
@@ -141,12 +126,11 @@ class RefinedFilter(MapFilter):
 
     def _update(self) -> None:
         """Update the coarse bins (eq. 13), then split the best."""
-        coarse, before = self._coarse, self._halved
-        made, bounds = coarse.evaluated, coarse.bounds
-        self._halved, self._leaves = [], []
+        bins, _ = self._coarse.update()
+        self._evaluated += bins
+        before, self._halved, self._leaves = self._halved, [], []
         weight = self.trust(len(self.field))
-        cell, log_p = coarse.rank(self.options.cells)
-        split: NDArray[np.int64] = np.empty(0, dtype=np.int64)
+        cell, log_p = self._coarse.best(self.options.cells, _NEGLIGIBLE / weight)
         for times in range(self.options.halvings):
             if times >= _AT_LEAST and len(log_p) and Weights(weight * log_p).ess > _ENOUGH:
                 break
@@ -156,18 +140,8 @@ class RefinedFilter(MapFilter):
             self._leaves.append((cell[rest], log_p[rest]))
             halved = self._halve(times, np.sort(cell[chosen]), before[times] if times < len(before) else None)
             self._halved.append(halved)
-            split = halved.cell if times == 0 else split
             cell, log_p = halved.half.ravel(), halved.log_p.ravel()
         self._leaves.append((cell, log_p))
-        # Now that the heaviest cell is known, so are the bins that hold a part of the belief beside it.
-        _, highest = self._held()
-        cell, log_p = coarse.above((highest - _NEGLIGIBLE) / weight)
-        rest = ~np.isin(cell, split, assume_unique=True)
-        self._leaves[0] = cell[rest], log_p[rest]
-        bins = coarse.evaluated - made
-        self._evaluated += bins
-        self._bounds += coarse.bounds - bounds
-        self._left_alone += len(self.labels) * self.grid.bins - bins
 
     def _estimate(self) -> Estimate:
         """Sum the belief of each letter (eq. 14); average the placement around the best letter's mode."""
@@ -186,11 +160,6 @@ class RefinedFilter(MapFilter):
             robot_in_object=mean_around(state, weights, int(log_p.argmax())),
             samples=pose_samples(state, weights, cells.size),
         )
-
-    def certificate(self) -> Certificate:
-        """Give the best bin of all letters, and how far below it the bins are that were left alone, at most."""
-        letter, state, lead = self._coarse.certificate()
-        return Certificate(self.labels[letter], state, lead)
 
     def weighted_states(self) -> WeightedStates:
         """Give the middles of the cells, large and small, that hold the belief."""
@@ -216,15 +185,8 @@ class RefinedFilter(MapFilter):
 
     @property
     def work(self) -> dict[str, Any]:
-        """Count evaluations, a bin or cell in a reading each, made and skipped since the estimator was made.
-
-        bound_evaluations: of blocks of bins, made in order to skip bins.
-        """
-        return {
-            "likelihood_evaluations": self._evaluated,
-            "bound_evaluations": self._bounds,
-            "skipped": {"bins": self._left_alone, "replays": self._unreplayed},
-        }
+        """Count evaluations, a bin or cell in a reading each, made and skipped since the estimator was made."""
+        return {"likelihood_evaluations": self._evaluated, "skipped": {"replays": self._unreplayed}}
 
     def _halve(self, times: int, cell: NDArray[np.int64], before: _Halved | None) -> _Halved:
         """Evaluate the halves of cells (n,), themselves halved `times` before, over the whole history."""
@@ -249,23 +211,18 @@ class RefinedFilter(MapFilter):
 
     def _belief_in_cells(self) -> tuple[Cells, Weights]:
         """Give the cells that were not split and are not negligible, and what they hold."""
-        every, highest = self._held()
-        self._highest = highest
+        volume, trust = -math.log(8) * np.arange(len(self._leaves)), self.trust(len(self.field))
+        tops = [trust * log_p.max(initial=-math.inf) for _, log_p in self._leaves]
+        highest = self._highest = float((volume + tops).max())
         times, index, log_weight = [], [], []
-        for depth, ((cell, _), log_held) in enumerate(zip(self._leaves, every, strict=True)):
-            held = log_held - highest
+        for depth, (cell, log_p) in enumerate(self._leaves):
+            held = trust * log_p + (volume[depth] - highest)
             heavy = np.flatnonzero(held > -_NEGLIGIBLE)
             times.append(np.full(len(heavy), depth))
             index.append(cell[heavy])
             log_weight.append(held[heavy])
         cells = Cells(self.grid, np.concatenate(times), np.concatenate(index))
         return cells, Weights(np.concatenate(log_weight))
-
-    def _held(self) -> tuple[list[FloatArray], float]:
-        """Give the log of what each of the leaves holds, and the most that one of them does."""
-        trust = self.trust(len(self.field))
-        held = [trust * log_p - math.log(8) * depth for depth, (_, log_p) in enumerate(self._leaves)]
-        return held, max(float(one.max(initial=-math.inf)) for one in held)
 
 
 class ForceMosaicOptions(RefinedOptions):

@@ -118,13 +118,19 @@ def test_other_case(chosen):
 
 
 # For each a fault in the code under it: what is replaced, and by what.
+def not_inverted(pose, of):
+    """Take where the robot is in the object for where the object is."""
+    x, y, angle = np.moveaxis(np.asarray(pose, dtype=float), -1, 0)
+    return np.stack([x, y, np.cos(angle), np.sin(angle), angle])
+
+
 PLANTED = {
     "frames.wrap": ("tactsim.bench.stress.frames_cases.wrap_angle", lambda angle: np.asarray(angle)),
     "frames.symmetric-objects": (
         "tactsim.bench.placement_error.fold_angle",
         lambda angle, order: wrap_angle(angle),
     ),
-    "frames.error-at-the-seam": ("tactsim.bench.placement_error.invert", lambda pose: -np.asarray(pose)),
+    "frames.error-at-the-seam": ("tactsim.bench.placement_error.placements", not_inverted),
     "maps.peak-near-one": ("tactsim.estimators.likelihoods.occupancy._NOTHING", 0.5),
     "likelihood.float32-tables": (
         "tactsim.estimators.likelihoods.paper.sigmoid",
