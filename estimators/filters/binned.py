@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -22,6 +23,19 @@ from tactsim.estimators.filters.states import CORNERS, SPREAD
 _BLOCK = 4.0
 # Nats that rounding may move the highest log-belief of a block of bins.
 _ROUNDING = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class Certificate:
+    """The best bin of a grid, whichever letter's, and the proof that it is.
+
+    label: its letter. robot_in_object: its middle, [x, y, theta]. lead: nats that it is above the upper bound of
+    every bin that was left alone, infinite if none was. It is positive: no bin of the grid is better.
+    """
+
+    label: str
+    robot_in_object: FloatArray
+    lead: float
 
 
 class BinnedBelief:
@@ -93,6 +107,19 @@ class BinnedBelief:
             *self._axes, self._corners, SPREAD,
         )  # fmt: skip
         return mass, mode, PoseSamples(poses, weights)
+
+    def certificate(self) -> Certificate:
+        """Give the best bin, and how far below it the bins that were left alone are at least."""
+        any_state, waits = self._field.terms.upper[len(self._field)], self._belief.seen != len(self._field)
+        best = self._belief.upper.ravel()[self._incumbent] + any_state
+        flat, log_p = self._room
+        found = pick(self._belief, any_state, len(self._field), best - _ROUNDING, flat, log_p)
+        shape = len(waits), self._grid.angle, self._grid.y, self._grid.x
+        letter, angle, row, column = np.unravel_index(flat[log_p[:found].argmax()], shape)
+        x, y, theta = self._axes
+        others = float(self._belief.upper[waits].max(initial=-math.inf)) + any_state
+        middle = np.array([x[column], y[row], theta[angle]])
+        return Certificate(self._field.labels[letter], middle, float(log_p[:found].max()) - others)
 
     def log_belief(self) -> FloatArray:
         """Give the log-belief of all bins: (letters, angles, rows, columns); of those left alone -inf."""

@@ -7,9 +7,10 @@ from typing import Any
 import numpy as np
 from pydantic import Field
 
+from tactsim.core.errors import InputError
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.estimator import Estimate, Options, PlaneBelief
-from tactsim.estimators.filters.binned import BinnedBelief
+from tactsim.estimators.filters.binned import BinnedBelief, Certificate
 from tactsim.estimators.filters.grid import StateGrid, state_grid
 from tactsim.estimators.filters.map_filter import MapFilter
 from tactsim.estimators.filters.motion import parse_motion
@@ -100,6 +101,15 @@ class HistogramFilter(MapFilter):
         Bins that were left alone, because they cannot matter, have -inf.
         """
         return self._belief.log_belief()
+
+    def certificate(self) -> Certificate:
+        """Give the best bin of all letters, and how far below it the bins are that were left alone, at least.
+
+        Raises InputError if the object may move: then no bin is left alone, and nothing is to be proven.
+        """
+        if isinstance(self._belief, MovingBins):
+            raise InputError("a histogram with motion leaves no bin alone; it needs no certificate")
+        return self._belief.certificate()
 
     def weighted_states(self) -> WeightedStates:
         """Give the bins that were not left alone, as their middles."""

@@ -14,7 +14,7 @@ from pydantic import Field
 from tactsim.core import Scan
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.estimator import Estimate, Options, PlaneBelief
-from tactsim.estimators.filters.binned import BinnedBelief
+from tactsim.estimators.filters.binned import BinnedBelief, Certificate
 from tactsim.estimators.filters.grid import Cells, StateGrid, state_grid
 from tactsim.estimators.filters.halving import halve
 from tactsim.estimators.filters.map_filter import MapFilter
@@ -160,6 +160,10 @@ class RefinedFilter(MapFilter):
             robot_in_object=mean_around(state, weights, int(log_p.argmax())),
             samples=pose_samples(state, weights, cells.size),
         )
+
+    def certificate(self) -> Certificate:
+        """Give the best of all coarse bins of all letters; none is left alone."""
+        return self._coarse.certificate()
 
     def weighted_states(self) -> WeightedStates:
         """Give the middles of the cells, large and small, that hold the belief."""

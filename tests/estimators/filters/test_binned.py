@@ -205,3 +205,26 @@ def test_ten_thousand_readings_do_not_drift(model):
         # A reading's sum is rounded to float32: 1e-7 of some ten nats, in the same direction 400 times.
         assert whole[letter, turn, row, column] == pytest.approx(exact, abs=0.02)
         assert replayed == pytest.approx(exact, abs=0.02)
+
+
+@pytest.mark.parametrize("readings", [1, 2, 6, 12])
+def test_the_certified_bin_is_the_best_of_the_whole_grid(model, readings):
+    made, scan = model
+    grid = StateGrid(25, 25, 8)
+    field = field_of(model, grid)
+    skipping, every = BinnedBelief(field, grid, negligible=1e-8), BinnedBelief(field, grid)
+    rng = np.random.default_rng(readings)
+    letter = scan.labels == scan.letters[readings % 2]
+    for k in rng.choice(np.flatnonzero(letter), readings, replace=False):
+        field.append(made.evidence(scan.readings[k]), np.array(scan.poses[k]))
+        skipping.update()
+        every.update()
+    proof, log_p = skipping.certificate(), every.log_belief()
+    best = np.unravel_index(log_p.argmax(), log_p.shape)
+    x, y, theta = grid.centres
+    assert proof.label == field.labels[best[0]]
+    np.testing.assert_array_equal(proof.robot_in_object, [x[best[3]], y[best[2]], theta[best[1]]])
+    waits = skipping.log_belief() == -np.inf
+    gap = log_p.max() - log_p[waits].max(initial=-np.inf)
+    assert 0 < proof.lead <= gap + 1e-6
+    assert every.certificate().lead == np.inf
