@@ -66,8 +66,8 @@ def progress_bars() -> Iterator[Report]:
             display.stop()
 
 
-def print_run(run: Run, folder: Path) -> None:
-    """Print the table over the reading count, the headline figures, the times and the places."""
+def print_run(run: Run) -> None:
+    """Print the table over the reading count, the headline figures and the times."""
     console = plain_console()
     config, about, summary = run.config, run.about, run.summary
     console.print(config["estimator"], style="bold", end=" ")
@@ -78,6 +78,11 @@ def print_run(run: Run, folder: Path) -> None:
     console.print(_table(summary, run.against_bound, run.readings))
     for line in headlines(run):
         console.print(line)
+
+
+def print_places(run: Run, folder: Path) -> None:
+    """Print where the results and pictures of a run are."""
+    console = plain_console()
     console.print(f"results  {folder}")
     for picture in pictures(run):
         console.print(f"picture  {folder / picture}")

@@ -64,7 +64,7 @@ def command(
     from tactsim.bench.places import check_new_folder, new_place
     from tactsim.bench.results import to_json
     from tactsim.bench.runner import perform
-    from tactsim.bench.terminal import print_run, progress_bars
+    from tactsim.bench.terminal import print_places, print_run, progress_bars
 
     if port is None:
         _refuse_without_port(context)
@@ -86,11 +86,13 @@ def command(
             return
     with progress_bars() as progress:
         run = perform(config, jobs=jobs, cache=cache, progress=progress)
+    if not as_json:
+        print_run(run)  # whether or not there is room for the files
     run.save(folder)
     if as_json:
         typer.echo(to_json(run.as_json() | {"results": str(folder)}), nl=False)
     else:
-        print_run(run, folder)
+        print_places(run, folder)
         if port is not None:
             plain_console().print(
                 f"presses  {config.presses}; `bench run --presses` tries other estimators on them"

@@ -69,6 +69,8 @@ def new_folder(path: str | Path) -> Iterator[Path]:
         temporary.replace(target)
     except OSError as error:
         raise _unwritable(target, error) from error
+    except InputError as error:  # of a file in it, by the name that the user knows
+        raise InputError(str(error).replace(str(temporary), str(target))) from error
     finally:
         if temporary is not None:
             shutil.rmtree(temporary, ignore_errors=True)

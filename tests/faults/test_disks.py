@@ -68,7 +68,7 @@ def test_a_run_that_does_not_fit_leaves_no_folder(bench, scan_file):
     result = on_small_disk(
         bench,
         f"""
-        if $BENCH run --scan {scan_file} {SMALL} --out disk/run; then exit 9; else echo status $?; fi
+        if $BENCH run --scan {scan_file} {SMALL} --out disk/run > told; then exit 9; else echo status $?; fi
         ls -A disk
         mount -o remount,size=20m disk
         $BENCH run --scan {scan_file} {SMALL} --out disk/run > /dev/null && ls -A disk
@@ -77,6 +77,8 @@ def test_a_run_that_does_not_fit_leaves_no_folder(bench, scan_file):
     )
     assert result.stdout.split() == ["status", "2", "run"]
     assert "No space left" in result.stderr
+    assert ".part" not in result.stderr, "the user knows the folder by its own name"
+    assert "every trial right from" in (bench.folder / "told").read_text(), "the figures are not lost"
 
 
 def test_a_sweep_on_a_full_disk_goes_on_when_there_is_room(bench, scan_file):
@@ -118,10 +120,12 @@ def test_a_cache_on_a_full_or_read_only_disk_is_done_without(bench):
         $BENCH scan --letters I --out read-only.npz > /dev/null && ls -A disk
         mount -o remount,rw disk
         $BENCH scan --letters I --out kept.npz > /dev/null && ls disk/*.readings | wc -l
+        mount -o remount,ro disk
+        $BENCH scan --letters I --out again.npz | grep -c "cached 384"
         """,
         size="20k",
     )
-    assert result.stdout.split() == ["2"]
+    assert result.stdout.split() == ["2", "1"], "what is kept is read from a read-only disk"
     contents = {(bench.folder / name).read_bytes() for name in ("full.npz", "read-only.npz", "kept.npz")}
     assert len(contents) == 1
 
