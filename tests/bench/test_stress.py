@@ -146,8 +146,8 @@ PLANTED = {
         lambda values, name: np.asarray(values),
     ),
     "particles.mode-of-the-density": (
-        "tactsim.estimators.filters.parzen._density_mode",
-        lambda state, weight, rho: (state.mean(axis=1), math.inf),
+        "tactsim.estimators.filters.parzen._highest_node",
+        lambda state, weight, rho, share: (state.mean(axis=1), 0),
     ),
     "particles.resampling": (
         "tactsim.bench.stress.particles_cases.draw",
