@@ -87,12 +87,9 @@ class BinnedBelief:
     def of_last_reading(self) -> tuple[FloatArray, int]:
         """Give log p(last reading | bin) of all bins, and how many bins took it in; earlier readings are forgotten.
 
-        Returns (letters, angles, rows, columns), and a count.
+        No bin may have been left alone. Returns (letters, angles, rows, columns), and a count.
         """
-        belief, count = self._belief, len(self._field)
-        belief.log_p[:] = belief.edge
-        belief.upper[:] = belief.summit[:] = np.inf
-        belief.seen[:] = count - 1
+        self._belief.log_p[:] = self._belief.edge
         bins, _ = self.update()
         return self.log_belief(), bins
 

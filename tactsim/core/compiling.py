@@ -20,8 +20,7 @@ Reals = NDArray[np.float64]
 Floats = NDArray[np.float32]
 
 # The same arrays, contiguous, as signatures name them.
-INTS, INTS_2D, INTS_3D = int64[::1], int64[:, ::1], int64[:, :, ::1]
-INTS_4D = int64[:, :, :, ::1]
+INTS, INTS_2D, INTS_4D = int64[::1], int64[:, ::1], int64[:, :, :, ::1]
 REALS, REALS_2D, REALS_3D = float64[::1], float64[:, ::1], float64[:, :, ::1]
 REALS_4D, REALS_5D = float64[:, :, :, ::1], float64[:, :, :, :, ::1]
 FLOATS, FLOATS_2D = float32[::1], float32[:, ::1]
