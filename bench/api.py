@@ -86,9 +86,10 @@ def run(
 
     scan: a Scan, or the file that holds one; without it letters are pressed. estimator: a registered name, or
     an `Estimator` of your own, made with its options. words: the options of `bench run` with underscores: bins,
-    particles, set (a table), letters, hold_out, trials, readings, explore, seed, train_scan, presses, and, if no
-    scan is given, shapes, test_poses, world, noise and scan_set. jobs: processes; the trials do not depend on their
-    number. cache: whether readings may be read from the cache and kept there. progress: show bars.
+    particles, set (a table), letters, hold_out, trials, readings, explore, slip, seed, train_scan, presses, and, if no
+    scan is given, shapes, test_poses, world, noise and scan_set; or a task, which says all but the estimator's own.
+    jobs: processes; the trials do not depend on their number. cache: whether readings may be read from the cache and
+    kept there. progress: show bars.
 
     `tactsim.run(**run.config)` does a run again; one on readings that were given asks for them, as `scan`.
 
