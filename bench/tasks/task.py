@@ -71,6 +71,11 @@ class Task(BaseModel):
         config = self._config({})
         return config.scan_options.letters if config.pressed else config.letters or ()
 
+    @property
+    def held_out(self) -> tuple[str, ...]:
+        """List the letters that are tried but not trained on; ("each",) if each is in its own trials."""
+        return self._config({}).hold_out
+
     def configs(self, estimator: str, options: Mapping[str, Any] | None = None) -> list[RunConfig]:
         """Give the runs of a method on this task, one a seed.
 
