@@ -13,6 +13,7 @@ from pydantic import BaseModel
 from tactsim.bench.config import RunConfig, ScanWords, run_config, scan_options
 from tactsim.bench.run import Run
 from tactsim.bench.runner import perform, silent
+from tactsim.bench.tasks import task
 from tactsim.bench.trials import Progress
 from tactsim.core import InputError, Scan
 from tactsim.core.errors import short
@@ -111,6 +112,8 @@ def run(
         words["scan"] = scan
     if isinstance(estimator, str):
         words["estimator"] = estimator
+    elif words.get("task") is not None and not estimator.proposes and task(str(words["task"])).chosen:
+        words.setdefault("explore", "blind")  # as a task does for an estimator that is named
     config = run_config(**words)
     with _reporting(progress) as report:
         return perform(

@@ -66,9 +66,7 @@ def perform(
     else:
         config, fitted = _with_estimator(config, estimator), estimator
     if config.explore == "information" and not fitted.proposes:
-        if config.task is None:
-            raise proposes_none(config.estimator)
-        config = config.model_copy(update={"explore": "blind"})  # as of an estimator that is named
+        raise proposes_none(config.estimator)
     gathered = gather(config, scan=scan, jobs=jobs, cache=cache, progress=progress)
     check_readings(gathered.scan, gathered.letters, config.readings, config.hold_out)
     plan = plan_of(config, gathered.scan, estimator)

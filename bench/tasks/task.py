@@ -67,14 +67,22 @@ class Task(BaseModel):
 
     @property
     def letters(self) -> tuple[str, ...]:
-        """List the letters that are tried, those that are held out included; () if a file of readings says which."""
+        """List what is tried, held out or not: letters and shapes; () if a file of readings says which."""
         config = self._config({})
-        return config.scan_options.letters if config.pressed else config.letters or ()
+        if config.letters or not config.pressed:
+            return config.letters or ()
+        options = config.scan_options
+        return (*options.letters, *(Path(shape).stem for shape in options.shapes))
 
     @property
     def held_out(self) -> tuple[str, ...]:
         """List the letters that are tried but not trained on; ("each",) if each is in its own trials."""
         return self._config({}).hold_out
+
+    @property
+    def chosen(self) -> bool:
+        """Tell whether the method chooses where to touch."""
+        return self.words.get("explore") == "information"
 
     def configs(self, estimator: str, options: Mapping[str, Any] | None = None) -> list[RunConfig]:
         """Give the runs of a method on this task, one a seed.

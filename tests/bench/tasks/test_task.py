@@ -5,10 +5,12 @@ import json
 
 import pytest
 
+import tactsim
 from tactsim.bench import sweep_file
 from tactsim.bench.config import RunConfig, run_config
 from tactsim.bench.tasks import names, task
 from tactsim.core import InputError
+from tactsim.estimators import create
 
 NAMES = names()
 # The paper's protocol has its test readings at the training poses; in active touch nobody's poses are trained on.
@@ -237,8 +239,9 @@ def test_the_paths_of_a_task_are_beside_its_file(own, tmp_path, monkeypatch):
     assert task(worlds).configs("nearest")[0].scan_options.sensor.noise == 7.0
     assert run_config(task="../two-v1.toml").scan_options.sensor.noise == 7.0
     assert task(own('letters = "IO"', 'world = "rough"')).configs("nearest")[0].world == "rough"
-    shapes = task(own('letters = "IO"', 'letters = "I"\nshapes = ["a.stl", "b.svg"]')).configs("nearest")
-    assert shapes[0].shapes == (tmp_path / "a.stl", tmp_path / "b.svg")
+    shapes = task(own('letters = "IO"', 'shapes = ["a.stl", "b.svg"]'))
+    assert shapes.configs("nearest")[0].shapes == (tmp_path / "a.stl", tmp_path / "b.svg")
+    assert shapes.letters == (*"AEIOU", "a", "b")
 
 
 @pytest.mark.parametrize(
@@ -280,6 +283,22 @@ def test_a_wrong_file_is_refused_in_one_line(own, old, new, message):
         task(own(old, new))
     assert "\n" not in str(caught.value)
     assert "two-v1" in str(caught.value) or message in ("'!'", "noise", "walk")
+
+
+def test_python_runs_a_task_by_name_and_with_an_estimator_of_ones_own(own):
+    named = tactsim.run(task=own(), estimator="nearest", seed=4)
+    given = tactsim.run(task=own(), estimator=create("nearest"), seed=4)
+    again = tactsim.run(**named.config)
+    assert named.task == given.task == again.task == own()
+    assert (named.seed, len(named.trials.truth), named.readings) == (4, 4, 4)
+    for other in (given, again):
+        assert (other.trials.pose == named.trials.pose).all()
+    choosing = own("[words]", '[words]\nexplore = "information"')
+    for kind in ("nearest", create("nearest")):
+        run = tactsim.run(task=choosing, estimator=kind, trials=1)
+        assert (run.config["explore"], run.task) == ("blind", None)
+    with pytest.raises(InputError, match=r"given: task .* has readings of its own"):
+        tactsim.run(tactsim.scan("IO"), task=own(), estimator="nearest")
 
 
 def test_a_run_that_is_no_tasks_says_so():
