@@ -69,7 +69,7 @@ class Task(BaseModel):
     def letters(self) -> tuple[str, ...]:
         """List what is tried, held out or not: letters and shapes; () if a file of readings says which."""
         config = self._config({})
-        if config.letters or not config.pressed:
+        if not config.pressed:
             return config.letters or ()
         options = config.scan_options
         return (*options.letters, *(Path(shape).stem for shape in options.shapes))
