@@ -20,6 +20,7 @@ from tactsim.core.files import replacing
 from tactsim.core.finite import finite
 from tactsim.core.npz import read_npz
 from tactsim.core.poses import FloatArray
+from tactsim.core.provenance import check_statements, statements
 
 SPLITS = ("train", "test")
 _ARRAYS = ("readings", "poses", "labels", "split", "taxel_xy")
@@ -35,7 +36,8 @@ class Scan:
     the objects. split: (n,) "train" or "test". taxel_xy: (taxels, 2) mm, the taxels' centres in the
     sensor frame. meta: how it was made, a JSON object; `meta["objects"][label]` holds, where known,
     `symmetry` (order of the rotational symmetry, 0 for a disc), `centre` ([x, y] mm) and
-    `inertia_over_mass` (mm^2).
+    `inertia_over_mass` (mm^2). `meta["unit"]` is the unit of the readings if it is not kPa, `meta["licence"]` the
+    licence by its SPDX name; `about` collects what a scan says of itself.
 
     A scan may also hold the images of each press on its way to rest: sequence: (n, frames, taxels) kPa,
     float32. sequence_times: (frames,) s since the letter began to move, the same for all presses; a press
@@ -43,7 +45,8 @@ class Scan:
     float32. All three or none.
 
     Raises InputError when shapes disagree, there are no taxels, a number is not finite or beyond 1e9, a
-    label is empty, over 100 characters long or not printable, a split has another name, or `meta` is not JSON.
+    label is empty, over 100 characters long or not printable, a split has another name, `meta` is not JSON, or it
+    states an unknown unit.
     """
 
     readings: FloatArray
@@ -81,6 +84,7 @@ class Scan:
             json.dumps(self.meta, allow_nan=False)
         except (TypeError, ValueError, RecursionError) as error:
             raise InputError(f"scan: meta is no JSON without NaN and infinity: {error}") from None
+        check_statements(self.meta)
         other = sorted(set(self.split.tolist()) - set(SPLITS))
         if other:
             raise InputError(f"scan: split says {other[0]!r}; only 'train' and 'test' have a meaning")
@@ -119,6 +123,11 @@ class Scan:
         return tuple(dict.fromkeys(self.labels.tolist()))
 
     @property
+    def about(self) -> dict[str, Any]:
+        """Say units, frames, pad, licence and how the scan was made, as `provenance.statements` lists them."""
+        return statements(self.meta)
+
+    @property
     def _arrays(self) -> tuple[str, ...]:
         return _ARRAYS if self.sequence is None else _ARRAYS + _SEQUENCE
 
@@ -153,8 +162,11 @@ class Scan:
         """Append another scan of the same pad; the result has the given `meta`.
 
         Sequences are kept if both scans have them at the same times, one of them perhaps for longer.
-        Raises InputError if the taxels lie elsewhere.
+        Raises InputError if the taxels lie elsewhere or the readings have another unit.
         """
+        units = [scan.meta.get("unit", "kPa") for scan in (self, other)]
+        if units[0] != units[1]:
+            raise InputError(f"two scans of different units cannot be one: {units[0]} and {units[1]}")
         if self.taxel_xy.shape != other.taxel_xy.shape or not np.allclose(
             self.taxel_xy, other.taxel_xy, rtol=0, atol=1e-6
         ):
@@ -271,9 +283,12 @@ def _names(name: str, values: Any) -> NDArray[np.str_]:
         raise InputError(f"scan: {name} must be names, got {array.dtype}")
     array = array.astype(np.str_)
     try:
-        array.tolist()
+        longest = max(map(len, array.ravel().tolist()), default=0)
     except (ValueError, SystemError) as error:  # a code beyond Unicode
         raise InputError(f"scan: {name} are no text: {error}") from None
+    array = array.astype(
+        f"U{max(longest, 1)}"
+    )  # a name is as wide as it is long, so that equal scans are alike
     array.setflags(write=False)
     return array
 
