@@ -92,7 +92,7 @@ def write(what: Scan | Run, path: str | Path, name: str) -> None:
     The same scan gives the same bytes with the same version of the format's library.
 
     Raises InputError for an unknown format, one that has no room for what is given, a missing library, a folder that
-    holds something and a place that cannot be written.
+    holds something, a file of another ending and a place that cannot be written.
     """
     form = find(name)
     if isinstance(what, Run) and not form.runs:
@@ -102,6 +102,8 @@ def write(what: Scan | Run, path: str | Path, name: str) -> None:
         )
     if isinstance(what, Scan) and not len(what):
         raise InputError("the scan holds no readings, so there is nothing to export")
+    if form.suffixes and Path(path).suffix.lower() not in form.suffixes:
+        raise InputError(f"{path}: a file of {name} has a name that ends in {' or '.join(form.suffixes)}")
     module = form.load()
     write_it = module.write_scan if isinstance(what, Scan) else module.write_run
     if form.suffixes:

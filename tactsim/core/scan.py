@@ -178,6 +178,15 @@ class Scan:
         readings, poses, labels, split = both
         return Scan(readings, poses, labels, split, self.taxel_xy, meta, **_joined_sequences(self, other))
 
+    def licensed(self, licence: str) -> Scan:
+        """State the licence of the readings, by its SPDX name. Raises InputError if they state another one."""
+        stated = self.meta.get("licence")
+        if stated not in (None, licence):
+            raise InputError(
+                f"the scan is under the licence {stated}, which nobody but its owner replaces by {licence}"
+            )
+        return replace(self, meta={**self.meta, "licence": licence})
+
     def on_taxels_of(self, other: Scan) -> Scan:
         """Keep the taxels that `other` has at the same places, in the order of this scan.
 
