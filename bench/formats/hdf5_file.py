@@ -17,7 +17,7 @@ from tactsim.bench.results import to_json
 from tactsim.bench.run import Run
 from tactsim.core import InputError, Scan
 from tactsim.core.documents import LARGE, parse_json
-from tactsim.core.files import opened
+from tactsim.core.files import open_regular
 from tactsim.core.npz import LARGEST
 
 _KIND, _VERSION = "tactsim scan", 1
@@ -87,7 +87,7 @@ def write_run(run: Run, stream: IO[bytes]) -> None:
 def read_scan(path: Path) -> Scan:
     """Read a scan written by `write_scan`. Raises InputError for a file that is not whole, hostile or too large."""
     try:
-        with opened(path) as stream, h5py.File(stream, "r") as file:
+        with open_regular(path) as stream, h5py.File(stream, "r") as file:
             # One broken attribute is no reason to give up the data, so the kind is told by what is there.
             names = _NEEDED | (_SEQUENCE if any(name in file for name in _SEQUENCE) else {})
             arrays = _arrays(file, names)

@@ -17,7 +17,7 @@ from tactsim.bench.results import to_json
 from tactsim.bench.run import Run
 from tactsim.core import InputError, Scan
 from tactsim.core.documents import read_json
-from tactsim.core.files import opened
+from tactsim.core.files import open_regular
 from tactsim.core.npz import LARGEST
 from tactsim.core.scan import SPLITS, is_label
 
@@ -113,7 +113,7 @@ def _read(path: Path, taxels: int, frames: int | None, left: int) -> tuple[dict[
         shapes |= {"sequence": ((frames, taxels), pa.float32()), "sequence_force": ((frames,), pa.float32())}
     try:
         # Labels stay a dictionary, so that one long label is not repeated for each row.
-        with opened(path) as stream, pa.parquet.ParquetFile(stream, read_dictionary=["label"]) as file:
+        with open_regular(path) as stream, pa.parquet.ParquetFile(stream, read_dictionary=["label"]) as file:
             rows = file.metadata.num_rows
             size = rows * sum(kind.bit_width // 8 * int(np.prod(shape)) for shape, kind in shapes.values())
             if size > left:
@@ -127,7 +127,7 @@ def _read(path: Path, taxels: int, frames: int | None, left: int) -> tuple[dict[
                 for name, (shape, _) in shapes.items()
             }
             read["labels"] = _labels(table["label"], path.name)
-    except (pa.ArrowException, OSError, UnicodeDecodeError, IndexError) as error:
+    except (pa.ArrowException, OSError, KeyError, UnicodeDecodeError) as error:
         raise InputError(f"{path.name} is no whole Parquet file: {' '.join(str(error).split())}") from error
     read["poses"] = read.pop("pose")
     return read, size
