@@ -18,7 +18,9 @@ from tactsim.core.documents import parse_json
 from tactsim.core.errors import InputError, short
 from tactsim.core.files import replacing
 from tactsim.core.finite import finite
+from tactsim.core.given_arrays import names_of, readings_a_press, splits_of
 from tactsim.core.npz import read_npz
+from tactsim.core.pad import Pad
 from tactsim.core.poses import FloatArray
 from tactsim.core.provenance import check_statements, statements
 
@@ -116,6 +118,35 @@ class Scan:
         counts = ", ".join(f"{np.count_nonzero(self.split == split):,} to {split}" for split in SPLITS)
         names = short(" ".join(self.letters)).strip("'\"")
         return f"<Scan of {names}: {counts}, {self.readings.shape[1]} taxels>"
+
+    @classmethod
+    def from_arrays(
+        cls,
+        readings: Any,
+        poses: Any,
+        labels: Any,
+        split: Any = None,
+        pad: Pad | None = None,
+        *,
+        unit: str = "kPa",
+        licence: str | None = None,
+    ) -> Scan:
+        """Make a scan of arrays from elsewhere.
+
+        readings: (n, taxels) or (n, rows, columns); (n, images, taxels) or (n, images, rows, columns) where several
+        images were taken of a press, whose mean is its reading. poses: (n, 3) sensor_in_object, mm, mm, rad. labels:
+        (n,) names or whole numbers. split: (n,) "train" or "test", or whether to train on it; None: all to train.
+        pad: None for the paper's. unit: of the readings. licence: an SPDX name.
+
+        Raises InputError when shapes disagree, and for what `Scan` refuses.
+        """
+        pad = Pad() if pad is None else pad
+        values = readings_a_press(readings, pad)
+        stated = {"unit": unit} if licence is None else {"unit": unit, "licence": licence}
+        meta = {"source": "imported", "pad": pad.model_dump(mode="json"), **stated}
+        return cls(
+            values, poses, names_of(labels, "labels"), splits_of(split, len(values)), pad.taxel_xy, meta
+        )
 
     @property
     def letters(self) -> tuple[str, ...]:

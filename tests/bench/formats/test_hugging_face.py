@@ -1,6 +1,6 @@
-"""The libraries `datasets` and `lerobot` load what is exported. They need torch, so they have an environment of their own.
+"""The libraries `datasets` and `lerobot` load what is exported.
 
-`make test-formats` makes it and runs these tests.
+They need torch, so they have an environment of their own: `make test-formats` makes it and runs these tests.
 """
 
 import json
