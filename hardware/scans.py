@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -120,6 +121,7 @@ def scan_of_sessions(paths: Sequence[str | Path]) -> Scan:
     meta = {
         "source": "recorded",
         "pad": pad.model_dump(mode="json"),
+        "versions": {"tactsim": version("tactsim")},
         "recordings": about,
         "frame_noise_kpa": float(np.median(np.concatenate(spreads))) if any(map(len, spreads)) else None,
     }
@@ -260,7 +262,11 @@ def scan_of_intervals(source: Source, intervals: Sequence[Interval]) -> Scan:
         empty = intervals[int(np.argmin(counts))]
         raise InputError(f"no reading lies between {empty.first_s:g} and {empty.last_s:g} s ({empty.label})")
     labels = np.array([each.label for each in intervals])
-    meta = {"source": "recorded", "pad": source.pad.model_dump(mode="json")}
+    meta = {
+        "source": "recorded",
+        "pad": source.pad.model_dump(mode="json"),
+        "versions": {"tactsim": version("tactsim")},
+    }
     return Scan(
         sums / counts[:, None],
         np.array([(each.x_mm, each.y_mm, each.theta_rad) for each in intervals]),

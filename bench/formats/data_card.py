@@ -156,10 +156,14 @@ def made(scan: Scan) -> list[str]:
     ]
     for whose, facts in (("", about), ("The training readings: ", about["train"])):
         if facts is not None:
-            source = facts["source"] or "not stated"
-            versions = ", ".join(f"{name} {version}" for name, version in (facts["versions"] or {}).items())
-            seed = "" if facts["seed"] is None else f"; seed {facts['seed']}"
-            paragraphs.append(f"{whose}{source}{seed}{f'; {versions}' if versions else ''}.")
+            said = [facts["source"] or "not stated"]
+            said += [] if facts["seed"] is None else [f"seed {facts['seed']}"]
+            said += [f"{name} {version}" for name, version in (facts["versions"] or {}).items()]
+            devices = {
+                str(one.get("device")) for one in facts["recordings"] or [] if isinstance(one, Mapping)
+            }
+            said += [f"device {name}" for name in sorted(devices)]
+            paragraphs.append(f"{whose}{'; '.join(said)}.")
     return paragraphs
 
 

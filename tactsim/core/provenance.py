@@ -9,6 +9,7 @@ from tactsim.core.errors import InputError, short
 
 # What a taxel may say: a pressure, a force, a voltage or what the device counts.
 UNITS = ("kPa", "N", "V", "count")
+SOURCES = ("simulated", "recorded", "imported")
 # The licence of readings of shapes that come with tactsim: made for data, it asks to name the authors and nothing
 # else. The code's own, MIT, speaks of software only.
 OWN_LICENCE = "CC-BY-4.0"
@@ -30,19 +31,21 @@ def check_statements(meta: Mapping[str, Any]) -> None:
             f"scan: the licence is {short(licence)}; give its SPDX name, like {OWN_LICENCE}, in at most "
             f"{_LONGEST_LICENCE} printable characters"
         )
+    if isinstance(meta.get("train"), Mapping):
+        check_statements(meta["train"])
 
 
 def statements(meta: Mapping[str, Any]) -> dict[str, Any]:
     """Collect from a scan's `meta` what a stranger needs to use the readings; what is not known is None.
 
     units: of each kind of number. frames: in which frame the numbers are. pad: the fields of a `Pad`. licence: an
-    SPDX name; without one nobody but the owner may use the data. source: "simulated", "recorded" or "imported".
+    SPDX name; without one nobody but the owner may use the data. source: one of `SOURCES`.
     versions, seed, options: of the program and the press that made simulated readings. recordings: the sessions
     that recorded ones come from. train: the same of the training readings where they come from another scan.
     """
-    options = meta.get("options")
-    options = options if isinstance(options, Mapping) else {}
-    train = meta.get("train")
+    tables = {name: meta.get(name) for name in ("versions", "options", "train")}
+    versions, options, train = (value if isinstance(value, Mapping) else None for value in tables.values())
+    source, recordings = meta.get("source", "simulated" if options else None), meta.get("recordings")
     return {
         "units": {
             "readings": meta.get("unit", "kPa"),
@@ -56,10 +59,12 @@ def statements(meta: Mapping[str, Any]) -> dict[str, Any]:
             "taxel_xy": "the centres of the taxels in the frame of the sensor",
             "taxels": "taxel = columns * row + column on a whole grid; rows run along +y, columns along +x",
         },
-        "pad": meta.get("pad", options.get("pad")),
+        "pad": meta.get("pad", (options or {}).get("pad")),
         "licence": meta.get("licence"),
-        "source": meta.get("source", "simulated" if options else None),
-        **{name: meta.get(name) for name in ("versions", "options", "recordings")},
-        "seed": options.get("seed"),
-        "train": statements(train) if isinstance(train, Mapping) else None,
+        "source": source if source in SOURCES else None,
+        "versions": versions,
+        "options": options,
+        "seed": (options or {}).get("seed"),
+        "recordings": recordings if isinstance(recordings, list) else None,
+        "train": statements(train) if train is not None else None,
     }

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from hashlib import sha256
+from importlib.metadata import version
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -143,7 +144,8 @@ class Scan:
         pad = Pad() if pad is None else pad
         values = readings_a_press(readings, pad)
         stated = {"unit": unit} if licence is None else {"unit": unit, "licence": licence}
-        meta = {"source": "imported", "pad": pad.model_dump(mode="json"), **stated}
+        made = {"source": "imported", "versions": {"tactsim": version("tactsim")}}
+        meta = {**made, "pad": pad.model_dump(mode="json"), **stated}
         return cls(
             values, poses, names_of(labels, "labels"), splits_of(split, len(values)), pad.taxel_xy, meta
         )

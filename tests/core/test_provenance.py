@@ -1,6 +1,9 @@
+import json
+
 import numpy as np
 import pytest
 
+from tactsim.bench import formats
 from tactsim.core import InputError, Scan
 from tactsim.core.provenance import OWN_LICENCE, UNITS, statements
 from tactsim.core.scan import train_on
@@ -60,7 +63,21 @@ def test_a_pressed_scan_says_how_it_was_made_and_whose_it_is(tmp_path):
 
 def test_scans_of_before_the_source_was_stated_are_told_by_their_options():
     assert statements({"options": {"seed": 1}})["source"] == "simulated"
-    assert statements({"options": "lost"})["seed"] is None
+
+
+@pytest.mark.parametrize("value", ["lost", 3, [1], [{}], {"a": [1]}, None])
+@pytest.mark.parametrize("name", ["versions", "options", "train", "recordings", "source", "pad"])
+def test_what_a_stranger_wrote_there_is_left_out_and_breaks_no_card(name, value, tmp_path):
+    scan = scan_with({name: value})
+    json.dumps(scan.about)
+    for form in ("parquet", "lerobot"):
+        formats.write(scan, tmp_path / form, form)
+    assert formats.read(tmp_path / "parquet").digest == scan.digest
+
+
+def test_statements_of_the_training_readings_are_checked_too():
+    with pytest.raises(InputError, match="the licence is"):
+        scan_with({"train": {"licence": ["MIT"]}})
 
 
 def test_training_readings_of_another_scan_speak_for_themselves():
