@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tactsim.core.errors import InputError, short
-from tactsim.core.pad import Pad
+
+if TYPE_CHECKING:
+    from tactsim.core.pad import Pad
 
 
 def readings_a_press(values: Any, pad: Pad) -> NDArray[Any]:

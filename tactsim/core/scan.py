@@ -10,7 +10,7 @@ from hashlib import sha256
 from importlib.metadata import version
 from io import BytesIO
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,9 +21,11 @@ from tactsim.core.files import replacing
 from tactsim.core.finite import finite
 from tactsim.core.given_arrays import names_of, readings_a_press, splits_of
 from tactsim.core.npz import read_npz
-from tactsim.core.pad import Pad
 from tactsim.core.poses import FloatArray
 from tactsim.core.provenance import check_statements, statements
+
+if TYPE_CHECKING:
+    from tactsim.core.pad import Pad
 
 SPLITS = ("train", "test")
 _ARRAYS = ("readings", "poses", "labels", "split", "taxel_xy")
@@ -141,6 +143,8 @@ class Scan:
 
         Raises InputError when shapes disagree, and for what `Scan` refuses.
         """
+        from tactsim.core.pad import Pad  # brings pydantic, which a scan does without
+
         pad = Pad() if pad is None else pad
         values = readings_a_press(readings, pad)
         stated = {"unit": unit} if licence is None else {"unit": unit, "licence": licence}
