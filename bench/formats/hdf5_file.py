@@ -33,6 +33,7 @@ _SEQUENCE = {"sequence": 3, "sequence_times": 1, "sequence_force": 2}
 # HDF5 inflates a whole chunk before it looks how much comes out, at most 1,032 times what went in.
 _LARGEST_CHUNK = 2 << 20  # bytes; h5py's own are at most 1 MiB
 _FILTERS = (h5py.h5z.FILTER_DEFLATE, h5py.h5z.FILTER_SHUFFLE, h5py.h5z.FILTER_FLETCHER32)
+_FAULTS = (OSError, RuntimeError, ValueError, KeyError, TypeError)  # h5py words those of HDF5 by these
 _MM_MM_RAD = "mm, mm, rad"
 _OF_TRIALS = {
     "x": "mm", "y": "mm", "theta": "rad", "true_x": "mm", "true_y": "mm", "true_theta": "rad", "radius_90": "mm",
@@ -88,18 +89,12 @@ def read_scan(path: Path) -> Scan:
     """Read a scan written by `write_scan`. Raises InputError for a file that is not whole, hostile or too large."""
     try:
         with open_regular(path) as stream, h5py.File(stream, "r") as file:
-            # One broken attribute is no reason to give up the data, so the kind is told by what is there.
-            names = _NEEDED | (_SEQUENCE if any(name in file for name in _SEQUENCE) else {})
+            moving = any(file.id.links.exists(name.encode()) for name in _SEQUENCE)
+            names = _NEEDED | (_SEQUENCE if moving else {})
             arrays = _arrays(file, names)
     except InputError:
         raise
-    except (
-        OSError,
-        RuntimeError,
-        ValueError,
-        KeyError,
-        TypeError,
-    ) as error:  # h5py words HDF5's faults by these
+    except _FAULTS as error:
         raise InputError(f"it is no whole HDF5 file: {' '.join(str(error).split())}") from error
     meta = parse_json(str(arrays.pop("meta")), "its meta")
     return Scan(meta=meta, **arrays)
@@ -177,8 +172,9 @@ def _check(dataset: h5py.Dataset, name: str, axes: int, left: int) -> int:
 def _check_chunks(dataset: h5py.Dataset, name: str) -> None:
     """Raise InputError for a filter that HDF5 would load from elsewhere, and a chunk longer than what it is made of."""
     made = dataset.id.get_create_plist()
-    if any(made.get_filter(number)[0] not in _FILTERS for number in range(made.get_nfilters())):
-        raise InputError(f"its {name} is compressed otherwise than by gzip")
+    filters = [made.get_filter(number)[0] for number in range(made.get_nfilters())]
+    if not set(filters) <= set(_FILTERS) or len(set(filters)) < len(filters):
+        raise InputError(f"its {name} is compressed otherwise than by gzip, once")
     most = 2 * prod(dataset.chunks) * dataset.dtype.itemsize + 1024
     sizes: list[int] = []
     dataset.id.chunk_iter(lambda chunk: sizes.append(chunk.size))

@@ -100,7 +100,7 @@ def _rate(scan: Scan) -> int:
     if times is None or len(times) == 1:
         return 1
     rate = (len(times) - 1) / (times[-1] - times[0])
-    whole = round(rate)
+    whole = round(rate) if 0.5 < rate < 1e6 else 0
     if whole < 1 or np.abs(times - times[0] - np.arange(len(times)) / whole).max() > 1e-4:
         raise InputError(
             f"lerobot asks for frames at a whole rate, and the scan's sequences have {rate:.4g} a second on average; "

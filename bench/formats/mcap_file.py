@@ -34,6 +34,7 @@ from tactsim.core.npz import LARGEST
 from tactsim.core.poses import FloatArray
 
 _DOCUMENT = "tactsim"  # the name of the metadata that hold the rest of the scan
+_LATEST_S = 2**63 / 1e9
 _LARGEST_CHUNK = 64 << 20  # bytes; those that are written are of some 1 MiB
 
 _NUMBER, _WHOLE, _TEXT = {"type": "number"}, {"type": "integer"}, {"type": "string"}
@@ -65,6 +66,10 @@ _TOPICS = {
 
 def write_scan(scan: Scan, stream: IO[bytes]) -> None:
     """Write a scan as one log, from 0 s on, a press after the other."""
+    if len(scan) * _period(scan) > _LATEST_S:
+        raise InputError(
+            f"mcap counts ns in 64 bits, and {len(scan):,} presses take {_period(scan):,.0f} s each"
+        )
     writer = Writer(stream, enable_data_crcs=True)
     writer.start(profile="", library="tactsim")
     writer.add_metadata(_DOCUMENT, {"scan": json.dumps(document_of(scan), sort_keys=True)})
@@ -138,7 +143,7 @@ def _write_press(
     say: Callable[[str, float, dict[str, Any]], None],
 ) -> None:
     times = scan.sequence_times
-    begin = row * (1.0 if times is None else math.floor(times[-1]) + 1.0)
+    begin = row * _period(scan)
     pose, end = scan.poses[row], begin
     say("/pose", begin, {"frame_id": "object", "pose": _pose_in_m(pose)})
     if times is not None and scan.sequence is not None and scan.sequence_force is not None:
@@ -155,6 +160,11 @@ def _write_press(
     say(
         "/reading", end, {"row": row, "label": label, "split": split, "pose": pose.tolist(), "taxels": taxels}
     )
+
+
+def _period(scan: Scan) -> float:
+    """Give the whole seconds that a press takes in the log."""
+    return 1.0 if scan.sequence_times is None else max(1.0, math.floor(scan.sequence_times[-1]) + 1.0)
 
 
 def _drawing(scan: Scan) -> Callable[[NDArray[Any]], dict[str, Any]]:

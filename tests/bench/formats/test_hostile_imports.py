@@ -1,6 +1,7 @@
 """Files from strangers: damaged, made to claim too much, or pointing elsewhere; each is one line, nothing else."""
 
 import json
+import os
 import shutil
 import zlib
 
@@ -171,6 +172,20 @@ def outside(file):
     file["readings"] = h5py.ExternalLink("/etc/passwd", "/readings")
 
 
+def outside_in_a_sequence(file):
+    file["sequence"] = h5py.ExternalLink("pipe.h5", "/sequence")
+
+
+def squeezed_twice(file):
+    made = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
+    made.set_chunk((6, 4))
+    made.set_deflate(9)
+    made.set_deflate(9)
+    del file["readings"]
+    space = h5py.h5s.create_simple((6, 4))
+    h5py.h5d.create(file.id, b"readings", h5py.h5t.IEEE_F64LE, space, made)
+
+
 def soft(file):
     file.move("readings", "elsewhere")
     file["readings"] = h5py.SoftLink("/elsewhere")
@@ -238,6 +253,8 @@ def half_a_sequence(file):
     ("change", "says"),
     [
         (outside, "readings is a link elsewhere"),
+        (outside_in_a_sequence, "sequence is a link elsewhere|no dataset"),
+        (squeezed_twice, "by gzip, once"),
         (soft, "readings is a link elsewhere"),
         (external_bytes, "lies in another file"),
         (virtual, "lies in another file"),
@@ -255,7 +272,9 @@ def half_a_sequence(file):
     ],
 )
 def test_an_hdf5_file_that_points_elsewhere_or_claims_too_much_is_refused(change, says, written):
-    refuses(hdf5(written, change), says)
+    path = hdf5(written, change)
+    os.mkfifo(path.with_name("pipe.h5"))  # whoever follows a link to it waits for ever
+    refuses(path, says)
 
 
 # ---- MCAP
@@ -318,8 +337,6 @@ def test_a_chunk_that_unpacks_to_too_much_is_refused_before_it_is_unpacked(tmp_p
 
 @pytest.mark.parametrize("name", ["mcap", "hdf5"])
 def test_a_pipe_is_not_waited_for(name, tmp_path):
-    import os
-
     path = tmp_path / ("x" + formats.FORMATS[name].suffixes[0])
     os.mkfifo(path)
     refuses(path, "not a regular file")

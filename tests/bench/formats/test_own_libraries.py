@@ -2,6 +2,7 @@
 
 import base64
 import json
+from dataclasses import replace
 
 import duckdb
 import h5py
@@ -201,13 +202,19 @@ def test_lerobot_s_large_datasets_are_several_files(scan, tmp_path, monkeypatch)
         assert set(pq.read_table(path)["episode_index"].to_pylist()) == {number}
 
 
+@pytest.mark.parametrize("times", [[1e-300, 2e-300, 3e-300], [1e8, 2e8, 1e9]])
+@pytest.mark.parametrize(("name", "path"), [("lerobot", "out"), ("mcap", "out.mcap")])
+def test_times_of_any_size_are_written_or_refused_in_one_line(times, name, path, tmp_path):
+    made = make_scan(np.random.default_rng(0), count=12, frames=3)
+    try:
+        formats.write(replace(made, sequence_times=np.array(times)), tmp_path / path, name)
+    except InputError:
+        assert list(tmp_path.iterdir()) == []
+
+
 def test_images_at_no_whole_rate_are_no_lerobot_episode(tmp_path):
     made = make_scan(np.random.default_rng(0), frames=3)
-    moving = {name: getattr(made, name) for name in ("sequence", "sequence_force")}
-    uneven = Scan(
-        made.readings, made.poses, made.labels, made.split, made.taxel_xy,
-        sequence_times=np.array([0.1, 0.2, 0.4]), **moving,
-    )  # fmt: skip
+    uneven = replace(made, sequence_times=np.array([0.1, 0.2, 0.4]))
     with pytest.raises(InputError, match=r"a whole rate.*6\.667 a second"):
         formats.write(uneven, tmp_path / "out", "lerobot")
     assert list(tmp_path.iterdir()) == []
