@@ -89,8 +89,7 @@ def read_scan(path: Path) -> Scan:
     """Read a scan written by `write_scan`. Raises InputError for a file that is not whole, hostile or too large."""
     try:
         with open_regular(path) as stream, h5py.File(stream, "r") as file:
-            moving = any(file.id.links.exists(name.encode()) for name in _SEQUENCE)
-            names = _NEEDED | (_SEQUENCE if moving else {})
+            names = _NEEDED | (_SEQUENCE if any(name in file for name in _SEQUENCE) else {})
             arrays = _arrays(file, names)
     except InputError:
         raise
@@ -134,7 +133,7 @@ def _label_axes(file: h5py.File) -> None:
 def _arrays(file: h5py.File, names: Mapping[str, int]) -> dict[str, Any]:
     left, arrays = LARGEST, {}
     for name, axes in names.items():
-        link = file.get(name, getlink=True)
+        link = file.get(name, getlink=True)  # unlike file[name], this opens nothing
         if not isinstance(link, h5py.HardLink):
             raise InputError(
                 f"it has no dataset {name}" if link is None else f"its {name} is a link elsewhere"
