@@ -24,6 +24,8 @@ VERBS = {
     "scan": "Press the letters at 192 poses, twice (training and test), and write the readings.",
     "sweep": "Do many runs; a sweep that was stopped goes on where it was when it is started again.",
     "report": "Write one HTML page that opens without a network, and beside it every curve as CSV.",
+    "export": "Write a scan, or the trials of a run, in a format of others: Parquet, LeRobot, MCAP or HDF5.",
+    "import": "Make a scan of what `bench export` wrote, bit for bit, or of arrays in a .npz or .mat file.",
     "bound": "Say how good an estimator can be: exact Bayes, and the Cramer-Rao bound of the error, by reading.",
     "compare": "Compare two runs on the same trials; exit status 1 if NEW is worse beyond the interval.",
     "list": "List estimators, letters, worlds, metrics and suites; on request the options of an estimator or a scan.",
