@@ -248,8 +248,10 @@ def module_of(name: str) -> str:
 def confined(name: str, options: Mapping[str, Any], scan: Scan, limits: Limits) -> Iterator[Confined]:
     """Start a process with the estimator of that name; it is given the training readings of the scan.
 
-    Of the scan's `meta` it is told the objects and how they were pressed, but for the seed. The process ends with the
-    block. Raises InputError for an unknown name or a wrong option, and NoScore if the process fails.
+    Of the scan's `meta` it is told the objects and how they were pressed, but for the seed. It is not fitted yet. The
+    process ends with the block.
+
+    Raises InputError for an unknown name or a wrong option, and NoScore if the process fails.
     """
     with TemporaryDirectory(prefix="tactsim-") as folder:
         ours, theirs = socket.socketpair()
@@ -267,7 +269,6 @@ def confined(name: str, options: Mapping[str, Any], scan: Scan, limits: Limits) 
                 path = Path(folder) / "training.npz"
                 _training(scan).save(path)
                 estimator.begin(name, options, module_of(name), path)
-                estimator.fit(scan)
                 yield estimator
             finally:
                 process.kill()
@@ -310,6 +311,7 @@ def run_trials_confined(
         scan = plan.scan.of_letters(known) if plan.each_held_out else plan.scan
         with confined(plan.estimator, plan.options, scan, limits) as estimator:
             running.append(estimator)
+            estimator.fit(scan)
             before = Counter(estimator._work)
             for i in part:
                 if stop.is_set():

@@ -84,7 +84,7 @@ class _Fence:
         of_python = [sysconfig.get_path(name) for name in ("stdlib", "platstdlib", "purelib", "platlib")]
         site = [place for place in sys.path if Path(place).name in ("site-packages", "dist-packages")]
         # In a checkout the rooms lie beside `tactsim` and are linked into it.
-        rooms = [*_package("tactsim"), *Path(_package("tactsim")[0]).glob("*")]
+        rooms = [str(room) for place in _package("tactsim") for room in (place, *Path(place).glob("*"))]
         kernels = [cache_folder() / "kernels", Path(os.environ.get("NUMBA_CACHE_DIR") or own)]
         libraries = _real([*of_python, *site, *_SYSTEM, *rooms, *_package(package), f"/proc/{os.getpid()}"])
         self._libraries = (*libraries, *_real(kernels))
