@@ -14,26 +14,22 @@ import signal
 import socket
 import subprocess
 import sys
-from collections import Counter, deque
+from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from threading import Event, Lock, Thread
+from threading import Thread
 from time import monotonic
 from typing import Any, BinaryIO, cast
 
 import numpy as np
 from numpy.random import SeedSequence
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from pydantic import ConfigDict
 
 from tactsim.bench.leaderboard.messages import Message, receive, send
-from tactsim.bench.placement_error import properties
-from tactsim.bench.trial_plan import TrialPlan
-from tactsim.bench.trials import Progress, Task, Trials, run_trial
 from tactsim.bench.work_counts import unflatten_work
 from tactsim.core import InputError, Scan
 from tactsim.core.cache_folder import FOLDER_VARIABLE, cache_folder
@@ -171,6 +167,11 @@ class Confined(Estimator):
         """Count what was done, as the estimator says itself."""
         return unflatten_work(self._work)
 
+    def end(self) -> None:
+        """End the other process, whatever it does."""
+        self._process.kill()
+        self._process.wait()
+
     def _ask(
         self, what: str, words: Mapping[str, Any], arrays: Mapping[str, FloatArray] | None = None
     ) -> Message:
@@ -214,8 +215,7 @@ class Confined(Estimator):
         return self._failed(f"crashed: its process answered what it should not: {error}")
 
     def _failed(self, status: str) -> NoScore:
-        self._process.kill()
-        self._process.wait()
+        self.end()
         return NoScore(status, "".join(self.output))
 
     def _how_it_ended(self) -> str:
@@ -271,81 +271,8 @@ def confined(name: str, options: Mapping[str, Any], scan: Scan, limits: Limits) 
                 estimator.begin(name, options, module_of(name), path)
                 yield estimator
             finally:
-                process.kill()
-                process.wait()
+                estimator.end()
                 reader.join()
-
-
-def run_trials_confined(
-    plan: TrialPlan,
-    tasks: Sequence[Task],
-    *,
-    rng: np.random.Generator,
-    jobs: int = 1,
-    limits: Limits | None = None,
-    progress: Progress,
-) -> tuple[Trials, dict[str, Any], Confined]:
-    """Do trials as `trial_workers.run_trials` does, in `jobs` processes behind fences, in an order that `rng` draws.
-
-    Returns the trials in the order of `tasks`, the work, summed, and an estimator that tells how it is set up.
-    Raises InputError as `confined` does, and NoScore if the estimator fails in one of the trials.
-    """
-    limits = limits or Limits()
-    tests = {truth: plan.scan.where("test", truth) for truth in {task.truth for task in tasks}}
-    objects = properties(plan.scan)
-    order = rng.permutation(len(tasks))
-    if plan.each_held_out:  # one process for each letter that is not known
-        truths = dict.fromkeys(task.truth for task in tasks)
-        parts = [order[[tasks[i].truth == truth for i in order]] for truth in truths]
-    else:
-        parts = [part for part in np.array_split(order, min(jobs, len(tasks))) if len(part)]
-    found: list[Trials | None] = [None] * len(tasks)
-    work: Counter[str] = Counter()
-    lock, stop, running = Lock(), Event(), list[Confined]()
-    done = 0
-    progress("trials", 0, len(tasks))
-
-    def do(part: NDArray[np.int64]) -> Confined:
-        nonlocal done
-        known = plan.letters_known(tasks[part[0]].truth)
-        scan = plan.scan.of_letters(known) if plan.each_held_out else plan.scan
-        with confined(plan.estimator, plan.options, scan, limits) as estimator:
-            running.append(estimator)
-            estimator.fit(scan)
-            before = Counter(estimator._work)
-            for i in part:
-                if stop.is_set():
-                    break
-                task = tasks[i]
-                try:
-                    found[i] = run_trial(
-                        estimator, tests[task.truth], task, letters=known, readings=plan.readings, seed=plan.seed,
-                        of=objects[task.truth], explore=plan.explore, slip=plan.slip, press=plan.press,
-                        clock=estimator.clock,
-                    )  # fmt: skip
-                except NoScore as error:
-                    place = f"seed {plan.seed}, letter {task.truth}, trial {task.trial}"
-                    raise NoScore(f"{error.status}; {place}", error.output) from error
-                with lock:
-                    done += 1
-                    progress("trials", done, len(tasks))
-            with lock:
-                work.update(estimator._work)
-                work.subtract(before)
-        return estimator
-
-    with ThreadPoolExecutor(jobs) as threads:
-        futures = [threads.submit(do, part) for part in parts]
-        try:
-            estimators = [future.result() for future in futures]
-        except BaseException:
-            stop.set()
-            for future in futures:
-                future.cancel()
-            for one in running:
-                one._process.kill()
-            raise
-    return Trials.joined(one for one in found if one is not None), unflatten_work(work), estimators[0]
 
 
 def _training(scan: Scan) -> Scan:

@@ -22,8 +22,8 @@ from tactsim.bench.leaderboard.confined import (
     confined,
     is_plug_in,
     module_of,
-    run_trials_confined,
 )
+from tactsim.bench.leaderboard.confined_trials import run_trials_confined
 from tactsim.bench.machine import machine, versions
 from tactsim.bench.run import Run
 from tactsim.bench.runner import Gathered
@@ -67,9 +67,9 @@ def submit(
 ) -> tuple[Bundle, str]:
     """Do all runs of a task, one a seed; a plug-in runs confined, and gets a status instead of a score if it fails.
 
-    task_name: of a frozen task, or a FILE.toml of one's own. title: how tables call the method; by default its name and options. reproducible: whether the same seeds give the
-    same bits. rng: draws the order in which a plug-in sees the trials. Returns the bundle, and the last that a plug-in
-    printed if it failed.
+    task_name: of a frozen task, or a FILE.toml of one's own. title: how tables call the method; by default its name and
+    options. reproducible: whether the same seeds give the same bits. rng: draws the order in which a plug-in sees the
+    trials. Returns the bundle, and the last that a plug-in printed if it failed.
 
     Raises InputError for an unknown task, estimator or option, and if this machine presses other data than the task's.
     """

@@ -41,11 +41,12 @@ _NOT_COMPARED = ("estimator", "bins", "particles", "set", "explore", "task")
 class Verdict:
     """Whether a bundle was confirmed.
 
-    said: in one line what was found. again, trials: how many trials were done again, of how many. notes: what differs
-    between there and here.
+    exact: whether all trials that were done again are the same to the bit. said: in one line what was found. again,
+    trials: how many trials were done again, of how many. notes: what differs between there and here.
     """
 
     verified: bool
+    exact: bool
     said: str
     again: int
     trials: int
@@ -79,20 +80,20 @@ def verify(
     notes = _notes(bundle, method, asked)
     count = len(bundle.trials.truth) if bundle.runs else 0
 
-    def verdict(verified: bool, said: str, again: int = 0) -> Verdict:
-        return Verdict(verified, said, again, count, notes)
+    def refused(said: str, again: int = 0) -> Verdict:
+        return Verdict(False, False, said, again, count, notes)
 
     if bundle.status != DONE:
-        return verdict(False, f"it has no score that could be checked: {bundle.status}")
+        return refused(f"it has no score that could be checked: {bundle.status}")
     if tuple(run.seed for run in bundle.runs) != tuple(sorted(asked.seeds)):
-        return verdict(False, f"task {asked.name} asks for the seeds {', '.join(map(str, asked.seeds))}")
+        return refused(f"task {asked.name} asks for the seeds {', '.join(map(str, asked.seeds))}")
     check_data(asked, jobs=jobs, cache=cache)
     configs = {run.seed: _config(asked, method, run) for run in bundle.runs}
     gathered = {seed: _gathered(config, jobs, cache) for seed, config in configs.items()}
     for run in bundle.runs:
         fault = _fault(run, configs[run.seed], gathered[run.seed])
         if fault is not None:
-            return verdict(False, f"seed {run.seed}: {fault}")
+            return refused(f"seed {run.seed}: {fault}")
 
     chosen = np.arange(count)
     if not full:
@@ -120,36 +121,41 @@ def verify(
                 progress=report,
             )
         except NoScore as error:
-            return verdict(False, f"done again it has no score: {error.status}", len(wanted))
+            return refused(f"done again it has no score: {error.status}", len(wanted))
         said = _differing_options(run, estimator)
         if said is not None:
-            return verdict(False, f"seed {run.seed}: {said}", len(wanted))
+            return refused(f"seed {run.seed}: {said}", len(wanted))
         parts.append(of_run)
         done += len(tasks)
-    return verdict(*_compared(bundle, chosen, Trials.joined(parts), method, asked, rng), len(wanted))
+    verified, exact, said = _compared(bundle, chosen, Trials.joined(parts), method, asked, rng)
+    return Verdict(verified, exact, said, len(wanted), count, notes)
 
 
 def _compared(
     bundle: Bundle, chosen: np.ndarray, again: Trials, method: Method, asked: Task, rng: np.random.Generator
-) -> tuple[bool, str]:
+) -> tuple[bool, bool, str]:
     trials = _rows(bundle.trials, chosen)
     seeds = [bundle.ids[n][0] for n in chosen]
     same = alike(trials, again)
     if same.all():
-        return True, f"all {len(same)} trials that were done again are the same to the bit"
+        return True, True, f"all {len(same)} trials that were done again are the same to the bit"
     excuses = _excuses(bundle)
     if not excuses:
         said = str(first_difference(trials, again, seeds))
         if bundle.source_hash != _source(method, asked):
             said += f"; the code here is not that of the bundle, which was made at commit {bundle.commit or 'unknown'}"
-        return False, said
+        return False, False, said
     objects = {run.seed: run.objects for run in bundle.runs}
     fault = improbable(trials, again, [objects[seed] for seed in seeds], rng)
     if fault is not None:
-        return False, fault
-    return True, (
-        f"{np.count_nonzero(same)} of {len(same)} trials that were done again are the same to the bit, and all "
-        f"together are within what chance allows; that is all one can ask, because {' and '.join(excuses)}"
+        return False, False, fault
+    return (
+        True,
+        False,
+        (
+            f"{np.count_nonzero(same)} of {len(same)} trials that were done again are the same to the bit, and all "
+            f"together are within what chance allows; that is all one can ask, because {' and '.join(excuses)}"
+        ),
     )
 
 

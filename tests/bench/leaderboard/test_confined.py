@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from tactsim.bench import runner
-from tactsim.bench.leaderboard.confined import Limits, NoScore, run_trials_confined
+from tactsim.bench.leaderboard.confined import Limits, NoScore
+from tactsim.bench.leaderboard.confined_trials import run_trials_confined
 from tactsim.bench.trial_workers import run_trials
 from tactsim.bench.trials import Task, Trials
 from tactsim.core import InputError
