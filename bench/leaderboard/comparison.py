@@ -58,10 +58,10 @@ def first_difference(stated: Trials, again: Trials, seeds: Sequence[int]) -> Dif
     found = []
     for place, name in enumerate(COLUMNS):
         one, other = getattr(stated, name)[n], getattr(again, name)[n]
-        apart = ~np.atleast_1d(_same(one, other))
-        apart = apart.reshape(len(apart), -1).any(axis=1)
-        if apart.any():
-            found.append((int(np.flatnonzero(apart)[0]), place, one, other))
+        equal = np.atleast_1d(_same(one, other))
+        apart = np.flatnonzero(~equal.reshape(len(equal), -1).all(axis=1))
+        if len(apart):
+            found.append((int(apart[0]), place, one, other))
     reading, place, one, other = min(found, key=lambda entry: entry[:2])
     if np.ndim(one):
         one, other = one[reading], other[reading]

@@ -77,11 +77,12 @@ class Confined(Estimator):
     """
 
     def __init__(
-        self, pipe: socket.socket, process: subprocess.Popen[bytes], letters: tuple[str, ...], limits: Limits
+        self, pipe: socket.socket, process: subprocess.Popen[bytes], folder: Path, limits: Limits
     ) -> None:
         super().__init__(Options())
         self.output: deque[str] = deque(maxlen=_KEPT)
-        self._pipe, self._process, self._letters, self._limits = pipe, process, letters, limits
+        self._pipe, self._process, self._folder, self._limits = pipe, process, folder, limits
+        self._letters: tuple[str, ...] = ()
         self._left = limits.fit_s
         self._seconds = 0.0
         self._work: dict[str, int] = {}
@@ -89,9 +90,9 @@ class Confined(Estimator):
         self._about: dict[str, Any] = {}
         self._proposes = False
 
-    def begin(self, name: str, options: Mapping[str, Any], package: str, scan: Path) -> None:
+    def begin(self, name: str, options: Mapping[str, Any], package: str) -> None:
         """Have the estimator made. Raises InputError if there is none of that name, or for a wrong option."""
-        said = {"estimator": name, "options": dict(options), "package": package, "scan": str(scan)}
+        said = {"estimator": name, "options": dict(options), "package": package}
         answer = self._ask("begin", {**said, "memory_mb": self._limits.memory_mb}).words
         if "refused" in answer:
             raise InputError(str(answer["refused"]))
@@ -123,7 +124,14 @@ class Confined(Estimator):
         return self._seconds
 
     def fit(self, scan: Scan) -> None:
-        """Learn; the training readings are there already."""
+        """Have the estimator made anew and learn; it is given the training readings.
+
+        Of the scan's `meta` it is told the objects and how they were pressed, but for the seed.
+        """
+        self._left = self._limits.fit_s
+        train = _training(scan)
+        train.save(self._folder / "training.npz")
+        self._letters = train.letters
         self._count(self._ask("fit", {}))
 
     def reset(self, rng: np.random.Generator) -> None:
@@ -245,11 +253,8 @@ def module_of(name: str) -> str:
 
 
 @contextmanager
-def confined(name: str, options: Mapping[str, Any], scan: Scan, limits: Limits) -> Iterator[Confined]:
-    """Start a process with the estimator of that name; it is given the training readings of the scan.
-
-    Of the scan's `meta` it is told the objects and how they were pressed, but for the seed. It is not fitted yet. The
-    process ends with the block.
+def confined(name: str, options: Mapping[str, Any], limits: Limits) -> Iterator[Confined]:
+    """Start a process with the estimator of that name; the process ends with the block.
 
     Raises InputError for an unknown name or a wrong option, and NoScore if the process fails.
     """
@@ -262,13 +267,11 @@ def confined(name: str, options: Mapping[str, Any], scan: Scan, limits: Limits) 
                     pass_fds=(theirs.fileno(),), stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
                     stderr=subprocess.STDOUT, start_new_session=True,
                 )  # fmt: skip
-            estimator = Confined(ours, process, scan.where("train").letters, limits)
+            estimator = Confined(ours, process, Path(folder), limits)
             reader = Thread(target=_read, args=(process, estimator.output), daemon=True)
             reader.start()
             try:
-                path = Path(folder) / "training.npz"
-                _training(scan).save(path)
-                estimator.begin(name, options, module_of(name), path)
+                estimator.begin(name, options, module_of(name))
                 yield estimator
             finally:
                 estimator.end()

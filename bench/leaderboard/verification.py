@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
@@ -16,7 +16,8 @@ from tactsim.bench.config import RunConfig, run_config
 from tactsim.bench.leaderboard.bundle import DONE, Bundle
 from tactsim.bench.leaderboard.comparison import alike, first_difference, improbable
 from tactsim.bench.leaderboard.confined import Limits, NoScore
-from tactsim.bench.leaderboard.submission import Method, package_of, source_of, stated, trials_confined
+from tactsim.bench.leaderboard.confined_trials import confined_processes, run_trials_confined
+from tactsim.bench.leaderboard.submission import Method, package_of, source_of, stated
 from tactsim.bench.machine import machine, versions
 from tactsim.bench.placement_error import Properties, properties
 from tactsim.bench.run import Run
@@ -99,36 +100,47 @@ def verify(
     if not full:
         chosen = np.sort(rng.choice(count, min(count, max(math.ceil(share * count), LEAST)), replace=False))
     wanted = [bundle.ids[n] for n in chosen]
-    parts, done = list[Trials](), 0
-    for run in bundle.runs:
-        tasks = [OneTrial(letter, trial) for seed, letter, trial in wanted if seed == run.seed]
-        if not tasks:
-            continue
-        before = done
-
-        def report(stage: str, at: int, total: int, before: int = before) -> None:
-            if stage == "trials":
-                progress("sweep", before + at, len(wanted))
-
-        try:
-            of_run, _, estimator = trials_confined(
-                configs[run.seed],
-                gathered[run.seed],
-                tasks,
-                rng=rng,
-                jobs=jobs,
-                limits=limits,
-                progress=report,
-            )
-        except NoScore as error:
-            return refused(f"done again it has no score: {error.status}", len(wanted))
-        said = _differing_options(run, estimator)
-        if said is not None:
-            return refused(f"seed {run.seed}: {said}", len(wanted))
-        parts.append(of_run)
-        done += len(tasks)
+    try:
+        parts = list(_again(bundle, method, wanted, configs, gathered, rng, jobs, limits, progress))
+    except NoScore as error:
+        return refused(f"done again it has no score: {error.status}", len(wanted))
+    except _OtherOptions as error:
+        return refused(str(error), len(wanted))
     verified, exact, said = _compared(bundle, chosen, Trials.joined(parts), method, asked, rng)
     return Verdict(verified, exact, said, len(wanted), count, notes)
+
+
+class _OtherOptions(Exception):
+    """A method is set up in another way than its bundle says."""
+
+
+def _again(
+    bundle: Bundle,
+    method: Method,
+    wanted: Sequence[tuple[int, str, int]],
+    configs: Mapping[int, RunConfig],
+    gathered: Mapping[int, Gathered],
+    rng: np.random.Generator,
+    jobs: int,
+    limits: Limits | None,
+    progress: Progress,
+) -> Iterator[Trials]:
+    """Do the wanted trials again, seed after seed."""
+    done = 0
+
+    def report(stage: str, at: int, total: int) -> None:
+        progress("sweep", done + at, len(wanted))
+
+    with confined_processes(method.estimator, method.options, jobs, limits) as processes:
+        for run in bundle.runs:
+            tasks = [OneTrial(letter, trial) for seed, letter, trial in wanted if seed == run.seed]
+            said = _differing_options(run, processes[0])
+            if said is not None:
+                raise _OtherOptions(f"seed {run.seed}: {said}")
+            if tasks:
+                plan = runner.plan_of(configs[run.seed], gathered[run.seed].scan)
+                yield run_trials_confined(plan, tasks, processes, rng=rng, progress=report)[0]
+                done += len(tasks)
 
 
 def _compared(
