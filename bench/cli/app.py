@@ -26,6 +26,7 @@ VERBS = {
     "report": "Write one HTML page that opens without a network, and beside it every curve as CSV.",
     "bound": "Say how good an estimator can be: exact Bayes, and the Cramer-Rao bound of the error, by reading.",
     "compare": "Compare two runs on the same trials; exit status 1 if NEW is worse beyond the interval.",
+    "leaderboard": "Rank the methods of a folder of bundles, task by task, and write a site of static pages.",
     "list": "List estimators, letters, worlds, metrics and suites; on request the options of an estimator or a scan.",
     "stress": "Vary inputs over many decades and measure the worst deviation; exit status 1 if a case fails.",
     "devices": "List ports, sources of readings, codecs and device files, each with its status.",

@@ -1,10 +1,11 @@
 """Which methods of a task can be told apart: paired tests of all pairs, corrected, and the ranks that they leave.
 
-All methods of a task saw the same trials, so they are compared trial by trial. Accuracy: McNemar's exact test, corrected
-for the number of pairs by Holm (1979). Placement error: a bootstrap over scans and trials whose draws are the same for
-all methods, corrected by the largest of the studentised differences (Westfall and Young 1993). Either way the chance
-that one table calls any two equal methods different is 5 % at most; the bootstrap keeps to it only as far as its five
-scans let it (`pooled`).
+All methods of a task saw the same trials, so they are compared trial by trial. Accuracy: McNemar's exact test,
+corrected for the number of pairs by Holm (1979). Placement error: a bootstrap over scans and trials whose draws are
+the same for all methods, corrected by the largest of the studentised differences (Westfall and Young 1993). The chance
+that a table calls any two equal methods different is then 5 % at most on the scans of the task. The bootstrap also asks
+about the next scan, which five scans answer only in part (`pooled`).
+
 A method's rank is given as the range that the tests leave: above it are only methods that are better beyond chance,
 below it only worse ones (Mogstad, Romano, Shaikh and Wilhelm 2024, Inference for Ranks).
 """
@@ -25,7 +26,10 @@ LEVEL = 0.05  # of a table: the chance that any two equal methods of it are call
 
 @dataclass(frozen=True, eq=False)
 class Accuracies:
-    """All pairs of m methods by accuracy: wins (m, m) trials that only the row's method has right, p (m, m) corrected."""
+    """All pairs of m methods by accuracy.
+
+    wins: (m, m) trials that the row's method has right and the column's has not. p: (m, m), corrected.
+    """
 
     wins: NDArray[np.int64]
     p: FloatArray

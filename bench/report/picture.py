@@ -27,9 +27,17 @@ CROWD = 12  # runs beyond which curves would hide each other: then only each met
 MARKERS = ("o", "s", "D", "^", "v", "P", "h", "X")
 
 
-def look(number: int) -> tuple[str, str]:
+# The same for a dark ground.
+DARK_COLOURS = (
+    "#66b0ee", "#f58f5c", "#44c99a", "#b795ee", "#ee86b9", "#d9b648", "#4fc6d3", "#a9b2be",
+    "#a39c38", "#b5f2d3", "#7687f0", "#e2596c", "#36989e", "#f3cdf3", "#bd68bd", "#f4e34a",
+)  # fmt: skip
+
+
+def look(number: int, scheme: str = "light") -> tuple[str, str]:
     """Choose the colour and the marker of a method by its number; 128 methods all look different."""
-    return COLOURS[number % len(COLOURS)], MARKERS[(number + number // len(COLOURS)) % len(MARKERS)]
+    colours = DARK_COLOURS if scheme == "dark" else COLOURS
+    return colours[number % len(COLOURS)], MARKERS[(number + number // len(COLOURS)) % len(MARKERS)]
 
 
 def save(figure: Figure, path: Path) -> None:

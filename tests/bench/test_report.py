@@ -23,7 +23,7 @@ from tactsim.bench.report import recognition as replay
 from tactsim.bench.report.collect import budget, collect, find, method_name, task_name
 from tactsim.bench.report.curves import confusion_counts, reliability
 from tactsim.bench.report.pareto import frontier, points, recognition_seconds
-from tactsim.bench.report.picture import COLOURS, MARKERS, look
+from tactsim.bench.report.picture import COLOURS, DARK_COLOURS, MARKERS, look
 from tactsim.bench.report.press_picture import images_shown
 from tactsim.bench.report.write import write_report
 from tactsim.bench.runner import about_estimator
@@ -461,8 +461,8 @@ def test_many_methods_all_look_different_and_alike_on_page_and_picture():
     assert len({colour for colour, _ in map(look, range(16))}) == 16
     assets = files("tactsim.bench") / "report" / "assets"
     style = (assets / "page.css").read_text()
-    light = style[: style.index("@media")]
-    assert tuple(re.findall(r"--m\d+: (#\w+);", light)) == COLOURS
+    colours = tuple(re.findall(r"--m\d+: (#\w+);", style))
+    assert colours == COLOURS + DARK_COLOURS + DARK_COLOURS
     assert re.findall(r"\.m(\d+) \{ --c: var\(--m(\d+)\)", style) == [(str(i), str(i)) for i in range(16)]
     numbers = re.search(r"const COLOURS = (\d+), MARKS = (\d+);", (assets / "charts.js").read_text())
     assert [int(number) for number in numbers.groups()] == [len(COLOURS), len(MARKERS)]
