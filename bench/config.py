@@ -252,7 +252,7 @@ class RunConfig(ScanWords):
 
     @property
     def digest(self) -> str:
-        """Hash what the run is asked to do; equal values have one digest, whatever a world's file or a task is called."""
+        """Hash what the run is asked to do; equal values have one digest, whatever world's file or task says them."""
         rest = self.model_dump(mode="json", include={"estimator", "trials", "readings", "explore", "seed"})
         moves = [] if self.moving.still else [self.moving.model_dump(mode="json")]
         content = json.dumps([self.source, self.options, rest, *moves], sort_keys=True, default=str)

@@ -10,7 +10,7 @@ from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field, field_validator
 
-from tactsim.bench.config import RunConfig, run_config
+from tactsim.bench.config import RunConfig, merged, run_config
 from tactsim.bench.score import CURVES, HEADLINES
 from tactsim.core import InputError
 from tactsim.core.checking import checked
@@ -49,7 +49,8 @@ class Task(BaseModel):
         min_length=1, description="figures, METRIC@READINGS or METRIC; the first ranks"
     )
     hashes: tuple[Hash, ...] = Field(
-        (), description="SHA-256 of the data of each seed, in their order; `bench tasks FILE --hash` prints them"
+        (),
+        description="SHA-256 of the data of each seed, in their order; `bench tasks FILE --check` prints them",
     )
 
     @field_validator("seeds")
@@ -91,27 +92,30 @@ class Task(BaseModel):
         Raises InputError for an option that contradicts the task.
         """
         asked = {name: value for name, value in words.items() if name != "task"}
-        of_method = {name: value for name, value in asked.items() if name in OF_THE_METHOD}
-        seed = asked.get("seed", self.seeds[0])
-        wanted = self._config({**of_method, "seed": seed})
-        for name in ("scan", "train_scan", "presses", "given"):  # readings of one's own, before what goes with them
-            if asked.get(name) is not None and getattr(wanted, name) is None:
-                raise InputError(f"{name}: task {self.name} has readings of its own; leave out {name} or the task")
-        said = checked(RunConfig, {**self._words, **of_method, **asked, "seed": seed}, "run")
+        for name in ("scan", "train_scan", "presses", "given"):  # before what goes with readings of one's own
+            if asked.get(name) is not None and name not in self.words:
+                raise InputError(
+                    f"{name}: task {self.name} has readings of its own; leave out {name} or the task"
+                )
+        said = checked(RunConfig, merged({**self._words, "seed": self.seeds[0]}, asked), "run")
         if said.seed not in self.seeds:
-            raise InputError(
-                f"seed {said.seed}: task {self.name} has the seeds {', '.join(map(str, self.seeds))}"
-            )
-        shorter = False
+            seeds = ", ".join(map(str, self.seeds))
+            raise InputError(f"seed {said.seed}: task {self.name} has the seeds {seeds}; name one of them")
+        chosen: dict[str, Any] = {"seed": said.seed, "task": words["task"]}
+        chosen |= {name: value for name, value in asked.items() if name in OF_THE_METHOD}
+        wanted = self._config(chosen)
         for name in asked:
             value, right = getattr(said, name), getattr(wanted, name)
             if name in ("trials", "readings") and value < right:
-                shorter = True
-            elif value != right and not (name == "explore" and (right, value) == ("information", "blind")):
+                chosen |= {name: value, "task": None}
+            elif name == "explore" and (right, value) == ("information", "blind"):
+                chosen[name] = value
+            elif value != right and not (name == "letters" and value == self.letters):
+                says = short(self.letters if name == "letters" else right)
                 raise InputError(
-                    f"{name} {short(value)}: task {self.name} says {short(right)}; leave out {name} or the task"
+                    f"{name} {short(value)}: task {self.name} says {says}; leave out {name} or the task"
                 )
-        return {**self._words, **asked, "seed": said.seed, "task": None if shorter else words["task"]}
+        return self._words | chosen
 
     @property
     def _words(self) -> dict[str, Any]:
@@ -157,7 +161,9 @@ def _checked(table: dict[str, Any], name: str) -> Task:
             f"option in [words] of task {name}", strange[0], set(RunConfig.model_fields) - set(_NOT_WORDS)
         )
     if made.hashes and len(made.hashes) != len(made.seeds):
-        raise InputError(f"task {name}: {len(made.hashes)} hashes for {len(made.seeds)} seeds; give one a seed")
+        raise InputError(
+            f"task {name}: {len(made.hashes)} hashes for {len(made.seeds)} seeds; give one a seed"
+        )
     for figure in made.scored:
         _check_figure(figure, made)
     run_config(**made.words, trials=made.trials, readings=made.readings)
