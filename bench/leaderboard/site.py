@@ -103,8 +103,9 @@ def _of_task(
             f"Run time against error, as {kind.upper()}": f"../pictures/{stem}.{kind}"
             for kind in ("svg", "png")
         }
-    offered |= {f"{one.label}: its bundle": f"../{files[one]}" for one in (*of.ranked, *of.unranked)}
-    return task_page(of, links, drawn, _list(offered))
+    bundles = _list({one.label: f"../{files[one]}" for one in (*of.ranked, *of.unranked)})
+    more = h("details", {}, h("summary", {}, "The bundles: every estimate of every trial"), bundles)
+    return task_page(of, links, drawn, h("div", {}, _list(offered), more))
 
 
 def _page(path: Path, title: str, lead: str, parts: Iterable[Element]) -> None:

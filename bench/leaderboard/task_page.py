@@ -23,8 +23,10 @@ SEEN_OF_ERROR = (10, 20)
 def columns(of: Standings) -> list[str]:
     """List the figures of a task's table: what ranks, accuracy, error, error over bound, and what else is scored."""
     last = of.readings
-    accuracy = [f"accuracy@{at}" for at in sorted({*(k for k in SEEN if k < last), last}) if at]
-    error = [f"error_mm@{at}" for at in sorted({*(k for k in SEEN_OF_ERROR if k < last), last}) if at]
+    if not last:  # a task of another version, with which nobody was done
+        return []
+    accuracy = [f"accuracy@{at}" for at in sorted({*(k for k in SEEN if k < last), last})]
+    error = [f"error_mm@{at}" for at in sorted({*(k for k in SEEN_OF_ERROR if k < last), last})]
     return list(dict.fromkeys([of.by, *accuracy, *error, f"efficiency@{last}", *of.scored]))
 
 
@@ -151,8 +153,8 @@ def _against(of: Standings, i: int) -> list[Element]:
 
 
 def _head(heads: list[str]) -> Element:
-    words = ("method", "rank", "checked", "next", "better placed", "verdict")
-    cells = (h("th", {"scope": "col", **({"class": "words"} if one in words else {})}, one) for one in heads)
+    kinds = dict.fromkeys(("method", "checked", "next", "better placed", "verdict"), "words") | {"rank": "rank"}
+    cells = (h("th", {"scope": "col", "class": kinds.get(one, "number")}, one) for one in heads)
     return h("thead", {}, h("tr", {}, *cells))
 
 

@@ -24,7 +24,7 @@ COLOURS = (
 )  # fmt: skip
 DASHES = ("-", (0, (5, 3)), (0, (1.5, 2)), (0, (6, 2, 1.5, 2)), (0, (1, 2)))
 CROWD = 12  # runs beyond which curves would hide each other: then only each method's largest budget is drawn
-MARKERS = ("o", "s", "D", "^", "v", "P", "h", "X")
+MARKERS = ("o", "s", "D", "^", "v", "P", "h", "p")
 
 
 # The same for a dark ground.
