@@ -14,7 +14,7 @@ import math
 import re
 import zipfile
 import zlib
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -26,6 +26,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 from tactsim.bench import results
 from tactsim.bench.pooled import Pooled, pool
 from tactsim.bench.run import Run
+from tactsim.bench.score import summarise
 from tactsim.bench.trials import Trials
 from tactsim.core import InputError
 from tactsim.core.checking import checked
@@ -145,6 +146,19 @@ def _printable(value: str) -> str:
 _Hash = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
 _Name = Annotated[str, Field(min_length=1, max_length=200), AfterValidator(_printable)]
 _Line = Annotated[str, Field(min_length=1, max_length=1000), AfterValidator(_printable)]
+
+
+def figures_of(bundle: Bundle, scored: Iterable[str]) -> dict[str, float | None]:
+    """Compute figures, METRIC@READINGS or METRIC, over the trials of all seeds; None where one is not defined.
+
+    Raises InputError if there are no runs.
+    """
+    summary = summarise(bundle.trials, bundle.runs[0].objects)
+    found = {}
+    for figure in scored:
+        metric, at, reading = figure.partition("@")
+        found[figure] = summary[metric][int(reading) - 1] if at else summary[metric]
+    return found
 
 
 class _Machine(BaseModel):

@@ -36,13 +36,17 @@ def _outline(marker: str, r: float) -> str:
     return f"M{_path([(1.2 * r * math.cos(angle), 1.2 * r * math.sin(angle)) for angle in angles])}Z"
 
 
-def curve(name: str, readings: Sequence[int], figures: Sequence[Figure], number: int, *, share: bool) -> Element:
+def curve(
+    name: str, readings: Sequence[int], figures: Sequence[Figure], number: int, *, share: bool
+) -> Element:
     """Draw a figure with its intervals against the readings seen, in the colour of method `number`.
 
     share: whether it is a share from 0 to 1; else it is drawn to a logarithmic scale.
     """
     found = [(at, (one.value, one.low, one.high)) for at, one in zip(readings, figures, strict=True)]
-    points = [(at, [one[0] if end is None else end for end in one]) for at, one in found if one[0] is not None]
+    points = [
+        (at, [one[0] if end is None else end for end in one]) for at, one in found if one[0] is not None
+    ]
     low, high = (0.0, 1.0) if share else _decades([end for _, ends in points for end in ends if end])
 
     def x(reading: float) -> float:
@@ -54,7 +58,9 @@ def curve(name: str, readings: Sequence[int], figures: Sequence[Figure], number:
 
     inside = []
     for value in (0.0, 0.5, 1.0) if share else _levels(low, high):
-        inside.append(h("path", {"class": "grid", "d": f"M{_path([(LEFT, y(value)), (WIDTH - RIGHT, y(value))])}"}))
+        inside.append(
+            h("path", {"class": "grid", "d": f"M{_path([(LEFT, y(value)), (WIDTH - RIGHT, y(value))])}"})
+        )
         inside.append(_text(LEFT - 5, y(value) + 4, f"{value:g}", "end"))
     inside += [_text(x(tick), HEIGHT - BELOW + 15, f"{tick}") for tick in _TICKS if tick <= readings[-1]]
     inside.append(_text((LEFT + WIDTH - RIGHT) / 2, HEIGHT - 3, "readings seen"))

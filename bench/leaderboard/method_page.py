@@ -79,9 +79,10 @@ def _score(of: Standings, one: Entrant) -> list[Element]:
 def command(one: Entrant) -> str:
     """Write the command that does these trials again; every name in it is quoted for a shell."""
     bundle = one.bundle
-    words = ["bench", "submit", bundle.task, "--estimator", bundle.estimator]
+    words = ["bench", "submit", bundle.task, "--estimator", bundle.estimator, "--title", bundle.method]
     for name, value in bundle.options.items():
         words += ["--set", f"{name}={_option(value)}"]
+    words += [] if bundle.reproducible else ["--not-reproducible"]
     return shlex.join([*words, "--out", one.path.name])
 
 
@@ -106,6 +107,7 @@ def _facts(one: Entrant) -> Element:
         "hash of the source": bundle.source_hash,
         "hash of the readings": bundle.task_data,
         "versions": ", ".join(f"{name} {version}" for name, version in bundle.versions.items()),
+        "checked": _checked(one),
         "machine": f"{bundle.machine['processor']}, {bundle.machine['cores']} cores, {bundle.machine['system']}",
     }
     return h(
@@ -113,3 +115,11 @@ def _facts(one: Entrant) -> Element:
         {},
         *(part for name, value in facts.items() if value for part in (h("dt", {}, name), h("dd", {}, value))),
     )
+
+
+def _checked(one: Entrant) -> str:
+    if one.check is None:
+        return "not yet"
+    check = one.check
+    by = f"by commit {check.commit or 'unknown'} on {check.processor}, {check.made}, with --seed {check.seed}"
+    return f"{check.said}: {check.again} of {check.trials} trials were done again {by}"

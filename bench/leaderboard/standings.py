@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactsim.bench.leaderboard.bundle import DONE, Bundle, read_bundle
+from tactsim.bench.leaderboard.checks import Check, check_place, read_check
 from tactsim.bench.leaderboard.ranking import (
     LEVEL,
     Accuracies,
@@ -31,6 +32,7 @@ from tactsim.bench.trials import Trials, draw_true_pose, generator
 from tactsim.core import InputError
 
 OTHER_TRIALS = "its trials are not the task's"
+TrialKey = tuple[int, str, int, int]  # seed, letter, number and readings
 MOST_TRIALS = 20_000  # of a bundle: the bootstrap takes 16 kB for each
 ACCURACY, ERRORS = "accuracy", ("error_all_mm", "error_mm")
 
@@ -40,7 +42,8 @@ class Entrant:
     """A bundle in the standings of its task.
 
     label: the method, with the file's name if the method is there twice. number: of its colour and marker, the same
-    for a method on all tasks. status: DONE, or why there is no score. rank: the best and the worst that the tests
+    for a method on all tasks. status: DONE, or why there is no score. check: what `bench verify` found; None if it was
+    not asked. rank: the best and the worst that the tests
     leave; None without a score.
     """
 
@@ -49,6 +52,7 @@ class Entrant:
     label: str
     number: int
     status: str
+    check: Check | None = None
     rank: tuple[int, int] | None = None
 
     @property
@@ -163,6 +167,7 @@ def read_folder(folder: Path) -> Folder:
             f"{folder} holds no bundle (*.zip); `bench submit TASK --estimator NAME --out BUNDLE` makes one"
         )
     bundles: dict[tuple[str, str], list[tuple[Path, Bundle]]] = {}
+    checks: dict[Path, Check | None] = {}
     unreadable = []
     for path in paths:
         try:
@@ -170,10 +175,14 @@ def read_folder(folder: Path) -> Folder:
         except InputError as error:
             unreadable.append((path, str(error).removeprefix(f"bundle {path}: ")))
             continue
+        try:
+            checks[path] = read_check(path)
+        except InputError as error:
+            unreadable.append((check_place(path), str(error).removeprefix(f"{check_place(path)}: ")))
         bundles.setdefault((bundle.task, bundle.task_data), []).append((path, bundle))
     methods = sorted({bundle.method for alike in bundles.values() for _, bundle in alike})
     numbers = {method: number for number, method in enumerate(methods)}
-    standings = [_standings(name, data, alike, numbers) for (name, data), alike in bundles.items()]
+    standings = [_standings(name, data, alike, numbers, checks) for (name, data), alike in bundles.items()]
     standings.sort(key=lambda of: (of.known is None, of.task, of.data))
     return Folder(tuple(standings), tuple(unreadable))
 
@@ -190,7 +199,11 @@ def _read(path: Path) -> Bundle:
 
 
 def _standings(
-    name: str, data: str, bundles: Sequence[tuple[Path, Bundle]], numbers: dict[str, int]
+    name: str,
+    data: str,
+    bundles: Sequence[tuple[Path, Bundle]],
+    numbers: Mapping[str, int],
+    checks: Mapping[Path, Check | None],
 ) -> Standings:
     known = _known(name, data)
     counts = Counter(bundle.method for _, bundle in bundles)
@@ -198,11 +211,9 @@ def _standings(
     entrants = []
     for path, bundle in bundles:
         label = bundle.method if counts[bundle.method] == 1 else f"{bundle.method} ({path.name})"
-        mine = _trials(bundle) if bundle.runs else None
-        other = mine is not None and (not mine or mine != right)
-        entrants.append(
-            Entrant(path, bundle, label, numbers[bundle.method], OTHER_TRIALS if other else bundle.status)
-        )
+        check = checks.get(path)
+        status = _status(bundle, check, right)
+        entrants.append(Entrant(path, bundle, label, numbers[bundle.method], status, check))
     scored = [one for one in entrants if one.status == DONE]
     readings = known.readings if known else (scored[0].readings if scored else 0)
     figures = known.scored if known else (f"error_all_mm@{readings}", f"accuracy@{min(5, readings)}")
@@ -227,6 +238,15 @@ def _standings(
     )  # fmt: skip
 
 
+def _status(bundle: Bundle, check: Check | None, right: frozenset[TrialKey]) -> str:
+    """Give a bundle's status: DONE only if it has the task's trials and no check spoke against it."""
+    if bundle.status != DONE:
+        return bundle.status
+    if not right or _trials(bundle) != right:
+        return OTHER_TRIALS
+    return DONE if check is None or check.verified else f"not confirmed: {check.said}"
+
+
 def _known(name: str, data: str) -> Task | None:
     """Find the task that a bundle names; None if this version of tactsim has it not, or with other data."""
     if name not in names():
@@ -244,9 +264,6 @@ def _loss(found: Figure, figure: str) -> float:
     if found.value is None:
         return np.inf
     return -found.value if figure.startswith(f"{ACCURACY}@") else found.value
-
-
-TrialKey = tuple[int, str, int, int]  # seed, letter, number and readings
 
 
 def _trials(bundle: Bundle) -> frozenset[TrialKey]:

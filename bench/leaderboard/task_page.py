@@ -84,8 +84,12 @@ def _ranked_row(of: Standings, one: Entrant, figures: list[str], links: Mapping[
 
 
 def check_tag(one: Entrant) -> Element:
-    """Say whether the trials were done again, and what came of it."""
-    return h("span", {"class": "tag"}, "not yet")
+    """Say whether trials were done again, and what came of it."""
+    if one.check is None:
+        return h("span", {"class": "tag"}, "not yet")
+    again = f"{one.check.again} of {one.check.trials} trials"
+    by = f"by commit {(one.check.commit or 'unknown')[:12]}, {one.check.made[:10]}"
+    return h("span", {"class": "tag good", "title": f"{one.check.said}; {by}"}, f"done again: {again}")
 
 
 def _name(one: Entrant, links: Mapping[str, str]) -> Element:
@@ -153,7 +157,9 @@ def _against(of: Standings, i: int) -> list[Element]:
 
 
 def _head(heads: list[str]) -> Element:
-    kinds = dict.fromkeys(("method", "checked", "next", "better placed", "verdict"), "words") | {"rank": "rank"}
+    kinds = dict.fromkeys(("method", "checked", "next", "better placed", "verdict"), "words") | {
+        "rank": "rank"
+    }
     cells = (h("th", {"scope": "col", "class": kinds.get(one, "number")}, one) for one in heads)
     return h("thead", {}, h("tr", {}, *cells))
 
