@@ -12,6 +12,7 @@ from typing import TypeVar
 from urllib.parse import quote
 from xml.etree.ElementTree import Element
 
+from tactsim.bench.leaderboard.checks import check_place
 from tactsim.bench.leaderboard.index_page import index_page
 from tactsim.bench.leaderboard.markup import h, html
 from tactsim.bench.leaderboard.method_page import method_page
@@ -55,7 +56,8 @@ def _write(folder: Folder, inside: Path) -> None:
     files = {one: f"bundles/{quote(one.path.name)}" for one in folder.entrants}
     (inside / "bundles").mkdir()
     for one in folder.entrants:
-        shutil.copyfile(one.path, inside / "bundles" / one.path.name)
+        for path in (one.path, check_place(one.path)) if one.check else (one.path,):
+            shutil.copyfile(path, inside / "bundles" / path.name)
     write_text(inside / "figures.csv", figures_csv(folder.standings))
     write_text(inside / "pairs.csv", pairs_csv(folder.standings))
     for of in folder.standings:

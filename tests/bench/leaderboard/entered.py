@@ -10,6 +10,7 @@ from tactsim.bench.run import Run
 from tactsim.bench.tasks import task
 from tactsim.bench.trials import Task, Trials, draw_true_pose, generator
 from tactsim.core.poses import compose
+from tactsim.estimators import NONE
 
 
 def entered(
@@ -50,17 +51,18 @@ def _run(asked, of, method, skill, mm, seconds, seed, bounds):
     true_pose = np.repeat(np.array(poses)[:, None], r, axis=1)
     spread = mm * (shared.normal(size=(n, 1, 2)) + own.normal(size=(n, r, 2)))
     step = np.concatenate([spread, 0.01 * own.normal(size=(n, r, 1))], axis=2)
+    known = ~np.isin(truth, list(asked.words.get("hold_out", "")))
+    answer = np.where(known, truth, NONE)
     other = np.roll(letters, 1)[np.searchsorted(letters, truth, sorter=np.argsort(letters))]
     trials = Trials(
-        truth=truth, known=~np.isin(truth, asked.words.get("hold_out", "")), trial=number, true_pose=true_pose,
-        reading=own.integers(192, size=(n, r)), label=np.where(right, truth[:, None], other[:, None]),
+        truth=truth, known=known, trial=number, true_pose=true_pose,
+        reading=own.integers(192, size=(n, r)), label=np.where(right, answer[:, None], other[:, None]),
         p_truth=own.random((n, r)), p_label=own.random((n, r)), pose=compose(true_pose, step),
         credibility=own.random((n, r)), radius_90=own.random((n, r)), evaluations=own.integers(100, size=(n, r)),
         update_s=seconds * (1 + own.random((n, r))), estimate_s=np.zeros((n, r)), propose_s=np.zeros((n, r)),
     )  # fmt: skip
-    config = RunConfig(estimator="histogram", trials=asked.trials, readings=r, seed=of).model_dump(
-        mode="json"
-    )
+    words = {"hold_out": asked.words.get("hold_out", ()), "trials": asked.trials, "readings": r, "seed": of}
+    config = RunConfig(estimator="histogram", **words).model_dump(mode="json")
     about = make_run().about | {"letters": list(letters), "description": "made up"}
     objects = {str(letter): Properties(1, (0.0, 0.0), 60.0) for letter in letters}
     bound = np.full((n, r), 0.3 * mm) if bounds else None
