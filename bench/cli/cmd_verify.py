@@ -27,24 +27,25 @@ def command(
     ] = None,
     record: Annotated[
         bool,
-        typer.Option(
-            "--record", help="Write what was found beside the bundle, NAME.verified.json, for a leaderboard."
-        ),
+        typer.Option("--record", help="Write what was found beside the bundle, for `bench leaderboard`."),
     ] = False,
     jobs: shared.Jobs = 1,
     cache: shared.Cache = True,
 ) -> None:
     """Do some trials of a bundle again and compare them to the bit; exit status 1 if it cannot be confirmed."""
     import secrets
+    from datetime import UTC, datetime
 
     import numpy as np
 
     from tactsim.bench.console import plain_console
     from tactsim.bench.leaderboard.bundle import read_bundle
-    from tactsim.bench.leaderboard.checks import write_check
+    from tactsim.bench.leaderboard.record import Machine, Record, bundle_hash, write_record
     from tactsim.bench.leaderboard.verification import verify
+    from tactsim.bench.machine import machine, versions
     from tactsim.bench.terminal import progress_bars
-    from tactsim.core.errors import InputError
+    from tactsim.core.errors import InputError, printable
+    from tactsim.core.source_digest import git_commit
 
     read = read_bundle(bundle)
     chosen = secrets.randbelow(2**32) if seed is None else seed
@@ -70,6 +71,19 @@ def command(
         console.print(f"again     {again}" + ("" if full else f", chosen with --seed {chosen}"))
     console.print(f"{'verified' if verdict.verified else 'NOT VERIFIED'}  {verdict.said}")
     if record:
-        console.print(f"recorded  {write_check(bundle, verdict, chosen)}")
+        made = Record(
+            bundle=bundle_hash(bundle),
+            verified=verdict.verified,
+            exact=verdict.exact,
+            said=printable(verdict.said),
+            again=verdict.again,
+            trials=verdict.trials,
+            seed=None if full else chosen,
+            machine=Machine.model_validate(machine()),
+            versions=versions(),
+            commit=git_commit(),
+            made=datetime.now(UTC).isoformat(timespec="seconds"),
+        )
+        console.print(f"record    {write_record(made, bundle)}")
     if not verdict.verified:
         raise typer.Exit(1)

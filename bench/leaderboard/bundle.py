@@ -19,11 +19,12 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Annotated, Any, Literal
+from typing import Any, Literal
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field
 
 from tactsim.bench import results
+from tactsim.bench.leaderboard.record import Hash, Line, Machine, Name
 from tactsim.bench.pooled import Pooled, pool
 from tactsim.bench.run import Run
 from tactsim.bench.score import summarise
@@ -137,17 +138,6 @@ def read_bundle(path: str | Path) -> Bundle:
         raise InputError(f"bundle {path}: {error}") from error
 
 
-def _printable(value: str) -> str:
-    if not value.isprintable():
-        raise ValueError("it holds characters that cannot be printed")
-    return value
-
-
-_Hash = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
-_Name = Annotated[str, Field(min_length=1, max_length=200), AfterValidator(_printable)]
-_Line = Annotated[str, Field(min_length=1, max_length=1000), AfterValidator(_printable)]
-
-
 def figures_of(bundle: Bundle, scored: Iterable[str]) -> dict[str, float | None]:
     """Compute figures, METRIC@READINGS or METRIC, over the trials of all seeds; None where one is not defined.
 
@@ -161,34 +151,26 @@ def figures_of(bundle: Bundle, scored: Iterable[str]) -> dict[str, float | None]
     return found
 
 
-class _Machine(BaseModel):
-    model_config = ConfigDict(strict=True, extra="forbid")
-
-    processor: _Name
-    cores: int = Field(ge=1, le=1_000_000)
-    system: _Name
-
-
 class _Head(BaseModel):
     """What bundle.json says."""
 
     model_config = ConfigDict(strict=True, extra="forbid")
 
     schema_: Literal[1] = Field(alias="schema")
-    task: _Name
-    task_data: _Hash
-    method: _Name
-    estimator: _Name
+    task: Name
+    task_data: Hash
+    method: Name
+    estimator: Name
     options: dict[str, Any] = Field(max_length=100)
     reproducible: bool
-    status: _Line
-    versions: dict[_Name, _Name] = Field(max_length=100)
-    source_hash: _Hash
-    machine: _Machine
-    commit: _Name | None
-    made: _Name
-    package: _Name | None
-    files: dict[str, _Hash] = Field(max_length=1000)
+    status: Line
+    versions: dict[Name, Name] = Field(max_length=100)
+    source_hash: Hash
+    machine: Machine
+    commit: Name | None
+    made: Name
+    package: Name | None
+    files: dict[str, Hash] = Field(max_length=1000)
 
 
 def _head(content: str | bytes) -> _Head:

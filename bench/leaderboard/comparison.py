@@ -44,8 +44,8 @@ def alike(stated: Trials, again: Trials) -> NDArray[np.bool_]:
     """Tell of each trial (n,) whether all but the times is the same to the bit; NaN is NaN."""
     same = np.ones(len(stated.truth), dtype=bool)
     for name in COLUMNS:
-        one = _same(getattr(stated, name), getattr(again, name))
-        same &= one.reshape(len(one), -1).all(axis=1)
+        equal = _same(getattr(stated, name), getattr(again, name)).reshape(len(same), -1)
+        same = np.logical_and(same, equal.all(axis=1))
     return same
 
 
@@ -58,10 +58,10 @@ def first_difference(stated: Trials, again: Trials, seeds: Sequence[int]) -> Dif
     found = []
     for place, name in enumerate(COLUMNS):
         one, other = getattr(stated, name)[n], getattr(again, name)[n]
-        apart = ~np.atleast_1d(_same(one, other))
-        apart = apart.reshape(len(apart), -1).any(axis=1)
-        if apart.any():
-            found.append((int(np.flatnonzero(apart)[0]), place, one, other))
+        equal = np.atleast_1d(_same(one, other))
+        apart = np.flatnonzero(~equal.reshape(len(equal), -1).all(axis=1))
+        if len(apart):
+            found.append((int(apart[0]), place, one, other))
     reading, place, one, other = min(found, key=lambda entry: entry[:2])
     if np.ndim(one):
         one, other = one[reading], other[reading]
@@ -101,8 +101,9 @@ def improbable(
         as_far = 1 + np.count_nonzero(drawn >= abs(difference[known].sum()) * (1 - 1e-9))
         if difference[known].any() and as_far / (DRAWS + 1) <= CHANCE / len(figures):
             return (
-                f"{what} is {one[known].mean():.4g} in the bundle and {other[known].mean():.4g} when the same "
-                f"{known.sum()} trials are done again; chance makes that of one honest bundle in {1 / CHANCE:,.0f} at most"
+                f"{what} is {one[known].mean():.4g} in the bundle and {other[known].mean():.4g} when the "
+                f"same {known.sum()} trials are done again; chance does that to one honest bundle in "
+                f"{1 / CHANCE:,.0f} at most"
             )
     return None
 
@@ -118,7 +119,7 @@ def _only(trials: Trials, n: int) -> Trials:
 
 
 def _same(one: NDArray[Any], other: NDArray[Any]) -> NDArray[np.bool_]:
-    same = np.asarray(one == other)
+    same: NDArray[np.bool_] = np.asarray(one == other)
     return same | (np.isnan(one) & np.isnan(other)) if one.dtype.kind == "f" else same
 
 

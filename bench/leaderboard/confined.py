@@ -14,26 +14,22 @@ import signal
 import socket
 import subprocess
 import sys
-from collections import Counter, deque
+from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from threading import Event, Lock, Thread
+from threading import Thread
 from time import monotonic
 from typing import Any, BinaryIO, cast
 
 import numpy as np
 from numpy.random import SeedSequence
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from pydantic import ConfigDict
 
 from tactsim.bench.leaderboard.messages import Message, receive, send
-from tactsim.bench.placement_error import properties
-from tactsim.bench.trial_plan import TrialPlan
-from tactsim.bench.trials import Progress, Task, Trials, run_trial
 from tactsim.bench.work_counts import unflatten_work
 from tactsim.core import InputError, Scan
 from tactsim.core.cache_folder import FOLDER_VARIABLE, cache_folder
@@ -81,11 +77,12 @@ class Confined(Estimator):
     """
 
     def __init__(
-        self, pipe: socket.socket, process: subprocess.Popen[bytes], letters: tuple[str, ...], limits: Limits
+        self, pipe: socket.socket, process: subprocess.Popen[bytes], folder: Path, limits: Limits
     ) -> None:
         super().__init__(Options())
         self.output: deque[str] = deque(maxlen=_KEPT)
-        self._pipe, self._process, self._letters, self._limits = pipe, process, letters, limits
+        self._pipe, self._process, self._folder, self._limits = pipe, process, folder, limits
+        self._letters: tuple[str, ...] = ()
         self._left = limits.fit_s
         self._seconds = 0.0
         self._work: dict[str, int] = {}
@@ -93,9 +90,9 @@ class Confined(Estimator):
         self._about: dict[str, Any] = {}
         self._proposes = False
 
-    def begin(self, name: str, options: Mapping[str, Any], package: str, scan: Path) -> None:
+    def begin(self, name: str, options: Mapping[str, Any], package: str) -> None:
         """Have the estimator made. Raises InputError if there is none of that name, or for a wrong option."""
-        said = {"estimator": name, "options": dict(options), "package": package, "scan": str(scan)}
+        said = {"estimator": name, "options": dict(options), "package": package}
         answer = self._ask("begin", {**said, "memory_mb": self._limits.memory_mb}).words
         if "refused" in answer:
             raise InputError(str(answer["refused"]))
@@ -127,7 +124,14 @@ class Confined(Estimator):
         return self._seconds
 
     def fit(self, scan: Scan) -> None:
-        """Learn; the training readings are there already."""
+        """Have the estimator made anew and learn; it is given the training readings.
+
+        Of the scan's `meta` it is told the objects and how they were pressed, but for the seed.
+        """
+        self._left = self._limits.fit_s
+        train = _training(scan)
+        train.save(self._folder / "training.npz")
+        self._letters = train.letters
         self._count(self._ask("fit", {}))
 
     def reset(self, rng: np.random.Generator) -> None:
@@ -170,6 +174,11 @@ class Confined(Estimator):
     def work(self) -> dict[str, Any]:
         """Count what was done, as the estimator says itself."""
         return unflatten_work(self._work)
+
+    def end(self) -> None:
+        """End the other process, whatever it does."""
+        self._process.kill()
+        self._process.wait()
 
     def _ask(
         self, what: str, words: Mapping[str, Any], arrays: Mapping[str, FloatArray] | None = None
@@ -214,8 +223,7 @@ class Confined(Estimator):
         return self._failed(f"crashed: its process answered what it should not: {error}")
 
     def _failed(self, status: str) -> NoScore:
-        self._process.kill()
-        self._process.wait()
+        self.end()
         return NoScore(status, "".join(self.output))
 
     def _how_it_ended(self) -> str:
@@ -245,11 +253,8 @@ def module_of(name: str) -> str:
 
 
 @contextmanager
-def confined(name: str, options: Mapping[str, Any], scan: Scan, limits: Limits) -> Iterator[Confined]:
-    """Start a process with the estimator of that name; it is given the training readings of the scan.
-
-    Of the scan's `meta` it is told the objects and how they were pressed, but for the seed. It is not fitted yet. The
-    process ends with the block.
+def confined(name: str, options: Mapping[str, Any], limits: Limits) -> Iterator[Confined]:
+    """Start a process with the estimator of that name; the process ends with the block.
 
     Raises InputError for an unknown name or a wrong option, and NoScore if the process fails.
     """
@@ -262,90 +267,15 @@ def confined(name: str, options: Mapping[str, Any], scan: Scan, limits: Limits) 
                     pass_fds=(theirs.fileno(),), stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
                     stderr=subprocess.STDOUT, start_new_session=True,
                 )  # fmt: skip
-            estimator = Confined(ours, process, scan.where("train").letters, limits)
+            estimator = Confined(ours, process, Path(folder), limits)
             reader = Thread(target=_read, args=(process, estimator.output), daemon=True)
             reader.start()
             try:
-                path = Path(folder) / "training.npz"
-                _training(scan).save(path)
-                estimator.begin(name, options, module_of(name), path)
+                estimator.begin(name, options, module_of(name))
                 yield estimator
             finally:
-                process.kill()
-                process.wait()
+                estimator.end()
                 reader.join()
-
-
-def run_trials_confined(
-    plan: TrialPlan,
-    tasks: Sequence[Task],
-    *,
-    rng: np.random.Generator,
-    jobs: int = 1,
-    limits: Limits | None = None,
-    progress: Progress,
-) -> tuple[Trials, dict[str, Any], Confined]:
-    """Do trials as `trial_workers.run_trials` does, in `jobs` processes behind fences, in an order that `rng` draws.
-
-    Returns the trials in the order of `tasks`, the work, summed, and an estimator that tells how it is set up.
-    Raises InputError as `confined` does, and NoScore if the estimator fails in one of the trials.
-    """
-    limits = limits or Limits()
-    tests = {truth: plan.scan.where("test", truth) for truth in {task.truth for task in tasks}}
-    objects = properties(plan.scan)
-    order = rng.permutation(len(tasks))
-    if plan.each_held_out:  # one process for each letter that is not known
-        truths = dict.fromkeys(task.truth for task in tasks)
-        parts = [order[[tasks[i].truth == truth for i in order]] for truth in truths]
-    else:
-        parts = [part for part in np.array_split(order, min(jobs, len(tasks))) if len(part)]
-    found: list[Trials | None] = [None] * len(tasks)
-    work: Counter[str] = Counter()
-    lock, stop, running = Lock(), Event(), list[Confined]()
-    done = 0
-    progress("trials", 0, len(tasks))
-
-    def do(part: NDArray[np.int64]) -> Confined:
-        nonlocal done
-        known = plan.letters_known(tasks[part[0]].truth)
-        scan = plan.scan.of_letters(known) if plan.each_held_out else plan.scan
-        with confined(plan.estimator, plan.options, scan, limits) as estimator:
-            running.append(estimator)
-            estimator.fit(scan)
-            before = Counter(estimator._work)
-            for i in part:
-                if stop.is_set():
-                    break
-                task = tasks[i]
-                try:
-                    found[i] = run_trial(
-                        estimator, tests[task.truth], task, letters=known, readings=plan.readings, seed=plan.seed,
-                        of=objects[task.truth], explore=plan.explore, slip=plan.slip, press=plan.press,
-                        clock=estimator.clock,
-                    )  # fmt: skip
-                except NoScore as error:
-                    place = f"seed {plan.seed}, letter {task.truth}, trial {task.trial}"
-                    raise NoScore(f"{error.status}; {place}", error.output) from error
-                with lock:
-                    done += 1
-                    progress("trials", done, len(tasks))
-            with lock:
-                work.update(estimator._work)
-                work.subtract(before)
-        return estimator
-
-    with ThreadPoolExecutor(jobs) as threads:
-        futures = [threads.submit(do, part) for part in parts]
-        try:
-            estimators = [future.result() for future in futures]
-        except BaseException:
-            stop.set()
-            for future in futures:
-                future.cancel()
-            for one in running:
-                one._process.kill()
-            raise
-    return Trials.joined(one for one in found if one is not None), unflatten_work(work), estimators[0]
 
 
 def _training(scan: Scan) -> Scan:

@@ -101,7 +101,9 @@ def _facts(one: Entrant) -> Element:
         "from": bundle.package or "tactsim itself",
         "options given": options or "none: the defaults",
         "described as": bundle.runs[0].about["description"] if bundle.runs else None,
-        "reproducible": "yes: the same bits again" if bundle.reproducible else "no: within its stated bound",
+        "reproducible": "yes: the same bits again"
+        if bundle.reproducible
+        else "no: within what chance allows",
         "made": bundle.made,
         "commit of tactsim": bundle.commit or "unknown",
         "hash of the source": bundle.source_hash,
@@ -121,5 +123,6 @@ def _checked(one: Entrant) -> str:
     if one.check is None:
         return "not yet"
     check = one.check
-    by = f"by commit {check.commit or 'unknown'} on {check.processor}, {check.made}, with --seed {check.seed}"
+    chosen = "" if check.seed is None else f", with --seed {check.seed}"
+    by = f"by commit {check.commit or 'unknown'} on {check.machine.processor}, {check.made}{chosen}"
     return f"{check.said}: {check.again} of {check.trials} trials were done again {by}"

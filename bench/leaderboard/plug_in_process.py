@@ -69,26 +69,26 @@ class _Process:
 
     def begin(self, words: dict[str, Any]) -> Message:
         """Put up the fence, then import and make the estimator: its module's code is a plug-in's too."""
-        self._memory_mb, self._scan = words["memory_mb"], Scan.load(words["scan"])
-        self._letters = (*self._scan.letters, NONE)
+        self._memory_mb, self._name, self._options = words["memory_mb"], words["estimator"], words["options"]
         fence.limit(self._memory_mb)
         self._taken_mb = peak_memory_mb()
         fence.build(Path.cwd(), words["package"], lambda what: self.tell(f"peeked: {what}"))
         try:
-            self._estimator = create(words["estimator"], **words["options"])
+            estimator = create(self._name, **self._options)
         except InputError as error:
             return Message({"refused": str(error)})
-        estimator = self._estimator
         return Message({"about": about_estimator(estimator), "proposes": estimator.proposes})
 
     def fit(self) -> Message:
-        """Learn the training readings."""
-        estimator = self._made
+        """Make the estimator anew, and have it learn the training readings."""
+        scan = Scan.load("training.npz")
+        self._estimator = estimator = create(self._name, **self._options)
+        self._letters = (*scan.letters, NONE)
         if estimator.uses_forward_model:
             from tactsim.press import forward_model
 
-            estimator.bring(forward_model(self._scan))
-        estimator.fit(self._scan)
+            estimator.bring(forward_model(scan))
+        estimator.fit(scan)
         return Message({"work": flatten_work(estimator.work)})
 
     def reset(self, words: FloatArray) -> Message:

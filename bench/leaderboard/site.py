@@ -12,10 +12,10 @@ from typing import TypeVar
 from urllib.parse import quote
 from xml.etree.ElementTree import Element
 
-from tactsim.bench.leaderboard.checks import check_place
 from tactsim.bench.leaderboard.index_page import index_page
 from tactsim.bench.leaderboard.markup import h, html
 from tactsim.bench.leaderboard.method_page import method_page
+from tactsim.bench.leaderboard.record import record_path
 from tactsim.bench.leaderboard.rows import figures_csv, pairs_csv
 from tactsim.bench.leaderboard.standings import Folder, Standings
 from tactsim.bench.leaderboard.task_page import task_page
@@ -56,7 +56,7 @@ def _write(folder: Folder, inside: Path) -> None:
     files = {one: f"bundles/{quote(one.path.name)}" for one in folder.entrants}
     (inside / "bundles").mkdir()
     for one in folder.entrants:
-        for path in (one.path, check_place(one.path)) if one.check else (one.path,):
+        for path in (one.path, record_path(one.path)) if one.check else (one.path,):
             shutil.copyfile(path, inside / "bundles" / path.name)
     write_text(inside / "figures.csv", figures_csv(folder.standings))
     write_text(inside / "pairs.csv", pairs_csv(folder.standings))

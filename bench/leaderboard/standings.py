@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactsim.bench.leaderboard.bundle import DONE, Bundle, read_bundle
-from tactsim.bench.leaderboard.checks import Check, check_place, read_check
 from tactsim.bench.leaderboard.ranking import (
     LEVEL,
     Accuracies,
@@ -21,6 +20,7 @@ from tactsim.bench.leaderboard.ranking import (
     compare_errors,
     ranks,
 )
+from tactsim.bench.leaderboard.record import Record, read_record, record_path
 from tactsim.bench.page_tables import CURVES, READINGS
 from tactsim.bench.pooled import Figure, Pooled
 from tactsim.bench.report.pareto import recognition_seconds
@@ -52,7 +52,7 @@ class Entrant:
     label: str
     number: int
     status: str
-    check: Check | None = None
+    check: Record | None = None
     rank: tuple[int, int] | None = None
 
     @property
@@ -167,7 +167,7 @@ def read_folder(folder: Path) -> Folder:
             f"{folder} holds no bundle (*.zip); `bench submit TASK --estimator NAME --out BUNDLE` makes one"
         )
     bundles: dict[tuple[str, str], list[tuple[Path, Bundle]]] = {}
-    checks: dict[Path, Check | None] = {}
+    checks: dict[Path, Record | None] = {}
     unreadable = []
     for path in paths:
         try:
@@ -176,9 +176,9 @@ def read_folder(folder: Path) -> Folder:
             unreadable.append((path, str(error).removeprefix(f"bundle {path}: ")))
             continue
         try:
-            checks[path] = read_check(path)
+            checks[path] = read_record(path)
         except InputError as error:
-            unreadable.append((check_place(path), str(error).removeprefix(f"{check_place(path)}: ")))
+            unreadable.append((record_path(path), str(error).removeprefix(f"record {record_path(path)}: ")))
         bundles.setdefault((bundle.task, bundle.task_data), []).append((path, bundle))
     methods = sorted({bundle.method for alike in bundles.values() for _, bundle in alike})
     numbers = {method: number for number, method in enumerate(methods)}
@@ -203,7 +203,7 @@ def _standings(
     data: str,
     bundles: Sequence[tuple[Path, Bundle]],
     numbers: Mapping[str, int],
-    checks: Mapping[Path, Check | None],
+    checks: Mapping[Path, Record | None],
 ) -> Standings:
     known = _known(name, data)
     counts = Counter(bundle.method for _, bundle in bundles)
@@ -238,7 +238,7 @@ def _standings(
     )  # fmt: skip
 
 
-def _status(bundle: Bundle, check: Check | None, right: frozenset[TrialKey]) -> str:
+def _status(bundle: Bundle, check: Record | None, right: frozenset[TrialKey]) -> str:
     """Give a bundle's status: DONE only if it has the task's trials and no check spoke against it."""
     if bundle.status != DONE:
         return bundle.status

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from importlib.util import find_spec
@@ -17,20 +18,19 @@ from tactsim.bench import runner
 from tactsim.bench.config import RunConfig, run_config
 from tactsim.bench.leaderboard.bundle import DONE, Bundle
 from tactsim.bench.leaderboard.confined import (
+    Confined,
     Limits,
     NoScore,
-    confined,
     is_plug_in,
     module_of,
-    run_trials_confined,
 )
+from tactsim.bench.leaderboard.confined_trials import confined_processes, run_trials_confined
 from tactsim.bench.machine import machine, versions
 from tactsim.bench.run import Run
-from tactsim.bench.runner import Gathered
 from tactsim.bench.tasks import Task, task
 from tactsim.bench.tasks.data import check_data
 from tactsim.bench.trial_plan import source_of_trials
-from tactsim.bench.trials import Progress, Trials, check_readings
+from tactsim.bench.trials import Progress, check_readings
 from tactsim.bench.trials import Task as OneTrial
 from tactsim.core import InputError
 from tactsim.core.errors import short, unknown
@@ -52,6 +52,12 @@ class Method:
         """Tell whether it comes from an installed package; it is then never imported here."""
         return is_plug_in(self.estimator)
 
+    def processes(self, jobs: int, limits: Limits | None) -> AbstractContextManager[Sequence[Confined]]:
+        """Start the processes of a plug-in; a built-in estimator needs none to do its runs."""
+        if not self.plug_in:
+            return nullcontext(())
+        return confined_processes(self.estimator, self.options, jobs, limits)
+
 
 def submit(
     task_name: str,
@@ -67,9 +73,9 @@ def submit(
 ) -> tuple[Bundle, str]:
     """Do all runs of a task, one a seed; a plug-in runs confined, and gets a status instead of a score if it fails.
 
-    task_name: of a frozen task, or a FILE.toml of one's own. title: how tables call the method; by default its name and options. reproducible: whether the same seeds give the
-    same bits. rng: draws the order in which a plug-in sees the trials. Returns the bundle, and the last that a plug-in
-    printed if it failed.
+    task_name: of a frozen task, or a FILE.toml of one's own. title: how tables call the method; by default its name and
+    options. reproducible: whether the same seeds give the same bits. rng: draws the order in which a plug-in sees the
+    trials. Returns the bundle, and the last that a plug-in printed if it failed.
 
     Raises InputError for an unknown task, estimator or option, and if this machine presses other data than the task's.
     """
@@ -83,14 +89,15 @@ def submit(
     check_data(asked, jobs=jobs, cache=cache, progress=_of("press", progress))
     status, output, runs = DONE, "", list[Run]()
     try:
-        for number, config in enumerate(configs_of(asked, method, limits)):
-            of_run = _of_run(number, len(asked.seeds), progress)
-            if method.plug_in:
-                runs.append(
-                    run_confined(config, rng=rng, jobs=jobs, cache=cache, limits=limits, progress=of_run)
-                )
-            else:
-                runs.append(runner.perform(config, jobs=jobs, cache=cache, progress=of_run))
+        with method.processes(jobs, limits) as processes:
+            for number, config in enumerate(configs_of(asked, method, processes)):
+                of_run = _of_run(number, len(asked.seeds), progress)
+                if method.plug_in:
+                    runs.append(
+                        run_confined(config, processes, rng=rng, jobs=jobs, cache=cache, progress=of_run)
+                    )
+                else:
+                    runs.append(runner.perform(config, jobs=jobs, cache=cache, progress=of_run))
     except NoScore as error:
         status, output, runs = error.status, error.output, []
     bundle = Bundle(
@@ -124,65 +131,45 @@ def stated(task_name: str) -> tuple[Task, str]:
     return asked, asked.data
 
 
-def configs_of(asked: Task, method: Method, limits: Limits | None = None) -> list[RunConfig]:
+def configs_of(asked: Task, method: Method, processes: Sequence[Confined]) -> list[RunConfig]:
     """Give the runs of a method on a task, one a seed; a plug-in says in its own process whether it chooses touches.
 
-    Raises InputError for an unknown estimator or option, and NoScore if the plug-in fails.
+    Raises InputError for an unknown estimator or option.
     """
     if not method.plug_in:
         return asked.configs(method.estimator, method.options)
     words: dict[str, Any] = {"estimator": method.estimator, "set": dict(method.options), "task": asked.name}
-    configs = [run_config(**words, seed=seed) for seed in asked.seeds]
-    if asked.words.get("explore") != "information":
-        return configs
-    scan = runner.gather(configs[0], jobs=1, cache=True, progress=runner.silent).scan
-    with confined(method.estimator, method.options, scan, limits or Limits()) as estimator:
-        if estimator.proposes:
-            return configs
-    return [run_config(**words, seed=seed, explore="blind") for seed in asked.seeds]
+    if asked.words.get("explore") == "information" and not processes[0].proposes:
+        words["explore"] = "blind"
+    return [run_config(**words, seed=seed) for seed in asked.seeds]
 
 
 def run_confined(
     config: RunConfig,
+    processes: Sequence[Confined],
     *,
     rng: np.random.Generator,
     jobs: int = 1,
     cache: bool = True,
-    limits: Limits | None = None,
     progress: Progress = runner.silent,
 ) -> Run:
-    """Do a run as `runner.perform` does, with the estimator in a process of its own, which is not imported here.
+    """Do a run as `runner.perform` does, with the estimator in processes of its own: it is not imported here.
 
     Raises InputError for a configuration that does not fit together, and NoScore if the estimator fails.
     """
     start = perf_counter()
     gathered = runner.gather(config, jobs=jobs, cache=cache, progress=progress)
+    check_readings(gathered.scan, gathered.letters, config.readings, config.hold_out)
     tasks = [OneTrial(letter, trial) for letter in gathered.letters for trial in range(config.trials)]
     trying = perf_counter()
-    trials, work, estimator = trials_confined(
-        config, gathered, tasks, rng=rng, jobs=jobs, limits=limits, progress=progress
-    )
+    plan = runner.plan_of(config, gathered.scan)
+    trials, work = run_trials_confined(plan, tasks, processes, rng=rng, progress=progress)
     tried = perf_counter()
     seconds = {"trials": tried - trying, "total": tried - start}
+    estimator = processes[0]
     run = runner.finished_run(config, gathered, trials, work, estimator=estimator, seconds=seconds, jobs=jobs)
     source = source_of(Method(config.estimator, config.options), on_demand=config.on_demand)
     return replace(run, about=run.about | {"settings": estimator.settings, "source": source})
-
-
-def trials_confined(
-    config: RunConfig,
-    gathered: Gathered,
-    tasks: list[OneTrial],
-    *,
-    rng: np.random.Generator,
-    jobs: int = 1,
-    limits: Limits | None = None,
-    progress: Progress = runner.silent,
-) -> tuple[Trials, dict[str, Any], Any]:
-    """Do some trials of a run, as `run_trials_confined` does."""
-    check_readings(gathered.scan, gathered.letters, config.readings, config.hold_out)
-    plan = runner.plan_of(config, gathered.scan)
-    return run_trials_confined(plan, tasks, rng=rng, jobs=jobs, limits=limits, progress=progress)
 
 
 def source_of(method: Method, *, on_demand: bool) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
@@ -16,7 +16,8 @@ from tactsim.bench.config import RunConfig, run_config
 from tactsim.bench.leaderboard.bundle import DONE, Bundle
 from tactsim.bench.leaderboard.comparison import alike, first_difference, improbable
 from tactsim.bench.leaderboard.confined import Limits, NoScore
-from tactsim.bench.leaderboard.submission import Method, package_of, source_of, stated, trials_confined
+from tactsim.bench.leaderboard.confined_trials import confined_processes, run_trials_confined
+from tactsim.bench.leaderboard.submission import Method, package_of, source_of, stated
 from tactsim.bench.machine import machine, versions
 from tactsim.bench.placement_error import Properties, properties
 from tactsim.bench.run import Run
@@ -41,11 +42,12 @@ _NOT_COMPARED = ("estimator", "bins", "particles", "set", "explore", "task")
 class Verdict:
     """Whether a bundle was confirmed.
 
-    said: in one line what was found. again, trials: how many trials were done again, of how many. notes: what differs
-    between there and here.
+    exact: whether all trials that were done again are the same to the bit. said: in one line what was found. again,
+    trials: how many trials were done again, of how many. notes: what differs between there and here.
     """
 
     verified: bool
+    exact: bool
     said: str
     again: int
     trials: int
@@ -79,77 +81,93 @@ def verify(
     notes = _notes(bundle, method, asked)
     count = len(bundle.trials.truth) if bundle.runs else 0
 
-    def verdict(verified: bool, said: str, again: int = 0) -> Verdict:
-        return Verdict(verified, said, again, count, notes)
+    def refused(said: str, again: int = 0) -> Verdict:
+        return Verdict(False, False, said, again, count, notes)
 
     if bundle.status != DONE:
-        return verdict(False, f"it has no score that could be checked: {bundle.status}")
+        return refused(f"it has no score that could be checked: {bundle.status}")
     if tuple(run.seed for run in bundle.runs) != tuple(sorted(asked.seeds)):
-        return verdict(False, f"task {asked.name} asks for the seeds {', '.join(map(str, asked.seeds))}")
+        return refused(f"task {asked.name} asks for the seeds {', '.join(map(str, asked.seeds))}")
     check_data(asked, jobs=jobs, cache=cache)
     configs = {run.seed: _config(asked, method, run) for run in bundle.runs}
     gathered = {seed: _gathered(config, jobs, cache) for seed, config in configs.items()}
     for run in bundle.runs:
         fault = _fault(run, configs[run.seed], gathered[run.seed])
         if fault is not None:
-            return verdict(False, f"seed {run.seed}: {fault}")
+            return refused(f"seed {run.seed}: {fault}")
 
     chosen = np.arange(count)
     if not full:
         chosen = np.sort(rng.choice(count, min(count, max(math.ceil(share * count), LEAST)), replace=False))
     wanted = [bundle.ids[n] for n in chosen]
-    parts, done = list[Trials](), 0
-    for run in bundle.runs:
-        tasks = [OneTrial(letter, trial) for seed, letter, trial in wanted if seed == run.seed]
-        if not tasks:
-            continue
-        before = done
+    try:
+        parts = list(_again(bundle, method, wanted, configs, gathered, rng, jobs, limits, progress))
+    except NoScore as error:
+        return refused(f"done again it has no score: {error.status}", len(wanted))
+    except _OtherOptions as error:
+        return refused(str(error), len(wanted))
+    verified, exact, said = _compared(bundle, chosen, Trials.joined(parts), method, asked, rng)
+    return Verdict(verified, exact, said, len(wanted), count, notes)
 
-        def report(stage: str, at: int, total: int, before: int = before) -> None:
-            if stage == "trials":
-                progress("sweep", before + at, len(wanted))
 
-        try:
-            of_run, _, estimator = trials_confined(
-                configs[run.seed],
-                gathered[run.seed],
-                tasks,
-                rng=rng,
-                jobs=jobs,
-                limits=limits,
-                progress=report,
-            )
-        except NoScore as error:
-            return verdict(False, f"done again it has no score: {error.status}", len(wanted))
-        said = _differing_options(run, estimator)
-        if said is not None:
-            return verdict(False, f"seed {run.seed}: {said}", len(wanted))
-        parts.append(of_run)
-        done += len(tasks)
-    return verdict(*_compared(bundle, chosen, Trials.joined(parts), method, asked, rng), len(wanted))
+class _OtherOptions(Exception):
+    """A method is set up in another way than its bundle says."""
+
+
+def _again(
+    bundle: Bundle,
+    method: Method,
+    wanted: Sequence[tuple[int, str, int]],
+    configs: Mapping[int, RunConfig],
+    gathered: Mapping[int, Gathered],
+    rng: np.random.Generator,
+    jobs: int,
+    limits: Limits | None,
+    progress: Progress,
+) -> Iterator[Trials]:
+    """Do the wanted trials again, seed after seed."""
+    done = 0
+
+    def report(stage: str, at: int, total: int) -> None:
+        progress("sweep", done + at, len(wanted))
+
+    with confined_processes(method.estimator, method.options, jobs, limits) as processes:
+        for run in bundle.runs:
+            tasks = [OneTrial(letter, trial) for seed, letter, trial in wanted if seed == run.seed]
+            said = _differing_options(run, processes[0])
+            if said is not None:
+                raise _OtherOptions(f"seed {run.seed}: {said}")
+            if tasks:
+                plan = runner.plan_of(configs[run.seed], gathered[run.seed].scan)
+                yield run_trials_confined(plan, tasks, processes, rng=rng, progress=report)[0]
+                done += len(tasks)
 
 
 def _compared(
     bundle: Bundle, chosen: np.ndarray, again: Trials, method: Method, asked: Task, rng: np.random.Generator
-) -> tuple[bool, str]:
+) -> tuple[bool, bool, str]:
     trials = _rows(bundle.trials, chosen)
     seeds = [bundle.ids[n][0] for n in chosen]
     same = alike(trials, again)
     if same.all():
-        return True, f"all {len(same)} trials that were done again are the same to the bit"
+        return True, True, f"all {len(same)} trials that were done again are the same to the bit"
     excuses = _excuses(bundle)
     if not excuses:
         said = str(first_difference(trials, again, seeds))
         if bundle.source_hash != _source(method, asked):
             said += f"; the code here is not that of the bundle, which was made at commit {bundle.commit or 'unknown'}"
-        return False, said
+        return False, False, said
     objects = {run.seed: run.objects for run in bundle.runs}
     fault = improbable(trials, again, [objects[seed] for seed in seeds], rng)
     if fault is not None:
-        return False, fault
-    return True, (
-        f"{np.count_nonzero(same)} of {len(same)} trials that were done again are the same to the bit, and all "
-        f"together are within what chance allows; that is all one can ask, because {' and '.join(excuses)}"
+        return False, False, fault
+    return (
+        True,
+        False,
+        (
+            f"{np.count_nonzero(same)} of {len(same)} trials that were done again are the same to the bit, and all "
+            f"together are within what chance allows; that is all one can ask, because {' and '.join(excuses)}"
+        ),
     )
 
 

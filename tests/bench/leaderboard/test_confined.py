@@ -6,12 +6,21 @@ import numpy as np
 import pytest
 
 from tactsim.bench import runner
-from tactsim.bench.leaderboard.confined import Limits, NoScore, run_trials_confined
+from tactsim.bench.leaderboard.confined import Limits, NoScore
+from tactsim.bench.leaderboard.confined_trials import confined_processes, run_trials_confined
 from tactsim.bench.trial_workers import run_trials
 from tactsim.bench.trials import Task, Trials
 from tactsim.core import InputError
 
 SMALL = Limits(fit_s=60, trial_s=60, memory_mb=400)
+
+
+def behind_fences(plan, tasks, jobs=1, limits=SMALL, rng=0):
+    with confined_processes(plan.estimator, plan.options, jobs, limits) as processes:
+        trials, work = run_trials_confined(
+            plan, tasks, processes, rng=np.random.default_rng(rng), progress=runner.silent
+        )
+        return trials, work, processes[0]
 
 
 @pytest.fixture
@@ -22,9 +31,7 @@ def confine(plugged, gathered, small_config):
         config = small_config(estimator=name, **words)
         plan = runner.plan_of(config, gathered.scan)
         tasks = [Task(letter, trial) for letter in gathered.letters for trial in range(count)]
-        return run_trials_confined(
-            plan, tasks, rng=np.random.default_rng(rng), jobs=jobs, limits=limits, progress=runner.silent
-        )
+        return behind_fences(plan, tasks, jobs, limits, rng)
 
     return run
 
@@ -57,9 +64,7 @@ def test_a_built_in_estimator_answers_the_same_behind_the_fence(words, gathered,
     plan = runner.plan_of(config, gathered.scan)
     tasks = [Task(letter, trial) for letter in gathered.letters for trial in range(2)]
     free, work = run_trials(plan, plan.fitted(), tasks, progress=runner.silent)
-    behind, same_work, estimator = run_trials_confined(
-        plan, tasks, rng=np.random.default_rng(0), progress=runner.silent
-    )
+    behind, same_work, estimator = behind_fences(plan, tasks)
     assert differing(free, behind) == []
     assert work == same_work
     about = runner.about_estimator(plan.make())
@@ -78,11 +83,11 @@ def test_a_plug_in_answers_the_same_in_any_order_and_number_of_processes(confine
 
 @pytest.mark.parametrize("explore", ["random", "information"])
 def test_a_plug_in_answers_as_it_does_in_the_harness(explore, gathered, small_config, imported):
-    plan = replace(runner.plan_of(small_config(estimator="guess"), gathered.scan), explore=explore)
+    plan = replace(runner.plan_of(small_config(estimator="choosy"), gathered.scan), explore=explore)
     tasks = [Task(letter, trial) for letter in gathered.letters for trial in range(2)]
-    behind, *_ = run_trials_confined(plan, tasks, rng=np.random.default_rng(0), progress=runner.silent)
+    behind, *_ = behind_fences(plan, tasks)
     guess = imported("guess")
-    given = replace(plan, given=guess.Guess(guess.GuessOptions()))
+    given = replace(plan, given=guess.Choosy(guess.GuessOptions()))
     free, _ = run_trials(given, given.fitted(), tasks, progress=runner.silent)
     assert differing(free, behind) == []
     assert len(np.unique(free.label)) == 2

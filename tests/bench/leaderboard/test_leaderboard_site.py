@@ -9,16 +9,14 @@ from urllib.parse import unquote
 import pytest
 from browser import browser, needs_browser
 from command_line import Bench, refused
-from entered import entered
+from entered import entered, record_of
 
 from tactsim.bench.leaderboard import site as sites
 from tactsim.bench.leaderboard.bundle import write_bundle
-from tactsim.bench.leaderboard.checks import write_check
 from tactsim.bench.leaderboard.paper_rows import ROWS
 from tactsim.bench.leaderboard.site import write_site
 from tactsim.bench.leaderboard.standings import read_folder
 from tactsim.bench.leaderboard.task_page import standings_table
-from tactsim.bench.leaderboard.verification import Verdict
 from tactsim.core import InputError
 
 TASK = "active-v1"
@@ -44,7 +42,7 @@ def folder(tmp_path_factory):
     }
     for name, bundle in bundles.items():
         write_bundle(bundle, place / f"{name}.zip")
-    write_check(place / "good.zip", Verdict(True, f"all the same {IMAGE}", 20, 250), 7)
+    record_of(place / "good.zip", said=f"all the same {IMAGE}")
     (place / "cut.zip").write_bytes((place / "good.zip").read_bytes()[:500])
     return place
 
@@ -105,7 +103,7 @@ def test_a_task_page_says_all_that_is_known(site):
     assert "250 trials in 5 scans" in words
     assert "2–3" in words
     assert "no score: timed out" in words
-    assert "done again: 20 of 250 trials" in words
+    assert "done again: 20 of 250 trials, the same" in words
     assert words.count("tie") >= 1
     assert "told apart" in words
     assert "corrected for all 6 pairs" in words

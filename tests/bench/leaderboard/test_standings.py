@@ -6,15 +6,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from bundles import make_bundle
-from entered import entered
+from entered import entered, record_of
 
 from tactsim.bench.leaderboard import standings
 from tactsim.bench.leaderboard.bundle import write_bundle
-from tactsim.bench.leaderboard.checks import check_place, read_check, write_check
 from tactsim.bench.leaderboard.method_page import command
 from tactsim.bench.leaderboard.paper_rows import ROWS
 from tactsim.bench.leaderboard.standings import OTHER_TRIALS, read_folder
-from tactsim.bench.leaderboard.verification import Verdict
 from tactsim.bench.score import wilson
 from tactsim.bench.tasks import task
 from tactsim.core import InputError
@@ -140,11 +138,10 @@ def test_a_folder_without_bundles_is_refused(tmp_path, there):
 
 
 def test_a_check_beside_a_bundle_counts_and_one_that_failed_takes_the_score(made, tmp_path):
-    good = Verdict(True, "all 20 trials are the same to the bit", 20, 250)
-    bad = Verdict(False, "trial 3 of A differs", 20, 250)
-    for name, verdict in (("best", good), ("worst", bad)):
+    for name in ("best", "worst"):
         write_bundle(made[name], tmp_path / f"{name}.zip")
-        assert write_check(tmp_path / f"{name}.zip", verdict, 7).name == f"{name}.verified.json"
+    record_of(tmp_path / "best.zip")
+    record_of(tmp_path / "worst.zip", verified=False, said="trial 3 of A differs")
     (of,) = folder_of(tmp_path, {"twin": made["twin"]}).standings
     assert [(one.label, one.check and one.check.again) for one in of.ranked] == [("best", 20), ("twin", None)]
     assert [(one.label, one.status) for one in of.unranked] == [
@@ -155,16 +152,11 @@ def test_a_check_beside_a_bundle_counts_and_one_that_failed_takes_the_score(made
 def test_the_check_of_another_file_does_not_count(made, tmp_path):
     place = tmp_path / "best.zip"
     write_bundle(made["best"], place)
-    write_check(place, Verdict(True, "same", 20, 250), 7)
+    said = record_of(place)
     write_bundle(made["worst"], place)
-    with pytest.raises(InputError, match="is the check of another file"):
-        read_check(place)
     found = read_folder(tmp_path)
-    assert [path for path, _ in found.unreadable] == [check_place(place)]
+    assert [path for path, _ in found.unreadable] == [said]
     assert found.standings[0].ranked[0].check is None
-    check_place(place).write_text('{"verified": true}')
-    with pytest.raises(InputError, match="bundle"):
-        read_check(place)
 
 
 def test_the_command_of_a_method_survives_a_shell(made, tmp_path):

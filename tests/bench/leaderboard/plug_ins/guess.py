@@ -33,5 +33,9 @@ class Guess(Estimator):
             self.letters[int(p.argmax())], dict(zip(self.letters, p.tolist(), strict=True)), self.pose
         )
 
+
+class Choosy(Guess):
+    """Compare mean pressures, and choose the touch in the middle of those that are left."""
+
     def propose(self, candidates):
         return len(candidates) // 2

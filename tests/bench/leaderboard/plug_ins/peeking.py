@@ -49,6 +49,10 @@ class Write(Guess):
 class Memory(Guess):
     """Search this process's memory, its callers and the random numbers for the truth, and say what is there."""
 
+    def fit(self, scan):
+        super().fit(scan)
+        self.scan = scan
+
     def update(self, reading, sensor_in_robot):
         super().update(reading, sensor_in_robot)
         names, frame = set(), sys._getframe()
