@@ -31,19 +31,14 @@ def number(value: float | None, figure: str) -> str:
         return "later" if name in _READINGS else MISSING
     if name in _READINGS:
         return f"{value:.0f}"
-    return (
-        f"{value:.2f}"
-        if name in ("error_mm", "error_all_mm", "efficiency", "sharpness_mm", "ms")
-        else f"{value:.3f}"
-    )
+    if name == "efficiency":
+        return f"{value:.3g}"
+    return f"{value:.2f}" if name in ("error_mm", "error_all_mm", "sharpness_mm") else f"{value:.3f}"
 
 
 def interval(found: Figure, figure: str) -> str | None:
     """Write the interval of a figure; None if it has none."""
-    name = figure.partition("@")[0]
-    if (
-        found.low is None and found.high is None and name not in _READINGS
-    ) or found.value is None is found.low:
+    if found.low is None:
         return None
     return f"{number(found.low, figure)}–{number(found.high, figure)}"
 

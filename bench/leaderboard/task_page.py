@@ -188,13 +188,16 @@ def _reading_it(of: Standings) -> str:
 
 def _comparing(of: Standings) -> str:
     pairs = len(of.ranked) * (len(of.ranked) - 1) // 2
+    corrected = (
+        f"p values are corrected for all {pairs} pairs of this table, not only for those shown: McNemar's exact test "
+        "by Holm's method, the bootstrap over scans and trials by its largest studentised difference. "
+    )
     return (
         "All methods saw the same trials, and are compared trial by trial. Won: trials that only the first has right; "
-        f"lost: only the next. p values are corrected for all {pairs} pairs of this table, not only for those shown: "
-        "McNemar's exact test by Holm's method, the bootstrap over scans and trials by its largest studentised "
-        f"difference. A pair is told apart where p is at most {LEVEL:g} in the figure that ranks, else it is a tie. "
-        "McNemar's test asks about the scans of this task; the bootstrap also about the next scan, of which five scans "
-        "say only so much. The interval of a difference is uncorrected; below 0 the first is better."
+        f"lost: only the next. {corrected if pairs > 1 else ''}A pair is told apart where p is at most {LEVEL:g} in "
+        "the figure that ranks, else it is a tie. McNemar's test asks about the scans of this task; the bootstrap "
+        "also about the next scan, of which five scans say only so much. The interval of a difference is uncorrected; "
+        "below 0 the first is better."
     )
 
 
