@@ -1,7 +1,7 @@
 """The best known result on every task: kept in `best_known.toml`, which is made from the bundles of a folder.
 
-`python -m tactsim.bench.leaderboard.best_known` renews it from results/leaderboard. Bundles take long to read and
-do not come with an installation; the file does both better.
+`python -m tactsim.bench.leaderboard.best_known` renews it from results/leaderboard. Bundles take long to read, and
+they do not come with an installation; the file is read at once, and does.
 """
 
 from __future__ import annotations
@@ -13,10 +13,8 @@ from pathlib import Path
 import tomli_w
 from pydantic import BaseModel, ConfigDict
 
-from tactsim.bench import tasks
-from tactsim.bench.leaderboard.bundle import DONE, Bundle, read_bundle
+from tactsim.bench.leaderboard.standings import Standings, read_folder
 from tactsim.bench.places import RESULTS
-from tactsim.bench.tasks.scored import badness, value_of
 from tactsim.core import InputError
 from tactsim.core.checking import checked
 from tactsim.core.documents import read_toml
@@ -47,48 +45,33 @@ def best_known() -> dict[str, Best]:
     }
 
 
-def best_of(bundles: Iterable[Bundle]) -> dict[str, Best]:
-    """Find the best of some bundles on each task that comes with the project.
-
-    They are compared by the task's first figure, and where that is equal by the next. A bundle without a score counts
-    for nothing, nor does one on other data than the task's or on a part of them.
-    """
-    ranked: dict[str, list[tuple[list[float], Best]]] = {}
-    known = {name: tasks.task(name) for name in tasks.names()}
-    for bundle in bundles:
-        task = known.get(bundle.task)
-        if task is None or (bundle.task_data, bundle.status) != (task.data, DONE) or not _whole(bundle, task):
+def best_of(standings: Iterable[Standings]) -> dict[str, Best]:
+    """Take the first of each task that comes with the project; none where nobody has a score."""
+    best = {}
+    for of in standings:
+        if of.known is None or not of.ranked:
             continue
-        values = [value_of(figure, bundle.trials, bundle.runs[0].objects) for figure in task.scored]
-        if values[0] is not None:
-            best = Best(
-                figure=task.scored[0],
-                value=values[0],
-                method=bundle.method,
-                commit=bundle.commit or "unknown",
-            )
-            places = [badness(figure, value) for figure, value in zip(task.scored, values, strict=True)]
-            ranked.setdefault(task.name, []).append((places, best))
-    return {
-        name: min(found, key=lambda one: (one[0], one[1].method))[1] for name, found in sorted(ranked.items())
-    }
-
-
-def _whole(bundle: Bundle, task: tasks.Task) -> bool:
-    """Tell whether the runs are those of the task: all seeds, trials and readings."""
-    sizes = {(run.config["trials"], run.readings) for run in bundle.runs}
-    return sizes == {(task.trials, task.readings)} and {run.seed for run in bundle.runs} == set(task.seeds)
+        first = of.ranked[0]
+        value = first.figure(of.by).value
+        if value is not None:
+            commit = first.bundle.commit or "unknown"
+            best[of.task] = Best(figure=of.by, value=value, method=first.label, commit=commit)
+    return best
 
 
 def write_best(best: Mapping[str, Best]) -> None:
     """Write what `best_known` reads."""
-    write_text(FILE, _HEADING + tomli_w.dumps({name: one.model_dump() for name, one in best.items()}))
+    write_text(FILE, _HEADING + tomli_w.dumps({name: best[name].model_dump() for name in sorted(best)}))
 
 
 def main() -> int:
     """Renew the file from the bundles of results/leaderboard; returns the exit status."""
     try:
-        write_best(best_of(read_bundle(path) for path in sorted(LEADERBOARD.glob("*.zip"))))
+        folder = read_folder(LEADERBOARD)
+        if folder.unreadable:
+            path, why = folder.unreadable[0]
+            raise InputError(f"{path}: {why}")
+        write_best(best_of(folder.standings))
     except InputError as error:
         print(f"best known: {error}", file=sys.stderr)
         return 2

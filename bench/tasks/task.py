@@ -10,8 +10,8 @@ from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field, field_validator
 
-from tactsim.bench.config import RunConfig, merged, run_config
-from tactsim.bench.tasks.scored import check_figure
+from tactsim.bench.config import RunConfig, merged, run_config, whole_number
+from tactsim.bench.score import CURVES, HEADLINES
 from tactsim.core import InputError
 from tactsim.core.checking import checked
 from tactsim.core.documents import parse_toml, read_toml
@@ -23,6 +23,8 @@ OF_THE_METHOD = ("estimator", "bins", "particles", "set")
 # Fields of a run that have a place of their own in a task's file, or are none of its.
 _NOT_WORDS = (*OF_THE_METHOD, "task", "seed", "trials", "readings", "given")
 _PATHS = ("scan", "train_scan", "presses", "shapes", "world")
+_OF_WHOLE_TRIALS = tuple(name for name in HEADLINES if name != "confusion")  # which is a table
+_RANKING = ("accuracy", "error_mm", "error_all_mm")
 _LEAST_SEEDS = 5  # trials of one scan share its maps: a figure of a single scan says nothing of the next
 
 Hash = Annotated[str, Field(pattern="^[0-9a-f]{64}$")]
@@ -46,7 +48,7 @@ class Task(BaseModel):
     trials: int = Field(ge=1, le=1_000_000, description="trials for each letter and seed")
     readings: int = Field(ge=1, description="readings a trial")
     scored: tuple[str, ...] = Field(
-        min_length=1, description="figures, METRIC@READINGS or METRIC; the first ranks"
+        min_length=1, description="figures, METRIC@READING or METRIC; the first ranks, an accuracy or error"
     )
     hashes: tuple[Hash, ...] = Field(
         (),
@@ -179,9 +181,28 @@ def _checked(table: dict[str, Any], name: str) -> Task:
             f"task {name}: {len(made.hashes)} hashes for {len(made.seeds)} seeds; give one a seed"
         )
     for figure in made.scored:
-        check_figure(figure, made.readings, f"task {name}: scored")
+        _check_figure(figure, made)
+    if made.scored[0].partition("@")[0] not in _RANKING:
+        raise InputError(
+            f"task {name}: scored: {made.scored[0]} cannot rank, as methods are compared trial by trial; begin with "
+            f"one of {', '.join(_RANKING)}"
+        )
     run_config(**made.words, trials=made.trials, readings=made.readings)
     return made
+
+
+def _check_figure(figure: str, of: Task) -> None:
+    """Check that the trials have a figure: METRIC@READING of a curve, or METRIC of whole trials."""
+    metric, at, reading = figure.partition("@")
+    if metric not in CURVES and metric not in _OF_WHOLE_TRIALS:
+        raise unknown(f"figure in scored of task {of.name}", metric, [*CURVES, *_OF_WHOLE_TRIALS])
+    if metric in CURVES and not 1 <= (whole_number(reading) or 0) <= of.readings:
+        raise InputError(
+            f"task {of.name}: scored: {short(figure)} says no reading from 1 to {of.readings}; write "
+            f"{metric}@{of.readings}"
+        )
+    if metric in _OF_WHOLE_TRIALS and at:
+        raise InputError(f"task {of.name}: scored: {short(figure)} is of whole trials; write {metric}")
 
 
 def _beside(words: Mapping[str, Any], folder: Path) -> dict[str, Any]:
