@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +14,7 @@ from tactsim.bench import runner
 from tactsim.bench.bound.efficiency import bounds_of_trials
 from tactsim.bench.config import RunConfig, run_config
 from tactsim.bench.leaderboard.bundle import DONE, Bundle
-from tactsim.bench.leaderboard.comparison import alike, first_difference, improbable
+from tactsim.bench.leaderboard.comparison import alike, first_difference, improbable, rows
 from tactsim.bench.leaderboard.confined import Limits, NoScore
 from tactsim.bench.leaderboard.confined_trials import confined_processes, run_trials_confined
 from tactsim.bench.leaderboard.submission import Method, package_of, source_of, stated
@@ -146,7 +146,7 @@ def _again(
 def _compared(
     bundle: Bundle, chosen: np.ndarray, again: Trials, method: Method, asked: Task, rng: np.random.Generator
 ) -> tuple[bool, bool, str]:
-    trials = _rows(bundle.trials, chosen)
+    trials = rows(bundle.trials, chosen)
     seeds = [bundle.ids[n][0] for n in chosen]
     same = alike(trials, again)
     if same.all():
@@ -158,7 +158,7 @@ def _compared(
             said += f"; the code here is not that of the bundle, which was made at commit {bundle.commit or 'unknown'}"
         return False, False, said
     objects = {run.seed: run.objects for run in bundle.runs}
-    fault = improbable(trials, again, [objects[seed] for seed in seeds], rng)
+    fault = improbable(trials, again, seeds, objects, rng)
     if fault is not None:
         return False, False, fault
     return (
@@ -292,10 +292,6 @@ def _notes(bundle: Bundle, method: Method, asked: Task) -> tuple[str, ...]:
 
 def _source(method: Method, asked: Task) -> str:
     return source_of(method, on_demand=asked.words.get("explore") == "information")
-
-
-def _rows(trials: Trials, chosen: np.ndarray) -> Trials:
-    return Trials(**{field.name: getattr(trials, field.name)[chosen] for field in fields(Trials)})
 
 
 def _close(one: ArrayLike, other: ArrayLike) -> bool:
