@@ -173,6 +173,21 @@ def test_results_that_were_made_better_are_found_out(bundle_of, here):
     unverified(here("verify", path, "--seed", "0"), "chance does that to one honest bundle in 1,000 at most")
 
 
+def test_who_has_prepared_for_the_task_is_found_out_on_a_fresh_seed(bundle_of, here):
+    path = bundle_of("prepared")
+    assert read_bundle(path).trials.right.all()
+    assert "the same to the bit" in " ".join(verified(here("verify", path)).split()), "so far all is well"
+    unverified(
+        here("verify", path, "--fresh", "--seed", "1"),
+        "better than the method is where nobody could have prepared for it",
+    )
+
+
+def test_who_has_not_prepared_is_as_good_on_a_fresh_seed(bundle_of, here):
+    path = bundle_of("guess", "--set", "spread=2", "--title", "Guesses")
+    assert "on a fresh scan and" in " ".join(verified(here("verify", path, "--fresh", "--seed", "1")).split())
+
+
 @pytest.mark.parametrize(
     ("change", "said"),
     [
