@@ -202,8 +202,8 @@ def _task_of(bundle: Bundle) -> Task:
 def _config(asked: Task, method: Method, run: Run) -> RunConfig:
     """Say what a run should have been; where touches are chosen, whether they were is the method's affair."""
     words = {"estimator": method.estimator, "set": dict(method.options), "task": asked.name, "seed": run.seed}
-    if asked.words.get("explore") == "information" and run.config.get("explore") == "blind":
-        words["explore"] = "blind"
+    if asked.words.get("explore") == "information":
+        words["explore"] = "blind" if run.config.get("explore") == "blind" else "information"
     return run_config(**words)
 
 
