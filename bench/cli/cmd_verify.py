@@ -25,6 +25,13 @@ def command(
             show_default=False,
         ),
     ] = None,
+    fresh: Annotated[
+        bool,
+        typer.Option(
+            "--fresh",
+            help="Also do one more run, with a seed that nobody could have prepared for.",
+        ),
+    ] = False,
     record: Annotated[
         bool,
         typer.Option("--record", help="Write what was found beside the bundle, for `bench leaderboard`."),
@@ -55,6 +62,7 @@ def command(
                 read,
                 share=share,
                 full=full,
+                fresh=fresh,
                 rng=np.random.default_rng(chosen),
                 jobs=jobs,
                 cache=cache,
@@ -78,6 +86,7 @@ def command(
             said=printable(verdict.said),
             again=verdict.again,
             trials=verdict.trials,
+            fresh=fresh,
             seed=None if full else chosen,
             machine=Machine.model_validate(machine()),
             versions=versions(),

@@ -77,19 +77,25 @@ def first_difference(stated: Trials, again: Trials, seeds: Sequence[int]) -> Dif
 
 
 def improbable(
-    stated: Trials, again: Trials, objects: Sequence[Mapping[str, Properties]], rng: np.random.Generator
+    stated: Trials,
+    again: Trials,
+    seeds: Sequence[int],
+    objects: Mapping[int, Mapping[str, Properties]],
+    rng: np.random.Generator,
 ) -> str | None:
     """Say what differs more than chance allows between trials and the same trials done again; None if nothing does.
 
-    objects: of each trial's run, (n,). Of each trial three numbers are compared: the share of the readings after which
-    the label is right, the mean placement error, and the mean probability of the right label. If both are draws of one
-    method, each difference might as well have the other sign. So the mean difference is compared with that under random
-    signs (the paired permutation test, Fisher 1935). A figure is improbable if at most CHANCE / 3 of the draws are as
-    far from 0, so an honest bundle is refused once in 1 / CHANCE times.
+    seeds: (n,) of the trials. objects: of the run of each seed. rng: draws the signs.
+
+    Of each trial three numbers are compared: the share of the readings after which the label is right, the mean
+    placement error, and the mean probability of the right label. If both are draws of one method, each difference might
+    as well have the other sign. So the mean difference is compared with that under random signs (the paired permutation
+    test, Fisher 1935). A figure is improbable if at most CHANCE / 3 of the draws are as far from 0, so an honest bundle
+    is refused once in 1 / CHANCE times at most.
     """
     figures = {
         "the share of right labels": (stated.right.mean(axis=1), again.right.mean(axis=1)),
-        "the placement error in mm": (_errors(stated, objects), _errors(again, objects)),
+        "the placement error in mm": (_errors(stated, seeds, objects), _errors(again, seeds, objects)),
         "the probability of the right label": (stated.p_truth.mean(axis=1), again.p_truth.mean(axis=1)),
     }
     signs = rng.choice([-1.0, 1.0], size=(DRAWS, len(stated.truth)))
@@ -108,14 +114,20 @@ def improbable(
     return None
 
 
-def _errors(trials: Trials, objects: Sequence[Mapping[str, Properties]]) -> FloatArray:
+def _errors(
+    trials: Trials, seeds: Sequence[int], objects: Mapping[int, Mapping[str, Properties]]
+) -> FloatArray:
     """Average each trial's placement errors, (n,) mm; NaN where the letter is not known."""
-    one_by_one = [errors(_only(trials, n), of)[0].mean() for n, of in enumerate(objects)]
-    return np.where(trials.known, one_by_one, np.nan)
+    found = np.empty(len(seeds))
+    for seed in dict.fromkeys(seeds):
+        of_run = np.array(seeds) == seed
+        found[of_run] = errors(rows(trials, of_run), objects[seed]).mean(axis=1)
+    return np.where(trials.known, found, np.nan)
 
 
-def _only(trials: Trials, n: int) -> Trials:
-    return Trials(**{field.name: getattr(trials, field.name)[n : n + 1] for field in fields(Trials)})
+def rows(trials: Trials, chosen: NDArray[Any]) -> Trials:
+    """Select trials by their places or by a mask."""
+    return Trials(**{field.name: getattr(trials, field.name)[chosen] for field in fields(Trials)})
 
 
 def _same(one: NDArray[Any], other: NDArray[Any]) -> NDArray[np.bool_]:

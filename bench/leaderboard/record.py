@@ -44,7 +44,8 @@ class Record(BaseModel):
 
     bundle: SHA-256 of the file that was checked. verified: whether it was confirmed. exact: whether all trials that
     were done again were the same to the bit; if not, they were compared within the bound. said: what was found. again,
-    trials: how many trials were done again, of how many. seed: which ones were chosen by; None if all were done.
+    trials: how many trials were done again, of how many. fresh: whether a run on a fresh seed was done too. seed: which
+    trials were chosen by; None if all were done.
     machine, versions, commit: where it was checked and with what. made: when, ISO 8601.
     """
 
@@ -57,6 +58,7 @@ class Record(BaseModel):
     said: Line
     again: int = Field(ge=0)
     trials: int = Field(ge=0)
+    fresh: bool = False
     seed: int | None
     machine: Machine
     versions: dict[Name, Name] = Field(max_length=100)

@@ -139,8 +139,8 @@ def configs_of(asked: Task, method: Method, processes: Sequence[Confined]) -> li
     if not method.plug_in:
         return asked.configs(method.estimator, method.options)
     words: dict[str, Any] = {"estimator": method.estimator, "set": dict(method.options), "task": asked.name}
-    if asked.words.get("explore") == "information" and not processes[0].proposes:
-        words["explore"] = "blind"
+    if asked.words.get("explore") == "information":
+        words["explore"] = "information" if processes[0].proposes else "blind"
     return [run_config(**words, seed=seed) for seed in asked.seeds]
 
 

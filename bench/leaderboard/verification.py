@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -14,9 +14,10 @@ from tactsim.bench import runner
 from tactsim.bench.bound.efficiency import bounds_of_trials
 from tactsim.bench.config import RunConfig, run_config
 from tactsim.bench.leaderboard.bundle import DONE, Bundle
-from tactsim.bench.leaderboard.comparison import alike, first_difference, improbable
-from tactsim.bench.leaderboard.confined import Limits, NoScore
+from tactsim.bench.leaderboard.comparison import alike, first_difference, improbable, rows
+from tactsim.bench.leaderboard.confined import Confined, Limits, NoScore
 from tactsim.bench.leaderboard.confined_trials import confined_processes, run_trials_confined
+from tactsim.bench.leaderboard.fresh import compare_fresh, fresh_config
 from tactsim.bench.leaderboard.submission import Method, package_of, source_of, stated
 from tactsim.bench.machine import machine, versions
 from tactsim.bench.placement_error import Properties, properties
@@ -59,6 +60,7 @@ def verify(
     *,
     share: float = SHARE,
     full: bool = False,
+    fresh: bool = False,
     rng: np.random.Generator,
     jobs: int = 1,
     cache: bool = True,
@@ -67,7 +69,8 @@ def verify(
 ) -> Verdict:
     """Check that a bundle's runs are those that its task asks for, and do a share of the trials again.
 
-    share: of the trials, at least LEAST of them. full: do all. rng: chooses the trials; an author must not be able to
+    share: of the trials, at least LEAST of them. full: do all. fresh: also do a run that nobody could have prepared
+    for, see `fresh`; its seed comes from `rng`. rng: chooses the trials; an author must not be able to
     guess it. The estimator runs in a process of its own, also a built-in one. Trials must be the same to the bit. Only
     of a method that is not reproducible, or of another machine, they are compared within the bound of `improbable`.
 
@@ -100,14 +103,25 @@ def verify(
     if not full:
         chosen = np.sort(rng.choice(count, min(count, max(math.ceil(share * count), LEAST)), replace=False))
     wanted = [bundle.ids[n] for n in chosen]
+    of_fresh = fresh_config(asked, bundle, rng) if fresh else None
+    worse, said_of_fresh = False, ""
     try:
-        parts = list(_again(bundle, method, wanted, configs, gathered, rng, jobs, limits, progress))
+        with confined_processes(method.estimator, method.options, jobs, limits) as processes:
+            parts = list(_again(bundle, wanted, configs, gathered, processes, rng, progress))
+            if of_fresh is not None:
+                worse, said_of_fresh = compare_fresh(
+                    bundle, of_fresh, processes, rng=rng, jobs=jobs, progress=progress
+                )
     except NoScore as error:
         return refused(f"done again it has no score: {error.status}", len(wanted))
     except _OtherOptions as error:
         return refused(str(error), len(wanted))
     verified, exact, said = _compared(bundle, chosen, Trials.joined(parts), method, asked, rng)
-    return Verdict(verified, exact, said, len(wanted), count, notes)
+    if verified and worse:
+        said = f"it is better than the method is where nobody could have prepared for it: {said_of_fresh}"
+    elif verified and said_of_fresh:
+        said += f"; {said_of_fresh}"
+    return Verdict(verified and not worse, exact, said, len(wanted), count, notes)
 
 
 class _OtherOptions(Exception):
@@ -116,13 +130,11 @@ class _OtherOptions(Exception):
 
 def _again(
     bundle: Bundle,
-    method: Method,
     wanted: Sequence[tuple[int, str, int]],
     configs: Mapping[int, RunConfig],
     gathered: Mapping[int, Gathered],
+    processes: Sequence[Confined],
     rng: np.random.Generator,
-    jobs: int,
-    limits: Limits | None,
     progress: Progress,
 ) -> Iterator[Trials]:
     """Do the wanted trials again, seed after seed."""
@@ -131,22 +143,21 @@ def _again(
     def report(stage: str, at: int, total: int) -> None:
         progress("sweep", done + at, len(wanted))
 
-    with confined_processes(method.estimator, method.options, jobs, limits) as processes:
-        for run in bundle.runs:
-            tasks = [OneTrial(letter, trial) for seed, letter, trial in wanted if seed == run.seed]
-            said = _differing_options(run, processes[0])
-            if said is not None:
-                raise _OtherOptions(f"seed {run.seed}: {said}")
-            if tasks:
-                plan = runner.plan_of(configs[run.seed], gathered[run.seed].scan)
-                yield run_trials_confined(plan, tasks, processes, rng=rng, progress=report)[0]
-                done += len(tasks)
+    for run in bundle.runs:
+        tasks = [OneTrial(letter, trial) for seed, letter, trial in wanted if seed == run.seed]
+        said = _differing_options(run, processes[0])
+        if said is not None:
+            raise _OtherOptions(f"seed {run.seed}: {said}")
+        if tasks:
+            plan = runner.plan_of(configs[run.seed], gathered[run.seed].scan)
+            yield run_trials_confined(plan, tasks, processes, rng=rng, progress=report)[0]
+            done += len(tasks)
 
 
 def _compared(
     bundle: Bundle, chosen: np.ndarray, again: Trials, method: Method, asked: Task, rng: np.random.Generator
 ) -> tuple[bool, bool, str]:
-    trials = _rows(bundle.trials, chosen)
+    trials = rows(bundle.trials, chosen)
     seeds = [bundle.ids[n][0] for n in chosen]
     same = alike(trials, again)
     if same.all():
@@ -158,7 +169,7 @@ def _compared(
             said += f"; the code here is not that of the bundle, which was made at commit {bundle.commit or 'unknown'}"
         return False, False, said
     objects = {run.seed: run.objects for run in bundle.runs}
-    fault = improbable(trials, again, [objects[seed] for seed in seeds], rng)
+    fault = improbable(trials, again, seeds, objects, rng)
     if fault is not None:
         return False, False, fault
     return (
@@ -191,8 +202,8 @@ def _task_of(bundle: Bundle) -> Task:
 def _config(asked: Task, method: Method, run: Run) -> RunConfig:
     """Say what a run should have been; where touches are chosen, whether they were is the method's affair."""
     words = {"estimator": method.estimator, "set": dict(method.options), "task": asked.name, "seed": run.seed}
-    if asked.words.get("explore") == "information" and run.config.get("explore") == "blind":
-        words["explore"] = "blind"
+    if asked.words.get("explore") == "information":
+        words["explore"] = "blind" if run.config.get("explore") == "blind" else "information"
     return run_config(**words)
 
 
@@ -292,10 +303,6 @@ def _notes(bundle: Bundle, method: Method, asked: Task) -> tuple[str, ...]:
 
 def _source(method: Method, asked: Task) -> str:
     return source_of(method, on_demand=asked.words.get("explore") == "information")
-
-
-def _rows(trials: Trials, chosen: np.ndarray) -> Trials:
-    return Trials(**{field.name: getattr(trials, field.name)[chosen] for field in fields(Trials)})
 
 
 def _close(one: ArrayLike, other: ArrayLike) -> bool:

@@ -129,7 +129,9 @@ class Task(BaseModel):
                 raise InputError(
                     f"{name} {short(value)}: task {self.name} says {says}; leave out {name} or the task"
                 )
-        if wanted.explore == "information" and not create(said.estimator, **said.options).proposes:
+        # Who says whether touches are chosen need not have the estimator made here: a plug-in of somebody else's.
+        unsaid = wanted.explore == "information" and "explore" not in asked
+        if unsaid and not create(said.estimator, **said.options).proposes:
             chosen["explore"] = "blind"
         return self._words | chosen
 

@@ -10,7 +10,7 @@ from tactsim.bench import runner
 from tactsim.bench.config import run_config
 
 PLUG_INS = Path(__file__).parent / "plug_ins"
-MODULES = ("guess", "random_guess", "counting", "failing", "peeking")
+MODULES = ("guess", "random_guess", "counting", "failing", "peeking", "prepared")
 
 
 @pytest.fixture(scope="session")
