@@ -160,9 +160,12 @@ def test_the_same_bundles_give_the_same_bytes_and_replace_the_site(folder, site,
 
 def test_a_folder_of_something_else_is_left_alone(found, tmp_path):
     (tmp_path / "thesis.tex").write_text("years of work")
-    with pytest.raises(InputError, match="the folder holds something that is no leaderboard"):
+    with pytest.raises(InputError, match="the folder holds something already"):
         write_site(found, tmp_path)
+    with pytest.raises(InputError, match="that is a file"):
+        write_site(found, tmp_path / "thesis.tex")
     assert [path.name for path in tmp_path.iterdir()] == ["thesis.tex"]
+    assert (tmp_path / "thesis.tex").read_text() == "years of work"
 
 
 def test_a_site_that_could_not_be_made_whole_leaves_the_one_before(found, site, monkeypatch, tmp_path):
