@@ -195,8 +195,9 @@ def test_the_command_says_where_the_site_is_and_what_could_not_be_read(folder, t
         shutil.copy(folder / name, tmp_path / "mine")
     made = bench("leaderboard", "mine")
     assert (made.returncode, made.stdout) == (1, "site  mine/site/index.html\n")
-    assert made.stderr.startswith("unreadable  cut.zip: it is cut short")
-    assert made.stderr.count("\n") == 1
+    assert [line.partition(":")[0] for line in made.stderr.splitlines() if "bundles" not in line] == [
+        "unreadable  cut.zip"
+    ]
     (tmp_path / "mine" / "cut.zip").unlink()
     assert bench("leaderboard", "mine").returncode == 0
     refused(bench("leaderboard", "mine/site", "--out", "other"), "mine/site holds no bundle (*.zip)")
