@@ -21,12 +21,15 @@ def command(
 ) -> None:
     """Rank the methods of a folder of bundles, task by task, and write a site of static pages."""
     from tactsim.bench.cli.app import FAILED
-    from tactsim.bench.leaderboard.site import write_site
+    from tactsim.bench.leaderboard.site import check_out, write_site
     from tactsim.bench.leaderboard.standings import read_folder
+    from tactsim.bench.terminal import progress_bars
     from tactsim.core.errors import printable
 
-    found = read_folder(folder)
     target = out or folder / "site"
+    check_out(target)
+    with progress_bars() as progress:
+        found = read_folder(folder, progress=progress)
     write_site(found, target)
     typer.echo(printable(f"site  {target / 'index.html'}"))
     for path, why in found.unreadable:

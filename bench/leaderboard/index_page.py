@@ -88,7 +88,7 @@ def _methods(folder: Folder, pages: Mapping[tuple[str, str], str], links: Mappin
             h(
                 "tr", {},
                 h("th", {"scope": "row"}, swatch(entries[0][1].number), h("a", {"href": links[method]}, method)),
-                h("td", {"class": "words"}, bundle.package or "tactsim"),
+                h("td", {"class": "words about"}, bundle.package or "tactsim"),
                 h("td", {"class": "words"}, *places),
             )
         )  # fmt: skip
@@ -105,8 +105,7 @@ def _joining() -> Element:
 
 
 def _table(label: str, heads: tuple[str, ...], rows: list[Element]) -> Element:
-    cells = (
-        h("th", {"scope": "col", **({} if one == "methods" else {"class": "words"})}, one) for one in heads
-    )
+    kinds = {"methods": "number", "from": "words about"}
+    cells = (h("th", {"scope": "col", "class": kinds.get(one, "words")}, one) for one in heads)
     head = h("thead", {}, h("tr", {}, *cells))
     return scrolling(label, h("table", {"class": "wide"}, head, h("tbody", {}, *rows)))

@@ -18,13 +18,11 @@ class PaperRow:
     """A method of the paper.
 
     accuracy: share of the trials that were right, by the reading after which the text states it; it holds from there
-    on. error_mm: "within 1.3 mm of their true positions on average"; the text does not say after how many readings.
-    where: the place in the paper.
+    on. where: the place in the paper, and what else it says there.
     """
 
     method: str
     accuracy: Mapping[int, float]
-    error_mm: float | None
     where: str
 
     def accuracy_after(self, reading: int) -> float | None:
@@ -35,18 +33,18 @@ class PaperRow:
 
 ROWS = (
     PaperRow(
-        "histogram, 10,000 bins (paper)", {9: 1.0}, 1.3, "1.00 after 9 readings, 1.3 mm on average: section V"
+        "histogram, 10,000 bins (paper)",
+        {9: 1.0},
+        "1.00 after 9 readings; objects within 1.3 mm on average, after how many it does not say: section V",
     ),
     PaperRow(
         "histogram, 1,000 bins (paper)",
         {46: 1.0},
-        None,
         "1.00 after 46 readings: section V; about 50 in section IV",
     ),
     PaperRow(
         "particle, 10,000 particles (paper)",
         {10: 0.74},
-        None,
         "levels out at 0.74 after around 10 readings: section IV",
     ),
 )

@@ -20,8 +20,8 @@ from tactsim.bench.leaderboard.rows import figures_csv, pairs_csv
 from tactsim.bench.leaderboard.standings import Folder, Standings
 from tactsim.bench.leaderboard.task_page import task_page
 from tactsim.bench.leaderboard.time_picture import time_picture
+from tactsim.bench.places import check_new_folder
 from tactsim.bench.whole_page import whole_page
-from tactsim.core import InputError
 from tactsim.core.files import new_folder, write_bytes, write_text
 
 Key = TypeVar("Key")
@@ -30,18 +30,23 @@ _STYLES = ("report/assets/page.css", f"{_ASSETS}leaderboard.css")
 _MARK = "made-by-bench-leaderboard.txt"  # a folder with this file may be replaced
 
 
+def check_out(out: Path) -> None:
+    """Raise InputError unless a site can be made at `out`: in a new folder, or in the place of a site."""
+    if not (out / _MARK).is_file():
+        check_new_folder(out)
+
+
 def write_site(folder: Folder, out: Path) -> None:
     """Write the site to `out`, whole or not at all; a site that was made before is replaced.
 
-    Raises InputError if `out` holds anything else or cannot be written.
+    Raises InputError as `check_out` does, or if `out` cannot be written.
     """
-    if out.is_dir() and any(out.iterdir()) and not (out / _MARK).is_file():
-        raise InputError(f"--out {out}: the folder holds something that is no leaderboard; name a new one")
-    before = out.with_name(f".{out.name}.before")
-    with new_folder(out.with_name(f".{out.name}.new")) as inside:
+    check_out(out)
+    made, before = (out.with_name(f".{out.name}.{word}") for word in ("new", "before"))
+    for left in (made, before):  # by one that was killed
+        shutil.rmtree(left, ignore_errors=True)
+    with new_folder(made) as inside:
         _write(folder, inside)
-    made = out.with_name(f".{out.name}.new")
-    shutil.rmtree(before, ignore_errors=True)
     if out.exists():
         out.rename(before)
     made.rename(out)

@@ -24,11 +24,12 @@ from tactsim.bench.leaderboard.record import Record, read_record, record_path
 from tactsim.bench.page_tables import CURVES, READINGS
 from tactsim.bench.pooled import Figure, Pooled
 from tactsim.bench.report.pareto import recognition_seconds
+from tactsim.bench.runner import silent
 from tactsim.bench.score import CURVES as METRICS
 from tactsim.bench.score import HEADLINES, wilson
 from tactsim.bench.tasks import Task, names, task
+from tactsim.bench.trials import Progress, Trials, draw_true_pose, generator
 from tactsim.bench.trials import Task as Trial
-from tactsim.bench.trials import Trials, draw_true_pose, generator
 from tactsim.core import InputError
 
 OTHER_TRIALS = "its trials are not the task's"
@@ -156,10 +157,10 @@ class Folder:
         return tuple(one for of in self.standings for one in (*of.ranked, *of.unranked))
 
 
-def read_folder(folder: Path) -> Folder:
+def read_folder(folder: Path, *, progress: Progress = silent) -> Folder:
     """Read all bundles (*.zip) of a folder and rank them, each on its task and data.
 
-    Raises InputError if the folder holds no bundle.
+    progress(stage, done, total) is called for the stage "bundles". Raises InputError if the folder holds no bundle.
     """
     paths = sorted(folder.glob("*.zip")) if folder.is_dir() else []
     if not paths:
@@ -169,7 +170,8 @@ def read_folder(folder: Path) -> Folder:
     bundles: dict[tuple[str, str], list[tuple[Path, Bundle]]] = {}
     checks: dict[Path, Record | None] = {}
     unreadable = []
-    for path in paths:
+    for number, path in enumerate(paths):
+        progress("bundles", number, len(paths))
         try:
             bundle = _read(path)
         except InputError as error:
@@ -180,6 +182,7 @@ def read_folder(folder: Path) -> Folder:
         except InputError as error:
             unreadable.append((record_path(path), str(error).removeprefix(f"record {record_path(path)}: ")))
         bundles.setdefault((bundle.task, bundle.task_data), []).append((path, bundle))
+    progress("bundles", len(paths), len(paths))
     methods = sorted({bundle.method for alike in bundles.values() for _, bundle in alike})
     numbers = {method: number for number, method in enumerate(methods)}
     standings = [_standings(name, data, alike, numbers, checks) for (name, data), alike in bundles.items()]

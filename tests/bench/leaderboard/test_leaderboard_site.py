@@ -160,9 +160,12 @@ def test_the_same_bundles_give_the_same_bytes_and_replace_the_site(folder, site,
 
 def test_a_folder_of_something_else_is_left_alone(found, tmp_path):
     (tmp_path / "thesis.tex").write_text("years of work")
-    with pytest.raises(InputError, match="the folder holds something that is no leaderboard"):
+    with pytest.raises(InputError, match="the folder holds something already"):
         write_site(found, tmp_path)
+    with pytest.raises(InputError, match="that is a file"):
+        write_site(found, tmp_path / "thesis.tex")
     assert [path.name for path in tmp_path.iterdir()] == ["thesis.tex"]
+    assert (tmp_path / "thesis.tex").read_text() == "years of work"
 
 
 def test_a_site_that_could_not_be_made_whole_leaves_the_one_before(found, site, monkeypatch, tmp_path):
@@ -192,8 +195,9 @@ def test_the_command_says_where_the_site_is_and_what_could_not_be_read(folder, t
         shutil.copy(folder / name, tmp_path / "mine")
     made = bench("leaderboard", "mine")
     assert (made.returncode, made.stdout) == (1, "site  mine/site/index.html\n")
-    assert made.stderr.startswith("unreadable  cut.zip: it is cut short")
-    assert made.stderr.count("\n") == 1
+    assert [line.partition(":")[0] for line in made.stderr.splitlines() if "bundles" not in line] == [
+        "unreadable  cut.zip"
+    ]
     (tmp_path / "mine" / "cut.zip").unlink()
     assert bench("leaderboard", "mine").returncode == 0
     refused(bench("leaderboard", "mine/site", "--out", "other"), "mine/site holds no bundle (*.zip)")
@@ -205,7 +209,10 @@ def test_pages_open_from_a_disk_in_any_width_and_light(site, tmp_path):
     faults = []
     with browser(tmp_path / "profile") as context:
         for scheme, width in (("light", 1280), ("dark", 360)):
-            for path in pages_of(site):
+            every = pages_of(site)
+            for path in (
+                every if scheme == "dark" else [site / "index.html", site / "tasks" / "active-v1.html"]
+            ):
                 page = context.new_page()
                 page.set_viewport_size({"width": width, "height": 800})
                 page.emulate_media(color_scheme=scheme)
