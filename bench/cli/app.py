@@ -28,7 +28,7 @@ VERBS = {
     "import": "Make a scan of what `bench export` wrote, bit for bit, or of arrays in a .npz or .mat file.",
     "bound": "Say how good an estimator can be: exact Bayes, and the Cramer-Rao bound of the error, by reading.",
     "compare": "Compare two runs on the same trials; exit status 1 if NEW is worse beyond the interval.",
-    "list": "List estimators, letters, worlds, metrics, suites, formats; on request the options of an estimator or scan.",
+    "list": "List estimators, letters, worlds, metrics, suites and formats, or the options of an estimator or a scan.",
     "stress": "Vary inputs over many decades and measure the worst deviation; exit status 1 if a case fails.",
     "devices": "List ports, sources of readings, codecs and device files, each with its status.",
     "probe": "Listen to a pad: show its rate, counters and mean reading, or the bytes that came if no reading did.",

@@ -31,7 +31,7 @@ def command(
         typer.Argument(help="Of the estimators, only this one, with its options.", show_default=False),
     ] = None,
 ) -> None:
-    """List estimators, letters, worlds, metrics, suites, formats; on request the options of an estimator or scan."""
+    """List estimators, letters, worlds, metrics, suites and formats, or the options of an estimator or a scan."""
     from rich.table import Table
 
     from tactsim.bench.console import plain_console
