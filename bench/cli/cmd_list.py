@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Annotated, Any
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Annotated
 
 import typer
+
+from tactsim.bench.cli.words import dotted
 
 if TYPE_CHECKING:
     from pydantic import BaseModel
@@ -106,7 +108,7 @@ def _worlds() -> list[Row]:
     from tactsim.press import WORLDS
 
     worlds = WORLDS | SLIPS
-    return [(name, "", ", ".join(_settings(world)) or "the defaults") for name, world in worlds.items()]
+    return [(name, "", ", ".join(dotted(world)) or "the defaults") for name, world in worlds.items()]
 
 
 def _scan_options() -> list[Row]:
@@ -141,15 +143,6 @@ def _formats() -> list[Row]:
 
     takes = {True: "scans and runs", False: "scans"}
     return [(one.name, takes[one.runs], one.line) for one in FORMATS.values()]
-
-
-def _settings(values: Mapping[str, Any], prefix: str = "") -> list[str]:
-    """Write nested settings as dotted name=value words."""
-    words = []
-    for name, value in values.items():
-        path = f"{prefix}{name}"
-        words += _settings(value, f"{path}.") if isinstance(value, Mapping) else [f"{path}={value}"]
-    return words
 
 
 def _fields(model: type[BaseModel], prefix: str = "") -> list[Row]:
