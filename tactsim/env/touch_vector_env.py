@@ -62,7 +62,6 @@ class TouchVectorEnv(gymnasium.vector.VectorEnv):
         self._steps = np.zeros(num_envs, dtype=np.int64)
         # Which episodes are over, and begin anew with the next step or when they are reset; at first all.
         self._over = np.ones(num_envs, dtype=bool)
-        self._begun = False
 
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
@@ -86,7 +85,6 @@ class TouchVectorEnv(gymnasium.vector.VectorEnv):
             if seeds[index] is not None or self._rngs[index] is None:
                 self._rngs[index], _ = seeding.np_random(seeds[index])
             self._begin(index)
-        self._begun = True
         return self._objects.observation, {}
 
     def step(self, actions: ArrayLike) -> Stepped:
@@ -96,7 +94,7 @@ class TouchVectorEnv(gymnasium.vector.VectorEnv):
         Disabled, for an episode that is over, ClosedEnvironmentError if the environments were closed.
         """
         self._check_open()
-        if not self._begun or (self._mode == AutoresetMode.DISABLED and self._over.any()):
+        if None in self._rngs or (self._mode == AutoresetMode.DISABLED and self._over.any()):
             which = np.flatnonzero(self._over).tolist()
             raise ResetNeeded(f"no episode is running in the environments {short(which)}; call reset")
         asked = checked_actions(actions, self.num_envs, self.labels)
@@ -140,8 +138,8 @@ class TouchVectorEnv(gymnasium.vector.VectorEnv):
         if self.closed:
             raise ClosedEnvironmentError("the environments were closed; make others")
 
-    @property
-    def np_random(self) -> Any:  # type: ignore[misc] # Gymnasium gives several in the same way
+    @property  # type: ignore[misc] # SyncVectorEnv gives several in the same way
+    def np_random(self) -> Any:
         """The random generators, one an environment; None before `reset`."""
         return tuple(self._rngs)
 

@@ -30,7 +30,7 @@ from tactsim.press.spread import contact_map
 from tactsim.press.touches import Touches
 
 NORMALS = 6  # normal numbers that a press needs: by how far it misses its place, tilt and load
-_COLUMNS = {"placement": slice(0, 3), "tilt": slice(3, 5), "load": 5}
+_COLUMNS = {"placement": slice(0, 3), "tilt": slice(3, 5), "load": slice(5, 6)}
 
 
 @dataclass(frozen=True, eq=False)
