@@ -17,7 +17,7 @@ from tactsim.env.hidden_objects import Hidden, touch
 from tactsim.env.reward import Reward, entropy
 from tactsim.env.touch_spaces import action_space, checked_actions, decoded, observation_space, within
 from tactsim.env.world import World, world
-from tactsim.estimators import Estimate, Estimator
+from tactsim.estimators import Estimator
 
 
 class SubEnvironments:
@@ -56,7 +56,6 @@ class SubEnvironments:
         if belief is not None:
             fitted = self.world.fitted(belief, belief_options or {})
             self.beliefs = [fitted, *(copy.deepcopy(fitted) for _ in range(count - 1))]
-        self.estimates: list[Estimate | None] = [None] * count
         self.hidden: list[Hidden | None] = [None] * count
         self.action_space: gymnasium.spaces.Box = action_space(self.labels)
         self.observation_space: gymnasium.spaces.Dict = observation_space(
@@ -118,7 +117,6 @@ class SubEnvironments:
         """Note what an estimator believes now."""
         estimate = self.beliefs[index].estimate()
         probabilities = np.array([estimate.probabilities.get(label, 0.0) for label in self.labels])
-        self.estimates[index] = estimate
         self._entropy[index] = entropy(probabilities)
         self._seen["probabilities"][index] = within(self.observation_space, "probabilities", probabilities)
         self._seen["place"][index] = within(self.observation_space, "place", estimate.robot_in_object)

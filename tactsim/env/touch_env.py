@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from tactsim.core import Scan
 from tactsim.env.sub_environments import SubEnvironments
 from tactsim.env.touch_spaces import Floats, say_action, touch_action
-from tactsim.estimators import Estimate
+from tactsim.estimators import Estimator
 
 
 class TouchEnv(gymnasium.Env):
@@ -112,9 +112,14 @@ class TouchEnv(gymnasium.Env):
         return self._objects.world.scan
 
     @property
-    def estimate(self) -> Estimate | None:
-        """All that the estimator of `belief` says now; None without one."""
-        return self._objects.estimates[0]
+    def estimator(self) -> Estimator | None:
+        """The estimator of `belief`, to ask it for all of its estimate or for proposals; None without one."""
+        return self._objects.beliefs[0] if self._objects.beliefs else None
+
+    @property
+    def answer(self) -> str:
+        """The right label of the object that is hidden: to score a policy, which must not look at it."""
+        return self._objects.answer(0)
 
     def touch(self, sensor_in_robot: ArrayLike) -> Floats:
         """Make the action that touches at [x, y, theta] mm, mm, rad. Raises InputError for what is no pose."""

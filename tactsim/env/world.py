@@ -144,11 +144,10 @@ def _by_model(model: PressModel, touches: Touches, tilt_x: float, tilt_y: float)
 
 
 @lru_cache(maxsize=8)
-def _world(name: str, scan_seed: int | None, slip: str, fast: bool) -> World:
+def _world(name: str, scan_seed: int, slip: str, fast: bool) -> World:
     asked = task(name)
-    seed = asked.seeds[0] if scan_seed is None else scan_seed
     changed = merged(asked.configs("nearest")[0].moving.model_dump(), json.loads(slip))
-    return World(asked, seed, checked(Slip, changed, "slip"), fast)
+    return World(asked, scan_seed, checked(Slip, changed, "slip"), fast)
 
 
 def world(name: str, scan_seed: int | None, slip: Mapping[str, Any], fast: bool) -> World:
@@ -161,4 +160,4 @@ def world(name: str, scan_seed: int | None, slip: Mapping[str, Any], fast: bool)
         said = json.dumps(dict(slip), sort_keys=True)
     except (TypeError, ValueError):
         raise InputError(f"slip {short(slip)}: give numbers by name, such as {{'walk_mm': 0.5}}") from None
-    return _world(name, scan_seed, said, bool(fast))
+    return _world(name, task(name).seeds[0] if scan_seed is None else scan_seed, said, bool(fast))
