@@ -37,7 +37,7 @@ def cell_lines(pad: Pad, cells_per_taxel: int, sigma: float) -> tuple[FloatArray
     sigma: mm, of the point spread. Without one the edges of taxels are lines too (`Pad.grid_lines`). With
     one, a cell wider than 1.25 sigma is cut into equal parts of at most sigma; of those lines only the ones
     within 6 sigma of a taxel's edge are kept, since elsewhere a taxel feels all of a force or none.
-    They are kept: a press asks for them at every step towards its balance.
+    They are kept, and not to be changed: a press asks for them at every step towards its balance.
     """
     x_lines, y_lines = pad.grid_lines(cells_per_taxel, gap_cells=sigma == 0)
     if sigma:
@@ -45,7 +45,6 @@ def cell_lines(pad: Pad, cells_per_taxel: int, sigma: float) -> tuple[FloatArray
             _cut_wide(x_lines, pad.column_edges, sigma),
             _cut_wide(y_lines, pad.row_edges, sigma),
         )
-    x_lines.flags.writeable = y_lines.flags.writeable = False
     return x_lines, y_lines
 
 
