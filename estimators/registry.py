@@ -55,6 +55,10 @@ BUILT_IN: dict[str, tuple[str, str]] = {
         "tactsim.estimators.filters.nearest:Nearest",
         "baseline without maps: which training readings are alike",
     ),
+    "scan-matching": (
+        "tactsim.estimators.filters.scan_matching:ScanMatching",
+        "baseline without a belief: the one pose that fits best, by branch and bound",
+    ),
 }
 
 
