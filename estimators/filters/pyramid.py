@@ -18,8 +18,8 @@ _ROUNDINGS = 4 * np.finfo(np.float32).eps
 class Level:
     """What a block of `side` x `side` bins, given by the place of its first bin, may reach at most.
 
-    nodes: (tables, letters, rows, columns) and lattice: (4,) as `field.replay` takes them. Looked up and interpolated at
-    the first bin's place, they are not below what any bin of the block looks up. With a side of 1 they are the tables.
+    nodes: (tables, letters, rows, columns) and lattice: (4,) as `field.replay` takes them. Interpolated at the first
+    bin's place, they are not below what any bin of the block looks up. With a side of 1 they are the tables.
     """
 
     side: int

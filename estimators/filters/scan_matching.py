@@ -21,9 +21,9 @@ from tactsim.estimators.filters.weights import Weights
 from tactsim.estimators.options import FilterOptions
 
 # mm, about the side of the largest blocks, whose bounds are kept for all readings.
-_LARGEST = 2.0
+_LARGEST = 4.0
 # Blocks that are cut in four together: so many that the arithmetic is in the kernel, so few that the best come first.
-_AT_ONCE = 256
+_AT_ONCE = 1024
 # Nats below the best letter from which it does not matter how well another fits: its probability is below 1e-21.
 _HOPELESS = 50.0
 
@@ -31,8 +31,10 @@ _HOPELESS = 50.0
 class ScanMatchingOptions(FilterOptions):
     """Options of the scan matcher."""
 
-    likelihood: str = Field("calibrated", description="the measurement model: paper, calibrated, force, graded")
-    bins: int = Field(1_000_000, description="poses of each letter among which the best is found")
+    likelihood: str = Field(
+        "calibrated", description="the measurement model: paper, calibrated, force, graded"
+    )
+    bins: int = Field(300_000, description="poses of each letter among which the best is found")
     split: str | None = Field(None, description="bins in x, y and angle such as 80x80x180, instead of bins")
     motion: Literal["off"] = Field("off", description="all readings are matched with one pose: nothing moves")
     skip: bool = Field(True, description="leave bins alone that cannot be the best; the answer is the same")
@@ -46,8 +48,9 @@ class ScanMatching(MapFilter):
     up in a pyramid of maxima, the most promising are cut in four, and a block whose bound is not above the best bin
     that is known of its letter is left alone.
 
-    No belief is kept: a letter counts as its best pose alone. So its probability is a softmax of the letters' scores, the
-    posterior if each letter had but this one pose. It forgets how many other poses fit nearly as well, and is sure early.
+    No belief is kept: a letter counts as its best pose alone. So its probability is a softmax of the letters' scores,
+    the posterior if each letter had but this one pose. How many other poses fit nearly as well is forgotten, hence it
+    is sure too early.
     """
 
     options_type: type[Options] = ScanMatchingOptions
@@ -88,23 +91,23 @@ class ScanMatching(MapFilter):
         """Before the first reading every bin is the best; the middle one is named."""
         self._largest_bounds[:] = 0
         self._scores[:] = 0
-        middle = self.grid.angle // 2, self.grid.y // 2, self.grid.x // 2
-        self._best[:] = np.arange(len(self.labels)), *([one] * len(self.labels) for one in middle)
+        middle = [[self.grid.angle // 2], [self.grid.y // 2], [self.grid.x // 2]]
+        self._best[0], self._best[1:] = np.arange(len(self.labels)), middle
         self._left_alone = -math.inf
 
     def _update(self) -> None:
         last = len(self.field) - 1
-        before = self._bins
         # A place to start from: what was best of each letter before this reading.
         self._add(self._scores, self._levels[0], self._best, last)
         self._add(self._largest_bounds, self._levels[-1], self._largest, last)
         self._left_alone = -math.inf
+        self._skipped += len(self.labels) * self.grid.bins
         self._search(len(self._levels) - 1, self._largest, self._largest_bounds)
-        self._skipped += len(self.labels) * self.grid.bins * len(self.field) - (self._bins - before)
 
     def _search(self, level: int, blocks: NDArray[np.int64], bounds: FloatArray) -> None:
         """Find the best bins within blocks (4, n) of a level, whose bounds are (n,), and note what was left alone."""
         if level == 0:
+            self._skipped -= len(bounds)
             for letter in np.unique(blocks[0]):
                 mine = np.flatnonzero(blocks[0] == letter)
                 best = mine[bounds[mine].argmax()]
@@ -141,7 +144,14 @@ class ScanMatching(MapFilter):
         state = np.stack([x[column], y[row], theta[angle]])
         count = len(self.field)
         replay(
-            scores, state, np.ascontiguousarray(letter), self.field.terms, first, count, level.nodes, level.lattice
+            scores,
+            state,
+            np.ascontiguousarray(letter),
+            self.field.terms,
+            first,
+            count,
+            level.nodes,
+            level.lattice,
         )
         if level.side == 1:
             self._bins += len(scores) * (count - first)
@@ -188,7 +198,7 @@ class ScanMatching(MapFilter):
     def work(self) -> dict[str, Any]:
         """Count evaluations, a bin or a block with a reading each, made and skipped since the estimator was made.
 
-        bound_evaluations: of blocks of bins, made in order to skip bins. Bins are counted with all readings so far.
+        bound_evaluations: of blocks of bins, made in order to skip bins. skipped: bins left alone, at every reading.
         """
         return {
             "likelihood_evaluations": self._bins,
