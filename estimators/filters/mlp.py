@@ -73,8 +73,14 @@ class Mlp(Estimator):
         check_order(len(train) > 0, "a train reading", "fit")
         self._started = False
         self.labels = train.letters
-        different, self._number = np.unique(_alike(train), return_inverse=True)
-        train = train.of_letters([self.labels[number] for number in different])
+        # In the order of their names, so that it does not matter in which order letters were pressed.
+        first = _first_alike(train)
+        different = sorted(set(first.values()))
+        self._number = np.array([different.index(first[label]) for label in self.labels])
+        order = np.concatenate([np.flatnonzero(train.labels == label) for label in different])
+        train = Scan(
+            train.readings[order], train.poses[order], train.labels[order], train.split[order], train.taxel_xy
+        )
         words = LikelihoodOptions(likelihood="force")
         self._model = ForceLikelihood(words)
         maps = learn_maps(
@@ -164,9 +170,11 @@ class Mlp(Estimator):
         return {"likelihood_evaluations": self._named, "skipped": {}}
 
 
-def _alike(train: Scan) -> NDArray[np.int64]:
-    """Give for each letter the number of the first with the same training readings: no network tells them apart."""
-    first: dict[bytes, int] = {}
-    own = [train.where(label=label) for label in train.letters]
-    keys = [one.readings.tobytes() + one.poses.tobytes() for one in own]
-    return np.array([first.setdefault(key, number) for number, key in enumerate(keys)])
+def _first_alike(train: Scan) -> dict[str, str]:
+    """Give for each letter the first by name with the same training readings: no network tells them apart."""
+    first: dict[bytes, str] = {}
+    alike = {}
+    for label in sorted(train.letters):
+        own = train.where(label=label)
+        alike[label] = first.setdefault(own.readings.tobytes() + own.poses.tobytes(), label)
+    return alike
