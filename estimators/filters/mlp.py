@@ -22,8 +22,8 @@ from tactsim.estimators.options import LikelihoodOptions
 
 # Virtual readings of a round, of all letters together.
 _A_ROUND = 10_000
-# The network's probability of a letter is at least that: one reading excludes nothing.
-_LEAST = 1e-9
+# The probability that a reading says nothing of the letter, whatever the network makes of it.
+_OUTLIER = 0.01
 # Between these the temperature is sought.
 _COLDEST, _HOTTEST = 0.5, 20.0
 
@@ -142,7 +142,7 @@ class Mlp(Estimator):
     def _log_p(self, net: Any, readings: FloatArray) -> FloatArray:
         """Give log p(letter | reading) of readings (n, taxels) kPa: (n, letters that differ)."""
         p = np.asarray(net.predict_proba(self._seen(readings)), dtype=float)
-        return np.log(np.maximum(p, _LEAST))
+        return np.log((1 - _OUTLIER) * p + _OUTLIER / p.shape[1])
 
     def reset(self, rng: np.random.Generator) -> None:
         """Forget the sequence: every letter is equally probable again."""
