@@ -2,6 +2,7 @@
 
 import json
 import re
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -14,10 +15,19 @@ from tactsim.core import InputError, Scan
 from tactsim.estimators import Estimator
 from tactsim.estimators.registry import load
 
-NAMES = (*estimators.names(), "sorted")  # the last from docs/estimators.md, as a stranger would install it
-COARSE = {
-    "synthesis": {"spacing": 2.5, "angles": 8, "modes": 100}
-}  # options that make an estimator cheaper to fit
+# The last is from docs/estimators.md, as a stranger would install it.
+NAMES = tuple(
+    pytest.param(
+        name,
+        marks=pytest.mark.skipif(name == "mlp" and not find_spec("sklearn"), reason="needs scikit-learn"),
+    )
+    for name in (*estimators.names(), "sorted")
+)
+COARSE = {  # options that make an estimator cheaper to fit
+    "synthesis": {"spacing": 2.5, "angles": 8, "modes": 100},
+    "mlp": {"rounds": 3, "hidden": 32},
+    "scan-matching": {"bins": 20_000},
+}
 POSES = paper_poses(positions=4, angles=6)
 
 
@@ -267,7 +277,7 @@ def test_a_letter_can_be_left_out_of_what_was_learned(learned, small_scan, reque
     assert run(learned, readings, poses) == before
 
 
-LEARNING = [name for name in NAMES if name == "sorted" or not load(name).uses_forward_model]
+LEARNING = [one for one in NAMES if one.values[0] == "sorted" or not load(one.values[0]).uses_forward_model]
 
 
 @pytest.mark.parametrize("name", LEARNING)
@@ -278,7 +288,7 @@ def test_letters_that_are_one_share_its_probability(name, small_scan):
         np.tile(one.readings, (3, 1)), np.tile(one.poses, (3, 1)), np.repeat(list("ABC"), len(one)),
         np.full(3 * len(one), "train"), one.taxel_xy,
     )  # fmt: skip
-    estimator = estimators.create(name)
+    estimator = create(name)
     estimator.fit(three)
     readings, poses = trial(small_scan, count=6)
     for seed in (0, 1):
