@@ -168,6 +168,11 @@ class RunConfig(ScanWords):
     given: Annotated[str | None, Flag(None)] = Field(
         None, description="Digest of the readings that were given in Python."
     )
+    task: str | None = Field(
+        None,
+        description="A frozen task, or a FILE.toml: it says all but the estimator and its options; `bench tasks` names "
+        "them.",
+    )
 
     @model_validator(mode="after")
     def _no_press_options_without_a_press(self) -> RunConfig:
@@ -247,7 +252,7 @@ class RunConfig(ScanWords):
 
     @property
     def digest(self) -> str:
-        """Hash what the run is asked to do; equal values have one digest, whatever a world's file is called."""
+        """Hash what the run is asked to do; equal values have one digest, whatever world's file or task says them."""
         rest = self.model_dump(mode="json", include={"estimator", "trials", "readings", "explore", "seed"})
         moves = [] if self.moving.still else [self.moving.model_dump(mode="json")]
         content = json.dumps([self.source, self.options, rest, *moves], sort_keys=True, default=str)
@@ -255,7 +260,14 @@ class RunConfig(ScanWords):
 
 
 def run_config(**words: Any) -> RunConfig:
-    """Build a run's configuration. Raises InputError with one line, also for a wrong option of the scan."""
+    """Build a run's configuration; a task's is completed by what the task says.
+
+    Raises InputError with one line, also for a wrong option of the scan, and for one that contradicts the task.
+    """
+    if words.get("task") is not None:
+        from tactsim.bench.tasks import task  # imports this module
+
+        words = task(str(words["task"])).completed(words)
     config = checked(RunConfig, words, "run")
     _ = config.moving
     if config.pressed:
