@@ -15,9 +15,11 @@ from tactsim.core import InputError
 from tactsim.core.errors import short, unknown
 from tactsim.core.files import new_folder
 
-KINDS = ("estimator", "source")
+KINDS = ("estimator", "task", "source")
 _LONGEST = 40  # characters of a name: it is part of lines of code
 _SHARED = {"LICENSE": "shared/LICENSE.txt", ".gitignore": "shared/gitignore.txt"}
+
+_LISTED = {"estimator": "`bench list`", "task": "`bench tasks`", "source": "`bench devices`"}
 
 # For each kind what is in the new repository, and the file here that it is made from.
 FILES: Mapping[str, Mapping[str, str]] = {
@@ -29,6 +31,14 @@ FILES: Mapping[str, Mapping[str, str]] = {
         "src/your_name/estimator.py": "estimator/estimator.py.txt",
         "tests/test_your_name.py": "estimator/test_estimator.py.txt",
         ".github/workflows/test.yml": "estimator/workflow.yml.txt",
+    },
+    "task": _SHARED
+    | {
+        "README.md": "task/README.md.txt",
+        "pyproject.toml": "task/pyproject.toml.txt",
+        "your-name-v1.toml": "task/task.toml.txt",
+        "tests/test_your_name.py": "task/test_task.py.txt",
+        ".github/workflows/test.yml": "task/workflow.yml.txt",
     },
     "source": _SHARED
     | {
@@ -95,12 +105,14 @@ def checked_name(kind: str, name: str) -> str:
             f"{kind} {short(given)}: a name is lower-case words with hyphens between them, such as my-{kind}, of at "
             f"most {_LONGEST} characters"
         )
+    if name in _taken(kind):
+        raise InputError(f"{kind} {name!r}: there is one of that name already; {_LISTED[kind]} shows it")
+    if kind == "task":  # a file, and no package
+        if re.search(r"-v[0-9]+$", name):
+            raise InputError(f"task {name!r}: leave out the version, which the file gets")
+        return name
     if keyword.iskeyword(package):
         raise InputError(f"{kind} {name!r}: that is a word of Python; call it my-{name}, for example")
-    if name in _taken(kind):
-        raise InputError(
-            f"{kind} {name!r}: there is one of that name already; `bench list` and `bench devices` show it"
-        )
     if find_spec(package) is not None:
         raise InputError(
             f"{kind} {name!r}: a Python package {package} is installed already, and one would hide the other; call "
@@ -112,11 +124,13 @@ def checked_name(kind: str, name: str) -> str:
 def _taken(kind: str) -> tuple[str, ...]:
     """List the names of a kind that are in use."""
     if kind == "estimator":
-        from tactsim.estimators import names
+        from tactsim.estimators import names as estimators
 
-        return names()
+        return estimators()
     if kind == "source":
-        from tactsim.hardware.sources import names as source_names
+        from tactsim.hardware.sources import names as sources
 
-        return source_names()
-    return ()
+        return sources()
+    from tactsim.bench.tasks import names as tasks
+
+    return tuple(re.sub(r"-v[0-9]+$", "", name) for name in tasks())
