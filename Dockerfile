@@ -14,8 +14,9 @@ RUN python -m venv --without-pip /opt/tactsim
 COPY requirements.lock .
 RUN pip --python /opt/tactsim/bin/python install --no-cache-dir --requirement requirements.lock
 COPY . .
+# -I: what is compiled is the installed package, and not the one in this folder.
 RUN pip --python /opt/tactsim/bin/python install --no-cache-dir --no-deps --no-build-isolation . \
-    && /opt/tactsim/bin/python -m tactsim.bench.compile_kernels
+    && /opt/tactsim/bin/python -I -m tactsim.bench.compile_kernels
 
 FROM python:${PYTHON}-slim
 LABEL org.opencontainers.image.title="tactsim" \

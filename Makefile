@@ -29,7 +29,7 @@ MINUTES ?= 30
 # What `make mutants` is given, such as MUTANTS="--all tactsim/press/clip.py".
 MUTANTS ?=
 
-.PHONY: run test check docs setup lock test-slow soak mutants bench-check bench-baseline bench-rate profile tables references clean help
+.PHONY: run test check docs setup lock test-slow soak mutants bench-check bench-baseline bench-rate profile tables references release-check image clean help
 
 help:            ## list these commands
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 18
@@ -90,6 +90,15 @@ tables: $(DEVELOP)  ## do the sweeps that are not done yet, and fill the tables 
 
 references: $(DEVELOP)  ## how far every estimator is from the reference posteriors of docs/bound.md
 	@$(BIN)/python -m tactsim.bench.bound.references
+
+release-check: $(PACKAGING)  ## what a release lacks; then build it into dist/, check it and install it
+	@$(BIN)/python tests/packaging/release_check.py
+	@rm -rf dist && mkdir dist && PYTHONPATH=tests/support $(BIN)/python -m building dist
+	@$(BIN)/python -m twine check --strict dist/*
+	@$(BIN)/python -m pytest -q -m "slow or not slow" tests/packaging
+
+image:           ## build the container image `tactsim`
+	@docker build --tag tactsim .
 
 setup: $(DEVELOP)  ## create .venv with all that work on the project needs
 
