@@ -18,11 +18,10 @@ from tactsim.bench.slip import STILL, Slip
 from tactsim.bench.work_counts import flatten_work
 from tactsim.core import InputError, Scan
 from tactsim.core.errors import short
+from tactsim.core.lengths import OFFSET, offsets
 from tactsim.core.poses import FloatArray
 from tactsim.estimators import NONE, Estimate, Estimator
 from tactsim.estimators.estimator import check_estimate
-
-TRANSLATION_MM = 10.0  # T_R^O is uniform in [-10, 10] mm and on the circle (section IV)
 
 Explore = Literal["random", "information", "blind"]
 Progress = Callable[[str, int, int], None]
@@ -102,9 +101,9 @@ class Trials:
         )
 
 
-def draw_true_pose(rng: np.random.Generator) -> FloatArray:
-    """Draw robot_in_object: x, y uniform in [-10, 10] mm, theta uniform on the circle."""
-    x, y = rng.uniform(-TRANSLATION_MM, TRANSLATION_MM, size=2)
+def draw_true_pose(rng: np.random.Generator, offsets: float = OFFSET) -> FloatArray:
+    """Draw robot_in_object: x, y uniform in [-offsets, offsets] mm, theta uniform on the circle (section IV)."""
+    x, y = rng.uniform(-offsets, offsets, size=2)
     return np.array([x, y, rng.uniform(-np.pi, np.pi)])
 
 
@@ -163,7 +162,7 @@ def run_trial(
     that are left do not come to rest.
     """
     rng = generator(seed, task, 0)
-    first = draw_true_pose(rng)
+    first = draw_true_pose(rng, offsets(test.taxel_xy))
     touches = RecordedTouches(test) if press is None else press.touches(task.truth, task.trial, seed)
     left = rng.permutation(len(touches))
     if explore == "information":

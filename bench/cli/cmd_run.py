@@ -115,6 +115,7 @@ def _refuse_without_port(context: typer.Context) -> None:
 
 def _measured(config: RunConfig, station: Station, settings: dict[str, Any]) -> bool:
     """Measure what is missing; tells whether all is there now, and if not, how to go on."""
+    from tactsim.bench.config import chosen_letters
     from tactsim.bench.fitting import fit
     from tactsim.bench.measuring import Wanted, check_pads, count_measured, measure
     from tactsim.bench.runner import train_scan
@@ -126,14 +127,15 @@ def _measured(config: RunConfig, station: Station, settings: dict[str, Any]) -> 
     estimator = create(config.estimator, **config.options)
     train = train_scan(config)
     check_pads(train, station)
-    learned = [name for name in config.letters or train.letters if name not in config.hold_out]
+    letters = chosen_letters(config, train.letters)
+    learned = [name for name in letters if name not in config.hold_out]
     for name in learned:
         if name not in train.where("train").letters:
             raise unknown("letter of --train-scan", name, train.where("train").letters)
     fit(estimator, train.of_letters(tuple(learned)), forward_model)
     assert config.presses is not None  # `command` has seen to it
     station.console.print(f"presses are kept in {config.presses}")
-    wanted = Wanted(config.letters or train.letters, config.trials, config.readings, config.seed)
+    wanted = Wanted(letters, config.trials, config.readings, config.seed)
     if measure(station, wanted, config.presses, settings):
         return True
     count = len(wanted.letters) * wanted.trials * wanted.readings

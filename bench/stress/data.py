@@ -11,6 +11,7 @@ import numpy as np
 from tactsim.bench.fitting import fit
 from tactsim.bench.trials import draw_true_pose
 from tactsim.core import InputError, Pad, Scan, compose, invert
+from tactsim.core.lengths import offsets
 from tactsim.core.poses import FloatArray
 from tactsim.estimators import Estimate, Estimator, create, names
 from tactsim.estimators.registry import load
@@ -83,7 +84,7 @@ def draws(name: str) -> bool:
 def hidden(scan: Scan, label: str, count: int, seed: int = 0) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Hide a letter: (count, taxels) readings, (count, 3) sensor_in_robot, and the true robot_in_object."""
     rng = np.random.default_rng(seed)
-    truth = draw_true_pose(rng)
+    truth = draw_true_pose(rng, offsets(scan.taxel_xy))
     test = scan.where("test", label)
     order = rng.permutation(len(test))[:count]
     return test.readings[order], compose(invert(truth), test.poses[order]), truth

@@ -219,7 +219,8 @@ class Scan:
 def train_on(train: Scan, test: Scan) -> Scan:
     """Join the training readings of one scan and the test readings of another, on their common taxels.
 
-    A recording often holds one split only. So a scan without the wanted split gives all its readings.
+    A recording often holds one split only. So a scan without the wanted split gives all its readings. What the
+    training scan says of an object, its symmetry say, holds for the other's readings of that label too.
     Raises InputError if the pads differ.
     """
     halves = []
@@ -227,7 +228,9 @@ def train_on(train: Scan, test: Scan) -> Scan:
         half = scan.where(split)
         half = half if len(half) else replace(scan, split=np.full(len(scan), split))
         halves.append(half.on_taxels_of(other))
-    return halves[0].joined(halves[1], {**test.meta, "train": dict(train.meta)})
+    stated = (scan.meta.get("objects") for scan in (test, train))
+    objects = {label: facts for of in stated if isinstance(of, Mapping) for label, facts in of.items()}
+    return halves[0].joined(halves[1], {**test.meta, "train": dict(train.meta), "objects": objects})
 
 
 def is_label(name: str) -> bool:

@@ -21,7 +21,7 @@ from tactsim.core.seeds import stream
 from tactsim.core.workers import worker_processes
 from tactsim.press import cache as cached
 from tactsim.press.scan_options import ScanOptions
-from tactsim.press.scan_poses import grid_poses, random_poses
+from tactsim.press.scan_poses import grid_poses, random_poses, stage_for
 from tactsim.press.sensor import gains, sense
 from tactsim.press.touches import Touches, draw_loads
 
@@ -70,7 +70,7 @@ def scan_letters(
     sequence: bool = False,
     progress: Progress | None = None,
 ) -> tuple[Scan, dict[str, Any]]:
-    """Press every letter at 192 training and 192 test poses (paper, section II).
+    """Press every letter at 192 training and 192 test poses (paper, section II); for other pads see `stage_for`.
 
     A press that does not come to rest, such as one that tips over, is a blank: it has no reading, and the
     scan's `meta["blanks"]` says why. jobs: processes to use at most, where the work is worth them. cache:
@@ -142,9 +142,10 @@ def letters_of(options: ScanOptions) -> list[models.Letter]:
 
 
 def _batch(letter: models.Letter, split: str, options: ScanOptions) -> _Batch:
-    stated = grid_poses()
+    stage = stage_for(options.pad, letter)
+    stated = grid_poses(stage)
     if split == "test" and options.test_poses == "random":
-        stated = random_poses(stream(options.seed, letter.name, split, "poses"))
+        stated = random_poses(stream(options.seed, letter.name, split, "poses"), stage.poses, stage.reach)
     touches = as_pressed(
         letter, stated, split, options, lambda purpose: stream(options.seed, letter.name, split, purpose)
     )

@@ -235,6 +235,15 @@ def test_training_on_one_scan_and_testing_on_another_uses_what_both_have(scan):
         train_on(scan, far)
 
 
+def test_what_the_training_scan_says_of_objects_holds_for_the_test_readings(scan):
+    from tactsim.core.scan import train_on
+
+    pressed = replace(scan, meta={"objects": {"A": {"symmetry": 2}}})
+    recorded = replace(scan, meta={"objects": {"A": {"symmetry": 1}, "E": {"symmetry": 3}}})
+    assert train_on(pressed, recorded).meta["objects"] == {"A": {"symmetry": 2}, "E": {"symmetry": 3}}
+    assert train_on(recorded, replace(scan, meta={})).meta["objects"] == recorded.meta["objects"]
+
+
 def test_a_scan_shows_itself_in_one_line(scan):
     assert repr(scan) == "<Scan of A E: 3 to train, 3 to test, 4 taxels>"
 
