@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Annotated, Any
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Annotated
 
 import typer
+
+from tactsim.bench.cli.words import dotted
 
 if TYPE_CHECKING:
     from pydantic import BaseModel
@@ -104,7 +106,7 @@ def _worlds() -> list[Row]:
     from tactsim.press import WORLDS
 
     worlds = WORLDS | SLIPS
-    return [(name, "", ", ".join(_settings(world)) or "the defaults") for name, world in worlds.items()]
+    return [(name, "", ", ".join(dotted(world)) or "the defaults") for name, world in worlds.items()]
 
 
 def _scan_options() -> list[Row]:
@@ -132,15 +134,6 @@ def _suites() -> list[Row]:
     from tactsim.bench.sweep_file import read, suites
 
     return [(suite, f"{len(read(suite)[1])} runs", "") for suite in suites()]
-
-
-def _settings(values: Mapping[str, Any], prefix: str = "") -> list[str]:
-    """Write nested settings as dotted name=value words."""
-    words = []
-    for name, value in values.items():
-        path = f"{prefix}{name}"
-        words += _settings(value, f"{path}.") if isinstance(value, Mapping) else [f"{path}={value}"]
-    return words
 
 
 def _fields(model: type[BaseModel], prefix: str = "") -> list[Row]:

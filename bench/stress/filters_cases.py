@@ -8,7 +8,7 @@ import numpy as np
 
 from tactsim.bench.placement_error import placement_error, properties
 from tactsim.bench.stress.case import Worst, case, refused
-from tactsim.bench.stress.data import (
+from tactsim.bench.stress.case_data import (
     draws,
     every_estimator,
     few,

@@ -11,7 +11,7 @@ from typing import Annotated, Any
 from pydantic import BaseModel, ConfigDict, Field, field_validator
 
 from tactsim.bench.config import RunConfig, merged, run_config
-from tactsim.bench.score import CURVES, HEADLINES
+from tactsim.bench.tasks.scored import check_figure
 from tactsim.core import InputError
 from tactsim.core.checking import checked
 from tactsim.core.documents import parse_toml, read_toml
@@ -67,27 +67,39 @@ class Task(BaseModel):
 
     @property
     def letters(self) -> tuple[str, ...]:
-        """List the letters that are tried, those that are held out included; () if a file of readings says which."""
+        """List what is tried, held out or not: letters and shapes; () if a file of readings says which."""
         config = self._config({})
-        return config.scan_options.letters if config.pressed else config.letters or ()
+        if config.letters or not config.pressed:
+            return config.letters or ()
+        options = config.scan_options
+        return (*options.letters, *(Path(shape).stem for shape in options.shapes))
+
+    @property
+    def held_out(self) -> tuple[str, ...]:
+        """List the letters that are tried but not trained on; ("each",) if each is in its own trials."""
+        return self._config({}).hold_out
+
+    @property
+    def chosen(self) -> bool:
+        """Tell whether the method chooses where to touch."""
+        return self.words.get("explore") == "information"
 
     def configs(self, estimator: str, options: Mapping[str, Any] | None = None) -> list[RunConfig]:
         """Give the runs of a method on this task, one a seed.
 
-        estimator: a registered name. options: of the estimator, as `set` of a run. Where touches are chosen, an
-        estimator that proposes none gets them in random order. Raises InputError for an unknown estimator or option.
+        estimator: a registered name. options: of the estimator, as `set` of a run.
+        Raises InputError for an unknown estimator or option.
         """
         words: dict[str, Any] = {"estimator": estimator, "set": dict(options or {})}
-        made = create(estimator, **words["set"])
-        if self.words.get("explore") == "information" and not made.proposes:
-            words["explore"] = "blind"
+        create(estimator, **words["set"])
         return [run_config(**words, task=self.name, seed=seed) for seed in self.seeds]
 
     def completed(self, words: Mapping[str, Any]) -> dict[str, Any]:
         """Complete the options of one run by those of this task; `words` may leave out all that the task says.
 
         The first seed is the default. Fewer trials or readings than the task's make a shorter look, which is not one
-        of the task's runs: its `task` is None. An estimator may be given touches blindly where it could choose them.
+        of the task's runs: its `task` is None. Where touches may be chosen they may also be taken blindly, as they
+        are by an estimator that proposes none.
 
         Raises InputError for an option that contradicts the task.
         """
@@ -115,6 +127,8 @@ class Task(BaseModel):
                 raise InputError(
                     f"{name} {short(value)}: task {self.name} says {says}; leave out {name} or the task"
                 )
+        if wanted.explore == "information" and not create(said.estimator, **said.options).proposes:
+            chosen["explore"] = "blind"
         return self._words | chosen
 
     @property
@@ -165,21 +179,9 @@ def _checked(table: dict[str, Any], name: str) -> Task:
             f"task {name}: {len(made.hashes)} hashes for {len(made.seeds)} seeds; give one a seed"
         )
     for figure in made.scored:
-        _check_figure(figure, made)
+        check_figure(figure, made.readings, f"task {name}: scored")
     run_config(**made.words, trials=made.trials, readings=made.readings)
     return made
-
-
-def _check_figure(figure: str, of: Task) -> None:
-    metric, at, reading = figure.partition("@")
-    if not at and metric in HEADLINES:
-        return
-    if metric not in CURVES:
-        raise unknown(f"metric in scored of task {of.name}", metric, [*CURVES, *HEADLINES])
-    if not (reading.isascii() and reading.isdigit() and 1 <= int(reading) <= of.readings):
-        raise InputError(
-            f"task {of.name}: scored: {figure!r} says no reading from 1 to {of.readings}; write {metric}@{of.readings}"
-        )
 
 
 def _beside(words: Mapping[str, Any], folder: Path) -> dict[str, Any]:

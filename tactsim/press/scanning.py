@@ -7,6 +7,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from importlib.metadata import version
 from itertools import islice
 from typing import TYPE_CHECKING, Any
 
@@ -16,6 +17,7 @@ from numpy.typing import NDArray
 from tactsim import models
 from tactsim.core.errors import InputError
 from tactsim.core.poses import FloatArray, compose
+from tactsim.core.provenance import OWN_LICENCE
 from tactsim.core.scan import SPLITS, Scan
 from tactsim.core.seeds import stream
 from tactsim.core.workers import worker_processes
@@ -329,9 +331,12 @@ def _seconds_per_press(options: ScanOptions) -> float:
 
 def _meta(options: ScanOptions, letters: Sequence[models.Letter]) -> dict[str, Any]:
     return {
+        "source": "simulated",
         "options": options.model_dump(mode="json"),
         "objects": {letter.name: object_facts(letter) for letter in letters},
-        "versions": cached.versions(),
+        "versions": {**cached.versions(), "tactsim": version("tactsim")},
+        # Whose a user's own shapes are is not ours to say.
+        **({} if options.shapes else {"licence": OWN_LICENCE}),
     }
 
 
