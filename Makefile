@@ -32,7 +32,7 @@ MINUTES ?= 30
 # What `make mutants` is given, such as MUTANTS="--all tactsim/press/clip.py".
 MUTANTS ?=
 
-.PHONY: run test check docs setup lock test-slow test-formats soak mutants bench-check bench-baseline bench-rate profile tables references release-check image clean help
+.PHONY: run test check docs setup lock test-slow test-formats soak mutants bench-check bench-baseline bench-rate profile tables leaderboard references release-check image clean help
 
 help:            ## list these commands
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 18
@@ -98,6 +98,10 @@ TABLES := better paper-better robustness slip open-set active paper paper-like t
 tables: $(DEVELOP)  ## do the sweeps that are not done yet, and fill the tables of the documentation from them
 	@for suite in $(TABLES); do $(BIN)/bench sweep $$suite || exit; done
 	@$(BIN)/python -m tactsim.bench.page_tables README.md docs/results.md docs/method.md docs/choose-an-estimator.md
+
+leaderboard: $(DEVELOP)  ## make the site of results/leaderboard, and fill the tables of docs/leaderboard.md
+	@$(BIN)/bench leaderboard results/leaderboard
+	@$(BIN)/python -m tactsim.bench.leaderboard.page_standings results/leaderboard docs/leaderboard.md
 
 references: $(DEVELOP)  ## how far every estimator is from the reference posteriors of docs/bound.md
 	@$(BIN)/python -m tactsim.bench.bound.references

@@ -28,6 +28,10 @@ VERBS = {
     "import": "Make a scan of what `bench export` wrote, bit for bit, or of arrays in a .npz or .mat file.",
     "bound": "Say how good an estimator can be: exact Bayes, and the Cramer-Rao bound of the error, by reading.",
     "compare": "Compare two runs on the same trials; exit status 1 if NEW is worse beyond the interval.",
+    "submit": "Do all runs of a task with a method, and write one file that others can check; exit status 1 without a "
+    "score.",
+    "verify": "Do some trials of a bundle again and compare them to the bit; exit status 1 if it cannot be confirmed.",
+    "leaderboard": "Rank the methods of a folder of bundles, task by task, and write a site of static pages.",
     "list": "List estimators, letters, worlds, metrics and suites; on request the options of an estimator or a scan.",
     "tasks": "List the frozen tasks with sizes and the best known results, or show one whole; --hash presses its data.",
     "stress": "Vary inputs over many decades and measure the worst deviation; exit status 1 if a case fails.",

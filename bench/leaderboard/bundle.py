@@ -14,18 +14,20 @@ import math
 import re
 import zipfile
 import zlib
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Annotated, Any, Literal
+from typing import Any, Literal
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field
 
 from tactsim.bench import results
+from tactsim.bench.leaderboard.record import Hash, Line, Machine, Name
 from tactsim.bench.pooled import Pooled, pool
 from tactsim.bench.run import Run
+from tactsim.bench.score import summarise
 from tactsim.bench.trials import Trials
 from tactsim.core import InputError
 from tactsim.core.checking import checked
@@ -136,23 +138,17 @@ def read_bundle(path: str | Path) -> Bundle:
         raise InputError(f"bundle {path}: {error}") from error
 
 
-def _printable(value: str) -> str:
-    if not value.isprintable():
-        raise ValueError("it holds characters that cannot be printed")
-    return value
+def figures_of(bundle: Bundle, scored: Iterable[str]) -> dict[str, float | None]:
+    """Compute figures, METRIC@READINGS or METRIC, over the trials of all seeds; None where one is not defined.
 
-
-_Hash = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
-_Name = Annotated[str, Field(min_length=1, max_length=200), AfterValidator(_printable)]
-_Line = Annotated[str, Field(min_length=1, max_length=1000), AfterValidator(_printable)]
-
-
-class _Machine(BaseModel):
-    model_config = ConfigDict(strict=True, extra="forbid")
-
-    processor: _Name
-    cores: int = Field(ge=1, le=1_000_000)
-    system: _Name
+    Raises InputError if there are no runs.
+    """
+    summary = summarise(bundle.trials, bundle.runs[0].objects)
+    found = {}
+    for figure in scored:
+        metric, at, reading = figure.partition("@")
+        found[figure] = summary[metric][int(reading) - 1] if at else summary[metric]
+    return found
 
 
 class _Head(BaseModel):
@@ -161,20 +157,20 @@ class _Head(BaseModel):
     model_config = ConfigDict(strict=True, extra="forbid")
 
     schema_: Literal[1] = Field(alias="schema")
-    task: _Name
-    task_data: _Hash
-    method: _Name
-    estimator: _Name
+    task: Name
+    task_data: Hash
+    method: Name
+    estimator: Name
     options: dict[str, Any] = Field(max_length=100)
     reproducible: bool
-    status: _Line
-    versions: dict[_Name, _Name] = Field(max_length=100)
-    source_hash: _Hash
-    machine: _Machine
-    commit: _Name | None
-    made: _Name
-    package: _Name | None
-    files: dict[str, _Hash] = Field(max_length=1000)
+    status: Line
+    versions: dict[Name, Name] = Field(max_length=100)
+    source_hash: Hash
+    machine: Machine
+    commit: Name | None
+    made: Name
+    package: Name | None
+    files: dict[str, Hash] = Field(max_length=1000)
 
 
 def _head(content: str | bytes) -> _Head:

@@ -39,6 +39,10 @@ OWN = {
 # What is not run, and why; each has the same reason in a comment on its page.
 NOT_RUN = {
     ("results/README.md", "RUN stands for a folder; tests/bench/test_results.py runs these lines on one"),
+    (
+        "docs/submit.md",
+        "a whole task takes minutes; tests/bench/leaderboard/test_submission.py does both with a small one",
+    ),
 }
 
 
