@@ -11,6 +11,9 @@ from pathlib import Path
 
 import yaml
 
+from tactsim.bench.leaderboard.record import read_record
+from tactsim.core.errors import InputError
+
 ROOT = Path(__file__).resolve().parents[2]
 
 
@@ -28,6 +31,7 @@ def faults(root: Path) -> Iterator[str]:
     if not re.fullmatch(r"10\.\d+/\S+", str(citation.get("doi"))):
         yield "CITATION.cff: no doi; reserve one for the archive of this version"
     yield from of_tables(root)
+    yield from of_leaderboard(root)
     yield from of_git(root, version)
 
 
@@ -62,6 +66,20 @@ def of_tables(root: Path) -> Iterator[str]:
     for commit, page in commits.items():
         if git(root, "merge-base", "--is-ancestor", commit, "HEAD") is None:
             yield f"{page}: a table is of commit {commit}, which is none before this one"
+
+
+def of_leaderboard(root: Path) -> Iterator[str]:
+    """Check that every bundle of results/leaderboard was verified as it is, and confirmed."""
+    for bundle in sorted((root / "results" / "leaderboard").glob("*.zip")):
+        try:
+            record = read_record(bundle)
+        except InputError as error:
+            yield str(error)
+            continue
+        if record is None:
+            yield f"{bundle.relative_to(root)} was not verified: `bench verify --record`"
+        elif not record.verified:
+            yield f"{bundle.relative_to(root)} could not be confirmed: {record.said}"
 
 
 def of_git(root: Path, version: str) -> Iterator[str]:

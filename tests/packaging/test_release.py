@@ -2,10 +2,13 @@
 
 import shutil
 import subprocess
+import tomllib
 
 import pytest
 from building import ROOT
 from release_check import faults
+
+from tactsim.bench.leaderboard.record import Record, bundle_hash, write_record
 
 TABLE = "*`bench sweep better`: 5 scans, 500 trials for each figure; commit {}.*\n"
 
@@ -91,6 +94,34 @@ def test_what_is_not_committed_and_a_tag_that_is_taken_are_named(ready):
     assert list(faults(ready)) == ["the tag v1.2.0 is another commit's: raise the version"]
 
 
+@pytest.mark.parametrize(
+    ("of", "verified", "said"),
+    [
+        (None, True, "one.zip was not verified"),
+        (b"a bundle", False, "one.zip could not be confirmed: trial 3 differs"),
+        (b"another one", True, "is of another file"),
+        (b"a bundle", True, None),
+    ],
+)
+def test_a_bundle_that_is_not_verified_is_named(ready, of, verified, said):
+    """of: what the file held when it was verified; None if it was not."""
+    bundle = ready / "results" / "leaderboard" / "one.zip"
+    bundle.parent.mkdir(parents=True)
+    if of is not None:
+        bundle.write_bytes(of)
+        where = {"processor": "x", "cores": 1, "system": "x"}
+        record = Record(
+            bundle=bundle_hash(bundle), verified=verified, exact=True, said="trial 3 differs", again=1, trials=20,
+            seed=1, machine=where, versions={}, commit=None, made="2026-01-31T00:00:00+00:00",
+        )  # fmt: skip
+        write_record(record, bundle)
+    bundle.write_bytes(b"a bundle")
+    commit(ready)
+    found = list(faults(ready))
+    assert len(found) == (said is not None)
+    assert said is None or said in found[0]
+
+
 def test_versions_of_this_repository_agree(tmp_path):
     """It need not be ready for a release, but what is looked at must be found in it."""
     for name in ("pyproject.toml", "CITATION.cff", "CHANGELOG.md", "README.md"):
@@ -98,3 +129,13 @@ def test_versions_of_this_repository_agree(tmp_path):
     for name in ("recipe", "docs"):
         shutil.copytree(ROOT / name, tmp_path / name, ignore=shutil.ignore_patterns("_build"))
     assert not [fault for fault in faults(tmp_path) if "pyproject.toml says" in fault]
+
+
+def test_the_page_of_installing_lists_every_extra():
+    page = (ROOT / "docs" / "install.md").read_text(encoding="utf-8")
+    _, table = page.split("| extra | for |\n|---|---|\n")
+    listed = {
+        name for line in table.split("\n\n")[0].splitlines() for name in line.split("|")[1].split("`")[1::2]
+    }
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    assert listed == set(project["optional-dependencies"])
