@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any, Literal
 
 import numpy as np
@@ -18,7 +19,7 @@ from tactsim.estimators.filters.map_filter import MapFilter
 from tactsim.estimators.filters.pyramid import Level, pyramid
 from tactsim.estimators.filters.states import WeightedStates, plane_histogram, probabilities
 from tactsim.estimators.filters.weights import Weights
-from tactsim.estimators.options import FilterOptions
+from tactsim.estimators.options import FilterOptions, reach_of
 
 # mm, about the side of the largest blocks, whose bounds are kept for all readings.
 _LARGEST = 4.0
@@ -61,7 +62,7 @@ class ScanMatching(MapFilter):
 
     def __init__(self, options: ScanMatchingOptions) -> None:
         super().__init__(options)
-        self.grid = state_grid(options.bins, options.split, options.reach)
+        self.grid = state_grid(options.bins, options.split, reach_of(options.reach))
         if options.split is not None:
             self.budget = "split"
         self._bins = self._bounds = self._skipped = 0
@@ -73,6 +74,10 @@ class ScanMatching(MapFilter):
     @property
     def _spacing(self) -> tuple[float, float]:
         return self.grid.spacing[:2]
+
+    def _reach_to(self, reach: float) -> None:
+        super()._reach_to(reach)
+        self.grid = replace(self.grid, reach=reach)
 
     def _fit(self) -> None:
         size = max(_LARGEST / min(self.grid.spacing[:2]), 1)
@@ -192,7 +197,7 @@ class ScanMatching(MapFilter):
 
     def belief_over_plane(self) -> PlaneBelief:
         """Show where the best pose of each letter is."""
-        return plane_histogram(self.labels, self.weighted_states(), self.options.reach)
+        return plane_histogram(self.labels, self.weighted_states(), self.reach)
 
     @property
     def work(self) -> dict[str, Any]:
