@@ -35,7 +35,7 @@ class Hidden:
 
     def __post_init__(self) -> None:
         self.letter = int(self.rng.integers(len(self.world.letters)))
-        self.path = self._course(draw_true_pose(self.rng), self.world.task.readings)
+        self.path = self._course(draw_true_pose(self.rng, self.world.offsets), self.world.task.readings)
 
     def _course(self, first: FloatArray, touches: int) -> FloatArray:
         return self.world.slip.poses(first, touches, self.rng)

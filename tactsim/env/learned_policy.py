@@ -43,7 +43,7 @@ class LearnedPolicy(Policy):
         """Choose the best of random poses. Raises InputError if nothing was learned."""
         if self._trees is None:
             raise InputError("the learned policy has learned nothing yet; call learn")
-        poses = random_poses(self.rng, CANDIDATES)
+        poses = random_poses(self.rng, CANDIDATES, env.reach)
         seen = features(observation["probabilities"], observation["place"], poses, self._before)
         chosen = poses[int(self._trees.predict(seen).argmax())]
         self._before.append(chosen)
@@ -71,7 +71,7 @@ class LearnedPolicy(Policy):
                 for _ in range(TOUCHES):
                     greedy = self._trees is not None and rng.random() < 0.5
                     before = list(self._before)
-                    pose = self.choose(env, observation) if greedy else random_poses(rng, 1)[0]
+                    pose = self.choose(env, observation) if greedy else random_poses(rng, 1, env.reach)[0]
                     if not greedy:
                         self._before.append(pose)
                     old = observation

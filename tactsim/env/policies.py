@@ -45,7 +45,7 @@ class RandomPolicy(Policy):
 
     def choose(self, env: TouchEnv, observation: dict[str, Any]) -> FloatArray:
         """Draw x and y within the reach and any angle."""
-        return random_poses(self.rng, 1)[0]
+        return random_poses(self.rng, 1, env.reach)[0]
 
 
 class InformationPolicy(Policy):
@@ -56,7 +56,7 @@ class InformationPolicy(Policy):
 
     def choose(self, env: TouchEnv, observation: dict[str, Any]) -> FloatArray:
         """Have the estimator choose among random poses. Raises InputError if it proposes none."""
-        poses = random_poses(self.rng, CANDIDATES)
+        poses = random_poses(self.rng, CANDIDATES, env.reach)
         if env.estimator is None:
             raise InputError("the policy of expected information needs a belief, such as belief='refined'")
         return poses[env.estimator.propose(poses)]

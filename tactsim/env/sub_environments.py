@@ -88,7 +88,9 @@ class SubEnvironments:
 
         All that touch are pressed together. Raises InputError, and touches nothing, for an action that is wrong.
         """
-        poses, stops, says = decoded(checked_actions(actions, len(rows), self.labels))
+        poses, stops, says = decoded(
+            checked_actions(actions, len(rows), self.labels, self.world.reach), self.world.reach
+        )
         rewards = np.empty(len(rows))
         for row in np.flatnonzero(stops).tolist():
             right = self.labels[says[row]] == self.answer(rows[row])

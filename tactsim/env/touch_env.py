@@ -18,7 +18,8 @@ from tactsim.estimators import Estimator
 class TouchEnv(gymnasium.Env):
     """Touch a hidden object of a frozen task, and say what it is.
 
-    An action is one vector in [-1, 1]: x, y, theta of the touch in the robot's frame (1 is 12 mm, 12 mm, pi rad),
+    An action is one vector in [-1, 1]: x, y, theta of the touch in the robot's frame (1 is `reach` mm, 12 mm
+    for the paper's pad and letters, and pi rad),
     whether to stop (above 0), and a score for each label, the highest of which is said. `touch` and `say` make one.
 
     An observation is a Dict. reading: (taxels,) kPa. pose: (3,) sensor_in_robot, mm, mm, rad. felt: 1 if the reading is
@@ -102,6 +103,11 @@ class TouchEnv(gymnasium.Env):
         return {name: values[0] for name, values in self._objects.observation.items()}
 
     @property
+    def reach(self) -> float:
+        """How far touches reach, mm: the x or y of an action's 1."""
+        return self._objects.world.reach
+
+    @property
     def labels(self) -> tuple[str, ...]:
         """The labels that can be said, in the order of an action's scores."""
         return self._objects.labels
@@ -123,7 +129,7 @@ class TouchEnv(gymnasium.Env):
 
     def touch(self, sensor_in_robot: ArrayLike) -> Floats:
         """Make the action that touches at [x, y, theta] mm, mm, rad. Raises InputError for what is no pose."""
-        return touch_action(sensor_in_robot, self.labels)
+        return touch_action(sensor_in_robot, self.labels, self.reach)
 
     def say(self, label: str) -> Floats:
         """Make the action that stops and says a label. Raises InputError if there is no such label."""

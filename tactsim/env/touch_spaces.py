@@ -13,15 +13,12 @@ from tactsim.core import InputError, wrap_angle
 from tactsim.core.errors import short, unknown
 from tactsim.core.poses import FloatArray
 from tactsim.env.world import World
-from tactsim.press.scan_poses import REACH
 from tactsim.press.sensor import answered
 
 Floats = NDArray[np.float32]
 
-# x, y mm and theta rad of an action's 1.
-SCALE = np.array([REACH, REACH, np.pi])
 _STOP = 3  # where an action says whether it stops; the labels' scores come after it
-_FARTHEST = 50.0  # mm; an estimated place is cut to it
+_FARTHEST = 4.0  # times the reach; an estimated place is cut to it
 
 
 def action_space(labels: Sequence[str]) -> gymnasium.spaces.Box:
@@ -29,7 +26,12 @@ def action_space(labels: Sequence[str]) -> gymnasium.spaces.Box:
     return gymnasium.spaces.Box(-1.0, 1.0, (_STOP + 1 + len(labels),), np.float32)
 
 
-def touch_action(sensor_in_robot: ArrayLike, labels: Sequence[str]) -> Floats:
+def scale(reach: float) -> FloatArray:
+    """Give x, y mm and theta rad of an action's 1, (3,), if touches reach so many mm."""
+    return np.array([reach, reach, np.pi])
+
+
+def touch_action(sensor_in_robot: ArrayLike, labels: Sequence[str], reach: float) -> Floats:
     """Make the action that touches at a pose [x, y, theta] mm, mm, rad; the angle is folded into [-pi, pi).
 
     Raises InputError for what is no finite pose. A pose beyond the reach is refused by `step`.
@@ -42,7 +44,7 @@ def touch_action(sensor_in_robot: ArrayLike, labels: Sequence[str]) -> Floats:
         raise InputError(f"a pose is three numbers [x mm, y mm, theta rad], got {short(sensor_in_robot)}")
     pose[2] = wrap_angle(pose[2])
     action = np.zeros(_STOP + 1 + len(labels), dtype=np.float32)
-    action[:3], action[_STOP] = pose / SCALE, -1.0
+    action[:3], action[_STOP] = pose / scale(reach), -1.0
     return action
 
 
@@ -55,7 +57,7 @@ def say_action(label: str, labels: Sequence[str]) -> Floats:
     return action
 
 
-def checked_actions(actions: Any, count: int, labels: Sequence[str]) -> FloatArray:
+def checked_actions(actions: Any, count: int, labels: Sequence[str], reach: float) -> FloatArray:
     """Return actions as an array (count, 4 + labels).
 
     Raises InputError, which is a ValueError, for another shape, a NaN, and a number beyond [-1, 1], which for a touch
@@ -73,41 +75,41 @@ def checked_actions(actions: Any, count: int, labels: Sequence[str]) -> FloatArr
         raise InputError("an action's numbers are finite; got NaN or infinity")
     if (np.abs(asked) > 1).any():
         row, column = np.argwhere(np.abs(asked) > 1)[0].tolist()
+        said = _beyond(column, asked[row, column], labels, reach)
         raise InputError(
-            f"action[{column}] is {asked[row, column]:.6g}: {_beyond(column, asked[row, column], labels)}; an action's "
-            "numbers lie in [-1, 1], and gymnasium.wrappers.ClipAction cuts them"
+            f"action[{column}] is {asked[row, column]:.6g}: {said}; an action's numbers lie in [-1, 1], and "
+            "gymnasium.wrappers.ClipAction cuts them"
         )
     return asked
 
 
-def _beyond(column: int, value: float, labels: Sequence[str]) -> str:
+def _beyond(column: int, value: float, labels: Sequence[str], reach: float) -> str:
     """Say what a number beyond [-1, 1] would mean."""
     if column < _STOP:
-        unit, scale = ("mm", "mm", "rad")[column], SCALE[column]
-        name = ("x", "y", "theta")[column]
-        return f"{name} = {value * scale:.4g} {unit} is beyond the pad's reach of {scale:.4g} {unit}"
+        name, unit, most = ("x", "y", "theta")[column], ("mm", "mm", "rad")[column], scale(reach)[column]
+        return f"{name} = {value * most:.4g} {unit} is beyond the pad's reach of {most:.4g} {unit}"
     return (
         "it says whether to stop" if column == _STOP else f"it is the score of {labels[column - _STOP - 1]}"
     )
 
 
-def decoded(asked: FloatArray) -> tuple[FloatArray, NDArray[np.bool_], NDArray[np.intp]]:
+def decoded(asked: FloatArray, reach: float) -> tuple[FloatArray, NDArray[np.bool_], NDArray[np.intp]]:
     """Read actions (n, 4 + labels): sensor_in_robot (n, 3), which stop (n,), the index of the label each says (n,)."""
-    return asked[:, :3] * SCALE, asked[:, _STOP] > 0, asked[:, _STOP + 1 :].argmax(axis=1)
+    return asked[:, :3] * scale(reach), asked[:, _STOP] > 0, asked[:, _STOP + 1 :].argmax(axis=1)
 
 
 def observation_space(world: World, *, belief: bool) -> gymnasium.spaces.Dict:
     """Make the space of observations. belief: whether `probabilities` and `place` are among them."""
     high = most_pressure(world)
     box, dictionary = gymnasium.spaces.Box, gymnasium.spaces.Dict
-    scale = SCALE.astype(np.float32)
+    most = scale(world.reach).astype(np.float32)
     spaces = {
         "reading": box(-high, high, (world.options.pad.taxels,), np.float32),
-        "pose": box(-scale, scale, (3,), np.float32),
+        "pose": box(-most, most, (3,), np.float32),
         "felt": gymnasium.spaces.Discrete(2),
     }
     if belief:
-        far = np.array([_FARTHEST, _FARTHEST, np.pi], dtype=np.float32)
+        far = scale(_FARTHEST * world.reach).astype(np.float32)
         spaces["probabilities"] = box(0.0, 1.0, (len(world.labels),), np.float32)
         spaces["place"] = box(-far, far, (3,), np.float32)
     return dictionary(spaces)

@@ -97,7 +97,7 @@ class TouchVectorEnv(gymnasium.vector.VectorEnv):
         if None in self._rngs or (self._mode == AutoresetMode.DISABLED and self._over.any()):
             which = np.flatnonzero(self._over).tolist()
             raise ResetNeeded(f"no episode is running in the environments {short(which)}; call reset")
-        asked = checked_actions(actions, self.num_envs, self.labels)
+        asked = checked_actions(actions, self.num_envs, self.labels, self.reach)
         rewards = np.zeros(self.num_envs)
         stopped, truncated = np.zeros((2, self.num_envs), dtype=bool)
         begins, goes_on = np.flatnonzero(self._over).tolist(), np.flatnonzero(~self._over)
@@ -142,6 +142,11 @@ class TouchVectorEnv(gymnasium.vector.VectorEnv):
     def np_random(self) -> Any:
         """The random generators, one an environment; None before `reset`."""
         return tuple(self._rngs)
+
+    @property
+    def reach(self) -> float:
+        """How far touches reach, mm: the x or y of an action's 1."""
+        return self._objects.world.reach
 
     @property
     def labels(self) -> tuple[str, ...]:

@@ -19,11 +19,13 @@ from tactsim.bench.tasks import Task, task
 from tactsim.core import InputError, Scan
 from tactsim.core.checking import checked
 from tactsim.core.errors import short
+from tactsim.core.lengths import offsets
 from tactsim.core.poses import FloatArray
 from tactsim.estimators import NONE, Estimator, create
 from tactsim.press import PressModel, forward_model
 from tactsim.press.engine import press_at
 from tactsim.press.pressed import Patches
+from tactsim.press.scan_poses import stage_for
 from tactsim.press.scanning import as_pressed, letters_of
 from tactsim.press.sensor import gains
 from tactsim.press.spread import contact_map
@@ -76,6 +78,10 @@ class World:
         known = tuple(one.name for one in self.letters if one.name not in config.hold_out)
         self.labels = (*known, NONE) if config.hold_out else known
         self.gain = gains(self.options)
+        pad = self.options.pad
+        # mm: how far touches reach, and how far from the robot's origin an object may be hidden, as in a trial.
+        self.reach = max(stage_for(pad, one).reach for one in self.letters)
+        self.offsets = offsets(pad.taxel_xy)
         self.model = PressModel(self.letters, _unbent(self.options)) if fast else None
 
     @cached_property

@@ -47,7 +47,7 @@ def environments(name: str, count: int, **options: object) -> Row:
     labels, rng = tuple("AEIOU"), np.random.default_rng(0)
 
     def act() -> int:
-        made.step(np.stack([touch_action(pose, labels) for pose in random_poses(rng, count)]))
+        made.step(np.stack([touch_action(pose, labels, 12.0) for pose in random_poses(rng, count)]))
         return count
 
     return name, act

@@ -263,14 +263,14 @@ def shared(name):
 def test_the_actions_that_are_made_are_in_the_space_and_say_what_was_asked(pose, label):
     labels = ("A", "B", "none")
     space = tactsim.env.touch_spaces.action_space(labels)
-    touch, say = touch_action(pose, labels), say_action(label, labels)
+    touch, say = touch_action(pose, labels, 12.0), say_action(label, labels)
     assert touch in space
     assert say in space
-    (read,), (stops,), _ = tactsim.env.touch_spaces.decoded(touch[None].astype(float))
+    (read,), (stops,), _ = tactsim.env.touch_spaces.decoded(touch[None].astype(float), 12.0)
     assert not stops
     assert read[:2] == pytest.approx(pose[:2], abs=1e-5)
     assert np.cos(read[2] - pose[2]) == pytest.approx(1)
-    _, (stops,), (said,) = tactsim.env.touch_spaces.decoded(say[None].astype(float))
+    _, (stops,), (said,) = tactsim.env.touch_spaces.decoded(say[None].astype(float), 12.0)
     assert stops
     assert labels[said] == label
 

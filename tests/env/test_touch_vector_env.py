@@ -76,7 +76,7 @@ def test_seeds_may_be_given_one_by_one_and_random_numbers_go_on_without():
 
 
 def touch(env):
-    return tactsim.env.touch_spaces.touch_action([1.0, 2.0, 0.5], env.labels)
+    return tactsim.env.touch_spaces.touch_action([1.0, 2.0, 0.5], env.labels, env.reach)
 
 
 def test_it_is_made_without_a_warning_and_says_how_it_begins_anew(recwarn):
