@@ -9,7 +9,7 @@ from __future__ import annotations
 import hashlib
 import json
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -38,9 +38,11 @@ class Flag:
 
 
 def _letters(words: Any) -> Any:
-    """Read letters from a text such as "AEIOU" or "A-Z0-9"; names in a list or an array stay as they are."""
+    """Read letters from a text such as "AEIOU" or "A-Z0-9", or "none"; names in a list or an array stay as they are."""
     if not isinstance(words, str):
         return tuple(words) if isinstance(words, Iterable) else words
+    if words.strip() == "none":
+        return ()
     from tactsim.models import parse_letters
 
     return parse_letters(words)
@@ -80,7 +82,9 @@ class ScanWords(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, defer_build=True)
 
     letters: Annotated[tuple[str, ...] | None, BeforeValidator(_letters)] = Field(
-        None, description="Which letters: AEIOU, A-Z0-9, A,E,I. Default: AEIOU, or all that --scan holds."
+        None,
+        description="Which letters: AEIOU, A-Z0-9, A,E,I, or none beside shapes. Of a file its labels: bolt,nut. "
+        "Default: AEIOU, or all that the file holds.",
     )
     shapes: Annotated[tuple[Path, ...], BeforeValidator(_paths), Flag("--shape")] = Field(
         (), description="A shape of your own beside the letters: STL, OBJ, GLB or SVG; repeat for several."
@@ -168,6 +172,21 @@ class RunConfig(ScanWords):
     given: Annotated[str | None, Flag(None)] = Field(
         None, description="Digest of the readings that were given in Python."
     )
+    task: str | None = Field(
+        None,
+        description="A frozen task, or a FILE.toml: it says all but the estimator and its options; `bench tasks` names "
+        "them.",
+    )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _letters_may_be_labels_of_a_file(cls, words: Any) -> Any:
+        """Leave the words of `letters` as they are where readings are not pressed: a file says what labels it has."""
+        if not isinstance(words, Mapping) or not isinstance(words.get("letters"), str):
+            return words
+        if all(words.get(name) is None for name in ("scan", "presses", "given")):
+            return words
+        return {**words, "letters": words["letters"].replace(",", " ").split()}
 
     @model_validator(mode="after")
     def _no_press_options_without_a_press(self) -> RunConfig:
@@ -247,15 +266,47 @@ class RunConfig(ScanWords):
 
     @property
     def digest(self) -> str:
-        """Hash what the run is asked to do; equal values have one digest, whatever a world's file is called."""
+        """Hash what the run is asked to do; equal values have one digest, whatever world's file or task says them."""
         rest = self.model_dump(mode="json", include={"estimator", "trials", "readings", "explore", "seed"})
         moves = [] if self.moving.still else [self.moving.model_dump(mode="json")]
         content = json.dumps([self.source, self.options, rest, *moves], sort_keys=True, default=str)
         return hashlib.sha256(content.encode()).hexdigest()
 
 
+def chosen_letters(config: RunConfig, labels: Sequence[str]) -> tuple[str, ...]:
+    """Say which of a run's labels are tried: all that were pressed, or those of a file that `letters` names.
+
+    A word that is no label may name several of one character: AEIOU, A-Z. Raises InputError for one that names none.
+    """
+    if config.pressed or config.letters is None:
+        return tuple(labels)
+    return tuple(dict.fromkeys(label for word in config.letters for label in _labels(word, labels)))
+
+
+def _labels(word: str, labels: Sequence[str]) -> tuple[str, ...]:
+    from tactsim.models import parse_letters
+
+    if word in labels:
+        return (word,)
+    try:
+        several = parse_letters(word)
+    except InputError:
+        several = (word,)
+    for label in several:
+        if label not in labels:
+            raise unknown("letter of the scan", label, labels)
+    return several
+
+
 def run_config(**words: Any) -> RunConfig:
-    """Build a run's configuration. Raises InputError with one line, also for a wrong option of the scan."""
+    """Build a run's configuration; a task's is completed by what the task says.
+
+    Raises InputError with one line, also for a wrong option of the scan, and for one that contradicts the task.
+    """
+    if words.get("task") is not None:
+        from tactsim.bench.tasks import task  # imports this module
+
+        words = task(str(words["task"])).completed(words)
     config = checked(RunConfig, words, "run")
     _ = config.moving
     if config.pressed:

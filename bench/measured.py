@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from urllib.parse import quote
@@ -11,13 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactsim.bench.offered_touches import RecordedTouches
-from tactsim.core import InputError, Scan
+from tactsim.core import InputError, Pad, Scan
 from tactsim.core.poses import FloatArray
 from tactsim.core.seeds import stream
 from tactsim.hardware.recording import SUFFIX
 from tactsim.hardware.scans import scan_of_sessions
-from tactsim.models import letter, names
-from tactsim.press.scan_poses import random_poses
+from tactsim.models import Letter, letter, names
+from tactsim.press.scan_poses import random_poses, stage_for
 from tactsim.press.scanning import object_facts
 
 _STEP_MM, _STEP_DEGREES = 1.0, 5.0  # the marks of the sheets of `bench template`
@@ -29,12 +29,15 @@ def recording_of(folder: Path, letter: str, trial: int) -> Path:
     return folder / f"{quote(letter, safe='')}-{trial + 1}{SUFFIX}"
 
 
-def poses_to_press(letter: str, trial: int, readings: int, seed: int) -> FloatArray:
+def poses_to_press(letter: str, trial: int, readings: int, seed: int, pad: Pad) -> FloatArray:
     """Draw the poses (n, 3) sensor_in_object of a trial, off the grid; more than `readings`, for some are skipped.
+
+    They reach as far as those of a scan with this pad.
 
     They lie on whole mm and every 5 degrees, where the sheets of `bench template` have marks.
     """
-    poses = random_poses(stream(seed, letter, "measured", f"trial {trial}"), _SPARE * readings)
+    reach = stage_for(pad, known_letter(letter)).reach
+    poses = random_poses(stream(seed, letter, "measured", f"trial {trial}"), _SPARE * readings, reach)
     steps = (_STEP_MM, _STEP_MM, np.deg2rad(_STEP_DEGREES))
     poses = np.round(poses / steps) * steps
     poses[:, 2] %= 2 * np.pi  # rounding may have made a whole turn
@@ -66,11 +69,29 @@ def measured_scan(folder: Path, letters: Sequence[str], trials: int, readings: i
     return with_letters(replace(scan, **parts, meta={**scan.meta, "readings_a_trial": readings}))
 
 
-def with_letters(scan: Scan) -> Scan:
-    """Add to the scan's `meta` what scores need to know of the labels that are letters."""
-    known = set(names())
-    objects = {label: object_facts(letter(label)) for label in scan.letters if label in known}
+def known_letter(label: str) -> Letter | None:
+    """Build the letter of the catalogue that a label names; None if there is none."""
+    return letter(label) if label in names() else None
+
+
+def with_letters(scan: Scan, letters: Collection[str] | None = None) -> Scan:
+    """Add to the scan's `meta` what scores need to know of the labels that are letters of the catalogue.
+
+    letters: which labels are; by default all that are called like one, as in guided sessions, which show its outline.
+    """
+    called = set(names()) if letters is None else set(letters)
+    objects = {label: object_facts(letter(label)) for label in scan.letters if label in called}
     return replace(scan, meta={**scan.meta, "objects": objects})
+
+
+def taken_as_letters(scan: Scan) -> list[str]:
+    """Say, in a line if there are any, which labels of a scan count as letters of the catalogue."""
+    taken = [label for label in scan.letters if label in scan.meta.get("objects", {})]
+    if not taken:
+        return []
+    return [
+        f"{' '.join(taken)}: placements count as those of the catalogue's letters (centre, inertia, symmetry)"
+    ]
 
 
 @dataclass(frozen=True, eq=False)

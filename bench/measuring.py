@@ -10,7 +10,7 @@ from typing import Any
 from tactsim.bench.guided import Station
 from tactsim.bench.guided import record as record_presses
 from tactsim.bench.measured import poses_to_press, recording_of
-from tactsim.core import InputError, Scan
+from tactsim.core import InputError, Pad, Scan
 from tactsim.core.checking import checked
 from tactsim.hardware.recording import Kind, RecordReader
 from tactsim.hardware.session import Plan, Press, count_taken, note, parse_press
@@ -33,9 +33,9 @@ def measure(station: Station, wanted: Wanted, folder: Path, settings: Mapping[st
     Raises InputError if a recording in the folder does not fit, or too many presses were skipped.
     """
     trials = [(letter, trial) for letter in wanted.letters for trial in range(wanted.trials)]
-    plans = [
-        _plan(letter, trial, wanted, settings) for letter, trial in trials
-    ]  # wrong settings come to light
+    pad = station.device.pad
+    # Wrong settings come to light before anything is pressed.
+    plans = [_plan(letter, trial, wanted, settings, pad) for letter, trial in trials]
     for number, ((letter, trial), plan) in enumerate(zip(trials, plans, strict=True), start=1):
         path = recording_of(folder, letter, trial)
         begun = path.exists()
@@ -69,8 +69,8 @@ def check_pads(train: Scan, station: Station) -> None:
         )
 
 
-def _plan(letter: str, trial: int, wanted: Wanted, settings: Mapping[str, Any]) -> Plan:
-    poses = poses_to_press(letter, trial, wanted.readings, wanted.seed)
+def _plan(letter: str, trial: int, wanted: Wanted, settings: Mapping[str, Any], pad: Pad) -> Plan:
+    poses = poses_to_press(letter, trial, wanted.readings, wanted.seed, pad)
     content = {
         "label": letter, "split": "test", "poses": [tuple(pose) for pose in poses.tolist()],
         "enough": wanted.readings,

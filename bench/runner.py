@@ -10,7 +10,7 @@ from typing import Any
 
 from tactsim.bench.agreement import eq3_agreement
 from tactsim.bench.bound.efficiency import bounds_of_trials
-from tactsim.bench.config import RunConfig
+from tactsim.bench.config import RunConfig, chosen_letters
 from tactsim.bench.fitting import fit
 from tactsim.bench.machine import machine, peak_memory_mb, versions
 from tactsim.bench.offered_touches import Press
@@ -117,7 +117,7 @@ def gather(
     elif scan is None and config.presses is not None:
         from tactsim.bench.measured import measured_scan
 
-        letters = config.letters or train_scan(config).letters
+        letters = chosen_letters(config, train_scan(config).letters)
         scan = measured_scan(config.presses, letters, config.trials, config.readings)
     elif scan is None:
         scan, work = scan_letters(
@@ -128,14 +128,11 @@ def gather(
         )
     if config.train_scan is not None:
         scan = train_on(train_scan(config), scan)
-    letters = config.letters or scan.letters
+    letters = chosen_letters(config, scan.letters)
     if not letters:
         raise InputError(f"{config.scan or 'the scan'} holds no readings")
     if NONE in letters:
         raise InputError(f"a letter is called {NONE!r}, which means none of the known letters; rename it")
-    for letter in letters:
-        if letter not in scan.letters:
-            raise unknown("letter of the scan", letter, scan.letters)
     held_out = () if config.each_held_out else config.hold_out
     for letter in held_out:
         if letter not in letters:

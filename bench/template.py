@@ -23,7 +23,7 @@ from tactsim.core.errors import InputError
 from tactsim.core.pad import Pad
 from tactsim.core.poses import FloatArray
 from tactsim.models import Letter
-from tactsim.press.scan_poses import ANGLES, POSITIONS
+from tactsim.press.scan_poses import ANGLES, stage_for
 
 PAPERS = {"a4": (210.0, 297.0), "letter": (215.9, 279.4)}  # mm
 RULER = 100.0  # mm
@@ -141,18 +141,19 @@ def _letter_sheet(letter: Letter, sheets: Sheets) -> Figure:
     outer = _HALF if on_top else sheets.reach
     inner = outer - _MARKS if on_top else 0.4 * outer
     along_x, along_y = np.array([sheets.side, 0.0]), np.array([0.0, 1.0])
+    positions = stage_for(sheets.pad, letter).positions
     for across, along, name in ((along_x, along_y, "x"), (along_y, along_x, "y")):
         for mm in range(-_REACH, _REACH + 1):
             begin = inner if mm % 5 == 0 or not on_top else outer - _MARKS / 2
             for end in (-1, 1):
                 ends = [sheets.middle + mm * across + end * at * along for at in (begin, outer)]
                 _line(axes, ends[0], ends[1], _FINE if mm % 5 or on_top else _MEDIUM)
-        for position in POSITIONS:
+        for position in positions:
             ends = [sheets.middle + position * across + at * along for at in (-outer, outer)]
             _line(axes, ends[0], ends[1], _BOLD)
             for at in (11 - outer, outer - 11):
                 place = sheets.middle + position * across + at * along
-                _text(axes, place, f"{name} {position:g}", 5, box=True)
+                _text(axes, place, f"{name} {position:.4g}", 5, box=True)
     for contour in letter.contours:
         closed = np.vstack([contour, contour[:1]])
         _polygon(axes, _on_paper(sheets, closed), _BOLD, _INK)
@@ -180,8 +181,9 @@ def _pad_words(sheets: Sheets) -> str:
 
 
 def _letter_words(letter: Letter, sheets: Sheets) -> str:
+    positions = stage_for(sheets.pad, letter).positions
     scan = (
-        f"The scan's positions: x and y at {', '.join(f'{at:g}' for at in POSITIONS)} mm; its angles: every "
+        f"The scan's positions: x and y at {', '.join(f'{at:.4g}' for at in positions)} mm; its angles: every "
         f"{360 // ANGLES} degrees. Edge rounded by {letter.rounding:g} mm, {letter.height:g} mm high."
     )
     if sheets.from_behind:

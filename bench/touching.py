@@ -8,6 +8,7 @@ middle, to 0.09 mm.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -17,7 +18,7 @@ from tactsim.core.seeds import stream
 from tactsim.models import Letter
 from tactsim.press import ScanOptions
 from tactsim.press.engine import press_at
-from tactsim.press.scan_poses import random_poses
+from tactsim.press.scan_poses import random_poses, stage_for
 from tactsim.press.scanning import as_pressed, letters_of
 from tactsim.press.sensor import gains, sense
 
@@ -34,21 +35,26 @@ class OnDemand:
         (letter,) = (
             one for one in letters_of(self.options.model_copy(update={"letters": names})) if one.name == truth
         )
-        return PressedTouches(letter, self.options, trial, seed)
+        return PressedTouches(letter, self.options, self._reach, trial, seed)
+
+    @cached_property
+    def _reach(self) -> float:
+        """Give how far the touches that are offered reach, mm: one and the same for all letters."""
+        return max(stage_for(self.options.pad, one).reach for one in letters_of(self.options))
 
 
 class PressedTouches:
-    """The touches of one trial: as many poses as a scan has, x and y within `scan_poses.REACH` of the robot's origin.
+    """The touches of one trial: as many poses as a scan has, x and y within `reach` mm of the robot's origin.
 
     They depend on the trial's number and the seed, and not on the letter. The error of a press depends on which touch
     it is, the noise on how many came before: no estimator that chooses its touches changes its own luck.
     """
 
-    def __init__(self, letter: Letter, options: ScanOptions, trial: int, seed: int) -> None:
+    def __init__(self, letter: Letter, options: ScanOptions, reach: float, trial: int, seed: int) -> None:
         self._letter, self._options = letter, options
         self._purpose = f"trial {trial}"
         self._seed = seed
-        self._poses = random_poses(stream(seed, "touches", self._purpose))
+        self._poses = random_poses(stream(seed, "touches", self._purpose), reach=reach)
         self._gain = gains(options)
         self._felt = np.zeros((len(self._poses), options.pad.taxels))
         self._count = 0

@@ -6,7 +6,12 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
+from tactsim.core.lengths import OFFSET, offsets
+from tactsim.core.poses import FloatArray
 from tactsim.estimators.estimator import Options
+
+Reach = Annotated[float, Field(gt=0, le=10_000)] | Literal["auto"]
+REACH = "T_R^O has x and y in [-reach, reach], mm; auto: 10 for the paper's pad, as much more as another is larger"
 
 
 class MapOptions(Options):
@@ -51,7 +56,7 @@ class FilterOptions(LikelihoodOptions):
         "off",
         description="how the object moves between touches: off, auto (learned) or MM,RAD of a random walk",
     )
-    reach: float = Field(10.0, gt=0, le=1000, description="T_R^O has x and y in [-reach, reach], mm")
+    reach: Reach = Field("auto", description=REACH)
 
 
 class OpenSetOptions(FilterOptions):
@@ -60,3 +65,10 @@ class OpenSetOptions(FilterOptions):
     unknown: float = Field(
         0.0, ge=0, lt=1, description="prior probability that the object is none of the known letters"
     )
+
+
+def reach_of(reach: float | Literal["auto"], taxel_xy: FloatArray | None = None) -> float:
+    """Resolve an option `reach`, mm, for a pad with taxels at (taxels, 2) mm, or before a pad is known."""
+    if reach != "auto":
+        return reach
+    return OFFSET if taxel_xy is None else offsets(taxel_xy)

@@ -17,7 +17,7 @@ from tactsim.models.relief import FLATNESS, Relief
 if TYPE_CHECKING:
     from manifold3d import CrossSection
 
-STAGE = 32.0  # mm a side: a pad of 11.6 mm at positions up to 10.2 mm from the centre reaches 16 mm
+LARGEST_REACH = 500.0  # mm from the centre of area; how far a scan reaches depends on the pad
 LEAST_AREA = 1.0  # mm^2, a third of one taxel of the pad
 MOST_CORNERS = 2000  # corners of the face's outline after straightening
 DETAIL = 0.01  # mm: finer detail is left out
@@ -40,7 +40,7 @@ def shape(
     shape, by default the file's name without its ending. rounding: radius (mm) of the face's edge.
 
     Raises InputError if the file cannot be read, is damaged or refers to others, if the mesh is not
-    watertight, if the footprint is too small, too large for the stage or too detailed, or if a height or
+    watertight, if the footprint is too small, larger than 500 mm to a side or too detailed, or if a height or
     rounding is given for a shape with relief, which has its own.
     """
     path = Path(path)
@@ -157,8 +157,8 @@ def _check_area(area: float) -> None:
 
 def _check_reach(corners: np.ndarray) -> None:
     reach = np.abs(corners).max(axis=0)
-    if reach.max() > STAGE / 2:
+    if reach.max() > LARGEST_REACH:
         raise InputError(
             f"the face reaches {reach[0]:.4g} mm sideways and {reach[1]:.4g} mm up or down from its centre of "
-            f"area; the poses cover {STAGE / 2:g} mm each way: scale it down ({_UNITS})"
+            f"area; the most is {LARGEST_REACH:g} mm: scale it down ({_UNITS})"
         )

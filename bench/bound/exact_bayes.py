@@ -15,9 +15,9 @@ from pydantic import Field
 from tactsim.bench.bound.response import noise_variance
 from tactsim.bench.bound.scan_information import pressed_letters, stated_options
 from tactsim.bench.placement_error import Properties, fold_angle, properties
-from tactsim.bench.trials import TRANSLATION_MM
 from tactsim.core.errors import InputError
 from tactsim.core.forward import ForwardModel
+from tactsim.core.lengths import offsets
 from tactsim.core.poses import FloatArray, compose, invert
 from tactsim.core.scan import Scan
 from tactsim.estimators import Estimate, Estimator, Options
@@ -104,15 +104,16 @@ class ExactBayes(Estimator):
         letters = pressed_letters(scan, options)
         self._forward = PressModel(list(letters.values()), options)
         self._letters, self._objects = tuple(letters), properties(scan)
+        self._offsets = offsets(scan.taxel_xy)
         self._cells = None
 
     def reset(self, rng: np.random.Generator) -> None:
         """Begin a sequence; nothing is drawn."""
         check_order(self._forward is not None, "fit", "reset")
         self._history: list[tuple[FloatArray, FloatArray]] = []
-        step = 2 * TRANSLATION_MM / SIDE
+        step = 2 * self._offsets / SIDE
         self._size = np.array([step, step, 2 * np.pi / ANGLES])
-        line = step * (np.arange(SIDE) + 0.5) - TRANSLATION_MM
+        line = step * (np.arange(SIDE) + 0.5) - self._offsets
         grid = np.meshgrid(line, line, 2 * np.pi * np.arange(ANGLES) / ANGLES - np.pi, indexing="ij")
         poses = np.stack(grid, axis=-1).reshape(-1, 3)
         count = len(self._letters) * len(poses)

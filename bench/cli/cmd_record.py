@@ -11,6 +11,7 @@ from tactsim.bench.cli import guide_options as guide
 from tactsim.bench.cli import pad_options as pads
 
 if TYPE_CHECKING:
+    from tactsim.core.pad import Pad
     from tactsim.hardware.calibration import Calibration
     from tactsim.hardware.device import Device
     from tactsim.hardware.session import Plan
@@ -56,7 +57,7 @@ def command(
     from tactsim.hardware.session import Plan
 
     settings = guide.plan_settings(port, described, correction, frames, force, patience)
-    plan = {"label": letter, "split": split, "poses": _poses(poses, seed)} | settings
+    plan = {"label": letter, "split": split, "poses": _poses(poses, seed, described.pad, letter)} | settings
     _record_session(port, out, described, correction, checked(Plan, plan, "session"), resume, seen)
 
 
@@ -71,7 +72,7 @@ def _record_session(
 ) -> None:
     from tactsim.bench.console import plain_console
     from tactsim.bench.guided import record
-    from tactsim.bench.measured import with_letters
+    from tactsim.bench.measured import taken_as_letters, with_letters
     from tactsim.bench.places import check_new_file
     from tactsim.hardware.recording import SUFFIX
     from tactsim.hardware.scans import scan_of_sessions
@@ -88,6 +89,8 @@ def _record_session(
     scan = with_letters(scan_of_sessions([journal]))
     scan.save(out)
     console.print(f"{len(scan)} readings of {plan.label} in {out}; the bytes are in {journal}")
+    for line in taken_as_letters(scan):
+        console.print(line)
 
 
 def _record_all(
@@ -145,17 +148,19 @@ def _check_name(out: Path, suffix: str) -> None:
     raise InputError(f"--out {out}: a recording is called FILE{suffix}{also}")
 
 
-def _poses(text: str, seed: int) -> list[tuple[float, ...]]:
+def _poses(text: str, seed: int, pad: Pad, label: str) -> list[tuple[float, ...]]:
     import numpy as np
 
     from tactsim.bench.config import whole_number
+    from tactsim.bench.measured import known_letter
     from tactsim.core.errors import InputError
-    from tactsim.press.scan_poses import grid_poses, random_poses
+    from tactsim.press.scan_poses import grid_poses, random_poses, stage_for
 
+    stage = stage_for(pad, known_letter(label))
     if text == "grid":
-        return [tuple(pose) for pose in grid_poses().tolist()]
+        return [tuple(pose) for pose in grid_poses(stage).tolist()]
     kind, _, number = text.partition(":")
     count = whole_number(number)
     if kind != "random" or count is None or not 1 <= count <= 100_000:
         raise InputError(f"--poses {text!r}: say grid, or random:N for N poses off the grid")
-    return [tuple(pose) for pose in random_poses(np.random.default_rng(seed), count).tolist()]
+    return [tuple(pose) for pose in random_poses(np.random.default_rng(seed), count, stage.reach).tolist()]

@@ -34,6 +34,13 @@ def command(
             show_default=False,
         ),
     ] = None,
+    letters: Annotated[
+        str | None,
+        typer.Option(
+            help="Which labels of --marks are letters of the catalogue, like AEIOU. Others are objects of your own.",
+            show_default=False,
+        ),
+    ] = None,
     cut: Annotated[
         str | None,
         typer.Option(
@@ -46,18 +53,21 @@ def command(
 ) -> None:
     """Read recordings again, bit for bit: show what they hold, make a scan or a table of them."""
     from tactsim.bench.console import plain_console
-    from tactsim.bench.measured import with_letters
+    from tactsim.bench.measured import taken_as_letters, with_letters
     from tactsim.bench.places import check_new_file
     from tactsim.core.errors import InputError
     from tactsim.hardware.scans import cut as cut_scan
     from tactsim.hardware.scans import read_intervals, scan_of_intervals, scan_of_sessions
     from tactsim.hardware.sources import open_source
+    from tactsim.models import parse_letters
 
     for path in (scan, csv):
         if path is not None:
             check_new_file(path)
     if len(recordings) > 1 and (csv is not None or marks is not None):
         raise InputError("--csv and --marks take one recording at a time")
+    if letters is not None and marks is None:
+        raise InputError("--letters says what labels of --marks are; guided sessions are of letters by name")
     if (marks is not None or cut is not None) and scan is None:
         raise InputError("--marks and --cut make a scan: name it with --scan")
     described, correction = pads.load(device, calibration)
@@ -83,10 +93,12 @@ def command(
     else:
         with opened(recordings[0]) as source:
             made = scan_of_intervals(source, read_intervals(marks))
-    made = with_letters(made)
+    made = with_letters(made, parse_letters(letters) if letters else () if marks is not None else None)
     if window is not None:
         made = cut_scan(made, *window, stride)
     made.save(scan)
+    for line in taken_as_letters(made):
+        console.print(line)
     console.print(
         f"{len(made):,} readings of {' '.join(made.letters)}, {made.readings.shape[1]} taxels, in {scan}"
     )

@@ -65,13 +65,22 @@ def command(
     from tactsim.bench.results import to_json
     from tactsim.bench.runner import perform
     from tactsim.bench.terminal import print_places, print_run, progress_bars
+    from tactsim.core.errors import InputError
 
     if port is None:
         _refuse_without_port(context)
+    elif "task" in words:
+        raise InputError("--port: a task has readings of its own; leave out --port or --task")
+    words = {
+        name: value for name, value in words.items() if _is_typed(context, name)
+    }  # a task says the others
     if port is not None or "presses" in words:
-        untyped = {name for name in _BY_HAND if not _is_typed(context, name)}
-        words = {**words, **{name: _BY_HAND[name] for name in untyped}}
+        words = {**_BY_HAND, **words}
     config = run_config(**words)
+    if "task" in words and config.task is None:
+        plain_console(stderr=True).print(
+            f"a shorter look at task {words['task']}: fewer trials or readings than it has, so no result on it"
+        )
     folder = out or new_place(config.estimator)
     check_new_folder(folder)
     if port is not None:
@@ -115,6 +124,7 @@ def _refuse_without_port(context: typer.Context) -> None:
 
 def _measured(config: RunConfig, station: Station, settings: dict[str, Any]) -> bool:
     """Measure what is missing; tells whether all is there now, and if not, how to go on."""
+    from tactsim.bench.config import chosen_letters
     from tactsim.bench.fitting import fit
     from tactsim.bench.measuring import Wanted, check_pads, count_measured, measure
     from tactsim.bench.runner import train_scan
@@ -126,14 +136,15 @@ def _measured(config: RunConfig, station: Station, settings: dict[str, Any]) -> 
     estimator = create(config.estimator, **config.options)
     train = train_scan(config)
     check_pads(train, station)
-    learned = [name for name in config.letters or train.letters if name not in config.hold_out]
+    letters = chosen_letters(config, train.letters)
+    learned = [name for name in letters if name not in config.hold_out]
     for name in learned:
         if name not in train.where("train").letters:
             raise unknown("letter of --train-scan", name, train.where("train").letters)
     fit(estimator, train.of_letters(tuple(learned)), forward_model)
     assert config.presses is not None  # `command` has seen to it
     station.console.print(f"presses are kept in {config.presses}")
-    wanted = Wanted(config.letters or train.letters, config.trials, config.readings, config.seed)
+    wanted = Wanted(letters, config.trials, config.readings, config.seed)
     if measure(station, wanted, config.presses, settings):
         return True
     count = len(wanted.letters) * wanted.trials * wanted.readings

@@ -13,6 +13,7 @@ from tactsim.bench.watching.recogniser import Recogniser
 from tactsim.bench.watching.told import Truth
 from tactsim.bench.watching.touch_leader import Explore, Leading, MarkedTouches, Marks, TouchLeader
 from tactsim.core.errors import InputError
+from tactsim.core.lengths import offsets
 from tactsim.core.source import Source
 from tactsim.hardware.calibration import Calibration
 from tactsim.hardware.device import Device
@@ -21,7 +22,7 @@ from tactsim.hardware.recorded import Replay
 from tactsim.hardware.session import Plan
 from tactsim.hardware.sources import open_source
 from tactsim.press import ScanOptions
-from tactsim.press.scan_poses import grid_poses
+from tactsim.press.scan_poses import grid_poses, stage_for
 from tactsim.press.simulated_source import parse_pose
 
 _SIMULATED, _RECORDING = "simulated:", "recording:"
@@ -62,8 +63,9 @@ def open_pressed(ports: list[str], device: Device, calibration: Calibration | No
     touch, patience = 0.0 if calibration is None else touch_above(max(calibration.noise)), None
     if place.startswith(_SIMULATED):
         touch, patience = touch_above(ScanOptions().sensor.noise), HAND_PATIENCE
+    poses = grid_poses(stage_for(device.pad)).tolist()
     plan = Plan(
-        label="live", split="test", poses=tuple(tuple(pose) for pose in grid_poses().tolist()), patience=patience,
+        label="live", split="test", poses=tuple(map(tuple, poses)), patience=patience,
         touch_kpa=max(device.touch_kpa, touch),
     )  # fmt: skip
     if not place.startswith(_SIMULATED):
@@ -71,7 +73,11 @@ def open_pressed(ports: list[str], device: Device, calibration: Calibration | No
     if calibration is not None or len(ports) > 1:
         raise InputError(f"{place} is one source and needs no calibration")
     label, _, pose = place.removeprefix(_SIMULATED).partition("@")
-    where = parse_pose(pose) if pose else draw_true_pose(np.random.default_rng(seed))
+    where = (
+        parse_pose(pose)
+        if pose
+        else draw_true_pose(np.random.default_rng(seed), offsets(device.pad.taxel_xy))
+    )
     hidden = HiddenObject(label or "A", where, np.array(plan.poses), device, seed)
     return Pressed(hidden, device, plan, truth=Truth(hidden.label, where))
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -17,7 +18,7 @@ from tactsim.estimators.filters.motion import parse_motion
 from tactsim.estimators.filters.moving_bins import MovingBins
 from tactsim.estimators.filters.states import WeightedStates, probabilities
 from tactsim.estimators.filters.weights import Weights
-from tactsim.estimators.options import FilterOptions
+from tactsim.estimators.options import FilterOptions, reach_of
 
 # Nats below the best bin from which a bin is left out of the belief about the pose: all of them hold next to nothing.
 _IN_BELIEF = 20.0
@@ -51,7 +52,7 @@ class HistogramFilter(MapFilter):
 
     def __init__(self, options: HistogramOptions) -> None:
         super().__init__(options)
-        self.grid = state_grid(options.bins, options.split, options.reach)
+        self.grid = state_grid(options.bins, options.split, reach_of(options.reach))
         if options.split is not None:
             self.budget = "split"
         self._motion = parse_motion(options.motion)
@@ -64,6 +65,10 @@ class HistogramFilter(MapFilter):
     @property
     def _spacing(self) -> tuple[float, float]:
         return self.grid.spacing[:2]
+
+    def _reach_to(self, reach: float) -> None:
+        super()._reach_to(reach)
+        self.grid = replace(self.grid, reach=reach)
 
     def _fit(self) -> None:
         self._belief: BinnedBelief | MovingBins

@@ -20,7 +20,7 @@ from tactsim.estimators.likelihoods import likelihood
 from tactsim.estimators.likelihoods.calibrated import CalibratedLikelihood
 from tactsim.estimators.likelihoods.likelihood import Likelihood
 from tactsim.estimators.likelihoods.occupancy import OccupancyMap, learn_maps
-from tactsim.estimators.options import FilterOptions
+from tactsim.estimators.options import FilterOptions, reach_of
 
 # Bytes that a filter holds for a bin of a letter and for a particle: logs, indices, and room to list and sum them.
 _OF_A_BIN, _OF_A_PARTICLE = 64, 200
@@ -30,8 +30,8 @@ class MapFilter(Estimator):
     """A filter on learned maps. A subclass implements `_fit`, `_reset`, `_update` and `_estimate`.
 
     labels: the letters, in the order of the scan. maps: the occupancy map of each. taxel_xy: (taxels, 2)
-    mm. likelihood: the measurement model. field: the log-likelihood of the readings so far, which has a new
-    reading before `_update` is called.
+    mm. reach: mm, of x and y of T_R^O. likelihood: the measurement model. field: the log-likelihood of the
+    readings so far, which has a new reading before `_update` is called.
     """
 
     options_type: type[Options] = FilterOptions
@@ -41,6 +41,7 @@ class MapFilter(Estimator):
     # By what power the likelihood of so many readings counts in the belief; learned by some filters.
     trust = Trust()
     taxel_xy: FloatArray
+    reach: float
     field: LikelihoodField
 
     def __init__(self, options: FilterOptions) -> None:
@@ -74,6 +75,7 @@ class MapFilter(Estimator):
         self.maps = maps
         self.labels = tuple(self.maps)
         self.taxel_xy = scan.taxel_xy
+        self._reach_to(reach_of(self.options.reach, scan.taxel_xy))
         self.likelihood.fit(scan, self.maps)
         self.field = LikelihoodField(
             self.likelihood, self.labels, self.taxel_xy, self._spacing, self.options.cell
@@ -134,6 +136,10 @@ class MapFilter(Estimator):
     def _spacing(self) -> tuple[float, float]:
         """Give how far apart in x and y (mm) states lie that share a node's place; a map cell for any states."""
         return self.options.cell, self.options.cell
+
+    def _reach_to(self, reach: float) -> None:
+        """Let x and y of T_R^O be in [-reach, reach] mm."""
+        self.reach = reach
 
     @abstractmethod
     def _fit(self) -> None:

@@ -213,7 +213,7 @@ class Moving(Wrapper):
 
     def belief_over_plane(self) -> PlaneBelief:
         """Count the weighted states in cells of about 1 mm."""
-        return plane_histogram(self.labels, self.weighted_states(), self.options.reach)
+        return plane_histogram(self.labels, self.weighted_states(), self.filter.reach)
 
     def describe(self) -> str:
         """Say how the filter is set up, and that the object may move."""

@@ -126,7 +126,7 @@ class ParticleFilter(MapFilter):
         scale = np.empty(0, dtype=np.int64)
         if self._motion is not None:
             scale = rng.choice(len(self._motion.variance), size=count, p=self._motion.prior)
-        self._particles = _Particles(letter, uniform_states(count, self.options.reach, rng), scale)
+        self._particles = _Particles(letter, uniform_states(count, self.reach, rng), scale)
         self._weights = Weights(np.zeros(count))
         if self._injection is not None:
             self._injection.reset()
@@ -176,7 +176,7 @@ class ParticleFilter(MapFilter):
 
     def belief_over_plane(self) -> PlaneBelief:
         """Count the weighted particles in cells of about 1 mm."""
-        counted = plane_histogram(self.labels, self.weighted_states(), self.options.reach)
+        counted = plane_histogram(self.labels, self.weighted_states(), self.reach)
         return replace(counted, probability=shared(counted.probability, self.field.alike))
 
     @property
@@ -224,7 +224,7 @@ class ParticleFilter(MapFilter):
             drawn.letter[replaced] = self.field.alike[
                 self._rng.integers(len(self.labels), size=len(replaced))
             ]
-            drawn.state[:, replaced] = uniform_states(len(replaced), self.options.reach, self._rng)
+            drawn.state[:, replaced] = uniform_states(len(replaced), self.reach, self._rng)
             self._injected += len(replaced)
         return drawn
 
@@ -232,7 +232,7 @@ class ParticleFilter(MapFilter):
         """Copy the chosen particles with the noise of the command update."""
         old, count = self._particles, len(chosen)
         letter, state = np.empty(count, dtype=np.int64), np.empty((3, count))
-        move(letter, state, old.letter, old.state, chosen, self._noise, self.options.reach, self._random)
+        move(letter, state, old.letter, old.state, chosen, self._noise, self.reach, self._random)
         return _Particles(letter, state, old.scale)
 
     def _follow(self, motion: Motion, chosen: NDArray[np.int64]) -> _Particles:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -23,7 +23,7 @@ from tactsim.estimators.filters.states import WeightedStates, letter_mass, pose_
 from tactsim.estimators.filters.trust import learn_trust
 from tactsim.estimators.filters.weights import Weights
 from tactsim.estimators.likelihoods.occupancy import OccupancyMap
-from tactsim.estimators.options import OpenSetOptions
+from tactsim.estimators.options import OpenSetOptions, reach_of
 
 # Cells are halved so often in any case, and on until the smallest hold the belief in so many cells (effective sample
 # size): then they are about as large as the belief is wide.
@@ -90,7 +90,7 @@ class RefinedFilter(MapFilter):
 
     def __init__(self, options: RefinedOptions) -> None:
         super().__init__(options)
-        self.grid = state_grid(options.bins, options.split, options.reach)
+        self.grid = state_grid(options.bins, options.split, reach_of(options.reach))
         if options.split is not None:
             self.budget = "split"
         self._evaluated = self._unreplayed = 0
@@ -106,6 +106,10 @@ class RefinedFilter(MapFilter):
     @property
     def _spacing(self) -> tuple[float, float]:
         return self.grid.spacing[:2]
+
+    def _reach_to(self, reach: float) -> None:
+        super()._reach_to(reach)
+        self.grid = replace(self.grid, reach=reach)
 
     def _fit(self) -> None:
         self._coarse = BinnedBelief(self.field, self.grid)

@@ -26,6 +26,7 @@ from tactsim.estimators.filters.placement import mean_around
 from tactsim.estimators.filters.pose_bank import PoseBank
 from tactsim.estimators.filters.states import WeightedStates
 from tactsim.estimators.filters.weights import Weights
+from tactsim.estimators.options import REACH, Reach, reach_of
 
 _SCOUTS = 1500  # states a letter that wait for the first reading which says where
 # Squared pressures over the noise's variance. From the first on a reading says where it was taken; a fainter one
@@ -59,7 +60,7 @@ class SynthesisOptions(Options):
         "off",
         description="how the object moves between touches: off, auto (learned) or MM,RAD of a random walk",
     )
-    reach: float = Field(10.0, gt=0, le=1000, description="T_R^O has x and y in [-reach, reach], mm")
+    reach: Reach = Field("auto", description=REACH)
 
 
 class Synthesis(Estimator):
@@ -98,7 +99,7 @@ class Synthesis(Estimator):
             np.sqrt(np.mean([(bank.mean[bank.mean.any(axis=1)] ** 2).mean() for bank in self.banks]))
         )
         rng = np.random.default_rng(0)
-        reach = self.options.reach
+        reach = self._reach = reach_of(self.options.reach, scan.taxel_xy)
         self._scout_states = rng.uniform([-reach, -reach, -math.pi], [reach, reach, math.pi], (_SCOUTS, 3))
         self._normal = rng.standard_normal((_STATES, 3))
 
@@ -161,9 +162,7 @@ class Synthesis(Estimator):
 
         None if no state within `reach` lets the pad touch at all.
         """
-        places = [
-            bank.places(self._readings[first], self._poses[first], self.options.reach) for bank in self.banks
-        ]
+        places = [bank.places(self._readings[first], self._poses[first], self._reach) for bank in self.banks]
         letter = np.repeat(np.arange(len(places)), [len(one.score) for one in places])
         entry, turned, state, score = (np.concatenate(column) for column in zip(*places, strict=True))
         if not len(score):

@@ -120,7 +120,7 @@ class TemperedFilter(MapFilter):
         self._copies = np.bincount(alike, minlength=len(alike)) - 1
 
     def _population(self, own: np.random.Generator) -> _Population:
-        state = uniform_states(self._each, self.options.reach, own)
+        state = uniform_states(self._each, self.reach, own)
         return _Population(own, state, np.zeros(self._each), Weights(np.zeros(self._each)))
 
     def _first_alike(self) -> NDArray[np.int64]:
@@ -164,7 +164,7 @@ class TemperedFilter(MapFilter):
 
     def belief_over_plane(self) -> PlaneBelief:
         """Count the weighted particles in cells of about 1 mm."""
-        return plane_histogram(self.labels, self.weighted_states(), self.options.reach)
+        return plane_histogram(self.labels, self.weighted_states(), self.reach)
 
     @property
     def work(self) -> dict[str, Any]:
@@ -229,7 +229,7 @@ class TemperedFilter(MapFilter):
         proposed = one.state + step + one.rng.standard_normal(step.shape) * _JITTER
         log_p = self.field.log_p(letter, proposed)
         self._count(letter, count * len(self.field))
-        within = np.abs(proposed[:2]).max(axis=0) <= self.options.reach
+        within = np.abs(proposed[:2]).max(axis=0) <= self.reach
         likelier: NDArray[np.bool_] = np.log(one.rng.random(count)) < one.power * (log_p - one.log_p)
         accepted = within & likelier
         one.state = np.where(accepted, proposed, one.state)

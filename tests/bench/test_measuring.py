@@ -110,15 +110,15 @@ def test_mistakes_end_in_one_line(here, scan_file, tmp_path, words, parts):
 
 
 def test_the_poses_of_a_trial_lie_on_the_marks_of_the_template():
-    poses = poses_to_press("A", 0, 10, seed=0)
+    poses = poses_to_press("A", 0, 10, seed=0, pad=tactsim.Pad())
     assert len(poses) > 10
     assert np.array_equal(poses[:, :2], np.round(poses[:, :2]))
     assert np.allclose(np.rad2deg(poses[:, 2]) % 5, 0, atol=1e-9) or np.allclose(
         np.abs(np.rad2deg(poses[:, 2]) % 5 - 2.5), 2.5, atol=1e-9
     )
     assert (poses[:, 2] < 2 * np.pi).all()
-    assert not np.array_equal(poses, poses_to_press("A", 1, 10, seed=0))
-    assert not np.array_equal(poses, poses_to_press("B", 0, 10, seed=0))
+    assert not np.array_equal(poses, poses_to_press("A", 1, 10, seed=0, pad=tactsim.Pad()))
+    assert not np.array_equal(poses, poses_to_press("B", 0, 10, seed=0, pad=tactsim.Pad()))
 
 
 def test_a_letters_name_is_no_path(tmp_path):

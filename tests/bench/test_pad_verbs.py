@@ -134,7 +134,16 @@ def test_a_large_array_is_cut_into_touches(here, tmp_path):
     words = ["replay", "array.csv", "--device", "array.toml", "--marks", "marks.csv", "--cut", "5x5"]
     refused(here(*words), "name it with --scan")
     assert "288 readings of A, 25 taxels" in right(here(*words, "--scan", "touches.npz"))
-    assert Scan.load(tmp_path / "touches.npz").readings.shape == (288, 25)
+    made = Scan.load(tmp_path / "touches.npz")
+    assert made.readings.shape == (288, 25)
+    assert made.meta["objects"] == {}  # a label may be an object of one's own, whatever it is called
+    shown = right(here(*words, "--letters", "A", "--scan", "letters.npz"))
+    assert "A: placements count as those of the catalogue's letters" in shown
+    assert Scan.load(tmp_path / "letters.npz").meta["objects"]["A"]["symmetry"] == 1
+    refused(
+        here("replay", "array.csv", "--device", "array.toml", "--letters", "A"),
+        "--letters says what labels of --marks",
+    )
 
 
 @pytest.mark.parametrize(

@@ -56,6 +56,17 @@ def test_the_digest_names_the_content(scan, tmp_path):
     assert Scan(**(fields | {"meta": {}})).digest != scan.digest
 
 
+def test_equal_scans_have_equal_digests_however_wide_their_names_were_stored(scan):
+    fields = {name: getattr(scan, name) for name in ("readings", "poses", "taxel_xy", "meta")}
+    wide = Scan(labels=scan.labels.astype("U40"), split=scan.split.astype("U40"), **fields)
+    assert wide.digest == scan.digest
+    test = scan.where("test")
+    alone = Scan(
+        test.readings, test.poses, np.array(["A", "E", "E"]), np.array(["test"] * 3), scan.taxel_xy, scan.meta
+    )
+    assert test.digest == alone.digest
+
+
 def test_selection_by_split_and_label_keeps_the_order(scan):
     chosen = scan.where(split="train", label="A")
     assert np.array_equal(chosen.readings, scan.readings[[0, 4]])
@@ -233,6 +244,15 @@ def test_training_on_one_scan_and_testing_on_another_uses_what_both_have(scan):
     far = Scan(scan.readings, scan.poses, scan.labels, scan.split, scan.taxel_xy + 100)
     with pytest.raises(InputError, match="no taxel at the same place"):
         train_on(scan, far)
+
+
+def test_what_the_training_scan_says_of_objects_holds_for_the_test_readings(scan):
+    from tactsim.core.scan import train_on
+
+    pressed = replace(scan, meta={"objects": {"A": {"symmetry": 2}}})
+    recorded = replace(scan, meta={"objects": {"A": {"symmetry": 1}, "E": {"symmetry": 3}}})
+    assert train_on(pressed, recorded).meta["objects"] == {"A": {"symmetry": 2}, "E": {"symmetry": 3}}
+    assert train_on(recorded, replace(scan, meta={})).meta["objects"] == recorded.meta["objects"]
 
 
 def test_a_scan_shows_itself_in_one_line(scan):

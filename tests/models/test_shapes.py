@@ -138,7 +138,7 @@ def test_height_and_rounding_are_not_for_relief(tmp_path):
 
 
 def test_sizes_that_no_pad_covers_or_feels(tmp_path):
-    assert "reaches 20 mm sideways" in refusal(write_mesh(tmp_path, box(40, 10, 4)))
+    assert "reaches 600 mm sideways" in refusal(write_mesh(tmp_path, box(1200, 10, 4)))
     assert models.shape(write_mesh(tmp_path, box(32, 10, 4))).area == pytest.approx(320, rel=1e-4)
     assert "metres in .glb" in refusal(write_mesh(tmp_path, box(0.02, 0.02, 4)))
     assert "mm thick" in refusal(write_mesh(tmp_path, box(20, 20, 0.004)))
