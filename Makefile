@@ -15,6 +15,9 @@ MUTATION_LOCK  := tests/mutants/requirements.lock
 PACKAGING_LOCK := tests/packaging/requirements.lock
 DOCS_LOCK      := docs/requirements.lock
 PROFILE_LOCK   := tests/profile/requirements.lock
+# LeRobot needs torch, and disagrees with the other groups about versions: it has an environment of its own, within .venv.
+FORMATS        := $(VENV)/formats
+FORMATS_LOCK   := tests/bench/formats/requirements.lock
 
 REGRESSION := $(BIN)/python -m tactsim.bench.regression
 BENCHMARKS := tests/bench/bench_regression.py
@@ -29,7 +32,7 @@ MINUTES ?= 30
 # What `make mutants` is given, such as MUTANTS="--all tactsim/press/clip.py".
 MUTANTS ?=
 
-.PHONY: run test check docs setup lock test-slow soak mutants bench-check bench-baseline bench-rate profile tables references clean help
+.PHONY: run test check docs setup lock test-slow test-formats soak mutants bench-check bench-baseline bench-rate profile tables leaderboard references release-check image clean help
 
 help:            ## list these commands
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 18
@@ -58,6 +61,14 @@ $(DOCS): $(DOCS_LOCK) | $(READY)
 test-slow: $(PACKAGING)  ## the longer tests
 	@$(BIN)/python -m pytest -m slow
 
+test-formats: $(FORMATS)/.ready  ## load exported data with datasets and lerobot, which needs torch
+	@$(BIN)/python -m pytest -m slow tests/bench/formats/test_hugging_face.py
+
+$(FORMATS)/.ready: $(FORMATS_LOCK) | $(DEVELOP)
+	@echo "setting up $(FORMATS): fetching torch and lerobot, another 8 GB ..."
+	@$(PYTHON) -m venv $(FORMATS) && $(FORMATS)/bin/python -m pip install --quiet --disable-pip-version-check -r $<
+	@touch $@
+
 soak: $(DEVELOP)   ## read two devices under random faults for MINUTES (30)
 	@nice $(BIN)/python -m pytest -q -s -m soak tests/hardware/test_soak.py --soak-minutes $(MINUTES)
 
@@ -82,14 +93,27 @@ $(PROFILE): $(PROFILE_LOCK) | $(DEVELOP)
 	@touch $@
 
 # The sweeps that the tables of the documentation are made of.
-TABLES := better paper-better robustness slip open-set active paper paper-like tilt pareto
+TABLES := better baselines paper-better robustness slip open-set active paper paper-like tilt pareto
 
 tables: $(DEVELOP)  ## do the sweeps that are not done yet, and fill the tables of the documentation from them
 	@for suite in $(TABLES); do $(BIN)/bench sweep $$suite || exit; done
 	@$(BIN)/python -m tactsim.bench.page_tables README.md docs/results.md docs/method.md docs/choose-an-estimator.md
 
+leaderboard: $(DEVELOP)  ## make the site of results/leaderboard, and fill the tables of docs/leaderboard.md
+	@$(BIN)/bench leaderboard results/leaderboard
+	@$(BIN)/python -m tactsim.bench.leaderboard.page_standings results/leaderboard docs/leaderboard.md
+
 references: $(DEVELOP)  ## how far every estimator is from the reference posteriors of docs/bound.md
 	@$(BIN)/python -m tactsim.bench.bound.references
+
+release-check: $(PACKAGING)  ## what a release lacks; then build it into dist/, check it and install it
+	@$(BIN)/python tests/packaging/release_check.py
+	@rm -rf dist && mkdir dist && PYTHONPATH=tests/support $(BIN)/python -m building dist
+	@$(BIN)/python -m twine check --strict dist/*
+	@$(BIN)/python -m pytest -q -m "slow or not slow" tests/packaging
+
+image:           ## build the container image `tactsim`
+	@docker build --tag tactsim .
 
 setup: $(DEVELOP)  ## create .venv with all that work on the project needs
 
@@ -140,6 +164,7 @@ lock: $(READY)   ## pin the newest versions that pyproject.toml allows
 	@$(PIN) --group mutation -o $(MUTATION_LOCK)
 	@$(PIN) --group packaging -o $(PACKAGING_LOCK)
 	@$(PIN) --group profile -o $(PROFILE_LOCK)
+	@$(COMPILE) $(UPGRADE) --generate-hashes $(FORMATS_LOCK:.lock=.in) -o $(FORMATS_LOCK)
 
 clean:           ## remove .venv and what tools left behind
 	rm -rf $(VENV) .pytest_cache .mypy_cache .ruff_cache .hypothesis .benchmarks build *.egg-info docs/_build

@@ -13,6 +13,7 @@ from pydantic import BaseModel
 from tactsim.bench.config import RunConfig, ScanWords, run_config, scan_options
 from tactsim.bench.run import Run
 from tactsim.bench.runner import perform, silent
+from tactsim.bench.tasks import task
 from tactsim.bench.trials import Progress
 from tactsim.core import InputError, Scan
 from tactsim.core.errors import short
@@ -86,9 +87,10 @@ def run(
 
     scan: a Scan, or the file that holds one; without it letters are pressed. estimator: a registered name, or
     an `Estimator` of your own, made with its options. words: the options of `bench run` with underscores: bins,
-    particles, set (a table), letters, hold_out, trials, readings, explore, seed, train_scan, presses, and, if no
-    scan is given, shapes, test_poses, world, noise and scan_set. jobs: processes; the trials do not depend on their
-    number. cache: whether readings may be read from the cache and kept there. progress: show bars.
+    particles, set (a table), letters, hold_out, trials, readings, explore, slip, seed, train_scan, presses, and, if no
+    scan is given, shapes, test_poses, world, noise and scan_set; or a task, which says all but the estimator's own.
+    jobs: processes; the trials do not depend on their number. cache: whether readings may be read from the cache and
+    kept there. progress: show bars.
 
     `tactsim.run(**run.config)` does a run again; one on readings that were given asks for them, as `scan`.
 
@@ -110,6 +112,8 @@ def run(
         words["scan"] = scan
     if isinstance(estimator, str):
         words["estimator"] = estimator
+    elif words.get("task") is not None and not estimator.proposes and task(str(words["task"])).chosen:
+        words.setdefault("explore", "blind")  # as a task does for an estimator that is named
     config = run_config(**words)
     with _reporting(progress) as report:
         return perform(

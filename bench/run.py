@@ -156,6 +156,11 @@ class Run:
         return self.config["seed"]
 
     @property
+    def task(self) -> str | None:
+        """The frozen task whose run this is (`tactsim.bench.tasks`); None if it is none's."""
+        return self.config.get("task")
+
+    @property
     def protocol(self) -> str:
         """The name of the protocol; only runs of one protocol may be compared."""
         return self.about["protocol"]
@@ -185,6 +190,7 @@ class Run:
         return {
             **self.summary,
             **self.against_bound,
+            "task": self.task,
             **{name: self.config[name] for name in asked},
             **{name: self.about[name] for name in found},
             "seconds": self.times["seconds"],

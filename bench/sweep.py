@@ -21,6 +21,7 @@ from typing import Any
 from tactsim.bench import results
 from tactsim.bench.chunks import Chunk, Waiting, chunks_of, load_chunk, save_chunk
 from tactsim.bench.config import RunConfig
+from tactsim.bench.report.collect import sweep_order
 from tactsim.bench.run import Run
 from tactsim.bench.runner import Gathered, budget_of, finished_run, gather, plan_of
 from tactsim.bench.trial_plan import TrialPlan, source_of_trials
@@ -28,7 +29,6 @@ from tactsim.bench.trial_workers import run_chunk
 from tactsim.bench.trials import Progress, Trials, check_readings
 from tactsim.bench.work_counts import unflatten_work
 from tactsim.core import InputError
-from tactsim.core.documents import LARGE, read_text
 from tactsim.core.files import new_folder, write_text
 from tactsim.core.workers import worker_processes
 from tactsim.estimators import create
@@ -230,7 +230,7 @@ def _names(configs: Sequence[RunConfig]) -> list[str]:
 
 
 def _claim(folder: Path, names: Sequence[str], configs: Sequence[RunConfig]) -> None:
-    """Write down which sweep the folder belongs to, or check that it is this one."""
+    """Write down which sweep the folder belongs to, or check that it is this one: one with the same runs."""
     content = results.to_json(
         {
             "schema": results.SCHEMA,
@@ -243,7 +243,8 @@ def _claim(folder: Path, names: Sequence[str], configs: Sequence[RunConfig]) -> 
     path = folder / "sweep.json"
     if not path.exists():
         write_text(path, content)
-    elif read_text(path, "sweep's list of runs", LARGE) != content:
+    # By their names, which end with a digest of what is asked: what else a configuration says changes no result.
+    elif set(sweep_order(folder)) != set(names):
         raise InputError(
             f"{folder} holds another sweep (its sweep.json asks for other runs); name another folder with --out"
         )

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from tactsim.bench.config import RunConfig, run_config
+from tactsim.bench.tasks import task
 from tactsim.core import InputError
 from tactsim.core.documents import parse_toml, read_toml
 from tactsim.core.errors import unknown
@@ -21,7 +22,7 @@ def read(source: str) -> tuple[str, list[RunConfig]]:
 
     The file has `[[run]]` tables, and `[defaults]` for what they leave out. Their keys are the long options of
     `bench run` with underscores (`set` and `scan_set` are tables). A list stands for one run per entry, and
-    several lists for every combination.
+    several lists for every combination. Where a task is named and no seed, there is a run for each of its seeds.
 
     Raises InputError if the file cannot be read, a key is unknown or a value is wrong.
     """
@@ -76,9 +77,16 @@ def expand(table: Mapping[str, Any], what: str) -> list[RunConfig]:
                 for group in key[:-1]:
                     inner = inner.setdefault(group, {})
                 inner[key[-1]] = value
-            config = run_config(**words)
-            configs.setdefault(config.digest, config)
+            for config in _each_seed(words):
+                configs.setdefault(config.digest, config)
     return list(configs.values())
+
+
+def _each_seed(words: Mapping[str, Any]) -> list[RunConfig]:
+    """Build a run, or one for each seed of the task that is named without a seed."""
+    if words.get("task") is None or "seed" in words:
+        return [run_config(**words)]
+    return [run_config(**words, seed=seed) for seed in task(str(words["task"])).seeds]
 
 
 def _axes(

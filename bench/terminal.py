@@ -73,6 +73,7 @@ def print_run(run: Run) -> None:
     console.print(config["estimator"], style="bold", end=" ")
     console.print(
         f"{about['description']}\n"
+        f"{f'task {run.task}; ' if run.task else ''}"
         f"{' '.join(about['letters'])}: {config['trials']} trials each, {about['protocol']}, seed {config['seed']}"
     )
     console.print(_table(summary, run.against_bound, run.readings))

@@ -22,26 +22,29 @@ def whole_page(
     styles: Sequence[str],
     *,
     title: str,
-    data: Mapping[str, Any],
+    data: Mapping[str, Any] | None = None,
     policy: str = "",
     **more: str,
 ) -> str:
     """Fill a template with its parts; files are named from the folder `bench`.
 
-    policy: what the page may do besides drawing itself. more: parts that only this template has, by name; they are
-    taken as they are.
+    data: for the script; None for a page that stands without. policy: what the page may do besides drawing itself.
+    more: parts that only this template has, by name; they are taken as they are.
     """
     bench = files("tactsim.bench")
     script, style = (
         "\n".join((bench / name).read_text(encoding="utf-8") for name in names) for names in (scripts, styles)
     )
     script = f'"use strict";\n(() => {{\n{script}}})();\n'
+    stated = (
+        {} if data is None else {"data": _inert(json.dumps(data, allow_nan=False, separators=(",", ":")))}
+    )
     parts = {
         "title": html.escape(printable(title)),
         "policy": f"default-src 'none'; {policy}img-src data:; "
         f"style-src {_hash(style)}; script-src {_hash(script)}",
         "style": style,
-        "data": _inert(json.dumps(data, allow_nan=False, separators=(",", ":"))),
+        **stated,
         **more,
         "script": script,
     }

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,7 @@ from pydantic import BaseModel, Field, model_validator
 from tactsim.core.checking import checked
 from tactsim.core.documents import read_text
 from tactsim.core.errors import InputError
-from tactsim.core.pad import Pad
+from tactsim.core.pad import Pad, taxel_grid
 from tactsim.core.poses import FloatArray, compose
 from tactsim.core.scan import Scan
 from tactsim.core.source import Source, SourceError
@@ -120,6 +121,7 @@ def scan_of_sessions(paths: Sequence[str | Path]) -> Scan:
     meta = {
         "source": "recorded",
         "pad": pad.model_dump(mode="json"),
+        "versions": {"tactsim": version("tactsim")},
         "recordings": about,
         "frame_noise_kpa": float(np.median(np.concatenate(spreads))) if any(map(len, spreads)) else None,
     }
@@ -260,7 +262,11 @@ def scan_of_intervals(source: Source, intervals: Sequence[Interval]) -> Scan:
         empty = intervals[int(np.argmin(counts))]
         raise InputError(f"no reading lies between {empty.first_s:g} and {empty.last_s:g} s ({empty.label})")
     labels = np.array([each.label for each in intervals])
-    meta = {"source": "recorded", "pad": source.pad.model_dump(mode="json")}
+    meta = {
+        "source": "recorded",
+        "pad": source.pad.model_dump(mode="json"),
+        "versions": {"tactsim": version("tactsim")},
+    }
     return Scan(
         sums / counts[:, None],
         np.array([(each.x_mm, each.y_mm, each.theta_rad) for each in intervals]),
@@ -290,7 +296,7 @@ def cut(scan: Scan, rows: int, columns: int, stride: int = 1) -> Scan:
     pose of its middle. Sequences are left out. Raises InputError if the taxels are no even grid or the window
     does not fit.
     """
-    grid = _grid(scan.taxel_xy)
+    grid = taxel_grid(scan.taxel_xy)
     if not (1 <= rows <= grid.shape[0] and 1 <= columns <= grid.shape[1] and stride >= 1):
         raise InputError(
             f"a window of {rows}x{columns}, stride {stride}, cannot be cut from {grid.shape[0]}x{grid.shape[1]} "
@@ -315,15 +321,17 @@ def cut(scan: Scan, rows: int, columns: int, stride: int = 1) -> Scan:
         np.tile(scan.labels, len(windows)),
         np.tile(scan.split, len(windows)),
         layouts[0],
-        {**scan.meta, "cut": {"rows": rows, "columns": columns, "stride": stride, "readings": count}},
+        {
+            **scan.meta,
+            "cut": {"rows": rows, "columns": columns, "stride": stride, "readings": count},
+            "pad": _pad_of_window(scan.about["pad"], rows, columns),
+        },
     )
 
 
-def _grid(taxel_xy: FloatArray) -> NDArray[np.int64]:
-    """Arrange taxels in rows (along +y) and columns (along +x). Raises InputError if they are no whole grid."""
-    x, y = (np.unique(np.round(taxel_xy[:, axis], 4), return_inverse=True) for axis in (0, 1))
-    grid = np.full((len(y[0]), len(x[0])), -1)
-    grid[y[1], x[1]] = np.arange(len(taxel_xy))
-    if (grid < 0).any():
-        raise InputError("the taxels are no whole grid of rows and columns (one is masked?)")
-    return grid
+def _pad_of_window(pad: Any, rows: int, columns: int) -> dict[str, Any] | None:
+    """Describe a window of an array as a pad; None if the array is not described."""
+    if not isinstance(pad, dict):
+        return None
+    alone = {"seam": None, "unread_columns": 0, "unread_rows": 0}
+    return {**pad, "rows": rows, "columns": columns, **alone}

@@ -24,9 +24,16 @@ VERBS = {
     "scan": "Press the letters at 192 poses, twice (training and test), and write the readings.",
     "sweep": "Do many runs; a sweep that was stopped goes on where it was when it is started again.",
     "report": "Write one HTML page that opens without a network, and beside it every curve as CSV.",
+    "export": "Write a scan, or the trials of a run, in a format of others: Parquet, LeRobot, MCAP or HDF5.",
+    "import": "Make a scan of what `bench export` wrote, bit for bit, or of arrays in a .npz or .mat file.",
     "bound": "Say how good an estimator can be: exact Bayes, and the Cramer-Rao bound of the error, by reading.",
     "compare": "Compare two runs on the same trials; exit status 1 if NEW is worse beyond the interval.",
-    "list": "List estimators, letters, worlds, metrics and suites; on request the options of an estimator or a scan.",
+    "submit": "Do all runs of a task with a method, and write one file that others can check; exit status 1 without a "
+    "score.",
+    "verify": "Do some trials of a bundle again and compare them to the bit; exit status 1 if it cannot be confirmed.",
+    "leaderboard": "Rank the methods of a folder of bundles, task by task, and write a site of static pages.",
+    "list": "List estimators, letters, worlds, metrics, suites and formats, or the options of an estimator or a scan.",
+    "tasks": "List the frozen tasks with sizes and the best known results, or show one whole; --hash presses its data.",
     "stress": "Vary inputs over many decades and measure the worst deviation; exit status 1 if a case fails.",
     "devices": "List ports, sources of readings, codecs and device files, each with its status.",
     "probe": "Listen to a pad: show its rate, counters and mean reading, or the bytes that came if no reading did.",
@@ -37,6 +44,7 @@ VERBS = {
     "record": "Record a pad: with --letter a guided session that makes a scan, else all it says.",
     "replay": "Read recordings again, bit for bit: show what they hold, make a scan or a table of them.",
     "emulate": "Present a simulated pad as a device that speaks its codec's bytes; ends with Ctrl-C.",
+    "new": "Make a repository of your own for an estimator, a task or a source, with its tests and its workflow.",
     "validate": "Compare a simulated with a recorded scan: readings, sensor parameters, classes, recognition.",
 }
 

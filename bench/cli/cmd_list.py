@@ -1,11 +1,13 @@
-"""`bench list`: list estimators, letters, worlds, metrics and suites."""
+"""`bench list`: list estimators, letters, worlds, metrics, suites and formats."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Annotated, Any
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Annotated
 
 import typer
+
+from tactsim.bench.cli.words import dotted
 
 if TYPE_CHECKING:
     from pydantic import BaseModel
@@ -13,6 +15,7 @@ if TYPE_CHECKING:
 _MORE = {
     "estimators": "with its options: bench list estimators NAME",
     "worlds": "all that can be set: bench list scan-options, bench list slip",
+    "formats": "of bench export; each is an extra, as in: pip install 'tactsim[parquet]'",
 }
 Row = tuple[str, str, str]  # a name, its default or status, what it is
 
@@ -21,7 +24,7 @@ def command(
     what: Annotated[
         str | None,
         typer.Argument(
-            help="Only this: estimators, letters, worlds, scan-options, slip, metrics, suites.",
+            help="Only this: estimators, letters, worlds, scan-options, slip, metrics, suites, formats.",
             show_default=False,
         ),
     ] = None,
@@ -30,7 +33,7 @@ def command(
         typer.Argument(help="Of the estimators, only this one, with its options.", show_default=False),
     ] = None,
 ) -> None:
-    """List estimators, letters, worlds, metrics and suites; on request the options of an estimator or a scan."""
+    """List estimators, letters, worlds, metrics, suites and formats, or the options of an estimator or a scan."""
     from rich.table import Table
 
     from tactsim.bench.console import plain_console
@@ -44,6 +47,7 @@ def command(
         "slip": _slip,
         "metrics": _metrics,
         "suites": _suites,
+        "formats": _formats,
     }
     if what is not None and what not in sections:
         raise unknown("list", what, sections)
@@ -104,7 +108,7 @@ def _worlds() -> list[Row]:
     from tactsim.press import WORLDS
 
     worlds = WORLDS | SLIPS
-    return [(name, "", ", ".join(_settings(world)) or "the defaults") for name, world in worlds.items()]
+    return [(name, "", ", ".join(dotted(world)) or "the defaults") for name, world in worlds.items()]
 
 
 def _scan_options() -> list[Row]:
@@ -134,13 +138,11 @@ def _suites() -> list[Row]:
     return [(suite, f"{len(read(suite)[1])} runs", "") for suite in suites()]
 
 
-def _settings(values: Mapping[str, Any], prefix: str = "") -> list[str]:
-    """Write nested settings as dotted name=value words."""
-    words = []
-    for name, value in values.items():
-        path = f"{prefix}{name}"
-        words += _settings(value, f"{path}.") if isinstance(value, Mapping) else [f"{path}={value}"]
-    return words
+def _formats() -> list[Row]:
+    from tactsim.bench.formats import FORMATS
+
+    takes = {True: "scans and runs", False: "scans"}
+    return [(one.name, takes[one.runs], one.line) for one in FORMATS.values()]
 
 
 def _fields(model: type[BaseModel], prefix: str = "") -> list[Row]:

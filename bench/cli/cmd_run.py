@@ -65,13 +65,22 @@ def command(
     from tactsim.bench.results import to_json
     from tactsim.bench.runner import perform
     from tactsim.bench.terminal import print_places, print_run, progress_bars
+    from tactsim.core.errors import InputError
 
     if port is None:
         _refuse_without_port(context)
+    elif "task" in words:
+        raise InputError("--port: a task has readings of its own; leave out --port or --task")
+    words = {
+        name: value for name, value in words.items() if _is_typed(context, name)
+    }  # a task says the others
     if port is not None or "presses" in words:
-        untyped = {name for name in _BY_HAND if not _is_typed(context, name)}
-        words = {**words, **{name: _BY_HAND[name] for name in untyped}}
+        words = {**_BY_HAND, **words}
     config = run_config(**words)
+    if "task" in words and config.task is None:
+        plain_console(stderr=True).print(
+            f"a shorter look at task {words['task']}: fewer trials or readings than it has, so no result on it"
+        )
     folder = out or new_place(config.estimator)
     check_new_folder(folder)
     if port is not None:

@@ -71,3 +71,12 @@ def _read(name: str, field: FieldInfo, typed: Any) -> Any:
     if get_origin(field.annotation) is dict and typed is not None:
         return key_values(typed, str(_flag(name, field)))
     return typed
+
+
+def dotted(values: Mapping[str, Any], prefix: str = "") -> list[str]:
+    """Write nested settings as dotted name=value words."""
+    words = []
+    for name, value in values.items():
+        path = f"{prefix}{name}"
+        words += dotted(value, f"{path}.") if isinstance(value, Mapping) else [f"{path}={value}"]
+    return words

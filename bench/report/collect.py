@@ -92,7 +92,7 @@ def find(paths: Iterable[Path]) -> tuple[list[Path], list[str]]:
         for folder in folders:
             found.setdefault(folder.resolve(), folder)
         if (path / "sweep.json").is_file():
-            asked = _sweep_order(path)
+            asked = sweep_order(path)
             if len(folders) < len(asked):
                 remarks.append(f"{path} has not ended: {len(folders)} of its {len(asked)} runs are there")
     return list(found.values()), remarks
@@ -109,12 +109,13 @@ def _runs_of(path: Path) -> list[Path]:
     if not any((folder / "run.json").is_file() for folder in inside):
         raise InputError(f"{path} is neither the folder of a run nor of a sweep: no run.json there or below")
     if (path / "sweep.json").is_file():
-        order = _sweep_order(path)
+        order = sweep_order(path)
         inside.sort(key=lambda folder: order.get(folder.name, len(order)))
     return inside
 
 
-def _sweep_order(path: Path) -> dict[str, int]:
+def sweep_order(path: Path) -> dict[str, int]:
+    """Give the names of a sweep's runs, each with its place in the sweep. Raises InputError if it lists none."""
     content = read_json(path / "sweep.json", "sweep's list of runs")
     try:
         return {str(run["name"]): number for number, run in enumerate(content["runs"])}

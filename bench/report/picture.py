@@ -17,11 +17,27 @@ from tactsim.bench.report.curves import error_band
 from tactsim.bench.report.pareto import Point, machine_line, points
 from tactsim.core.files import write_bytes
 
-# One colour and one marker a method, in order; the page uses the same.
-COLOURS = ("#1f6fb2", "#c8501c", "#0b8a63", "#7b4fb3", "#b8407f", "#9a7400", "#0f8a94", "#5f6670")
+# One colour and one marker a method, in order; the page (assets/page.css and charts.js) uses the same.
+COLOURS = (
+    "#1f6fb2", "#c8501c", "#0b8a63", "#7b4fb3", "#b8407f", "#8a6800", "#0c7f8a", "#5f6670",
+    "#7a0c14", "#1d5e14", "#27339b", "#7a0f74", "#8874b4", "#304254", "#3f86f2", "#5c8a00",
+)  # fmt: skip
 DASHES = ("-", (0, (5, 3)), (0, (1.5, 2)), (0, (6, 2, 1.5, 2)), (0, (1, 2)))
 CROWD = 12  # runs beyond which curves would hide each other: then only each method's largest budget is drawn
-MARKERS = ("o", "s", "D", "^", "v", "P", "h", "X")
+MARKERS = ("o", "s", "D", "^", "v", "P", "h", "p")
+
+
+# The same for a dark ground.
+DARK_COLOURS = (
+    "#66b0ee", "#f58f5c", "#44c99a", "#b795ee", "#ee86b9", "#d9b648", "#4fc6d3", "#a9b2be",
+    "#a39c38", "#b5f2d3", "#7687f0", "#e2596c", "#36989e", "#f3cdf3", "#bd68bd", "#f4e34a",
+)  # fmt: skip
+
+
+def look(number: int, scheme: str = "light") -> tuple[str, str]:
+    """Choose the colour and the marker of a method by its number; 128 methods all look different."""
+    colours = DARK_COLOURS if scheme == "dark" else COLOURS
+    return colours[number % len(COLOURS)], MARKERS[(number + number // len(COLOURS)) % len(MARKERS)]
 
 
 def save(figure: Figure, path: Path) -> None:
@@ -43,9 +59,9 @@ def pareto_figure(group: Group) -> Figure:
     late = group.readings * 1.35  # where the runs are drawn that have not settled
     for number, method in enumerate(group.methods):
         mine = [point for point in found if point.entry.method == method]
-        colour = COLOURS[number % len(COLOURS)]
+        colour, marker = look(number)
         style = {
-            "color": colour, "marker": MARKERS[number % len(MARKERS)], "ms": 6, "lw": 1.4, "label": method,
+            "color": colour, "marker": marker, "ms": 6, "lw": 1.4, "label": method,
         }  # fmt: skip
         placed = [point for point in mine if point.error is not None]
         left.plot([1e3 * p.seconds for p in placed], [p.error for p in placed], **style)
@@ -95,7 +111,7 @@ def readings_figure(group: Group) -> Figure:
         mine = [entry for entry in group.entries if entry.method == method]
         budgets = 1 if len(group.entries) > CROWD else len(DASHES)
         for rank, entry in enumerate(mine[::-1][:budgets]):  # the largest budget is the solid line
-            style = {"color": COLOURS[number % len(COLOURS)], "lw": 1.5, "label": entry.label}
+            style = {"color": look(number)[0], "lw": 1.5, "label": entry.label}
             style["ls"] = DASHES[rank]
             seen, summary = np.arange(1, entry.readings + 1), entry.summary
             error, low, high = (

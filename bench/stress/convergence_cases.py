@@ -9,7 +9,7 @@ import numpy as np
 
 from tactsim.bench.placement_error import placement_error, properties
 from tactsim.bench.stress.case import Worst, case
-from tactsim.bench.stress.data import few, fitted, hidden, pressed, probabilities
+from tactsim.bench.stress.case_data import few, fitted, hidden, pressed, probabilities
 from tactsim.bench.stress.likelihood_cases import exact_log_p, one_state
 from tactsim.bench.stress.maps_cases import exact_log_odds
 from tactsim.bench.stress.press_cases import error

@@ -6,7 +6,7 @@ import numpy as np
 
 from tactsim import models
 from tactsim.bench.stress.case import Worst, case
-from tactsim.bench.stress.data import fitted, hidden, pressed
+from tactsim.bench.stress.case_data import fitted, hidden, pressed
 from tactsim.bench.stress.press_cases import exact_pad, ideal
 from tactsim.press import ScanOptions, SensorOptions
 from tactsim.press.press_model import PressModel

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from tactsim.bench.stress.case import Worst, case, refused
-from tactsim.bench.stress.data import (
+from tactsim.bench.stress.case_data import (
     draws,
     every_estimator,
     few,

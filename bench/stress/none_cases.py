@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from tactsim.bench.stress.case import Worst, case
-from tactsim.bench.stress.data import few, fitted, flaw, hidden, pressed
+from tactsim.bench.stress.case_data import few, fitted, flaw, hidden, pressed
 from tactsim.estimators import NONE
 
 

@@ -7,7 +7,15 @@ import math
 import numpy as np
 
 from tactsim.bench.stress.case import Worst, case
-from tactsim.bench.stress.data import draws, every_estimator, fitted, flaw, hidden, pressed, probabilities
+from tactsim.bench.stress.case_data import (
+    draws,
+    every_estimator,
+    fitted,
+    flaw,
+    hidden,
+    pressed,
+    probabilities,
+)
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.filters.multinomial import draw
 from tactsim.estimators.filters.parzen import PARZEN_STEP, parzen_mode

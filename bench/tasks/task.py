@@ -10,7 +10,7 @@ from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field, field_validator
 
-from tactsim.bench.config import RunConfig, merged, run_config
+from tactsim.bench.config import RunConfig, merged, run_config, whole_number
 from tactsim.bench.score import CURVES, HEADLINES
 from tactsim.core import InputError
 from tactsim.core.checking import checked
@@ -23,6 +23,8 @@ OF_THE_METHOD = ("estimator", "bins", "particles", "set")
 # Fields of a run that have a place of their own in a task's file, or are none of its.
 _NOT_WORDS = (*OF_THE_METHOD, "task", "seed", "trials", "readings", "given")
 _PATHS = ("scan", "train_scan", "presses", "shapes", "world")
+_OF_WHOLE_TRIALS = tuple(name for name in HEADLINES if name != "confusion")  # which is a table
+_RANKING = ("accuracy", "error_mm", "error_all_mm")
 _LEAST_SEEDS = 5  # trials of one scan share its maps: a figure of a single scan says nothing of the next
 
 Hash = Annotated[str, Field(pattern="^[0-9a-f]{64}$")]
@@ -46,7 +48,7 @@ class Task(BaseModel):
     trials: int = Field(ge=1, le=1_000_000, description="trials for each letter and seed")
     readings: int = Field(ge=1, description="readings a trial")
     scored: tuple[str, ...] = Field(
-        min_length=1, description="figures, METRIC@READINGS or METRIC; the first ranks"
+        min_length=1, description="figures, METRIC@READING or METRIC; the first ranks, an accuracy or error"
     )
     hashes: tuple[Hash, ...] = Field(
         (),
@@ -67,27 +69,39 @@ class Task(BaseModel):
 
     @property
     def letters(self) -> tuple[str, ...]:
-        """List the letters that are tried, those that are held out included; () if a file of readings says which."""
+        """List what is tried, held out or not: letters and shapes; () if a file of readings says which."""
         config = self._config({})
-        return config.scan_options.letters if config.pressed else config.letters or ()
+        if not config.pressed:
+            return config.letters or ()
+        options = config.scan_options
+        return (*options.letters, *(Path(shape).stem for shape in options.shapes))
+
+    @property
+    def held_out(self) -> tuple[str, ...]:
+        """List the letters that are tried but not trained on; ("each",) if each is in its own trials."""
+        return self._config({}).hold_out
+
+    @property
+    def chosen(self) -> bool:
+        """Tell whether the method chooses where to touch."""
+        return self.words.get("explore") == "information"
 
     def configs(self, estimator: str, options: Mapping[str, Any] | None = None) -> list[RunConfig]:
         """Give the runs of a method on this task, one a seed.
 
-        estimator: a registered name. options: of the estimator, as `set` of a run. Where touches are chosen, an
-        estimator that proposes none gets them in random order. Raises InputError for an unknown estimator or option.
+        estimator: a registered name. options: of the estimator, as `set` of a run.
+        Raises InputError for an unknown estimator or option.
         """
         words: dict[str, Any] = {"estimator": estimator, "set": dict(options or {})}
-        made = create(estimator, **words["set"])
-        if self.words.get("explore") == "information" and not made.proposes:
-            words["explore"] = "blind"
+        create(estimator, **words["set"])
         return [run_config(**words, task=self.name, seed=seed) for seed in self.seeds]
 
     def completed(self, words: Mapping[str, Any]) -> dict[str, Any]:
         """Complete the options of one run by those of this task; `words` may leave out all that the task says.
 
         The first seed is the default. Fewer trials or readings than the task's make a shorter look, which is not one
-        of the task's runs: its `task` is None. An estimator may be given touches blindly where it could choose them.
+        of the task's runs: its `task` is None. Where touches may be chosen they may also be taken blindly, as they
+        are by an estimator that proposes none.
 
         Raises InputError for an option that contradicts the task.
         """
@@ -115,6 +129,10 @@ class Task(BaseModel):
                 raise InputError(
                     f"{name} {short(value)}: task {self.name} says {says}; leave out {name} or the task"
                 )
+        # Who says whether touches are chosen need not have the estimator made here: a plug-in of somebody else's.
+        unsaid = wanted.explore == "information" and "explore" not in asked
+        if unsaid and not create(said.estimator, **said.options).proposes:
+            chosen["explore"] = "blind"
         return self._words | chosen
 
     @property
@@ -166,20 +184,27 @@ def _checked(table: dict[str, Any], name: str) -> Task:
         )
     for figure in made.scored:
         _check_figure(figure, made)
+    if made.scored[0].partition("@")[0] not in _RANKING:
+        raise InputError(
+            f"task {name}: scored: {made.scored[0]} cannot rank, as methods are compared trial by trial; begin with "
+            f"one of {', '.join(_RANKING)}"
+        )
     run_config(**made.words, trials=made.trials, readings=made.readings)
     return made
 
 
 def _check_figure(figure: str, of: Task) -> None:
+    """Check that the trials have a figure: METRIC@READING of a curve, or METRIC of whole trials."""
     metric, at, reading = figure.partition("@")
-    if not at and metric in HEADLINES:
-        return
-    if metric not in CURVES:
-        raise unknown(f"metric in scored of task {of.name}", metric, [*CURVES, *HEADLINES])
-    if not (reading.isascii() and reading.isdigit() and 1 <= int(reading) <= of.readings):
+    if metric not in CURVES and metric not in _OF_WHOLE_TRIALS:
+        raise unknown(f"figure in scored of task {of.name}", metric, [*CURVES, *_OF_WHOLE_TRIALS])
+    if metric in CURVES and not 1 <= (whole_number(reading) or 0) <= of.readings:
         raise InputError(
-            f"task {of.name}: scored: {figure!r} says no reading from 1 to {of.readings}; write {metric}@{of.readings}"
+            f"task {of.name}: scored: {short(figure)} says no reading from 1 to {of.readings}; write "
+            f"{metric}@{of.readings}"
         )
+    if metric in _OF_WHOLE_TRIALS and at:
+        raise InputError(f"task {of.name}: scored: {short(figure)} is of whole trials; write {metric}")
 
 
 def _beside(words: Mapping[str, Any], folder: Path) -> dict[str, Any]:

@@ -7,9 +7,10 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from hashlib import sha256
+from importlib.metadata import version
 from io import BytesIO
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,8 +19,13 @@ from tactsim.core.documents import parse_json
 from tactsim.core.errors import InputError, short
 from tactsim.core.files import replacing
 from tactsim.core.finite import finite
+from tactsim.core.given_arrays import names_of, readings_a_press, splits_of
 from tactsim.core.npz import read_npz
 from tactsim.core.poses import FloatArray
+from tactsim.core.provenance import check_statements, statements
+
+if TYPE_CHECKING:
+    from tactsim.core.pad import Pad
 
 SPLITS = ("train", "test")
 _ARRAYS = ("readings", "poses", "labels", "split", "taxel_xy")
@@ -35,7 +41,8 @@ class Scan:
     the objects. split: (n,) "train" or "test". taxel_xy: (taxels, 2) mm, the taxels' centres in the
     sensor frame. meta: how it was made, a JSON object; `meta["objects"][label]` holds, where known,
     `symmetry` (order of the rotational symmetry, 0 for a disc), `centre` ([x, y] mm) and
-    `inertia_over_mass` (mm^2).
+    `inertia_over_mass` (mm^2). `meta["unit"]` is the unit of the readings if it is not kPa, `meta["licence"]` the
+    licence by its SPDX name; `about` collects what a scan says of itself.
 
     A scan may also hold the images of each press on its way to rest: sequence: (n, frames, taxels) kPa,
     float32. sequence_times: (frames,) s since the letter began to move, the same for all presses; a press
@@ -43,7 +50,8 @@ class Scan:
     float32. All three or none.
 
     Raises InputError when shapes disagree, there are no taxels, a number is not finite or beyond 1e9, a
-    label is empty, over 100 characters long or not printable, a split has another name, or `meta` is not JSON.
+    label is empty, over 100 characters long or not printable, a split has another name, `meta` is not JSON, or it
+    states an unknown unit.
     """
 
     readings: FloatArray
@@ -81,6 +89,7 @@ class Scan:
             json.dumps(self.meta, allow_nan=False)
         except (TypeError, ValueError, RecursionError) as error:
             raise InputError(f"scan: meta is no JSON without NaN and infinity: {error}") from None
+        check_statements(self.meta)
         other = sorted(set(self.split.tolist()) - set(SPLITS))
         if other:
             raise InputError(f"scan: split says {other[0]!r}; only 'train' and 'test' have a meaning")
@@ -113,10 +122,47 @@ class Scan:
         names = short(" ".join(self.letters)).strip("'\"")
         return f"<Scan of {names}: {counts}, {self.readings.shape[1]} taxels>"
 
+    @classmethod
+    def from_arrays(
+        cls,
+        readings: Any,
+        poses: Any,
+        labels: Any,
+        split: Any = None,
+        pad: Pad | None = None,
+        *,
+        unit: str = "kPa",
+        licence: str | None = None,
+    ) -> Scan:
+        """Make a scan of arrays from elsewhere.
+
+        readings: (n, taxels) or (n, rows, columns); (n, images, taxels) or (n, images, rows, columns) where several
+        images were taken of a press, whose mean is its reading. poses: (n, 3) sensor_in_object, mm, mm, rad. labels:
+        (n,) names or whole numbers. split: (n,) "train" or "test", or whether to train on it; None: all to train.
+        pad: None for the paper's. unit: of the readings. licence: an SPDX name.
+
+        Raises InputError when shapes disagree, and for what `Scan` refuses.
+        """
+        from tactsim.core.pad import Pad  # brings pydantic, which a scan does without
+
+        pad = Pad() if pad is None else pad
+        values = readings_a_press(readings, pad)
+        stated = {"unit": unit} if licence is None else {"unit": unit, "licence": licence}
+        made = {"source": "imported", "versions": {"tactsim": version("tactsim")}}
+        meta = {**made, "pad": pad.model_dump(mode="json"), **stated}
+        return cls(
+            values, poses, names_of(labels, "labels"), splits_of(split, len(values)), pad.taxel_xy, meta
+        )
+
     @property
     def letters(self) -> tuple[str, ...]:
         """List the labels in the order of their first appearance."""
         return tuple(dict.fromkeys(self.labels.tolist()))
+
+    @property
+    def about(self) -> dict[str, Any]:
+        """Say units, frames, pad, licence and how the scan was made, as `provenance.statements` lists them."""
+        return statements(self.meta)
 
     @property
     def _arrays(self) -> tuple[str, ...]:
@@ -153,8 +199,11 @@ class Scan:
         """Append another scan of the same pad; the result has the given `meta`.
 
         Sequences are kept if both scans have them at the same times, one of them perhaps for longer.
-        Raises InputError if the taxels lie elsewhere.
+        Raises InputError if the taxels lie elsewhere or the readings have another unit.
         """
+        units = [scan.meta.get("unit", "kPa") for scan in (self, other)]
+        if units[0] != units[1]:
+            raise InputError(f"two scans of different units cannot be one: {units[0]} and {units[1]}")
         if self.taxel_xy.shape != other.taxel_xy.shape or not np.allclose(
             self.taxel_xy, other.taxel_xy, rtol=0, atol=1e-6
         ):
@@ -165,6 +214,15 @@ class Scan:
         both = [np.concatenate([getattr(self, name), getattr(other, name)]) for name in _ARRAYS[:4]]
         readings, poses, labels, split = both
         return Scan(readings, poses, labels, split, self.taxel_xy, meta, **_joined_sequences(self, other))
+
+    def licensed(self, licence: str) -> Scan:
+        """State the licence of the readings, by its SPDX name. Raises InputError if they state another one."""
+        stated = self.meta.get("licence")
+        if stated not in (None, licence):
+            raise InputError(
+                f"the scan is under the licence {stated}, which nobody but its owner replaces by {licence}"
+            )
+        return replace(self, meta={**self.meta, "licence": licence})
 
     def on_taxels_of(self, other: Scan) -> Scan:
         """Keep the taxels that `other` has at the same places, in the order of this scan.
@@ -274,9 +332,10 @@ def _names(name: str, values: Any) -> NDArray[np.str_]:
         raise InputError(f"scan: {name} must be names, got {array.dtype}")
     array = array.astype(np.str_)
     try:
-        array.tolist()
+        longest = max(map(len, array.ravel().tolist()), default=0)
     except (ValueError, SystemError) as error:  # a code beyond Unicode
         raise InputError(f"scan: {name} are no text: {error}") from None
+    array = array.astype(f"U{max(longest, 1)}")  # so that equal scans are alike, bit for bit
     array.setflags(write=False)
     return array
 

@@ -7,6 +7,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from importlib.metadata import version
 from itertools import islice
 from typing import TYPE_CHECKING, Any
 
@@ -16,6 +17,7 @@ from numpy.typing import NDArray
 from tactsim import models
 from tactsim.core.errors import InputError
 from tactsim.core.poses import FloatArray, compose
+from tactsim.core.provenance import OWN_LICENCE
 from tactsim.core.scan import SPLITS, Scan
 from tactsim.core.seeds import stream
 from tactsim.core.workers import worker_processes
@@ -23,7 +25,7 @@ from tactsim.press import cache as cached
 from tactsim.press.scan_options import ScanOptions
 from tactsim.press.scan_poses import grid_poses, random_poses, stage_for
 from tactsim.press.sensor import gains, sense
-from tactsim.press.touches import Touches, draw_loads
+from tactsim.press.touches import Normals, Touches, draw_loads
 
 if TYPE_CHECKING:
     from tactsim.press.sequences import Course
@@ -157,11 +159,12 @@ def as_pressed(
     stated: FloatArray,
     split: str,
     options: ScanOptions,
-    draw: Callable[[str], np.random.Generator],
+    draw: Callable[[str], Normals],
 ) -> Touches:
     """Say how a letter is truly pressed at stated poses (n, 3) sensor_in_object: misplaced, tilted, with what load.
 
-    draw(purpose): the generator for one purpose, so that no error depends on whether another is switched on.
+    draw(purpose): what draws for one purpose ("placement", "tilt" or "load"), so that no error depends on whether
+    another is switched on.
     """
     true, tilts = stated, np.tile((options.press.tilt_x, options.press.tilt_y), (len(stated), 1))
     spread = (options.placement_mm, options.placement_mm, options.placement_rad)
@@ -172,9 +175,7 @@ def as_pressed(
     return Touches(letter, true, tilts, load=_loads(len(stated), split, options, draw))
 
 
-def _loads(
-    count: int, split: str, options: ScanOptions, draw: Callable[[str], np.random.Generator]
-) -> FloatArray | None:
+def _loads(count: int, split: str, options: ScanOptions, draw: Callable[[str], Normals]) -> FloatArray | None:
     """Draw each press's force (count,) as a share of the options'; None if all presses have just that force.
 
     Those of the test presses are `test_load` times as large as those of the training presses.
@@ -329,9 +330,12 @@ def _seconds_per_press(options: ScanOptions) -> float:
 
 def _meta(options: ScanOptions, letters: Sequence[models.Letter]) -> dict[str, Any]:
     return {
+        "source": "simulated",
         "options": options.model_dump(mode="json"),
         "objects": {letter.name: object_facts(letter) for letter in letters},
-        "versions": cached.versions(),
+        "versions": {**cached.versions(), "tactsim": version("tactsim")},
+        # Whose a user's own shapes are is not ours to say.
+        **({} if options.shapes else {"licence": OWN_LICENCE}),
     }
 
 

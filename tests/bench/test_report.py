@@ -23,6 +23,7 @@ from tactsim.bench.report import recognition as replay
 from tactsim.bench.report.collect import budget, collect, find, method_name, task_name
 from tactsim.bench.report.curves import confusion_counts, reliability
 from tactsim.bench.report.pareto import frontier, points, recognition_seconds
+from tactsim.bench.report.picture import COLOURS, DARK_COLOURS, MARKERS, look
 from tactsim.bench.report.press_picture import images_shown
 from tactsim.bench.report.write import write_report
 from tactsim.bench.runner import about_estimator
@@ -453,3 +454,15 @@ def test_the_images_shown_run_from_before_touch_to_the_settled_force():
     assert 36 < shown[-1] <= 40
     assert len(shown) == 8
     assert images_shown(np.array([2.0])) == [0]
+
+
+def test_many_methods_all_look_different_and_alike_on_page_and_picture():
+    assert len(set(map(look, range(128)))) == 128
+    assert len({colour for colour, _ in map(look, range(16))}) == 16
+    assets = files("tactsim.bench") / "report" / "assets"
+    style = (assets / "page.css").read_text()
+    colours = tuple(re.findall(r"--m\d+: (#\w+);", style))
+    assert colours == COLOURS + DARK_COLOURS + DARK_COLOURS
+    assert re.findall(r"\.m(\d+) \{ --c: var\(--m(\d+)\)", style) == [(str(i), str(i)) for i in range(16)]
+    numbers = re.search(r"const COLOURS = (\d+), MARKS = (\d+);", (assets / "charts.js").read_text())
+    assert [int(number) for number in numbers.groups()] == [len(COLOURS), len(MARKERS)]

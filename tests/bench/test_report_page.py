@@ -217,7 +217,7 @@ def test_text_and_marks_stand_out(open_page, path, scheme):
     text = [
         (name, ground) for name in ("ink", "soft", "accent", "good", "bad") for ground in ("card", "page")
     ]
-    marks = [(name, "card") for name in (*(f"m{i}" for i in range(8)), "focus")]
+    marks = [(name, "card") for name in (*(f"m{i}" for i in range(16)), "focus")]
     assert min(page.evaluate(CONTRAST, [*text])) >= 4.5
     assert min(page.evaluate(CONTRAST, [*marks])) >= 3
 

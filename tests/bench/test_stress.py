@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 from tactsim.bench.cli.app import app
 from tactsim.bench.stress import TOPICS, cases, chosen_cases, run_case
 from tactsim.bench.stress.case import Worst, case, refused
-from tactsim.bench.stress.data import fit_once
+from tactsim.bench.stress.case_data import fit_once
 from tactsim.core import wrap_angle
 from tactsim.core.errors import InputError
 from tactsim.estimators.likelihoods.occupancy import sigmoid

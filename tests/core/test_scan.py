@@ -56,6 +56,17 @@ def test_the_digest_names_the_content(scan, tmp_path):
     assert Scan(**(fields | {"meta": {}})).digest != scan.digest
 
 
+def test_equal_scans_have_equal_digests_however_wide_their_names_were_stored(scan):
+    fields = {name: getattr(scan, name) for name in ("readings", "poses", "taxel_xy", "meta")}
+    wide = Scan(labels=scan.labels.astype("U40"), split=scan.split.astype("U40"), **fields)
+    assert wide.digest == scan.digest
+    test = scan.where("test")
+    alone = Scan(
+        test.readings, test.poses, np.array(["A", "E", "E"]), np.array(["test"] * 3), scan.taxel_xy, scan.meta
+    )
+    assert test.digest == alone.digest
+
+
 def test_selection_by_split_and_label_keeps_the_order(scan):
     chosen = scan.where(split="train", label="A")
     assert np.array_equal(chosen.readings, scan.readings[[0, 4]])

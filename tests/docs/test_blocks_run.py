@@ -39,6 +39,10 @@ OWN = {
 # What is not run, and why; each has the same reason in a comment on its page.
 NOT_RUN = {
     ("results/README.md", "RUN stands for a folder; tests/bench/test_results.py runs these lines on one"),
+    (
+        "docs/submit.md",
+        "a whole task takes minutes; tests/bench/leaderboard/test_submission.py does both with a small one",
+    ),
 }
 
 
@@ -121,7 +125,7 @@ def smaller(arguments):
     verb, *rest = arguments
     if verb in ("run", "bound"):
         few = ["--trials", "1", "--readings", "3"]
-        if not {"--letters", "--scan"} & set(rest):
+        if not {"--letters", "--scan", "--task"} & set(rest):
             held_out = dict(pairwise(rest)).get("--hold-out", "")
             few += ["--letters", "I" if verb == "bound" else "AE" + held_out]
         return [verb, *without(rest, "--trials", "--readings", "--jobs"), *few]
@@ -149,7 +153,12 @@ def smaller_sweep(source):
     given = Path(source) if source.endswith(".toml") else files("tactsim.bench") / "suites" / f"{source}.toml"
     table = tomllib.loads(given.read_text(encoding="utf-8"))
     few = {"trials": 1, "readings": 3}
-    lines = ["[defaults]", *map(first, ({"letters": "AE"} | table.get("defaults", {}) | few).items())]
+    defaults = table.get("defaults", {})
+    of_tasks = any("task" in one for one in (defaults, *table["run"]))
+    fewest = (
+        {"seed": 0} if of_tasks else {"letters": "AE"}
+    )  # a task has letters of its own, and several seeds
+    lines = ["[defaults]", *map(first, (fewest | defaults | few).items())]
     for one in table["run"]:
         small = (few if "trials" in one else {}) | ({"letters": "AE"} if "letters" in one else {})
         lines += ["[[run]]", *map(first, (one | small).items())]

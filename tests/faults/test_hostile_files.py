@@ -18,6 +18,7 @@ from tactsim import models
 from tactsim.bench import chunks, regression, results, sweep_file
 from tactsim.bench.compare import compare
 from tactsim.bench.config import run_config, scan_options
+from tactsim.bench.leaderboard.bundle import DONE, Bundle, read_bundle, write_bundle
 from tactsim.bench.placement_error import properties
 from tactsim.bench.regression_timing import Measured
 from tactsim.bench.report.collect import collect, find
@@ -304,6 +305,42 @@ def test_a_run_with_a_swapped_value_is_shown_or_refused_in_one_line(name, count,
 
 
 # ---- files whose parts have checksums: damaged inside, and sealed again
+
+
+@pytest.mark.parametrize("count", how_many(CASES))
+def test_a_hostile_bundle_is_read_or_refused(count, run_folder, tmp_path):
+    run, path = results.load(run_folder), tmp_path / "bundle.zip"
+    said = {name: run.about[name] for name in ("versions", "machine", "commit")}
+    write_bundle(
+        Bundle(task="t", task_data="0" * 64, method="m", estimator=run.estimator, options={"bins": 100}, status=DONE,
+               reproducible=True, source_hash=run.about["source"], made="now", runs=(run,), **said), path,
+    )  # fmt: skip
+    try_all("bundle", read_bundle, path, path.read_bytes(), count)
+    with zipfile.ZipFile(path) as archive:
+        members = {name: archive.read(name) for name in archive.namelist()}
+    for seed in range(count):
+        rng = np.random.default_rng(seed)
+        name = list(members)[rng.integers(len(members))]
+        bad = damaged(members[name], rng)
+        if name.endswith(".json") and rng.random() < 0.5:
+            bad = json.dumps(swapped(json.loads(members[name]), rng)).encode()
+        changed = members | {name: bad}
+        if name != "bundle.json":  # sealed again, so that what is inside is looked at
+            sums = {
+                other: hashlib.sha256(changed[other]).hexdigest()
+                for other in members
+                if other != "bundle.json"
+            }
+            changed["bundle.json"] = json.dumps(json.loads(members["bundle.json"]) | {"files": sums}).encode()
+        content = io.BytesIO()
+        with zipfile.ZipFile(content, "w") as archive:
+            for other, member in changed.items():
+                archive.writestr(other, member)
+        try:
+            holds_or_refuses(read_bundle, path, content.getvalue(), f"{name}, seed {seed}")
+        except Exception as error:
+            error.add_note(f"{name}, seed {seed}: {bad[:300]!r}")
+            raise
 
 
 @pytest.mark.parametrize("count", how_many(CASES))

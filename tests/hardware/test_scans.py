@@ -1,4 +1,5 @@
 from contextlib import nullcontext
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -34,6 +35,15 @@ def test_each_cut_feels_the_same_place_of_the_object(window, stride, count):
     assert np.allclose(touches.taxel_xy.mean(axis=0), 0)
     assert np.allclose(touches.readings, field(transform(touches.poses, touches.taxel_xy)))
     assert (touches.labels == "A").sum() == (touches.split == "train").sum() == count
+
+
+def test_what_is_cut_is_described_by_its_own_pad():
+    whole = Pad(rows=16, columns=16, seam=None)
+    scan = replace(array_scan(), meta={"pad": whole.model_dump(mode="json")})
+    assert Pad.model_validate(cut(scan, 5, 4).about["pad"]) == Pad(
+        rows=5, columns=4, seam=None, unread_columns=0
+    )
+    assert cut(array_scan(), 5, 4).about["pad"] is None
 
 
 @pytest.mark.parametrize("window", [(17, 5), (0, 5), (5, -1)])

@@ -1,7 +1,8 @@
 // Plots as inline SVG, drawn in real pixels so that text keeps its size on every screen.
 
 const DASHES = ["", "7 4", "2 4", "9 3 2 3", "1 3"];
-const MARKS = 8;
+// So many colours and markers: up to their product, no two methods look the same.
+const COLOURS = 16, MARKS = 8;
 
 // A marker's outline about (0, 0) with radius r; the shape tells methods apart without colour.
 function mark(number, r) {
@@ -22,7 +23,7 @@ function mark(number, r) {
     `M${-q} ${-r}H${q}V${-q}H${r}V${q}H${q}V${r}H${-q}V${q}H${-r}V${-q}H${-q}Z`,
     polygon(6, 0),
     polygon(5, -Math.PI / 2),
-  ][number % MARKS];
+  ][(number + Math.floor(number / COLOURS)) % MARKS];
 }
 
 function scale(kind, low, high, from, to) {
@@ -120,18 +121,18 @@ function curves(spec, onReading) {
     if (spec.y.ideal) inside.append(s("path", { class: "ideal", d: `M${sx(1)} ${sy(spec.y.ideal)}H${sx(last)}` }));
     for (const one of shown) {
       if (one.low) {
-        inside.append(s("path", { class: `band m${one.method % MARKS}`, d: bandPath(one.low.map(kept), one.high.map(kept), sx, sy) }));
+        inside.append(s("path", { class: `band m${one.method % COLOURS}`, d: bandPath(one.low.map(kept), one.high.map(kept), sx, sy) }));
       }
     }
     for (const one of shown) {
-      const look = one.bound ? "bound" : `m${one.method % MARKS}`;
+      const look = one.bound ? "bound" : `m${one.method % COLOURS}`;
       inside.append(s("path", { class: `line ${look}`, "stroke-dasharray": one.dash, d: linePath(one.values.map(kept), sx, sy) }));
     }
     inside.append(s("line", { class: "cursor", x1: sx(reading), x2: sx(reading), y1: margin.top, y2: height - margin.bottom }));
     for (const one of shown) {
       const value = kept(one.values[reading - 1] ?? null);
       if (value !== null && !one.bound) {
-        inside.append(s("path", { class: `dot m${one.method % MARKS}`, d: mark(one.method, 4), transform: `translate(${sx(reading)} ${sy(value)})` }));
+        inside.append(s("path", { class: `dot m${one.method % COLOURS}`, d: mark(one.method, 4), transform: `translate(${sx(reading)} ${sy(value)})` }));
       }
     }
   }
@@ -203,11 +204,11 @@ function reliability(spec) {
     inside.append(s("path", { class: "ideal", d: `M${sx(0)} ${sy(0)}L${sx(1)} ${sy(1)}` }));
     for (const method of new Set(points.map((point) => point.method))) {
       const mine = points.filter((point) => point.method === method);
-      inside.append(s("path", { class: `line thin m${method % MARKS}`, d: "M" + mine.map((point) => `${sx(point.p)} ${sy(point.right)}`).join("L") }));
+      inside.append(s("path", { class: `line thin m${method % COLOURS}`, d: "M" + mine.map((point) => `${sx(point.p)} ${sy(point.right)}`).join("L") }));
     }
     points.forEach((point, i) => {
       inside.append(s("path", {
-        class: `mark m${point.method % MARKS}${i === chosen ? " chosen" : ""}`, pointerenter: () => choose(i),
+        class: `mark m${point.method % COLOURS}${i === chosen ? " chosen" : ""}`, pointerenter: () => choose(i),
         d: mark(point.method, 3 + 5 * Math.sqrt(point.count / most)), transform: `translate(${sx(point.p)} ${sy(point.right)})`,
       }));
     });
@@ -230,12 +231,12 @@ function scatter(spec) {
     }
     for (const method of new Set(spec.points.map((point) => point.method))) {
       const mine = spec.points.filter((point) => point.method === method);
-      inside.append(s("path", { class: `line thin m${method % MARKS}`, d: "M" + mine.map((p) => `${sx(p.x)} ${sy(p.y)}`).join("L") }));
+      inside.append(s("path", { class: `line thin m${method % COLOURS}`, d: "M" + mine.map((p) => `${sx(p.x)} ${sy(p.y)}`).join("L") }));
     }
     for (const point of spec.points) {
       if (point.low !== undefined && point.low !== null) {
         const [low, high] = [point.low, point.high].map((value) => sy(clamp(value, spec.y.low, spec.y.high)));
-        inside.append(s("line", { class: `bar m${point.method % MARKS}`, x1: sx(point.x), x2: sx(point.x), y1: low, y2: high }));
+        inside.append(s("line", { class: `bar m${point.method % COLOURS}`, x1: sx(point.x), x2: sx(point.x), y1: low, y2: high }));
       }
     }
     byTime.forEach((point, i) => {
@@ -243,14 +244,14 @@ function scatter(spec) {
       if (point.frontier) inside.append(s("circle", { class: "ring", r: 9, transform: at }));
       inside.append(
         s("path", {
-          class: `mark m${point.method % MARKS}${i === chosen ? " chosen" : ""}`,
+          class: `mark m${point.method % COLOURS}${i === chosen ? " chosen" : ""}`,
           d: mark(point.method, 5),
           transform: at,
           pointerenter: () => choose(i),
         }),
       );
       if (point.budget && width > 420) {
-        inside.append(s("text", { class: `note m${point.method % MARKS}`, x: sx(point.x) + 9, y: sy(point.y) - 7 }, point.budget));
+        inside.append(s("text", { class: `note m${point.method % COLOURS}`, x: sx(point.x) + 9, y: sy(point.y) - 7 }, point.budget));
       }
     });
     if (chosen >= 0) {

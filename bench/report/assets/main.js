@@ -64,8 +64,8 @@ function readingsSection(task) {
       update(Number(control.input.value));
     });
     const line = s("svg", { class: "swatch", width: 26, height: 14, viewBox: "0 0 26 14", "aria-hidden": "true" },
-      s("path", { class: `line m${run.method % MARKS}`, "stroke-dasharray": run.dash, d: "M1 7H25" }),
-      s("path", { class: `mark m${run.method % MARKS}`, d: mark(run.method, 3.6), transform: "translate(13 7)" }));
+      s("path", { class: `line m${run.method % COLOURS}`, "stroke-dasharray": run.dash, d: "M1 7H25" }),
+      s("path", { class: `mark m${run.method % COLOURS}`, d: mark(run.method, 3.6), transform: "translate(13 7)" }));
     return h("label", { class: "toggle" }, input, line, run.label);
   });
   const set = (runs) => {

@@ -174,7 +174,7 @@ function recognitionView(protocol) {
     const p = row(trial.probabilities, k);
     bars.replaceChildren(
       ...lettersToShow(trial).map((i, place) => {
-        const fill = h("span", { class: `fill m${place % MARKS}` });
+        const fill = h("span", { class: `fill m${place % COLOURS}` });
         fill.style.setProperty("width", `${(100 * p[i]).toFixed(2)}%`);
         const isTrue = trial.labels[i] === trial.answer;
         return h("div", { class: "bar-row" },
@@ -205,7 +205,7 @@ function recognitionView(protocol) {
       let y = middle;
       shown.forEach((letter, place) => {
         const tall = (middle - top) * p[letter];
-        if (tall > 0.2) parts.push(s("rect", { class: `area m${place % MARKS}`, x: x(i), y: y - tall, width: Math.max(column * 0.92, 0.5), height: tall }));
+        if (tall > 0.2) parts.push(s("rect", { class: `area m${place % COLOURS}`, x: x(i), y: y - tall, width: Math.max(column * 0.92, 0.5), height: tall }));
         y -= tall;
       });
     }

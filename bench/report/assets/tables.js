@@ -7,7 +7,7 @@ function scrolling(label, table) {
 
 const swatch = (method) => {
   const svg = s("svg", { class: "swatch", width: 14, height: 14, viewBox: "-7 -7 14 14", "aria-hidden": "true" });
-  svg.append(s("path", { class: `mark m${method % MARKS}`, d: mark(method, 4.5) }));
+  svg.append(s("path", { class: `mark m${method % COLOURS}`, d: mark(method, 4.5) }));
   return svg;
 };
 

@@ -1,0 +1,72 @@
+"""`bench import`: make a scan of what was exported, or of arrays of other people."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def command(
+    source: Annotated[
+        Path,
+        typer.Argument(
+            metavar="FILE|FOLDER", help="A folder of Parquet, or a .mcap, .h5, .npz or .mat file."
+        ),
+    ],
+    out: Annotated[Path, typer.Option(help="The scan to write, .npz.")],
+    pad: Annotated[
+        Path | None, typer.Option(help="Of arrays: the pad, a TOML file.", show_default=False)
+    ] = None,
+    unit: Annotated[
+        str | None,
+        typer.Option(help="Of arrays: what the readings are in: kPa, N, V or count.", show_default=False),
+    ] = None,
+    readings: Annotated[
+        str, typer.Option(help="Of arrays: what the readings are called in the file.")
+    ] = "readings",
+    poses: Annotated[
+        str, typer.Option(help="What the poses are called: sensor in object, mm, mm, rad.")
+    ] = "poses",
+    labels: Annotated[str, typer.Option(help="What the names of the objects are called.")] = "labels",
+    split: Annotated[
+        str | None,
+        typer.Option(
+            help="What says train or test is called. Default: all presses are to train on.",
+            show_default=False,
+        ),
+    ] = None,
+    licence: Annotated[
+        str | None,
+        typer.Option(
+            help="The scan's licence by its SPDX name, like CC-BY-4.0, if it does not state its own.",
+            show_default=False,
+        ),
+    ] = None,
+) -> None:
+    """Make a scan of what `bench export` wrote, bit for bit, or of arrays in a .npz or .mat file."""
+    from tactsim.bench import formats
+    from tactsim.bench.console import plain_console
+    from tactsim.bench.formats.arrays_file import SUFFIXES, read_arrays
+    from tactsim.bench.places import check_new_file
+    from tactsim.core import InputError, Pad
+
+    check_new_file(out)
+    if source.suffix.lower() in SUFFIXES:
+        if pad is None or unit is None:
+            raise InputError(f"{source}: arrays do not say their pad and unit; give --pad and --unit")
+        names = {"readings": readings, "poses": poses, "labels": labels} | ({"split": split} if split else {})
+        scan = read_arrays(source, names, Pad.load(pad), unit)
+    else:
+        if pad is not None or unit is not None:
+            raise InputError(
+                f"{source} says its pad and unit itself; --pad and --unit are of .npz and .mat files"
+            )
+        scan = formats.read(source)
+    if licence is not None:
+        scan = scan.licensed(licence)
+    scan.save(out)
+    plain_console().print(
+        f"{len(scan):,} readings of {' '.join(scan.letters)}, {scan.readings.shape[1]} taxels, in {out}"
+    )

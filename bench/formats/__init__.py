@@ -1,0 +1,136 @@
+"""Data that travels: the file formats that a scan or the trials of a run can be written in, and read from.
+
+    from tactsim.bench import formats
+
+    formats.write(scan, "letters", "parquet")  # a folder as Hugging Face lays it out
+    formats.read("letters").digest == scan.digest
+
+One file for each format; `FORMATS` is the one table that chooses among them. A format's library is an extra and is
+imported when the format is first used.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+from tactsim.bench.run import Run
+from tactsim.core import InputError, Scan
+from tactsim.core.errors import unknown
+from tactsim.core.files import new_folder, replacing
+
+
+@dataclass(frozen=True)
+class Format:
+    """One row of `FORMATS`.
+
+    line: what it is for. library: what has to be installed, by the extra `name`. module: the file of this package
+    that has `write_scan`, and `read_scan` and `write_run` if `reads` and `runs`. suffixes: of its files; none if it
+    is a folder.
+    """
+
+    name: str
+    line: str
+    library: str
+    module: str
+    suffixes: tuple[str, ...] = ()
+    reads: bool = True
+    runs: bool = False
+
+    def load(self) -> Any:
+        """Import the file of this format. Raises InputError if its library is not installed."""
+        try:
+            import_module(self.library)
+        except ImportError as error:
+            raise InputError(
+                f"{self.name} needs the library {self.library.partition('.')[0]} ({error}): "
+                f"pip install 'tactsim[{self.name}]'"
+            ) from error
+        return import_module(f"{__name__}.{self.module}")
+
+
+FORMATS = {
+    one.name: one
+    for one in (
+        Format(
+            "parquet", "a folder with a data card, as Hugging Face lays it out", "pyarrow", "parquet_folder", runs=True
+        ),
+        Format(
+            "lerobot", "a LeRobotDataset v3, experimental for touch: a press is an episode", "pyarrow",
+            "lerobot_folder", reads=False,
+        ),
+        Format("mcap", "one file that Foxglove plays back as images", "mcap.writer", "mcap_file", (".mcap",)),
+        Format("hdf5", "one file with every array and its unit", "h5py", "hdf5_file", (".h5", ".hdf5"), runs=True),
+    )
+}  # fmt: skip
+
+
+def find(name: str) -> Format:
+    """Look a format up by its name. Raises InputError for an unknown one."""
+    if name not in FORMATS:
+        raise unknown("format", name, FORMATS)
+    return FORMATS[name]
+
+
+def guess(path: str | Path) -> Format:
+    """Tell by its name in which of the formats that can be read a file is. Raises InputError if none fits."""
+    place = Path(path)
+    for one in FORMATS.values():
+        if one.reads and (place.suffix.lower() in one.suffixes or (place.is_dir() and not one.suffixes)):
+            return one
+    known = [suffix for one in FORMATS.values() if one.reads for suffix in one.suffixes]
+    raise InputError(
+        f"{path}: no format has such files; known are {', '.join(known)}, arrays in .npz and .mat, and a folder of "
+        "Parquet"
+    )
+
+
+def write(what: Scan | Run, path: str | Path, name: str) -> None:
+    """Write a scan, or the trials of a run, in the format of that name: a new folder or a file, whole or not at all.
+
+    The same scan gives the same bytes with the same version of the format's library.
+
+    Raises InputError for an unknown format, one that has no room for what is given, a missing library, a folder that
+    holds something, a file of another ending and a place that cannot be written.
+    """
+    form = find(name)
+    if isinstance(what, Run) and not form.runs:
+        others = " or ".join(one.name for one in FORMATS.values() if one.runs)
+        raise InputError(
+            f"{name} takes presses, and a run keeps its estimates, not its readings; export it to {others}"
+        )
+    if isinstance(what, Scan) and not len(what):
+        raise InputError("the scan holds no readings, so there is nothing to export")
+    if form.suffixes and Path(path).suffix.lower() not in form.suffixes:
+        raise InputError(f"{path}: a file of {name} has a name that ends in {' or '.join(form.suffixes)}")
+    module = form.load()
+    write_it = module.write_scan if isinstance(what, Scan) else module.write_run
+    if form.suffixes:
+        with replacing(path) as stream:
+            write_it(what, stream)
+    else:
+        with new_folder(path) as folder:
+            write_it(what, folder)
+
+
+def read(path: str | Path, name: str | None = None) -> Scan:
+    """Read a scan that `write` wrote; nothing in it is unpickled or run, and what it claims is checked first.
+
+    name: the format; None to tell it from the path. Raises InputError if the file is missing, not whole, of another
+    kind or larger than a scan may be, and if the format's library is missing.
+    """
+    form = guess(path) if name is None else find(name)
+    if not form.reads:
+        others = ", ".join(one.name for one in FORMATS.values() if one.reads)
+        raise InputError(
+            f"{form.name} keeps 32 bits of each reading, so no scan comes back from it; read {others}"
+        )
+    module = form.load()
+    try:
+        scan = module.read_scan(Path(path))
+    except InputError as error:
+        raise InputError(f"cannot read {path} as {form.name}: {error}") from error
+    assert isinstance(scan, Scan)
+    return scan

@@ -1,0 +1,46 @@
+"""What a format without room of its own keeps beside the readings: taxels, times and `meta`, as one JSON object."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from tactsim.core import InputError, Scan
+from tactsim.core.errors import short
+from tactsim.core.poses import FloatArray
+
+_VERSION = 1
+
+
+def document_of(scan: Scan) -> dict[str, Any]:
+    """Put all but the presses of a scan into a JSON object; `about` is for readers only."""
+    return {
+        "tactsim_scan": _VERSION,
+        "taxel_xy": scan.taxel_xy.tolist(),
+        "sequence_times": None if scan.sequence_times is None else scan.sequence_times.tolist(),
+        "meta": dict(scan.meta),
+        "about": scan.about,
+    }
+
+
+def parts_of(document: dict[str, Any]) -> tuple[FloatArray, FloatArray | None, dict[str, Any]]:
+    """Read the object back: (taxels, 2) mm, (frames,) s or None, `meta`. Raises InputError if it makes no sense."""
+    version = document.get("tactsim_scan")
+    if version != _VERSION:
+        raise InputError(f"it is of version {short(version)} of tactsim's scans; this reads {_VERSION}")
+    meta, times = document.get("meta"), document.get("sequence_times")
+    if not isinstance(meta, dict):
+        raise InputError("its meta is no JSON object")
+    taxel_xy = _numbers(document.get("taxel_xy"), "taxel_xy", 2)
+    return taxel_xy, None if times is None else _numbers(times, "sequence_times", 1), meta
+
+
+def _numbers(values: Any, name: str, axes: int) -> FloatArray:
+    try:
+        array = np.array(values, dtype=np.float64)
+    except (TypeError, ValueError):
+        array = np.zeros(())
+    if array.ndim != axes or (axes == 2 and array.shape[1] != 2) or not array.size:
+        raise InputError(f"its {name} are no numbers along {axes} axes")
+    return array

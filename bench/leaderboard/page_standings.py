@@ -1,0 +1,117 @@
+"""Fill the tables of a page with the standings of a folder: `python -m tactsim.bench.leaderboard.page_standings`.
+
+`page_standings FOLDER PAGE` reads the bundles of FOLDER. The page says which task it wants a table of, between two
+comments, and what stands between them is replaced:
+
+    <!-- standings: letters-offgrid-v1 -->
+    <!-- end of standings -->
+"""
+
+from __future__ import annotations
+
+import re
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from tactsim.bench.leaderboard import paper_rows
+from tactsim.bench.leaderboard.figure_words import MISSING, heading, number, rank, text_of
+from tactsim.bench.leaderboard.standings import Entrant, Standings, read_folder
+from tactsim.bench.tasks import task
+from tactsim.core import InputError
+from tactsim.core.documents import read_text
+from tactsim.core.files import write_text
+
+STANDINGS = re.compile(r"(<!-- standings: (?P<task>[^>]*?) -->\n).*?(<!-- end of standings -->)", re.DOTALL)
+_SEEN = (1, 2, 3, 5, 10, 20)
+_LARGEST_PAGE = 10_000_000  # bytes
+
+
+def fill(text: str, standings: Sequence[Standings]) -> str:
+    """Replace the standings in a page. Raises InputError for an unknown task, or one without an end."""
+    if text.count("<!-- standings:") != len(STANDINGS.findall(text)):
+        raise InputError("standings have no `<!-- end of standings -->`")
+    found = {of.task: of for of in standings if of.known}
+
+    def table(match: re.Match[str]) -> str:
+        of = found.get(task(match["task"]).name)
+        filled = _table(of) if of is not None else "*No method has entered yet.*\n"
+        return f"{match[1]}{filled}{match[3]}"
+
+    return STANDINGS.sub(table, text)
+
+
+def _table(of: Standings) -> str:
+    seen = [at for at in _SEEN if at <= of.readings]
+    last = f"error_mm@{of.readings}"
+    heads = [
+        "rank",
+        "method",
+        heading(of.by),
+        f"right after {', '.join(map(str, seen))}",
+        heading(last),
+        "× bound",
+    ]
+    rows = [[*heads, "ms a reading", "done again"], ["---"] * (len(heads) + 2)]
+    rows += [_row(of, one, seen, last) for one in of.ranked]
+    if of.task == paper_rows.TASK:
+        rows += [_paper_row(row, of, seen) for row in paper_rows.ROWS]
+    rows += [
+        [MISSING, _escaped(one.label), _escaped(f"no score: {one.status}"), *[""] * 5] for one in of.unranked
+    ]
+    lines = "".join(f"| {' | '.join(row)} |\n" for row in rows)
+    return f"{lines}\n{_origin(of)}\n"
+
+
+def _row(of: Standings, one: Entrant, seen: Sequence[int], last: str) -> list[str]:
+    accuracies = " / ".join(number(one.figure(f"accuracy@{at}").value, "accuracy") for at in seen)
+    bound = one.figure(f"efficiency@{of.readings}")
+    again = MISSING if one.check is None else f"{one.check.again} of {one.check.trials}"
+    return [
+        rank(one.rank), _escaped(one.label), text_of(one.figure(of.by), of.by), accuracies,
+        text_of(one.figure(last), last), number(bound.value, "efficiency"), f"{one.ms_per_reading:.3g}", again,
+    ]  # fmt: skip
+
+
+def _paper_row(row: paper_rows.PaperRow, of: Standings, seen: Sequence[int]) -> list[str]:
+    def shown(at: int) -> str:
+        value = row.accuracy_after(at)
+        return MISSING if value is None else f"{value:.2f}"
+
+    ranked_at = int(of.by.partition("@")[2])
+    accuracies = " / ".join(map(shown, seen))
+    return [MISSING, f"*{row.method}*", f"*{shown(ranked_at)}*", f"*{accuracies}*", MISSING, MISSING, MISSING,
+            "*read from the paper*"]  # fmt: skip
+
+
+def _origin(of: Standings) -> str:
+    if not of.ranked:
+        return "*No method has a score.*"
+    commits = sorted({(one.bundle.commit or "unknown")[:12] for one in of.ranked})
+    return (
+        f"*`bench submit {of.task}`: {len(of.ranked[0].bundle.runs)} scans, {of.trials} trials for each figure; in "
+        f"brackets 95 % intervals over scans and trials; commit {', '.join(commits)}.*"
+    )
+
+
+def _escaped(text: str) -> str:
+    """Keep the text of a bundle from being markup in a page."""
+    return re.sub(r"([\\`*_{}\[\]<>()#+!|&~$-])", r"\\\1", text)
+
+
+def main(words: Sequence[str]) -> int:
+    """Fill the page `words[1]` from the folder `words[0]`; returns the exit status."""
+    try:
+        folder, page = map(Path, words)
+        found = read_folder(folder)
+        for path, why in found.unreadable:
+            raise InputError(f"{path}: {why}")
+        write_text(page, fill(read_text(page, "page", _LARGEST_PAGE), found.standings))
+    except InputError as error:
+        print(f"standings: {error}", file=sys.stderr)
+        return 2
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -1,0 +1,112 @@
+"""Which methods of a task can be told apart: paired tests of all pairs, corrected, and the ranks that they leave.
+
+All methods of a task saw the same trials, so they are compared trial by trial. Accuracy: McNemar's exact test,
+corrected for the number of pairs by Holm (1979). Placement error: a bootstrap over scans and trials whose draws are
+the same for all methods, corrected by the largest of the studentised differences (Westfall and Young 1993). The chance
+that a table calls any two equal methods different is then 5 % at most on the scans of the task. The bootstrap also asks
+about the next scan, which five scans answer only in part (`pooled`).
+
+A method's rank is given as the range that the tests leave: above it are only methods that are better beyond chance,
+below it only worse ones (Mogstad, Romano, Shaikh and Wilhelm 2024, Inference for Ranks).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tactsim.bench.compare import mcnemar
+from tactsim.core.poses import FloatArray
+
+LEVEL = 0.05  # of a table: the chance that any two equal methods of it are called different
+
+
+@dataclass(frozen=True, eq=False)
+class Accuracies:
+    """All pairs of m methods by accuracy.
+
+    wins: (m, m) trials that the row's method has right and the column's has not. p: (m, m), corrected.
+    """
+
+    wins: NDArray[np.int64]
+    p: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Errors:
+    """All pairs of m methods by placement error on the trials that both named, each (m, m).
+
+    difference: mm, the row's mean error less the column's. low, high: its 95 % interval, uncorrected. p: corrected.
+    NaN where no trial was named by both; p is 1 there.
+    """
+
+    difference: FloatArray
+    low: FloatArray
+    high: FloatArray
+    p: FloatArray
+
+
+def compare_accuracies(right: NDArray[np.bool_]) -> Accuracies:
+    """Compare all pairs of methods by which trials (m, n) they have right, with McNemar's exact test."""
+    count = right.astype(np.int64)
+    wins = count @ (1 - count).T
+    first, second = np.triu_indices(len(right), 1)
+    p = np.ones(wins.shape)
+    p[first, second] = p[second, first] = holm(
+        [mcnemar(right[i], right[j]) for i, j in zip(first, second, strict=True)]
+    )
+    return Accuracies(wins, p)
+
+
+def holm(p: Sequence[float]) -> FloatArray:
+    """Correct p values for their number (Holm 1979): all that stay below a level do so with that level together."""
+    values = np.asarray(p, dtype=float)
+    order = np.argsort(values, kind="stable")
+    steps = np.maximum.accumulate(values[order] * np.arange(len(values), 0, -1))
+    corrected = np.empty(len(values))
+    corrected[order] = np.minimum(steps, 1)
+    return corrected
+
+
+def compare_errors(errors: FloatArray, named: NDArray[np.bool_], counts: FloatArray) -> Errors:
+    """Compare all pairs of methods by placement errors (m, n), mm, of the trials that both named (m, n).
+
+    counts: (draws, n), how often each bootstrap draw has each trial (`pooled.resampled`).
+    """
+    methods = len(errors)
+    first, second = np.triu_indices(methods, 1)
+    both = (named[first] & named[second]).astype(float)  # (pairs, n)
+    apart = (errors[first] - errors[second]) * both
+    with np.errstate(invalid="ignore", divide="ignore"):
+        difference = apart.sum(axis=1) / both.sum(axis=1)
+        drawn = (counts @ apart.T) / (counts @ both.T)  # (draws, pairs)
+    drawn = np.where(np.isnan(drawn), difference, drawn)  # a draw without a common trial says nothing
+    low, high = np.quantile(drawn, [0.025, 0.975], axis=0)
+    p = _largest_of(difference, drawn)
+    square = [np.full((methods, methods), np.nan) for _ in range(3)] + [np.ones((methods, methods))]
+    for one, upper, lower in zip(
+        square, (difference, low, high, p), (-difference, -high, -low, p), strict=True
+    ):
+        one[first, second], one[second, first] = upper, lower
+    return Errors(*square)
+
+
+def _largest_of(difference: FloatArray, drawn: FloatArray) -> FloatArray:
+    """Give corrected p values of differences (pairs,) from their draws (draws, pairs), by the largest of a draw."""
+    p = np.ones(len(difference))
+    tested = np.isfinite(difference) & (difference != 0)
+    if tested.any():
+        spread = np.maximum(drawn[:, tested].std(axis=0), np.finfo(float).tiny)
+        chance = np.abs((drawn[:, tested] - difference[tested]) / spread).max(axis=1)
+        beyond = (chance[:, None] >= np.abs(difference[tested] / spread)).sum(axis=0)
+        p[tested] = (1 + beyond) / (1 + len(chance))
+    return p
+
+
+def ranks(better: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """Give the best and the worst rank that each method can have, from which (m, m) row is better than which column."""
+    above, below = better.sum(axis=0), better.sum(axis=1)
+    return [(1 + int(a), len(better) - int(b)) for a, b in zip(above, below, strict=True)]

@@ -1,0 +1,141 @@
+"""Scans of arrays that others saved with NumPy or MATLAB."""
+
+import numpy as np
+import pytest
+from command_line import refused
+from hostile import damaged
+from scipy.io import savemat
+
+from tactsim.bench.formats.arrays_file import read_arrays
+from tactsim.core import InputError, Pad, Scan
+
+PAD = Pad(rows=2, columns=3, seam=None, unread_columns=0)
+NAMES = {"readings": "readings", "poses": "poses", "labels": "labels", "split": "split"}
+READINGS = np.random.default_rng(0).normal(size=(4, 6))
+POSES = np.arange(12.0).reshape(4, 3)
+WORDS = ("--pad", "pad.toml", "--unit", "count", "--out", "scan.npz")
+
+
+@pytest.fixture(autouse=True)
+def pad_file(tmp_path):
+    (tmp_path / "pad.toml").write_text("rows = 2\ncolumns = 3\nno_seam = true\nunread_columns = 0\n")
+
+
+def save(path, **arrays):
+    given = {
+        "readings": READINGS, "poses": POSES, "labels": np.array(["A", "B", "A", "long"]),
+        "split": np.array(["train", "test", "train", "test"]), **arrays,
+    }  # fmt: skip
+    if path.suffix == ".npz":
+        np.savez(path, **given)
+    else:
+        savemat(path, given)
+    return path
+
+
+@pytest.mark.parametrize("suffix", [".npz", ".mat"])
+def test_arrays_are_a_scan(suffix, tmp_path):
+    scan = read_arrays(save(tmp_path / f"a{suffix}"), NAMES, PAD, "N")
+    wanted = Scan.from_arrays(READINGS, POSES, ["A", "B", "A", "long"], ["train", "test"] * 2, PAD, unit="N")
+    assert scan.digest == wanted.digest
+
+
+@pytest.mark.parametrize("compress", [False, True])
+def test_matlab_s_ways_of_saving_are_read(compress, tmp_path):
+    cell = np.empty((4, 1), dtype=object)
+    cell[:, 0] = ["A", "B", "A", "long"]
+    arrays = {
+        "force": np.round(READINGS * 100).astype(np.int16).reshape(4, 2, 3),
+        "where": POSES, "who": cell, "learn": np.array([[True], [False], [True], [False]]),
+    }  # fmt: skip
+    savemat(tmp_path / "a.mat", arrays, do_compression=compress)
+    names = {"readings": "force", "poses": "where", "labels": "who", "split": "learn"}
+    scan = read_arrays(tmp_path / "a.mat", names, PAD, "count")
+    assert np.array_equal(scan.readings, np.round(READINGS * 100))
+    assert scan.labels.tolist() == ["A", "B", "A", "long"]
+    assert scan.split.tolist() == ["train", "test", "train", "test"]
+
+
+def test_arrays_are_imported_by_their_names(tmp_path, here):
+    np.savez(tmp_path / "a.npz", X=READINGS, T=POSES, y=np.array([0, 1, 0, 1]))
+    done = here(
+        "import", "a.npz", *WORDS, "--readings", "X", "--poses", "T", "--labels", "y", "--licence", "CC0-1.0"
+    )
+    assert done.returncode == 0, done.stderr
+    scan = Scan.load(tmp_path / "scan.npz")
+    assert (scan.letters, scan.split.tolist()) == (("0", "1"), ["train"] * 4)
+    assert (scan.about["units"]["readings"], scan.about["licence"]) == ("count", "CC0-1.0")
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (["a.npz", "--out", "scan.npz"], "give --pad and --unit"),
+        (["a.npz", "--readings", "reading", *WORDS], "it has no array 'reading'"),
+        (["a.mat", "--readings", "reading", *WORDS], "it has no array 'reading'; it has 'readings', "),
+        (["a.npz", *WORDS, "--unit", "psi"], "known are kPa"),
+        (["a.npz", *WORDS, "--poses", "readings"], "poses has shape"),
+        (["a.npz", *WORDS, "--pad", "none.toml"], "none.toml"),
+        (["b.h5", *WORDS], "says its pad and unit itself"),
+    ],
+)
+def test_a_mistake_is_one_line(words, says, tmp_path, here):
+    save(tmp_path / "a.npz")
+    save(tmp_path / "a.mat")
+    refused(here("import", *words), says)
+    assert not (tmp_path / "scan.npz").exists()
+
+
+@pytest.mark.parametrize(
+    ("arrays", "says"),
+    [
+        ({"readings": {"a": READINGS}}, "is a struct, no numbers"),
+        ({"readings": np.array([[READINGS, 1]], dtype=object)}, "cell of more than texts"),
+        ({"readings": READINGS.astype(complex)}, "no numbers"),
+    ],
+)
+def test_a_mat_file_of_anything_else_is_refused(arrays, says, tmp_path):
+    with pytest.raises(InputError, match=says):
+        read_arrays(save(tmp_path / "a.mat", **arrays), NAMES, PAD, "N")
+
+
+def test_a_mat_file_that_claims_too_much_is_refused(tmp_path, monkeypatch):
+    monkeypatch.setattr("tactsim.bench.formats.arrays_file.LARGEST", 1_000_000)
+    savemat(tmp_path / "a.mat", {"readings": np.zeros((200_000, 1))}, do_compression=True)
+    with pytest.raises(InputError, match="claims 1,600,000 bytes, more than a scan may hold"):
+        read_arrays(tmp_path / "a.mat", {"readings": "readings"}, PAD, "N")
+
+
+def test_a_reader_that_dies_is_one_line(tmp_path, monkeypatch):
+    save(tmp_path / "a.mat")
+    (tmp_path / "dies.py").write_text("import os\nos.abort()\n")
+    monkeypatch.setattr("tactsim.bench.formats.arrays_file._CHILD", tmp_path / "dies.py")
+    with pytest.raises(InputError, match="reader died of it"):
+        read_arrays(tmp_path / "a.mat", NAMES, PAD, "N")
+
+
+def test_matlab_s_hdf5_is_told_from_the_others(tmp_path):
+    (tmp_path / "a.mat").write_bytes(
+        b"MATLAB 7.3 MAT-file, Platform: GLNXA64".ljust(512) + b"\x89HDF\r\n\x1a\n"
+    )
+    with pytest.raises(InputError, match="save it with -v7"):
+        read_arrays(tmp_path / "a.mat", NAMES, PAD, "N")
+
+
+@pytest.mark.parametrize("count", [4, pytest.param(300, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("compress", [False, True])
+def test_a_damaged_mat_file_is_read_or_refused_in_one_line(compress, count, tmp_path):
+    cell = np.array(["A", "B", "A", "long"], dtype=object)
+    arrays = {"readings": READINGS, "poses": POSES, "labels": cell, "split": np.array([1, 0, 1, 0])}
+    path = tmp_path / "a.mat"
+    savemat(path, arrays, do_compression=compress)
+    content = path.read_bytes()
+    for seed in range(count):
+        path.write_bytes(damaged(content, np.random.default_rng(seed)))
+        try:
+            read_arrays(path, NAMES, PAD, "N")
+        except InputError as error:
+            assert "\n" not in str(error)  # noqa: PT017
+        except BaseException as error:
+            error.add_note(f"seed {seed}")
+            raise

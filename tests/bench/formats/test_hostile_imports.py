@@ -1,0 +1,351 @@
+"""Files from strangers: damaged, made to claim too much, or pointing elsewhere; each is one line, nothing else."""
+
+import json
+import os
+import shutil
+import zlib
+
+import h5py
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+from hostile import damaged, swapped
+from made_scans import make_scan
+from mcap.writer import CompressionType, Writer
+
+from tactsim.bench import formats
+from tactsim.core import InputError
+
+CASES = 150
+TRAIN = "data/train-00000-of-00001.parquet"
+
+
+@pytest.fixture
+def written(tmp_path):
+    """Write a small scan in a format; gives its path and the file of it that is damaged."""
+
+    def write(name, **words):
+        form = formats.FORMATS[name]
+        path = tmp_path / ("scan" + (form.suffixes or ("",))[0])
+        formats.write(make_scan(np.random.default_rng(0), splits=["train"], **words), path, name)
+        return path
+
+    return write
+
+
+def refuses(path, says=None):
+    with pytest.raises(InputError, match=says) as error:
+        formats.read(path)
+    assert "\n" not in str(error.value)
+    assert len(str(error.value)) < 3000
+
+
+def reads_or_refuses(path):
+    try:
+        formats.read(path)
+    except InputError as error:
+        assert "\n" not in str(error)  # noqa: PT017
+        assert len(str(error)) < 3000  # noqa: PT017
+
+
+@pytest.mark.parametrize("count", [CASES, pytest.param(20 * CASES, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("frames", [0, 3])
+@pytest.mark.parametrize(
+    ("name", "file"), [("parquet", TRAIN), ("parquet", "scan.json"), ("mcap", ""), ("hdf5", "")]
+)
+def test_a_damaged_file_is_read_or_refused_in_one_line(name, file, frames, count, written):
+    path = written(name, frames=frames)
+    target = path / file if file else path
+    content = target.read_bytes()
+    for seed in range(count):
+        target.write_bytes(
+            damaged(content, np.random.default_rng([zlib.crc32(f"{name}{file}".encode()), seed]))
+        )
+        try:
+            reads_or_refuses(path)
+        except Exception as error:
+            error.add_note(f"seed {seed}")
+            raise
+
+
+@pytest.mark.parametrize("name", ["parquet", "mcap", "hdf5"])
+def test_a_file_that_is_cut_short_is_refused(name, written):
+    path = written(name)
+    target = path / TRAIN if name == "parquet" else path
+    content = target.read_bytes()
+    for share in np.linspace(0, 0.99, 20):
+        target.write_bytes(content[: int(share * len(content))])
+        refuses(path)
+
+
+def test_swapped_values_of_the_document_are_one_line(written):
+    path = written("parquet", frames=2)
+    document = json.loads((path / "scan.json").read_text())
+    for seed in range(CASES):
+        (path / "scan.json").write_text(json.dumps(swapped(document, np.random.default_rng(seed))))
+        reads_or_refuses(path)
+
+
+# ---- Parquet
+
+
+def rewritten(path, change):
+    table = pq.read_table(path / TRAIN)
+    (path / TRAIN).unlink()
+    pq.write_table(change(table), path / TRAIN)
+
+
+def with_column(table, name, array):
+    return table.set_column(table.column_names.index(name), name, array)
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        (lambda t: t.drop_columns(["readings"]), "column readings should be once"),
+        (lambda t: t.append_column("readings", t["pose"]), "column readings should be once|no whole Parquet"),
+        (
+            lambda t: with_column(t, "readings", t["pose"]),
+            r"column readings should be .*fixed_size_list.*\[4\]",
+        ),
+        (lambda t: with_column(t, "label", t["row"]), "labels are no text|no whole Parquet"),
+        (lambda t: with_column(t, "label", pa.array(["x" * 500] * len(t))), "longer than 400 bytes"),
+        (lambda t: with_column(t, "label", pa.array([None] * len(t), pa.string())), "a label is missing"),
+        (lambda t: with_column(t, "row", pa.array([0] * len(t))), "not numbered from 0"),
+        (lambda t: with_column(t, "row", pa.array([None] * len(t), pa.int64())), "a number is missing"),
+        (lambda t: t.slice(0, 2), "not numbered|^.*$"),
+    ],
+)
+def test_a_table_of_another_make_is_refused(change, says, written):
+    path = written("parquet")
+    rewritten(path, change)
+    if says.endswith("^.*$"):  # fewer rows, numbered from 0, are a scan too
+        return
+    refuses(path, says)
+
+
+def test_a_label_of_a_megabyte_is_not_repeated_for_each_row(written):
+    path = written("parquet", count=2)
+    table = pq.read_table(path / TRAIN)
+    rows = 50_000
+    big = pa.DictionaryArray.from_arrays(
+        pa.array(np.zeros(rows, dtype=np.int32)), pa.array(["x" * 1_000_000])
+    )
+    columns = {
+        name: pa.concat_arrays([table[name].chunk(0).slice(0, 1)] * rows) for name in ("pose", "readings")
+    }
+    pq.write_table(pa.table({"row": pa.array(range(rows)), "label": big, **columns}), path / TRAIN)
+    refuses(path, "longer than 400 bytes")
+
+
+def test_more_rows_than_a_scan_may_have_are_refused_before_they_are_read(written):
+    path = written("parquet", count=1, taxels=1)
+    rows = 2_000_000  # a run of zeros: 2 kB in the file
+    zeros = pa.array(np.zeros(rows, dtype=np.int64))
+    document = json.loads((path / "scan.json").read_text())
+    taxels = 1000
+    (path / "scan.json").write_text(json.dumps(document | {"taxel_xy": [[0, 0]] * taxels}))
+    labels = pa.DictionaryArray.from_arrays(pa.array(np.zeros(rows, dtype=np.int8)), pa.array(["A"]))
+    pq.write_table(pa.table({"row": zeros, "label": labels}), path / TRAIN)
+    refuses(path, "claims .* bytes")
+
+
+# ---- HDF5
+
+
+def hdf5(written, change, **words):
+    path = written("hdf5", **words)
+    with h5py.File(path, "r+") as file:
+        change(file)
+    return path
+
+
+def replace(file, name, **words):
+    del file[name]
+    file.create_dataset(name, **words)
+
+
+def outside(file):
+    file["readings_elsewhere"] = np.zeros((6, 4))
+    del file["readings"]
+    file["readings"] = h5py.ExternalLink("/etc/passwd", "/readings")
+
+
+def outside_in_a_sequence(file):
+    file["sequence"] = h5py.ExternalLink("pipe.h5", "/sequence")
+
+
+def squeezed_twice(file):
+    made = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
+    made.set_chunk((6, 4))
+    made.set_deflate(9)
+    made.set_deflate(9)
+    del file["readings"]
+    space = h5py.h5s.create_simple((6, 4))
+    h5py.h5d.create(file.id, b"readings", h5py.h5t.IEEE_F64LE, space, made)
+
+
+def soft(file):
+    file.move("readings", "elsewhere")
+    file["readings"] = h5py.SoftLink("/elsewhere")
+
+
+def external_bytes(file):
+    replace(file, "readings", shape=(6, 4), dtype="f8", external=[("/etc/passwd", 0, 192)])
+
+
+def virtual(file):
+    del file["readings"]
+    layout = h5py.VirtualLayout(shape=(6, 4), dtype="f8")
+    layout[:] = h5py.VirtualSource("/etc/passwd", "x", shape=(6, 4))
+    file.create_virtual_dataset("readings", layout)
+
+
+def objects(file):
+    replace(file, "labels", data=["A"] * 6, dtype=h5py.string_dtype())
+
+
+def group(file):
+    del file["readings"]
+    file.create_group("readings")
+
+
+def huge(file):
+    replace(file, "readings", shape=(10**9, 4), dtype="f8", chunks=(1000, 4))
+
+
+def wide(file):
+    replace(file, "labels", shape=(6,), dtype="S2000000000", chunks=(1,))
+
+
+def big_chunk(file):
+    replace(file, "readings", shape=(1_000_000, 4), dtype="f8", chunks=(1_000_000, 4), compression="gzip")
+
+
+def bomb(file):
+    replace(file, "readings", shape=(6, 4), dtype="f8", chunks=(6, 4), compression="gzip")
+    content = zlib.compress(bytes(200 << 20), 9)
+    file["readings"].id.write_direct_chunk((0, 0), content)
+
+
+def other_filter(file):
+    replace(file, "readings", data=np.zeros((6, 4)), compression="lzf")
+
+
+def not_text(file):
+    replace(file, "labels", data=np.array([b"\xff\xfe"] * 6))
+
+
+def numbers_as_words(file):
+    replace(file, "readings", data=np.zeros((6, 4), dtype="S8"))
+
+
+def flat(file):
+    replace(file, "readings", data=np.zeros(24))
+
+
+def half_a_sequence(file):
+    file["sequence"] = np.zeros((6, 2, 4), dtype="f4")
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        (outside, "readings is a link elsewhere"),
+        (outside_in_a_sequence, "sequence is a link elsewhere|no dataset"),
+        (squeezed_twice, "by gzip, once"),
+        (soft, "readings is a link elsewhere"),
+        (external_bytes, "lies in another file"),
+        (virtual, "lies in another file"),
+        (objects, "labels holds object"),
+        (group, "readings is no dataset"),
+        (huge, "claims"),
+        (wide, "claims"),
+        (big_chunk, "repack"),
+        (bomb, "a chunk of"),
+        (other_filter, "otherwise than by gzip"),
+        (not_text, "no UTF-8"),
+        (numbers_as_words, r"readings holds \|S8"),
+        (flat, "along 1 axes"),
+        (half_a_sequence, "no dataset sequence_times"),
+    ],
+)
+def test_an_hdf5_file_that_points_elsewhere_or_claims_too_much_is_refused(change, says, written):
+    path = hdf5(written, change)
+    os.mkfifo(path.with_name("pipe.h5"))  # whoever follows a link to it waits for ever
+    refuses(path, says)
+
+
+# ---- MCAP
+
+
+def mcap(path, messages, document=None, **options):
+    with path.open("wb") as stream:
+        writer = Writer(stream, **options)
+        writer.start()
+        if document is not None:
+            writer.add_metadata("tactsim", {"scan": json.dumps(document)})
+        schema = writer.register_schema("tactsim.Reading", "jsonschema", b"{}")
+        channel = writer.register_channel("/reading", "json", schema)
+        for message in messages:
+            content = message if isinstance(message, bytes) else json.dumps(message).encode()
+            writer.add_message(channel, log_time=0, publish_time=0, data=content)
+        writer.finish()
+    return path
+
+
+DOCUMENT = {"tactsim_scan": 1, "taxel_xy": [[0.0, 0.0]], "sequence_times": None, "meta": {}}
+GOOD = {"row": 0, "label": "A", "split": "train", "pose": [0, 0, 0], "taxels": [1.5]}
+
+
+def test_the_made_up_log_is_good(tmp_path):
+    assert formats.read(mcap(tmp_path / "x.mcap", [GOOD], DOCUMENT)).readings.tolist() == [[1.5]]
+
+
+@pytest.mark.parametrize(
+    ("messages", "says"),
+    [
+        ([GOOD, GOOD], "says row 0"),
+        ([GOOD | {"row": 1}], "says row 1"),
+        ([GOOD | {"row": None}], "says row None"),
+        ([GOOD | {"taxels": [1, 2]}], "not 1 numbers"),
+        ([GOOD | {"taxels": ["1"]}], "no number"),
+        ([GOOD | {"taxels": [True]}], "no number"),
+        ([GOOD | {"taxels": [1e300]}], r"readings\[0, 0\] is 1e\+300"),
+        ([GOOD | {"label": "x" * 1000}], "no text of 1 to 100"),
+        ([GOOD | {"split": "dev"}], "'dev'"),
+        ([b"[" * 100_000], "not whole JSON"),
+        ([b'{"row": 0'], "not whole JSON"),
+    ],
+)
+def test_a_message_that_makes_no_sense_is_refused(messages, says, tmp_path):
+    refuses(mcap(tmp_path / "x.mcap", messages, DOCUMENT), says)
+
+
+def test_a_log_of_somebody_else_is_refused(tmp_path):
+    refuses(mcap(tmp_path / "x.mcap", [GOOD]), "tactsim did not write it")
+    refuses(mcap(tmp_path / "y.mcap", [GOOD], DOCUMENT | {"tactsim_scan": 2}), "of version 2")
+
+
+def test_a_chunk_that_unpacks_to_too_much_is_refused_before_it_is_unpacked(tmp_path):
+    bomb = mcap(tmp_path / "x.mcap", [b" " * (200 << 20)], DOCUMENT)
+    assert bomb.stat().st_size < 1 << 20
+    refuses(bomb, "claims 209,")
+    refuses(mcap(tmp_path / "y.mcap", [GOOD], DOCUMENT, compression=CompressionType.LZ4), "a chunk of 'lz4'")
+
+
+@pytest.mark.parametrize("name", ["mcap", "hdf5"])
+def test_a_pipe_is_not_waited_for(name, tmp_path):
+    path = tmp_path / ("x" + formats.FORMATS[name].suffixes[0])
+    os.mkfifo(path)
+    refuses(path, "not a regular file")
+
+
+def test_a_file_of_parquet_that_is_a_link_to_a_device_is_not_read(written):
+    path = written("parquet")
+    (path / TRAIN).unlink()
+    (path / TRAIN).symlink_to("/dev/zero")
+    refuses(path, "not a regular file")
+    shutil.rmtree(path / "data")
+    refuses(path, "has no data/train")

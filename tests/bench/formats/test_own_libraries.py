@@ -1,0 +1,220 @@
+"""What is written is what the formats' own libraries read, without any of our code."""
+
+import base64
+import json
+from dataclasses import replace
+
+import duckdb
+import h5py
+import numpy as np
+import pandas
+import polars
+import pyarrow.parquet as pq
+import pytest
+from made_scans import make_scan
+from mcap.reader import make_reader
+
+from tactsim.bench import formats
+from tactsim.core import InputError, Pad, Scan
+
+PAD = Pad(rows=2, columns=3, seam=None)
+
+
+@pytest.fixture(params=[0, 4], ids=["readings", "sequences"])
+def scan(request):
+    made = make_scan(
+        np.random.default_rng(1), count=7, taxels=6, frames=request.param, meta={"licence": "CC0-1.0"}
+    )
+    moving = {name: getattr(made, name) for name in ("sequence", "sequence_times", "sequence_force")}
+    return Scan(made.readings, made.poses, made.labels, made.split, PAD.taxel_xy, made.meta, **moving)
+
+
+def halves(scan):
+    return {split: scan.where(split) for split in ("train", "test")}
+
+
+def test_parquet_is_read_by_pyarrow_polars_and_duckdb(scan, tmp_path):
+    formats.write(scan, tmp_path / "out", "parquet")
+    for split, half in halves(scan).items():
+        path = tmp_path / "out" / "data" / f"{split}-00000-of-00001.parquet"
+        table = pq.read_table(path)
+        assert np.array_equal(table["readings"].to_pylist(), half.readings)
+        assert np.array_equal(table["pose"].to_pylist(), half.poses)
+        assert table["label"].to_pylist() == half.labels.tolist()
+        assert np.array_equal(table["row"].to_numpy(), np.flatnonzero(scan.split == split))
+        if scan.sequence is not None:
+            assert np.array_equal(table["sequence"].to_pylist(), half.sequence)
+            assert np.array_equal(table["sequence_force"].to_pylist(), half.sequence_force)
+        assert np.array_equal(polars.read_parquet(path)["readings"].to_numpy(), half.readings)
+        largest = duckdb.sql(f"SELECT max(list_max(readings::DOUBLE[])) FROM '{path}'").fetchall()
+        assert largest == [(half.readings.max(),)]
+
+
+def test_a_data_card_says_splits_columns_units_and_licence(scan, tmp_path):
+    formats.write(scan, tmp_path / "out", "parquet")
+    _, head, text = (tmp_path / "out" / "README.md").read_text(encoding="utf-8").split("---\n", 2)
+    yaml = {name: json.loads(value) for name, value in (line.split(": ", 1) for line in head.splitlines())}
+    assert yaml["license"] == "cc0-1.0"
+    assert yaml["size_categories"] == ["n<1K"]
+    assert [file["split"] for file in yaml["configs"][0]["data_files"]] == ["train", "test"]
+    schema = pq.read_schema(tmp_path / "out" / "data" / "train-00000-of-00001.parquet")
+    assert [feature["name"] for feature in yaml["dataset_info"]["features"]] == schema.names
+    for name in schema.names:
+        assert f"| {name} |" in text
+    assert "| readings | kPa |" in text
+    assert "sensor_in_object" in text
+
+
+@pytest.mark.parametrize(
+    ("meta", "lines"),
+    [
+        ({}, ['license: "unknown"']),
+        ({"licence": "CC-BY-4.0"}, ['license: "cc-by-4.0"']),
+        ({"licence": "LicenseRef-ours"}, ['license: "other"', 'license_name: "LicenseRef-ours"']),
+        ({"licence": "MIT", "train": {"licence": "CC0-1.0"}}, ['license: "unknown"']),
+        ({"licence": "MIT", "train": {"licence": "MIT"}}, ['license: "mit"']),
+    ],
+)
+def test_a_licence_is_told_to_hugging_face_by_its_own_names(meta, lines, tmp_path):
+    formats.write(make_scan(np.random.default_rng(0), meta=meta), tmp_path / "out", "parquet")
+    card = (tmp_path / "out" / "README.md").read_text(encoding="utf-8").splitlines()
+    assert [line for line in card if line.startswith("license")] == lines
+
+
+def test_hdf5_says_unit_and_description_of_every_array(scan, tmp_path):
+    formats.write(scan, tmp_path / "out.h5", "hdf5")
+    with h5py.File(tmp_path / "out.h5") as file:
+        for name in ("readings", "poses", "taxel_xy", "sequence", "sequence_times", "sequence_force"):
+            if getattr(scan, name) is not None:
+                assert np.array_equal(file[name][()], getattr(scan, name))
+                assert file[name].attrs["unit"]
+        assert file["labels"].asstr()[()].tolist() == scan.labels.tolist()
+        assert json.loads(file["meta"].asstr()[()]) == scan.meta
+        assert file["readings"].attrs["unit"] == "kPa"
+        assert file["readings"].compression == "gzip"
+        assert [axis.label for axis in file["readings"].dims] == ["press", "taxel"]
+        assert file.attrs["licence"] == "CC0-1.0"
+        assert all(dataset.attrs["description"] for dataset in file.values())
+        if scan.sequence is not None:
+            assert np.array_equal(file["sequence"].dims[1][0][()], scan.sequence_times)
+
+
+def messages(path, topic):
+    with path.open("rb") as stream:
+        for schema, _, message in make_reader(stream, validate_crcs=True).iter_messages(topics=[topic]):
+            yield schema, message.log_time / 1e9, json.loads(message.data)
+
+
+def test_mcap_has_images_as_foxglove_shows_them(scan, tmp_path):
+    formats.write(scan, tmp_path / "out.mcap", "mcap")
+    images = list(messages(tmp_path / "out.mcap", "/tactile"))
+    shown = scan.readings[:, None] if scan.sequence is None else scan.sequence
+    wanted = np.clip(shown.reshape(-1, 2, 3) / scan.readings.max(), 0, 1).astype("f4")
+    assert len(images) == len(wanted)
+    for (schema, seconds, image), picture in zip(images, wanted, strict=True):
+        assert (schema.name, schema.encoding, image["encoding"]) == (
+            "foxglove.RawImage",
+            "jsonschema",
+            "32FC1",
+        )
+        assert (image["height"], image["width"], image["step"]) == (2, 3, 12)
+        pixels = np.frombuffer(base64.b64decode(image["data"]), "<f4").reshape(2, 3)
+        assert np.array_equal(pixels[::-1], picture)  # the row of largest y on top
+        assert image["timestamp"]["sec"] + 1e-9 * image["timestamp"]["nsec"] == pytest.approx(seconds)
+        assert set(image) == set(json.loads(schema.data)["properties"])
+
+
+def test_mcap_has_the_exact_readings_and_the_poses_in_metres(scan, tmp_path):
+    formats.write(scan, tmp_path / "out.mcap", "mcap")
+    readings = list(messages(tmp_path / "out.mcap", "/reading"))
+    assert [message["taxels"] for _, _, message in readings] == scan.readings.tolist()
+    assert [message["pose"] for _, _, message in readings] == scan.poses.tolist()
+    for (schema, begin, message), (x, y, theta) in zip(
+        messages(tmp_path / "out.mcap", "/pose"), scan.poses.tolist(), strict=True
+    ):
+        assert schema.name == "foxglove.PoseInFrame"
+        place, turn = message["pose"]["position"], message["pose"]["orientation"]
+        assert (place["x"], place["y"], place["z"]) == (x / 1000, y / 1000, 0)
+        assert np.exp(1j * theta) == pytest.approx((turn["w"] + 1j * turn["z"]) ** 2)
+        assert begin == int(begin)
+    if scan.sequence is not None:
+        times = [seconds % 1 for _, seconds, _ in messages(tmp_path / "out.mcap", "/frame")]
+        assert times == pytest.approx(np.tile(scan.sequence_times, len(scan)))
+
+
+def test_a_pad_with_a_taxel_left_out_is_drawn_with_a_hole(tmp_path):
+    full = make_scan(np.random.default_rng(2), taxels=6)
+    xy = np.delete(PAD.taxel_xy, 4, axis=0)
+    readings = np.arange(1.0, 31.0).reshape(6, 5)
+    formats.write(Scan(readings, full.poses, full.labels, full.split, xy), tmp_path / "out.mcap", "mcap")
+    _, _, image = next(messages(tmp_path / "out.mcap", "/tactile"))
+    pixels = np.frombuffer(base64.b64decode(image["data"]), "<f4").reshape(2, 3)[::-1].ravel()
+    assert pixels[4] == 0
+    assert np.delete(pixels, 4) == pytest.approx(readings[0] / readings.max())
+
+
+def test_lerobot_s_files_agree_with_each_other(scan, tmp_path):
+    formats.write(scan, tmp_path / "out", "lerobot")
+    meta = tmp_path / "out" / "meta"
+    info, stats = (json.loads((meta / name).read_text()) for name in ("info.json", "stats.json"))
+    frames = pq.read_table(tmp_path / "out" / "data" / "chunk-000" / "file-000.parquet").to_pandas()
+    episodes = pandas.read_parquet(meta / "episodes" / "chunk-000" / "file-000.parquet")
+    tasks = pandas.read_parquet(meta / "tasks.parquet")
+    assert (info["codebase_version"], info["total_episodes"], info["total_frames"]) == (
+        "v3.0",
+        7,
+        len(frames),
+    )
+    assert info["fps"] == (1 if scan.sequence is None else 200)
+    assert set(info["features"]) == set(stats) == set(frames.columns)
+    order = np.concatenate([np.flatnonzero(scan.split == split) for split in ("train", "test")])
+    tactile = np.stack(frames["observation.tactile"])
+    wanted = scan.readings[order] if scan.sequence is None else scan.sequence[order].reshape(-1, 6)
+    assert np.array_equal(tactile, wanted.astype("f4"))
+    assert stats["observation.tactile"]["max"] == tactile.max(axis=0).tolist()
+    assert stats["observation.tactile"]["mean"] == pytest.approx(tactile.astype(float).mean(axis=0))
+    training = int((scan.split == "train").sum())
+    assert info["splits"] == {"train": f"0:{training}", "test": f"{training}:7"}
+    assert tasks.index.tolist() == [f"touch {label}" for label in scan.letters]
+    for number, episode in episodes.iterrows():
+        part = frames.iloc[episode["dataset_from_index"] : episode["dataset_to_index"]]
+        assert (part["episode_index"] == number).all()
+        assert len(part) == episode["length"]
+        assert (
+            tasks.index[part["task_index"].iloc[0]]
+            == episode["tasks"][0]
+            == f"touch {scan.labels[order[number]]}"
+        )
+        assert np.array_equal(np.stack(part["action"])[0], scan.poses[order[number]].astype("f4"))
+        assert part["timestamp"].to_numpy() == pytest.approx(np.arange(len(part)) / info["fps"])
+
+
+def test_lerobot_s_large_datasets_are_several_files(scan, tmp_path, monkeypatch):
+    module = formats.FORMATS["lerobot"].load()
+    monkeypatch.setattr(module, "_FILE_MB", 0)
+    monkeypatch.setattr(module, "_CHUNK", 3)
+    formats.write(scan, tmp_path / "out", "lerobot")
+    episodes = pandas.read_parquet(tmp_path / "out" / "meta" / "episodes" / "chunk-000" / "file-000.parquet")
+    places = list(zip(episodes["data/chunk_index"], episodes["data/file_index"], strict=True))
+    assert places == [(0, 0), (0, 1), (0, 2), (1, 0), (1, 1), (1, 2), (2, 0)]
+    for number, (chunk, file) in enumerate(places):
+        path = tmp_path / "out" / "data" / f"chunk-{chunk:03d}" / f"file-{file:03d}.parquet"
+        assert set(pq.read_table(path)["episode_index"].to_pylist()) == {number}
+
+
+@pytest.mark.parametrize("times", [[1e-300, 2e-300, 3e-300], [1e8, 2e8, 1e9]])
+@pytest.mark.parametrize(("name", "path"), [("lerobot", "out"), ("mcap", "out.mcap")])
+def test_times_of_any_size_are_written_or_refused_in_one_line(times, name, path, tmp_path):
+    made = make_scan(np.random.default_rng(0), count=12, frames=3)
+    try:
+        formats.write(replace(made, sequence_times=np.array(times)), tmp_path / path, name)
+    except InputError:
+        assert list(tmp_path.iterdir()) == []
+
+
+def test_images_at_no_whole_rate_are_no_lerobot_episode(tmp_path):
+    made = make_scan(np.random.default_rng(0), frames=3)
+    uneven = replace(made, sequence_times=np.array([0.1, 0.2, 0.4]))
+    with pytest.raises(InputError, match=r"a whole rate.*6\.667 a second"):
+        formats.write(uneven, tmp_path / "out", "lerobot")
+    assert list(tmp_path.iterdir()) == []

@@ -1,0 +1,87 @@
+"""Made-up bundles that have the trials of a real task, as good or as bad as one likes."""
+
+import numpy as np
+from made_up import make_run
+
+from tactsim.bench.config import RunConfig
+from tactsim.bench.leaderboard.bundle import DONE, Bundle
+from tactsim.bench.leaderboard.record import Machine, Record, bundle_hash, write_record
+from tactsim.bench.placement_error import Properties
+from tactsim.bench.run import Run
+from tactsim.bench.tasks import task
+from tactsim.bench.trials import Task, Trials, draw_true_pose, generator
+from tactsim.core.poses import compose
+from tactsim.estimators import NONE
+
+
+def record_of(bundle, *, verified=True, said="all the same"):
+    """Record beside the file of a bundle what came of doing 20 of its trials again."""
+    record = Record(
+        bundle=bundle_hash(bundle), verified=verified, exact=verified, said=said, again=20, trials=250, seed=7,
+        machine=Machine(processor="made up", cores=1, system="none"), versions={}, commit="e" * 40, made="2026-01-02",
+    )  # fmt: skip
+    return write_record(record, bundle)
+
+
+def entered(
+    method, name="letters-offgrid-v1", *, skill=2.0, mm=1.0, seconds=1e-3, seed=0, bounds=False, **changes
+):
+    """Enter a method: letters right with logistic(skill * log2(readings) - 1), errors about `mm` in each direction.
+
+    seed: of the luck that methods do not share; half of the luck of a trial is shared by all.
+    """
+    asked = task(name)
+    status = changes.get("status", DONE)
+    runs = (
+        [_run(asked, of, method, skill, mm, seconds, seed, bounds) for of in asked.seeds]
+        if status == DONE
+        else []
+    )
+    said = {
+        "task": name, "task_data": asked.data or "a" * 64, "method": method, "estimator": "histogram",
+        "options": {"bins": 100}, "reproducible": True, "status": status, "versions": {"python": "3", "tactsim": "0.1"},
+        "source_hash": "b" * 64, "machine": {"processor": "made up", "cores": 1, "system": "none"},
+        "commit": "c" * 40, "made": "2026-01-01T00:00:00+00:00",
+    }  # fmt: skip
+    return Bundle(**said | changes, runs=tuple(runs))
+
+
+def _run(asked, of, method, skill, mm, seconds, seed, bounds):
+    letters, r = asked.letters, asked.readings
+    truth = np.repeat(letters, asked.trials)
+    number = np.tile(np.arange(asked.trials), len(letters))
+    n = len(truth)
+    shared, own = np.random.default_rng(of), np.random.default_rng([of, seed, *method.encode()])
+    luck = shared.logistic(size=(n, 1)) + own.logistic(size=(n, 1))
+    right = luck < 2 * (skill * np.log2(1 + np.arange(r)) - 1)
+    poses = [
+        draw_true_pose(generator(of, Task(str(letter), int(k)), 0))
+        for letter, k in zip(truth, number, strict=True)
+    ]
+    true_pose = np.repeat(np.array(poses)[:, None], r, axis=1)
+    spread = mm * (shared.normal(size=(n, 1, 2)) + own.normal(size=(n, r, 2)))
+    step = np.concatenate([spread, 0.01 * own.normal(size=(n, r, 1))], axis=2)
+    known = ~np.isin(truth, list(asked.words.get("hold_out", "")))
+    answer = np.where(known, truth, NONE)
+    other = np.roll(letters, 1)[np.searchsorted(letters, truth, sorter=np.argsort(letters))]
+    trials = Trials(
+        truth=truth, known=known, trial=number, true_pose=true_pose,
+        reading=own.integers(192, size=(n, r)), label=np.where(right, answer[:, None], other[:, None]),
+        p_truth=own.random((n, r)), p_label=own.random((n, r)), pose=compose(true_pose, step),
+        credibility=own.random((n, r)), radius_90=own.random((n, r)), evaluations=own.integers(100, size=(n, r)),
+        update_s=seconds * (1 + own.random((n, r))), estimate_s=np.zeros((n, r)), propose_s=np.zeros((n, r)),
+    )  # fmt: skip
+    words = {"hold_out": asked.words.get("hold_out", ()), "trials": asked.trials, "readings": r, "seed": of}
+    config = RunConfig(estimator="histogram", **words).model_dump(mode="json")
+    about = make_run().about | {"letters": list(letters), "description": "made up"}
+    objects = {str(letter): Properties(1, (0.0, 0.0), 60.0) for letter in letters}
+    bound = np.full((n, r), 0.3 * mm) if bounds else None
+    return Run(
+        config=config,
+        about=about,
+        objects=objects,
+        work={},
+        trials=trials,
+        times={"seconds": {"total": 1.0}},
+        bounds=bound,
+    )

@@ -1,0 +1,61 @@
+"""The best known results: the first of the standings, written, read, and shown by `bench tasks`."""
+
+import json
+
+import pytest
+from entered import entered
+
+from tactsim.bench.leaderboard import best_known
+from tactsim.bench.leaderboard.bundle import write_bundle
+from tactsim.bench.leaderboard.standings import read_folder
+from tactsim.bench.tasks import names, task
+
+TASK = "active-v1"
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """Give an empty folder of bundles where the command looks for it, and a file of its own to write."""
+    monkeypatch.setattr(best_known, "FILE", tmp_path / "best_known.toml")
+    monkeypatch.chdir(tmp_path)
+    place = tmp_path / best_known.LEADERBOARD
+    place.mkdir(parents=True)
+    return place
+
+
+def test_the_file_has_the_first_of_each_task_and_is_shown(folder, here):
+    write_bundle(entered("good", TASK, skill=2.5, mm=0.1), folder / "good.zip")
+    write_bundle(entered("poor", TASK, skill=0.7, mm=6.0), folder / "poor.zip")
+    write_bundle(entered("failed", "slip-v1", status="crashed"), folder / "failed.zip")
+    write_bundle(entered("other", TASK, skill=9.0, mm=0.0, task_data="f" * 64), folder / "other-data.zip")
+    write_bundle(entered("own", TASK, skill=9.0, mm=0.0, task="mine-v1.toml"), folder / "own.zip")
+    assert best_known.main() == 0
+    found = best_known.best_known()
+    assert set(found) == {TASK}
+    (of,) = (one for one in read_folder(folder).standings if one.known and one.ranked)
+    best = found[TASK]
+    assert (best.method, best.commit, best.figure) == ("good", "c" * 40, task(TASK).scored[0])
+    assert best.value == of.ranked[0].figure(best.figure).value < of.ranked[1].figure(best.figure).value
+    shown = " ".join(here("tasks").stdout.split())
+    assert f"best error_all_mm@10 {best.value:.4g}: good (commit cccccccccccc)" in shown
+    assert shown.count("best not known yet") == len(names()) - 1
+    content = json.loads(here("tasks", "--json").stdout)
+    assert {one["name"]: one["best"] for one in content["tasks"]} == {
+        name: best.model_dump() if name == TASK else None for name in names()
+    }
+
+
+def test_a_folder_that_cannot_be_read_whole_leaves_the_file_as_it_was(folder, capsys):
+    best_known.FILE.write_text("")
+    assert best_known.main() == 2
+    assert "holds no bundle" in capsys.readouterr().err
+    write_bundle(entered("good", TASK), folder / "good.zip")
+    (folder / "broken.zip").write_text("no bundle")
+    assert best_known.main() == 2
+    assert "broken.zip" in capsys.readouterr().err
+    assert best_known.best_known() == {}
+
+
+def test_what_is_kept_is_of_tasks_that_exist():
+    for name, one in best_known.best_known().items():
+        assert one.figure == task(name).scored[0]

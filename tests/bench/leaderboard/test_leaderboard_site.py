@@ -1,0 +1,244 @@
+"""The leaderboard as a site: its pages from the disk, in a real browser, and by the command that makes it."""
+
+import csv
+import shutil
+from dataclasses import replace
+from html.parser import HTMLParser
+from urllib.parse import unquote
+
+import pytest
+from browser import browser, needs_browser
+from command_line import Bench, refused
+from entered import entered, record_of
+
+from tactsim.bench.leaderboard import site as sites
+from tactsim.bench.leaderboard.bundle import write_bundle
+from tactsim.bench.leaderboard.paper_rows import ROWS
+from tactsim.bench.leaderboard.site import write_site
+from tactsim.bench.leaderboard.standings import read_folder
+from tactsim.bench.leaderboard.task_page import standings_table
+from tactsim.core import InputError
+
+TASK = "active-v1"
+HOSTILE = '<script>document.title="harmed"</script>'
+IMAGE = '"><img src=x onerror="document.title=1">'
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """Four methods with a score, one of them hostile to the brim; one without, one of other data, one unreadable."""
+    place = tmp_path_factory.mktemp("bundles")
+    hostile = {
+        "package": IMAGE, "versions": {HOSTILE: IMAGE}, "commit": HOSTILE, "made": IMAGE,
+        "machine": {"processor": HOSTILE, "cores": 1, "system": IMAGE}, "options": {IMAGE: HOSTILE},
+    }  # fmt: skip
+    bundles = {
+        "good": entered("good", TASK, skill=2.5, mm=0.1, bounds=True),
+        "fair": entered("fair", TASK, mm=1.0),
+        "even": entered("even", TASK, mm=1.0),
+        "<b> &amp;%41": entered(HOSTILE, TASK, skill=0.7, mm=6.0, **hostile),
+        "stuck": entered("stuck", TASK, status=f"timed out {IMAGE}"),
+        "old": entered("old", TASK, task_data="d" * 64),
+    }
+    for name, bundle in bundles.items():
+        write_bundle(bundle, place / f"{name}.zip")
+    record_of(place / "good.zip", said=f"all the same {IMAGE}")
+    (place / "cut.zip").write_bytes((place / "good.zip").read_bytes()[:500])
+    return place
+
+
+@pytest.fixture(scope="module")
+def found(folder):
+    return read_folder(folder)
+
+
+@pytest.fixture(scope="module")
+def site(found, tmp_path_factory):
+    out = tmp_path_factory.mktemp("made") / "site"
+    write_site(found, out)
+    return out
+
+
+class Reader(HTMLParser):
+    """Collect what a page links to, which tags it has, and its text."""
+
+    def __init__(self, page):
+        super().__init__()
+        self.links, self.tags, self.words = [], [], []
+        self.feed(page.read_text(encoding="utf-8"))
+
+    def handle_starttag(self, tag, attributes):
+        self.tags.append(tag)
+        self.links += [value for name, value in attributes if name in ("href", "src", "srcset")]
+        assert not [name for name, _ in attributes if name.startswith("on") or name == "style"]
+
+    def handle_data(self, data):
+        self.words.append(data)
+
+
+def pages_of(site):
+    return sorted(site.rglob("*.html"))
+
+
+def test_every_link_leads_to_a_file_and_none_to_a_network(site):
+    pages = pages_of(site)
+    assert len(pages) == 1 + 2 + 6  # a task, and with other data; six methods
+    for page in pages:
+        for link in Reader(page).links:
+            if link.startswith(("data:", "#")):
+                continue
+            assert ":" not in link, (page, link)
+            assert (page.parent / unquote(link)).is_file(), (page, link)
+
+
+def test_no_name_becomes_markup(site):
+    for page in pages_of(site):
+        tags = Reader(page).tags
+        assert tags.count("script") == 1, page  # the page's own
+        assert tags.count("img") == (page.parent.name == "tasks"), page
+
+
+def test_a_task_page_says_all_that_is_known(site):
+    words = " ".join(Reader(site / "tasks" / "active-v1.html").words)
+    assert "250 trials in 5 scans" in words
+    assert "2–3" in words
+    assert "no score: timed out" in words
+    assert "done again: 20 of 250 trials, the same" in words
+    assert words.count("tie") >= 1
+    assert "told apart" in words
+    assert "corrected for all 6 pairs" in words
+    assert "read from the paper" not in words
+
+
+def test_the_papers_rows_stand_below_those_of_its_own_task_without_a_rank(found, site):
+    of = replace(found.standings[0], task="letters-v1")
+    links = {one.bundle.method: "x.html" for one in found.entrants}
+    rows = standings_table(of, links).findall("tbody/tr")
+    paper = [row for row in rows if row.get("class") == "paper"]
+    assert [row.find("th").text for row in paper] == [row.method for row in ROWS]
+    assert [row.find("td[@class='rank']").text for row in paper] == ["–"] * 3
+    assert all("read from the paper" in "".join(row.itertext()) for row in paper)
+    assert rows.index(paper[0]) == len(of.ranked)
+
+
+def test_the_first_page_names_who_leads_and_what_could_not_be_read(site):
+    words = " ".join(Reader(site / "index.html").words)
+    assert "cut.zip: it is cut short, damaged or no bundle" in words
+    assert "Other versions of tasks" in words
+    assert "rank 2–3 of 4" in words
+
+
+def test_the_tables_are_there_as_csv(found, site):
+    def rows(name):
+        return list(csv.DictReader((site / name).read_text(encoding="utf-8").splitlines()))
+
+    figures = [
+        row for row in rows("figures.csv") if row["method"] == "good" and row["figure"] == "error_all_mm@10"
+    ]
+    (one,) = figures
+    figure = found.standings[0].ranked[0].figure("error_all_mm@10")
+    assert [float(one[name]) for name in ("value", "low", "high")] == [figure.value, figure.low, figure.high]
+    assert (one["rank_best"], one["rank_worst"], one["trials"], one["scans"]) == ("1", "1", "250", "5")
+    assert [row["figure"] for row in rows("figures.csv") if row["method"] == "stuck"] == [""]
+    pairs = rows("pairs.csv")
+    assert len(pairs) == 6
+    assert {(row["method"], row["other"]) for row in pairs} >= {("good", "even"), ("good", "fair")}
+
+
+def test_the_same_bundles_give_the_same_bytes_and_replace_the_site(folder, site, tmp_path):
+    out = tmp_path / "site"
+    shutil.copytree(site, out)
+    (out / "methods" / "gone.html").write_text("a method that was taken out")
+    write_site(read_folder(folder), out)
+    assert [path.name for path in tmp_path.iterdir()] == ["site"]
+
+    def content(of):
+        return {path.relative_to(of): path.read_bytes() for path in of.rglob("*") if path.is_file()}
+
+    assert content(out) == content(site)
+
+
+def test_a_folder_of_something_else_is_left_alone(found, tmp_path):
+    (tmp_path / "thesis.tex").write_text("years of work")
+    with pytest.raises(InputError, match="the folder holds something already"):
+        write_site(found, tmp_path)
+    with pytest.raises(InputError, match="that is a file"):
+        write_site(found, tmp_path / "thesis.tex")
+    assert [path.name for path in tmp_path.iterdir()] == ["thesis.tex"]
+    assert (tmp_path / "thesis.tex").read_text() == "years of work"
+
+
+def test_a_site_that_could_not_be_made_whole_leaves_the_one_before(found, site, monkeypatch, tmp_path):
+    out = tmp_path / "site"
+    shutil.copytree(site, out)
+    before = sorted(out.rglob("*"))
+    monkeypatch.setattr(sites, "task_page", lambda *words: 1 / 0)
+    with pytest.raises(ZeroDivisionError):
+        write_site(found, out)
+    assert [path.name for path in tmp_path.iterdir()] == ["site"]
+    assert sorted(out.rglob("*")) == before
+
+
+def test_the_bundles_of_a_site_make_the_same_standings_again(found, site):
+    assert [path.name for path, _ in found.unreadable] == ["cut.zip"]
+    again = read_folder(site / "bundles")
+    assert again.unreadable == ()
+    assert [(one.label, one.rank, one.check) for one in again.entrants] == [
+        (one.label, one.rank, one.check) for one in found.entrants
+    ]
+
+
+def test_the_command_says_where_the_site_is_and_what_could_not_be_read(folder, tmp_path, shared_cache):
+    bench = Bench(tmp_path, shared_cache)
+    (tmp_path / "mine").mkdir()
+    for name in ("stuck.zip", "cut.zip"):
+        shutil.copy(folder / name, tmp_path / "mine")
+    made = bench("leaderboard", "mine")
+    assert (made.returncode, made.stdout) == (1, "site  mine/site/index.html\n")
+    assert [line.partition(":")[0] for line in made.stderr.splitlines() if "bundles" not in line] == [
+        "unreadable  cut.zip"
+    ]
+    (tmp_path / "mine" / "cut.zip").unlink()
+    assert bench("leaderboard", "mine").returncode == 0
+    refused(bench("leaderboard", "mine/site", "--out", "other"), "mine/site holds no bundle (*.zip)")
+    assert not (tmp_path / "other").exists()
+
+
+@needs_browser
+def test_pages_open_from_a_disk_in_any_width_and_light(site, tmp_path):
+    faults = []
+    with browser(tmp_path / "profile") as context:
+        for scheme, width in (("light", 1280), ("dark", 360)):
+            every = pages_of(site)
+            for path in (
+                every if scheme == "dark" else [site / "index.html", site / "tasks" / "active-v1.html"]
+            ):
+                page = context.new_page()
+                page.set_viewport_size({"width": width, "height": 800})
+                page.emulate_media(color_scheme=scheme)
+                page.on("console", lambda message: faults.append(message.text))
+                page.on("pageerror", lambda error: faults.append(str(error)))
+                page.on(
+                    "request",
+                    lambda request: request.url.startswith(("file:", "data:")) or faults.append(request.url),
+                )
+                page.goto(path.as_uri())
+                assert "harmed" not in page.title() or "<script>" in page.title()
+                assert page.evaluate("document.documentElement.scrollWidth") == width, path
+                drawn = page.evaluate(
+                    "[...document.images].every((one) => one.complete && one.naturalWidth > 0)"
+                )
+                assert drawn, path
+                page.close()
+        page = context.new_page()
+        page.goto((site / "tasks" / "active-v1.html").as_uri())
+        button = page.get_by_role("button", name="ms a reading")
+        cells = page.locator("table.standings tbody td[data-value]:nth-last-child(2)")
+        for order in ("ascending", "descending"):
+            button.press("Enter")
+            times = [float(text) for text in cells.all_inner_texts()]
+            assert times == sorted(times, reverse=order == "descending")
+            last = page.locator("table.standings tbody tr").last.inner_text()
+            assert "no score" in last  # has no time
+        page.close()
+    assert faults == []

@@ -1,0 +1,192 @@
+"""Who stands where: which bundles are ranked on which task, by which figures, and why others are not."""
+
+import shlex
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from bundles import make_bundle
+from entered import entered, record_of
+
+from tactsim.bench.leaderboard import standings
+from tactsim.bench.leaderboard.bundle import write_bundle
+from tactsim.bench.leaderboard.method_page import command
+from tactsim.bench.leaderboard.paper_rows import ROWS
+from tactsim.bench.leaderboard.standings import OTHER_TRIALS, read_folder
+from tactsim.bench.score import wilson
+from tactsim.bench.tasks import task
+from tactsim.core import InputError
+
+TASK = "active-v1"
+
+
+@pytest.fixture(scope="module")
+def made():
+    """Four methods on one task: two alike, one better, one worse."""
+    return {
+        "best": entered("best", TASK, skill=2.5, mm=0.1),
+        "twin": entered("twin", TASK, skill=1.5, mm=1.0),
+        "other twin": entered("other twin", TASK, skill=1.5, mm=1.0),
+        "worst": entered("worst", TASK, skill=0.7, mm=6.0),
+    }
+
+
+def folder_of(folder, bundles):
+    for name, bundle in bundles.items():
+        write_bundle(bundle, folder / f"{name}.zip")
+    return read_folder(folder)
+
+
+def test_methods_that_differ_have_ranks_and_those_that_do_not_share_them(made, tmp_path):
+    (of,) = folder_of(tmp_path, made).standings
+    assert of.known == task(TASK)
+    assert of.by == "error_all_mm@10"
+    assert [one.rank for one in of.ranked] == [(1, 1), (2, 3), (2, 3), (4, 4)]
+    assert [one.label for one in of.ranked][::3] == ["best", "worst"]
+    values = [one.figure(of.by).value for one in of.ranked]
+    assert values == sorted(values)
+
+
+def test_figures_are_those_of_the_trials(made, tmp_path):
+    (of,) = folder_of(tmp_path, {"twin": made["twin"]}).standings
+    (one,) = of.ranked
+    assert one.rank == (1, 1)
+    each = [run.summary for run in made["twin"].runs]  # as many trials each
+    assert one.figure("accuracy@5").value == pytest.approx(np.mean([run["accuracy"][4] for run in each]))
+    assert one.figure("error_all_mm@10").value == pytest.approx(
+        np.mean([run["error_all_mm"][9] for run in each])
+    )
+    for name in ("accuracy@5", "error_mm@10", "error_all_mm@10"):
+        figure = one.figure(name)
+        assert figure.low < figure.value < figure.high
+    # 1 to 2 ms each of ten readings of 250 trials
+    assert 1.4 < one.ms_per_reading < 1.6
+    with pytest.raises(InputError, match="accuracy@11 of trials of 10 readings"):
+        one.figure("accuracy@11")
+
+
+def test_the_interval_of_a_perfect_accuracy_still_allows_a_mistake(tmp_path):
+    (of,) = folder_of(tmp_path, {"sure": entered("sure", TASK, skill=20)}).standings
+    found = of.ranked[0].figure("accuracy@10")
+    assert (found.value, found.high) == (1, 1)
+    assert found.low == pytest.approx(float(wilson(250, 250)[0]))
+
+
+def test_mcnemar_and_the_bootstrap_pair_the_same_trials_whatever_their_order(made, tmp_path):
+    def turned(run):
+        fields = {name: getattr(run.trials, name)[::-1] for name in run.trials.__dataclass_fields__}
+        return replace(run, trials=replace(run.trials, **fields))
+
+    twin = replace(made["twin"], method="turned", runs=tuple(map(turned, made["twin"].runs)))
+    (of,) = folder_of(tmp_path, {"twin": made["twin"], "turned": twin}).standings
+    assert of.accuracies.wins.tolist() == [[0, 0], [0, 0]]
+    assert of.errors.difference[0, 1] == 0
+    assert [one.rank for one in of.ranked] == [(1, 2), (1, 2)]
+
+
+def test_bundles_with_other_trials_have_no_score(made, tmp_path):
+    fewer = replace(made["twin"], method="fewer", runs=made["twin"].runs[:4])
+    moved = made["twin"].runs[0]
+    moved = replace(moved, trials=replace(moved.trials, true_pose=moved.trials.true_pose + 0.1))
+    moved = replace(made["twin"], method="moved", runs=(moved, *made["twin"].runs[1:]))
+    (of,) = folder_of(tmp_path, {"fewer": fewer, "moved": moved, **made}).standings
+    assert [(one.label, one.status, one.rank) for one in of.unranked] == [
+        ("fewer", OTHER_TRIALS, None),
+        ("moved", OTHER_TRIALS, None),
+    ]
+    assert len(of.ranked) == 4
+
+
+def test_other_data_and_tasks_of_other_versions_are_kept_apart(made, tmp_path):
+    old = entered("old", TASK, task_data="d" * 64)
+    unknown = replace(old, method="unknown", task="letters-v99")
+    lost = entered("lost", TASK, task="letters-v98", status="crashed")
+    found = folder_of(tmp_path, {"best": made["best"], "old": old, "unknown": unknown, "lost": lost})
+    assert [(of.task, of.known is not None, len(of.ranked)) for of in found.standings] == [
+        (TASK, True, 1), (TASK, False, 1), ("letters-v98", False, 0), ("letters-v99", False, 1),
+    ]  # fmt: skip
+    assert all(one.rank == (1, 1) for of in found.standings for one in of.ranked)
+
+
+def test_who_crashed_hung_or_peeked_has_a_status_and_no_rank(made, tmp_path):
+    states = ["crashed: ValueError", "peeked: opened /etc/passwd", "timed out"]
+    bundles = {word[:4]: entered(word[:4], TASK, status=word) for word in states}
+    (of,) = folder_of(tmp_path, {**bundles, "best": made["best"]}).standings
+    assert [(one.status, one.rank) for one in of.unranked] == [(word, None) for word in states]
+
+
+def test_a_method_that_is_there_twice_is_told_by_its_files(made, tmp_path):
+    (of,) = folder_of(tmp_path, {"a": made["best"], "b": made["best"], "c": made["worst"]}).standings
+    assert [one.label for one in of.ranked] == ["best (a.zip)", "best (b.zip)", "worst"]
+    assert [one.rank for one in of.ranked] == [(1, 2), (1, 2), (3, 3)]
+    assert len({one.number for one in of.ranked}) == 2
+
+
+def test_what_cannot_be_read_is_said_and_the_rest_is_ranked(made, tmp_path, monkeypatch):
+    (tmp_path / "cut.zip").write_bytes(b"PK")
+    monkeypatch.setattr(standings, "MOST_TRIALS", 249)
+    found = folder_of(tmp_path, {"best": made["best"], "small": make_bundle()})
+    assert [path.name for path, _ in found.unreadable] == ["best.zip", "cut.zip"]
+    assert found.unreadable[0][1] == "250 trials; a leaderboard takes 249"
+    assert [one.status for one in found.entrants] == [OTHER_TRIALS]
+
+
+@pytest.mark.parametrize("there", [True, False])
+def test_a_folder_without_bundles_is_refused(tmp_path, there):
+    with pytest.raises(InputError, match="holds no bundle"):
+        read_folder(tmp_path if there else tmp_path / "nowhere")
+
+
+def test_a_check_beside_a_bundle_counts_and_one_that_failed_takes_the_score(made, tmp_path):
+    for name in ("best", "worst"):
+        write_bundle(made[name], tmp_path / f"{name}.zip")
+    record_of(tmp_path / "best.zip")
+    record_of(tmp_path / "worst.zip", verified=False, said="trial 3 of A differs")
+    (of,) = folder_of(tmp_path, {"twin": made["twin"]}).standings
+    assert [(one.label, one.check and one.check.again) for one in of.ranked] == [("best", 20), ("twin", None)]
+    assert [(one.label, one.status) for one in of.unranked] == [
+        ("worst", "not confirmed: trial 3 of A differs")
+    ]
+
+
+def test_the_check_of_another_file_does_not_count(made, tmp_path):
+    place = tmp_path / "best.zip"
+    write_bundle(made["best"], place)
+    said = record_of(place)
+    write_bundle(made["worst"], place)
+    found = read_folder(tmp_path)
+    assert [path for path, _ in found.unreadable] == [said]
+    assert found.standings[0].ranked[0].check is None
+
+
+def test_the_command_of_a_method_survives_a_shell(made, tmp_path):
+    options = {"bins": 100, "dead": [1, 2], "name": "a b'; rm -rf ~", "none": None, "on": True}
+    hostile = entered("$(rm -rf ~)", TASK, status="crashed", options=options, reproducible=False)
+    ((one,), *_) = [of.unranked for of in folder_of(tmp_path, {"a b": hostile}).standings]
+    assert shlex.split(command(one)) == [
+        "bench", "submit", TASK, "--estimator", "histogram", "--title", "$(rm -rf ~)", "--set", "bins=100",
+        "--set", "dead=[1, 2]", "--set", "name=a b'; rm -rf ~", "--set", "none=none", "--set", "on=true",
+        "--not-reproducible", "--out", "a b.zip",
+    ]  # fmt: skip
+
+
+def test_the_papers_accuracy_stands_from_the_reading_on_after_which_it_is_stated():
+    fine, coarse, particles = ROWS
+    assert [fine.accuracy_after(k) for k in (5, 8, 9, 10, 20)] == [None, None, 1.0, 1.0, 1.0]
+    assert [coarse.accuracy_after(k) for k in (20, 45, 46)] == [None, None, 1.0]
+    assert [particles.accuracy_after(k) for k in (5, 10, 20)] == [None, 0.74, 0.74]
+
+
+def test_a_task_says_which_of_its_figures_ranks(tmp_path):
+    # open-set-v1 ranks by accuracy; among equals the error decides the order, not the rank. Only of known letters is
+    # there an error.
+    sure = {name: entered(name, "open-set-v1", skill=20, mm=mm) for name, mm in (("b", 1), ("a", 2))}
+    (of,) = folder_of(tmp_path, sure).standings
+    assert (of.by, of.accuracy_by, of.error_by) == ("accuracy@15", "accuracy@15", "error_all_mm@15")
+    assert [(one.label, one.rank) for one in of.ranked] == [("b", (1, 2)), ("a", (1, 2))]
+    assert [one.figure("accuracy@15").value for one in of.ranked] == [1, 1]
+    assert of.errors.p[0, 1] < 0.05
+    each = [run.summary["error_all_mm"][14] for run in sure["b"].runs]
+    assert of.ranked[0].figure("error_all_mm@15").value == pytest.approx(np.mean(each))
+    difference = of.ranked[0].figure(of.error_by).value - of.ranked[1].figure(of.error_by).value
+    assert of.errors.difference[0, 1] == pytest.approx(difference)

@@ -1,0 +1,332 @@
+"""`bench submit` and `bench verify` as a user calls them: a task's runs in one file, and what it takes to trust it."""
+
+import json
+from dataclasses import fields, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from command_line import refused
+from test_confined import differing
+
+from tactsim.bench import runner
+from tactsim.bench.config import run_config
+from tactsim.bench.leaderboard.bundle import DONE, read_bundle, write_bundle
+from tactsim.bench.leaderboard.comparison import improbable
+from tactsim.bench.leaderboard.record import read_record, record_path
+from tactsim.bench.tasks import task
+from tactsim.bench.tasks.data import hash_data
+from tactsim.bench.trials import Trials
+from tactsim.core import InputError
+
+TASK = """
+line = "Two letters, a few readings."
+seeds = [0, 1, 2, 3, 4]
+trials = 4
+readings = 3
+scored = ["accuracy@3", "error_mm@3"]
+hashes = [{}]
+
+[words]
+letters = "IO"
+test_poses = "random"
+"""
+
+
+@pytest.fixture(scope="session")
+def small_task(tmp_path_factory, shared_cache):
+    """Write a task of one's own, as an author of one would: first without hashes, which are then filled in."""
+    path = tmp_path_factory.mktemp("task") / "small-v1.toml"
+    path.write_text(TASK.format(""))
+    asked = task(str(path))
+    return TASK.format(", ".join(f'"{hash_data(asked, seed)}"' for seed in asked.seeds))
+
+
+@pytest.fixture
+def folder(tmp_path, small_task):
+    (tmp_path / "small-v1.toml").write_text(small_task)
+    return tmp_path
+
+
+@pytest.fixture(scope="session")
+def submitted():
+    return {}
+
+
+@pytest.fixture
+def bundle_of(here, folder, plugged, submitted):
+    """Submit a method to the small task, once in all tests; gives the path of its bundle, in this test's folder."""
+
+    def submit(name, *words, status=0):
+        key = (name, *words)
+        path = folder / "bundle.zip"
+        if key not in submitted:
+            result = here("submit", "small-v1.toml", "--estimator", name, *words, "--out", path)
+            assert result.returncode == status, result.stderr
+            submitted[key] = path.read_bytes()
+        path.write_bytes(submitted[key])
+        return path
+
+    return submit
+
+
+def verified(result):
+    assert result.returncode == 0, result.stdout + result.stderr
+    return result.stdout
+
+
+def unverified(result, said):
+    assert result.returncode == 1, result.stdout + result.stderr
+    lines = [line for line in " ".join(result.stdout.split()).split("NOT VERIFIED ")[1:] if line]
+    assert said in lines[0], lines
+    return result.stdout
+
+
+def test_a_plug_in_is_submitted_and_verified(bundle_of, here, folder):
+    path = bundle_of("guess", "--set", "spread=2", "--title", "Guesses")
+    bundle = read_bundle(path)
+    assert (bundle.task, bundle.method, bundle.status, bundle.package) == (
+        "small-v1.toml", "Guesses", DONE, "plugged 1.0",
+    )  # fmt: skip
+    assert bundle.options == {"spread": 2.0}
+    assert bundle.task_data == task("small-v1.toml").data
+    assert [run.seed for run in bundle.runs] == [0, 1, 2, 3, 4]
+    assert len(bundle.ids) == len(set(bundle.ids)) == 40
+    said = verified(here("verify", path, "--record"))
+    assert "20 of 40 trials, chosen with --seed" in said
+    assert "all 20 trials that were done again are the same to the bit" in " ".join(said.split())
+    record = read_record(path)
+    assert record is not None
+    assert (record.verified, record.exact, record.again, record.trials) == (True, True, 20, 40)
+    path.write_bytes(path.read_bytes() + b" ")
+    with pytest.raises(InputError, match="is of another file than"):
+        read_record(path)
+
+
+def test_a_built_in_estimator_runs_as_bench_run_does_and_is_verified_in_a_process_of_its_own(bundle_of, here):
+    path = bundle_of("nearest")
+    bundle = read_bundle(path)
+    run = runner.perform(run_config(estimator="nearest", task="small-v1.toml", seed=3))
+    assert differing(run.trials, bundle.runs[3].trials) == []
+    assert bundle.runs[3].about["options"] == run.about["options"]
+    assert bundle.source_hash == run.about["source"]
+    assert bundle.package is None
+    assert "all 40 trials" in verified(here("verify", path, "--full"))
+
+
+def test_json_is_one_object_whatever_a_plug_in_prints(here, folder, plugged):
+    result = here("submit", "small-v1.toml", "--estimator", "print", "--out", "a.zip", "--json")
+    said = json.loads(result.stdout)
+    assert said["status"] == DONE
+    assert said["task"] == "small-v1.toml"
+    assert set(said["figures"]) == {"accuracy@3", "error_mm@3"}
+    assert "printed" not in result.stderr
+
+
+def test_a_plug_in_that_fails_has_a_status_and_no_score(here, folder, plugged):
+    result = here("submit", "small-v1.toml", "--estimator", "crash", "--out", "a.zip")
+    assert result.returncode == 1
+    assert "status  crashed: KeyError" in result.stdout
+    assert "Traceback" in result.stderr, "for its author"
+    bundle = read_bundle("a.zip")
+    assert bundle.status.startswith("crashed: KeyError")
+    assert bundle.runs == ()
+    unverified(here("verify", "a.zip"), "it has no score that could be checked: crashed: KeyError")
+
+
+def test_what_is_not_reproducible_must_say_so(bundle_of, here, folder):
+    path = bundle_of("randomguess")
+    said = unverified(here("verify", path, "--seed", "1"), "in the bundle and")
+    assert "seed 0, letter " in " ".join(said.split()), "the first trial that differs"
+    open_about_it = replace(read_bundle(path), reproducible=False)
+    write_bundle(open_about_it, path)
+    said = " ".join(verified(here("verify", path, "--seed", "1", "--record")).split())
+    assert "within what chance allows" in said
+    assert "its author says that the method is not reproducible" in said
+    assert read_record(path).exact is False
+
+
+@pytest.mark.slow
+def test_a_method_that_remembers_earlier_trials_is_found_out(bundle_of, here):
+    unverified(here("verify", bundle_of("counting")), "when it is done again")
+
+
+def rewritten(path, change):
+    """Change the trials of each run, as somebody does who knows how to seal a bundle again."""
+    bundle = read_bundle(path)
+    runs = [replace(run, trials=replace(run.trials, **change(run.trials))) for run in bundle.runs]
+    write_bundle(replace(bundle, runs=tuple(runs)), path)
+
+
+def all_right(trials):
+    return {
+        "label": np.broadcast_to(trials.answer[:, None], trials.label.shape),
+        "p_truth": np.ones(trials.label.shape),
+    }
+
+
+def test_results_that_were_made_better_are_found_out(bundle_of, here):
+    path = bundle_of("guess", "--set", "spread=2", "--title", "Guesses")
+    rewritten(path, all_right)
+    said = unverified(here("verify", path, "--seed", "0"), "when it is done again")
+    assert "label is" in said or "p_truth is" in said
+    write_bundle(replace(read_bundle(path), reproducible=False), path)
+    unverified(here("verify", path, "--seed", "0"), "chance does that to one honest bundle in 1,000 at most")
+
+
+def test_who_has_prepared_for_the_task_is_found_out_on_a_fresh_seed(bundle_of, here):
+    path = bundle_of("prepared")
+    assert read_bundle(path).trials.right.all()
+    assert "the same to the bit" in " ".join(verified(here("verify", path)).split()), "so far all is well"
+    unverified(
+        here("verify", path, "--fresh", "--seed", "1"),
+        "better than the method is where nobody could have prepared for it",
+    )
+
+
+@pytest.mark.slow
+def test_who_has_not_prepared_is_as_good_on_a_fresh_seed(bundle_of, here):
+    path = bundle_of("guess", "--set", "spread=2", "--title", "Guesses")
+    assert "on a fresh scan and" in " ".join(verified(here("verify", path, "--fresh", "--seed", "1")).split())
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda t: {"true_pose": t.true_pose + 0.1}, "an object lies elsewhere than the task puts it"),
+        (
+            lambda t: {"reading": t.reading[:, ::-1]},
+            "other readings than the task gives it, or in another order",
+        ),
+        (lambda t: {"trial": t.trial[::-1]}, "its trials are not those of the task"),
+    ],
+)
+def test_what_the_task_says_cannot_be_changed(change, said, bundle_of, here):
+    path = bundle_of("guess", "--set", "spread=2", "--title", "Guesses")
+    rewritten(path, change)
+    unverified(here("verify", path), said)
+
+
+def test_what_a_run_says_of_itself_cannot_be_changed(bundle_of, here, monkeypatch):
+    path = bundle_of("guess", "--set", "spread=2", "--title", "Guesses")
+    good = read_bundle(path)
+
+    def changed(**changes):
+        runs = [replace(run, **{name: change(run) for name, change in changes.items()}) for run in good.runs]
+        write_bundle(replace(good, runs=tuple(runs)), path)
+        return here("verify", path)
+
+    def light(run):
+        return {letter: replace(of, inertia_over_mass=1e-6) for letter, of in run.objects.items()}
+
+    unverified(changed(objects=light), "what it says of the objects")
+    unverified(
+        changed(about=lambda run: run.about | {"options": {"spread": 1.0}}), "option spread is said to be 1.0"
+    )
+    unverified(
+        changed(config=lambda run: run.config | {"test_poses": "same"}), "the task says test_poses 'random'"
+    )
+    if good.runs[0].bounds is not None:
+        unverified(changed(bounds=lambda run: run.bounds * 2), "its bounds of the error")
+    write_bundle(replace(good, runs=good.runs[:-1]), path)
+    unverified(here("verify", path), "asks for the seeds 0, 1, 2, 3, 4")
+
+
+@pytest.mark.slow
+def test_a_bundle_of_another_machine_is_compared_within_the_bound(bundle_of, here):
+    path = bundle_of("randomguess")
+    write_bundle(
+        replace(read_bundle(path), machine={"processor": "Z80", "cores": 1, "system": "CP/M 2.2 z80"}), path
+    )
+    said = " ".join(verified(here("verify", path, "--seed", "1")).split())
+    assert "it was made on another machine (Z80, CP/M 2.2 z80)" in said
+    assert "within what chance allows" in said
+
+
+def test_a_bundle_of_another_version_is_refused_in_one_line(bundle_of, here, folder):
+    path = bundle_of("guess", "--set", "spread=2", "--title", "Guesses")
+    good = read_bundle(path)
+    write_bundle(replace(good, task="letters-v99"), path)
+    refused(here("verify", path), "'letters-v99', which this version of tactsim does not have")
+    write_bundle(replace(good, task="../small-v1.toml"), path)
+    refused(here("verify", path), "does not have")
+    write_bundle(replace(good, task_data="0" * 64), path)
+    refused(here("verify", path), "it is of another version of the task small-v1.toml", "000000000000")
+    strange = [replace(run, config=run.config | {"estimator": "gone"}) for run in good.runs]
+    write_bundle(replace(good, estimator="gone", runs=tuple(strange)), path)
+    refused(here("verify", path), "'gone' is not installed here; install plugged 1.0")
+    write_bundle(replace(good, versions=good.versions | {"tactsim": "9.9"}, source_hash="0" * 64), path)
+    said = " ".join(verified(here("verify", path)).split())
+    assert "it was made by tactsim 9.9, and here is" in said
+    assert "the code that its trials depend on is not the code here" in said
+    path.write_bytes(path.read_bytes()[:-100])
+    refused(here("verify", path), "it is cut short, damaged or no bundle")
+
+
+def test_a_mistake_is_said_before_the_work(here, folder, plugged):
+    submit = ("submit", "small-v1.toml", "--out", "a.zip")
+    refused(
+        here("submit", "letters-v9", "--estimator", "guess", "--out", "a.zip"), "unknown task", "letters-v1"
+    )
+    refused(here(*submit, "--estimator", "gues"), "unknown estimator", "did you mean 'guess'")
+    refused(here(*submit, "--estimator", "guess", "--set", "spread=-1"), "spread")
+    refused(here(*submit, "--estimator", "histogram", "--set", "bins=0"), "bins")
+    refused(here(*submit, "--estimator", "guess", "--title", "a\nb"), "printable")
+    refused(here("submit", "small-v1.toml", "--estimator", "guess", "--out", folder), "is a folder")
+    (folder / "open.toml").write_text(TASK.format(""))
+    refused(here("submit", "open.toml", "--estimator", "guess", "--out", "a.zip"), "states no hashes")
+    (folder / "other.toml").write_text(TASK.format(", ".join(['"' + "0" * 64 + '"'] * 5)))
+    refused(
+        here("submit", "other.toml", "--estimator", "guess", "--out", "a.zip"),
+        "the data of seed 0 have the hash",
+    )
+    assert not Path("a.zip").exists()
+    refused(here("verify", "nowhere.zip"), "No such file")
+
+
+def test_who_chooses_touches_may_and_who_does_not_gets_them_in_random_order(
+    bundle_of, here, folder, small_task
+):
+    chosen = small_task.replace('test_poses = "random"', 'explore = "information"')
+    chosen = (
+        chosen.replace("trials = 4", "trials = 1").replace("readings = 3", "readings = 1").replace("@3", "@1")
+    )
+    (folder / "chosen.toml").write_text(
+        chosen.partition("hashes")[0] + "[words]" + chosen.partition("[words]")[2]
+    )
+    asked = task("chosen.toml")
+    hashes = ", ".join(f'"{hash_data(asked, seed)}"' for seed in asked.seeds)
+    (folder / "chosen.toml").write_text(chosen.partition("hashes")[0] + f"hashes = [{hashes}]\n[words]"
+                                        + chosen.partition("[words]")[2])  # fmt: skip
+    for name, explore in (("choosy", "information"), ("guess", "blind")):
+        result = here("submit", "chosen.toml", "--estimator", name, "--out", "a.zip")
+        assert result.returncode == 0, result.stderr
+        assert {run.config["explore"] for run in read_bundle("a.zip").runs} == {explore}
+        verified(here("verify", "a.zip"))
+
+
+def test_the_bound_refuses_an_honest_bundle_as_rarely_as_it_says(bundle_of):
+    bundle = read_bundle(bundle_of("guess", "--set", "spread=2", "--title", "Guesses"))
+    trials, objects = bundle.trials, {run.seed: run.objects for run in bundle.runs}
+    seeds = [seed for seed, *_ in bundle.ids]
+    rng = np.random.default_rng(0)
+    refusals = 0
+    for _ in range(25):
+        swap = (
+            rng.random(len(trials.truth)) < 0.5
+        )  # two draws of one method are as likely the other way round
+        noisy = replace(
+            trials, p_truth=np.clip(trials.p_truth + rng.normal(0, 0.1, trials.p_truth.shape), 0, 1)
+        )
+        pairs = [(noisy, trials) if one else (trials, noisy) for one in swap]
+        one, other = (
+            Trials(**{f.name: np.array([getattr(pair[side], f.name)[n] for n, pair in enumerate(pairs)])
+                      for f in fields(Trials)})
+            for side in (0, 1)
+        )  # fmt: skip
+        refusals += improbable(one, other, seeds, objects, rng) is not None
+    assert refusals == 0
+
+
+def test_the_record_lies_beside_the_bundle():
+    assert record_path(Path("a/letters.zip")) == Path("a/letters.verified.json")

@@ -1,0 +1,146 @@
+"""`bench tasks` and `--task`: what a user types, good and bad."""
+
+import json
+
+import pytest
+from command_line import refused
+
+from tactsim.bench import results
+from tactsim.bench.cli import cmd_tasks
+from tactsim.bench.tasks import names, task
+
+OWN = """
+line = "Two letters."
+seeds = [0, 1, 2, 3, 4]
+trials = 2
+readings = 3
+scored = ["accuracy@3"]
+
+[words]
+letters = "IO"
+"""
+
+
+@pytest.fixture
+def own(tmp_path):
+    (tmp_path / "two-v1.toml").write_text(OWN)
+    return tmp_path / "two-v1.toml"
+
+
+def test_the_list_names_every_task_with_its_sentence_and_size(bench):
+    shown = bench("tasks")
+    assert shown.returncode == 0, shown.stderr
+    text = " ".join(shown.stdout.split())
+    for name in names():
+        one = task(name)
+        size = f"{len(one.letters)} letters, {one.trials} trials each, {one.readings} readings, {len(one.seeds)} seeds"
+        assert f"{name} {one.line} {size}; best " in text
+
+
+def test_json_has_every_task_whole(here):
+    content = json.loads(here("tasks", "--json").stdout)["tasks"]
+    assert [one["name"] for one in content] == list(names())
+    for one in content:
+        read = task(one["name"])
+        assert (tuple(one["letters"]), one["data"]) == (read.letters, read.data)
+        assert {name: one[name] for name in ("words", "seeds", "trials", "readings", "scored", "hashes", "line")} == (
+            read.model_dump(mode="json", exclude={"name"})
+        )  # fmt: skip
+    assert json.loads(here("tasks", "slip-v1", "--json").stdout) == next(
+        one for one in content if one["name"] == "slip-v1"
+    )
+
+
+@pytest.mark.parametrize("name", names())
+def test_one_task_is_shown_whole(here, name):
+    shown, one = here("tasks", name), task(name)
+    text = " ".join(shown.stdout.split())
+    for said in (one.line, one.data, ", ".join(one.scored), "seeds 0 1 2 3 4", " ".join(one.letters)):
+        assert said in text
+    assert ("held out C F H L V" in text) == (name == "open-set-v1")
+
+
+def test_the_options_of_a_task_are_shown_as_run_takes_them(here):
+    lines = [line.split()[-1] for line in here("tasks", "tilted-v1").stdout.splitlines()]
+    assert {
+        "test_poses=random",
+        "scan_set.placement_tilt=0.0087",
+        "scan_set.press.wrist_stiffness=rigid",
+    } <= set(lines)
+
+
+def test_hashes_are_printed_for_a_file_and_compared_once_it_states_them(here, own):
+    shown = here("tasks", own.name, "--hash", "--jobs", "2")
+    assert shown.returncode == 0, shown.stderr
+    printed = shown.stdout[shown.stdout.index("hashes = [") :]
+    own.write_text(OWN.replace("[words]", f"{printed}\n[words]"))
+    assert "as the task states" in here("tasks", own.name, "--hash").stdout
+    first = task(str(own)).hashes[0]
+    own.write_text(own.read_text().replace(first, "0" * 64))
+    other = here("tasks", own.name, "--hash")
+    assert other.returncode == 1
+    assert f'"{first}",  # the task states {"0" * 64}' in other.stdout
+    assert "1 of 5 differ from what the task states" in other.stdout
+    found = here("tasks", own.name, "--hash", "--json")
+    assert found.returncode == 1
+    content = json.loads(found.stdout)
+    assert content["pressed"] == [first, *content["hashes"][1:]]
+
+
+def test_a_run_of_a_task_says_so(here, own, tmp_path):
+    ran = here("run", "--task", own.name, "--estimator", "nearest", "--seed", "3", "--out", "run")
+    assert ran.returncode == 0, ran.stderr
+    assert f"task {own.name}; I O: 2 trials each" in ran.stdout
+    run = results.load(tmp_path / "run")
+    assert (run.task, run.seed, run.readings, run.config["trials"]) == (own.name, 3, 3, 2)
+    answer = json.loads(here("run", "--task", own.name, "--estimator", "nearest", "--json").stdout)
+    assert (answer["task"], answer["seed"], answer["letters"]) == (own.name, 0, ["I", "O"])
+
+
+def test_a_shorter_look_says_that_it_is_no_result(here, own, tmp_path):
+    ran = here(
+        "run", "--task", own.name, "--estimator", "nearest", "--readings", "2", "--out", "run", "--json"
+    )
+    assert ran.returncode == 0, ran.stderr
+    assert "a shorter look at task two-v1.toml" in ran.stderr
+    assert json.loads(ran.stdout)["task"] is None
+    assert results.load(tmp_path / "run").task is None
+
+
+def test_a_sweep_of_a_task_has_a_run_for_each_seed(here, own, tmp_path):
+    (tmp_path / "s.toml").write_text('[[run]]\ntask = "two-v1.toml"\nestimator = "nearest"\n')
+    assert here("sweep", "s.toml", "--jobs", "1", "--out", "out").returncode == 0
+    runs = [results.load(folder) for folder in (tmp_path / "out" / "runs").iterdir()]
+    assert sorted(run.seed for run in runs) == [0, 1, 2, 3, 4]
+    assert {run.task for run in runs} == {"two-v1.toml"}
+    (tmp_path / "s.toml").write_text(
+        '[[run]]\nletters = "IO"\ntrials = 2\nreadings = 3\nseed = [4, 3, 2, 1, 0]\nestimator = "nearest"\n'
+    )
+    said = here("sweep", "s.toml", "--jobs", "1", "--out", "out")
+    assert said.returncode == 0, "the same runs under another name are the same sweep"
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("tasks", "letters-v2"), "unknown task 'letters-v2': did you mean 'letters-v1'?"),
+        (("tasks", "nowhere.toml"), "cannot read task nowhere.toml"),
+        (("tasks", "--hash"), "--hash: name the task"),
+        (("run", "--task", "letters-v2"), "unknown task"),
+        (("run", "--task", "slip-v1", "--letters", "AE"), "letters ('A', 'E'): task slip-v1 says"),
+        (("run", "--task", "slip-v1", "--seed", "17"), "seed 17: task slip-v1 has the seeds 0, 1, 2, 3, 4"),
+        (("run", "--task", "slip-v1", "--trials", "21"), "trials 21: task slip-v1 says 20"),
+        (("run", "--task", "slip-v1", "--world", "rough"), "world 'rough'"),
+        (("run", "--task", "slip-v1", "--scan", "x.npz"), "scan: task slip-v1 has readings of its own"),
+        (("run", "--task", "slip-v1", "--presses", "x"), "presses: task slip-v1 has readings of its own"),
+        (("run", "--task", "slip-v1", "--port", "simulated:hand"), "--port: a task has readings of its own"),
+        (("run", "--task", "slip-v1", "--estimator", "refind"), "did you mean 'refined'"),
+    ],
+)
+def test_wrong_input_is_one_line(here, words, message):
+    refused(here(*words), message)
+
+
+def test_nothing_is_pressed_for_a_list(here, monkeypatch):
+    monkeypatch.setattr(cmd_tasks, "_hashes", None)
+    assert here("tasks").returncode == here("tasks", "active-v1").returncode == 0

@@ -1,0 +1,86 @@
+import numpy as np
+import pytest
+
+from tactsim.core import InputError, Pad, Scan
+from tactsim.core.given_arrays import names_of, readings_a_press, splits_of
+
+PAD = Pad(rows=2, columns=3, seam=None)
+FLAT = np.arange(24.0).reshape(4, 6)
+GOOD = {"readings": FLAT, "poses": np.zeros((4, 3)), "labels": ["A", "A", "B", "B"], "pad": PAD}
+
+
+def test_a_scan_of_arrays_says_where_it_is_from():
+    scan = Scan.from_arrays(**GOOD, unit="count", licence="CC0-1.0")
+    assert np.array_equal(scan.readings, FLAT)
+    assert np.array_equal(scan.taxel_xy, PAD.taxel_xy)
+    assert scan.split.tolist() == ["train"] * 4
+    about = scan.about
+    assert (about["source"], about["licence"], about["units"]["readings"]) == ("imported", "CC0-1.0", "count")
+    assert Pad.model_validate(about["pad"]) == PAD
+    assert Scan.from_arrays(np.zeros((1, 36)), np.zeros((1, 3)), ["A"]).about["licence"] is None
+
+
+@pytest.mark.parametrize("shape", [(4, 6), (4, 2, 3)])
+def test_pictures_of_the_pad_are_put_in_a_row(shape):
+    assert np.array_equal(readings_a_press(FLAT.reshape(shape), PAD), FLAT)
+
+
+@pytest.mark.parametrize("shape", [(4, 5, 6), (4, 5, 2, 3)])
+def test_several_images_of_a_press_are_averaged(shape):
+    images = FLAT[:, None] + np.array([-2.0, -1.0, 0.0, 1.0, 2.0])[None, :, None]
+    assert np.array_equal(readings_a_press(images.reshape(shape), PAD), FLAT)
+
+
+@pytest.mark.parametrize("shape", [(4, 5), (24,), (4, 3, 2), (4, 0, 6), (2, 2, 2, 2, 3), (4, 1, 5, 6)])
+def test_readings_of_another_shape_are_one_line(shape):
+    with pytest.raises(InputError, match=r"a pad of 2x3 taxels asks for \(presses, 6\)") as error:
+        readings_a_press(np.zeros(shape), PAD)
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("values", "names"),
+    [
+        (["A", " B ", "Ü"], ["A", "B", "Ü"]),
+        ([3, -1, 0], ["3", "-1", "0"]),
+        ([[1.0], [2.0]], ["1", "2"]),
+        ([[1.0, 2.0]], ["1", "2"]),
+        (["A"], ["A"]),
+        ([], []),
+    ],
+)
+def test_names_are_texts_or_whole_numbers(values, names):
+    assert names_of(np.array(values), "labels").tolist() == names
+
+
+@pytest.mark.parametrize("values", [[1.5], [np.nan], [np.inf], [1e300], [1j], [None], np.zeros((2, 2))])
+def test_what_names_nothing_is_refused(values):
+    with pytest.raises(InputError, match="labels are"):
+        names_of(values, "labels")
+
+
+@pytest.mark.parametrize("values", [["train", "test"], [True, False], [1, 0], [[1.0], [0.0]]])
+def test_a_split_is_named_or_says_whether_to_train(values):
+    assert splits_of(values, 2).tolist() == ["train", "test"]
+
+
+@pytest.mark.parametrize("values", [[0.5, 1], [2, 0], [None, None]])
+def test_a_split_of_anything_else_is_refused(values):
+    with pytest.raises(InputError, match="the split is neither"):
+        splits_of(values, 2)
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        ({"readings": np.full((4, 6), "x")}, "no numbers"),
+        ({"poses": np.zeros((4, 2))}, "poses has shape"),
+        ({"labels": ["A"]}, "labels has shape"),
+        ({"split": ["train"]}, "split has shape"),
+        ({"split": ["dev"] * 4}, "'dev'"),
+        ({"unit": "psi"}, "known are kPa"),
+    ],
+)
+def test_arrays_that_do_not_fit_together_are_one_line(change, says):
+    with pytest.raises(InputError, match=says):
+        Scan.from_arrays(**(GOOD | change))

@@ -1,0 +1,88 @@
+import json
+
+import numpy as np
+import pytest
+
+from tactsim.bench import formats
+from tactsim.core import InputError, Scan
+from tactsim.core.provenance import OWN_LICENCE, UNITS, statements
+from tactsim.core.scan import train_on
+from tactsim.press import ScanOptions, scan_letters
+
+
+def scan_with(meta, split=("train", "test")):
+    return Scan(
+        np.ones((2, 4)), np.zeros((2, 3)), np.array(["A", "B"]), np.array(split), np.zeros((4, 2)), meta
+    )
+
+
+@pytest.mark.parametrize("unit", UNITS)
+def test_a_scan_says_its_unit(unit):
+    assert scan_with({"unit": unit}).about["units"]["readings"] == unit
+
+
+def test_a_scan_that_says_nothing_is_in_kpa_and_has_no_licence():
+    about = scan_with({}).about
+    assert about["units"]["readings"] == "kPa"
+    assert (about["licence"], about["pad"], about["source"], about["seed"], about["train"]) == (None,) * 5
+    assert about["frames"]["poses"].startswith("sensor_in_object")
+
+
+@pytest.mark.parametrize("unit", ["psi", "kpa", "", None, 3, ["kPa"], "x" * 1000])
+def test_an_unknown_unit_is_one_line(unit):
+    with pytest.raises(
+        InputError, match=r"the unit of the readings is .* known are kPa, N, V, count"
+    ) as refused:
+        scan_with({"unit": unit})
+    assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize("licence", ["", 3, "x" * 101, "MIT\n", ["MIT"]])
+def test_a_licence_is_a_short_name(licence):
+    with pytest.raises(InputError, match=r"the licence is .* SPDX name"):
+        scan_with({"licence": licence})
+
+
+def test_readings_of_two_units_are_not_joined():
+    with pytest.raises(InputError, match=r"different units .*: kPa and N"):
+        scan_with({}).joined(scan_with({"unit": "N"}), {})
+
+
+def test_a_pressed_scan_says_how_it_was_made_and_whose_it_is(tmp_path):
+    size = 'xmlns="http://www.w3.org/2000/svg" viewBox="0 0 8 8" width="8mm" height="8mm"'
+    drawing = f'<svg {size}><path d="M0 0h8v8h-8z"/></svg>'
+    (tmp_path / "own.svg").write_text(drawing)
+    options = ScanOptions(letters=("I",), seed=7)
+    about = scan_letters(options)[0].about
+    assert (about["source"], about["licence"], about["seed"]) == ("simulated", OWN_LICENCE, 7)
+    assert {"tactsim", "mujoco-core", "numpy"} <= about["versions"].keys()
+    assert about["pad"] == options.pad.model_dump(mode="json")
+    own = options.model_copy(update={"letters": (), "shapes": (str(tmp_path / "own.svg"),)})
+    assert scan_letters(own)[0].about["licence"] is None
+
+
+def test_scans_of_before_the_source_was_stated_are_told_by_their_options():
+    assert statements({"options": {"seed": 1}})["source"] == "simulated"
+
+
+@pytest.mark.parametrize("value", ["lost", 3, [1], [{}], {"a": [1]}, None])
+@pytest.mark.parametrize("name", ["versions", "options", "train", "recordings", "source", "pad"])
+def test_what_a_stranger_wrote_there_is_left_out_and_breaks_no_card(name, value, tmp_path):
+    scan = scan_with({name: value})
+    json.dumps(scan.about)
+    for form in ("parquet", "lerobot"):
+        formats.write(scan, tmp_path / form, form)
+    assert formats.read(tmp_path / "parquet").digest == scan.digest
+
+
+def test_statements_of_the_training_readings_are_checked_too():
+    with pytest.raises(InputError, match="the licence is"):
+        scan_with({"train": {"licence": ["MIT"]}})
+
+
+def test_training_readings_of_another_scan_speak_for_themselves():
+    recorded = scan_with({"source": "recorded", "licence": "CC0-1.0"}, ("test", "test"))
+    pressed = scan_with({"source": "simulated", "licence": "CC-BY-4.0"}, ("train", "train"))
+    about = train_on(pressed, recorded).about
+    assert (about["source"], about["train"]["source"]) == ("recorded", "simulated")
+    assert (about["licence"], about["train"]["licence"]) == ("CC0-1.0", "CC-BY-4.0")
