@@ -25,7 +25,7 @@ _GUESS = np.array([0.6, 0.6, 0.2, 0.2, 1.0, 1.0])
 _REACH = np.array([3.0, 3.0, 3.0, 10.0, np.inf, np.inf])  # of errors, times the prior
 _STEP = np.array([0.025, 0.025, 0.05, 0.0, 0.1, 0.1])  # of differences, times the prior
 _GIVE_STEP, _SHARED_STEP = 0.03, 0.02
-_MOST_GIVE = 0.98
+_MOST_GIVE, _FIRST_GIVE = 0.98, 0.5
 _LONGEST = 0.3  # of a step of the give, and, as a share, of point spread and response
 _STEEPEST = 0.03  # rad, standard deviation of tilts; a layer that needs more is taken to be stiffer
 _LEVEL_ROUNDS, _TILTED_ROUNDS = 6, 5
@@ -187,7 +187,7 @@ class PressFit:
     def rounds(self, level: State, *, yields: bool) -> State:
         """Fit tilted presses on a rigid wrist, or on one that yields; level ones if tilts cannot be believed."""
         ratio = 1e-3 * self.stated.stiffness * self.bending / self.stated.wrist
-        state = replace(level, give=ratio / (1 + ratio) if yields else 0.0)
+        state = replace(level, give=min(ratio / (1 + ratio), _FIRST_GIVE) if yields else 0.0)
         leans = True
         for number in range(_TILTED_ROUNDS):
             variance = self.residual(state)[3]
