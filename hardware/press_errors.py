@@ -121,7 +121,8 @@ def _sandwich(own: FloatArray, seen: FloatArray, shared: FloatArray) -> FloatArr
     count = len(own)
     between = scores.T @ scores * count / max(count - len(shared), 1)
     error = np.sqrt(np.maximum(np.diagonal(inverse @ between @ inverse), 0))
-    return np.where(silent, np.inf, error)
+    plain = np.sqrt(np.maximum(np.diagonal(inverse), 0))  # of a few presses the sandwich says too little
+    return np.where(silent, np.inf, np.maximum(error, plain))
 
 
 def _sd_range(

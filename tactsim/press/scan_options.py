@@ -51,7 +51,7 @@ class PressOptions(BaseModel):
         "auto", description="what works out a press; auto takes the cheapest that is exact for it"
     )
     force: float = Field(
-        2.0, ge=1e-6, le=1e4, description="N, constant force along the pad's normal (assumed)"
+        2.0, ge=1e-6, le=1e8, description="N, constant force along the pad's normal (assumed)"
     )
     cells_per_taxel: int = Field(
         2, ge=1, le=16, description="cells of the bed along each side of a taxel; more cost time"
@@ -186,7 +186,7 @@ class SensorOptions(BaseModel):
     drift: float = Field(
         0.0, ge=-100, le=100, description="kPa that the zero moves from one reading to the next (assumed)"
     )
-    noise: float = Field(2.0, ge=0, le=1000, description="kPa, standard deviation of white noise (assumed)")
+    noise: float = Field(2.0, ge=0, le=1e6, description="kPa, standard deviation of white noise (assumed)")
     random_taxels: Share = Field(
         0.0, description="probability that a taxel's reading is replaced by a random one (assumed)"
     )
