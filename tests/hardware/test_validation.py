@@ -104,6 +104,13 @@ def test_a_point_spread_on_its_bound_has_no_tight_interval(rng):
     assert fit.psf_sigma_range[0] == 0
 
 
+def test_one_press_has_no_tight_intervals(rng):
+    world = Bumps(rng, presses=1)
+    recorded = read(world, 0.9, np.zeros((1, 3))) + 0.3 * rng.standard_normal((1, 36))
+    low, high = fit_sensor(recorded, world, STATED, BENDING).psf_sigma_range
+    assert high - low > 0.02
+
+
 def test_what_readings_say_nothing_of_is_not_identified(rng):
     def half(sigma, errors):
         return np.tile(np.linspace(20, 60, 30)[:, None], (1, 10))
