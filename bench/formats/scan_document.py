@@ -1,4 +1,4 @@
-"""What a format without room of its own keeps beside the readings: taxels, times, loads and `meta`, as one JSON object."""
+"""What a format without room for it keeps beside the readings: taxels, times, loads and `meta`, as a JSON object."""
 
 from __future__ import annotations
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
 from typing import Literal
 
 import numpy as np
@@ -58,32 +56,29 @@ def plateau(felt: FloatArray) -> slice | None:
 
 
 def moments_of(
-    images: FloatArray, shares: FloatArray, force: FloatArray | None = None
+    images: FloatArray, shares: FloatArray, load: FloatArray
 ) -> tuple[NDArray[np.bool_], FloatArray]:
     """Take the images of one press at shares of its plateau's load, on the rise.
 
-    images: (frames, taxels) in any unit. shares: (m,) rising, above 0, at most 1; 1 is the mean of the plateau. force:
-    (frames,) N, or None: then what all taxels feel together stands for the load. An image between two frames is
-    interpolated. Returns which of the moments there are, (m,), and their images, (m, taxels). There are none without a
-    plateau or below the noise, and none between two frames that are further apart than a third of the load.
+    images: (frames, taxels) in any unit. shares: (m,) rising, above 0, at most 1; 1 is the median of the plateau. load:
+    (frames,) the contact force, N, or what all taxels feel together. An image between two frames is interpolated.
+    Returns which of the moments there are, (m,), and their images, (m, taxels). There are none without a plateau or
+    below the noise, and none between two frames that are further apart than a third of the load.
     """
     found = np.zeros(len(shares), dtype=bool)
     taken = np.zeros((len(shares), images.shape[1]))
-    felt = images.sum(axis=1)
-    held = plateau(felt)
+    held = plateau(load)
     if held is None:
         return found, taken
-    load = felt if force is None else force
-    level = float(load[held].mean())
-    jitter = float(np.std(np.diff(felt[held]))) / np.sqrt(2)
-    if level <= 0 or float(felt[held].mean()) < _CLEAR * jitter:
+    level = float(np.median(load[held]))
+    if level < _CLEAR * float(np.std(np.diff(load[held]))) / np.sqrt(2):
         return found, taken
     for number, share in enumerate(shares):
         if share >= 1:
-            taken[number], found[number] = images[held].mean(axis=0), True
+            taken[number], found[number] = np.median(images[held], axis=0), True
             continue
         below = np.flatnonzero(load[: held.start + 1] <= share * level)
-        if not len(below) or below[-1] + 1 >= len(load):
+        if not len(below):
             continue
         before = int(below[-1])
         low, high = float(load[before]), float(load[before + 1])
@@ -94,10 +89,28 @@ def moments_of(
     return found, taken
 
 
+def _images(scan: Scan, press: int) -> FloatArray:
+    """Give the images of a press (frames, taxels). Raises InputError if the scan has none."""
+    if scan.sequence is None:
+        raise InputError(
+            "the scan holds one image of each press, so it has no other moments; press with `bench scan --sequence`, "
+            "or read recordings with `bench replay --moments`"
+        )
+    return scan.sequence[press].astype(float)
+
+
+def _load(scan: Scan, press: int) -> FloatArray:
+    """Give the load of a press at each image, (frames,): the contact force if it is known, else what is felt."""
+    force = scan.sequence_force
+    return (
+        force[press].astype(float) if force is not None and force.any() else _images(scan, press).sum(axis=1)
+    )
+
+
 def with_moments(scan: Scan, moments: int | Literal["auto"] = "auto", split: str = "train") -> Scan:
     """Add to each press of a split its images at lower loads, as further readings at the same pose.
 
-    moments: m; the images are those at 1/m, 2/m ... of the plateau's load, the last of which is the press's own reading.
+    moments: m; the images are those at 1/m, 2/m ... of the plateau's load; the last is the press's own reading.
     "auto" is 4 without the shares that fewer than half of the presses show. The load is the contact force where
     `sequence_force` has any, else what the taxels feel together. Each press's readings follow each other, the lightest
     first; `loads` says theirs where the press's is known. The result has no sequences, and `meta["moments"]` says the
@@ -105,25 +118,20 @@ def with_moments(scan: Scan, moments: int | Literal["auto"] = "auto", split: str
 
     Raises InputError if the scan has no sequences, the split no press, or none of its presses a plateau.
     """
-    if scan.sequence is None or scan.sequence_force is None:
-        raise InputError(
-            "the scan holds one image of each press, so it has no other moments; press with `bench scan --sequence`, or "
-            "read recordings with `bench replay --moments`"
-        )
     chosen = np.flatnonzero(scan.split == split)
     if not len(chosen):
         raise InputError(f"the scan has no press of the split {split!r} to take moments of")
     wanted = shares_of(moments)
-    gauged = bool(scan.sequence_force[chosen].any())
+    gauged = scan.sequence_force is not None and bool(scan.sequence_force.any())
     found = np.zeros((len(chosen), len(wanted)), dtype=bool)
     images = np.zeros((len(chosen), len(wanted), scan.readings.shape[1]))
     for row, press in enumerate(chosen):
-        force = scan.sequence_force[press].astype(float) if gauged else None
-        found[row], images[row] = moments_of(scan.sequence[press].astype(float), wanted, force)
+        load = _load(scan, press)
+        found[row], images[row] = moments_of(_images(scan, press), wanted, load)
     if not found.any():
         raise InputError(
-            f"no press of the split {split!r} comes to rest: none holds still for {_LEAST_IMAGES} images and three tenths "
-            "of its time, so there is no plateau to take shares of"
+            f"no press of the split {split!r} comes to rest: none holds still for {_LEAST_IMAGES} images and three "
+            "tenths of its time, so there is no plateau to take shares of"
         )
     if moments == "auto":
         found &= found.sum(axis=0) >= found[:, -1].sum() / 2
@@ -139,6 +147,7 @@ def with_moments(scan: Scan, moments: int | Literal["auto"] = "auto", split: str
     share[lower] = np.broadcast_to(wanted, found.shape)[found]
     loads = scan.loads
     if loads is None and gauged:
+        assert scan.sequence_force is not None
         loads = scan.sequence_force[:, -1].astype(float)
     said = {
         "shares": wanted[found.any(axis=0)].tolist() + [1.0],
@@ -161,27 +170,21 @@ def at_load(scan: Scan, share: float, split: str = "test") -> Scan:
     """
     if not 0 < share <= 1:
         raise InputError(f"share is {short(share)}; give a share of the load above 0, at most 1")
-    if scan.sequence is None or scan.sequence_force is None:
-        raise InputError("the scan holds one image of each press, so it has no lighter ones")
     chosen = np.flatnonzero(scan.split == split)
-    gauged = bool(scan.sequence_force[chosen].any())
     readings, kept = np.array(scan.readings), np.ones(len(scan), dtype=bool)
     loads = None if scan.loads is None else np.array(scan.loads)
     for press in chosen:
-        force = scan.sequence_force[press].astype(float) if gauged else None
-        found, images = moments_of(scan.sequence[press].astype(float), np.array([share]), force)
+        load = _load(scan, press)
+        found, images = moments_of(_images(scan, press), np.array([share]), load)
         if found[0]:
             readings[press] = images[0]
             if loads is not None:
                 loads[press] *= share
         else:
-            kept[press] = plateau(scan.sequence[press].sum(axis=1)) is None
-    lighter = replace(
-        scan, readings=readings, loads=loads, sequence=None, sequence_times=None, sequence_force=None
-    )
+            kept[press] = plateau(load) is None
     return Scan(
-        lighter.readings[kept], lighter.poses[kept], lighter.labels[kept], lighter.split[kept], lighter.taxel_xy,
-        scan.meta, loads=None if loads is None else loads[kept],
+        readings[kept], scan.poses[kept], scan.labels[kept], scan.split[kept], scan.taxel_xy, scan.meta,
+        loads=None if loads is None else loads[kept],
     )  # fmt: skip
 
 

@@ -147,7 +147,8 @@ class Scan:
         readings: (n, taxels) or (n, rows, columns); (n, images, taxels) or (n, images, rows, columns) where several
         images were taken of a press, whose mean is its reading. poses: (n, 3) sensor_in_object, mm, mm, rad. labels:
         (n,) names or whole numbers. split: (n,) "train" or "test", or whether to train on it; None: all to train.
-        pad: None for the paper's. unit: of the readings. licence: an SPDX name. loads: (n,) N of each press, NaN where not known.
+        pad: None for the paper's. unit: of the readings. licence: an SPDX name. loads: (n,) N, NaN where not
+        known.
 
         Raises InputError when shapes disagree, and for what `Scan` refuses.
         """
@@ -159,7 +160,13 @@ class Scan:
         made = {"source": "imported", "versions": {"tactsim": version("tactsim")}}
         meta = {**made, "pad": pad.model_dump(mode="json"), **stated}
         return cls(
-            values, poses, names_of(labels, "labels"), splits_of(split, len(values)), pad.taxel_xy, meta, loads=loads
+            values,
+            poses,
+            names_of(labels, "labels"),
+            splits_of(split, len(values)),
+            pad.taxel_xy,
+            meta,
+            loads=loads,
         )
 
     @property

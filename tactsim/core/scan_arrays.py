@@ -48,11 +48,15 @@ def as_loads(values: Any, count: int) -> FloatArray:
     """
     array = np.asarray(values)
     if array.dtype.kind not in "fiu" or array.shape != (count,):
-        raise InputError(f"scan: loads must be {count:,} numbers, one a press, got {array.dtype} {array.shape}")
+        raise InputError(
+            f"scan: loads must be {count:,} numbers, one a press, got {array.dtype} {array.shape}"
+        )
     array = array.astype(float)
     known = ~np.isnan(array)
     if (finite(array[known], "scan: loads") < 0).any():
-        raise InputError(f"scan: a load is {short(float(array[known].min()))} N; a press is made with 0 or more")
+        raise InputError(
+            f"scan: a load is {short(float(array[known].min()))} N; a press is made with 0 or more"
+        )
     array.setflags(write=False)
     return array
 
