@@ -72,7 +72,7 @@ class ForceLikelihood(Likelihood):
     def _learn(self, train: Scan, pressure: FloatArray) -> FloatArray:
         """Learn the mosaics from training readings under pressures (n,) kPa.
 
-        Returns what they predict without the taxel itself at that pose: (n, taxels).
+        Returns what they predict without any taxel that lay just like it: (n, taxels).
         """
         self.mosaics: dict[str, Mosaic] = {}
         predicted = np.empty(train.readings.shape)
@@ -80,9 +80,8 @@ class ForceLikelihood(Likelihood):
             mine = train.labels == label
             xy, values, counts = self._taxels(train, pressure, mine)
             self.mosaics[label] = learn_mosaic(xy, values, counts, self._grid(label))
-            shape = (-1, len(train.taxel_xy))
-            same = as_one(train.poses[mine], values.reshape(shape), counts.reshape(shape))
-            predicted[mine] = self.mosaics[label].without(xy, *map(np.ravel, same)).reshape(shape)
+            alone = self.mosaics[label].without(*as_one(train.where(label=label), values, counts))
+            predicted[mine] = alone.reshape(-1, len(train.taxel_xy))
         return predicted
 
     def _taxels(
