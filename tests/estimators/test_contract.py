@@ -284,23 +284,3 @@ def test_letters_that_are_one_share_its_probability(name, small_scan):
     for seed in (0, 1):
         for _, probabilities, _ in run(estimator, readings, poses, seed):
             assert probabilities == pytest.approx(dict.fromkeys("ABC", 1 / 3), abs=1e-9)
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_taxels_that_are_masked_are_done_without(name, small_scan):
-    kept = np.setdiff1d(np.arange(len(small_scan.taxel_xy)), [0, 7, 8, 20])
-    masked = Scan(
-        small_scan.readings[:, kept], small_scan.poses, small_scan.labels, small_scan.split,
-        small_scan.taxel_xy[kept], small_scan.meta,
-    ).of_letters("EI")  # fmt: skip
-    estimator = fitted(name, masked, **COARSE.get(name, {}))
-    felt = masked.where("test", "I")
-    touching = np.flatnonzero(felt.readings.max(axis=1) > 10)[:3]
-    estimator.reset(np.random.default_rng(0))
-    for row in touching:
-        estimator.update(felt.readings[row], felt.poses[row])
-    estimate = estimator.estimate()
-    assert sum(estimate.probabilities.values()) == pytest.approx(1)
-    assert np.isfinite(estimate.robot_in_object).all()
-    with pytest.raises(InputError, match="taxels"):
-        estimator.update(small_scan.readings[0], small_scan.poses[0])
