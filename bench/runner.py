@@ -11,6 +11,7 @@ from typing import Any
 from tactsim.bench.agreement import eq3_agreement
 from tactsim.bench.bound.efficiency import bounds_of_trials
 from tactsim.bench.config import RunConfig, chosen_letters
+from tactsim.bench.copies import notes_on
 from tactsim.bench.fitting import fit
 from tactsim.bench.machine import machine, peak_memory_mb, versions
 from tactsim.bench.offered_touches import Press
@@ -199,6 +200,7 @@ def finished_run(
     objects = properties(gathered.scan)
     bounds, no_bound = bounds_of_trials(gathered.scan, trials, config.explore, config.moving)
     made = estimator or create(config.estimator, **config.options)
+    notes = notes_on(gathered.scan)
     about: dict[str, Any] = {
         "protocol": _protocol_name(config, gathered.scan),
         "letters": list(gathered.letters),
@@ -212,6 +214,7 @@ def finished_run(
         "source": source_of_trials(estimator or config.estimator, on_demand=config.on_demand),
         "commit": git_commit(),
         "machine": machine(),
+        **({"notes": notes} if notes else {}),
     }
     times = {
         "started": datetime.now(UTC).isoformat(timespec="seconds"),

@@ -77,6 +77,8 @@ def print_run(run: Run) -> None:
         f"{' '.join(about['letters'])}: {config['trials']} trials each, {about['protocol']}, seed {config['seed']}"
     )
     console.print(_table(summary, run.against_bound, run.readings))
+    for line in about.get("notes", []):
+        console.print(f"note     {line}")
     for line in headlines(run):
         console.print(line)
 

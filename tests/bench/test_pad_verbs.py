@@ -133,9 +133,16 @@ def test_a_large_array_is_cut_into_touches(here, tmp_path):
     )
     words = ["replay", "array.csv", "--device", "array.toml", "--marks", "marks.csv", "--cut", "5x5"]
     refused(here(*words), "name it with --scan")
-    assert "288 readings of A, 25 taxels" in right(here(*words, "--scan", "touches.npz"))
+    refused(
+        here(*words, "--scan", "m.npz", "--moments", "1"),
+        "--moments '1': give a whole number from 2 to 20, or auto",
+    )
+    refused(here(*words, "--scan", "m.npz", "--moments", "4"), "no press of the recording shows a plateau")
+    narrow = right(here(*words[:-1], "16x16", "--scan", "narrow.npz"))
+    assert "too small for test touches at places of their own" in narrow
+    assert "144 readings of A, 25 taxels" in right(here(*words, "--scan", "touches.npz"))
     made = Scan.load(tmp_path / "touches.npz")
-    assert made.readings.shape == (288, 25)
+    assert made.readings.shape == (144, 25)
     assert made.meta["objects"] == {}  # a label may be an object of one's own, whatever it is called
     shown = right(here(*words, "--letters", "A", "--scan", "letters.npz"))
     assert "A: placements count as those of the catalogue's letters" in shown
