@@ -81,8 +81,8 @@ class PadUnits:
         return np.concatenate([self.places(poses[..., :2]), poses[..., 2:]], axis=-1)
 
     def places(self, xy: FloatArray) -> FloatArray:
-        """Bring places (..., 2) mm to mm of the paper's pad, rounded as readings are."""
-        return xy if self.length == 1 else _single(xy / self.length)
+        """Bring places (..., 2) mm to mm of the paper's pad, rounded as readings are: on a lattice many are equally near."""
+        return _single(xy / self.length)
 
     def poses_back(self, poses: FloatArray) -> FloatArray:
         """Bring poses (..., 3) in mm of the paper's pad back to mm."""
@@ -187,7 +187,7 @@ def fit_to_pad(scan: Scan, options: FilterOptions) -> PadFit:
     forces = options.likelihood == "force"
     # A curve changes no class but for the threshold and the ratio, which are chosen anyway.
     open_set = isinstance(options, OpenSetOptions) and options.unknown > 0
-    exponent = response(scan, options)[0] if forces or open_set else 1.0
+    exponent, straight, _ = response(scan, options) if forces or open_set else (1.0, None, None)
     fitted = PadFit(
         units_of(scan, exponent), {name: value for name, value in _START.items() if name not in given}
     )
@@ -205,7 +205,7 @@ def fit_to_pad(scan: Scan, options: FilterOptions) -> PadFit:
             continue
         value, after = climb(partial(said, name), values, getattr(fitted.inner(options), name), after, _MORE)
         fitted = _with(fitted, name, value, given)
-    return replace(fitted, before=before, after=after)
+    return replace(fitted, before=straight if forces else before, after=after)
 
 
 def _with(fitted: PadFit, name: str, value: float, given: Collection[str]) -> PadFit:
