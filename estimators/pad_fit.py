@@ -81,7 +81,10 @@ class PadUnits:
         return np.concatenate([self.places(poses[..., :2]), poses[..., 2:]], axis=-1)
 
     def places(self, xy: FloatArray) -> FloatArray:
-        """Bring places (..., 2) mm to mm of the paper's pad, rounded as readings are: on a lattice many are equally near."""
+        """Bring places (..., 2) mm to mm of the paper's pad, rounded as readings are.
+
+        On a lattice many places are equally near; which is taken must not depend on the unit.
+        """
         return _single(xy / self.length)
 
     def poses_back(self, poses: FloatArray) -> FloatArray:
