@@ -222,23 +222,25 @@ def _with(fitted: PadFit, name: str, value: float, given: Collection[str]) -> Pa
 def climb(
     information: Callable[[float], float], values: Sequence[float], start: float, known: float, least: float
 ) -> tuple[float, float]:
-    """Go through values away from the start, upwards or else downwards, as long as more is said.
+    """Go through values away from the start, upwards and downwards, each way as long as more is said.
 
     known: nats, what is said at the start. The first step must say `least` times as much. Returns the best value,
     and what is said there.
     """
     best, most = start, known
-    for way in (
+    up, down = (
         [value for value in values if value > start],
         [value for value in values[::-1] if value < start],
-    ):
+    )
+    for way in (up, down):
+        place, reached = start, known
         for value in way:
             more = information(value)
-            if more <= most * (least if best == start else 1):
+            if more <= reached * (least if place == start else 1):
                 break
-            best, most = value, more
-        if best != start:
-            break
+            place, reached = value, more
+        if reached > most:
+            best, most = place, reached
     return best, most
 
 
