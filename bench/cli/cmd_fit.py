@@ -54,8 +54,8 @@ def command(
     from tactsim.estimators.options import FilterOptions
     from tactsim.estimators.pad_fit import fit_to_pad, response, units_of
 
-    made = create(estimator, **{"fit": "auto", **key_values(settings or (), "--set")}) if estimator else None
-    if made is None or not isinstance(made.options, FilterOptions):
+    made = create(estimator, **key_values(settings or (), "--set"))
+    if not isinstance(made.options, FilterOptions):
         raise InputError(f"--estimator {estimator}: it learns no maps, so there is nothing to choose for it")
     if out is not None:
         check_new_file(out)
