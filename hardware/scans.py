@@ -16,8 +16,8 @@ from pydantic import BaseModel, Field, model_validator
 from tactsim.core.checking import checked
 from tactsim.core.documents import read_text
 from tactsim.core.errors import InputError
-from tactsim.core.pad import Pad, taxel_grid
-from tactsim.core.poses import FloatArray, compose
+from tactsim.core.pad import Pad
+from tactsim.core.poses import FloatArray
 from tactsim.core.scan import Scan
 from tactsim.core.source import Source, SourceError
 from tactsim.hardware.calibration import Calibration, Correction
@@ -291,51 +291,3 @@ def _check_within(intervals: Sequence[Interval], times: Sequence[float]) -> None
             f"the recording ends at {end:g} s, but a mark ({late.label}) goes on until {late.last_s:g} s; times count "
             "in s from the first reading"
         )
-
-
-def cut(scan: Scan, rows: int, columns: int, stride: int = 1) -> Scan:
-    """Cut each reading of a large array into windows of `rows` x `columns` taxels, as a small pad feels them.
-
-    The windows begin every `stride` taxels along both axes. Each becomes a reading of its own, at the
-    pose of its middle. Sequences are left out. Raises InputError if the taxels are no even grid or the window
-    does not fit.
-    """
-    grid = taxel_grid(scan.taxel_xy)
-    if not (1 <= rows <= grid.shape[0] and 1 <= columns <= grid.shape[1] and stride >= 1):
-        raise InputError(
-            f"a window of {rows}x{columns}, stride {stride}, cannot be cut from {grid.shape[0]}x{grid.shape[1]} "
-            "taxels"
-        )
-    windows = [
-        grid[r : r + rows, c : c + columns].ravel()
-        for r in range(0, grid.shape[0] - rows + 1, stride)
-        for c in range(0, grid.shape[1] - columns + 1, stride)
-    ]
-    middles = np.array([scan.taxel_xy[window].mean(axis=0) for window in windows])
-    layouts = np.array([scan.taxel_xy[window] for window in windows]) - middles[:, None]
-    if np.ptp(layouts, axis=0).max() > 1e-6:
-        raise InputError(
-            "the taxels are not evenly spaced, so windows of them differ; cut one array at a time"
-        )
-    offsets = np.column_stack([middles, np.zeros(len(middles))])
-    count = len(scan)
-    return Scan(
-        np.concatenate([scan.readings[:, window] for window in windows]),
-        np.concatenate([compose(scan.poses, offset) for offset in offsets]),
-        np.tile(scan.labels, len(windows)),
-        np.tile(scan.split, len(windows)),
-        layouts[0],
-        {
-            **scan.meta,
-            "cut": {"rows": rows, "columns": columns, "stride": stride, "readings": count},
-            "pad": _pad_of_window(scan.about["pad"], rows, columns),
-        },
-    )
-
-
-def _pad_of_window(pad: Any, rows: int, columns: int) -> dict[str, Any] | None:
-    """Describe a window of an array as a pad; None if the array is not described."""
-    if not isinstance(pad, dict):
-        return None
-    alone = {"seam": None, "unread_columns": 0, "unread_rows": 0}
-    return {**pad, "rows": rows, "columns": columns, **alone}

@@ -56,7 +56,7 @@ def command(
     from tactsim.bench.measured import taken_as_letters, with_letters
     from tactsim.bench.places import check_new_file
     from tactsim.core.errors import InputError
-    from tactsim.hardware.scans import cut as cut_scan
+    from tactsim.hardware.cutting import cut as cut_scan
     from tactsim.hardware.scans import read_intervals, scan_of_intervals, scan_of_sessions
     from tactsim.hardware.sources import open_source
     from tactsim.models import parse_letters

@@ -15,6 +15,8 @@ from tactsim.core.poses import FloatArray
 FOLDS = 4
 # mm; presses that are as near as that are at one position and belong to one part.
 _APART = 1.0
+# mm and rad; poses that are as near as that are the same.
+_SAME = 1e-6
 # mm; a place is known if a taxel lay as near as that.
 _NEAR = 1.0
 
@@ -31,6 +33,24 @@ def by_letter(divide: Callable[[FloatArray], NDArray[Any]], train: Scan) -> NDAr
 def positions(poses: FloatArray) -> NDArray[np.intp]:
     """Count off the positions at which presses at poses (n, 3) were made: (n,), from 0."""
     return np.unique(np.round(poses[:, :2] / _APART), axis=0, return_inverse=True)[1].reshape(-1)
+
+
+def as_one(poses: FloatArray, values: FloatArray, weight: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Give each of n readings what all readings at its very pose say together: values and weights (n, taxels).
+
+    The moments of one press, and the presses of a machine that comes back to a pose, are at one pose. In least squares
+    they are as one reading that has the mean of their values and the sum of their weights. So what is looked up without
+    that one reading is looked up without all of them, as it must be: they are near copies.
+    """
+    pose, which = np.unique(np.round(poses / _SAME), axis=0, return_inverse=True)
+    if len(pose) == len(poses):
+        return values, weight
+    which = which.reshape(-1)
+    sums = np.zeros((2, len(pose), values.shape[1]))
+    np.add.at(sums[0], which, weight)
+    np.add.at(sums[1], which, weight * values)
+    mean = np.divide(sums[1], sums[0], out=np.zeros_like(sums[1]), where=sums[0] > 0)
+    return mean[which], sums[0][which]
 
 
 def folds(poses: FloatArray) -> NDArray[np.intp]:

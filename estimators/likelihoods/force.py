@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from tactsim.core import Scan, transform
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.likelihoods.deviation import Deviation, learn_deviation
-from tactsim.estimators.likelihoods.folds import FOLDS, by_letter, folds, touched_elsewhere
+from tactsim.estimators.likelihoods.folds import FOLDS, as_one, by_letter, folds, touched_elsewhere
 from tactsim.estimators.likelihoods.likelihood import Evidence, Likelihood, covered
 from tactsim.estimators.likelihoods.mosaic import Grid, Mosaic, learn_mosaic
 from tactsim.estimators.likelihoods.occupancy import OccupancyMap
@@ -72,15 +72,17 @@ class ForceLikelihood(Likelihood):
     def _learn(self, train: Scan, pressure: FloatArray) -> FloatArray:
         """Learn the mosaics from training readings under pressures (n,) kPa.
 
-        Returns what they predict without the taxel itself: (n, taxels).
+        Returns what they predict without the taxel itself at that pose: (n, taxels).
         """
         self.mosaics: dict[str, Mosaic] = {}
         predicted = np.empty(train.readings.shape)
         for label in self.maps:
             mine = train.labels == label
-            taxels = self._taxels(train, pressure, mine)
-            self.mosaics[label] = learn_mosaic(*taxels, self._grid(label))
-            predicted[mine] = self.mosaics[label].without(*taxels).reshape(-1, len(train.taxel_xy))
+            xy, values, counts = self._taxels(train, pressure, mine)
+            self.mosaics[label] = learn_mosaic(xy, values, counts, self._grid(label))
+            shape = (-1, len(train.taxel_xy))
+            same = as_one(train.poses[mine], values.reshape(shape), counts.reshape(shape))
+            predicted[mine] = self.mosaics[label].without(xy, *map(np.ravel, same)).reshape(shape)
         return predicted
 
     def _taxels(

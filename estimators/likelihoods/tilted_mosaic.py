@@ -20,6 +20,7 @@ from scipy.optimize import nnls
 
 from tactsim.core import Scan, compose, transform
 from tactsim.core.poses import FloatArray
+from tactsim.estimators.likelihoods.folds import as_one
 from tactsim.estimators.likelihoods.mosaic import Grid, Mosaic, learn_mosaic
 from tactsim.estimators.likelihoods.occupancy import OccupancyMap
 from tactsim.estimators.options import LikelihoodOptions
@@ -56,7 +57,7 @@ _LEAST_ERROR = 1e-3
 class LeftOut:
     """Cover and squared slope (n, taxels) at a letter's training readings, of mosaics learned without them.
 
-    near: without the taxel itself, so that the place is known as well as it can be. far: without all readings
+    near: without the taxel itself, of all readings at that pose, so that the place is known well. far: without all readings
     that were taken around there, so that it is known badly. Each holds cover and slope.
     """
 
@@ -225,8 +226,9 @@ class TiltedMosaics:
         """Look a letter's training readings up in mosaics without themselves, and without those around them."""
         cover, weight = self._cover(mine.readings, pressure)
         mosaic = self.mosaics[label]
+        same, counts = as_one(mine.poses, cover, weight)
         near = (
-            mosaic.without(xy.reshape(-1, 2), cover.ravel(), weight.ravel()).reshape(cover.shape),
+            mosaic.without(xy.reshape(-1, 2), same.ravel(), counts.ravel()).reshape(cover.shape),
             mosaic(xy)[1],
         )
         far = np.empty_like(cover), np.empty_like(cover)
