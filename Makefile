@@ -32,7 +32,7 @@ MINUTES ?= 30
 # What `make mutants` is given, such as MUTANTS="--all tactsim/press/clip.py".
 MUTANTS ?=
 
-.PHONY: run test check docs setup lock test-slow test-formats soak mutants bench-check bench-baseline bench-rate profile tables leaderboard references clean help
+.PHONY: run test check docs setup lock test-slow test-formats soak mutants bench-check bench-baseline bench-rate profile tables leaderboard references release-check image clean help
 
 help:            ## list these commands
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 18
@@ -93,7 +93,7 @@ $(PROFILE): $(PROFILE_LOCK) | $(DEVELOP)
 	@touch $@
 
 # The sweeps that the tables of the documentation are made of.
-TABLES := better paper-better robustness slip open-set active paper paper-like tilt pareto
+TABLES := better baselines paper-better robustness slip open-set active paper paper-like tilt pareto
 
 tables: $(DEVELOP)  ## do the sweeps that are not done yet, and fill the tables of the documentation from them
 	@for suite in $(TABLES); do $(BIN)/bench sweep $$suite || exit; done
@@ -105,6 +105,15 @@ leaderboard: $(DEVELOP)  ## make the site of results/leaderboard, and fill the t
 
 references: $(DEVELOP)  ## how far every estimator is from the reference posteriors of docs/bound.md
 	@$(BIN)/python -m tactsim.bench.bound.references
+
+release-check: $(PACKAGING)  ## what a release lacks; then build it into dist/, check it and install it
+	@$(BIN)/python tests/packaging/release_check.py
+	@rm -rf dist && mkdir dist && PYTHONPATH=tests/support $(BIN)/python -m building dist
+	@$(BIN)/python -m twine check --strict dist/*
+	@$(BIN)/python -m pytest -q -m "slow or not slow" tests/packaging
+
+image:           ## build the container image `tactsim`
+	@docker build --tag tactsim .
 
 setup: $(DEVELOP)  ## create .venv with all that work on the project needs
 

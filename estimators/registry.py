@@ -55,6 +55,18 @@ BUILT_IN: dict[str, tuple[str, str]] = {
         "tactsim.estimators.filters.nearest:Nearest",
         "baseline without maps: which training readings are alike",
     ),
+    "bag-of-features": (
+        "tactsim.estimators.filters.bag_of_features:BagOfFeatures",
+        "baseline without poses: how often a letter gives each kind of reading",
+    ),
+    "mlp": (
+        "tactsim.estimators.filters.mlp:Mlp",
+        "baseline without poses: a neural network names each reading's letter; extra learned",
+    ),
+    "scan-matching": (
+        "tactsim.estimators.filters.scan_matching:ScanMatching",
+        "baseline without a belief: the one pose that fits best, by branch and bound",
+    ),
 }
 
 

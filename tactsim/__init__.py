@@ -6,7 +6,8 @@
     run = tactsim.run(scan, estimator="refined", trials=20, readings=10)
     run.accuracy[4]  # share of the trials that are right after five readings
 
-Rooms, each importing only those before it: `core`, `models`, `press`, `estimators` and `hardware`, `bench`.
+Rooms, each importing only those before it: `core`, `models`, `press`, `estimators` and `hardware`, `bench`, `env`,
+which is an extra.
 Everything is imported when it is first used.
 """
 
@@ -48,7 +49,7 @@ _HOME = {
     "bench.run": ("Run",),
 }
 _MODULE_OF = {name: module for module, names in _HOME.items() for name in names}
-_ROOMS = ("bench", "core", "estimators", "hardware", "models", "press")
+_ROOMS = ("bench", "core", "env", "estimators", "hardware", "models", "press")
 
 __all__ = [
     "WORLDS",

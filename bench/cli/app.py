@@ -44,6 +44,7 @@ VERBS = {
     "record": "Record a pad: with --letter a guided session that makes a scan, else all it says.",
     "replay": "Read recordings again, bit for bit: show what they hold, make a scan or a table of them.",
     "emulate": "Present a simulated pad as a device that speaks its codec's bytes; ends with Ctrl-C.",
+    "new": "Make a repository of your own for an estimator, a task or a source, with its tests and its workflow.",
     "validate": "Compare a simulated with a recorded scan: readings, sensor parameters, classes, recognition.",
 }
 

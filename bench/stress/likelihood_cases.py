@@ -103,8 +103,9 @@ def straight_readings(scan: Scan, label: str | None = None) -> tuple[FloatArray,
 
 
 def one_state(scan: Scan, **options: float) -> HistogramFilter:
-    """Fit a histogram of one bin, whose one state is [0, 0, 0]."""
-    made = HistogramFilter(HistogramOptions.model_validate({"split": "1x1x1", "skip": False, **options}))
+    """Fit a histogram of one bin, whose one state is [0, 0, 0] and lies on a node of the tables."""
+    alone = {"split": "1x1x1", "reach": 10.0, "skip": False}
+    made = HistogramFilter(HistogramOptions.model_validate({**alone, **options}))
     made.fit(scan)
     made.reset(np.random.default_rng(0))
     return made

@@ -25,7 +25,7 @@ from tactsim.press import cache as cached
 from tactsim.press.scan_options import ScanOptions
 from tactsim.press.scan_poses import grid_poses, random_poses, stage_for
 from tactsim.press.sensor import gains, sense
-from tactsim.press.touches import Touches, draw_loads
+from tactsim.press.touches import Normals, Touches, draw_loads
 
 if TYPE_CHECKING:
     from tactsim.press.sequences import Course
@@ -159,11 +159,12 @@ def as_pressed(
     stated: FloatArray,
     split: str,
     options: ScanOptions,
-    draw: Callable[[str], np.random.Generator],
+    draw: Callable[[str], Normals],
 ) -> Touches:
     """Say how a letter is truly pressed at stated poses (n, 3) sensor_in_object: misplaced, tilted, with what load.
 
-    draw(purpose): the generator for one purpose, so that no error depends on whether another is switched on.
+    draw(purpose): what draws for one purpose ("placement", "tilt" or "load"), so that no error depends on whether
+    another is switched on.
     """
     true, tilts = stated, np.tile((options.press.tilt_x, options.press.tilt_y), (len(stated), 1))
     spread = (options.placement_mm, options.placement_mm, options.placement_rad)
@@ -174,9 +175,7 @@ def as_pressed(
     return Touches(letter, true, tilts, load=_loads(len(stated), split, options, draw))
 
 
-def _loads(
-    count: int, split: str, options: ScanOptions, draw: Callable[[str], np.random.Generator]
-) -> FloatArray | None:
+def _loads(count: int, split: str, options: ScanOptions, draw: Callable[[str], Normals]) -> FloatArray | None:
     """Draw each press's force (count,) as a share of the options'; None if all presses have just that force.
 
     Those of the test presses are `test_load` times as large as those of the training presses.

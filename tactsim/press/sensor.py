@@ -3,12 +3,30 @@
 from __future__ import annotations
 
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tactsim.core.poses import FloatArray
 from tactsim.core.seeds import stream
 from tactsim.press.scan_options import ScanOptions, SensorOptions
+
+
+class Chance(NamedTuple):
+    """What is drawn for readings, each (..., taxels): whatever is switched off, as many numbers are drawn.
+
+    noise: normal. replaced, level: uniform, whether a taxel reads something random, and how much of the largest.
+    """
+
+    noise: FloatArray
+    replaced: FloatArray
+    level: FloatArray
+
+    @classmethod
+    def draw(cls, shape: tuple[int, ...], rng: np.random.Generator) -> Chance:
+        """Draw for readings (..., taxels)."""
+        return cls(rng.standard_normal(shape), rng.random(shape), rng.random(shape))
 
 
 def sense(
@@ -27,20 +45,35 @@ def sense(
     The order of the effects is that of docs/sensor.md. As many random numbers are drawn whichever effects
     are off, so switching one off changes nothing else. Readings may be below zero, as a tared sensor's are.
     """
-    noise = rng.standard_normal(ideal.shape)
-    replaced, level = rng.random(ideal.shape), rng.random(ideal.shape)
-    readings = gain * (hysteretic(ideal, options.hysteresis) if one_touch else ideal)
+    chance = Chance.draw(ideal.shape, rng)
+    felt = answered(hysteretic(ideal, options.hysteresis) if one_touch else ideal, options, gain)
+    if options.lag and not one_touch:
+        for before, now in pairwise(felt):
+            now += options.lag * (before - now)
+    return reported(felt, np.arange(1, len(felt) + 1), options, chance)
+
+
+def answered(ideal: FloatArray, options: SensorOptions, gain: FloatArray) -> FloatArray:
+    """Apply the taxels' gains (taxels,) and their response curve to ideal readings (n, taxels) kPa."""
+    readings = gain * ideal
     if options.response != 1:
         at = options.response_pressure
         readings = at * (np.maximum(readings, 0) / at) ** options.response
-    if options.lag and not one_touch:
-        for before, now in pairwise(readings):
-            now += options.lag * (before - now)
-    readings = readings + options.drift * np.arange(1, len(readings) + 1)[:, None] + options.noise * noise
+    return readings
+
+
+def reported(
+    felt: FloatArray, number: NDArray[np.intp], options: SensorOptions, chance: Chance
+) -> FloatArray:
+    """Turn what the taxels feel, lag included, into what the pad reports: (n, taxels) kPa.
+
+    number: (n,) which reading of its sequence each one is, from 1: the zero drifts from one to the next.
+    """
+    readings = felt + options.drift * number[:, None] + options.noise * chance.noise
     if options.random_taxels:
         # Uniform between 0 and 0.6 of the largest reading, so that eq. 3 calls half of them In Contact.
         largest = np.maximum(readings.max(axis=1, keepdims=True), 0)
-        readings = np.where(replaced < options.random_taxels, 0.6 * largest * level, readings)
+        readings = np.where(chance.replaced < options.random_taxels, 0.6 * largest * chance.level, readings)
     if options.saturation is not None:
         readings = np.minimum(readings, options.saturation)
     if options.resolution:

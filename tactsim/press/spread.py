@@ -30,17 +30,22 @@ _QUADRATURE = (
 )
 
 
+@lru_cache(maxsize=8)
 def cell_lines(pad: Pad, cells_per_taxel: int, sigma: float) -> tuple[FloatArray, FloatArray]:
     """Divide the surface that carries load into cells: returns their edges along x and along y, mm.
 
     sigma: mm, of the point spread. Without one the edges of taxels are lines too (`Pad.grid_lines`). With
     one, a cell wider than 1.25 sigma is cut into equal parts of at most sigma; of those lines only the ones
     within 6 sigma of a taxel's edge are kept, since elsewhere a taxel feels all of a force or none.
+    They are kept, and not to be changed: a press asks for them at every step towards its balance.
     """
     x_lines, y_lines = pad.grid_lines(cells_per_taxel, gap_cells=sigma == 0)
-    if sigma == 0:
-        return x_lines, y_lines
-    return _cut_wide(x_lines, pad.column_edges, sigma), _cut_wide(y_lines, pad.row_edges, sigma)
+    if sigma:
+        x_lines, y_lines = (
+            _cut_wide(x_lines, pad.column_edges, sigma),
+            _cut_wide(y_lines, pad.row_edges, sigma),
+        )
+    return x_lines, y_lines
 
 
 def _cut_wide(lines: FloatArray, edges: FloatArray, sigma: float) -> FloatArray:
@@ -74,12 +79,15 @@ def contact_map(
     pad: Pad,
     cells_per_taxel: int,
     sigma: float,
+    *,
+    alone: bool = False,
 ) -> FloatArray:
     """Average the spread contact pressure over each taxel: (presses, taxels) kPa, no imperfections.
 
     bed: laid on `cell_lines`. pressure: (contacts,) N/mm^2 at the centres of the contacts' cells.
     gradient: (contacts, 2) N/mm^3 along x and y, or None where the pressure is even over each covered part.
-    sigma: mm, standard deviation of the point spread.
+    sigma: mm, standard deviation of the point spread. alone: whether each press is summed by itself, which takes
+    longer: then its last bits do not depend on which others are pressed with it.
 
     A taxel's response to a unit force is a smooth function of where in the cell the force is; its best
     quadratic there (least squares) replaces it. The integral over the covered part then needs only the
@@ -89,7 +97,7 @@ def contact_map(
     columns, rows, presses = len(felt.half_x), len(felt.half_y), len(bed.start) - 1
     y, x = np.divmod(bed.cell, columns)
     loads = _loads(bed.moments, pressure, gradient, felt.half_x[x], felt.half_y[y])
-    block = max(1, _BLOCK // (columns * rows))
+    block = 1 if alone else max(1, _BLOCK // (columns * rows))
     result = np.empty((presses, pad.rows, pad.columns))
     for first in range(0, presses, block):
         count = min(block, presses - first)

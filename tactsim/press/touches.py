@@ -4,11 +4,19 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
 from tactsim.core.poses import FloatArray
 from tactsim.models.letter import Letter
+
+
+class Normals(Protocol):
+    """What draws normal numbers: a generator, or numbers that were drawn before."""
+
+    def standard_normal(self, size: int | tuple[int, ...]) -> FloatArray:
+        """Give normal numbers of this shape."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,7 +57,7 @@ class Touches:
         return len(self.poses)
 
 
-def draw_loads(count: int, spread: float, rng: np.random.Generator) -> FloatArray:
+def draw_loads(count: int, spread: float, rng: Normals) -> FloatArray:
     """Draw the loads (count,) of presses as shares of the set force: log-normal, with mean 1 and deviation `spread`.
 
     A log-normal load is above 0 whatever the spread.

@@ -48,7 +48,20 @@ def test_what_python_is_given_exists(arguments):
 
 
 def test_every_command_is_one_that_these_tests_know():
-    known = {"bench", "tactsim-bench", "make", "python", "python3", "pip", "git", "cd"}
+    known = {
+        "bench",
+        "tactsim-bench",
+        "make",
+        "python",
+        "python3",
+        "pip",
+        "git",
+        "cd",
+        "uvx",
+        "pipx",
+        "docker",
+        "rattler-build",
+    }
     programs = {Path(words[0]).name for _, words in SHELL_COMMANDS if not re.fullmatch(r"\w+=.*", words[0])}
     assert programs <= known
 

@@ -12,7 +12,7 @@ from pages import PAGES, ROOT
 from tactsim.estimators.registry import BUILT_IN
 
 DOCS = ROOT / "docs"
-ROOMS = ("bench", "core", "estimators", "hardware", "models", "press")
+ROOMS = ("bench", "core", "env", "estimators", "hardware", "models", "press")
 
 
 def test_the_picture_of_the_rooms_shows_every_import():

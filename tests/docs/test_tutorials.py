@@ -88,8 +88,8 @@ def test_a_tutorial_runs(notebook, shared_cache, tmp_path):
     run(notebook, tmp_path, shared_cache)
 
 
-def test_there_are_four_tutorials():
-    assert len(NOTEBOOKS) == 4
+def test_there_are_five_tutorials():
+    assert len(NOTEBOOKS) == 5
 
 
 @pytest.mark.parametrize("notebook", NOTEBOOKS, ids=lambda path: path.stem)

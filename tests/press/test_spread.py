@@ -14,10 +14,10 @@ from scipy.special import erf
 from tactsim import models
 from tactsim.bench.stress.exact_readings import expected_reading
 from tactsim.core import Pad
-from tactsim.press import SensorOptions
+from tactsim.press import ScanOptions, SensorOptions
 from tactsim.press.bed import Level, lay_bed
 from tactsim.press.clip import MOMENTS, cell_moments, edges_of
-from tactsim.press.engine import ideal_readings
+from tactsim.press.engine import ideal_readings, press_at
 from tactsim.press.scan_poses import grid_poses
 from tactsim.press.spread import cell_lines, contact_map
 from tactsim.press.touches import Touches
@@ -161,3 +161,22 @@ def test_a_pad_of_4096_taxels_is_pressed():
 def test_a_bed_of_too_many_cells_is_refused():
     with pytest.raises(ValueError, match="cells of the bed, more than 200,000; choose fewer taxels"):
         level_scan(pad=square_pad(200, 10.0), sensor=SensorOptions(psf_sigma=0.3))
+
+
+def test_a_press_alone_in_its_batch_and_one_among_many_are_the_same_to_the_last_bit():
+    touches = Touches.of(models.letter("A"), grid_poses()[::6])
+    options = ScanOptions()
+    pressed = press_at(touches, options)
+    load, sensor = pressed.load, options.sensor
+
+    def mapped_alone(load):
+        cells = options.press.cells_per_taxel
+        return contact_map(
+            load.bed, load.pressure, load.gradient, options.pad, cells, sensor.psf_sigma, alone=True
+        )
+
+    many = mapped_alone(load)
+    for row in range(len(touches)):
+        one = press_at(touches.some(slice(row, row + 1)), options)
+        assert np.array_equal(many[row], one.readings(options)[0]), row
+    assert np.allclose(many, pressed.readings(options), rtol=1e-12, atol=1e-12)

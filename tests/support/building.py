@@ -5,6 +5,8 @@ import os
 import shutil
 import subprocess
 import sys
+import tarfile
+import tempfile
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -33,6 +35,15 @@ def build(kind, source, folder):
     return folder / json.loads(out.splitlines()[-1])
 
 
+def build_both(folder):
+    """Build a source archive, and a wheel of what is in it, from a copy of the checkout."""
+    with tempfile.TemporaryDirectory() as place:
+        sdist = build("sdist", copy_checkout(Path(place, "checkout")), folder)
+        with tarfile.open(sdist) as archive:
+            archive.extractall(place, filter="data")
+        return sdist, build("wheel", Path(place, sdist.name.removesuffix(".tar.gz")), folder)
+
+
 def copy_checkout(folder):
     """Copy what a distribution is made from, links as links."""
     skip = shutil.ignore_patterns("__pycache__", "*.egg-info")
@@ -41,3 +52,8 @@ def copy_checkout(folder):
     for name in ("pyproject.toml", "setup.py", "README.md", "LICENSE"):
         shutil.copy2(ROOT / name, folder / name)
     return folder
+
+
+if __name__ == "__main__":  # `python -m building dist`
+    for made in build_both(Path(sys.argv[1]).resolve()):
+        print(made)

@@ -5,7 +5,7 @@ from functools import cache
 import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
-from synthetic import SyntheticForward, make_scan, placement_error, pressures, square_pad
+from synthetic import BarForward, make_scan, placement_error, pressures, square_pad
 
 from tactsim.bench.slip import Slip
 from tactsim.core import compose, invert, transform
@@ -13,7 +13,7 @@ from tactsim.core.forward import Linearised
 from tactsim.estimators import create
 
 
-class Misplaced(SyntheticForward):
+class Misplaced(BarForward):
     """Presses that are misplaced by 0.1 mm along their first axis."""
 
     def linearised(self, letter, sensor_in_object, off=None):

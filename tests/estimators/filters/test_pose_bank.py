@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
-from synthetic import SyntheticForward, square_pad
+from synthetic import BarForward, square_pad
 
 from tactsim.core import compose
 from tactsim.estimators.filters.pose_bank import PoseBank
 
 
-class TurnedForward(SyntheticForward):
+class TurnedForward(BarForward):
     """The same pad, which may say that half a turn reverses a reading, and letters that may be symmetric."""
 
     def __init__(self, shapes, turns, symmetry):

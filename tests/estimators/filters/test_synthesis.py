@@ -2,14 +2,14 @@
 
 import numpy as np
 import pytest
-from synthetic import SyntheticForward, make_scan, placement_error, pressures, square_pad
+from synthetic import BarForward, make_scan, placement_error, pressures, square_pad
 
 from tactsim import estimators
 from tactsim.core import InputError, Scan, compose, invert, transform
 from tactsim.core.forward import Linearised
 
 
-class Forward(SyntheticForward):
+class Forward(BarForward):
     """Every label is the shape of its first letter; presses are misplaced by `placement` mm and rad."""
 
     placement = np.zeros(3)

@@ -1,0 +1,341 @@
+"""The checks: each takes a `Case` and raises AssertionError, with what it saw, if the estimator breaks its word."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterable
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from tactsim.core import InputError, Scan, compose, invert
+from tactsim.core.poses import FloatArray
+from tactsim.estimators.contract.bars import fit, make_scan, paper_poses, square_pad
+from tactsim.estimators.estimator import Estimate, Estimator, check_estimate
+
+# label, probabilities, robot_in_object: an estimate as it can be compared
+Answer = tuple[str, dict[str, float], list[float]]
+
+TAXELS = 36
+_POSES = paper_poses(positions=4, angles=6)
+
+
+class Case:
+    """An estimator to check: how it is made, what it learns from, and one that has learned."""
+
+    def __init__(self, make: Callable[[], Estimator]) -> None:
+        """Take a function that makes a new estimator each time, as `lambda: create("my-estimator")` does."""
+        self.make = make
+        self.scan = make_scan("EIL", poses=_POSES)
+
+    @cached_property
+    def learned(self) -> Estimator:
+        """Give an estimator that is fitted to the scan, the same one for all checks."""
+        estimator = self.make()
+        fit(estimator, self.scan)
+        return estimator
+
+    def trial(self, label: str = "E", count: int = 4, seed: int = 5) -> tuple[FloatArray, FloatArray]:
+        """Draw a hidden object by the paper's protocol: readings (count, 36) and sensor_in_robot (count, 3)."""
+        return draw(self.scan, label, count, seed)
+
+
+def draw(scan: Scan, label: str, count: int, seed: int) -> tuple[FloatArray, FloatArray]:
+    """Hide an object somewhere, and touch it: readings (count, taxels) kPa and sensor_in_robot (count, 3)."""
+    rng = np.random.default_rng(seed)
+    mine = scan.where("test", label)
+    robot_in_object = np.array([*rng.uniform(-10, 10, 2), rng.uniform(-np.pi, np.pi)])
+    chosen = rng.permutation(len(mine))[:count]
+    return mine.readings[chosen], compose(invert(robot_in_object), mine.poses[chosen])
+
+
+def answers(
+    estimator: Estimator, readings: Iterable[ArrayLike], poses: Iterable[ArrayLike], seed: int = 0
+) -> list[Answer]:
+    """Run a sequence from a reset; the estimate after each reading."""
+    estimator.reset(np.random.default_rng(seed))
+    found = []
+    for reading, pose in zip(readings, poses, strict=True):
+        estimator.update(reading, pose)
+        found.append(_answer(estimator.estimate()))
+    return found
+
+
+def _answer(estimate: Estimate) -> Answer:
+    return estimate.label, dict(estimate.probabilities), np.asarray(estimate.robot_in_object).tolist()
+
+
+def _hold(held: object, said: str) -> None:
+    if not held:
+        raise AssertionError(said)
+
+
+def _refused(call: Callable[[], object], *words: str) -> None:
+    """Raise AssertionError unless the call raises InputError with all these words."""
+    try:
+        call()
+    except InputError as error:
+        for word in words:
+            _hold(word in str(error), f"InputError should say {word!r}; it says {error}")
+        return
+    raise AssertionError(f"it should raise InputError that says {' and '.join(words)}; it raises nothing")
+
+
+def _normalised(probabilities: dict[str, float]) -> bool:
+    return abs(sum(probabilities.values()) - 1) < 1e-6
+
+
+def calls_out_of_order_are_refused(case: Case) -> None:
+    """Name what is missing in `reset`, `update`, `estimate` before `fit`, and in the last two before `reset`."""
+    readings, poses = case.trial()
+    estimator = case.make()
+    _refused(lambda: estimator.reset(np.random.default_rng(0)), "fit")
+    _refused(lambda: estimator.update(readings[0], poses[0]), "fit")
+    _refused(estimator.estimate, "fit")
+    fit(estimator, case.scan.where(label="E"))
+    _refused(lambda: estimator.update(readings[0], poses[0]), "reset")
+    _refused(estimator.estimate, "reset")
+
+
+def a_scan_without_training_readings_is_refused(case: Case) -> None:
+    """Say in `fit` that there is nothing to train on."""
+    _refused(lambda: fit(case.make(), case.scan.where("test")), "train")
+
+
+def options_are_described(case: Case) -> None:
+    """Describe every option; `bench list estimators NAME` shows it."""
+    for name, field in type(case.make()).options_type.model_fields.items():
+        _hold(field.description, f"the option {name} has no description")
+
+
+def estimates_are_probabilities_and_poses(case: Case) -> None:
+    """Give every letter a probability before and after each reading, summing to 1, and a finite pose."""
+    case.learned.reset(np.random.default_rng(0))
+    for reading, pose in zip(*case.trial(), strict=True):
+        estimate = case.learned.estimate()
+        check_estimate(estimate, case.learned, (*case.scan.letters, "none"))
+        missing = set(case.scan.letters) - set(estimate.probabilities)
+        _hold(not missing, f"no probability for {missing}")
+        case.learned.update(reading, pose)
+
+
+def a_bad_reading_is_refused_and_leaves_no_trace(case: Case) -> None:
+    """Refuse a NaN, an infinity and a wrong length by name; the estimates that follow are as if it had not been."""
+    spoilt: list[tuple[Callable[[FloatArray, FloatArray], tuple[ArrayLike, ArrayLike]], str]] = [
+        (lambda z, p: (np.where(np.arange(len(z)) == 3, np.nan, z), p), "reading[3]"),
+        (lambda z, p: (np.where(np.arange(len(z)) == 0, np.inf, z), p), "reading[0]"),
+        (lambda z, p: (z[:-1], p), f"{TAXELS} taxels"),
+        (lambda z, p: (z.reshape(6, 6), p), f"{TAXELS} taxels"),
+        (lambda z, p: (z, p[:2]), "sensor_in_robot"),
+        (lambda z, p: (z, [p[0], np.nan, p[2]]), "sensor_in_robot"),
+    ]
+    readings, poses = case.trial()
+    clean = answers(case.learned, readings, poses)
+    for spoil, said in spoilt:
+        case.learned.reset(np.random.default_rng(0))
+        found = []
+        for reading, pose in zip(readings, poses, strict=True):
+            bad = spoil(reading, pose)
+            _refused(lambda bad=bad: case.learned.update(*bad), said)  # type: ignore[misc]
+            case.learned.update(reading, pose)
+            found.append(_answer(case.learned.estimate()))
+        _hold(found == clean, f"a reading that was refused ({said}) changed the estimates")
+
+
+def the_same_seed_gives_the_same_answer(case: Case) -> None:
+    """Take all randomness from the rng of `reset`."""
+    first, second = (answers(case.learned, *case.trial(), seed=3) for _ in range(2))
+    _hold(first == second, f"two sequences from one seed differ: {first[-1]} and {second[-1]}")
+
+
+def an_estimator_that_says_it_draws_nothing_draws_nothing(case: Case) -> None:
+    """Give the same answer for another seed if `draws` is False."""
+    if not case.learned.draws:
+        first, second = (answers(case.learned, *case.trial(), seed=seed) for seed in (3, 4))
+        _hold(first == second, "`draws` is False, but the seed changes the estimates")
+
+
+def reset_forgets_the_sequence_and_keeps_the_maps(case: Case) -> None:
+    """Recognise an object after another one as before it."""
+    first = answers(case.learned, *case.trial())
+    answers(case.learned, *case.trial("L", count=7, seed=6), seed=8)
+    again = answers(case.learned, *case.trial())
+    _hold(again == first, "what was felt before `reset` changes the estimates after it")
+
+
+def looking_changes_nothing(case: Case) -> None:
+    """Leave the estimates as they are when `estimate` and `belief_over_plane` are called between readings."""
+    readings, poses = case.trial()
+    plain = answers(case.learned, readings, poses)
+    case.learned.reset(np.random.default_rng(0))
+    looked = []
+    for reading, pose in zip(readings, poses, strict=True):
+        case.learned.update(reading, pose)
+        plane = case.learned.belief_over_plane()
+        if plane is not None:
+            shape = len(plane.labels), len(plane.y), len(plane.x)
+            _hold(plane.probability.shape == shape, f"the belief over the plane should have shape {shape}")
+            _hold(abs(plane.probability.sum() - 1) < 1e-6, "the belief over the plane does not sum to 1")
+        case.learned.estimate()
+        looked.append(_answer(case.learned.estimate()))
+    _hold(looked == plain, "looking at the belief changed the estimates")
+
+
+def inputs_are_not_written_to(case: Case) -> None:
+    """Take readings and poses that cannot be written to, and leave them as they are."""
+    readings, poses = (np.array(one) for one in case.trial())
+    kept = readings.copy(), poses.copy()
+    for array in (readings, poses):
+        array.setflags(write=False)
+    answers(case.learned, readings, poses)
+    _hold((readings == kept[0]).all() and (poses == kept[1]).all(), "an input was changed")
+
+
+def readings_may_come_as_lists_and_as_whole_numbers(case: Case) -> None:
+    """Look at the numbers, and not at the type that they come in."""
+    readings, poses = case.trial()
+    whole = np.round(readings).astype(np.int32)
+    listed = answers(case.learned, whole.tolist(), poses.tolist())
+    _hold(listed == answers(case.learned, whole, poses), "lists and arrays of the same numbers differ")
+
+
+def readings_without_contrast_are_taken(case: Case) -> None:
+    """Give probabilities also for pressures all zero, below zero or far above all that was trained."""
+    for pressure in (0.0, -3.0, 1e6):
+        for _, probabilities, _ in answers(case.learned, np.full((3, TAXELS), pressure), np.zeros((3, 3))):
+            _hold(_normalised(probabilities), f"readings of {pressure:g} kPa: {probabilities}")
+
+
+def a_pose_far_away_is_taken(case: Case) -> None:
+    """Give probabilities also for a touch where no object can be."""
+    readings, poses = case.trial()
+    for far in (1e2, 1e5, 9e8):
+        for _, probabilities, _ in answers(case.learned, readings, poses + [far, -far, 0]):
+            _hold(_normalised(probabilities), f"a touch {far:g} mm away: {probabilities}")
+
+
+def work_is_counted(case: Case) -> None:
+    """Count work as JSON; a count grows if the estimator counts at all, and none is negative."""
+    before = case.learned.work["likelihood_evaluations"]
+    answers(case.learned, *case.trial())
+    work = case.learned.work
+    _hold(json.loads(json.dumps(work)) == work, f"work is no JSON: {work}")
+    if type(case.learned).work is not Estimator.work:
+        _hold(work["likelihood_evaluations"] > before, "likelihood_evaluations did not grow")
+    _hold(all(count >= 0 for count in work["skipped"].values()), f"a count is negative: {work['skipped']}")
+
+
+def a_proposal_is_a_candidate(case: Case) -> None:
+    """Choose one of the readings that are offered, if the estimator proposes any."""
+    readings, poses = case.trial()
+    answers(case.learned, readings, poses)
+    if case.learned.proposes:
+        try:
+            index = case.learned.propose(poses[:3])
+        except InputError:
+            return  # its options say that it explores at random
+        _hold(index in range(3), f"of three candidates it chose number {index}")
+
+
+def readings_to_test_with_teach_nothing(case: Case) -> None:
+    """Learn the same from two scans that differ in their test readings alone."""
+    other = make_scan("EIL", poses=_POSES, seed=1)
+    test = case.scan.split == "test"
+    swapped = Scan(
+        np.where(test[:, None], other.readings, case.scan.readings), case.scan.poses, case.scan.labels,
+        case.scan.split, case.scan.taxel_xy,
+    )  # fmt: skip
+    theirs = case.make()
+    fit(theirs, swapped)
+    same = answers(case.learned, *case.trial()) == answers(theirs, *case.trial())
+    _hold(same, "what was learned depends on the test readings")
+
+
+def any_pad_will_do_and_a_new_fit_replaces_the_old(case: Case) -> None:
+    """Learn pads of one and of many taxels one after the other, each alone."""
+    estimator, old = case.make(), "E"
+    pads = square_pad(9, 8, 1.2), square_pad(5, 5, 2.3), square_pad(1, 1), square_pad(3, 7) * [1, -1]
+    for pad, new in zip(pads, "TITI", strict=True):
+        scan = make_scan("L" + new, pad, paper_poses(positions=3, angles=4))
+        fit(estimator, scan)
+        for _, probabilities, _ in answers(estimator, *draw(scan, new, 4, 5)):
+            _hold({"L", new} <= set(probabilities), f"after a fit to L and {new}: {probabilities}")
+            _hold(old not in probabilities, f"{old} was learned before, and not now")
+            _hold(_normalised(probabilities), f"a pad of {len(pad)} taxels: {probabilities}")
+        old = new
+
+
+def a_single_object_can_be_localised(case: Case) -> None:
+    """Recognise the letter that alone was learned."""
+    estimator = case.make()
+    fit(estimator, case.scan.where(label="E"))
+    label = answers(estimator, *case.trial())[-1][0]
+    _hold(label == "E", f"E alone was learned, and {label} recognised")
+
+
+def objects_are_recognised(case: Case) -> None:
+    """Recognise four of six objects after twelve readings; guessing gets there once in ten."""
+    right = 0
+    for seed in range(6):
+        label = case.scan.letters[seed % 3]
+        right += answers(case.learned, *case.trial(label, count=12, seed=seed), seed=seed)[-1][0] == label
+    _hold(right >= 4, f"{right} of 6 objects were recognised after 12 readings")
+
+
+def a_letter_can_be_left_out_of_what_was_learned(case: Case) -> None:
+    """Give by `without` what a fit to the other letters gives, and leave the estimator as it was."""
+    readings, poses = case.trial()
+    before = answers(case.learned, readings, poses)
+    anew = case.make()
+    fit(anew, case.scan.untrained("E"))
+    left_out = answers(case.learned.without("E", case.scan), readings, poses)
+    for one, two in zip(left_out, answers(anew, readings, poses), strict=True):
+        same = one[1].keys() == two[1].keys() and all(abs(one[1][k] - two[1][k]) <= 1e-6 for k in one[1])
+        _hold(one[0] == two[0] and same, f"left out: {one[1]}; never learned: {two[1]}")
+    _hold(answers(case.learned, readings, poses) == before, "`without` changed the estimator itself")
+
+
+def letters_that_are_one_share_its_probability(case: Case) -> None:
+    """Know nothing of which label it is where three have the same training readings, whatever is felt and drawn."""
+    if case.learned.uses_forward_model:
+        return  # it knows the letters by their shapes
+    one = case.scan.where("train", "E")
+    three = Scan(
+        np.tile(one.readings, (3, 1)), np.tile(one.poses, (3, 1)), np.repeat(list("ABC"), len(one)),
+        np.full(3 * len(one), "train"), one.taxel_xy,
+    )  # fmt: skip
+    estimator = case.make()
+    estimator.fit(three)
+    for seed in (0, 1):
+        for _, probabilities, _ in answers(estimator, *case.trial(count=6), seed):
+            even = set(probabilities) == set("ABC") and all(
+                abs(p - 1 / 3) < 1e-9 for p in probabilities.values()
+            )
+            _hold(even, f"three labels of the same readings: {probabilities}")
+
+
+CHECKS: tuple[Callable[[Case], Any], ...] = (
+    calls_out_of_order_are_refused,
+    a_scan_without_training_readings_is_refused,
+    options_are_described,
+    estimates_are_probabilities_and_poses,
+    a_bad_reading_is_refused_and_leaves_no_trace,
+    the_same_seed_gives_the_same_answer,
+    an_estimator_that_says_it_draws_nothing_draws_nothing,
+    reset_forgets_the_sequence_and_keeps_the_maps,
+    looking_changes_nothing,
+    inputs_are_not_written_to,
+    readings_may_come_as_lists_and_as_whole_numbers,
+    readings_without_contrast_are_taken,
+    a_pose_far_away_is_taken,
+    work_is_counted,
+    a_proposal_is_a_candidate,
+    readings_to_test_with_teach_nothing,
+    any_pad_will_do_and_a_new_fit_replaces_the_old,
+    a_single_object_can_be_localised,
+    objects_are_recognised,
+    a_letter_can_be_left_out_of_what_was_learned,
+    letters_that_are_one_share_its_probability,
+)

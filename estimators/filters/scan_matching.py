@@ -1,0 +1,212 @@
+"""Scan matching: the pose of each letter that fits all readings best, found by branch and bound with a proof."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from tactsim.core.poses import FloatArray
+from tactsim.estimators.estimator import Estimate, Options, PlaneBelief
+from tactsim.estimators.field.replay import replay
+from tactsim.estimators.filters.binned import Certificate
+from tactsim.estimators.filters.grid import StateGrid, state_grid
+from tactsim.estimators.filters.map_filter import MapFilter
+from tactsim.estimators.filters.pyramid import Level, pyramid
+from tactsim.estimators.filters.states import WeightedStates, plane_histogram, probabilities
+from tactsim.estimators.filters.weights import Weights
+from tactsim.estimators.options import FilterOptions, reach_of
+
+# mm, about the side of the largest blocks, whose bounds are kept for all readings.
+_LARGEST = 4.0
+# Blocks that are cut in four together: so many that the arithmetic is in the kernel, so few that the best come first.
+_AT_ONCE = 1024
+# Nats below the best letter from which it does not matter how well another fits: its probability is below 1e-21.
+_HOPELESS = 50.0
+
+
+class ScanMatchingOptions(FilterOptions):
+    """Options of the scan matcher."""
+
+    likelihood: str = Field(
+        "calibrated", description="the measurement model: paper, calibrated, force, graded"
+    )
+    bins: int = Field(300_000, description="poses of each letter among which the best is found")
+    split: str | None = Field(None, description="bins in x, y and angle such as 80x80x180, instead of bins")
+    motion: Literal["off"] = Field("off", description="all readings are matched with one pose: nothing moves")
+    skip: bool = Field(True, description="leave bins alone that cannot be the best; the answer is the same")
+
+
+class ScanMatching(MapFilter):
+    """Match all readings so far with the map of each letter, over a fine grid of poses (Olson 2009).
+
+    The score of a pose is the log-likelihood of the readings, log p(z_1 ... z_n | letter, T_R^O). The best bin is found
+    by branch and bound (Hess et al. 2016): for every angle the plane is cut into blocks, whose upper bounds are looked
+    up in a pyramid of maxima, the most promising are cut in four, and a block whose bound is not above the best bin
+    that is known of its letter is left alone.
+
+    No belief is kept: a letter counts as its best pose alone. So its probability is a softmax of the letters' scores,
+    the posterior if each letter had but this one pose. How many other poses fit nearly as well is forgotten, hence it
+    is sure too early.
+    """
+
+    options_type: type[Options] = ScanMatchingOptions
+    budget = "bins"
+    draws = False
+    options: ScanMatchingOptions
+    grid: StateGrid
+
+    def __init__(self, options: ScanMatchingOptions) -> None:
+        super().__init__(options)
+        self.grid = state_grid(options.bins, options.split, reach_of(options.reach))
+        if options.split is not None:
+            self.budget = "split"
+        self._bins = self._bounds = self._skipped = 0
+
+    def describe(self) -> str:
+        """Say how the poses are split, in one line."""
+        return self.grid.describe()
+
+    @property
+    def _spacing(self) -> tuple[float, float]:
+        return self.grid.spacing[:2]
+
+    def _reach_to(self, reach: float) -> None:
+        super()._reach_to(reach)
+        self.grid = replace(self.grid, reach=reach)
+
+    def _fit(self) -> None:
+        size = max(_LARGEST / min(self.grid.spacing[:2]), 1)
+        self._levels = pyramid(self.field.tables, 2 ** round(math.log2(size)) if self.options.skip else 1)
+        side = self._levels[-1].side
+        rows, columns = np.arange(0, self.grid.y, side), np.arange(0, self.grid.x, side)
+        letters, angles = np.arange(len(self.labels)), np.arange(self.grid.angle)
+        blocks = np.meshgrid(letters, angles, rows, columns, indexing="ij")
+        # Blocks, as everywhere below: (4, n) letter and angle, row and column of the first bin.
+        self._largest = np.stack([one.ravel() for one in blocks])
+        self._largest_bounds = np.empty(self._largest.shape[1])
+        self._best = np.empty((4, len(letters)), dtype=np.int64)
+        self._scores = np.empty(len(letters))
+
+    def _reset(self, rng: np.random.Generator) -> None:
+        """Before the first reading every bin is the best; the middle one is named."""
+        self._largest_bounds[:] = 0
+        self._scores[:] = 0
+        middle = [[self.grid.angle // 2], [self.grid.y // 2], [self.grid.x // 2]]
+        self._best[0], self._best[1:] = np.arange(len(self.labels)), middle
+        self._left_alone = -math.inf
+
+    def _update(self) -> None:
+        last = len(self.field) - 1
+        # A place to start from: what was best of each letter before this reading.
+        self._add(self._scores, self._levels[0], self._best, last)
+        self._add(self._largest_bounds, self._levels[-1], self._largest, last)
+        self._left_alone = -math.inf
+        self._skipped += len(self.labels) * self.grid.bins
+        self._search(len(self._levels) - 1, self._largest, self._largest_bounds)
+
+    def _search(self, level: int, blocks: NDArray[np.int64], bounds: FloatArray) -> None:
+        """Find the best bins within blocks (4, n) of a level, whose bounds are (n,), and note what was left alone."""
+        if level == 0:
+            self._skipped -= len(bounds)
+            for letter in np.unique(blocks[0]):
+                mine = np.flatnonzero(blocks[0] == letter)
+                best = mine[bounds[mine].argmax()]
+                if bounds[best] > self._scores[letter]:
+                    self._scores[letter], self._best[:, letter] = bounds[best], blocks[:, best]
+            return
+        order = np.argsort(-bounds, kind="stable")
+        for first in range(0, len(order), _AT_ONCE):
+            # A block that was worth a look may not be any more, now that better bins are known.
+            limit = np.maximum(self._scores, self._scores.max() - _HOPELESS)
+            rest = order[first:]
+            worth = bounds[rest] > limit[blocks[0, rest]]
+            if not worth.any():
+                self._left_alone = max(self._left_alone, float(bounds[rest[0]]))
+                return
+            chosen, left = rest[:_AT_ONCE][worth[:_AT_ONCE]], rest[:_AT_ONCE][~worth[:_AT_ONCE]]
+            self._left_alone = max(self._left_alone, float(bounds[left].max(initial=-math.inf)))
+            parts = self._quarters(blocks[:, chosen], self._levels[level - 1].side)
+            found = np.zeros(parts.shape[1])
+            self._add(found, self._levels[level - 1], parts, 0)
+            self._search(level - 1, parts, found)
+
+    def _quarters(self, blocks: NDArray[np.int64], side: int) -> NDArray[np.int64]:
+        """Cut blocks (4, n) into those of half the side, `side`; what lies beyond the grid is dropped."""
+        parts = np.repeat(blocks, 4, axis=1)
+        parts[2] += np.tile([0, 0, side, side], blocks.shape[1])
+        parts[3] += np.tile([0, side, 0, side], blocks.shape[1])
+        return parts[:, (parts[2] < self.grid.y) & (parts[3] < self.grid.x)]
+
+    def _add(self, scores: FloatArray, level: Level, blocks: NDArray[np.int64], first: int) -> None:
+        """Add to scores (n,) the log-likelihood of the readings from `first` on, or its bounds, of blocks (4, n)."""
+        letter, angle, row, column = blocks
+        x, y, theta = self.grid.centres
+        state = np.stack([x[column], y[row], theta[angle]])
+        count = len(self.field)
+        replay(
+            scores,
+            state,
+            np.ascontiguousarray(letter),
+            self.field.terms,
+            first,
+            count,
+            level.nodes,
+            level.lattice,
+        )
+        if level.side == 1:
+            self._bins += len(scores) * (count - first)
+        else:
+            self._bounds += len(scores) * (count - first)
+
+    def _states(self) -> FloatArray:
+        """Give the best T_R^O of each letter (3, letters), mm, mm, rad."""
+        x, y, theta = self.grid.centres
+        _, angle, row, column = self._best
+        return np.stack([x[column], y[row], theta[angle]])
+
+    def _estimate(self) -> Estimate:
+        best = int(self._scores.argmax())
+        p = np.exp(self._scores - self._scores.max())
+        return Estimate(self.labels[best], probabilities(self.labels, p), self._states()[:, best])
+
+    @property
+    def scores(self) -> dict[str, float]:
+        """Give the log-likelihood of all readings so far at the best pose of each letter, nats.
+
+        Of a letter that is 50 nats behind the best it is that of the best pose that was met.
+        """
+        return dict(zip(self.labels, self._scores.tolist(), strict=True))
+
+    def certificate(self) -> Certificate:
+        """Give the best bin, and how far below it the bins that were left alone are at least.
+
+        The lead is not negative: no bin of the grid, whichever letter's, is better. It is 0 where another is as good.
+        """
+        best = int(self._scores.argmax())
+        lead = float(self._scores[best]) - self._left_alone
+        return Certificate(self.labels[best], self._states()[:, best], lead)
+
+    def weighted_states(self) -> WeightedStates:
+        """Give the best pose of each letter."""
+        return WeightedStates(np.arange(len(self.labels)), self._states(), Weights(self._scores))
+
+    def belief_over_plane(self) -> PlaneBelief:
+        """Show where the best pose of each letter is."""
+        return plane_histogram(self.labels, self.weighted_states(), self.reach)
+
+    @property
+    def work(self) -> dict[str, Any]:
+        """Count evaluations, a bin or a block with a reading each, made and skipped since the estimator was made.
+
+        bound_evaluations: of blocks of bins, made in order to skip bins. skipped: bins left alone, at every reading.
+        """
+        return {
+            "likelihood_evaluations": self._bins,
+            "bound_evaluations": self._bounds,
+            "skipped": {"bins": self._skipped},
+        }

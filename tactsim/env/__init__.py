@@ -1,0 +1,42 @@
+"""Environments in Gymnasium's interface: a policy chooses where to touch, when to stop and what to say.
+
+    import gymnasium
+    import tactsim.env
+
+    env = gymnasium.make("tactsim/letters-v1", belief="refined")
+
+Lives here: the environments of the frozen tasks, one alone and many at once, their rewards, and reference policies.
+Does not live here: how an object is pressed, what estimators believe, how a run is scored; nothing else imports this.
+
+Importing it registers every task of `tactsim.bench.tasks` as `tactsim/NAME`. It needs the extra `env`.
+"""
+
+try:
+    import gymnasium
+except ModuleNotFoundError:
+    raise ModuleNotFoundError(
+        "tactsim.env needs the package gymnasium: pip install 'tactsim[env]'", name="gymnasium"
+    ) from None
+
+from tactsim.bench import tasks
+from tactsim.env.reward import Reward
+from tactsim.env.touch_env import TouchEnv
+from tactsim.env.touch_vector_env import TouchVectorEnv
+
+__all__ = ["Reward", "TouchEnv", "TouchVectorEnv"]
+
+
+def _register() -> None:
+    """Register every task that is not registered yet."""
+    for name in tasks.names():
+        if f"tactsim/{name}" not in gymnasium.registry:
+            gymnasium.register(
+                id=f"tactsim/{name}",
+                entry_point="tactsim.env.touch_env:TouchEnv",
+                vector_entry_point="tactsim.env.touch_vector_env:TouchVectorEnv",
+                max_episode_steps=tasks.task(name).readings,
+                kwargs={"task": name},
+            )
+
+
+_register()

@@ -1,0 +1,147 @@
+"""Compare the reference policies on a task and print a table: `python -m tactsim.env.policy_table`."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from time import process_time
+from typing import Annotated
+
+import gymnasium
+import numpy as np
+import typer
+from numpy.typing import NDArray
+
+from tactsim.bench.pooled import resampled
+from tactsim.bench.tasks import task as read_task
+from tactsim.core import InputError
+from tactsim.core.poses import FloatArray
+from tactsim.env.learned_policy import LearnedPolicy
+from tactsim.env.policies import InformationPolicy, Policy, RandomPolicy
+from tactsim.env.reward import Reward
+from tactsim.env.touch_env import TouchEnv
+
+SURE = 0.95  # a policy stops as soon as a label is believed to be this probable
+POLICIES: dict[str, Callable[[], Policy]] = {
+    "random": lambda: RandomPolicy("refined"),
+    "random-force": lambda: RandomPolicy("force-mosaic"),
+    "information": lambda: InformationPolicy("refined"),
+    "information-force": lambda: InformationPolicy("force-mosaic"),
+    "learned": lambda: LearnedPolicy("refined"),
+}
+_SHOWN = (1, 2, 3, 5, 10)  # touches after which a table says how many are right
+
+
+@dataclass(frozen=True, eq=False)
+class Played:
+    """Episodes of one policy, in which it was let touch on after it would have stopped.
+
+    right: (n, touches) whether the most probable label was the right one. sure: (n, touches) its probability. sizes:
+    how many episodes each scan seed has, one after the other. choosing, learning: s of processor time, of one choice
+    and of what was learned for one scan seed.
+    """
+
+    policy: Policy
+    right: NDArray[np.bool_]
+    sure: FloatArray
+    sizes: tuple[int, ...]
+    choosing: float
+    learning: float
+
+    @property
+    def stopped(self) -> NDArray[np.int64]:
+        """Count the touches after which each policy stops (n,): when it is sure, or after the last."""
+        sure = self.sure >= SURE
+        sure[:, -1] = True
+        return sure.argmax(axis=1) + 1
+
+    def returns(self, reward: Reward) -> FloatArray:
+        """Sum up the rewards of each episode (n,), that of information left out."""
+        touches = self.stopped
+        right = self.right[np.arange(len(touches)), touches - 1]
+        return np.where(right, reward.right, -reward.wrong) - reward.touch_cost * touches
+
+    def interval(self, values: FloatArray) -> tuple[float, float, float]:
+        """Average values (n,) of the episodes, with a 95 % interval by a bootstrap over scans and episodes."""
+        counts = resampled(self.sizes, np.random.default_rng(0))
+        low, high = np.quantile(counts @ values / counts.sum(axis=1), (0.025, 0.975))
+        return float(values.mean()), float(low), float(high)
+
+
+def play(policy: Policy, task: str, scan_seeds: Sequence[int], episodes: int, touches: int) -> Played:
+    """Let a policy touch `touches` times in each of `episodes` episodes a scan seed, after it learned there.
+
+    Episode k of a scan seed hides the same object, with the same luck, from every policy.
+    Raises InputError as the environment and the policy do.
+    """
+    shape = (len(scan_seeds), episodes, touches)
+    right, sure = np.zeros(shape, dtype=bool), np.zeros(shape)
+    choosing = learning = 0.0
+    for i, scan_seed in enumerate(scan_seeds):
+        start = process_time()
+        policy.learn(task, scan_seed)
+        learning += process_time() - start
+        env = gymnasium.make(f"tactsim/{task}", belief=policy.belief, scan_seed=scan_seed).unwrapped
+        assert isinstance(env, TouchEnv)
+        for k in range(episodes):
+            observation, _ = env.reset(seed=1_000_000 * scan_seed + k)
+            policy.begin(np.random.default_rng([scan_seed, k]))
+            for n in range(touches):
+                start = process_time()
+                pose = policy.choose(env, observation)
+                choosing += process_time() - start
+                observation, *_ = env.step(env.touch(pose))
+                best = observation["probabilities"].argmax()
+                right[i, k, n], sure[i, k, n] = (
+                    env.labels[best] == env.answer,
+                    observation["probabilities"][best],
+                )
+    return Played(
+        policy, right.reshape(-1, touches), sure.reshape(-1, touches), (episodes,) * len(scan_seeds),
+        choosing / right.size, learning / len(scan_seeds),
+    )  # fmt: skip
+
+
+def table(played: Sequence[Played]) -> Iterator[str]:
+    """Write the lines of a Markdown table, a policy a line."""
+    touches = played[0].right.shape[1]
+    shown = [k for k in _SHOWN if k <= touches]
+    heads = ["policy", "belief", *(f"right after {k}" for k in shown), "touches until it stops", "reward"]
+    yield "| " + " | ".join([*heads, "ms a choice", "s to learn"]) + " |"
+    yield "|---" * (len(heads) + 2) + "|"
+    for one in played:
+        values = [one.interval(one.right[:, k - 1].astype(float)) for k in shown]
+        cells = ["{:.2f} ({:.2f}-{:.2f})".format(*value) for value in values]
+        cells.append("{:.1f} ({:.1f}-{:.1f})".format(*one.interval(one.stopped.astype(float))))
+        cells.append("{:.2f} ({:.2f}-{:.2f})".format(*one.interval(one.returns(Reward()))))
+        learning = f"{one.learning:.0f}" if one.learning > 0.5 else "-"
+        cells += [f"{1e3 * one.choosing:.1f}", learning]
+        yield "| " + " | ".join([one.policy.name, one.policy.belief, *cells]) + " |"
+
+
+def main(
+    task: Annotated[str, typer.Option(help="A task, as `bench tasks` lists them.")] = "letters-offgrid-v1",
+    policy: Annotated[list[str] | None, typer.Option(help="Repeat for several. Default: all.")] = None,
+    episodes: Annotated[int, typer.Option(min=1, help="Episodes for each of the task's scan seeds.")] = 40,
+    touches: Annotated[int, typer.Option(min=1, help="Touches an episode.")] = 10,
+) -> None:
+    """Compare the reference policies on a task: a Markdown table on standard output, progress on standard error."""
+    import tactsim.env  # noqa: F401 - registers the tasks
+
+    try:
+        strange = [name for name in policy or () if name not in POLICIES]
+        if strange:
+            raise InputError(f"unknown policy {strange[0]!r}: known are {', '.join(POLICIES)}")
+        played = []
+        for name in policy or POLICIES:
+            print(f"{name} ...", file=sys.stderr)
+            played.append(play(POLICIES[name](), task, read_task(task).seeds, episodes, touches))
+    except InputError as error:
+        print(error, file=sys.stderr)
+        raise typer.Exit(2) from None
+    print("\n".join(table(played)))
+
+
+if __name__ == "__main__":
+    typer.run(main)

@@ -1,0 +1,372 @@
+"""One environment: Gymnasium's own checker, what is observed, rewarded and told, and what is refused."""
+
+import copy
+import subprocess
+import sys
+import warnings
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.error import ClosedEnvironmentError, ResetNeeded
+from gymnasium.utils.env_checker import check_env
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import tactsim.env
+from tactsim.bench import tasks
+from tactsim.core import InputError, compose, invert
+from tactsim.env.reward import entropy
+from tactsim.env.touch_spaces import say_action, touch_action
+from tactsim.estimators import NONE, create
+
+IDS = [f"tactsim/{name}" for name in tasks.names()]
+LETTERS = "tactsim/letters-offgrid-v1"
+
+
+def make(name=LETTERS, **options):
+    return gymnasium.make(name, **options).unwrapped
+
+
+def episode(env, seed, poses):
+    """Touch at these poses: all observations, and the rewards."""
+    seen, rewards = [env.reset(seed=seed)[0]], []
+    for pose in poses:
+        observation, reward, *_ = env.step(env.touch(pose))
+        seen.append(observation)
+        rewards.append(reward)
+    return seen, rewards
+
+
+def same(one, other):
+    return one.keys() == other.keys() and all(np.array_equal(one[name], other[name]) for name in one)
+
+
+POSES = [(0.0, 0.0, 0.0), (5.0, -3.0, 1.0), (-12.0, 12.0, -np.pi), (2.0, 2.0, 3.0)]
+
+
+@pytest.mark.parametrize("name", IDS)
+def test_every_task_passes_gymnasiums_checker_without_a_warning(name):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        check_env(make(name))
+
+
+@pytest.mark.parametrize("options", [{"belief": "histogram", "information": 1.0}, {"fast": True}])
+def test_its_options_pass_the_checker_too(options):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        check_env(make("tactsim/slip-v1", **options))
+
+
+def test_a_seed_gives_the_same_bits_again_and_another_seed_does_not():
+    first, rewards = episode(make(belief="histogram", information=1.0), 3, POSES)
+    again, rewards_again = episode(make(belief="histogram", information=1.0), 3, POSES)
+    other, _ = episode(make(belief="histogram"), 4, POSES)
+    assert all(map(same, first, again))
+    assert rewards == rewards_again
+    assert not same(first[1], other[1])
+
+
+def test_a_reset_without_a_seed_goes_on_with_the_random_numbers():
+    env = make()
+    episode(env, 3, POSES[:1])
+    truth = env.reset()[0], env.step(env.touch(POSES[0]))[0], env.answer
+    episode(env, 3, POSES[:1])
+    assert same(truth[0], env.reset()[0])
+    assert same(truth[1], env.step(env.touch(POSES[0]))[0])
+    assert truth[2] == env.answer
+
+
+def test_a_belief_changes_nothing_of_what_is_felt():
+    plain, _ = episode(make(), 5, POSES)
+    believing, _ = episode(make(belief="particle", belief_options={"particles": 200}), 5, POSES)
+    for one, other in zip(plain, believing, strict=True):
+        assert same(one, {name: other[name] for name in one})
+
+
+def test_what_is_touched_does_not_change_the_luck_of_later_touches():
+    env = make("tactsim/slip-v1")
+    first, _ = episode(env, 7, [(0, 0, 0), (1, 1, 1), (3, 0, 0)])
+    path = env._objects.hidden[0].path.copy()
+    other, _ = episode(env, 7, [(9, -9, 2), (-5, 4, 0), (3, 0, 0)])
+    assert np.array_equal(path, env._objects.hidden[0].path)
+    assert same(first[3], other[3])
+
+
+def test_the_belief_is_that_of_an_estimator_which_is_given_the_observations():
+    env = make(belief="refined", information=0.5, touch_cost=0.1)
+    seen, rewards = episode(env, 2, POSES)
+    estimator = create("refined")
+    estimator.fit(env.scan)
+    estimator.reset(np.random.default_rng(0))
+    before = np.log(len(env.labels))
+    for observation, reward in zip(seen[1:], rewards, strict=True):
+        estimator.update(observation["reading"], observation["pose"])
+        estimate = estimator.estimate()
+        p = np.array([estimate.probabilities[label] for label in env.labels])
+        assert observation["probabilities"] == pytest.approx(p, abs=1e-6)
+        assert observation["place"] == pytest.approx(estimate.robot_in_object, abs=1e-5)
+        after = -(p[p > 0] * np.log(p[p > 0])).sum()
+        assert reward == pytest.approx(0.5 * (before - after) - 0.1, abs=1e-9)
+        before = after
+
+
+def test_the_training_readings_are_all_that_there_is_of_the_scan():
+    scan = make("tactsim/open-set-v1").scan
+    assert set(scan.split) == {"train"}
+    assert scan.letters == ("A", "E", "I", "O", "U")
+
+
+@pytest.mark.parametrize("right", [True, False])
+def test_a_label_ends_the_episode_and_only_then_the_truth_is_told(right):
+    env = make(right=2.0, wrong=3.0)
+    env.reset(seed=1)
+    *_, info = env.step(env.touch(POSES[0]))
+    assert info == {}
+    label = env.answer if right else next(one for one in env.labels if one != env.answer)
+    _, reward, terminated, truncated, info = env.step(env.say(label))
+    assert (reward, terminated, truncated) == (2.0 if right else -3.0, True, False)
+    assert info["answer"] == env.answer
+    assert info["robot_in_object"].shape == (3,)
+    with pytest.raises(ResetNeeded):
+        env.step(env.say(label))
+    env.reset()
+    env.step(env.touch(POSES[0]))
+
+
+def test_an_unknown_object_is_none_of_the_labels_letters():
+    env = make("tactsim/open-set-v1")
+    assert env.labels == ("A", "E", "I", "O", "U", NONE)
+    answers = set()
+    for seed in range(40):
+        env.reset(seed=seed)
+        hidden = env._objects.world.letters[env._objects.hidden[0].letter].name
+        assert env.answer == (hidden if hidden in "AEIOU" else NONE)
+        answers.add(env.answer)
+    assert answers == set(env.labels)
+
+
+def test_two_truths_that_feel_alike_cannot_be_told_apart(monkeypatch):
+    """Hide two objects, and let both read the same: observations, rewards and infos are the same bits."""
+    env = make(belief="histogram", information=1.0)
+    felt = np.random.default_rng(0).uniform(0, 40, (len(POSES), 36))
+
+    def lived(letter, pose):
+        env.reset(seed=11)
+        hidden = env._objects.hidden[0]
+        hidden.letter, hidden.path = letter, np.tile(pose, (20, 1))
+        monkeypatch.setattr(
+            env._objects.world, "press", lambda *_: (felt[[hidden.touches]].copy(), np.array([True]))
+        )
+        return [env.step(env.touch(pose)) for pose in POSES]
+
+    for one, other in zip(lived(0, [1.0, 2.0, 3.0]), lived(3, [-4.0, 0.0, 0.5]), strict=True):
+        assert same(one[0], other[0])
+        assert one[1:] == other[1:]
+
+
+def test_a_press_that_does_not_come_to_rest_costs_its_touch_and_tells_nothing(monkeypatch):
+    env = make(belief="histogram", information=1.0, touch_cost=0.25)
+    (_, before), _ = episode(env, 1, POSES[:1])
+    monkeypatch.setattr(env._objects.world, "press", lambda *_: (np.zeros((1, 36)), np.array([False])))
+    observation, reward, *_ = env.step(env.touch(POSES[1]))
+    assert (observation["felt"], before["felt"], reward) == (0, 1, -0.25)
+    assert not observation["reading"].any()
+    assert observation["pose"] == pytest.approx(POSES[1])
+    assert np.array_equal(observation["probabilities"], before["probabilities"])
+    hidden = env._objects.hidden[0]
+    assert (hidden.touches, hidden.readings) == (2, 1)
+
+
+def test_a_worn_pad_reads_what_its_sensor_makes_of_the_touches_so_far(monkeypatch):
+    env = make("tactsim/worn-pad-v1")
+    env.reset(seed=2)
+    hidden, world = env._objects.hidden[0], env._objects.world
+    ideal = np.random.default_rng(0).uniform(0, 40, (5, 36))
+    pressed, rng, before = [], copy.deepcopy(hidden.rng), None
+
+    def press(letters, poses, normals):
+        pressed.append((letters, poses, normals))
+        return ideal[[hidden.touches]].copy(), np.array([True])
+
+    monkeypatch.setattr(world, "press", press)
+    for k in range(5):
+        observation, *_ = env.step(env.touch(POSES[1]))
+        ((letters, (pose,), normals),) = pressed[k : k + 1]
+        assert letters == [hidden.letter]
+        assert pose == pytest.approx(compose(hidden.path[k], POSES[1]), abs=1e-6)
+        assert np.array_equal(normals, rng.standard_normal((1, 6)))
+        noise, replaced, level = rng.standard_normal(36), rng.random(36), rng.random(36)
+        before = world.gain * ideal[k] if before is None else 0.8 * world.gain * ideal[k] + 0.2 * before
+        right = before + 0.01 * (k + 1) + 3.0 * noise
+        right = np.where(replaced < 0.02, 0.6 * right.max() * level, right)
+        right = 0.7 * np.round(right / 0.7)
+        right[[2, 13, 27]] = 0
+        assert observation["reading"] == pytest.approx(right, abs=1e-4)
+
+
+def test_an_object_that_slips_is_touched_where_it_then_is():
+    env = make("tactsim/letters-offgrid-v1", slip={"drift_mm": 1.0})
+    env.reset(seed=0)
+    hidden = env._objects.hidden[0]
+    places = []
+    for _ in range(45):  # beyond the 20 touches of a trial
+        places.append(invert(hidden.robot_in_object)[:2])
+        env.step(env.touch(POSES[0]))
+    steps = np.hypot(*np.diff(places, axis=0).T)
+    assert steps == pytest.approx(1.0)
+    env.reset(seed=0)
+    moved = env._objects.hidden[0].path
+    env = make()
+    env.reset(seed=0)
+    still = env._objects.hidden[0].path
+    assert np.ptp(still, axis=0) == pytest.approx(0.0, abs=1e-9)
+    assert moved[0] == pytest.approx(still[0])
+
+
+def test_gymnasium_truncates_after_as_many_touches_as_a_trial_has_or_as_are_asked_for():
+    for limit, options in ((10, {}), (3, {"max_episode_steps": 3})):
+        env = gymnasium.make("tactsim/active-v1", **options)
+        env.reset(seed=0)
+        ends = [env.step(env.unwrapped.touch(POSES[0]))[2:4] for _ in range(limit)]
+        assert ends == [(False, False)] * (limit - 1) + [(False, True)]
+
+
+@given(st.integers(0, 2**31), st.data())
+@settings(max_examples=8)
+def test_any_action_of_the_space_is_taken_and_what_it_gives_lies_in_the_spaces(seed, data):
+    env = shared(data.draw(st.sampled_from(["tactsim/worn-pad-v1", "tactsim/slip-v1"])))
+    observation, _ = env.reset(seed=seed)
+    assert observation in env.observation_space
+    env.action_space.seed(seed)
+    for _ in range(4):
+        action = env.action_space.sample()
+        observation, reward, terminated, *_ = env.step(action)
+        assert observation in env.observation_space
+        assert np.isfinite(reward)
+        assert terminated == (action[3] > 0)
+        if terminated:
+            break
+
+
+MADE = {}
+
+
+def shared(name):
+    return MADE.setdefault(name, make(name, belief="histogram", fast=True))
+
+
+@given(
+    st.tuples(st.floats(-12, 12), st.floats(-12, 12), st.floats(-10, 10)), st.sampled_from(["A", "B", "none"])
+)
+def test_the_actions_that_are_made_are_in_the_space_and_say_what_was_asked(pose, label):
+    labels = ("A", "B", "none")
+    space = tactsim.env.touch_spaces.action_space(labels)
+    touch, say = touch_action(pose, labels, 12.0), say_action(label, labels)
+    assert touch in space
+    assert say in space
+    (read,), (stops,), _ = tactsim.env.touch_spaces.decoded(touch[None].astype(float), 12.0)
+    assert not stops
+    assert read[:2] == pytest.approx(pose[:2], abs=1e-5)
+    assert np.cos(read[2] - pose[2]) == pytest.approx(1)
+    _, (stops,), (said,) = tactsim.env.touch_spaces.decoded(say[None].astype(float), 12.0)
+    assert stops
+    assert labels[said] == label
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda a: np.where(np.arange(9) == 0, 1.2, a), "x = 14.4 mm is beyond the pad's reach of 12 mm"),
+        (lambda a: np.where(np.arange(9) == 2, -1.5, a), "beyond the pad's reach of 3.142 rad"),
+        (lambda a: np.where(np.arange(9) == 3, 2, a), "whether to stop"),
+        (lambda a: np.where(np.arange(9) == 5, 2, a), "the score of E"),
+        (lambda a: np.where(np.arange(9) == 1, np.nan, a), "NaN"),
+        (lambda a: a[:3], r"an array \(9,\) of numbers"),
+        (lambda a: 3, r"an array \(9,\) of numbers"),
+        (lambda a: {"touch": a}, r"an array \(9,\) of numbers"),
+        (lambda a: ["x"] * 9, r"an array \(9,\) of numbers"),
+    ],
+)
+def test_a_wrong_action_is_refused_in_one_line_and_touches_nothing(change, said):
+    env = shared("tactsim/slip-v1")
+    seen, _ = episode(env, 9, POSES[:2])
+    episode(env, 9, POSES[:1])
+    with pytest.raises(InputError, match=said) as caught:
+        env.step(change(env.touch(POSES[0])))
+    assert "\n" not in str(caught.value)
+    assert same(env.step(env.touch(POSES[1]))[0], seen[2])
+
+
+def test_gymnasiums_wrapper_cuts_what_is_beyond_the_reach():
+    env = gymnasium.wrappers.ClipAction(make(fast=True))
+    env.reset(seed=0)
+    observation, *_ = env.step(3 * np.array([1, -1, 0, -1, 0, 0, 0, 0, 0], dtype=np.float32))
+    assert observation["pose"] == pytest.approx([12, -12, 0])
+
+
+def test_a_pose_or_a_label_that_is_none_makes_no_action():
+    env = shared("tactsim/slip-v1")
+    for pose in ((0, 0), (0, 0, np.inf), "here", None):
+        with pytest.raises(InputError, match="a pose is three numbers"):
+            env.touch(pose)
+    with pytest.raises(InputError, match="unknown label 'a': did you mean 'A'"):
+        env.say("a")
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ({"information": 1.0}, "information is rewarded only with a belief"),
+        ({"belief_options": {"bins": 3}}, "belief_options are those of an estimator"),
+        ({"belief": "histogramm"}, "did you mean 'histogram'"),
+        ({"belief": "histogram", "belief_options": {"bin": 3}}, "bin"),
+        ({"touch_cost": -1.0}, "touch_cost"),
+        ({"right": float("nan")}, "right"),
+        ({"scan_seed": 99}, "letters-offgrid-v1 has the seeds 0, 1, 2, 3, 4"),
+        ({"slip": {"walk": 1}}, "walk"),
+        ({"slip": {"walk_mm": -1}}, "walk_mm"),
+        ({"slip": {"walk_mm": object()}}, "slip"),
+        ({"task": "letters-offgrid-v9"}, "unknown task"),
+    ],
+)
+def test_a_wrong_option_is_refused_in_one_line(options, said):
+    with pytest.raises(InputError, match=said) as caught:
+        make(**options)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_closed_environment_says_so():
+    env = make()
+    env.reset(seed=0)
+    env.close()
+    env.close()
+    for call in (env.reset, lambda: env.step(env.touch(POSES[0]))):
+        with pytest.raises(ClosedEnvironmentError):
+            call()
+
+
+def test_an_episode_has_to_begin_with_a_reset():
+    env = make()
+    with pytest.raises(ResetNeeded):
+        env.step(env.touch(POSES[0]))
+
+
+def test_the_forward_model_presses_almost_the_same():
+    own, _ = episode(make(), 1, POSES)
+    fast, _ = episode(make(fast=True), 1, POSES)
+    for one, other in zip(own, fast, strict=True):
+        assert one["reading"] == pytest.approx(other["reading"], abs=0.71)  # a step of the reading
+
+
+@pytest.mark.parametrize(("p", "nats"), [([1, 0], 0), ([0.5, 0.5], np.log(2)), ([0.2] * 5, np.log(5))])
+def test_entropy_is_that_of_closed_forms(p, nats):
+    assert entropy(np.array(p)) == pytest.approx(nats)
+
+
+def test_without_gymnasium_one_line_names_the_extra():
+    code = "import sys; sys.modules['gymnasium'] = None; import tactsim; tactsim.env"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.stderr.splitlines()[-1].endswith("pip install 'tactsim[env]'")
+    assert done.returncode == 1

@@ -1,0 +1,123 @@
+"""Many environments at once: the same bits as one by one, in every way of beginning anew."""
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.error import ClosedEnvironmentError, ResetNeeded
+from gymnasium.vector import AutoresetMode, SyncVectorEnv
+
+import tactsim.env
+from tactsim.core import InputError
+
+SLIP = "tactsim/slip-v1"
+
+
+def many(count=4, **options):
+    return gymnasium.make_vec(SLIP, num_envs=count, **options)
+
+
+def one_by_one(count, mode, limit, **options):
+    def make():
+        return gymnasium.make(SLIP, max_episode_steps=limit, **options)
+
+    return SyncVectorEnv([make] * count, autoreset_mode=mode)
+
+
+def equal(one, other):
+    if isinstance(one, dict):
+        return one.keys() == other.keys() and all(equal(one[name], other[name]) for name in one)
+    if isinstance(one, np.ndarray) and one.dtype == object:
+        return len(one) == len(other) and all(map(equal, one, other))
+    if isinstance(one, np.ndarray):
+        return one.dtype == other.dtype and np.array_equal(one, other)
+    return type(one) is type(other) and one == other
+
+
+@pytest.mark.parametrize("mode", list(AutoresetMode))
+@pytest.mark.parametrize("options", [{}, {"belief": "histogram", "information": 1.0, "fast": True}])
+def test_many_at_once_give_the_bits_of_one_by_one(mode, options):
+    together = many(autoreset_mode=mode, max_episode_steps=3, **options)
+    apart = one_by_one(4, mode, 3, **options)
+    assert together.single_observation_space == apart.single_observation_space
+    assert together.observation_space == apart.observation_space
+    assert together.action_space == apart.action_space
+    for one, other in zip(together.reset(seed=5), apart.reset(seed=5), strict=True):
+        assert equal(one, other)
+    rng = np.random.default_rng(0)
+    ended = np.zeros(2, dtype=int)
+    for _ in range(12):
+        actions = rng.uniform(-1, 1, together.action_space.shape).astype(np.float32)
+        actions[:, 3] -= 0.7  # mostly they touch
+        actions = np.clip(actions, -1, 1)
+        both = together.step(actions), apart.step(actions)
+        for one, other in zip(*both, strict=True):
+            assert equal(one, other)
+        assert both[0][0] in together.observation_space
+        over = both[0][2] | both[0][3]
+        ended += both[0][2].sum(), both[0][3].sum()
+        if mode == AutoresetMode.DISABLED and over.any():
+            with pytest.raises(ResetNeeded):
+                together.step(actions)
+            begun = (env.reset(options={"reset_mask": over.copy()}) for env in (together, apart))
+            for one, other in zip(*begun, strict=True):
+                assert equal(one, other)
+    assert ended.all()
+
+
+def test_seeds_may_be_given_one_by_one_and_random_numbers_go_on_without():
+    together, apart = many(2), one_by_one(2, AutoresetMode.NEXT_STEP, 20)
+    for seed in ([7, None], None, [None, 3]):
+        first, second = together.reset(seed=seed), apart.reset(seed=seed)
+        if seed is None or None not in seed[:1]:
+            assert equal(first[0]["pose"], second[0]["pose"])
+    actions = np.tile(touch(together), (2, 1))
+    first, second = together.step(actions)[0], apart.step(actions)[0]
+    assert np.array_equal(first["reading"][1], second["reading"][1])
+
+
+def touch(env):
+    return tactsim.env.touch_spaces.touch_action([1.0, 2.0, 0.5], env.labels, env.reach)
+
+
+def test_it_is_made_without_a_warning_and_says_how_it_begins_anew(recwarn):
+    env = many(2, autoreset_mode="SameStep")
+    assert env.metadata["autoreset_mode"] is AutoresetMode.SAME_STEP
+    assert not [warned for warned in recwarn if "tactsim" in str(warned.message)]
+    assert env.spec.id == SLIP
+    assert len(env.np_random) == 2
+    assert env.labels == ("A", "E", "I", "O", "U")
+
+
+@pytest.mark.parametrize(
+    ("act", "said"),
+    [
+        (lambda env: env.step(np.zeros((3, 9))), r"an array \(9,\) of numbers"),
+        (lambda env: env.step(np.full((2, 9), 2.0)), "beyond the pad's reach"),
+        (lambda env: env.reset(seed=[1, 2, 3]), "3 seeds for 2 environments"),
+        (lambda env: env.reset(options={"reset_mask": [True, False]}), "reset_mask"),
+        (lambda env: many(0), "num_envs 0"),
+        (lambda env: many(2, autoreset_mode="Sometimes"), "autoreset_mode 'Sometimes'"),
+    ],
+)
+def test_what_is_wrong_is_refused_in_one_line(act, said):
+    env = many(2, fast=True)
+    env.reset(seed=0)
+    with pytest.raises(InputError, match=said) as caught:
+        act(env)
+    assert "\n" not in str(caught.value)
+
+
+def test_before_a_reset_and_after_closing_nothing_is_touched():
+    env = many(2, fast=True)
+    actions = np.tile(touch(env), (2, 1))
+    with pytest.raises(ResetNeeded):
+        env.step(actions)
+    env.reset(seed=0, options={"reset_mask": np.array([True, False])})
+    with pytest.raises(ResetNeeded, match=r"environments \[1\]"):
+        env.step(actions)
+    env.close()
+    env.close()
+    with pytest.raises(ClosedEnvironmentError):
+        env.step(actions)
+    with pytest.raises(ClosedEnvironmentError):
+        env.reset()

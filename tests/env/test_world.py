@@ -1,0 +1,77 @@
+"""What an environment presses: the task's own objects and errors, and which tasks have an environment at all."""
+
+import numpy as np
+import pytest
+
+from tactsim.bench import tasks
+from tactsim.bench.slip import STILL
+from tactsim.core import InputError, compose
+from tactsim.env.world import NORMALS, World, world
+from tactsim.press.engine import ideal_readings, press_at
+from tactsim.press.scan_poses import random_poses
+from tactsim.press.touches import Touches
+
+TASK = 'line = "x"\nseeds = [0, 1, 2, 3, 4]\ntrials = 1\nreadings = 2\nscored = ["accuracy@2"]\n[words]\n'
+
+
+@pytest.fixture(scope="module")
+def letters():
+    return world("letters-offgrid-v1", None, {}, False)
+
+
+def test_without_errors_it_is_the_ideal_press(letters):
+    poses = random_poses(np.random.default_rng(0), 7)
+    ideal, rests = letters.press([2] * 7, poses, np.zeros((7, NORMALS)))
+    assert rests.all()
+    right, _ = ideal_readings(Touches.of(letters.letters[2], poses), letters.options)
+    assert ideal == pytest.approx(right, abs=1e-9)
+
+
+def test_the_numbers_that_were_drawn_say_how_far_a_press_is_off(letters):
+    rng = np.random.default_rng(1)
+    poses, normals = random_poses(rng, 5), rng.standard_normal((5, NORMALS))
+    ideal, _ = letters.press([0] * 5, poses, normals)
+    off = compose(poses, normals[:, :3] * [0.1, 0.1, 0.005])
+    touches = Touches(letters.letters[0], off, 0.0044 * normals[:, 3:5])
+    assert ideal == pytest.approx(press_at(touches, letters.options).readings(letters.options), abs=1e-9)
+
+
+@pytest.mark.parametrize("fast", [False, True])
+@pytest.mark.parametrize("name", ["letters-offgrid-v1", "tilted-v1"])
+def test_what_a_press_reads_does_not_depend_on_the_others_to_the_last_bit(name, fast):
+    pressed = world(name, None, {}, fast)
+    rng = np.random.default_rng(2)
+    which = rng.integers(5, size=40)
+    poses, normals = random_poses(rng, 40), rng.standard_normal((40, NORMALS))
+    together, _ = pressed.press(which, poses, normals)
+    for k in range(40):
+        alone, _ = pressed.press(which[[k]], poses[[k]], normals[[k]])
+        assert np.array_equal(alone[0], together[k]), k
+
+
+def test_the_forward_model_presses_with_the_same_errors_and_loads(tmp_path):
+    path = tmp_path / "hand-v1.toml"
+    path.write_text(TASK + 'world = "handheld"\nscan_set = { press.tilt_x = 0.01 }\n')
+    rng = np.random.default_rng(3)
+    poses, normals = random_poses(rng, 20), rng.standard_normal((20, NORMALS))
+    own, fast = (
+        World(tasks.task(str(path)), 0, STILL, fast).press([1] * 20, poses, normals)[0]
+        for fast in (False, True)
+    )
+    assert fast == pytest.approx(own, abs=0.25, rel=0.005)  # kPa; the press has cells, the model has none
+    assert own.max() > 40
+
+
+def test_worlds_are_shared_by_those_who_ask_for_the_same(letters):
+    assert world("letters-offgrid-v1", 0, {}, False) is letters
+    assert world("letters-offgrid-v1", 1, {}, False) is not letters
+    assert world("letters-offgrid-v1", None, {"walk_mm": 1}, False).slip.walk_mm == 1
+
+
+def test_a_task_of_a_file_has_no_environment(tmp_path, letters):
+    (tmp_path / "mine-v1.toml").write_text(TASK + 'scan = "mine.npz"\n')
+    (tmp_path / "each-v1.toml").write_text(TASK + 'hold_out = "each"\n')
+    letters.scan.save(tmp_path / "mine.npz")
+    for name, said in (("mine-v1", "readings from a file"), ("each-v1", "its answer is always 'none'")):
+        with pytest.raises(InputError, match=said):
+            World(tasks.task(str(tmp_path / f"{name}.toml")), 0, STILL, False)

@@ -1,0 +1,141 @@
+"""`make release-check` finds what a release would lack; a repository that is ready has no fault."""
+
+import shutil
+import subprocess
+import tomllib
+
+import pytest
+from building import ROOT
+from release_check import faults
+
+from tactsim.bench.leaderboard.record import Record, bundle_hash, write_record
+
+TABLE = "*`bench sweep better`: 5 scans, 500 trials for each figure; commit {}.*\n"
+
+
+def git(root, *words):
+    identity = ["-c", "user.name=a", "-c", "user.email=a@example.org"]
+    done = subprocess.run(["git", *identity, *words], cwd=root, text=True, capture_output=True, check=True)
+    return done.stdout.strip()
+
+
+def commit(root):
+    git(root, "add", "--all")
+    git(root, "commit", "--quiet", "--allow-empty", "--message", "x")
+    return git(root, "rev-parse", "--short=12", "HEAD")
+
+
+@pytest.fixture
+def ready(tmp_path):
+    """Make a repository with nothing but what is looked at, ready for version 1.2.0."""
+    root = tmp_path / "repository"
+    (root / "docs").mkdir(parents=True)
+    (root / "recipe").mkdir()
+    (root / "pyproject.toml").write_text('[project]\nname = "tactsim"\nversion = "1.2.0"\n')
+    (root / "CITATION.cff").write_text(
+        "cff-version: 1.2.0\nversion: 1.2.0\ndate-released: 2026-01-31\ndoi: 10.5281/zenodo.1\n"
+    )
+    (root / "recipe" / "recipe.yaml").write_text('context:\n  version: "1.2.0"\n')
+    (root / "CHANGELOG.md").write_text("# Changelog\n\n## Unreleased\n\n## 1.2.0 - 2026-01-31\n\n- New.\n")
+    git(tmp_path, "init", "--quiet", str(root))
+    measured = commit(root)
+    (root / "README.md").write_text(TABLE.format(measured))
+    (root / "docs" / "results.md").write_text(TABLE.format(measured))
+    commit(root)
+    return root
+
+
+def replace(root, name, old, new):
+    text = (root / name).read_text(encoding="utf-8")
+    assert old in text
+    (root / name).write_text(text.replace(old, new), encoding="utf-8")
+
+
+def test_what_is_ready_has_no_fault(ready):
+    assert list(faults(ready)) == []
+    git(ready, "tag", "v1.2.0")
+    assert list(faults(ready)) == []
+
+
+@pytest.mark.parametrize(
+    ("name", "old", "new", "said"),
+    [
+        ("pyproject.toml", "1.2.0", "1.2.0.dev1", "is none of a release"),
+        ("pyproject.toml", "1.2.0", "1.3.0", "CITATION.cff: version 1.2.0, and pyproject.toml says 1.3.0"),
+        ("recipe/recipe.yaml", "1.2.0", "1.1.0", "recipe/recipe.yaml: version 1.1.0"),
+        ("CHANGELOG.md", "## 1.2.0", "- Newer.\n\n## 1.2.0", "what is under Unreleased"),
+        ("CHANGELOG.md", "## 1.2.0 - 2026-01-31", "## 1.1.0 - 2025-01-31", "the newest version is '1.1.0"),
+        ("CHANGELOG.md", "2026-01-31", "2026-02-01", "date-released"),
+        ("CITATION.cff", "doi: 10.5281/zenodo.1\n", "", "no doi"),
+        ("README.md", "commit ", "commit 0", "the tables are of several commits"),
+    ],
+)
+def test_a_fault_is_named(ready, name, old, new, said):
+    replace(ready, name, old, new)
+    commit(ready)
+    found = list(faults(ready))
+    assert any(said in fault for fault in found), found
+
+
+def test_a_table_of_a_commit_that_is_not_before_this_one_is_named(ready):
+    for page in ("README.md", "docs/results.md"):
+        (ready / page).write_text(TABLE.format("0123456789ab"))
+    commit(ready)
+    assert list(faults(ready)) == [
+        "README.md: a table is of commit 0123456789ab, which is none before this one"
+    ]
+
+
+def test_what_is_not_committed_and_a_tag_that_is_taken_are_named(ready):
+    git(ready, "tag", "v1.2.0")
+    (ready / "docs" / "new.md").write_text("x")
+    assert any("docs/new.md and perhaps more is not committed" in fault for fault in faults(ready))
+    commit(ready)
+    assert list(faults(ready)) == ["the tag v1.2.0 is another commit's: raise the version"]
+
+
+@pytest.mark.parametrize(
+    ("of", "verified", "said"),
+    [
+        (None, True, "one.zip was not verified"),
+        (b"a bundle", False, "one.zip could not be confirmed: trial 3 differs"),
+        (b"another one", True, "is of another file"),
+        (b"a bundle", True, None),
+    ],
+)
+def test_a_bundle_that_is_not_verified_is_named(ready, of, verified, said):
+    """of: what the file held when it was verified; None if it was not."""
+    bundle = ready / "results" / "leaderboard" / "one.zip"
+    bundle.parent.mkdir(parents=True)
+    if of is not None:
+        bundle.write_bytes(of)
+        where = {"processor": "x", "cores": 1, "system": "x"}
+        record = Record(
+            bundle=bundle_hash(bundle), verified=verified, exact=True, said="trial 3 differs", again=1, trials=20,
+            seed=1, machine=where, versions={}, commit=None, made="2026-01-31T00:00:00+00:00",
+        )  # fmt: skip
+        write_record(record, bundle)
+    bundle.write_bytes(b"a bundle")
+    commit(ready)
+    found = list(faults(ready))
+    assert len(found) == (said is not None)
+    assert said is None or said in found[0]
+
+
+def test_versions_of_this_repository_agree(tmp_path):
+    """It need not be ready for a release, but what is looked at must be found in it."""
+    for name in ("pyproject.toml", "CITATION.cff", "CHANGELOG.md", "README.md"):
+        shutil.copy2(ROOT / name, tmp_path / name)
+    for name in ("recipe", "docs"):
+        shutil.copytree(ROOT / name, tmp_path / name, ignore=shutil.ignore_patterns("_build"))
+    assert not [fault for fault in faults(tmp_path) if "pyproject.toml says" in fault]
+
+
+def test_the_page_of_installing_lists_every_extra():
+    page = (ROOT / "docs" / "install.md").read_text(encoding="utf-8")
+    _, table = page.split("| extra | for |\n|---|---|\n")
+    listed = {
+        name for line in table.split("\n\n")[0].splitlines() for name in line.split("|")[1].split("`")[1::2]
+    }
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    assert listed == set(project["optional-dependencies"])
