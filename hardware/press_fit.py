@@ -24,7 +24,9 @@ _PLACEMENT = np.array([2.0, 2.0, 0.2])  # mm, mm, rad: how far presses may be of
 _LOAD = 0.2  # how far the logarithm of a press's load may be off, as a prior
 _LEAN = 5.0  # kPa/mm, by which the pressure may differ along the pad, as a prior
 _REACH = np.array([*(3 * _PLACEMENT), 2.0, np.inf, np.inf])  # of errors
-_STEP = np.array([0.05, 0.05, 0.01, 0.0, 0.5, 0.5])  # of the differences by which the effect of an error is found
+_STEP = np.array(
+    [0.05, 0.05, 0.01, 0.0, 0.5, 0.5]
+)  # of the differences by which the effect of an error is found
 _GIVE_STEP, _SHARED_STEP = 0.03, 0.02
 _MOST_GIVE = 0.98
 _LONGEST = 0.3  # of a step of the give, and, as a share, of point spread and response
