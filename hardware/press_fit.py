@@ -35,6 +35,7 @@ _LEVEL_ROUNDS, _TILTED_ROUNDS = 6, 7
 _GAINS_JUDGED = 3  # level rounds before it is judged whether gains help
 _DECISIONS = (1, 4)  # rounds in which it is decided what can be believed; the first may only end the fit
 _HALVINGS = 2
+_FAR_OFF = 1.5  # times what is left of the median press
 # By how much the logarithm of the likelihood must rise for tilts to be believed. Chance alone gives some 3; the rest
 # is for what the model leaves out.
 BELIEVED = 15.0
@@ -91,12 +92,14 @@ class State:
 class Round:
     """One linearised round of a fit, see `press_errors`. common: shared slopes of give, gain, point spread, response.
 
-    The first is counted from 0, the others from where the fit stands.
+    The first is counted from 0, the others from where the fit stands. weight: (n,) of the presses: less than 1 for those
+    that are far off, such as one that holds on to a letter's last corner (P. J. Huber, Robust Statistics, 1981).
     """
 
     about: FloatArray
     slopes: FloatArray
     common: FloatArray
+    weight: FloatArray
     variance: float
     bounds: tuple[float, float]
 
@@ -107,9 +110,11 @@ class Round:
         groups = [(0, 1), (2,), (3,), (4, 5)][: 4 if leans else 3]
         common = self.common if yields else self.common[..., 1:]
         bounds = self.bounds if yields else (-np.inf, np.inf)
+        each = self.weight[:, None]
         return press_errors(
-            self.about, self.slopes[..., :count], self.variance, guess, groups, common, bounds
-        )
+            each * self.about, each[..., None] * self.slopes[..., :count], self.variance, guess, groups,
+            each[..., None] * common, bounds,
+        )  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -197,7 +202,7 @@ class PressFit:
         about += state.give * give
         common = np.concatenate([give[..., None], gain[:, None] * self.common(state, predicted)], axis=2)
         bounds = max(0.0, state.give - _LONGEST), min(_MOST_GIVE, state.give + _LONGEST)
-        return Round(about, slopes, common, variance, bounds)
+        return Round(about, slopes, common, weights(residual), variance, bounds)
 
     def shared(self, old: State, found: PressErrors) -> State:
         """Go to the point spread and the response that were found; a part of the way if it is far."""
@@ -266,7 +271,8 @@ class PressFit:
         predicted = self.read(state)
         gain = best_gain(self.recorded, state.relative * predicted) * state.relative
         left = np.nan_to_num(self.recorded - gain * predicted)
-        return predicted, left, gain, max(float((left**2).mean()), 1e-12)
+        variance = float(((weights(left)[:, None] * left) ** 2).mean())
+        return predicted, left, gain, max(variance, 1e-12)
 
     def slopes(self, state: State, here: FloatArray, *, leans: bool) -> FloatArray:
         """Differentiate readings by each press's errors: (n, taxels, 6); 0 where a press does not rest."""
@@ -316,6 +322,12 @@ class PressFit:
         if give <= 0:
             return 0.0
         return np.inf if give >= _MOST_GIVE else 1e3 * give / (1 - give) / self.bending
+
+
+def weights(left: FloatArray) -> FloatArray:
+    """Weigh presses (n,) by what is left of their readings (n, taxels): those far off do not count in full."""
+    size = np.sqrt((left**2).mean(axis=1))
+    return np.asarray(np.minimum(1.0, _FAR_OFF * np.median(size) / np.maximum(size, 1e-12)))
 
 
 def known(state: State) -> PressErrors:
