@@ -17,7 +17,8 @@ if TYPE_CHECKING:
 
     from tactsim.hardware.device import Device
     from tactsim.hardware.emulator import Emulated, Faults
-    from tactsim.hardware.emulator.hand import Pressing, Wanted
+    from tactsim.hardware.emulator.emulated import Pressures
+    from tactsim.hardware.emulator.hand import Wanted
     from tactsim.hardware.emulator.robot import Timing
     from tactsim.press import ScanOptions
 
@@ -131,7 +132,7 @@ def command(
         loaded=_of_taxels(loaded, "--loaded", described), stuck=_of_taxels(stuck, "--stuck", described),
     )  # fmt: skip
 
-    def felt(pressing: Pressing) -> Emulated:
+    def felt(pressing: Pressures) -> Emulated:
         said = faults.spoiled(sensing(faults.lying(pressing), options, rng))
         return emulate(described, said, rate, jitter=jitter)
 
@@ -169,7 +170,7 @@ def _record(
     marks: Path | None,
     timing: Timing,
     device: Device,
-    felt: Callable[[Pressing], Emulated],
+    felt: Callable[[Pressures], Emulated],
     faults: Faults,
     options: ScanOptions,
     rng: np.random.Generator,

@@ -17,9 +17,8 @@ from tactsim.core.errors import InputError
 from tactsim.core.files import replacing
 from tactsim.core.poses import FloatArray
 from tactsim.hardware.codecs.codec import STRICT
-from tactsim.hardware.emulator.emulated import Emulated
+from tactsim.hardware.emulator.emulated import Emulated, Pressures
 from tactsim.hardware.emulator.faults import Faults
-from tactsim.hardware.emulator.hand import Pressing
 from tactsim.hardware.scans import Interval, csv_rows
 
 
@@ -73,16 +72,18 @@ class Timing:
             for press, begin in zip(plan, begins, strict=True)
         ]
 
-    def pressing(self, table: FloatArray) -> Pressing:
-        """Press the rows of `table` (n, taxels) kPa in turn, once."""
-        rows = list(table)
+    def pressing(self, table: FloatArray) -> Pressures:
+        """Press the rows of `table` (n, taxels) kPa in turn, once: their pressures rise and fall together."""
+        nothing = np.zeros(table.shape[1])
 
-        def wanted(now: float) -> FloatArray | None:
+        def pressures(now: float) -> FloatArray:
             turn, since = divmod(now, self.period)
-            pressed = self.lift <= since < self.lift + self.ramp + self.hold
-            return rows[int(turn)] if pressed and turn < len(rows) else None
+            if since <= self.lift or turn >= len(table):
+                return nothing
+            level = min((since - self.lift) / self.ramp, (self.period - since) / self.ramp, 1.0)
+            return level * table[int(turn)]
 
-        return Pressing(table.shape[1], wanted, self.ramp)
+        return pressures
 
 
 def write_marks(intervals: Sequence[Interval], path: str | Path) -> None:
