@@ -125,7 +125,7 @@ def with_moments(scan: Scan, moments: int | Literal["auto"] = "auto", split: str
     gauged = scan.sequence_force is not None and bool(scan.sequence_force.any())
     found = np.zeros((len(chosen), len(wanted)), dtype=bool)
     images = np.zeros((len(chosen), len(wanted), scan.readings.shape[1]))
-    for row, press in enumerate(chosen):
+    for row, press in enumerate(chosen.tolist()):
         load = _load(scan, press)
         found[row], images[row] = moments_of(_images(scan, press), wanted, load)
     if not found.any():
@@ -173,7 +173,7 @@ def at_load(scan: Scan, share: float, split: str = "test") -> Scan:
     chosen = np.flatnonzero(scan.split == split)
     readings, kept = np.array(scan.readings), np.ones(len(scan), dtype=bool)
     loads = None if scan.loads is None else np.array(scan.loads)
-    for press in chosen:
+    for press in chosen.tolist():
         load = _load(scan, press)
         found, images = moments_of(_images(scan, press), np.array([share]), load)
         if found[0]:
