@@ -2,23 +2,28 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tactsim.core.errors import InputError
 from tactsim.core.poses import FloatArray
+from tactsim.hardware.press_errors import PressErrors
 
 _PRESSED = 1e-3  # of the median power of a taxel: one that has less is never pressed
 
 
 @dataclass(frozen=True, eq=False)
 class Gains:
-    """Gains about their mean, (taxels,), and their spread: the standard deviation of the true ones."""
+    """Gains about their mean, (taxels,), and their spread: the standard deviation of the true ones.
+
+    ratio: how much larger a gain's variance is than if what is left were noise of single readings, at least 1.
+    """
 
     relative: FloatArray
     spread: float
+    ratio: float = 1.0
 
 
 def best_gain(recorded: FloatArray, predicted: FloatArray) -> float:
@@ -63,7 +68,7 @@ def shrunk_gains(recorded: FloatArray, predicted: FloatArray, fold: NDArray[np.i
     excess = float((weight * (own - weighted) ** 2).sum()) - (len(own) - 1)
     spread2 = max(excess / float(weight.sum() - (weight**2).sum() / weight.sum()), 0.0)
     relative[pressed] = 1 + spread2 / (spread2 + variance) * (own - mean)
-    return Gains(relative, float(np.sqrt(spread2)))
+    return Gains(relative, float(np.sqrt(spread2)), ratio)
 
 
 def saved_by_gains(
@@ -90,3 +95,53 @@ def saved_by_gains(
     error = float(np.std(saved, ddof=1)) * np.sqrt(len(saved))
     whole = max(whole, 1e-300)
     return sum(saved) / whole, error / whole
+
+
+def with_gains(
+    found: PressErrors,
+    readings: FloatArray,
+    slopes: FloatArray,
+    shared: FloatArray,
+    variance: float,
+    of_gains: FloatArray,
+    gains: Gains,
+) -> PressErrors:
+    """Fit the taxels' gains together with the numbers that presses share, the presses' errors integrated out.
+
+    found, readings, slopes, shared, variance: as in `press_errors`. of_gains: (n, taxels) what a taxel reads for one
+    more of its gain. gains: as they are, with their prior. Fitted in turn, gains and the others would take hundreds of
+    rounds to agree.
+    """
+    count = shared.shape[2]
+    sd, mean = found.sd, found.mean
+    covariance = np.linalg.inv(np.einsum("nti,ntj->nij", slopes, slopes) / variance + np.diag(1 / sd**2))
+    off = readings - slopes @ mean
+    told = np.einsum("nti,nt->ni", slopes, off) / variance
+    across = np.einsum("nti,ntk->nik", slopes, shared) / variance
+    across_gains = slopes.transpose(0, 2, 1) * of_gains[:, None] / variance  # (n, q, taxels)
+    explained = covariance @ across_gains
+    taxels = of_gains.shape[1]
+    normal = np.zeros((count + taxels, count + taxels))
+    target = np.zeros(count + taxels)
+    normal[:count, :count] = found.told[0].sum(axis=0)
+    target[:count] = found.told[1].sum(axis=0)
+    block = np.einsum("ntk,nt->kt", shared, of_gains) / variance
+    normal[:count, count:] = block - np.einsum("nik,nit->kt", across, explained)
+    normal[count:, :count] = normal[:count, count:].T
+    normal[count:, count:] = np.diag((of_gains**2).sum(axis=0) / variance) - np.einsum(
+        "nit,niu->tu", across_gains, explained
+    )
+    target[count:] = (of_gains * off).sum(axis=0) / variance - np.einsum("nit,ni->t", explained, told)
+    prior = gains.ratio / max(gains.spread, 1e-4) ** 2
+    normal[count:, count:] += prior * np.eye(taxels)
+    target[count:] -= prior * (gains.relative - 1)
+    inverse = np.linalg.pinv(normal, hermitian=True)
+    both = inverse @ target
+    s, by = both[:count], both[count:]
+    alone = np.sqrt(np.diagonal(np.linalg.pinv(normal[:count, :count], hermitian=True)))
+    wider = np.sqrt(np.maximum(np.diagonal(inverse)[:count], 0)) / np.maximum(alone, 1e-300)
+    left = off - shared @ s - of_gains * by
+    errors = mean + np.einsum("nij,nj->ni", covariance, np.einsum("nti,nt->ni", slopes, left) / variance)
+    return replace(
+        found, errors=errors, shared=s, shared_error=found.shared_error * np.maximum(wider, 1), gains=by
+    )

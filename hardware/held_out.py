@@ -34,8 +34,8 @@ def held_out(fit: PressFit, state: State) -> tuple[FloatArray, FloatArray]:
         others = ~out if not out.all() else out
         shared = np.linalg.lstsq(own[others].sum(axis=0), seen[others].sum(axis=0), rcond=None)[0]
         mean = found.errors[others].mean(axis=0)
-        relative = state.relative
-        if state.gained:
+        relative = np.ones(fit.recorded.shape[1])
+        if state.gains is not None:
             relative = shrunk_gains(fit.recorded[others], predicted[others], fit.fold[others]).relative
         gain = best_gain(fit.recorded[others], relative * predicted[others]) * relative
         moved = common[out] @ (shared - start)

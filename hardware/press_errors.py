@@ -30,7 +30,8 @@ class PressErrors:
     white noise (H. White, Econometrica 48, 1980: the sandwich, a press for a cluster); infinite for a number that the
     readings say nothing of. told: (n, m, m) and (n, m), what each press says of the shared numbers: the sum of the
     first times the shared numbers is the sum of the second. log_likelihood: of the readings
-    over all errors that the presses may have, up to a constant of the readings alone.
+    over all errors that the presses may have, up to a constant of the readings alone. gains: (taxels,) by how much the
+    taxels' gains are off, if they were fitted along (`tactsim.hardware.gain_fit.with_gains`).
     """
 
     errors: FloatArray
@@ -42,6 +43,7 @@ class PressErrors:
     shared_error: FloatArray
     told: tuple[FloatArray, FloatArray]
     log_likelihood: float
+    gains: FloatArray | None = None
 
 
 def press_errors(

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactsim.core.poses import FloatArray
-from tactsim.hardware.gain_fit import best_gain, saved_by_gains, shrunk_gains
+from tactsim.hardware.gain_fit import Gains, best_gain, saved_by_gains, shrunk_gains, with_gains
 from tactsim.hardware.press_errors import PressErrors, press_errors
 
 NARROWEST, WIDEST = 0.3, 10.0  # mm, of a point spread
@@ -31,9 +31,9 @@ _GIVE_STEP, _SHARED_STEP = 0.03, 0.02
 _MOST_GIVE = 0.98
 _LONGEST = 0.3  # of a step of the give, and, as a share, of point spread and response
 _STEEPEST = 0.03  # rad, standard deviation of tilts; a layer that needs more is taken to be stiffer
-_LEVEL_ROUNDS, _TILTED_ROUNDS = 6, 7
+_LEVEL_ROUNDS, _TILTED_ROUNDS = 6, 5
 _GAINS_JUDGED = 3  # level rounds before it is judged whether gains help
-_DECISIONS = (1, 4)  # rounds in which it is decided what can be believed; the first may only end the fit
+_DECISIONS = (1, 3)  # rounds in which it is decided what can be believed; the first may only end the fit
 _HALVINGS = 2
 _FAR_OFF = 1.5  # times what is left of the median press
 # By how much the logarithm of the likelihood must rise for tilts to be believed. Chance alone gives some 3; the rest
@@ -68,8 +68,8 @@ class State:
     Each with its standard error.
     give: how much of a tilt the wrist takes back under a typical contact, 0 if it is rigid. errors: (n, 6)
     [mm, mm, rad, -, kPa/mm, kPa/mm]: placement, logarithm of the reading's load, and lean, the slope of the pressure
-    along the pad that a tilt about x and y makes under a typical contact. relative: (taxels,) gains about their mean.
-    gained: whether taxels have gains of their own, as `saved_by_gains` says it. found: what the last
+    along the pad that a tilt about x and y makes under a typical contact. gains: of taxels about their mean; None if these have none of their own, as
+    `saved_by_gains` says it. found: what the last
     round said of the errors. give_range: 95 % interval of the give. likelier: by how much the logarithm of the
     likelihood is above that of level presses.
     """
@@ -80,12 +80,16 @@ class State:
     response_error: float
     give: float
     errors: FloatArray
-    relative: FloatArray
-    gained: bool = False
+    gains: Gains | None = None
     gains_saved: tuple[float, float] = (0.0, np.inf)
     found: PressErrors | None = None
     give_range: tuple[float, float] = (0.0, np.inf)
     likelier: float = 0.0
+
+    @property
+    def relative(self) -> FloatArray | float:
+        """Give the taxels' gains about their mean, (taxels,), or 1 for all."""
+        return 1.0 if self.gains is None else self.gains.relative
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,6 +104,8 @@ class Round:
     slopes: FloatArray
     common: FloatArray
     weight: FloatArray
+    of_gains: FloatArray
+    gains: Gains | None
     variance: float
     bounds: tuple[float, float]
 
@@ -108,13 +114,17 @@ class Round:
         count = 6 if leans else 4
         guess = np.array([*_PLACEMENT, _LOAD, _LEAN, _LEAN])[:count]
         groups = [(0, 1), (2,), (3,), (4, 5)][: 4 if leans else 3]
-        common = self.common if yields else self.common[..., 1:]
+        slopes, common = self.slopes[..., :count], self.common if yields else self.common[..., 1:]
         bounds = self.bounds if yields else (-np.inf, np.inf)
         each = self.weight[:, None]
-        return press_errors(
-            each * self.about, each[..., None] * self.slopes[..., :count], self.variance, guess, groups,
-            each[..., None] * common, bounds,
-        )  # fmt: skip
+        about, slopes, common = each * self.about, each[..., None] * slopes, each[..., None] * common
+        found = press_errors(about, slopes, self.variance, guess, groups, common, bounds)
+        if self.gains is None:
+            return found
+        found = with_gains(found, about, slopes, common, self.variance, each * self.of_gains, self.gains)
+        if yields:
+            found.shared[0] = min(max(found.shared[0], bounds[0]), bounds[1])
+        return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,9 +144,9 @@ class PressFit:
 
     def level(self) -> State:
         """Fit level presses on a rigid wrist, and judge whether taxels have gains of their own."""
-        count, taxels = self.recorded.shape
+        count = len(self.recorded)
         sigma = min(max(self.stated.psf_sigma, NARROWEST), WIDEST)
-        state = State(sigma, np.inf, 1.0, np.inf, 0.0, np.zeros((count, 6)), np.ones(taxels))
+        state = State(sigma, np.inf, 1.0, np.inf, 0.0, np.zeros((count, 6)))
         state = self.searched(state)
         for number in range(_LEVEL_ROUNDS):
             variance = self.residual(state)[3]
@@ -144,8 +154,8 @@ class PressFit:
             state = self.stepped(self.shared(state, found), found, variance)
             if number == _GAINS_JUDGED:
                 saved = saved_by_gains(self.recorded, self.read(state), self.fold)
-                state = replace(state, gained=saved[0] > saved[1], gains_saved=saved)
-            state = self.with_gains(state)
+                gains = shrunk_gains(self.recorded, self.read(state), self.fold)
+                state = replace(state, gains=gains if saved[0] > saved[1] else None, gains_saved=saved)
         return state
 
     def tilted(self, level: State) -> State:
@@ -189,7 +199,7 @@ class PressFit:
                     now = round_.found(leans, yields)
             state = replace(state, give=float(now.shared[0]) if yields else 0.0)
             reach = CONFIDENT * float(now.shared_error[0])
-            state = self.with_gains(self.stepped(self.shared(state, now), now, variance))
+            state = self.stepped(self.shared(state, now), now, variance)
             state = replace(state, give_range=(state.give - reach, state.give + reach))
         return state
 
@@ -202,10 +212,11 @@ class PressFit:
         about += state.give * give
         common = np.concatenate([give[..., None], gain[:, None] * self.common(state, predicted)], axis=2)
         bounds = max(0.0, state.give - _LONGEST), min(_MOST_GIVE, state.give + _LONGEST)
-        return Round(about, slopes, common, weights(residual), variance, bounds)
+        of_gains = np.nan_to_num(gain / state.relative * predicted)
+        return Round(about, slopes, common, weights(residual), of_gains, state.gains, variance, bounds)
 
     def shared(self, old: State, found: PressErrors) -> State:
-        """Go to the point spread and the response that were found; a part of the way if it is far."""
+        """Go to the point spread, response and gains that were found; a part of the way if it is far."""
         step, error = found.shared[-2:], found.shared_error[-2:]
         values = []
         bounds = ((NARROWEST, WIDEST), (BLUNTEST, STEEPEST_RESPONSE))
@@ -213,9 +224,14 @@ class PressFit:
             by = float(np.clip(by, -_LONGEST * value, _LONGEST * value))
             values.append(min(max(value + by, least), most))
         sigma, response = values
+        gains = old.gains
+        if gains is not None and found.gains is not None:
+            relative = np.maximum(gains.relative + found.gains, 0)
+            gains = replace(gains, relative=relative / relative.mean())
         return replace(
-            old, sigma=sigma, sigma_error=float(error[0]), response=response, response_error=float(error[1])
-        )
+            old, sigma=sigma, sigma_error=float(error[0]), response=response, response_error=float(error[1]),
+            gains=gains,
+        )  # fmt: skip
 
     def stepped(self, old: State, found: PressErrors, variance: float) -> State:
         """Go to what was found; for a press that this brings no nearer, a part of the way."""
@@ -269,7 +285,11 @@ class PressFit:
     def residual(self, state: State) -> tuple[FloatArray, FloatArray, FloatArray, float]:
         """Give readings, what they leave of the recorded ones, the taxels' gains and the mean square left."""
         predicted = self.read(state)
-        gain = best_gain(self.recorded, state.relative * predicted) * state.relative
+        gain = (
+            best_gain(self.recorded, state.relative * predicted)
+            * state.relative
+            * np.ones(predicted.shape[1])
+        )
         left = np.nan_to_num(self.recorded - gain * predicted)
         variance = float(((weights(left)[:, None] * left) ** 2).mean())
         return predicted, left, gain, max(variance, 1e-12)
@@ -310,12 +330,6 @@ class PressFit:
 
         best = minimize_scalar(squares, bounds=(NARROWEST, WIDEST), method="bounded", options={"xatol": 0.02})
         return replace(state, sigma=float(best.x))
-
-    def with_gains(self, state: State) -> State:
-        """Fit each taxel's gain about their mean, if taxels have gains of their own."""
-        if not state.gained:
-            return state
-        return replace(state, relative=shrunk_gains(self.recorded, self.read(state), self.fold).relative)
 
     def yielding(self, give: float) -> float:
         """Turn a give into stiffness over wrist, kPa/mm per N mm/rad."""

@@ -190,11 +190,9 @@ def _summary(fit: PressFit, state: State, unit: float) -> SensorFit:
         typical=fit.typical,
         gain=gain * unit,
         gain_range=_interval(gain * unit, gain * unit * float(found.shared_error[-3]), 0.0, np.inf),
-        gain_per_taxel=state.relative,
+        gain_per_taxel=state.relative * np.ones(fit.recorded.shape[1]),
         gains_saved=state.gains_saved,
-        gain_spread=shrunk_gains(fit.recorded, predicted, fit.fold).spread / state.response
-        if state.gained
-        else 0.0,
+        gain_spread=0.0 if state.gains is None else _gain_spread(fit, predicted) / state.response,
         noise=_noise(left[rested], predicted[rested]) * unit,
         placement=state.errors[:, :3],
         offset=np.median(state.errors[:, :3], axis=0),
@@ -225,6 +223,10 @@ def _summary(fit: PressFit, state: State, unit: float) -> SensorFit:
         held_out=apart * unit,
         held_out_placed=placed * unit,
     )
+
+
+def _gain_spread(fit: PressFit, predicted: FloatArray) -> float:
+    return shrunk_gains(fit.recorded, predicted, fit.fold).spread
 
 
 def _interval(value: float, error: float, least: float, most: float) -> tuple[float, float]:

@@ -201,15 +201,15 @@ class Scan:
             chosen &= self.split == split
         if label is not None:
             chosen &= self.labels == label
-        return self._chosen(chosen)
+        return self.chosen(chosen)
 
     def of_letters(self, letters: Iterable[str]) -> Scan:
         """Select the readings of these letters, in their order."""
-        return self._chosen(np.isin(self.labels, list(letters)))
+        return self.chosen(np.isin(self.labels, list(letters)))
 
     def untrained(self, letters: Iterable[str]) -> Scan:
         """Leave out the training readings of these letters, so that they are unknown objects."""
-        return self._chosen((self.split != "train") | ~np.isin(self.labels, list(letters)))
+        return self.chosen((self.split != "train") | ~np.isin(self.labels, list(letters)))
 
     def joined(self, other: Scan, meta: Mapping[str, Any]) -> Scan:
         """Append another scan of the same pad; the result has the given `meta`.
@@ -257,7 +257,8 @@ class Scan:
             self, readings=self.readings[:, shared], taxel_xy=self.taxel_xy[shared], sequence=sequence
         )
 
-    def _chosen(self, chosen: NDArray[np.bool_]) -> Scan:
+    def chosen(self, chosen: NDArray[np.bool_]) -> Scan:
+        """Select readings by a mask (n,), in their order."""
         of_presses = ["readings", "poses", "labels", "split"]
         if self.sequence is not None:
             of_presses += ["sequence", "sequence_force"]

@@ -253,6 +253,11 @@ class ScanOptions(BaseModel):
     test_load: float = Field(
         1.0, ge=1e-3, le=1e3, description="load of the test presses as a share of the training presses'"
     )
+    unit: Literal["kPa", "N", "V", "count"] = Field(
+        "kPa",
+        exclude_if=lambda unit: unit == "kPa",
+        description="of the readings, and of all that says kPa in `sensor`: what a real pad's recordings have",
+    )
     pad: Pad = Field(default_factory=Pad, description="its measures, or the path of a file that holds them")
     press: PressOptions = Field(default_factory=PressOptions)
     sensor: SensorOptions = Field(default_factory=SensorOptions)

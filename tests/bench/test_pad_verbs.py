@@ -190,17 +190,17 @@ def test_a_simulation_is_validated_and_brought_nearer(here, tmp_path, every, wit
     ).save(tmp_path / "recorded.npz")  # fmt: skip
     words = ["validate", "--recorded", "recorded.npz", "--trials", "1", "--set", "bins=1000"]
     out = right(here(*words, "--simulated", "simulated.npz", "--out", "result"))
-    for word in ("rms kPa", "point spread", "eq. 3", "simulated -> recorded", "recorded -> recorded"):
+    for word in ("rms kPa", "point spread", "eq. 3", "held out", "as fitted", "bench scan --world"):
         assert word in out
     before = json.loads((tmp_path / "result" / "validation.json").read_text())
     assert before["fit"]["psf_sigma"] == pytest.approx(1.4, abs=within)
     assert before["fit"]["noise"] == pytest.approx(3.0, abs=0.3)
     assert before["parameters"]["press"]["force"] == pytest.approx(2.5, rel=0.02)
     assert before["fit"]["placement_mm"] == pytest.approx(0.5, rel=0.15)
-    assert before["after"]["rms"] < before["before"]["rms"]
+    assert before["errors"]["fitted"]["rms"] < before["errors"]["as_it_is"]["rms"]
     right(here("scan", "--letters", "E", "--world", "result/world.toml", "--out", "nearer.npz"))
     after = json.loads(right(here(*words, "--simulated", "nearer.npz", "--json")))
-    assert after["before"]["rms"] < before["before"]["rms"]
+    assert after["errors"]["as_it_is"]["rms"] < before["errors"]["as_it_is"]["rms"]
     assert after["fit"]["gain"] == pytest.approx(1.0, abs=0.02)
     assert after["class_agreement"] > before["class_agreement"] - 0.02
     train_on_one = [
