@@ -130,6 +130,8 @@ def smaller(arguments):
     if verb == "sweep":
         path = smaller_sweep(rest[0])
         return [verb, str(path), *without(rest[1:], "--jobs")]
+    if verb == "validate":
+        return [*arguments, "--trials", "1", "--estimator", "histogram"]
     if verb == "record":
         return [*arguments, "--poses", "random:3"]
     if verb == "emulate" and "--plan" not in rest:  # which does not wait
