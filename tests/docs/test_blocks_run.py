@@ -125,7 +125,8 @@ def smaller(arguments):
         return [verb, *without(rest, "--trials", "--readings", "--jobs"), *few]
     if verb == "scan" and "press.dynamics=full" in rest:  # a press takes a hundred times as long
         return [verb, *without(rest, "--letters"), "--letters", "I"]
-    if verb == "scan" and "--letters" not in rest:
+    world_of_a_file = dict(pairwise(rest)).get("--world", "").endswith(".toml")  # it says what is pressed
+    if verb == "scan" and "--letters" not in rest and not world_of_a_file:
         return [*arguments, "--letters", "AE"]
     if verb == "sweep":
         path = smaller_sweep(rest[0])
