@@ -7,6 +7,8 @@ from collections.abc import Callable
 from tactsim.core import Scan
 from tactsim.core.forward import ForwardModel
 from tactsim.estimators import Estimator
+from tactsim.estimators.options import FilterOptions
+from tactsim.estimators.pad_fit import PadFit, fit_to_pad, is_wanted
 
 
 def fit(estimator: Estimator, scan: Scan, forward: Callable[[Scan], ForwardModel] | None) -> None:
@@ -18,3 +20,14 @@ def fit(estimator: Estimator, scan: Scan, forward: Callable[[Scan], ForwardModel
     if forward is not None and estimator.uses_forward_model:
         estimator.bring(forward(scan))
     estimator.fit(scan)
+
+
+def pad_fit_of(estimator: Estimator, scan: Scan) -> PadFit | None:
+    """Say what an estimator fits to the pad of a scan, whether it has done so yet or not; None if it does not."""
+    options = estimator.options
+    if not (
+        isinstance(options, FilterOptions) and hasattr(estimator, "pad_fit") and is_wanted(options, scan)
+    ):
+        return None
+    known: PadFit | None = estimator.pad_fit
+    return known if known is not None else fit_to_pad(scan, options)

@@ -1,10 +1,10 @@
 """What is fitted to a pad from the training readings alone: unit, lengths, response curve, and options of maps.
 
 Defaults were found for the paper's pad: lengths in mm for its pitch of 1.9 mm, the threshold of eq. 3 for presses in
-which a covered taxel reads 36 kPa. Readings of another pad are brought to that: lengths are divided by the pitch's ratio,
-readings by their scale. So no default depends on a unit or a pitch, whatever filter it is a default of. Then the
-options of the maps that were not given are chosen, one after another, by what the maps say of training readings
-that they were not made from.
+which a covered taxel reads 36 kPa. Readings of another pad are brought to that: lengths are divided by the ratio of
+the pitches, readings by their scale. So no default depends on a unit or a pitch, whatever filter it is a default of.
+Then the options of the maps that were not given are chosen, one after another, by what the maps say of training
+readings that they were not made from.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from tactsim.estimators.likelihoods.contact_information import (
     some_letters,
 )
 from tactsim.estimators.likelihoods.scale import lehmer_mean
-from tactsim.estimators.options import FilterOptions
+from tactsim.estimators.options import FilterOptions, OpenSetOptions
 
 _PITCH = 1.9  # mm, of the paper's pad by `lengths.pitch`
 _SCALE = 36.0  # kPa, the median scale of simulated presses with 2 N on the paper's pad
@@ -44,8 +44,9 @@ _CELL = 0.4
 _START = {"threshold": 2.0}
 # Exponents of the curve that straightens readings: 1 / 2 undoes a response that squares.
 _EXPONENTS = (0.35, 0.5, 0.7, 1.0, 1.4, 2.0, 2.8)
-# Something else than the default must say so much more.
-_MORE = 1.01
+# Another value than the default must say so much more: chance differs by less. A bent response by less than an option:
+# readings stay the same, and are counted in the same bins.
+_MORE, _MORE_BENT = 1.01, 1.002
 # A calibrated model counts classes in one bin for so many training taxels, in 4 to 16 bins.
 _OF_A_BIN, _FEWEST, _MOST = 500, 4, 16
 
@@ -130,14 +131,12 @@ class PadFit:
 
     def outer(self, options: FilterOptions) -> FilterOptions:
         """Give the options as they were used: those that nobody gave in mm and in the unit of the scan."""
-        used: dict[str, Any] = {}
-        inner = self.inner(options)
-        for name in _LENGTHS:
-            if name not in options.model_fields_set and hasattr(options, name):
-                used[name] = getattr(inner, name) * self.units.length
-        if "threshold" not in options.model_fields_set and inner.threshold != "auto":
-            used["threshold"] = self.units.reading_of(inner.threshold)
-        return options.model_copy(update={**self.chosen, **used})
+        lengths = {
+            name: getattr(options, name) * self.units.length
+            for name in _LENGTHS
+            if name not in options.model_fields_set and hasattr(options, name)
+        }
+        return options.model_copy(update={**lengths, **self.facts()["chosen"]})
 
     def describe(self) -> str:
         """Say in a few words what the lengths and readings of the paper's pad are here."""
@@ -146,14 +145,19 @@ class PadFit:
             f"{self.units.pressure:.4g}"
         )
 
-    def facts(self, options: FilterOptions) -> dict[str, Any]:
+    def facts(self) -> dict[str, Any]:
         """Say what was found, as a JSON object: lengths in mm, readings in the unit of the scan, nats."""
-        used = self.outer(options)
+        chosen: dict[str, float] = {}
+        for name, value in self.chosen.items():
+            if name == "threshold":
+                chosen[name] = self.units.reading_of(value)
+            else:
+                chosen[name] = value * self.units.length if name in _LENGTHS else value
         return {
             "length_ratio": self.units.length,
             "typical_reading": self.units.pressure,
             "response_exponent": self.units.exponent,
-            "options": {name: getattr(used, name) for name in self.chosen},
+            "chosen": chosen,
             "information_default": self.before,
             "information_chosen": self.after,
         }
@@ -182,7 +186,8 @@ def fit_to_pad(scan: Scan, options: FilterOptions) -> PadFit:
     some, given = some_letters(train), options.model_fields_set
     forces = options.likelihood == "force"
     # A curve changes no class but for the threshold and the ratio, which are chosen anyway.
-    exponent = response_exponent(scan, options) if forces or getattr(options, "unknown", 0) else 1.0
+    open_set = isinstance(options, OpenSetOptions) and options.unknown > 0
+    exponent = response(scan, options)[0] if forces or open_set else 1.0
     fitted = PadFit(
         units_of(scan, exponent), {name: value for name, value in _START.items() if name not in given}
     )
@@ -198,7 +203,7 @@ def fit_to_pad(scan: Scan, options: FilterOptions) -> PadFit:
     for name, values in _TRIED.items():
         if name in given or (forces and name != "sigma"):
             continue
-        value, after = climb(partial(said, name), values, getattr(fitted.inner(options), name), after)
+        value, after = climb(partial(said, name), values, getattr(fitted.inner(options), name), after, _MORE)
         fitted = _with(fitted, name, value, given)
     return replace(fitted, before=before, after=after)
 
@@ -212,11 +217,11 @@ def _with(fitted: PadFit, name: str, value: float, given: Collection[str]) -> Pa
 
 
 def climb(
-    information: Callable[[float], float], values: Sequence[float], start: float, known: float
+    information: Callable[[float], float], values: Sequence[float], start: float, known: float, least: float
 ) -> tuple[float, float]:
     """Go through values away from the start, upwards or else downwards, as long as more is said.
 
-    known: nats, what is said at the start. The first step must be worth a hundredth of that. Returns the best value,
+    known: nats, what is said at the start. The first step must say `least` times as much. Returns the best value,
     and what is said there.
     """
     best, most = start, known
@@ -226,7 +231,7 @@ def climb(
     ):
         for value in way:
             more = information(value)
-            if more <= most * (_MORE if best == start else 1):
+            if more <= most * (least if best == start else 1):
                 break
             best, most = value, more
         if best != start:
@@ -243,17 +248,12 @@ def units_of(scan: Scan, exponent: float = 1.0) -> PadUnits:
     return PadUnits(1.0 if abs(length - 1) < 1e-9 or not length else length, plain * bent, exponent)
 
 
-def response_exponent(scan: Scan, options: FilterOptions) -> float:
+def response(scan: Scan, options: FilterOptions) -> tuple[float, float, float]:
     """Find the exponent of the response curve with which mosaics say most of the pressures that were left out.
 
     A mosaic adds pressures up: it predicts best if readings are straight in them. So the response need not be
-    known, nor what was pressed.
+    known, nor what was pressed. Returns the exponent, and the nats that mosaics say without it and with it.
     """
-    return response(scan, options)[0]
-
-
-def response(scan: Scan, options: FilterOptions) -> tuple[float, float, float]:
-    """Give what `response_exponent` finds, and the nats that mosaics say without it and with it."""
     some = some_letters(scan)
 
     def said(exponent: float) -> float:
@@ -261,7 +261,7 @@ def response(scan: Scan, options: FilterOptions) -> tuple[float, float, float]:
         return pressure_information(units.scan(some), PadFit(units, {"threshold": 2.0}).inner(options))
 
     straight = said(1.0)
-    exponent, bent = climb(said, _EXPONENTS, 1.0, straight)
+    exponent, bent = climb(said, _EXPONENTS, 1.0, straight, _MORE_BENT)
     return exponent, straight, bent
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import copy
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -25,8 +24,8 @@ class FittedToPad(Wrapper):
     """A filter and all around it, fitted to a scan's pad if its options ask for that; else everything is passed on.
 
     What goes in and comes out is in mm and in the scan's unit. What is reached through the wrapper, but for
-    `maps`, is the filter's own. options: after `fit` those that were used. pad_fit: what was found; None if nothing was
-    asked for.
+    `maps`, is the filter's own. options: as they were asked for. pad_fit: what was found; None if
+    nothing was asked for.
     """
 
     pad_fit: PadFit | None = None
@@ -35,18 +34,18 @@ class FittedToPad(Wrapper):
         self, kind: type[MapFilter], options: FilterOptions, surround: Callable[[MapFilter], ActiveTouch]
     ) -> None:
         super().__init__(surround(kind(options)))
-        self._asked, self._kind, self._surround = options, kind, surround
+        self._kind, self._surround = kind, surround
 
     def fit(self, scan: Scan) -> None:
         """Find units and options by the training readings, and learn from these. Raises InputError as the filter."""
-        self.options, self.pad_fit = self._asked, None
-        if not is_wanted(self._asked, scan):
+        self.pad_fit = None
+        if not is_wanted(self.options, scan):
             self.filter.fit(scan)
             return
-        found = fit_to_pad(scan, self._asked)
-        self.filter = self._surround(self._kind(found.inner(self._asked)))
+        found = fit_to_pad(scan, self.options)
+        self.filter = self._surround(self._kind(found.inner(self.options)))
         self.filter.fit(found.units.scan(scan))
-        self.options, self.pad_fit = found.outer(self._asked), found
+        self.pad_fit = found
 
     def without(self, letter: str, scan: Scan) -> FittedToPad:
         """Wrap the filter without the letter; what is fitted to the pad is fitted anew, for it saw the letter."""
@@ -107,8 +106,3 @@ class FittedToPad(Wrapper):
         """Say in one line how the filter is set up, and to what it was fitted."""
         said = self.filter.describe()
         return said if self.pad_fit is None else f"{said}; {self.pad_fit.describe()}"
-
-    @property
-    def facts(self) -> dict[str, Any] | None:
-        """Say what was fitted to the pad and why, as a JSON object; None if nothing was."""
-        return None if self.pad_fit is None else self.pad_fit.facts(self._asked)

@@ -109,7 +109,7 @@ def test_a_broken_plug_in_is_a_status_and_hurts_nobody_else(site, monkeypatch, p
 
 def test_a_plug_in_does_not_replace_a_built_in(site, monkeypatch):
     install_plug_in(site, monkeypatch, histogram="good_estimators:Good")
-    assert isinstance(estimators.create("histogram").filter, load("histogram"))
+    assert isinstance(estimators.create("histogram").filter.filter, load("histogram"))
     assert estimators.names().count("histogram") == 1
     statuses = [row.status for row in listing() if row.name == "histogram"]
     assert statuses == ["built in", "hidden by the built-in of that name"]
