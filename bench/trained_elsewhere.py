@@ -67,7 +67,7 @@ def touches_to(accuracy: Sequence[float] | NDArray[np.float64]) -> int | None:
 def drop(
     simulated: NDArray[np.bool_], recorded: NDArray[np.bool_], touch: int, rng: np.random.Generator
 ) -> tuple[float, float, float]:
-    """Give by how much fewer trials are right after a touch, with a 95 % interval by bootstrap over the paired trials."""
+    """Give by how much fewer trials are right after a touch, with a 95 % interval by bootstrap over paired trials."""
     apart = recorded[:, touch - 1].astype(float) - simulated[:, touch - 1]
     again = rng.choice(apart, (1000, len(apart))).mean(axis=1)
     low, high = np.quantile(again, [0.025, 0.975])

@@ -172,7 +172,7 @@ def validate(
 
 
 def some_presses(scan: Scan) -> Scan:
-    """Choose presses for a fit, evenly from all letters and poses: as many as make its intervals no wider than need be."""
+    """Choose presses for a fit, evenly from all letters and poses: so many that more would not help."""
     most = max(_FEWEST_PRESSES, _MOST_TAXELS // scan.readings.shape[1])
     if len(scan) <= most:
         return scan

@@ -20,15 +20,12 @@ BLUNTEST, STEEPEST_RESPONSE = 0.2, 5.0  # exponents of a response curve
 SOFTEST, STIFFEST = 1.0, 1e6  # kPa/mm, of a layer
 STIFFEST_WRIST = 1e7  # N mm/rad
 LOAD, LEAN = 3, slice(4, 6)  # of a press's errors
-_PLACEMENT = np.array([2.0, 2.0, 0.2])  # mm, mm, rad: how far presses may be off, as a prior
-_LOAD = 0.2  # how far the logarithm of a press's load may be off, as a prior
-_LEAN = 5.0  # kPa/mm, by which the pressure may differ along the pad, as a prior
-_REACH = np.array([*(3 * _PLACEMENT), 2.0, np.inf, np.inf])  # of errors
-_STEP = np.array(
-    [0.05, 0.05, 0.01, 0.0, 0.5, 0.5]
-)  # of the differences by which the effect of an error is found
+# How far presses may be off, as a prior: placement beside half a face, lean beside what lifts a side of it.
+_GUESS = np.array([0.6, 0.6, 0.2, 0.2, 1.0, 1.0])
+_REACH = np.array([3.0, 3.0, 3.0, 10.0, np.inf, np.inf])  # of errors, times the prior
+_STEP = np.array([0.025, 0.025, 0.05, 0.0, 0.1, 0.1])  # of differences, times the prior
 _GIVE_STEP, _SHARED_STEP = 0.03, 0.02
-_MOST_GIVE = 0.98
+_MOST_GIVE, _FIRST_GIVE = 0.98, 0.5
 _LONGEST = 0.3  # of a step of the give, and, as a share, of point spread and response
 _STEEPEST = 0.03  # rad, standard deviation of tilts; a layer that needs more is taken to be stiffer
 _LEVEL_ROUNDS, _TILTED_ROUNDS = 6, 5
@@ -68,8 +65,8 @@ class State:
     Each with its standard error.
     give: how much of a tilt the wrist takes back under a typical contact, 0 if it is rigid. errors: (n, 6)
     [mm, mm, rad, -, kPa/mm, kPa/mm]: placement, logarithm of the reading's load, and lean, the slope of the pressure
-    along the pad that a tilt about x and y makes under a typical contact. gains: of taxels about their mean; None if these have none of their own, as
-    `saved_by_gains` says it. found: what the last
+    along the pad that a tilt about x and y makes under a typical contact. gains: of taxels about their mean; None if
+    these have none of their own, as `saved_by_gains` says it. found: what the last
     round said of the errors. give_range: 95 % interval of the give. likelier: by how much the logarithm of the
     likelihood is above that of level presses.
     """
@@ -96,8 +93,8 @@ class State:
 class Round:
     """One linearised round of a fit, see `press_errors`. common: shared slopes of give, gain, point spread, response.
 
-    The first is counted from 0, the others from where the fit stands. weight: (n,) of the presses: less than 1 for those
-    that are far off, such as one that holds on to a letter's last corner (P. J. Huber, Robust Statistics, 1981).
+    The first is counted from 0, the others from where the fit stands. weight: (n,) of the presses: less than 1 for
+    those that are far off, such as one that holds on to a letter's last corner (P. J. Huber, Robust Statistics, 1981).
     """
 
     about: FloatArray
@@ -106,13 +103,14 @@ class Round:
     weight: FloatArray
     of_gains: FloatArray
     gains: Gains | None
+    guess: FloatArray
     variance: float
     bounds: tuple[float, float]
 
     def found(self, leans: bool, yields: bool) -> PressErrors:
         """Estimate errors with or without lean and give."""
         count = 6 if leans else 4
-        guess = np.array([*_PLACEMENT, _LOAD, _LEAN, _LEAN])[:count]
+        guess = self.guess[:count]
         groups = [(0, 1), (2,), (3,), (4, 5)][: 4 if leans else 3]
         slopes, common = self.slopes[..., :count], self.common if yields else self.common[..., 1:]
         bounds = self.bounds if yields else (-np.inf, np.inf)
@@ -141,6 +139,13 @@ class PressFit:
     bending: float
     fold: NDArray[np.intp]
     typical: float
+
+    @property
+    def prior(self) -> FloatArray:
+        """Guess how far a press's errors (6,) may be, by the size of the faces and their pressure."""
+        half = (12 * self.bending) ** 0.25 / 2  # mm, of a square with this second moment
+        lean = self.typical / half
+        return _GUESS * [half, half, 1.0, 1.0, lean, lean]
 
     def level(self) -> State:
         """Fit level presses on a rigid wrist, and judge whether taxels have gains of their own."""
@@ -182,7 +187,7 @@ class PressFit:
     def rounds(self, level: State, *, yields: bool) -> State:
         """Fit tilted presses on a rigid wrist, or on one that yields; level ones if tilts cannot be believed."""
         ratio = 1e-3 * self.stated.stiffness * self.bending / self.stated.wrist
-        state = replace(level, give=ratio / (1 + ratio) if yields else 0.0)
+        state = replace(level, give=min(ratio / (1 + ratio), _FIRST_GIVE) if yields else 0.0)
         leans = True
         for number in range(_TILTED_ROUNDS):
             variance = self.residual(state)[3]
@@ -213,7 +218,9 @@ class PressFit:
         common = np.concatenate([give[..., None], gain[:, None] * self.common(state, predicted)], axis=2)
         bounds = max(0.0, state.give - _LONGEST), min(_MOST_GIVE, state.give + _LONGEST)
         of_gains = np.nan_to_num(gain / state.relative * predicted)
-        return Round(about, slopes, common, weights(residual), of_gains, state.gains, variance, bounds)
+        return Round(
+            about, slopes, common, weights(residual), of_gains, state.gains, self.prior, variance, bounds
+        )
 
     def shared(self, old: State, found: PressErrors) -> State:
         """Go to the point spread, response and gains that were found; a part of the way if it is far."""
@@ -239,7 +246,8 @@ class PressFit:
         new = replace(old, found=found, errors=old.errors.copy())
         new.errors[:, count:] = 0
         start, target = new.errors.copy(), new.errors
-        target[:, :count] = np.clip(found.errors, -_REACH[:count], _REACH[:count])
+        reach = (_REACH * self.prior)[:count]
+        target[:, :count] = np.clip(found.errors, -reach, reach)
 
         def badness(errors: FloatArray) -> FloatArray:
             left = self.residual(replace(new, errors=errors))[1]
@@ -298,15 +306,16 @@ class PressFit:
         """Differentiate readings by each press's errors: (n, taxels, 6); 0 where a press does not rest."""
         slopes = np.zeros((*self.recorded.shape, 6))
         slopes[..., LOAD] = here
+        steps = _STEP * self.prior
         for axis in (0, 1, 2, 4, 5) if leans else (0, 1, 2):
             shift = np.zeros(6)
-            shift[axis] = _STEP[axis]
+            shift[axis] = steps[axis]
             ahead = self.read(state, errors=state.errors + shift)
             if leans:
-                slopes[..., axis] = (ahead - here) / _STEP[axis]
+                slopes[..., axis] = (ahead - here) / steps[axis]
             else:
                 behind = self.read(state, errors=state.errors - shift)
-                slopes[..., axis] = (ahead - behind) / (2 * _STEP[axis])
+                slopes[..., axis] = (ahead - behind) / (2 * steps[axis])
         return np.nan_to_num(slopes)
 
     def softer(self, state: State, here: FloatArray) -> FloatArray:
