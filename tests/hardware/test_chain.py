@@ -1,5 +1,6 @@
 """From a recording of an unknown pad to trials: what the harness says beside the truth, and bad recordings."""
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -190,3 +191,67 @@ def test_a_mark_beyond_the_recording(chain):
     path = Path("small-marks.csv")
     path.write_text(path.read_text() + "tee,train,0,0,0,90,91\n")
     refused(replay(), "goes on until 91 s")
+
+
+@pytest.mark.slow
+def test_a_large_array_is_recognised_with_no_option_given(here, chain):
+    """A 16x16 array in counts, bent, of twice the paper's pitch, under loads that vary: estimators keep their order."""
+    record, replay = chain
+    large = (
+        DEVICE.replace("36", "256").replace("rows = 6", "rows = 16").replace("columns = 6", "columns = 16")
+    )
+    Path("device.toml").write_text(large)
+    Path("truth.toml").write_text(TRUTH.replace("force = 8", "force = 25"))
+    rng = np.random.default_rng(1)
+    record([
+        (name, "test" if number % 2 else "train", *rng.uniform((-8, -8, 0), (8, 8, 6.28)).round(2))
+        for name in OUTLINES for number in range(20)
+    ])  # fmt: skip
+    assert replay("small", "--cut", "6x6", "--stride", "3", *SHAPES, out="touches.npz").returncode == 0
+    right = {}
+    for name, few in (("refined", ()), ("histogram", ("--bins", "1000"))):
+        words = ("--scan", "touches.npz", "--estimator", name, *few, "--readings", "5", "--json")
+        result = here("run", *words)
+        assert result.returncode == 0, result.stderr
+        right[name] = json.loads(result.stdout)["accuracy"]
+    assert right["refined"][4] >= 0.95
+    assert sum(right["refined"]) > sum(right["histogram"])
+    said = json.loads(here("fit", "touches.npz", "--json").stdout)
+    assert said["response"] == 2  # what undoes the truth's root
+    assert 25 < said["threshold"] < 500  # within the noise and half of what a covered taxel reads
+
+
+@pytest.mark.slow
+def test_drawings_train_for_the_pad(here, chain):
+    """What `bench validate` finds is near the truth, and its world trains as well as the recording to within 3 touches."""
+    record, replay = chain
+    record(plan(40))
+    assert replay("small", *SHAPES).returncode == 0
+    scan = ("scan", "--letters", "none", *SHAPES, "--scan-set", "pad=pad.toml", "--out", "simulated.npz")
+    assert here(*scan).returncode == 0
+    words = (
+        "--simulated",
+        "simulated.npz",
+        "--recorded",
+        "small.npz",
+        "--out",
+        "v",
+        "--estimator",
+        "refined",
+    )
+    assert here("validate", *words).returncode == 0
+    found = json.loads(Path("v/validation.json").read_text())
+    fit = found["fit"]
+    assert fit["response"] == pytest.approx(0.5, abs=0.03)
+    assert fit["psf_sigma"] == pytest.approx(2.0, abs=0.1)
+    assert fit["gain_spread"] == pytest.approx(0.1, abs=0.03)  # of 36 taxels
+    assert fit["load_spread"] == pytest.approx(0.29, abs=0.1)
+    assert fit["placement_mm"] == pytest.approx(0.4, abs=0.1)
+    assert here("scan", "--world", "v/world.toml", "--out", "fitted.npz").returncode == 0
+    needed = {}
+    for trained, more in (("fitted", ("--train-scan", "fitted.npz")), ("recorded", ())):
+        result = here("run", "--scan", "small.npz", *more, "--readings", "15", "--trials", "20", "--json")
+        assert result.returncode == 0, result.stderr
+        right = np.array(json.loads(result.stdout)["accuracy"])
+        needed[trained] = 1 + int(np.argmax(right >= 0.95)) if (right >= 0.95).any() else 99
+    assert needed["fitted"] <= needed["recorded"] + 3
