@@ -217,13 +217,15 @@ def test_a_large_array_is_recognised_with_no_option_given(here, chain):
     assert right["refined"][4] >= 0.95
     assert sum(right["refined"]) > sum(right["histogram"])
     said = json.loads(here("fit", "touches.npz", "--json").stdout)
-    assert said["response"] == 2  # what undoes the truth's root
-    assert 25 < said["threshold"] < 500  # within the noise and half of what a covered taxel reads
+    assert said["response_exponent"] == 2  # what undoes the truth's root
+    assert said["unit"] == "count"
+    assert said["length_ratio"] == pytest.approx(3.8 / 1.9)
+    assert 25 < said["chosen"]["threshold"] < 500  # within the noise and half of what a covered taxel reads
 
 
 @pytest.mark.slow
 def test_drawings_train_for_the_pad(here, chain):
-    """What `bench validate` finds is near the truth, and its world trains as well as the recording to within 3 touches."""
+    """What is fitted is near the truth, and trains as well as the recording to within 3 touches."""
     record, replay = chain
     record(plan(40))
     assert replay("small", *SHAPES).returncode == 0
