@@ -10,6 +10,13 @@ press, and all of them together agree with the maps, which are their mean. So ea
 not, at random: moves of the object change their sign. That keeps the size of its error and what its likelihood makes
 of it, and takes the correlation away (the wild bootstrap: Wu 1986, Liu 1988). What new readings do share is the error
 of a map that was learned from N readings: the mean of n errs with the variance v / n + v / N.
+
+A left-out reading errs too little if the map has other presses at its position, and too much if it has none: with the
+share h of the map that a position has, its variance is (1 - h) and 1 / (1 - h) times what it is by itself. So readings
+are left out in both ways. h is found from the two, and their geometric mean is the variance itself (compare HC2 of
+MacKinnon and White 1985). At a new place a map adds an error of its own. It is h of that variance if what differs
+between positions is unlike at all of them, and nothing if it changes so evenly that the map is right in between. Which
+of them holds cannot be seen in training readings; (1 + h)^(1/2), the middle, is taken.
 """
 
 from __future__ import annotations
@@ -23,7 +30,7 @@ import numpy as np
 from tactsim.core import Scan
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.field.field import LikelihoodField
-from tactsim.estimators.likelihoods.folds import FOLDS, by_letter, folds, touched_elsewhere
+from tactsim.estimators.likelihoods.folds import FOLDS, by_letter, folds, presses, touched_elsewhere
 from tactsim.estimators.likelihoods.likelihood import Likelihood
 
 # Sequences of few and of many readings are tried, so many of each and of a letter, at poses off by so many moves.
@@ -43,7 +50,7 @@ class Trust:
 
     own: how much too small the likelihood says the variance of the error of one reading is, as a factor. growth: how
     much more for e times as many readings: a narrow belief rests on finer features of the maps than a wide one.
-    shared: the variance of the error that all readings have in common, in the same unit.
+    shared: the variance of the error that all readings have in common, the map's, in the same unit.
     """
 
     own: float = 1.0
@@ -61,21 +68,41 @@ def learn_trust(likelihood: Likelihood, scan: Scan) -> Trust:
     train, rng = scan.where("train"), np.random.default_rng(0)
     labels = sorted(train.letters)[:: math.ceil(len(train.letters) / _LETTERS)]  # in any order the same
     shift, size, states = _moves(train.poses[:, :2].mean(axis=0))
-    log_p = _left_out(likelihood, train, labels, states)
-    if log_p is None:
-        return Trust()
-    # The median letter's: the turn of a round one is free, and only small turns are tried.
-    few, many = (
-        float(np.median([1 / _weight(_sequences(one, count, rng), shift, size) for one in log_p]))
-        for count in (FEW, _MANY)
-    )
+    errors = []
+    for whole_positions in (False, True):
+        log_p = _left_out(likelihood, train, labels, states, whole_positions)
+        if log_p is None:
+            return Trust()
+        errors.append([_typical(log_p, count, shift, size, rng) for count in (FEW, _MANY)])
+    few, many = (_at_a_new_place(*both) for both in zip(*errors, strict=True))
     growth = max(0.0, (many - few) / math.log(_MANY / FEW))
     own = (
         few - growth * math.log(FEW) if growth else (few + many) / 2
     )  # one number from both if there is no growth
     own = max(own, growth, 1 / _HIGHEST)  # with less, two readings would say less than one
-    trained = float(np.mean([len(one) for one in log_p]))
-    return Trust(own, growth, (own + growth * math.log(trained)) / trained)
+    trained = len(train) / len(train.letters)
+    return Trust(own, growth, (own + growth * math.log(_MANY)) / trained)
+
+
+def _typical(
+    log_p: Sequence[FloatArray], count: int, shift: FloatArray, size: FloatArray, rng: np.random.Generator
+) -> float:
+    """Find 1 / the weight of sequences of so many readings: the mean of the letters but the least and the greatest.
+
+    The turn of a round letter is free, and only small turns are tried.
+    """
+    found = sorted(1 / _weight(_sequences(one, count, rng), shift, size) for one in log_p)
+    return float(np.mean(found[1:-1] if len(found) > 2 else found))
+
+
+def _at_a_new_place(kept: float, gone: float) -> float:
+    """Find 1 / weight at a new place from those with and without the position in the map: kept, gone.
+
+    By the equations at the top of this module. Of few sequences kept may seem larger than gone: then h is 0.
+    """
+    kept = min(kept, gone)
+    share = 1 - math.sqrt(kept / gone)
+    return math.sqrt(kept * gone) * math.sqrt(1 + share)
 
 
 def _weight(sums: FloatArray, shift: FloatArray, size: FloatArray) -> float:
@@ -109,17 +136,17 @@ def _moves(centre: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
 
 
 def _left_out(
-    likelihood: Likelihood, train: Scan, labels: Sequence[str], states: FloatArray
+    likelihood: Likelihood, train: Scan, labels: Sequence[str], states: FloatArray, whole_positions: bool
 ) -> list[FloatArray] | None:
-    """Compute log p of training readings at moved poses, without the presses at their positions.
+    """Compute log p of training readings at moved poses, without themselves or all presses at their positions.
 
     Returns an array (readings, moves) for each letter; None if the likelihood cannot leave readings out.
     """
-    part = by_letter(folds, train)
+    part = by_letter(folds if whole_positions else presses, train)
     known = touched_elsewhere(train, part)
     found: dict[str, list[FloatArray]] = {label: [] for label in labels}
     for number in range(FOLDS):
-        rest = likelihood.without(train, part == number, labels)
+        rest = likelihood.without(train, part == number, labels, whole_positions)
         if rest is None:
             return None
         cell = rest.options.cell

@@ -68,8 +68,11 @@ class CalibratedLikelihood(Likelihood):
         odds[~known] = self.maps[label].log_odds_at(xy[~known])
         return odds, classes
 
-    def without(self, train: Scan, gone: NDArray[np.bool_], labels: Sequence[str]) -> CalibratedLikelihood:
+    def without(
+        self, train: Scan, gone: NDArray[np.bool_], labels: Sequence[str], whole_positions: bool
+    ) -> CalibratedLikelihood:
         """Make a copy whose maps were learned without some training readings, and made as steep as those with all."""
+        steeper = self.steeper if whole_positions else 1.0
         rest = copy(self)
         xy, classes = transform(train.poses, train.taxel_xy), self.classes(train.readings)
         rest.maps = {}
@@ -77,7 +80,7 @@ class CalibratedLikelihood(Likelihood):
             mine = gone & (train.labels == label)
             chart = self._without(label, xy[mine], classes[mine])
             prior = log_odds(chart.prior)
-            rest.maps[label] = replace(chart, log_odds=prior + self.steeper * (chart.log_odds - prior))
+            rest.maps[label] = replace(chart, log_odds=prior + steeper * (chart.log_odds - prior))
         return rest
 
     def _without(self, label: str, xy: FloatArray, classes: NDArray[np.int8]) -> OccupancyMap:

@@ -80,6 +80,19 @@ def folds(poses: FloatArray) -> NDArray[np.intp]:
     return chosen[which]
 
 
+def presses(poses: FloatArray) -> NDArray[np.intp]:
+    """Divide training presses at poses (n, 3) into FOLDS parts, of every position as many in each: (n,), from 0.
+
+    Presses at one position are dealt out by their angle, at the next position beginning with another part. So a press
+    is predicted from others at its own position, as far as there are any, and elsewhere.
+    """
+    which = positions(poses)
+    order = np.lexsort((poses[:, 2] % (2 * np.pi), which))
+    part = np.empty(len(poses), dtype=np.intp)
+    part[order] = np.arange(len(poses)) - np.searchsorted(which[order], which[order]) + which[order]
+    return part % FOLDS
+
+
 def touched_elsewhere(train: Scan, part: NDArray[np.intp]) -> NDArray[np.bool_]:
     """Tell which taxels of training readings lie where presses of other parts had a taxel too: (n, taxels).
 

@@ -137,7 +137,9 @@ class ForceLikelihood(Likelihood):
             for label in labels
         }
 
-    def without(self, train: Scan, gone: NDArray[np.bool_], labels: Sequence[str]) -> ForceLikelihood:
+    def without(
+        self, train: Scan, gone: NDArray[np.bool_], labels: Sequence[str], whole_positions: bool
+    ) -> ForceLikelihood:
         """Make a copy whose mosaics were learned without some training readings."""
         rest = copy(self)
         rest.mosaics = self._mosaics_without(train, gone, labels)

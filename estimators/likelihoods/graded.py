@@ -75,10 +75,12 @@ class GradedLikelihood(Likelihood):
         limits = _SHARES * scale[..., None, None]
         return (readings[..., None] > limits).sum(axis=-1), scale
 
-    def without(self, train: Scan, gone: NDArray[np.bool_], labels: Sequence[str]) -> GradedLikelihood:
+    def without(
+        self, train: Scan, gone: NDArray[np.bool_], labels: Sequence[str], whole_positions: bool
+    ) -> GradedLikelihood:
         """Make a copy whose maps were learned without some training readings."""
         rest = copy(self)
-        rest.maps = self._classes.without(train, gone, labels).maps
+        rest.maps = self._classes.without(train, gone, labels, whole_positions).maps
         return rest
 
     @property

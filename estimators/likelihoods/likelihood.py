@@ -72,11 +72,14 @@ class Likelihood(ABC):
     def evidence(self, reading: FloatArray) -> Evidence:
         """Turn a reading (taxels,) kPa into the terms that it contributes."""
 
-    def without(self, train: Scan, gone: NDArray[np.bool_], labels: Sequence[str]) -> Likelihood | None:
+    def without(
+        self, train: Scan, gone: NDArray[np.bool_], labels: Sequence[str], whole_positions: bool
+    ) -> Likelihood | None:
         """Make a copy, of some letters, whose maps were learned without some training readings.
 
-        train: the n training readings that the likelihood was fitted to. gone: (n,) those to leave out. What was
-        learned of how readings deviate from maps stays. None if it cannot leave readings out.
+        train: the n training readings that the likelihood was fitted to. gone: (n,) those to leave out.
+        whole_positions: whether those are all presses at some positions, or some of each. What was learned of how
+        readings deviate from maps stays. None if it cannot leave readings out.
         """
         return None
 

@@ -26,23 +26,30 @@ def test_moves_turn_about_the_centre_and_have_the_sizes_that_are_said():
 LETTERS, READINGS = ("E", "I", "L", "O", "U"), 192
 
 
-def gaussian(rng, too_sure, spoil=lambda seen: seen):
+def gaussian(rng, too_sure, spoil=lambda seen: seen, share=0.0):
     """Make a stand-in for left-out readings: Gaussians about places drawn from them, log p times a factor.
 
-    spoil: what is done to the places (letters, readings, 3) that are seen, in the unit of their deviation.
+    spoil: what is done to the places (letters, readings, 3) that are seen, in the unit of their deviation. share:
+    what a position has of the map; with it there its presses err by so much less, and without it by so much more.
     """
     sigma = 0.4
 
-    def left_out(likelihood, train, labels, states):
+    def left_out(likelihood, train, labels, states, whole_positions):
         shift, _, _ = trust._moves(np.zeros(2))
         place = np.column_stack([shift, trust._GYRATION * states[2]])
-        seen = spoil(rng.normal(size=(len(LETTERS), READINGS, 3))) * sigma
+        error = 1 / (1 - share) if whole_positions else 1 - share
+        seen = spoil(rng.normal(size=(len(LETTERS), READINGS, 3))) * sigma * math.sqrt(error)
         return [-too_sure * ((place[None] - one[:, None]) ** 2).sum(axis=2) / (2 * sigma**2) for one in seen]
 
     return left_out
 
 
-SCAN = SimpleNamespace(where=lambda split: SimpleNamespace(letters=LETTERS, poses=np.zeros((3, 3))))
+class Train(SimpleNamespace):
+    def __len__(self):
+        return len(LETTERS) * READINGS
+
+
+SCAN = SimpleNamespace(where=lambda split: Train(letters=LETTERS, poses=np.zeros((3, 3))))
 
 
 def learned_from(monkeypatch, left_out):
@@ -60,6 +67,18 @@ def known(too_sure):
 def test_a_gaussian_likelihood_that_is_too_sure_gets_the_weight_that_makes_up_for_it(monkeypatch, too_sure):
     found = learned_from(monkeypatch, gaussian(np.random.default_rng(1), too_sure))
     assert found == pytest.approx(known(too_sure), rel=0.2)
+
+
+@pytest.mark.parametrize("share", [0.2, 0.4])
+def test_what_presses_at_one_position_share_is_found_from_both_ways_of_leaving_out(monkeypatch, share):
+    # The error of a press by itself, and the middle of none and all of the map's own.
+    found = learned_from(monkeypatch, gaussian(np.random.default_rng(1), 2.0, share=share))
+    assert found == pytest.approx(known(2.0 * math.sqrt(1 + share)), rel=0.15)
+
+
+def test_a_position_that_is_in_the_map_never_makes_it_worse():
+    assert trust._at_a_new_place(3.0, 2.0) == trust._at_a_new_place(2.0, 2.0) == 2.0
+    assert trust._at_a_new_place(1.0, 4.0) == pytest.approx(2 * math.sqrt(1.5))
 
 
 @pytest.mark.parametrize("correlation", [-1 / READINGS, 0.3])

@@ -75,10 +75,12 @@ def test_a_taxel_is_judged_by_the_map_without_the_presses_at_its_position():
         without = learn_maps(others)["E"]
         points = transform(scan.poses[mine], scan.taxel_xy)
         assert odds[mine][known[mine]] == pytest.approx(without.log_odds_at(points)[known[mine]], abs=1e-9)
-        left = model.without(scan, mine, ("E",))
+        left = model.without(scan, mine, ("E",), True)
         prior = log_odds(without.prior)
         steeper = prior + model.steeper * (without.log_odds_at(points) - prior)
         assert left.maps["E"].log_odds_at(points) == pytest.approx(steeper, abs=1e-9)
+        kept = model.without(scan, mine, ("E",), False)  # as if some presses of every position were gone
+        assert kept.maps["E"].log_odds_at(points) == pytest.approx(without.log_odds_at(points), abs=1e-9)
 
 
 def test_maps_are_steeper_than_those_without_a_position_by_the_presses_that_these_lack():

@@ -4,7 +4,14 @@ import numpy as np
 import pytest
 from synthetic import make_scan, paper_poses
 
-from tactsim.estimators.likelihoods.folds import FOLDS, by_letter, folds, positions, touched_elsewhere
+from tactsim.estimators.likelihoods.folds import (
+    FOLDS,
+    by_letter,
+    folds,
+    positions,
+    presses,
+    touched_elsewhere,
+)
 
 
 def test_presses_at_one_position_are_in_one_part_and_parts_are_alike():
@@ -21,6 +28,19 @@ def test_neighbours_are_in_different_parts():
     apart = np.linalg.norm(poses[:, None, :2] - poses[None, :, :2], axis=2)
     near = (apart > 0) & (apart < 1.1 * step)
     assert not (near & (part[:, None] == part)).any()
+
+
+def test_presses_are_dealt_out_so_that_every_position_is_in_every_part():
+    poses = paper_poses(4, 12)
+    shuffled = np.random.default_rng(0).permutation(len(poses))
+    part, which = presses(poses[shuffled]), positions(poses[shuffled])
+    for number in range(16):
+        mine = which == number
+        assert np.bincount(part[mine]).tolist() == [3] * FOLDS
+        turned = part[mine][np.argsort(poses[shuffled][mine, 2])]
+        assert (np.diff(turned) % FOLDS == 1).all()  # neighbours in angle are in different parts
+    # With one press at each position nothing is left there: they are parts of positions.
+    assert np.bincount(presses(poses[::12])).tolist() == [4] * FOLDS
 
 
 @pytest.mark.parametrize("count", [1, 2, 3, 9])

@@ -81,7 +81,7 @@ def test_the_load_of_a_reading_changes_no_grade(scan, load):
 def test_maps_without_some_readings_are_those_learned_from_the_rest(scan):
     model, train = fitted(scan), scan.where("train")
     gone = np.arange(len(train)) % 3 == 0
-    rest = model.without(train, gone, ["E"])
+    rest = model.without(train, gone, ["E"], True)
     learned = learn_maps(
         Scan(
             train.readings[~gone], train.poses[~gone], train.labels[~gone], train.split[~gone], train.taxel_xy
