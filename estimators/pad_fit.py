@@ -81,8 +81,11 @@ class PadUnits:
         return np.concatenate([self.places(poses[..., :2]), poses[..., 2:]], axis=-1)
 
     def places(self, xy: FloatArray) -> FloatArray:
-        """Bring places (..., 2) mm to mm of the paper's pad, rounded as readings are."""
-        return xy if self.length == 1 else _single(xy / self.length)
+        """Bring places (..., 2) mm to mm of the paper's pad, rounded as readings are.
+
+        On a lattice many places are equally near; which is taken must not depend on the unit.
+        """
+        return _single(xy / self.length)
 
     def poses_back(self, poses: FloatArray) -> FloatArray:
         """Bring poses (..., 3) in mm of the paper's pad back to mm."""
@@ -187,7 +190,7 @@ def fit_to_pad(scan: Scan, options: FilterOptions) -> PadFit:
     forces = options.likelihood == "force"
     # A curve changes no class but for the threshold and the ratio, which are chosen anyway.
     open_set = isinstance(options, OpenSetOptions) and options.unknown > 0
-    exponent = response(scan, options)[0] if forces or open_set else 1.0
+    exponent, straight, _ = response(scan, options) if forces or open_set else (1.0, None, None)
     fitted = PadFit(
         units_of(scan, exponent), {name: value for name, value in _START.items() if name not in given}
     )
@@ -205,7 +208,7 @@ def fit_to_pad(scan: Scan, options: FilterOptions) -> PadFit:
             continue
         value, after = climb(partial(said, name), values, getattr(fitted.inner(options), name), after, _MORE)
         fitted = _with(fitted, name, value, given)
-    return replace(fitted, before=before, after=after)
+    return replace(fitted, before=straight if forces else before, after=after)
 
 
 def _with(fitted: PadFit, name: str, value: float, given: Collection[str]) -> PadFit:
@@ -219,23 +222,25 @@ def _with(fitted: PadFit, name: str, value: float, given: Collection[str]) -> Pa
 def climb(
     information: Callable[[float], float], values: Sequence[float], start: float, known: float, least: float
 ) -> tuple[float, float]:
-    """Go through values away from the start, upwards or else downwards, as long as more is said.
+    """Go through values away from the start, upwards and downwards, each way as long as more is said.
 
     known: nats, what is said at the start. The first step must say `least` times as much. Returns the best value,
     and what is said there.
     """
     best, most = start, known
-    for way in (
+    up, down = (
         [value for value in values if value > start],
         [value for value in values[::-1] if value < start],
-    ):
+    )
+    for way in (up, down):
+        place, reached = start, known
         for value in way:
             more = information(value)
-            if more <= most * (least if best == start else 1):
+            if more <= reached * (least if place == start else 1):
                 break
-            best, most = value, more
-        if best != start:
-            break
+            place, reached = value, more
+        if reached > most:
+            best, most = place, reached
     return best, most
 
 

@@ -76,13 +76,15 @@ def mutual_information(first: NDArray[np.intp], second: NDArray[np.intp]) -> flo
     What chance alone makes of independent variables, (a - 1) (b - 1) / 2n for a and b bins that hold something, is
     taken off (Miller 1955).
     """
-    rows, columns = int(first.max(initial=0)) + 1, int(second.max(initial=0)) + 1
+    if not len(first):
+        return 0.0
+    rows, columns = int(first.max()) + 1, int(second.max()) + 1
     count = np.bincount(first * columns + second, minlength=rows * columns).reshape(rows, columns)
-    joint = count / max(len(first), 1)
+    joint = count / len(first)
     alone = joint.sum(axis=1, keepdims=True) * joint.sum(axis=0, keepdims=True)
     held = joint > 0
     used = [int((joint.sum(axis=axis) > 0).sum()) for axis in (0, 1)]
-    chance = (used[0] - 1) * (used[1] - 1) / (2 * max(len(first), 1))
+    chance = (used[0] - 1) * (used[1] - 1) / (2 * len(first))
     return float((joint[held] * np.log(joint[held] / alone[held])).sum()) - chance
 
 
