@@ -217,7 +217,9 @@ def test_a_large_array_is_recognised_with_no_option_given(here, chain):
     assert right["refined"][4] >= 0.95
     assert sum(right["refined"]) > sum(right["histogram"])
     said = json.loads(here("fit", "touches.npz", "--json").stdout)
-    assert 1.4 <= said["response_exponent"] <= 2.8  # 2 undoes the truth's root; the next steps of the search beside it
+    assert (
+        1.4 <= said["response_exponent"] <= 2.8
+    )  # 2 undoes the truth's root; the next steps of the search beside it
     assert said["unit"] == "count"
     assert said["length_ratio"] == pytest.approx(3.8 / 1.9)
     assert 25 < said["chosen"]["threshold"] < 500  # within the noise and half of what a covered taxel reads
