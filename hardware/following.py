@@ -77,6 +77,8 @@ class Follower:
         if len(idle) < LEAST_FRAMES:
             return {}, np.zeros(presses.shape[1])
         level = np.median(idle, axis=0)
+        if (idle == level).all() and (presses == level).all():
+            raise InputError("every taxel of the recording is stuck: none changes when something presses")
         zero = float(np.median(level))
         wrong = {
             int(taxel): f"stuck at {level[taxel]:.4g}"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from importlib.metadata import version
 from pathlib import Path
@@ -220,19 +220,22 @@ def read_intervals(path: str | Path) -> list[Interval]:
 
     Raises InputError with the line that is wrong.
     """
-    lines = read_text(path, "marks").removeprefix("\ufeff").splitlines()
-    try:
-        rows = [
-            checked(Interval, _words(row), f"{path}, line {number}")
-            for number, row in enumerate(csv.DictReader(lines), start=2)
-        ]
-    except csv.Error as error:
-        raise InputError(f"{path} is no marks file (CSV): {error}") from error
+    rows = [checked(Interval, row, place) for place, row in csv_rows(read_text(path, "marks"), path)]
     if not rows:
         raise InputError(
             f"{path} has no marks; its columns are {', '.join(Interval.model_fields)}, one line a press"
         )
     return rows
+
+
+def csv_rows(text: str, path: str | Path) -> Iterator[tuple[str, dict[str, str]]]:
+    """Read CSV with a line of names: where each line stands, and its words by name. Raises InputError."""
+    lines = text.removeprefix("\ufeff").splitlines()
+    try:
+        for number, row in enumerate(csv.DictReader(lines), start=2):
+            yield f"{path}, line {number}", _words(row)
+    except csv.Error as error:
+        raise InputError(f"{path} is no table (CSV): {error}") from error
 
 
 def _words(row: dict[Any, Any]) -> dict[str, str]:
@@ -284,6 +287,7 @@ def scan_of_intervals(
         "source": "recorded",
         "pad": source.pad.model_dump(mode="json"),
         "versions": {"tactsim": version("tactsim")},
+        **({} if source.unit == "kPa" else {"unit": source.unit}),
     }
     presses = [(each.label, each.split, (each.x_mm, each.y_mm, each.theta_rad)) for each in intervals]
     gathered.add(sums / counts[:, None], presses, follower)

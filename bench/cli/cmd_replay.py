@@ -41,6 +41,15 @@ def command(
             show_default=False,
         ),
     ] = None,
+    shapes: Annotated[
+        list[Path] | None,
+        typer.Option(
+            "--shape",
+            help="The shape of the object that --marks calls like the file: its centre, inertia and symmetry count in "
+            "placement errors; repeat for several.",
+            show_default=False,
+        ),
+    ] = None,
     moments: Annotated[
         str | None,
         typer.Option(
@@ -61,7 +70,7 @@ def command(
 ) -> None:
     """Read recordings again, bit for bit: show what they hold, make a scan or a table of them."""
     from tactsim.bench.console import plain_console
-    from tactsim.bench.measured import taken_as_letters, with_letters
+    from tactsim.bench.measured import taken_as_letters, with_letters, with_shapes
     from tactsim.bench.places import check_new_file
     from tactsim.core.errors import InputError
     from tactsim.hardware.cutting import cut as cut_scan
@@ -76,6 +85,8 @@ def command(
         raise InputError("--csv and --marks take one recording at a time")
     if letters is not None and marks is None:
         raise InputError("--letters says what labels of --marks are; guided sessions are of letters by name")
+    if shapes and marks is None:
+        raise InputError("--shape says which shapes --marks names; guided sessions are of letters by name")
     if (marks is not None or cut is not None or moments is not None) and scan is None:
         raise InputError("--marks, --cut and --moments make a scan: name it with --scan")
     described, correction = pads.load(device, calibration)
@@ -103,10 +114,12 @@ def command(
         with opened(recordings[0]) as source:
             made = scan_of_intervals(source, read_intervals(marks), wanted)
     made = with_letters(made, parse_letters(letters) if letters else () if marks is not None else None)
+    taken = taken_as_letters(made)
+    made = with_shapes(made, shapes or ())
     if window is not None:
         made = cut_scan(made, *window, stride)
     made.save(scan)
-    for line in (*taken_as_letters(made), *_found(made)):
+    for line in (*taken, *_found(made)):
         console.print(line)
     console.print(
         f"{len(made):,} readings of {' '.join(made.letters)}, {made.readings.shape[1]} taxels, in {scan}"

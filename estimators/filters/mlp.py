@@ -123,7 +123,7 @@ class Mlp(Estimator):
         gone = by_letter(folds, train) == 0
         if gone.all():
             return 1.0
-        rest = self._model.without(train, gone, train.letters)
+        rest = self._model.without(train, gone, train.letters, whole_positions=True)
         log_p = self._log_p(self._trained(replace(rendered, model=rest)), train.readings[gone])
         truth = np.array([train.letters.index(label) for label in train.labels[gone].tolist()])
 

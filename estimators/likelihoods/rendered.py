@@ -65,7 +65,7 @@ def learn_rendering(model: ForceLikelihood, train: Scan) -> Rendered:
     even = train.readings / np.where(model.gain > 0, model.gain, np.inf)
     predicted, part = np.empty(even.shape), by_letter(folds, train)
     for number in np.unique(part):
-        rest = model.without(train, part == number, train.letters)
+        rest = model.without(train, part == number, train.letters, whole_positions=True)
         for label, mosaic in rest.mosaics.items():
             mine = (part == number) & (train.labels == label)
             predicted[mine] = np.maximum(mosaic(transform(train.poses[mine], train.taxel_xy))[0], 0)
