@@ -7,6 +7,8 @@ from typing import Annotated
 
 import typer
 
+from tactsim.bench.cli import shared_options as shared
+
 
 def command(
     source: Annotated[Path, typer.Argument(metavar="SCAN|RUN", help="A scan, .npz, or the folder of a run.")],
@@ -14,13 +16,7 @@ def command(
     out: Annotated[
         Path, typer.Option(help="The new folder (parquet, lerobot) or the file (.mcap, .h5) to write.")
     ],
-    licence: Annotated[
-        str | None,
-        typer.Option(
-            help="The scan's licence by its SPDX name, like CC-BY-4.0, if it does not state its own.",
-            show_default=False,
-        ),
-    ] = None,
+    licence: shared.Licence = None,
 ) -> None:
     """Write a scan, or the trials of a run, in a format of others: Parquet, LeRobot, MCAP or HDF5."""
     from tactsim.bench import formats

@@ -7,6 +7,8 @@ from typing import Annotated
 
 import typer
 
+from tactsim.bench.cli import shared_options as shared
+
 
 def command(
     source: Annotated[
@@ -37,13 +39,7 @@ def command(
             show_default=False,
         ),
     ] = None,
-    licence: Annotated[
-        str | None,
-        typer.Option(
-            help="The scan's licence by its SPDX name, like CC-BY-4.0, if it does not state its own.",
-            show_default=False,
-        ),
-    ] = None,
+    licence: shared.Licence = None,
 ) -> None:
     """Make a scan of what `bench export` wrote, bit for bit, or of arrays in a .npz or .mat file."""
     from tactsim.bench import formats

@@ -20,3 +20,10 @@ Cache = Annotated[
     bool,
     typer.Option("--cache/--no-cache", help="Take pressed readings from the cache, and keep them there."),
 ]
+Licence = Annotated[
+    str | None,
+    typer.Option(
+        help="The scan's licence by its SPDX name, like CC-BY-4.0, if it does not state its own.",
+        show_default=False,
+    ),
+]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -12,13 +11,12 @@ from tactsim.core.errors import InputError
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.estimator import Estimate, Options, PlaneBelief
 from tactsim.estimators.filters.binned import BinnedBelief, Certificate
-from tactsim.estimators.filters.grid import StateGrid, state_grid
-from tactsim.estimators.filters.map_filter import MapFilter
+from tactsim.estimators.filters.grid_filter import GridFilter
 from tactsim.estimators.filters.motion import parse_motion
 from tactsim.estimators.filters.moving_bins import MovingBins
 from tactsim.estimators.filters.states import WeightedStates, probabilities
 from tactsim.estimators.filters.weights import Weights
-from tactsim.estimators.options import FilterOptions, reach_of
+from tactsim.estimators.options import FilterOptions
 
 # Nats below the best bin from which a bin is left out of the belief about the pose: all of them hold next to nothing.
 _IN_BELIEF = 20.0
@@ -34,7 +32,7 @@ class HistogramOptions(FilterOptions):
     skip: bool = Field(True, description="leave bins alone that cannot matter; the answer is the same")
 
 
-class HistogramFilter(MapFilter):
+class HistogramFilter(GridFilter):
     """Histogram filter over letter, x, y and angle (paper, eq. 13 to 16), in logs.
 
     Which bins are evaluated is decided by branch and bound (Land and Doig 1960; for matching scans to maps
@@ -44,31 +42,13 @@ class HistogramFilter(MapFilter):
     """
 
     options_type: type[Options] = HistogramOptions
-    budget = "bins"
-    draws = False
     moves = True
     options: HistogramOptions
-    grid: StateGrid
 
     def __init__(self, options: HistogramOptions) -> None:
-        super().__init__(options)
-        self.grid = state_grid(options.bins, options.split, reach_of(options.reach))
-        if options.split is not None:
-            self.budget = "split"
+        super().__init__(options, options.bins, options.split)
         self._motion = parse_motion(options.motion)
         self._evaluated = self._bounds = self._skipped = 0
-
-    def describe(self) -> str:
-        """Say how the state space is split, in one line."""
-        return self.grid.describe()
-
-    @property
-    def _spacing(self) -> tuple[float, float]:
-        return self.grid.spacing[:2]
-
-    def _reach_to(self, reach: float) -> None:
-        super()._reach_to(reach)
-        self.grid = replace(self.grid, reach=reach)
 
     def _fit(self) -> None:
         self._belief: BinnedBelief | MovingBins

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -15,15 +15,15 @@ from tactsim.core import Scan
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.estimator import Estimate, Options, PlaneBelief
 from tactsim.estimators.filters.binned import BinnedBelief, Certificate
-from tactsim.estimators.filters.grid import Cells, StateGrid, state_grid
+from tactsim.estimators.filters.grid import Cells
+from tactsim.estimators.filters.grid_filter import GridFilter
 from tactsim.estimators.filters.halving import halve
-from tactsim.estimators.filters.map_filter import MapFilter
 from tactsim.estimators.filters.placement import mean_around
 from tactsim.estimators.filters.states import WeightedStates, letter_mass, pose_samples, probabilities
 from tactsim.estimators.filters.trust import learn_trust
 from tactsim.estimators.filters.weights import Weights
 from tactsim.estimators.likelihoods.occupancy import OccupancyMap
-from tactsim.estimators.options import OpenSetOptions, reach_of
+from tactsim.estimators.options import OpenSetOptions
 
 # Cells are halved so often in any case, and on until the smallest hold the belief in so many cells (effective sample
 # size): then they are about as large as the belief is wide.
@@ -66,7 +66,7 @@ class _Halved:
 _Leaves = tuple[NDArray[np.int64], FloatArray]  # cells of one size and their log-beliefs, (n,) each
 
 
-class RefinedFilter(MapFilter):
+class RefinedFilter(GridFilter):
     """Coarse bins, the best of which are split into smaller and smaller cells.
 
     After every reading the `cells` best of all coarse bins, whichever letter's, are halved in x, y and angle,
@@ -83,16 +83,10 @@ class RefinedFilter(MapFilter):
     """
 
     options_type: type[Options] = RefinedOptions
-    budget = "bins"
-    draws = False
     options: RefinedOptions
-    grid: StateGrid
 
     def __init__(self, options: RefinedOptions) -> None:
-        super().__init__(options)
-        self.grid = state_grid(options.bins, options.split, reach_of(options.reach))
-        if options.split is not None:
-            self.budget = "split"
+        super().__init__(options, options.bins, options.split)
         self._evaluated = self._unreplayed = 0
 
     def describe(self) -> str:
@@ -102,14 +96,6 @@ class RefinedFilter(MapFilter):
             f"{self.grid.describe()}; the {self.options.cells} best halved up to {self.options.halvings} times, "
             f"to {dx:.2g} mm x {dy:.2g} mm x {math.degrees(da):.2g} deg"
         )
-
-    @property
-    def _spacing(self) -> tuple[float, float]:
-        return self.grid.spacing[:2]
-
-    def _reach_to(self, reach: float) -> None:
-        super()._reach_to(reach)
-        self.grid = replace(self.grid, reach=reach)
 
     def _fit(self) -> None:
         self._coarse = BinnedBelief(self.field, self.grid)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from typing import Any, Literal
 
 import numpy as np
@@ -14,12 +13,11 @@ from tactsim.core.poses import FloatArray
 from tactsim.estimators.estimator import Estimate, Options, PlaneBelief
 from tactsim.estimators.field.replay import replay
 from tactsim.estimators.filters.binned import Certificate
-from tactsim.estimators.filters.grid import StateGrid, state_grid
-from tactsim.estimators.filters.map_filter import MapFilter
+from tactsim.estimators.filters.grid_filter import GridFilter
 from tactsim.estimators.filters.pyramid import Level, pyramid
 from tactsim.estimators.filters.states import WeightedStates, plane_histogram, probabilities
 from tactsim.estimators.filters.weights import Weights
-from tactsim.estimators.options import FilterOptions, reach_of
+from tactsim.estimators.options import FilterOptions
 
 # mm, about the side of the largest blocks, whose bounds are kept for all readings.
 _LARGEST = 4.0
@@ -41,7 +39,7 @@ class ScanMatchingOptions(FilterOptions):
     skip: bool = Field(True, description="leave bins alone that cannot be the best; the answer is the same")
 
 
-class ScanMatching(MapFilter):
+class ScanMatching(GridFilter):
     """Match all readings so far with the map of each letter, over a fine grid of poses (Olson 2009).
 
     The score of a pose is the log-likelihood of the readings, log p(z_1 ... z_n | letter, T_R^O). The best bin is found
@@ -55,29 +53,11 @@ class ScanMatching(MapFilter):
     """
 
     options_type: type[Options] = ScanMatchingOptions
-    budget = "bins"
-    draws = False
     options: ScanMatchingOptions
-    grid: StateGrid
 
     def __init__(self, options: ScanMatchingOptions) -> None:
-        super().__init__(options)
-        self.grid = state_grid(options.bins, options.split, reach_of(options.reach))
-        if options.split is not None:
-            self.budget = "split"
+        super().__init__(options, options.bins, options.split)
         self._bins = self._bounds = self._skipped = 0
-
-    def describe(self) -> str:
-        """Say how the poses are split, in one line."""
-        return self.grid.describe()
-
-    @property
-    def _spacing(self) -> tuple[float, float]:
-        return self.grid.spacing[:2]
-
-    def _reach_to(self, reach: float) -> None:
-        super()._reach_to(reach)
-        self.grid = replace(self.grid, reach=reach)
 
     def _fit(self) -> None:
         size = max(_LARGEST / min(self.grid.spacing[:2]), 1)

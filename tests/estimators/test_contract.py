@@ -1,5 +1,6 @@
 """What every registered estimator, built in or plugged in, must keep."""
 
+import sys
 from importlib.util import find_spec
 
 import pytest
@@ -37,6 +38,7 @@ def plug_in(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         install_plug_in(place, patch, **{"my-estimator": "my_estimator:MyEstimator"})
         yield
+        sys.modules.pop("my_estimator", None)  # it is installed no longer
 
 
 @pytest.fixture(scope="module", params=NAMES)

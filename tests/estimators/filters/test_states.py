@@ -54,7 +54,7 @@ def test_the_weighted_states_are_the_belief_that_the_estimate_sums(name, scan):
             estimator.update(readings[count - 1], poses[count - 1])
         belief = estimator.weighted_states()
         assert belief.state.shape == (3, len(belief.letter))
-        assert np.abs(belief.state[:2]).max() <= estimator.options.reach
+        assert np.abs(belief.state[:2]).max() <= estimator.reach
         mass = np.bincount(belief.letter, belief.weights.normalised, minlength=3)
         assert list(estimator.estimate().probabilities.values()) == pytest.approx(mass, abs=1e-6)
 
