@@ -1,4 +1,7 @@
-"""Bring simulated presses to recorded readings, in rounds: point spread, gains, placement, tilt, layer and wrist."""
+"""Bring simulated presses to recorded readings, in rounds.
+
+What is found: point spread, response curve, gains, placement, load, tilt, layer and wrist.
+"""
 
 from __future__ import annotations
 
@@ -6,24 +9,30 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
-from tactsim.core.errors import InputError
 from tactsim.core.poses import FloatArray
+from tactsim.hardware.gain_fit import Gains, best_gain, saved_by_gains, shrunk_gains, with_gains
 from tactsim.hardware.press_errors import PressErrors, press_errors
 
-NARROWEST, WIDEST = 0.3, 4.0  # mm, of a point spread
+NARROWEST, WIDEST = 0.3, 10.0  # mm, of a point spread
+BLUNTEST, STEEPEST_RESPONSE = 0.2, 5.0  # exponents of a response curve
 SOFTEST, STIFFEST = 1.0, 1e6  # kPa/mm, of a layer
 STIFFEST_WRIST = 1e7  # N mm/rad
-_PLACEMENT = np.array([2.0, 2.0, 0.2])  # mm, mm, rad: how far presses may be off, as a prior
-_LEAN = 5.0  # kPa/mm, by which the pressure may differ along the pad, as a prior
-_STEP = np.array([0.05, 0.05, 0.01, 0.5, 0.5])  # of the differences by which the effect of an error is found
-_GIVE_STEP = 0.03
-_MOST_GIVE = 0.98
-_LONGEST = 0.3  # of a step of the give
+LOAD, LEAN = 3, slice(4, 6)  # of a press's errors
+# How far presses may be off, as a prior: placement beside half a face, lean beside what lifts a side of it.
+_GUESS = np.array([0.6, 0.6, 0.2, 0.2, 1.0, 1.0])
+_REACH = np.array([3.0, 3.0, 3.0, 10.0, np.inf, np.inf])  # of errors, times the prior
+_STEP = np.array([0.025, 0.025, 0.05, 0.0, 0.1, 0.1])  # of differences, times the prior
+_GIVE_STEP, _SHARED_STEP = 0.03, 0.02
+_MOST_GIVE, _FIRST_GIVE = 0.98, 0.5
+_LONGEST = 0.3  # of a step of the give, and, as a share, of point spread and response
 _STEEPEST = 0.03  # rad, standard deviation of tilts; a layer that needs more is taken to be stiffer
-_ROUNDS, _TILTED_ROUNDS = 4, 8
-_DECISIONS = (1, 5)  # rounds in which it is decided what can be believed; the first may only end the fit
+_LEVEL_ROUNDS, _TILTED_ROUNDS = 6, 5
+_GAINS_JUDGED = 3  # level rounds before it is judged whether gains help
+_DECISIONS = (1, 3)  # rounds in which it is decided what can be believed; the first may only end the fit
 _HALVINGS = 2
+_FAR_OFF = 1.5  # times what is left of the median press
 # By how much the logarithm of the likelihood must rise for tilts to be believed. Chance alone gives some 3; the rest
 # is for what the model leaves out.
 BELIEVED = 15.0
@@ -52,71 +61,106 @@ Predict = Callable[[Guess, FloatArray], FloatArray]
 class State:
     """Where a fit stands.
 
-    give: how much of a tilt the wrist takes back under a typical contact, 0 if it is rigid. errors: (n, 5)
-    [mm, mm, rad, kPa/mm, kPa/mm]: placement and lean, the slope of the pressure along the pad that a tilt about
-    x and y makes under a typical contact. relative: (taxels,) gains about their mean. found: what the last
+    sigma: mm, of the point spread. response: the exponent g of the response curve, which makes (p / p0)^g of p / p0.
+    Each with its standard error.
+    give: how much of a tilt the wrist takes back under a typical contact, 0 if it is rigid. errors: (n, 6)
+    [mm, mm, rad, -, kPa/mm, kPa/mm]: placement, logarithm of the reading's load, and lean, the slope of the pressure
+    along the pad that a tilt about x and y makes under a typical contact. gains: of taxels about their mean; None if
+    these have none of their own, as `saved_by_gains` says it. found: what the last
     round said of the errors. give_range: 95 % interval of the give. likelier: by how much the logarithm of the
     likelihood is above that of level presses.
     """
 
     sigma: float
     sigma_error: float
+    response: float
+    response_error: float
     give: float
     errors: FloatArray
-    relative: FloatArray
+    gains: Gains | None = None
+    gains_saved: tuple[float, float] = (0.0, np.inf)
     found: PressErrors | None = None
     give_range: tuple[float, float] = (0.0, np.inf)
     likelier: float = 0.0
 
+    @property
+    def relative(self) -> FloatArray | float:
+        """Give the taxels' gains about their mean, (taxels,), or 1 for all."""
+        return 1.0 if self.gains is None else self.gains.relative
+
 
 @dataclass(frozen=True, eq=False)
 class Round:
-    """One linearised round of a fit, see `press_errors`. common: its shared slopes, those of the give first."""
+    """One linearised round of a fit, see `press_errors`. common: shared slopes of give, gain, point spread, response.
+
+    The first is counted from 0, the others from where the fit stands. weight: (n,) of the presses: less than 1 for
+    those that are far off, such as one that holds on to a letter's last corner (P. J. Huber, Robust Statistics, 1981).
+    """
 
     about: FloatArray
     slopes: FloatArray
     common: FloatArray
+    weight: FloatArray
+    of_gains: FloatArray
+    gains: Gains | None
+    guess: FloatArray
     variance: float
     bounds: tuple[float, float]
 
     def found(self, leans: bool, yields: bool) -> PressErrors:
         """Estimate errors with or without lean and give."""
-        count = 5 if leans else 3
-        guess = np.array([*_PLACEMENT, _LEAN, _LEAN])[:count]
-        groups = [(0, 1), (2,), (3, 4)][: 3 if leans else 2]
-        slopes, common = self.slopes[..., :count], self.common[..., 0 if yields else 1 :]
+        count = 6 if leans else 4
+        guess = self.guess[:count]
+        groups = [(0, 1), (2,), (3,), (4, 5)][: 4 if leans else 3]
+        slopes, common = self.slopes[..., :count], self.common if yields else self.common[..., 1:]
         bounds = self.bounds if yields else (-np.inf, np.inf)
-        return press_errors(self.about, slopes, self.variance, guess, groups, common, bounds)
+        each = self.weight[:, None]
+        about, slopes, common = each * self.about, each[..., None] * slopes, each[..., None] * common
+        found = press_errors(about, slopes, self.variance, guess, groups, common, bounds)
+        if self.gains is None:
+            return found
+        found = with_gains(found, about, slopes, common, self.variance, each * self.of_gains, self.gains)
+        if yields:
+            found.shared[0] = min(max(found.shared[0], bounds[0]), bounds[1])
+        return found
 
 
 @dataclass(frozen=True, eq=False)
 class PressFit:
     """What is fitted: recorded readings (n, taxels) kPa, by what predicts them.
 
-    stated, bending: as in `tactsim.hardware.sensor_fit.fit_sensor`.
+    fold: (n,) the group of each press; gains are judged on a group that they were not fitted to.
+    stated, bending: as in `tactsim.hardware.sensor_fit.fit_sensor`. typical: kPa, p0 of the response curve.
     """
 
     recorded: FloatArray
     predict: Predict
     stated: Guess
     bending: float
+    fold: NDArray[np.intp]
+    typical: float
+
+    @property
+    def prior(self) -> FloatArray:
+        """Guess how far a press's errors (6,) may be, by the size of the faces and their pressure."""
+        half = (12 * self.bending) ** 0.25 / 2  # mm, of a square with this second moment
+        lean = self.typical / half
+        return _GUESS * [half, half, 1.0, 1.0, lean, lean]
 
     def level(self) -> State:
-        """Fit level presses on a rigid wrist."""
-        state = State(1.0, np.inf, 0.0, np.zeros((len(self.recorded), 5)), np.ones(self.recorded.shape[1]))
-        for _ in range(_ROUNDS):
-            state = self.with_sigma(state)
-            predicted, residual, gain, variance = self.residual(state)
-            slopes = gain[:, None] * self.slopes(state, range(3), central=True)
-            about = residual + np.einsum("nti,ni->nt", slopes, state.errors[:, :3])
-            common = self.common(state, predicted)
-            found = press_errors(
-                about, slopes, variance, _PLACEMENT, [(0, 1), (2,)], common, (-np.inf, np.inf)
-            )
-            errors = np.zeros_like(state.errors)
-            errors[:, :3] = np.clip(found.errors, -3 * _PLACEMENT, 3 * _PLACEMENT)
-            state = replace(state, errors=errors, found=found)
-            state = self.with_gains(state)
+        """Fit level presses on a rigid wrist, and judge whether taxels have gains of their own."""
+        count = len(self.recorded)
+        sigma = min(max(self.stated.psf_sigma, NARROWEST), WIDEST)
+        state = State(sigma, np.inf, 1.0, np.inf, 0.0, np.zeros((count, 6)))
+        state = self.searched(state)
+        for number in range(_LEVEL_ROUNDS):
+            variance = self.residual(state)[3]
+            found = self.linearised(state, variance, leans=False).found(False, False)
+            state = self.stepped(self.shared(state, found), found, variance)
+            if number == _GAINS_JUDGED:
+                saved = saved_by_gains(self.recorded, self.read(state), self.fold)
+                gains = shrunk_gains(self.recorded, self.read(state), self.fold)
+                state = replace(state, gains=gains if saved[0] > saved[1] else None, gains_saved=saved)
         return state
 
     def tilted(self, level: State) -> State:
@@ -126,7 +170,7 @@ class PressFit:
         linearised where it fits best (Laplace's approximation).
         """
         soft = self.rounds(level, yields=True)
-        if not soft.give and len(known(soft).sd) == 3:
+        if not soft.give and len(known(soft).sd) == 4:
             return replace(level, give_range=soft.give_range)
         rigid = self.rounds(level, yields=False)
         variance = min(self.residual(state)[3] for state in (level, rigid, soft))
@@ -136,16 +180,16 @@ class PressFit:
         state = replace((level, rigid, soft)[chosen], likelier=logs[chosen] - logs[0])
         if not state.give:
             both = self.linearised(state, variance).found(True, True)
-            state = replace(state, give_range=(0.0, both.shared + CONFIDENT * both.shared_error))
+            reach = CONFIDENT * float(both.shared_error[0])
+            state = replace(state, give_range=(0.0, float(both.shared[0]) + reach))
         return state
 
     def rounds(self, level: State, *, yields: bool) -> State:
         """Fit tilted presses on a rigid wrist, or on one that yields; level ones if tilts cannot be believed."""
         ratio = 1e-3 * self.stated.stiffness * self.bending / self.stated.wrist
-        state = replace(level, give=ratio / (1 + ratio) if yields else 0.0)
+        state = replace(level, give=min(ratio / (1 + ratio), _FIRST_GIVE) if yields else 0.0)
         leans = True
         for number in range(_TILTED_ROUNDS):
-            state = self.with_sigma(state)
             variance = self.residual(state)[3]
             round_ = self.linearised(state, variance)
             now = round_.found(leans, yields)
@@ -153,26 +197,48 @@ class PressFit:
                 believed = now.log_likelihood - round_.found(False, yields).log_likelihood > BELIEVED
                 gives = yields and now.log_likelihood - round_.found(leans, False).log_likelihood > BELIEVED
                 if not believed and not gives:
-                    reach = CONFIDENT * now.shared_error if yields else 0.0
-                    return replace(level, give_range=(0.0, now.shared + reach))
+                    reach = now.shared[0] + CONFIDENT * now.shared_error[0] if yields else 0.0
+                    return replace(level, give_range=(0.0, float(reach)))
                 if not believed and number == _DECISIONS[-1]:
                     leans = False
                     now = round_.found(leans, yields)
-            state = replace(state, give=now.shared if yields else 0.0)
-            reach = CONFIDENT * now.shared_error
-            state = self.with_gains(self.stepped(state, now, variance))
-            state = replace(state, give_range=(now.shared - reach, now.shared + reach))
+            state = replace(state, give=float(now.shared[0]) if yields else 0.0)
+            reach = CONFIDENT * float(now.shared_error[0])
+            state = self.stepped(self.shared(state, now), now, variance)
+            state = replace(state, give_range=(state.give - reach, state.give + reach))
         return state
 
-    def linearised(self, state: State, variance: float) -> Round:
-        """Linearise the readings about a state."""
+    def linearised(self, state: State, variance: float, *, leans: bool = True) -> Round:
+        """Linearise the readings about a state; without `leans` for a fit of level presses on a rigid wrist."""
         predicted, residual, gain, _ = self.residual(state)
-        slopes = gain[:, None] * self.slopes(state, range(5), central=False)
-        softer = gain * self.softer(state, predicted)
-        about = residual + np.einsum("nti,ni->nt", slopes, state.errors) + state.give * softer
-        common = np.concatenate([softer[..., None], self.common(state, predicted)], axis=2)
+        slopes = gain[:, None] * self.slopes(state, predicted, leans=leans)
+        about = residual + np.einsum("nti,ni->nt", slopes, state.errors)
+        give = gain * self.softer(state, predicted) if leans else np.zeros_like(predicted)
+        about += state.give * give
+        common = np.concatenate([give[..., None], gain[:, None] * self.common(state, predicted)], axis=2)
         bounds = max(0.0, state.give - _LONGEST), min(_MOST_GIVE, state.give + _LONGEST)
-        return Round(about, slopes, common, variance, bounds)
+        of_gains = np.nan_to_num(gain / state.relative * predicted)
+        return Round(
+            about, slopes, common, weights(residual), of_gains, state.gains, self.prior, variance, bounds
+        )
+
+    def shared(self, old: State, found: PressErrors) -> State:
+        """Go to the point spread, response and gains that were found; a part of the way if it is far."""
+        step, error = found.shared[-2:], found.shared_error[-2:]
+        values = []
+        bounds = ((NARROWEST, WIDEST), (BLUNTEST, STEEPEST_RESPONSE))
+        for value, by, (least, most) in zip((old.sigma, old.response), step, bounds, strict=True):
+            by = float(np.clip(by, -_LONGEST * value, _LONGEST * value))
+            values.append(min(max(value + by, least), most))
+        sigma, response = values
+        gains = old.gains
+        if gains is not None and found.gains is not None:
+            relative = np.maximum(gains.relative + found.gains, 0)
+            gains = replace(gains, relative=relative / relative.mean())
+        return replace(
+            old, sigma=sigma, sigma_error=float(error[0]), response=response, response_error=float(error[1]),
+            gains=gains,
+        )  # fmt: skip
 
     def stepped(self, old: State, found: PressErrors, variance: float) -> State:
         """Go to what was found; for a press that this brings no nearer, a part of the way."""
@@ -180,7 +246,7 @@ class PressFit:
         new = replace(old, found=found, errors=old.errors.copy())
         new.errors[:, count:] = 0
         start, target = new.errors.copy(), new.errors
-        reach = np.array([*(3 * _PLACEMENT), np.inf, np.inf])[:count]
+        reach = (_REACH * self.prior)[:count]
         target[:, :count] = np.clip(found.errors, -reach, reach)
 
         def badness(errors: FloatArray) -> FloatArray:
@@ -194,6 +260,7 @@ class PressFit:
             if not worse.any():
                 break
             target[worse] = (target[worse] + start[worse]) / 2
+        target[:, LOAD] -= target[:, LOAD].mean()  # the gain takes what all loads have in common
         return new
 
     def guess(self, sigma: float, give: float, errors: FloatArray) -> Guess:
@@ -201,7 +268,7 @@ class PressFit:
         stiffness = self.stated.stiffness
         if give and np.isfinite(self.stated.wrist):
             stiffness = 1e3 * give / (1 - give) * self.stated.wrist / self.bending
-        lean = float(np.sqrt((errors[:, 3:] ** 2).mean()))
+        lean = float(np.sqrt((errors[:, LEAN] ** 2).mean()))
         stiffness = min(max(stiffness, lean / (1 - give) / _STEEPEST, SOFTEST), STIFFEST)
         wrist = 1e-3 * stiffness * self.bending * (1 - give) / give if give else np.inf
         return Guess(sigma, stiffness, min(wrist, STIFFEST_WRIST) if give else np.inf)
@@ -211,28 +278,44 @@ class PressFit:
     ) -> FloatArray:
         """Predict readings (n, taxels) at a state, or at another give or other errors."""
         give = state.give if give is None else give
+        errors = state.errors if errors is None else errors
         guess = self.guess(state.sigma, give, state.errors)
-        physical = (state.errors if errors is None else errors).copy()
-        physical[:, 3:] /= guess.stiffness * (1 - give)
-        return self.predict(guess, physical)
+        tilts = errors[:, LEAN] / (guess.stiffness * (1 - give))
+        image = self.predict(guess, np.column_stack([errors[:, :3], tilts]))
+        return self.answered(image, state.response, errors[:, LOAD])
+
+    def answered(self, image: FloatArray, response: float, load: FloatArray) -> FloatArray:
+        """Give what a pad with this response curve answers to pressures (n, taxels) under loads exp(`load`)."""
+        if response != 1:
+            image = self.typical * (np.maximum(image, 0) / self.typical) ** response
+        return image * np.exp(load)[:, None]
 
     def residual(self, state: State) -> tuple[FloatArray, FloatArray, FloatArray, float]:
         """Give readings, what they leave of the recorded ones, the taxels' gains and the mean square left."""
         predicted = self.read(state)
-        gain = best_gain(self.recorded, state.relative * predicted) * state.relative
+        gain = (
+            best_gain(self.recorded, state.relative * predicted)
+            * state.relative
+            * np.ones(predicted.shape[1])
+        )
         left = np.nan_to_num(self.recorded - gain * predicted)
-        return predicted, left, gain, max(float((left**2).mean()), 1e-12)
+        variance = float(((weights(left)[:, None] * left) ** 2).mean())
+        return predicted, left, gain, max(variance, 1e-12)
 
-    def slopes(self, state: State, axes: range, *, central: bool) -> FloatArray:
-        """Differentiate readings by each press's errors: (n, taxels, axes); 0 where a press does not rest."""
-        here = None if central else self.read(state)
-        slopes = np.empty((*self.recorded.shape, len(axes)))
-        for axis in axes:
-            shift = np.zeros(5)
-            shift[axis] = _STEP[axis]
+    def slopes(self, state: State, here: FloatArray, *, leans: bool) -> FloatArray:
+        """Differentiate readings by each press's errors: (n, taxels, 6); 0 where a press does not rest."""
+        slopes = np.zeros((*self.recorded.shape, 6))
+        slopes[..., LOAD] = here
+        steps = _STEP * self.prior
+        for axis in (0, 1, 2, 4, 5) if leans else (0, 1, 2):
+            shift = np.zeros(6)
+            shift[axis] = steps[axis]
             ahead = self.read(state, errors=state.errors + shift)
-            behind = self.read(state, errors=state.errors - shift) if here is None else here
-            slopes[..., axis] = (ahead - behind) / (_STEP[axis] * (2 if central else 1))
+            if leans:
+                slopes[..., axis] = (ahead - here) / steps[axis]
+            else:
+                behind = self.read(state, errors=state.errors - shift)
+                slopes[..., axis] = (ahead - behind) / (2 * steps[axis])
         return np.nan_to_num(slopes)
 
     def softer(self, state: State, here: FloatArray) -> FloatArray:
@@ -241,36 +324,33 @@ class PressFit:
         return np.nan_to_num((self.read(state, give=state.give + step) - here) / step)
 
     def common(self, state: State, here: FloatArray) -> FloatArray:
-        """Differentiate readings by the gain and the point spread, (n, taxels, 2): else these would pass for errors."""
-        step = 0.02
-        wider = self.read(replace(state, sigma=state.sigma + step))
-        slopes = np.stack([here * state.relative, (wider - here) * state.relative / step], axis=2)
+        """Differentiate readings by gain, point spread and response, (n, taxels, 3)."""
+        wider = self.read(replace(state, sigma=state.sigma + _SHARED_STEP))
+        bent = self.read(replace(state, response=state.response + _SHARED_STEP))
+        slopes = np.stack([here, (wider - here) / _SHARED_STEP, (bent - here) / _SHARED_STEP], axis=2)
         return np.nan_to_num(slopes)
 
-    def with_sigma(self, state: State) -> State:
-        """Find the point spread with the least squares at its best gain, and its standard error."""
+    def searched(self, state: State) -> State:
+        """Find the point spread with the least squares at its best gain, each press where it is stated."""
         from scipy.optimize import minimize_scalar
 
         def squares(sigma: float) -> float:
             return float((self.residual(replace(state, sigma=sigma))[1] ** 2).sum())
 
-        best = minimize_scalar(squares, bounds=(NARROWEST, WIDEST), method="bounded", options={"xatol": 1e-3})
-        step = 0.02
-        low, high = max(best.x - step, NARROWEST), min(best.x + step, WIDEST)
-        curvature = (squares(low) + squares(high) - 2 * best.fun) / step**2
-        variance = best.fun / max(self.recorded.size - 2, 1)
-        error = float(np.sqrt(2 * variance / curvature)) if curvature > 0 else np.inf
-        return replace(state, sigma=float(best.x), sigma_error=error)
-
-    def with_gains(self, state: State) -> State:
-        """Fit each taxel's gain about their mean."""
-        return replace(state, relative=relative_gains(self.recorded, self.read(state)))
+        best = minimize_scalar(squares, bounds=(NARROWEST, WIDEST), method="bounded", options={"xatol": 0.02})
+        return replace(state, sigma=float(best.x))
 
     def yielding(self, give: float) -> float:
         """Turn a give into stiffness over wrist, kPa/mm per N mm/rad."""
         if give <= 0:
             return 0.0
         return np.inf if give >= _MOST_GIVE else 1e3 * give / (1 - give) / self.bending
+
+
+def weights(left: FloatArray) -> FloatArray:
+    """Weigh presses (n,) by what is left of their readings (n, taxels): those far off do not count in full."""
+    size = np.sqrt((left**2).mean(axis=1))
+    return np.asarray(np.minimum(1.0, _FAR_OFF * np.median(size) / np.maximum(size, 1e-12)))
 
 
 def known(state: State) -> PressErrors:
@@ -281,25 +361,4 @@ def known(state: State) -> PressErrors:
 
 def shape(state: State) -> tuple[bool, bool]:
     """Tell whether presses tilt and whether the wrist gives way."""
-    return len(known(state).sd) > 3, state.give > 0
-
-
-def relative_gains(recorded: FloatArray, predicted: FloatArray) -> FloatArray:
-    """Fit each taxel's gain about their mean, (taxels,). Raises InputError if nothing follows the prediction."""
-    rested = np.isfinite(predicted)
-    recorded, predicted = recorded * rested, np.nan_to_num(predicted)
-    power = (predicted**2).sum(axis=0)
-    relative = np.ones(recorded.shape[1])  # of a taxel that is never pressed nothing can be said
-    pressed = power > 1e-3 * np.median(power)
-    gains = (recorded * predicted).sum(axis=0)[pressed] / power[pressed]
-    if not gains.mean() > 0:
-        raise InputError(
-            "the recorded readings do not follow the simulated ones at all: are the poses right?"
-        )
-    relative[pressed] = gains / gains.mean()
-    return relative
-
-
-def best_gain(recorded: FloatArray, predicted: FloatArray) -> float:
-    """Find the gain with the least squares; predictions that are NaN do not count."""
-    return float(np.nansum(recorded * predicted) / max(float(np.nansum(predicted**2)), 1e-12))
+    return len(known(state).sd) > 4, state.give > 0

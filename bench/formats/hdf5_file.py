@@ -30,6 +30,7 @@ _NEEDED = {
     "meta": 0,
 }  # axes of each dataset
 _SEQUENCE = {"sequence": 3, "sequence_times": 1, "sequence_force": 2}
+_LOADS = {"loads": 1}
 # HDF5 inflates a whole chunk before it looks how much comes out, at most 1,032 times what went in.
 _LARGEST_CHUNK = 2 << 20  # bytes; h5py's own are at most 1 MiB
 _FILTERS = (h5py.h5z.FILTER_DEFLATE, h5py.h5z.FILTER_SHUFFLE, h5py.h5z.FILTER_FLETCHER32)
@@ -62,6 +63,8 @@ def write_scan(scan: Scan, stream: IO[bytes]) -> None:
             ),
             "sequence_force": (scan.sequence_force, "N", "the contact force at these times"),
         }
+    if scan.loads is not None:
+        arrays["loads"] = (scan.loads, "N", "the force of each press; NaN where it is not known")
     content = BytesIO()
     with h5py.File(content, "w") as file:
         file.attrs["kind"], file.attrs["version"] = _KIND, _VERSION
@@ -89,7 +92,9 @@ def read_scan(path: Path) -> Scan:
     """Read a scan written by `write_scan`. Raises InputError for a file that is not whole, hostile or too large."""
     try:
         with open_regular(path) as stream, h5py.File(stream, "r") as file:
-            names = _NEEDED | (_SEQUENCE if any(name in file for name in _SEQUENCE) else {})
+            names = dict(_NEEDED)
+            for optional in (_SEQUENCE, _LOADS):
+                names |= optional if any(name in file for name in optional) else {}
             arrays = _arrays(file, names)
     except InputError:
         raise

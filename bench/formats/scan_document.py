@@ -1,4 +1,4 @@
-"""What a format without room of its own keeps beside the readings: taxels, times and `meta`, as one JSON object."""
+"""What a format without room for it keeps beside the readings: taxels, times, loads and `meta`, as a JSON object."""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ def document_of(scan: Scan) -> dict[str, Any]:
         "tactsim_scan": _VERSION,
         "taxel_xy": scan.taxel_xy.tolist(),
         "sequence_times": None if scan.sequence_times is None else scan.sequence_times.tolist(),
+        **({} if scan.loads is None else {"loads": _said(scan.loads)}),
         "meta": dict(scan.meta),
         "about": scan.about,
     }
@@ -34,6 +35,22 @@ def parts_of(document: dict[str, Any]) -> tuple[FloatArray, FloatArray | None, d
         raise InputError("its meta is no JSON object")
     taxel_xy = _numbers(document.get("taxel_xy"), "taxel_xy", 2)
     return taxel_xy, None if times is None else _numbers(times, "sequence_times", 1), meta
+
+
+def loads_of(document: dict[str, Any]) -> FloatArray | None:
+    """Read the loads of the presses, N, NaN where null stands; None if it has none. Raises InputError as above."""
+    loads = document.get("loads")
+    if loads is None:
+        return None
+    if not isinstance(loads, list):
+        raise InputError("its loads are no list")
+    known = [np.nan if load is None else load for load in loads]
+    return _numbers(known, "loads", 1) if known else np.zeros(0)
+
+
+def _said(loads: FloatArray) -> list[float | None]:
+    """List loads with null for one that is not known: JSON has no NaN."""
+    return [None if np.isnan(load) else load for load in loads.tolist()]
 
 
 def _numbers(values: Any, name: str, axes: int) -> FloatArray:

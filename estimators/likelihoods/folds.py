@@ -15,6 +15,10 @@ from tactsim.core.poses import FloatArray
 FOLDS = 4
 # mm; presses that are as near as that are at one position and belong to one part.
 _APART = 1.0
+# mm and rad; poses that are as near as that are the same.
+_SAME = 1e-6
+# Levels of load that are told apart.
+_LEVELS, _COMMON = 4, 0.1
 # mm; a place is known if a taxel lay as near as that.
 _NEAR = 1.0
 
@@ -31,6 +35,45 @@ def by_letter(divide: Callable[[FloatArray], NDArray[Any]], train: Scan) -> NDAr
 def positions(poses: FloatArray) -> NDArray[np.intp]:
     """Count off the positions at which presses at poses (n, 3) were made: (n,), from 0."""
     return np.unique(np.round(poses[:, :2] / _APART), axis=0, return_inverse=True)[1].reshape(-1)
+
+
+def as_one(train: Scan, values: FloatArray, weight: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Give each taxel of training readings what all that lay just like it say together, taxel after taxel.
+
+    values, weight: (n * taxels,). Taxels lay alike at the same place on the object in the same direction. Those of the
+    moments of one press do, of presses of a machine that comes back to a pose, and of touches that were cut from one
+    image. In least squares they are as one taxel that has the mean of their values and the sum of their weights. So
+    what is looked up without that one is looked up without all of them, as it must be: they are near copies.
+    Returns places (n * taxels, 2) mm, values and weights.
+    """
+    xy = transform(train.poses, train.taxel_xy).reshape(-1, 2)
+    turn = np.repeat(train.poses[:, 2], len(train.taxel_xy))
+    key = np.round(np.column_stack([xy, turn]) / _SAME).astype(np.int64)
+    place, which = np.unique(key, axis=0, return_inverse=True)
+    if len(place) == len(xy):
+        return xy, values, weight
+    which = which.reshape(-1)
+    whole = np.bincount(which, weight).astype(float)
+    sums = np.bincount(which, weight * values).astype(float)
+    mean = np.divide(sums, whole, out=np.zeros_like(sums), where=whole > 0)
+    return xy, mean[which], whole[which]
+
+
+def load_levels(poses: FloatArray, readings: FloatArray) -> NDArray[np.intp]:
+    """Divide training readings (n, taxels) at poses (n, 3) by their loads: (n,), quarters of the largest at each pose.
+
+    The load of a reading is what its taxels feel together, beside the most that they felt at that pose. So one reading
+    a pose is of the highest level whatever it felt, and so are presses of one load that come back to a pose. Levels
+    of fewer than a tenth of the readings come of noise, where hardly anything is felt; they count as the highest.
+    """
+    felt = np.maximum(readings.sum(axis=1), 0)
+    which = np.unique(np.round(poses / _SAME), axis=0, return_inverse=True)[1].reshape(-1)
+    most = np.zeros(int(which.max(initial=-1)) + 1)
+    np.maximum.at(most, which, felt)
+    share = np.divide(felt, most[which], out=np.ones_like(felt), where=most[which] > 0)
+    level = np.minimum(np.round(_LEVELS * share), _LEVELS).astype(np.intp)
+    count = np.bincount(level, minlength=_LEVELS + 1)
+    return np.where(count[level] >= _COMMON * len(level), level, _LEVELS)
 
 
 def folds(poses: FloatArray) -> NDArray[np.intp]:

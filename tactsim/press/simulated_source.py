@@ -74,7 +74,9 @@ def open_source(places: Sequence[str], device: HasPad, log: Log | None) -> Sourc
     return SimulatedSource(letter or "A", pose or "0,0,0", device)
 
 
-def press_table(label: str, poses: FloatArray, options: ScanOptions, rng: np.random.Generator) -> FloatArray:
+def press_table(
+    pressed: str | models.Letter, poses: FloatArray, options: ScanOptions, rng: np.random.Generator
+) -> FloatArray:
     """Press a letter at `poses` (n, 3) sensor_in_object, each off by the options' placement error, tilt and load.
 
     Returns (n, taxels) kPa without the sensor's imperfections. Raises InputError for an unknown letter, and
@@ -85,7 +87,8 @@ def press_table(label: str, poses: FloatArray, options: ScanOptions, rng: np.ran
     tilts = rng.standard_normal((len(poses), 2)) * options.placement_tilt
     tilts += (options.press.tilt_x, options.press.tilt_y)
     load = draw_loads(len(poses), options.load_spread, rng) if options.load_spread else None
-    return ideal_readings(Touches(models.letter(label), compose(poses, error), tilts, load=load), options)[0]
+    letter = models.letter(pressed) if isinstance(pressed, str) else pressed
+    return ideal_readings(Touches(letter, compose(poses, error), tilts, load=load), options)[0]
 
 
 def sensing(

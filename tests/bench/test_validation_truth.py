@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from tactsim.bench.config import scan_options
-from tactsim.bench.validation import _parameters, _Simulator
+from tactsim.bench.fitted_world import clipped, fitted_world
+from tactsim.bench.recorded_presses import PressesAsRecorded
 from tactsim.core import Scan
 from tactsim.hardware.sensor_fit import fit_sensor
 from tactsim.press import ScanOptions, scan_letters
@@ -23,9 +24,9 @@ def fitted(stated, *, tilt=0.0, seed=5, every=2, **press):
         recorded.readings, recorded.poses, recorded.labels, recorded.split, recorded.taxel_xy,
         {"options": options.model_dump(mode="json")},
     )  # fmt: skip
-    simulator = _Simulator(simulated, recorded)
+    simulator = PressesAsRecorded(simulated, recorded)
     fit = fit_sensor(recorded.readings, simulator, simulator.stated, simulator.bending())
-    return fit, _parameters(options, fit)
+    return fit, fitted_world(options, fit, "kPa")
 
 
 RIGID, SOFT = {"wrist_stiffness": None}, {"wrist_stiffness": 300.0}
@@ -101,8 +102,9 @@ def test_a_world_that_is_written_is_accepted(tmp_path):
         stiffness=1e-9,
     )
     for one in (fit, wild):
-        (tmp_path / "world.toml").write_bytes(tomli_w.dumps(_parameters(ScanOptions(), one)).encode())
+        (tmp_path / "world.toml").write_bytes(tomli_w.dumps(fitted_world(ScanOptions(), one, "kPa")).encode())
         options = scan_options(world=str(tmp_path / "world.toml"))
+    assert set(clipped(ScanOptions(), wild)) >= {"gain_spread", "placement_rad", "noise", "tilt_y"}
     assert options.sensor.gain_spread == 1
     assert options.press.stiffness == 1
     assert options.press.tilt_y == -0.2

@@ -355,3 +355,35 @@ def test_a_file_whose_sequence_does_not_fit_is_refused(moving, tmp_path):
     np.savez(tmp_path / "part.npz", **content)
     with pytest.raises(InputError, match="sequence without sequence_times"):
         Scan.load(tmp_path / "part.npz")
+
+
+def test_loads_go_with_their_presses(scan, tmp_path):
+    from tactsim.core.scan import train_on
+
+    loaded = replace(scan, loads=[1.0, 2.0, np.nan, 4.0, 5.0, 0.0])
+    loaded.save(tmp_path / "scan.npz")
+    again = Scan.load(tmp_path / "scan.npz")
+    assert np.array_equal(again.loads, loaded.loads, equal_nan=True)
+    assert again.digest == loaded.digest != scan.digest
+    assert loaded.where(split="test").loads.tolist() == [2, 4, 0]
+    assert loaded.untrained(["A"]).loads.tolist()[0] == 2
+    both = scan.joined(loaded, {})
+    assert np.isnan(both.loads[:6]).all()
+    assert np.array_equal(both.loads[6:], loaded.loads, equal_nan=True)
+    assert scan.joined(scan, {}).loads is None
+    assert train_on(loaded, scan).loads[:3].tolist()[0] == 1
+
+
+@pytest.mark.parametrize(
+    ("loads", "said"),
+    [
+        ([1.0] * 5, "6 numbers, one a press"),
+        ([[1.0]] * 6, "one a press"),
+        (["a"] * 6, "one a press"),
+        ([1.0, -2.0, np.nan, 1, 1, 1], "-2.0 N"),
+        ([np.inf] * 6, "finite"),
+    ],
+)
+def test_loads_that_make_no_sense_are_refused(scan, loads, said):
+    with pytest.raises(InputError, match=said):
+        replace(scan, loads=loads)
