@@ -43,6 +43,12 @@ def _pressed(train: Scan) -> tuple[FloatArray, NDArray[np.intp]]:
     return np.column_stack([*middle, train.poses[first, 2]]), which
 
 
+def can_leave_out(train: Scan) -> bool:
+    """Tell whether an object was pressed twice: else no press can be foretold from others."""
+    pressed = (train.where(label=label) for label in train.letters)
+    return any(len(one if one.presses is None else np.unique(one.presses)) > 1 for one in pressed)
+
+
 def _at_positions(poses: FloatArray) -> NDArray[np.intp]:
     return np.unique(np.round(poses[:, :2] / _APART), axis=0, return_inverse=True)[1].reshape(-1)
 

@@ -135,6 +135,7 @@ def test_one_press(chain, here):
     record(plan(2)[:1])
     assert replay().returncode == 0
     refused(here("run", "--scan", "small.npz"), "no test readings of letter 'bracket'")
+    refused(here("fit", "small.npz"), "small.npz", "no object has two training presses")
 
 
 def test_marks_without_a_plateau(chain):
