@@ -51,8 +51,8 @@ def command(
     from tactsim.core import InputError, Scan
     from tactsim.core.files import replacing
     from tactsim.estimators import create
-    from tactsim.estimators.options import FilterOptions
     from tactsim.estimators.likelihoods.folds import can_leave_out
+    from tactsim.estimators.options import FilterOptions
     from tactsim.estimators.pad_fit import fit_to_pad, response, units_of
 
     made = create(estimator, **key_values(settings or (), "--set"))
