@@ -25,6 +25,7 @@ from tactsim.estimators.likelihoods.contact_information import (
     pressure_information,
     some_letters,
 )
+from tactsim.estimators.likelihoods.folds import can_leave_out
 from tactsim.estimators.likelihoods.scale import lehmer_mean
 from tactsim.estimators.options import FilterOptions, OpenSetOptions
 
@@ -178,13 +179,15 @@ def is_wanted(options: FilterOptions, scan: Scan) -> bool:
 def fit_to_pad(scan: Scan, options: FilterOptions) -> PadFit:
     """Fit units and options to the training readings of a scan and to the places of its taxels.
 
-    Only options that were not given are chosen, by coordinate search: one after another is given the value with which
-    most is said of left-out readings. Where maps are of classes these are the threshold, the ratio and the width
-    of the point spread; where they are of pressures, the exponent of the response curve and the width. The
-    same readings give the same in whatever unit. Raises InputError if the poses are too far apart for a map.
+    Only options that were not given are chosen, and none if no object was pressed twice, by coordinate search: one
+    after another is given the value with which most is said of left-out readings. Where maps are of classes these are
+    the threshold, the ratio and the width of the point spread; where they are of pressures, the exponent of the
+    response curve and the width. The same readings give the same in whatever unit.
+
+    Raises InputError if the poses are too far apart for a map.
     """
     train = scan.where("train")
-    if not train.readings.any():
+    if not train.readings.any() or not can_leave_out(train):
         return PadFit(units_of(scan))
     some, given = some_letters(train), options.model_fields_set
     forces = options.likelihood == "force"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -25,10 +26,12 @@ def cut(scan: Scan, rows: int, columns: int, stride: int = 1) -> Scan:
 
     The array may lack taxels, as a masked one does: a window that would hold a missing taxel is left out, so that all
     have the same taxels and no reading is made up. `meta["cut"]` says how many taxels are missing and how many windows
-    a press gives in each split. Loads stay the whole press's; sequences are left out.
+    a press gives in each split. Loads stay the whole press's, and `presses` says which it was; sequences are left out.
 
     Raises InputError if the window does not fit, the taxels are not evenly spaced, or no window is whole.
     """
+    presses = np.arange(len(scan)) if scan.presses is None else scan.presses
+    scan = replace(scan, presses=presses, sequence=None, sequence_times=None, sequence_force=None)
     grid = _grid(scan.taxel_xy)
     if not (1 <= rows <= grid.shape[0] and 1 <= columns <= grid.shape[1] and stride >= 1):
         raise InputError(
@@ -73,6 +76,7 @@ def cut(scan: Scan, rows: int, columns: int, stride: int = 1) -> Scan:
             "pad": _pad_of_window(scan.about["pad"], rows, columns),
         },
         loads=None if scan.loads is None else np.concatenate([half.loads for half, _, _ in pieces]),
+        presses=np.concatenate([half.presses for half, _, _ in pieces]),
     )  # fmt: skip
 
 

@@ -92,6 +92,7 @@ class Gathered:
         return Scan(
             np.array(self.readings)[chosen][:, kept], np.array(self.poses)[chosen], np.array(self.labels)[chosen],
             np.array(self.split)[chosen], self.taxel_xy[kept], meta,
+            presses=None if self.moments is None else np.array(self.press)[chosen],
         )  # fmt: skip
 
     def _seldom_left_out(self, share: FloatArray) -> NDArray[np.bool_]:

@@ -183,11 +183,11 @@ def _record(
     from tactsim.core.errors import InputError
     from tactsim.core.files import replacing
     from tactsim.hardware.codecs.pps_csv import CsvFormat
-    from tactsim.hardware.emulator.robot import read_plan, record, write_marks
+    from tactsim.hardware.emulator.robot import SHARES, read_plan, record, write_marks
     from tactsim.hardware.recording import SUFFIX, Recorder
     from tactsim.models import letter as of_the_catalogue
     from tactsim.press.scanning import letters_of
-    from tactsim.press.simulated_source import press_table
+    from tactsim.press.simulated_source import rising_table
 
     for path in (out, marks):
         if path is not None:
@@ -200,11 +200,12 @@ def _record(
         )
     presses = read_plan(plan)
     shapes = {shape.name: shape for shape in letters_of(options)} if options.shapes else {}
-    table = np.zeros((len(presses), device.pad.taxels))
+    table = np.zeros((len(presses), len(SHARES), device.pad.taxels))
     for label in dict.fromkeys(press.label for press in presses):
         rows = [row for row, press in enumerate(presses) if press.label == label]
         pressed = shapes.get(label) or of_the_catalogue(label)
-        table[rows] = press_table(pressed, np.array([presses[row].pose for row in rows]), options, rng)
+        poses = np.array([presses[row].pose for row in rows])
+        table[rows] = rising_table(pressed, poses, options, rng, SHARES)
     emulated, seconds = felt(timing.pressing(table)), timing.period * len(presses) + timing.lift
     if out.suffix == ".csv":
         with replacing(out) as stream:

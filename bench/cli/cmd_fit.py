@@ -51,6 +51,7 @@ def command(
     from tactsim.core import InputError, Scan
     from tactsim.core.files import replacing
     from tactsim.estimators import create
+    from tactsim.estimators.likelihoods.folds import can_leave_out
     from tactsim.estimators.options import FilterOptions
     from tactsim.estimators.pad_fit import fit_to_pad, response, units_of
 
@@ -64,6 +65,11 @@ def command(
     train = train if len(train) else readings
     if not train.readings.any():
         raise InputError(f"{scan}: no training reading touches anything; press harder, or at other places")
+    if not can_leave_out(train):
+        raise InputError(
+            f"{scan}: no object has two training presses, so nothing tells which options foretell a press best; "
+            "record more of them"
+        )
     train = train if (train.split == "train").all() else _all_to_train(train)
     found = fit_to_pad(train, made.options)
     exponent, straight, bent = response(train, made.options)

@@ -12,7 +12,7 @@ import pyarrow.parquet
 from numpy.typing import NDArray
 
 from tactsim.bench.formats.data_card import card_of_run, card_of_scan
-from tactsim.bench.formats.scan_document import document_of, loads_of, parts_of
+from tactsim.bench.formats.scan_document import document_of, loads_of, parts_of, presses_of
 from tactsim.bench.results import to_json
 from tactsim.bench.run import Run
 from tactsim.core import InputError, Scan
@@ -68,6 +68,7 @@ def read_scan(folder: Path) -> Scan:
         meta=meta,
         sequence_times=times,
         loads=loads_of(document),
+        presses=presses_of(document),
         **{name: array[order] for name, array in whole.items()},
     )
 

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from tactsim.core import Scan, compose, transform
 from tactsim.core.poses import FloatArray
-from tactsim.estimators.likelihoods.folds import as_one, load_levels
+from tactsim.estimators.likelihoods.folds import as_one, load_levels, positions
 from tactsim.estimators.likelihoods.mosaic import Grid, Mosaic, learn_mosaic
 from tactsim.estimators.likelihoods.occupancy import OccupancyMap
 from tactsim.estimators.options import LikelihoodOptions
@@ -236,7 +236,7 @@ class TiltedMosaics:
             mosaic(xy)[1],
         )
         far = np.empty_like(cover), np.empty_like(cover)
-        part = _parts(mine.poses)
+        part = positions(mine) % _PARTS
         for number in np.unique(part):
             out = part == number
             rest = self._learn(chart, xy[~out], cover[~out], weight[~out])
@@ -287,9 +287,3 @@ class _Planes:
 def _sources(predicted: FloatArray, slope: FloatArray) -> FloatArray:
     """List what a variance comes from: (..., 3), for predicted pressures and their squared slopes."""
     return np.stack(np.broadcast_arrays(1.0, predicted**2, slope), axis=-1)
-
-
-def _parts(poses: FloatArray) -> NDArray[np.intp]:
-    """Divide poses (n, 3) into parts, so that all poses at one place are in one part and neighbours in others."""
-    _, place = np.unique(np.round(poses[:, :2], 3), axis=0, return_inverse=True)
-    return place.ravel() % _PARTS

@@ -47,9 +47,16 @@ def read_plan(path: str | Path) -> list[Planned]:
     return rows
 
 
+# Shares of its load at which it is known what a press feels on its way; in between it is interpolated.
+SHARES = (0.25, 0.5, 0.75, 1.0)
+
+
 @dataclass(frozen=True)
 class Timing:
-    """How long a robot takes, s: it lifts, presses harder for `ramp`, holds, and lets go for `ramp`."""
+    """How long a robot takes, s: it lifts, presses harder for `ramp`, holds, and lets go for `ramp`.
+
+    The load rises and falls evenly.
+    """
 
     hold: float = 2.0
     lift: float = 0.5
@@ -73,15 +80,19 @@ class Timing:
         ]
 
     def pressing(self, table: FloatArray) -> Pressures:
-        """Press the rows of `table` (n, taxels) kPa in turn, once: their pressures rise and fall together."""
-        nothing = np.zeros(table.shape[1])
+        """Press in turn, once. table: (n, shares, taxels) kPa, what a press feels at the SHARES of its load."""
+        nothing = np.zeros(table.shape[2])
 
         def pressures(now: float) -> FloatArray:
             turn, since = divmod(now, self.period)
             if since <= self.lift or turn >= len(table):
                 return nothing
             level = min((since - self.lift) / self.ramp, (self.period - since) / self.ramp, 1.0)
-            return level * table[int(turn)]
+            above = int(np.searchsorted(SHARES, level))
+            felt = table[int(turn)]
+            below = (0.0, nothing) if above == 0 else (SHARES[above - 1], felt[above - 1])
+            part = (level - below[0]) / (SHARES[above] - below[0])
+            return (1 - part) * below[1] + part * felt[above]
 
         return pressures
 

@@ -113,8 +113,9 @@ def with_moments(scan: Scan, moments: int | Literal["auto"] = "auto", split: str
     moments: m; the images are those at 1/m, 2/m ... of the plateau's load; the last is the press's own reading.
     "auto" is 4 without the shares that fewer than half of the presses show. The load is the contact force where
     `sequence_force` has any, else what the taxels feel together. Each press's readings follow each other, the lightest
-    first; `loads` says theirs where the press's is known. The result has no sequences, and `meta["moments"]` says the
-    shares, of which the load was taken, and how many presses have lower moments.
+    first; `presses` says that they are of one, and `loads` theirs where the press's is known. The result has no
+    sequences, and `meta["moments"]` says the shares, of which the load was taken, and how many presses have lower
+    moments.
 
     Raises InputError if the scan has no sequences, the split no press, or none of its presses a plateau.
     """
@@ -158,6 +159,7 @@ def with_moments(scan: Scan, moments: int | Literal["auto"] = "auto", split: str
     return Scan(
         readings, scan.poses[rows], scan.labels[rows], scan.split[rows], scan.taxel_xy,
         {**scan.meta, "moments": said}, loads=None if loads is None else loads[rows] * share,
+        presses=rows if scan.presses is None else scan.presses[rows],
     )  # fmt: skip
 
 
@@ -185,6 +187,7 @@ def at_load(scan: Scan, share: float, split: str = "test") -> Scan:
     return Scan(
         readings[kept], scan.poses[kept], scan.labels[kept], scan.split[kept], scan.taxel_xy, scan.meta,
         loads=None if loads is None else loads[kept],
+        presses=None if scan.presses is None else scan.presses[kept],
     )  # fmt: skip
 
 

@@ -22,7 +22,15 @@ from tactsim.core.given_arrays import names_of, readings_a_press, splits_of
 from tactsim.core.npz import read_npz
 from tactsim.core.poses import FloatArray
 from tactsim.core.provenance import check_statements, statements
-from tactsim.core.scan_arrays import as_loads, as_names, as_numbers, joined_loads, joined_sequences
+from tactsim.core.scan_arrays import (
+    as_loads,
+    as_names,
+    as_numbers,
+    as_presses,
+    joined_loads,
+    joined_presses,
+    joined_sequences,
+)
 
 if TYPE_CHECKING:
     from tactsim.core.pad import Pad
@@ -30,7 +38,7 @@ if TYPE_CHECKING:
 SPLITS = ("train", "test")
 _ARRAYS = ("readings", "poses", "labels", "split", "taxel_xy")
 _SEQUENCE = ("sequence", "sequence_times", "sequence_force")
-_LOADS = ("loads",)
+_OF_PRESSES = ("loads", "presses")
 _LONGEST_NAME = 100  # characters of a label
 
 
@@ -53,6 +61,9 @@ class Scan:
     loads: (n,) N, with how much force each press was made, as a gauge said or as it was set; NaN where nobody knows.
     None if no press's is known.
 
+    presses: (n,) whole numbers. Readings of one number were taken of one press: its moments, or the windows that its
+    image was cut into. They share its errors. None: each reading is of a press of its own.
+
     Raises InputError when shapes disagree, there are no taxels, a number is not finite or beyond 1e9, a
     label is empty, over 100 characters long or not printable, a split has another name, `meta` is not JSON, or it
     states an unknown unit.
@@ -68,6 +79,7 @@ class Scan:
     sequence_times: FloatArray | None = None
     sequence_force: NDArray[np.float32] | None = None
     loads: FloatArray | None = None
+    presses: NDArray[np.int64] | None = None
 
     def __post_init__(self) -> None:
         for name in ("readings", "poses", "taxel_xy"):
@@ -87,6 +99,8 @@ class Scan:
         self._check_sequence()
         if self.loads is not None:
             object.__setattr__(self, "loads", as_loads(self.loads, count))
+        if self.presses is not None:
+            object.__setattr__(self, "presses", as_presses(self.presses, count))
         for label in self.letters:
             if not is_label(label):
                 raise InputError(
@@ -182,7 +196,7 @@ class Scan:
     @property
     def _arrays(self) -> tuple[str, ...]:
         moving = () if self.sequence is None else _SEQUENCE
-        return _ARRAYS + moving + (() if self.loads is None else _LOADS)
+        return _ARRAYS + moving + tuple(name for name in _OF_PRESSES if getattr(self, name) is not None)
 
     @cached_property
     def digest(self) -> str:
@@ -231,7 +245,7 @@ class Scan:
         readings, poses, labels, split = both
         return Scan(
             readings, poses, labels, split, self.taxel_xy, meta, **joined_sequences(self, other),
-            loads=joined_loads(self, other),
+            loads=joined_loads(self, other), presses=joined_presses(self, other),
         )  # fmt: skip
 
     def licensed(self, licence: str) -> Scan:
@@ -262,8 +276,7 @@ class Scan:
         of_presses = ["readings", "poses", "labels", "split"]
         if self.sequence is not None:
             of_presses += ["sequence", "sequence_force"]
-        if self.loads is not None:
-            of_presses.append("loads")
+        of_presses += [name for name in _OF_PRESSES if getattr(self, name) is not None]
         return replace(self, **{name: getattr(self, name)[chosen] for name in of_presses})
 
     def save(self, path: str | Path) -> None:
@@ -287,7 +300,7 @@ class Scan:
         or holds what `Scan` refuses.
         """
         try:
-            arrays = read_npz(path, (*_ARRAYS, "meta"), _SEQUENCE + _LOADS)
+            arrays = read_npz(path, (*_ARRAYS, "meta"), _SEQUENCE + _OF_PRESSES)
         except InputError as error:
             raise InputError(f"scan {path}: {error}; make one with `bench scan --out FILE`") from error
         try:

@@ -1,4 +1,4 @@
-"""What the arrays of a scan must be, and how those of two scans become one: numbers, names, sequences and loads."""
+"""What the arrays of a scan must be, and how those of two scans become one: numbers, names, sequences, loads."""
 
 from __future__ import annotations
 
@@ -61,6 +61,18 @@ def as_loads(values: Any, count: int) -> FloatArray:
     return array
 
 
+def as_presses(values: Any, count: int) -> NDArray[np.int64]:
+    """Return the presses of `count` readings, whole numbers from 0 on, read only. Raises InputError for others."""
+    array = np.asarray(values)
+    if array.dtype.kind not in "iu" or array.shape != (count,) or (array.astype(np.int64) < 0).any():
+        raise InputError(
+            f"scan: presses must be {count:,} whole numbers from 0 on, one a reading, got {array.dtype} {array.shape}"
+        )
+    array = array.astype(np.int64)
+    array.setflags(write=False)
+    return array
+
+
 def joined_sequences(first: Scan, second: Scan) -> dict[str, Any]:
     """Append the sequences of two scans, the shorter ones held at their last image; nothing if times differ."""
     times, more = first.sequence_times, second.sequence_times
@@ -88,3 +100,13 @@ def joined_loads(first: Scan, second: Scan) -> FloatArray | None:
     return np.concatenate(
         [np.full(len(scan), np.nan) if scan.loads is None else scan.loads for scan in (first, second)]
     )
+
+
+def joined_presses(first: Scan, second: Scan) -> NDArray[np.int64] | None:
+    """Append the presses of two scans, counted on; None if each reading of both is of a press of its own."""
+    if first.presses is None and second.presses is None:
+        return None
+    before, after = (
+        np.arange(len(scan)) if scan.presses is None else scan.presses for scan in (first, second)
+    )
+    return np.concatenate([before, after + before.max(initial=-1) + 1])

@@ -99,6 +99,7 @@ def test_presses_get_their_moments_at_their_pose_and_test_presses_none():
     assert several.labels.tolist() == ["A"] * 4 + ["E"] * 4 + ["A"]
     assert several.split.tolist() == ["train"] * 8 + ["test"]
     assert several.loads.tolist() == [0.5, 1, 1.5, 2, 0.5, 1, 1.5, 2, 2]
+    assert several.presses.tolist() == [0] * 4 + [1] * 4 + [2]
     assert several.sequence is None
     assert several.meta["moments"] == {
         "shares": [0.25, 0.5, 0.75, 1.0], "of": "force", "split": "train", "presses": 2

@@ -387,3 +387,22 @@ def test_loads_go_with_their_presses(scan, tmp_path):
 def test_loads_that_make_no_sense_are_refused(scan, loads, said):
     with pytest.raises(InputError, match=said):
         replace(scan, loads=loads)
+
+
+def test_readings_keep_the_number_of_their_press(scan, tmp_path):
+    known = replace(scan, presses=[0, 0, 1, 1, 2, 9])
+    known.save(tmp_path / "scan.npz")
+    again = Scan.load(tmp_path / "scan.npz")
+    assert again.presses.tolist() == [0, 0, 1, 1, 2, 9]
+    assert again.digest == known.digest != scan.digest
+    assert known.where(split="test").presses.tolist() == [0, 1, 9]
+    # Presses of two scans are not taken for the same, and those of a scan that says nothing are each their own.
+    assert known.joined(known, {}).presses.tolist() == [0, 0, 1, 1, 2, 9, 10, 10, 11, 11, 12, 19]
+    assert scan.joined(known, {}).presses.tolist() == [0, 1, 2, 3, 4, 5, 6, 6, 7, 7, 8, 15]
+    assert scan.joined(scan, {}).presses is None
+
+
+@pytest.mark.parametrize("presses", [[0] * 5, [[0]] * 6, [0.5] * 6, ["a"] * 6, [-1] * 6, [2**64 - 1] * 6])
+def test_presses_that_are_no_numbers_are_refused(scan, presses):
+    with pytest.raises(InputError, match="6 whole numbers from 0 on"):
+        replace(scan, presses=presses)

@@ -152,9 +152,8 @@ def smaller_sweep(source):
     few = {"trials": 1, "readings": 3}
     defaults = table.get("defaults", {})
     of_tasks = any("task" in one for one in (defaults, *table["run"]))
-    fewest = (
-        {"seed": 0} if of_tasks else {"letters": "AE"}
-    )  # a task has letters of its own, and several seeds
+    # A task has letters of its own, and several seeds; a scan of the page's own has labels of its own.
+    fewest = {"seed": 0} if of_tasks else {} if "scan" in defaults else {"letters": "AE"}
     lines = ["[defaults]", *map(first, (fewest | defaults | few).items())]
     for one in table["run"]:
         small = (few if "trials" in one else {}) | ({"letters": "AE"} if "letters" in one else {})

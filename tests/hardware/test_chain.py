@@ -135,6 +135,7 @@ def test_one_press(chain, here):
     record(plan(2)[:1])
     assert replay().returncode == 0
     refused(here("run", "--scan", "small.npz"), "no test readings of letter 'bracket'")
+    refused(here("fit", "small.npz"), "small.npz", "no object has two training presses")
 
 
 def test_marks_without_a_plateau(chain):
@@ -213,16 +214,47 @@ def test_a_large_array_is_recognised_with_no_option_given(here, chain):
         words = ("--scan", "touches.npz", "--estimator", name, *few, "--readings", "5", "--json")
         result = here("run", *words)
         assert result.returncode == 0, result.stderr
-        right[name] = json.loads(result.stdout)["accuracy"]
+        found = json.loads(result.stdout)
+        right[name] = found["accuracy"]
+        if name == "refined":  # also where a press gives many windows, which share its errors
+            assert found["coverage_90"][4] > 0.85
     assert right["refined"][4] >= 0.95
     assert sum(right["refined"]) > sum(right["histogram"])
     said = json.loads(here("fit", "touches.npz", "--json").stdout)
-    assert (
-        1.4 <= said["response_exponent"] <= 2.8
-    )  # 2 undoes the truth's root; the next steps of the search beside it
+    assert said["response_exponent"] == 2  # undoes the truth's root
     assert said["unit"] == "count"
     assert said["length_ratio"] == pytest.approx(3.8 / 1.9)
     assert 25 < said["chosen"]["threshold"] < 500  # within the noise and half of what a covered taxel reads
+
+
+@pytest.mark.slow
+def test_moments_train_for_half_of_the_load(here, chain):
+    """Trained on four moments of presses of one load, tested on presses that were made with half of it."""
+    record, replay = chain
+    Path("truth.toml").write_text(TRUTH.replace("load_spread = 0.29", "load_spread = 0.0"))
+    presses = plan(60)
+    record([press for press in presses if press[1] == "train"], "full", "--rate", "100")
+    Path("plan.csv").unlink()
+    record(
+        [press for press in presses if press[1] == "test"],
+        "half",
+        "--rate",
+        "100",
+        "--scan-set",
+        "press.force=4",
+    )
+    assert replay("full", "--moments", "auto", out="full.npz").returncode == 0
+    assert replay("half", out="half.npz").returncode == 0
+    scan = Scan.load("full.npz")
+    assert scan.meta["moments"]["shares"] == [0.25, 0.5, 0.75, 1.0]
+    assert len(np.unique(scan.presses)) == 90
+    assert np.median(Scan.load("half.npz").readings.sum(axis=1)) < 0.8 * np.median(
+        scan.readings[np.append(np.diff(scan.presses) > 0, True)].sum(axis=1)
+    )
+    words = ("--train-scan", "full.npz", "--scan", "half.npz", "--readings", "10", "--trials", "20", "--json")
+    result = here("run", *words)
+    assert result.returncode == 0, result.stderr
+    assert json.loads(result.stdout)["accuracy"][9] >= 0.9
 
 
 @pytest.mark.slow

@@ -33,6 +33,10 @@ def test_each_cut_feels_the_same_place_of_the_object(window, stride, train, test
     assert np.allclose(touches.taxel_xy.mean(axis=0), 0)
     assert np.allclose(touches.readings, field(transform(touches.poses, touches.taxel_xy)))
     assert (touches.labels == "A").sum() == train + test
+    assert [np.count_nonzero(touches.presses == press) for press in range(4)] == [train] * 2 + [test] * 2
+    for press in range(4):  # its windows are of its angle
+        angles = touches.poses[touches.presses == press, 2]
+        assert angles == pytest.approx(array_scan().poses[press, 2])
     assert touches.meta["cut"]["windows"] == {"train": train, "test": test}
     assert np.array_equal(np.isnan(touches.loads), (touches.labels == "B") & (touches.split == "train"))
 

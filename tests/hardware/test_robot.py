@@ -12,9 +12,11 @@ from tactsim import models
 from tactsim.core import Scan
 from tactsim.core.poses import compose
 from tactsim.hardware.device import load_device
-from tactsim.hardware.emulator.robot import Timing, read_plan
+from tactsim.hardware.emulator.robot import SHARES, Timing, read_plan
 from tactsim.hardware.sources import open_source
+from tactsim.press import ScanOptions
 from tactsim.press.scanning import object_facts
+from tactsim.press.simulated_source import press_table, rising_table
 
 ARRAY = """name = "16x16"
 [codec]
@@ -188,10 +190,28 @@ def test_a_plan_needs_a_place_and_its_options_need_a_plan(here, own):
 def test_the_timetable_is_that_of_the_presses(tmp_path):
     (tmp_path / "plan.csv").write_text(PLAN)
     timing = Timing(hold=1.0, lift=0.5, ramp=0.1)
-    pressing = timing.pressing(np.array([[1.0], [2.0], [3.0]]))
+    table = np.array([1.0, 2.0, 3.0])[:, None, None] * np.array(SHARES)[:, None]
+    pressing = timing.pressing(table)
     course = np.array([pressing(now)[0] for now in np.arange(0, 6, 0.01)])
     for number, mark in enumerate(timing.intervals(read_plan(tmp_path / "plan.csv"))):
         inside = course[round(100 * mark.first_s) + 2 : round(100 * mark.last_s) - 1]
         np.testing.assert_array_equal(inside, number + 1.0)
     assert course[-1] == 0
     assert json.loads(read_plan(tmp_path / "plan.csv")[1].model_dump_json())["x_mm"] == 3.5
+
+
+def test_on_its_way_a_press_feels_what_a_lighter_press_there_feels():
+    """A tilted pad touches on one side first: its light images are no thinned ones of the full load."""
+    words = {"placement_tilt": 0.02, "press": {"wrist_stiffness": "rigid"}}
+    poses = np.array([[0.0, 0.0, 0.3], [2.0, -1.0, 1.0]])
+    rising = rising_table("O", poses, ScanOptions(**words), np.random.default_rng(3), SHARES)
+    for number, share in enumerate(SHARES):
+        words["press"]["force"] = 2 * share
+        alone = press_table("O", poses, ScanOptions(**words), np.random.default_rng(3))
+        np.testing.assert_allclose(rising[:, number], alone, atol=1e-9)
+    assert np.abs(rising[:, 1] - rising[:, 3] / 2).max() > 0.1 * rising.max()
+    timing = Timing(hold=1.0, lift=0.5, ramp=0.4)
+    pressing = timing.pressing(rising)
+    np.testing.assert_allclose(pressing(0.5 + 0.2), rising[0, 1])
+    np.testing.assert_allclose(pressing(timing.period + 0.5 + 0.35), (rising[1, 2] + rising[1, 3]) / 2)
+    np.testing.assert_allclose(pressing(timing.period + 0.4 / 8 + 0.5), rising[1, 0] / 2)

@@ -40,6 +40,8 @@ def make_scan(
         }
     if rng.random() < 0.5:
         moving["loads"] = np.where(rng.random(count) < 0.3, np.nan, np.abs(numbers(count)))
+    if rng.random() < 0.5:
+        moving["presses"] = rng.integers(0, 3, count)
     return Scan(
         numbers(count, taxels), numbers(count, 3), rng.choice(np.array(labels), count), rng.choice(splits, count),
         numbers(taxels, 2), {} if meta is None else meta, **moving,
