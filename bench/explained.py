@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -60,7 +60,8 @@ def explained(
     The last line is what is left, of which noise is the part that no fit can take. Each stage has its own best gain.
     """
     stated, guess = presses.stated, fit.guess
-    spread = type(stated)(guess.psf_sigma, stated.stiffness, stated.wrist)
+    spread = replace(stated, psf_sigma=guess.psf_sigma)
+    outlined = replace(spread, grown=guess.grown)
     level, offset, placed = presses.level, presses.level, presses.level
     offset = offset.copy()
     offset[:, :3] = fit.offset
@@ -71,14 +72,15 @@ def explained(
         return fit.typical * (np.maximum(image, 0) / fit.typical) ** fit.response
 
     loads = fit.loads[:, None] ** fit.response
-    at_stated, at_spread, at_offset, at_placed, at_last = (
-        presses(stated, level), presses(spread, level), presses(spread, offset), presses(spread, placed),
-        presses(guess, fit.errors),
+    at_stated, at_spread, at_outlined, at_offset, at_placed, at_last = (
+        presses(stated, level), presses(spread, level), presses(outlined, level), presses(outlined, offset),
+        presses(outlined, placed), presses(guess, fit.errors),
     )  # fmt: skip
     stages = {
         "gain": at_stated,
         "point spread": at_spread,
         "response": bent(at_spread),
+        "outlines": bent(at_outlined),
         "offset of all presses": bent(at_offset),
         "placement": bent(at_placed),
         "load": loads * bent(at_placed),

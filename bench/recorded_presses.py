@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
+from numpy.typing import NDArray
 
 from tactsim.core import InputError, Scan
 from tactsim.core.checking import checked
 from tactsim.core.poses import FloatArray, compose
 from tactsim.hardware.sensor_fit import Guess
+from tactsim.models.letter import Letter
 from tactsim.press.bed import lay_bed
 from tactsim.press.engine import press_at
 from tactsim.press.levels import levels
@@ -15,6 +19,8 @@ from tactsim.press.pressed import Pressed
 from tactsim.press.scan_options import ScanOptions
 from tactsim.press.scanning import letters_of
 from tactsim.press.touches import Touches
+
+_LEAST_AREA = 0.3  # of a letter's, that is left of it if its outline is moved inwards
 
 
 class PressesAsRecorded:
@@ -37,7 +43,7 @@ class PressesAsRecorded:
         if apart.min(axis=1).max() > 1e-3:
             raise InputError("the recorded taxels are not where the simulated pad has them: the pads differ")
         self.taxels = apart.argmin(axis=1)
-        self._pressed: tuple[tuple[bytes, float, float, bytes], dict[str, Pressed]] | None = None
+        self._pressed: tuple[tuple[object, ...], dict[str, Pressed]] | None = None
 
     @property
     def stated(self) -> Guess:
@@ -87,29 +93,57 @@ class PressesAsRecorded:
             }
         )
         ideal = np.empty((len(errors), options.pad.taxels))
-        for name, pressed in self._press(errors, options).items():
+        for name, pressed in self._press(errors, options, guess.grown).items():
             readings = pressed.readings(options)
             readings[list(pressed.blanks)] = np.nan
             ideal[self._recorded.labels == name] = readings
         return ideal[:, self.taxels]
 
-    def _press(self, errors: FloatArray, options: ScanOptions) -> dict[str, Pressed]:
+    @property
+    def outlined(self) -> tuple[str, ...]:
+        """Name the letters that have an outline alone, and no relief."""
+        return tuple(name for name in self._recorded.letters if self._letters[name].relief is None)
+
+    @property
+    def outline(self) -> NDArray[np.intp]:
+        """Number the outline of each press, (n,), as in `outlined`; -1 if it has none alone."""
+        number = {name: index for index, name in enumerate(self.outlined)}
+        return np.array([number.get(label, -1) for label in self._recorded.labels.tolist()])
+
+    def _press(
+        self, errors: FloatArray, options: ScanOptions, grown: tuple[float, ...]
+    ) -> dict[str, Pressed]:
         """Press every letter; once for all point spreads with the same cells: these change only what taxels feel."""
         press = options.press
         wrist = np.inf if press.wrist_stiffness is None else press.wrist_stiffness
         lines = b" ".join(edges.tobytes() for edges in options.cell_lines)
-        wanted = errors.tobytes(), press.stiffness, wrist, lines
+        wanted = errors.tobytes(), press.stiffness, wrist, lines, grown
         if self._pressed is None or self._pressed[0] != wanted:
             poses = compose(self._recorded.poses, errors[:, :3])
             labels = self._recorded.labels
+            letters = self._letters | {
+                name: wider(self._letters[name], by)
+                for name, by in zip(self.outlined, grown, strict=False)
+                if by
+            }
             self._pressed = (
                 wanted,
                 {
                     name: press_at(
-                        Touches(self._letters[name], poses[labels == name], errors[labels == name, 3:]),
+                        Touches(letters[name], poses[labels == name], errors[labels == name, 3:]),
                         options,
                     )
                     for name in self._recorded.letters
                 },
             )
         return self._pressed[1]
+
+
+def wider(letter: Letter, by: float) -> Letter:
+    """Move a letter's outline outwards by `by` mm, or inwards; by half of it, and so on, where little would be left."""
+    from manifold3d import JoinType
+
+    area = letter.footprint.area()
+    while (moved := letter.footprint.offset(by, JoinType.Miter)).area() < _LEAST_AREA * area:
+        by /= 2
+    return replace(letter, contours=tuple(np.asarray(contour) for contour in moved.to_polygons()))

@@ -44,7 +44,8 @@ class Validation:
     """The result of comparing a simulated and a recorded scan.
 
     readings: of the recording. used: those that the fit used, and whether they are all training readings. unit:
-    of the recording. errors: by the names of ROWS. threshold, ratio: of eq. 3, as the first estimator had them.
+    of the recording. errors: by the names of ROWS. outlined: letters whose outlines were fitted, in the order of
+    `fit.grown`. threshold, ratio: of eq. 3, as the first estimator had them.
     class_agreement: the
     share of taxels that eq. 3 puts in the same class for recorded readings and those of the fitted simulation.
     class_ceiling: the same for two simulations with different noise, which is as good as it can get. class_counts:
@@ -62,6 +63,7 @@ class Validation:
     taxels: int
     errors: dict[str, TaxelError]
     fit: SensorFit
+    outlined: tuple[str, ...]
     threshold: float
     ratio: float
     class_agreement: float
@@ -98,7 +100,7 @@ def validate(
     few = some_presses(recorded.where("train") if apart else recorded)
     presses = PressesAsRecorded(simulated, few)
     as_it_is = presses(presses.stated, presses.level)
-    fit = fit_sensor(few.readings, presses, presses.stated, presses.bending(), folds(few))
+    fit = fit_sensor(few.readings, presses, presses.stated, presses.bending(), folds(few), presses.outline)
     fitted = fit.answered(presses(fit.guess, fit.errors))
     errors = dict(
         zip(
@@ -156,6 +158,7 @@ def validate(
         taxels=len(recorded.taxel_xy),
         errors=errors,
         fit=fit,
+        outlined=presses.outlined,
         threshold=threshold,
         ratio=ratio,
         class_agreement=agreement,

@@ -54,13 +54,16 @@ def press_errors(
     groups: Sequence[Sequence[int]],
     shared: FloatArray,
     bounds: tuple[float, float],
+    known: tuple[FloatArray, FloatArray] | None = None,
 ) -> PressErrors:
     """Estimate errors and their distribution.
 
     readings: (n, taxels) y. slopes: (n, taxels, q) J. variance: of the noise. guess: (q,) standard deviations to
     begin with. groups: indices of errors that have one variance. shared: (n, taxels, m) D; the first of s is kept
-    within `bounds`.
+    within `bounds`. known: (m,) and (m,), means and precisions of the normal prior of s; none if there is none.
     """
+    count, m = len(readings), shared.shape[2]
+    expected, precision = (np.zeros(m), np.zeros(m)) if known is None else known
     scale = slopes * guess  # errors are counted in units of their guess here
     information = np.einsum("nti,ntj->nij", scale, scale) / variance
     told = np.einsum("nti,nt->ni", scale, readings) / variance
@@ -71,8 +74,8 @@ def press_errors(
     for _ in range(_EXPECTATIONS):
         covariance = np.linalg.inv(information + np.diag(1 / prior))
         explained = np.einsum("nij,njk->nik", covariance, across)
-        of_shared = own - np.einsum("nik,nil->kl", across, explained)
-        target = seen - np.einsum("nik,i->k", across, mean)
+        of_shared = own - np.einsum("nik,nil->kl", across, explained) + np.diag(precision)
+        target = seen - np.einsum("nik,i->k", across, mean) + precision * expected
         target -= np.einsum("nik,ni->k", explained, told - information @ mean)
         s = np.linalg.lstsq(of_shared, target, rcond=None)[0]
         bounded = min(max(s[0], bounds[0]), bounds[1])
@@ -92,9 +95,12 @@ def press_errors(
     explained = np.einsum("nij,njk->nik", covariance, across)
     own_each = np.einsum("ntk,ntl->nkl", shared, shared) / variance
     own_each -= np.einsum("nik,nil->nkl", across, explained)
+    own_each += np.diag(precision) / count  # each press has its share of the prior
     off = readings - scale @ mean
     seen_each = np.einsum("ntk,nt->nk", shared, off) / variance
     seen_each -= np.einsum("nik,ni->nk", explained, np.einsum("nti,nt->ni", scale, off) / variance)
+    seen_each += precision * expected / count
+    unlikely = float((precision * (s - expected) ** 2).sum())
     low, high = _sd_range(information - information @ covariance @ information, prior, groups)
     return PressErrors(
         errors=errors * guess,
@@ -105,7 +111,7 @@ def press_errors(
         shared=s,
         shared_error=_sandwich(own_each, seen_each, s),
         told=(own_each, seen_each),
-        log_likelihood=float(-(squares + determinant) / 2),
+        log_likelihood=float(-(squares + determinant + unlikely) / 2),
     )
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -13,10 +13,9 @@ from tactsim.core.poses import FloatArray
 from tactsim.hardware.gain_fit import best_gain, shrunk_gains
 from tactsim.hardware.held_out import held_out
 from tactsim.hardware.press_errors import PressErrors
-from tactsim.hardware.press_fit import (
-    BELIEVED,
+from tactsim.hardware.press_fit import BELIEVED, CONFIDENT, PressFit, known
+from tactsim.hardware.press_model import (
     BLUNTEST,
-    CONFIDENT,
     LEAN,
     LOAD,
     NARROWEST,
@@ -27,9 +26,7 @@ from tactsim.hardware.press_fit import (
     WIDEST,
     Guess,
     Predict,
-    PressFit,
     State,
-    known,
 )
 from tactsim.hardware.taxel_error import untouched
 
@@ -68,6 +65,7 @@ class SensorFit:
     "layer" or "wrist", whose stiffness was taken as it is, so that the other's follows from their ratio.
     lifted: whether tilts lift a side of many faces from the pad: then tilt, layer and wrist are rough figures.
     blanks: presses that do not come to rest in the fitted simulation, which says nothing of them.
+    grown, grown_range: mm, by which each outline seems to lie outside its drawing, and 95 % intervals.
     """
 
     psf_sigma: float
@@ -109,11 +107,13 @@ class SensorFit:
     blanks: int
     held_out: FloatArray
     held_out_placed: FloatArray
+    grown: tuple[float, ...]
+    grown_range: tuple[tuple[float, float], ...]
 
     @property
     def guess(self) -> Guess:
         """Give the parameters that a prediction takes."""
-        return Guess(self.psf_sigma, self.stiffness, self.wrist)
+        return Guess(self.psf_sigma, self.stiffness, self.wrist, self.grown)
 
     @property
     def errors(self) -> FloatArray:
@@ -132,11 +132,13 @@ def fit_sensor(
     stated: Guess,
     bending: float,
     fold: NDArray[np.intp] | None = None,
+    outline: NDArray[np.intp] | None = None,
 ) -> SensorFit:
     """Fit point spread, response, gain, noise, placement, load, tilt and stiffness to readings (n, taxels) of any unit.
 
     stated: the simulation's own parameters. bending: mm^4, a typical second moment of the area that touches.
     fold: (n,) groups of presses that are held out in turn to judge the fit; every sixth press if there are none.
+    outline: (n,) which outline each press is of, where outlines may differ from their drawings; none may otherwise.
 
     The unit is found first, as the gain of all readings, and everything after is as if it were 1.
     Level presses on a rigid wrist are fitted first. Then presses may tilt and the wrist give way; this is kept
@@ -161,14 +163,15 @@ def fit_sensor(
     touched = ~untouched(np.nan_to_num(ideal))
     typical = float(ideal[touched].mean())
     groups = np.arange(len(recorded)) % _FOLDS if fold is None else fold
-    fit = PressFit(recorded / unit, predict, stated, bending, groups, typical)
+    drawn = np.full(len(recorded), -1) if outline is None else outline
+    fit = PressFit(recorded / unit, predict, stated, bending, groups, typical, drawn)
     return _summary(fit, fit.tilted(fit.level()), unit)
 
 
 def _summary(fit: PressFit, state: State, unit: float) -> SensorFit:
     """Put a fit into physical units, and say how well its parameters are known."""
     predicted, left, _, variance = fit.residual(state)
-    guess, found = fit.guess(state.sigma, state.give, state.errors), known(state)
+    guess, found = fit.guess(state.sigma, state.give, state.errors, state.grown), known(state)
     rested = np.isfinite(predicted).all(axis=1)
     per_lean = 1 / (guess.stiffness * (1 - state.give))
     tilts = state.errors[:, LEAN] * per_lean
@@ -222,6 +225,11 @@ def _summary(fit: PressFit, state: State, unit: float) -> SensorFit:
         blanks=int((~rested).sum()),
         held_out=apart * unit,
         held_out_placed=placed * unit,
+        grown=guess.grown,
+        grown_range=tuple(
+            (float(by - CONFIDENT * error), float(by + CONFIDENT * error))
+            for by, error in zip(state.grown, state.grown_error, strict=True)
+        ),
     )
 
 
@@ -248,7 +256,7 @@ def _stiffness_range(fit: PressFit, state: State, variance: float) -> tuple[floa
     is 0 or infinite.
     """
     errors = state.errors[:, :5].copy()
-    chosen = fit.guess(state.sigma, state.give, state.errors)
+    chosen = fit.guess(state.sigma, state.give, state.errors, state.grown)
     steps = np.arange(np.log10(SOFTEST), np.log10(STIFFEST) + 1e-9, _DECADES)
     squares = []
     for stiffness in 10**steps:
@@ -258,7 +266,7 @@ def _stiffness_range(fit: PressFit, state: State, variance: float) -> tuple[floa
         if steep or not (np.isinf(wrist) or 1 <= wrist <= STIFFEST_WRIST):
             squares.append(np.inf)
             continue
-        image = fit.predict(Guess(state.sigma, float(stiffness), wrist), errors)
+        image = fit.predict(replace(chosen, stiffness=float(stiffness), wrist=wrist), errors)
         predicted = fit.answered(image, state.response, state.errors[:, LOAD])
         gain = best_gain(fit.recorded, state.relative * predicted) * state.relative
         left = np.where(np.isfinite(predicted), fit.recorded - gain * predicted, fit.recorded)

@@ -33,6 +33,8 @@ def show(result: Validation, out: Path | None, recorded: Path) -> None:
     _show_errors(console, result)
     for line in fit_lines(result.fit, result.unit):
         console.print(line, soft_wrap=True)
+    if result.outlined:
+        console.print(_outlines(result), soft_wrap=True)
     for name, value in result.clipped.items():
         console.print(f"bound   {name} {value:.4g} is beyond what a scan takes; the world has the bound")
     _show_classes(console, result)
@@ -93,6 +95,17 @@ def fit_lines(fit: SensorFit, unit: str) -> list[str]:
         f"load    from press to press {_known(fit.load_spread, fit.load_spread_range, 'of it')}",
         *_tilt_lines(fit),
     ]
+
+
+def _outlines(result: Validation) -> str:
+    """Say how far outlines lie outside their drawings, as far as readings tell."""
+    each = [
+        f"{name} {by:+.2f} ({low:+.2f} to {high:+.2f})"
+        for name, by, (low, high) in zip(
+            result.outlined, result.fit.grown, result.fit.grown_range, strict=True
+        )
+    ]
+    return f"shapes  outlines lie outside their drawings by mm: {', '.join(each)}; the world has the drawings"
 
 
 def _known(value: float, ends: tuple[float, float], unit: str = "") -> str:

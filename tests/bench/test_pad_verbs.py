@@ -196,10 +196,16 @@ def test_a_simulation_is_validated_and_brought_nearer(here, tmp_path, every, wit
         np.delete(whole.taxel_xy, 17, axis=0), {"source": "recorded"},
     ).save(tmp_path / "recorded.npz")  # fmt: skip
     words = ["validate", "--recorded", "recorded.npz", "--trials", "1", "--set", "bins=1000"]
-    out = right(here(*words, "--simulated", "simulated.npz", "--out", "result"))
+    ablate = ["--ablate"] if every == 1 else []
+    out = right(here(*words, "--simulated", "simulated.npz", "--out", "result", *ablate))
     for word in ("rms kPa", "point spread", "eq. 3", "held out", "as fitted", "bench scan --world"):
         assert word in out
     before = json.loads((tmp_path / "result" / "validation.json").read_text())
+    if ablate:
+        assert "trained in a world with" in out
+        assert [row["with"] for row in before["worlds"]][::8] == ["as simulated", "tilt, layer and wrist"]
+        last, fitted = before["worlds"][-1], before["recognition"]["refined"]["fitted"]  # of the same world
+        assert last["accuracy"] == fitted["accuracy"][before["drop_at"] - 1]
     assert before["fit"]["psf_sigma"] == pytest.approx(1.4, abs=within)
     assert before["fit"]["noise"] == pytest.approx(3.0, abs=0.3)
     assert before["parameters"]["press"]["force"] == pytest.approx(2.5, rel=0.02)

@@ -22,6 +22,7 @@ SMALL = {
     "refined": {"bins": 1000, "cells": 30},
     "force-mosaic": {"bins": 1000, "cells": 30},
     "graded": {"bins": 1000, "cells": 30},
+    "scan-matching": {},
 }
 
 
@@ -74,6 +75,22 @@ def test_no_filter_depends_on_unit_size_or_order_of_taxels(scan, name):
     assert plane is None or plane.x.max() > 15  # of 20 mm, as offsets follow the pad's size
     assert other.maps["E"].extent == pytest.approx([2 * end for end in one.maps["E"].extent])
     assert 0 <= other.propose(np.array([[0.0, 0, 0], [4.0, 4.0, 1.0]])) <= 1
+
+
+def test_every_filter_that_is_fitted_to_a_pad_is_held_to_this():
+    fitted = [name for name in estimators.names() if hasattr(estimators.create(name), "pad_fit")]
+    assert set(fitted) == set(SMALL)
+
+
+@settings(max_examples=8, deadline=None)
+@given(st.sampled_from(list(SMALL)), st.floats(1e-4, 1e4), st.floats(0.3, 5), st.permutations(range(36)))
+def test_whatever_the_unit_the_size_and_the_order_the_answer_is_the_same(name, unit, length, order):
+    scan = make_scan("EI", poses=paper_poses(positions=3, angles=2))
+    known, pose, _ = believed(name, scan)
+    again, there, _ = believed(name, changed(scan, unit, length, np.array(order)), length)
+    assert again.label == known.label
+    assert again.probabilities == pytest.approx(known.probabilities, abs=1e-5)
+    assert there == pytest.approx(pose, abs=1e-3)
 
 
 @settings(max_examples=25, deadline=None)
