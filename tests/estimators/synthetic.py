@@ -34,6 +34,14 @@ def placement_error(
     return float(np.sqrt(shift @ shift + inertia_over_mass * 2 * (1 - np.cos(turn))))
 
 
+# Options that make an estimator cheaper to fit, for tests of what does not depend on them.
+CHEAPER: dict[str, dict[str, object]] = {
+    "synthesis": {"spacing": 2.5, "angles": 8, "modes": 100},
+    "mlp": {"rounds": 3, "hidden": 32},
+    "scan-matching": {"bins": 20_000},
+}
+
+
 @lru_cache(maxsize=64)
 def _fitted(name: str, options: tuple[tuple[str, object], ...], known: _Known) -> Estimator:
     estimator = create(name, **dict(options))

@@ -5,6 +5,7 @@ from importlib.util import find_spec
 
 import pytest
 from plugging import install_plug_in
+from synthetic import CHEAPER
 
 from tactsim import estimators
 from tactsim.bench.new.repository import contents
@@ -19,11 +20,6 @@ NAMES = tuple(
     )
     for name in (*estimators.names(), "my-estimator")
 )
-COARSE = {  # options that make an estimator cheaper to fit
-    "synthesis": {"spacing": 2.5, "angles": 8, "modes": 100},
-    "mlp": {"rounds": 3, "hidden": 32},
-    "scan-matching": {"bins": 20_000},
-}
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -43,7 +39,7 @@ def plug_in(tmp_path_factory):
 
 @pytest.fixture(scope="module", params=NAMES)
 def case(request):
-    return Case(lambda: estimators.create(request.param, **COARSE.get(request.param, {})))
+    return Case(lambda: estimators.create(request.param, **CHEAPER.get(request.param, {})))
 
 
 @pytest.mark.parametrize("check", CHECKS)

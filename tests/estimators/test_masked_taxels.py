@@ -2,12 +2,10 @@
 
 import numpy as np
 import pytest
-from synthetic import fitted, make_scan, paper_poses
+from synthetic import CHEAPER, fitted, make_scan, paper_poses
 
 from tactsim import estimators
 from tactsim.core import InputError, Scan
-
-CHEAPER = {"synthesis": {"spacing": 2.5, "angles": 8, "modes": 100}}
 
 
 @pytest.fixture(scope="module")
