@@ -69,18 +69,16 @@ def test_the_moments_of_a_touch_count_as_many_as_err_by_themselves(monkeypatch, 
     likelihood = SimpleNamespace(shares=np.ones(moments), of_moment=[None, last], last_images=None)
 
     def left_out(model, train, labels, states, whole_positions):
-        """Give each moment a Gaussian whose errors have the variance `shared` in common; of all, their mean."""
+        """Give each moment a Gaussian whose errors have the variance `shared` in common; of all, their sum."""
         rng = np.random.default_rng(2)
         common = rng.normal(size=(1, len(LETTERS), READINGS, 3))
         own = rng.normal(size=(moments, len(LETTERS), READINGS, 3))
         seen = 0.4 * (math.sqrt(shared) * common + math.sqrt(1 - shared) * own)
         shift, _, _ = trust._moves(np.zeros(2))
         place = np.column_stack([shift, trust._GYRATION * states[2]])
-        used = seen[-1:] if model is last else seen
+        used, counts = (seen[-1:], 1.0) if model is last else (seen, likelihood.counts)
         return [
-            np.mean(
-                [-((place - at[:, None]) ** 2).sum(axis=2) / (2 * 0.4**2) for at in used[:, letter]], axis=0
-            )
+            counts * sum(-((place - at[:, None]) ** 2).sum(axis=2) / (2 * 0.4**2) for at in used[:, letter])
             for letter in range(len(LETTERS))
         ]
 

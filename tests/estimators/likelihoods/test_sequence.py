@@ -58,7 +58,7 @@ def touches(scan, label="E", count=4):
 
 
 def test_moments_that_all_say_the_same_count_as_one_image(scan, two):
-    assert 2 * two.likelihood.counts == pytest.approx(1, abs=0.1)
+    assert 2 * two.likelihood.counts == pytest.approx(1, abs=0.2)
     sequences, readings, poses = touches(scan)
     alone = answers(learned(scan, moments=1), readings, poses)
     for one, other in zip(answers(two, sequences, poses), alone, strict=True):
