@@ -39,8 +39,6 @@ def near_copies(scan: Scan) -> tuple[float, float]:
     A near copy is of the same object, at the same pose within 0.01 mm and 0.01 rad, and its reading correlates with the
     other's by .998 or more. Readings that are the same all over, such as those beside the object, do not count.
     """
-    from scipy.spatial import cKDTree  # imported here: only a finished run needs it
-
     train, test = scan.where("train"), scan.where("test")
     counted, alike = 0, []
     for label in test.letters:
@@ -49,9 +47,14 @@ def near_copies(scan: Scan) -> tuple[float, float]:
         counted += int(varied.sum())
         if not len(known):
             continue
-        near = cKDTree(known.poses).query_ball_point(new.poses, _SAME)
+        order = np.argsort(known.poses[:, 0])  # so that few have to be compared with each press
+        along = known.poses[order, 0]
         for row in np.flatnonzero(varied):
-            best = max((_correlation(new.readings[row], known.readings[k]) for k in near[row]), default=0.0)
+            pose = new.poses[row]
+            first, last = np.searchsorted(along, [pose[0] - _SAME, pose[0] + _SAME])
+            some = order[first:last]
+            near = some[np.linalg.norm(known.poses[some] - pose, axis=1) <= _SAME]
+            best = max((_correlation(new.readings[row], known.readings[k]) for k in near), default=0.0)
             if best >= _ALIKE:
                 alike.append(best)
     return len(alike) / max(counted, 1), float(np.median(alike)) if alike else 0.0

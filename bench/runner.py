@@ -19,7 +19,7 @@ from tactsim.bench.placement_error import properties
 from tactsim.bench.run import Run
 from tactsim.bench.trial_plan import TrialPlan, source_of_trials
 from tactsim.bench.trial_workers import run_trials
-from tactsim.bench.trials import Progress, Task, Trials, check_readings
+from tactsim.bench.trials import OneTrial, Progress, Trials, check_readings
 from tactsim.core import InputError, Scan
 from tactsim.core.errors import unknown
 from tactsim.core.scan import train_on
@@ -81,7 +81,7 @@ def perform(
     progress("map", 1, 1)
 
     trying = perf_counter()
-    tasks = [Task(letter, trial) for letter in gathered.letters for trial in range(config.trials)]
+    tasks = [OneTrial(letter, trial) for letter in gathered.letters for trial in range(config.trials)]
     trials, work = run_trials(plan, fitted, tasks, jobs=jobs, progress=progress)
     tried = perf_counter()
     seconds = {"fit": trying - fitting, "trials": tried - trying, "total": tried - start}

@@ -44,7 +44,7 @@ VERBS = {
     "template": "Print the pad's sheet and one for each letter, 1:1, with the positions and angles of the scan.",
     "record": "Record a pad: with --letter a guided session that makes a scan, else all it says.",
     "replay": "Read recordings again, bit for bit: show what they hold, make a scan or a table of them.",
-    "emulate": "Present a simulated pad as a device that speaks its codec's bytes; ends with Ctrl-C.",
+    "emulate": "Present a simulated pad as a device that speaks its codec's bytes, or record one with --plan.",
     "new": "Make a repository of your own for an estimator, a task or a source, with its tests and its workflow.",
     "validate": "Compare a simulated with a recorded scan: readings, sensor parameters, classes, recognition.",
 }

@@ -98,7 +98,7 @@ def command(
     ] = None,
     seed: shared.Seed = 0,
 ) -> None:
-    """Present a simulated pad as a device that speaks its codec's bytes, until Ctrl-C, or record one with --plan."""
+    """Present a simulated pad as a device that speaks its codec's bytes, or record one with --plan."""
     import numpy as np
 
     from tactsim.bench.config import key_values, scan_options

@@ -16,7 +16,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import nnls
 
 from tactsim.core import Scan, compose, transform
 from tactsim.core.poses import FloatArray
@@ -250,6 +249,8 @@ class TiltedMosaics:
         The parts of the variance come from a regression of the squared errors, in which none is negative. Each taxel
         is weighted with its own variance (iteratively reweighted least squares).
         """
+        from scipy.optimize import nnls  # imported here: only a fit needs it
+
         seen = [(out.readings, *known) for out in self._out.values() for known in (out.near, out.far)]
         every = max(1, sum(len(readings) for readings, _, _ in seen) * len(self.gain) // _ENOUGH)
         readings, cover, slope = (np.concatenate([one[i][::every] for one in seen]) for i in range(3))

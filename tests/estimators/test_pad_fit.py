@@ -152,7 +152,7 @@ def test_without_a_letter_is_as_if_it_had_never_been_there(scan):
 
 
 BAD = {
-    "one press": lambda scan: scan.where("train", "E")._chosen(np.arange(len(scan.where("train", "E"))) == 3),
+    "one press": lambda scan: scan.where("train", "E").chosen(np.arange(len(scan.where("train", "E"))) == 3),
     "all zeros": lambda scan: replace(scan, readings=np.zeros_like(scan.readings)),
     "below zero": lambda scan: replace(scan, readings=-np.abs(scan.readings)),
     "one position": lambda scan: replace(scan, poses=scan.poses * [0, 0, 1]),

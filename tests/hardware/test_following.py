@@ -107,7 +107,11 @@ def test_a_pad_that_is_stuck_as_a_whole_is_refused():
     for k in range(100):
         follower.take(k, np.array([1.0, 2.0]))
     follower.end()
-    assert follower.wrong_taxels(np.array([[1.0, 2.0]]))[0] == {}  # nothing changes: nobody knows
+    with pytest.raises(InputError, match="every taxel of the recording is stuck"):
+        follower.wrong_taxels(np.array([[1.0, 2.0]]))
+
+
+def test_a_taxel_that_is_always_loaded_is_found():
     loaded = Follower([(50, 59)])
     for k in range(100):
         loaded.take(k, np.array([0.0, 0.0, 9.0, 0.01 * (k % 3)]))

@@ -1,0 +1,75 @@
+"""The file of readings in space: what comes back, and what is refused."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tactsim.core.errors import InputError
+from tactsim.core.rigid import random_rotations
+from tactsim.core.space_scan import SpaceScan
+
+
+@pytest.fixture
+def scan() -> SpaceScan:
+    rng = np.random.default_rng(0)
+    poses = np.concatenate([rng.normal(0, 20, (6, 3)), random_rotations(6, rng)], axis=1)
+    return SpaceScan(
+        readings=rng.random((6, 4)),
+        poses=poses,
+        labels=np.array(["nut", "nut", "bolt", "bolt", "nut", "egg"]),
+        split=np.array(["train", "test"] * 3),
+        taxel_points=np.array([[x, y, 0.0] for y in (-1, 1) for x in (-1, 1)]),
+        taxel_normals=np.tile([0.0, 0.0, 1.0], (4, 1)),
+        touch=np.array([0, 1, 2, 2, 3, 4]),
+        meta={"stroke": 40.0},
+        sequence=rng.random((6, 3, 4)),
+        sequence_force=np.array([0.5, 1.0, 2.0]),
+    )
+
+
+def test_comes_back_from_its_file(scan: SpaceScan, tmp_path: Path) -> None:
+    scan.save(tmp_path / "scan.npz")
+    again = SpaceScan.load(tmp_path / "scan.npz")
+    assert again.digest == scan.digest
+    assert again.objects == ("nut", "bolt", "egg")
+    assert again.meta == {"stroke": 40.0}
+
+
+def test_selects_by_label_and_split(scan: SpaceScan) -> None:
+    nuts = scan.where("train", "nut")
+    assert nuts.labels.tolist() == ["nut", "nut"]
+    assert nuts.touch.tolist() == [0, 3]
+    assert nuts.sequence is not None
+    assert scan.sequence is not None
+    np.testing.assert_array_equal(nuts.sequence, scan.sequence[[0, 4]])
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        ({"poses": np.zeros((6, 7))}, "length 1"),
+        ({"poses": np.zeros((6, 3))}, "pose in space"),
+        ({"readings": np.full((6, 4), np.nan)}, "readings"),
+        ({"taxel_normals": np.zeros((4, 3))}, "length 1"),
+        ({"labels": np.array(["a"] * 5)}, "labels has shape"),
+        ({"labels": np.array(["a\n"] * 6)}, "not printable"),
+        ({"split": np.array(["validation"] * 6)}, "validation"),
+        ({"meta": {"at": float("nan")}}, "meta"),
+        ({"sequence": None}, "both"),
+        ({"sequence_force": np.ones(2)}, "frames"),
+    ],
+)
+def test_refuses(scan: SpaceScan, change: dict[str, Any], says: str) -> None:
+    with pytest.raises(InputError, match=says):
+        replace(scan, **change)
+
+
+def test_refuses_a_file_that_is_none(tmp_path: Path) -> None:
+    (tmp_path / "scan.npz").write_bytes(b"PK no")
+    with pytest.raises(InputError, match="not a whole"):
+        SpaceScan.load(tmp_path / "scan.npz")
