@@ -267,8 +267,7 @@ class RunConfig(ScanWords):
     @property
     def sequences(self) -> bool:
         """Tell whether touches are the sequences of their images: whether more than one moment of each is asked for."""
-        moments = self.options.get("moments", 1)
-        return isinstance(moments, int) and moments > 1
+        return str(self.options.get("moments", 1)) != "1"  # the command line says it in words
 
     @property
     def digest(self) -> str:
