@@ -93,11 +93,11 @@ $(PROFILE): $(PROFILE_LOCK) | $(DEVELOP)
 	@touch $@
 
 # The sweeps that the tables of the documentation are made of.
-TABLES := better paper-better robustness slip open-set active paper paper-like tilt pareto
+TABLES := better paper-better robustness slip open-set active paper paper-like tilt pareto sequence
 
 tables: $(DEVELOP)  ## do the sweeps that are not done yet, and fill the tables of the documentation from them
 	@for suite in $(TABLES); do $(BIN)/bench sweep $$suite || exit; done
-	@$(BIN)/python -m tactsim.bench.page_tables README.md docs/results.md docs/method.md docs/choose-an-estimator.md
+	@$(BIN)/python -m tactsim.bench.page_tables README.md docs/results.md docs/method.md docs/choose-an-estimator.md docs/estimators.md
 
 leaderboard: $(DEVELOP)  ## make the site of results/leaderboard, and fill the tables of docs/leaderboard.md
 	@$(BIN)/bench leaderboard results/leaderboard

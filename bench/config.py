@@ -262,7 +262,12 @@ class RunConfig(ScanWords):
         words = self.model_dump(
             mode="json", include={"scan", "train_scan", "presses", "given", "letters", "hold_out"}
         )
-        return json.dumps([pressed, words], sort_keys=True)
+        return json.dumps([pressed, words, *(["sequences"] if self.sequences else [])], sort_keys=True)
+
+    @property
+    def sequences(self) -> bool:
+        """Tell whether touches are the sequences of their images: whether more than one moment of each is asked for."""
+        return str(self.options.get("moments", 1)) != "1"  # the command line says it in words
 
     @property
     def digest(self) -> str:

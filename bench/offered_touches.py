@@ -18,7 +18,7 @@ class Touches(Protocol):
         """Give their poses (n, 3), the object being where it is."""
 
     def reading(self, index: int, robot_in_object: FloatArray) -> FloatArray | None:
-        """Take one: (taxels,) kPa, or None if it gives no reading."""
+        """Take one: (taxels,) kPa, or its images (frames, taxels), or None if it gives no reading."""
 
 
 class Press(Protocol):
@@ -30,9 +30,10 @@ class Press(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class RecordedTouches:
-    """The test readings of a scan, at poses around the object."""
+    """The test readings of a scan, around the object; with `sequences` the images of each, (frames, taxels)."""
 
     test: Scan
+    sequences: bool = False
 
     def __len__(self) -> int:
         return len(self.test)
@@ -43,4 +44,7 @@ class RecordedTouches:
 
     def reading(self, index: int, robot_in_object: FloatArray) -> FloatArray | None:
         """Give the reading of this index, wherever the object is."""
+        if self.sequences:
+            assert self.test.sequence is not None
+            return self.test.sequence[index].astype(float)
         return self.test.readings[index]

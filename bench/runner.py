@@ -114,6 +114,11 @@ def gather(
     Raises InputError if a named letter is not among the readings, a letter is called NONE or two files do
     not fit together.
     """
+    if config.sequences and (config.on_demand or config.presses is not None):
+        raise InputError(
+            "moments of touches are in the sequences of a scan's test readings; leave out moments, or explore "
+            "at random on a scan"
+        )
     start = perf_counter()
     work: dict[str, Any] = {"presses": 0, "skipped": {}}
     if scan is None and config.scan is not None:
@@ -128,6 +133,7 @@ def gather(
             config.scan_options,
             jobs=jobs,
             cache=cache,
+            sequence=config.sequences,
             progress=lambda done, total: progress("press", done, total),
         )
     if config.train_scan is not None:
@@ -203,7 +209,9 @@ def finished_run(
     has fitted to the pad need not be found again.
     """
     objects = properties(gathered.scan)
-    bounds, no_bound = bounds_of_trials(gathered.scan, trials, config.explore, config.moving)
+    bounds, no_bound = None, "a bound is of one image of each touch, and the estimator saw several"
+    if not config.sequences:
+        bounds, no_bound = bounds_of_trials(gathered.scan, trials, config.explore, config.moving)
     made = estimator or create(config.estimator, **config.options)
     notes = notes_on(gathered.scan)
     found, used = pad_fit_of(fitted or made, gathered.scan), made.options

@@ -156,16 +156,21 @@ def run_trial(
     Touches come in random order without replacement, or, with explore="information", as the estimator proposes.
     They are the test readings, or, with `press`, touches in the robot's frame that are pressed on demand. slip: how
     the object moves between touches; the poses of test readings, candidates too, are those that go with the object's
-    pose at that touch. observe(estimate, reading, sensor_in_robot) is called after each reading, and its time does not
-    count. clock: gives the seconds that times are differences of. It is this process's processor time, so that other
-    programs on the machine do not count either, unless the estimator works in another process.
+    pose at that touch. observe(estimate, reading, sensor_in_robot) is called after each touch, with the last image of a
+    sequence, and its time does not count. clock: gives the seconds that times are differences of. It is this process's
+    processor time, so that other programs on the machine do not count either, unless the estimator works in another
+    process.
 
     Raises InputError that names the estimator if its answer is not a valid estimate or proposal, and if the presses
     that are left do not come to rest.
     """
     rng = generator(seed, task, 0)
     first = draw_true_pose(rng, offsets(test.taxel_xy))
-    touches = RecordedTouches(test) if press is None else press.touches(task.truth, task.trial, seed)
+    touches = (
+        RecordedTouches(test, estimator.takes_sequences)
+        if press is None
+        else press.touches(task.truth, task.trial, seed)
+    )
     left = rng.permutation(len(touches))
     if explore == "information":
         left.sort()
@@ -217,7 +222,7 @@ def run_trial(
         after = _evaluations(estimator)
         evaluations[k], before = after - before, after
         if observe is not None:
-            observe(estimate, reading, sensor_in_robot[taken[k]])
+            observe(estimate, np.atleast_2d(reading)[-1], sensor_in_robot[taken[k]])
     return Trials(
         truth=np.array([task.truth]), known=np.array([known]), trial=np.array([task.trial]), true_pose=true_pose[None],
         reading=taken[None], label=np.array([label]), pose=pose[None], evaluations=evaluations[None],

@@ -147,7 +147,7 @@ def _plan_anew(entry: Entry, tasks: Mapping[str, OneTrial], scans: dict[str, Sca
     which = config.model_dump(mode="json", include=words)
     key = json.dumps([options, which], sort_keys=True)
     if key not in scans:
-        pressed = None if from_files else _pressed_again(options, config.given)
+        pressed = None if from_files else _pressed_again(options, config)
         scans[key] = gather(config, scan=pressed, jobs=1, cache=True, progress=silent).scan
     check_readings(
         scans[key], sorted({task.truth for task in tasks.values()}), entry.readings, config.hold_out
@@ -155,14 +155,17 @@ def _plan_anew(entry: Entry, tasks: Mapping[str, OneTrial], scans: dict[str, Sca
     return plan_of(config, scans[key])
 
 
-def _pressed_again(options: Any, given: str | None) -> Scan:
+def _pressed_again(options: Any, config: RunConfig) -> Scan:
     """Press letters again with the options that the scan of a run states.
 
     Raises InputError if the readings were given in Python and pressing does not give them again, for example
     because they are a real pad's.
     """
-    scan = None if options is None else scan_letters(checked(ScanOptions, options, "scan.options"))[0]
-    if scan is None or given not in (None, scan.digest):
+    scan = None
+    if options is not None:
+        asked = checked(ScanOptions, options, "scan.options")
+        scan, _ = scan_letters(asked, sequence=config.sequences)
+    if scan is None or config.given not in (None, scan.digest):
         raise InputError("its readings were given in Python, and pressing does not give them again")
     return scan
 

@@ -44,7 +44,14 @@ class FittedToPad(Wrapper):
             return
         found = fit_to_pad(scan, self.options)
         self.filter = self._surround(self._kind(found.inner(self.options)))
-        self.filter.fit(found.units.scan(scan))
+        brought = found.units.scan(scan)
+        if self.takes_sequences and scan.sequence is not None:
+            sequence = found.units.readings(scan.sequence.astype(float)).astype(np.float32)
+            brought = replace(
+                brought, sequence=sequence, sequence_times=scan.sequence_times,
+                sequence_force=scan.sequence_force,
+            )  # fmt: skip
+        self.filter.fit(brought)
         self.pad_fit = found
 
     def without(self, letter: str, scan: Scan) -> FittedToPad:

@@ -15,11 +15,12 @@ from tactsim.estimators.estimator import Estimate, Estimator, Options, check_ord
 from tactsim.estimators.field.field import LikelihoodField
 from tactsim.estimators.filters.doubts import Doubts
 from tactsim.estimators.filters.states import WeightedStates
-from tactsim.estimators.filters.trust import Trust
+from tactsim.estimators.filters.trust import Trust, images_count
 from tactsim.estimators.likelihoods import likelihood
 from tactsim.estimators.likelihoods.calibrated import CalibratedLikelihood
 from tactsim.estimators.likelihoods.likelihood import Likelihood
 from tactsim.estimators.likelihoods.occupancy import OccupancyMap, learn_maps
+from tactsim.estimators.likelihoods.sequence import SequenceLikelihood
 from tactsim.estimators.options import FilterOptions, reach_of
 
 # Bytes that a filter holds for a bin of a letter and for a particle: logs, indices, and room to list and sum them.
@@ -47,6 +48,7 @@ class MapFilter(Estimator):
     def __init__(self, options: FilterOptions) -> None:
         super().__init__(options)
         self.likelihood: Likelihood = likelihood.create(options)
+        self.takes_sequences = options.moments > 1
         self.labels: tuple[str, ...] = ()
         self.maps: Mapping[str, OccupancyMap] = {}
         self._started = False
@@ -77,6 +79,8 @@ class MapFilter(Estimator):
         self.taxel_xy = scan.taxel_xy
         self._reach_to(reach_of(self.options.reach, scan.taxel_xy))
         self.likelihood.fit(scan, self.maps)
+        if isinstance(self.likelihood, SequenceLikelihood):
+            self.likelihood.counts = images_count(self.likelihood, scan)
         self.field = LikelihoodField(
             self.likelihood, self.labels, self.taxel_xy, self._spacing, self.options.cell
         )
@@ -103,7 +107,7 @@ class MapFilter(Estimator):
         Raises InputError, and adds nothing, for a wrong length or a NaN.
         """
         self._check_started("update")
-        values, pose = check_reading(reading, sensor_in_robot, len(self.taxel_xy))
+        values, pose = check_reading(reading, sensor_in_robot, len(self.taxel_xy), self.takes_sequences)
         self.field.append(self.likelihood.evidence(values), pose)
 
     def estimate(self) -> Estimate:

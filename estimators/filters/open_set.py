@@ -97,7 +97,9 @@ class OpenSet(Wrapper):
     def update(self, reading: ArrayLike, sensor_in_robot: ArrayLike) -> None:
         """Take in one reading, and keep it for the comparison with what the best letters' mosaics predict."""
         self.filter.update(reading, sensor_in_robot)
-        self._felt.append((np.array(reading, dtype=float), np.array(sensor_in_robot, dtype=float)))
+        self._felt.append(
+            (np.atleast_2d(np.array(reading, dtype=float))[-1], np.array(sensor_in_robot, dtype=float))
+        )
 
     def estimate(self) -> Estimate:
         """Give "none" its share: the prior odds, times those of the misfits of the letters that may still be."""

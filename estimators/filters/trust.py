@@ -32,6 +32,7 @@ from tactsim.core.poses import FloatArray
 from tactsim.estimators.field.field import LikelihoodField
 from tactsim.estimators.likelihoods.folds import FOLDS, by_letter, folds, presses, touched_elsewhere
 from tactsim.estimators.likelihoods.likelihood import Likelihood
+from tactsim.estimators.likelihoods.sequence import SequenceLikelihood
 
 # Sequences of few and of many readings are tried, so many of each and of a letter, at poses off by so many moves.
 FEW, _MANY, _SEQUENCES, _MOVES = 3, 20, 120, 1024
@@ -66,7 +67,7 @@ class Trust:
 def learn_trust(likelihood: Likelihood, scan: Scan) -> Trust:
     """Learn the weight from the training readings of a scan; 1 if the likelihood cannot leave any of them out."""
     train, rng = scan.where("train"), np.random.default_rng(0)
-    labels = sorted(train.letters)[:: math.ceil(len(train.letters) / _LETTERS)]  # in any order the same
+    labels = _some_labels(train)
     shift, size, states = _moves(train.poses[:, :2].mean(axis=0))
     errors = []
     for whole_positions in (False, True):
@@ -82,6 +83,31 @@ def learn_trust(likelihood: Likelihood, scan: Scan) -> Trust:
     own = max(own, growth, 1 / _HIGHEST)  # with less, two readings would say less than one
     trained = len(train) / len(train.letters)
     return Trust(own, growth, (own + growth * math.log(_MANY)) / trained)
+
+
+def images_count(likelihood: SequenceLikelihood, scan: Scan) -> float:
+    """Learn by what factor the moments of a touch count, so that they are as sure as the last image alone is.
+
+    Sequences of few left-out touches are given a weight with their moments, and with the last image alone; the factor
+    is the ratio of the two, and 1 over the number of moments if the likelihood cannot leave readings out. The moments
+    count as one image then if they all say the same, and as so many if each errs by itself.
+    """
+    train = scan.where("train")
+    likelihood.counts = 1.0
+    labels = _some_labels(train)
+    shift, size, states = _moves(train.poses[:, :2].mean(axis=0))
+    found = []
+    for model, touches in ((likelihood, train), (likelihood.of_moment[-1], likelihood.last_images)):
+        log_p = _left_out(model, touches, labels, states, True)
+        if log_p is None:
+            return 1 / len(likelihood.shares)
+        found.append(_typical(log_p, FEW, shift, size, np.random.default_rng(0)))
+    return found[1] / found[0]
+
+
+def _some_labels(train: Scan) -> list[str]:
+    """Choose objects to learn a weight from, in any order of the scan the same."""
+    return sorted(train.letters)[:: math.ceil(len(train.letters) / _LETTERS)]
 
 
 def _typical(
@@ -153,7 +179,7 @@ def _left_out(
         field = LikelihoodField(rest, labels, train.taxel_xy, (cell, cell), cell)
         for letter, label in enumerate(labels):
             for k in np.flatnonzero((part == number) & (train.labels == label)):
-                evidence = rest.evidence(train.readings[k]).of_taxels(known[k])
+                evidence = rest.evidence_of(train, int(k)).of_taxels(known[k])
                 field.append(evidence, np.array(train.poses[k]))
                 found[label].append(field.log_p(letter, states, len(field) - 1))
     return [np.array(some) for some in found.values()]

@@ -27,6 +27,7 @@ class Wrapper(Estimator):
         super().__init__(filter.options)
         self.filter = filter
         self.options_type, self.budget, self.draws = filter.options_type, filter.budget, filter.draws
+        self.takes_sequences = filter.takes_sequences
 
     def fit(self, scan: Scan) -> None:
         """Learn from the scan's training readings."""

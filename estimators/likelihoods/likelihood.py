@@ -72,6 +72,10 @@ class Likelihood(ABC):
     def evidence(self, reading: FloatArray) -> Evidence:
         """Turn a reading (taxels,) kPa into the terms that it contributes."""
 
+    def evidence_of(self, train: Scan, touch: int) -> Evidence:
+        """Turn a touch, by its number, of the training readings that it was fitted to into terms."""
+        return self.evidence(train.readings[touch])
+
     def without(
         self, train: Scan, gone: NDArray[np.bool_], labels: Sequence[str], whole_positions: bool
     ) -> Likelihood | None:
@@ -118,9 +122,16 @@ LIKELIHOODS: dict[str, Callable[[], type[Likelihood]]] = {
 
 
 def create(options: LikelihoodOptions) -> Likelihood:
-    """Make the likelihood that the options name. Raises InputError if there is none of that name."""
+    """Make the likelihood that the options name, of one image or of a sequence's moments.
+
+    Raises InputError if there is none of that name.
+    """
     if options.likelihood not in LIKELIHOODS:
         raise unknown("likelihood", options.likelihood, LIKELIHOODS)
+    if options.moments > 1:
+        from tactsim.estimators.likelihoods.sequence import SequenceLikelihood
+
+        return SequenceLikelihood(options)
     return LIKELIHOODS[options.likelihood]()(options)
 
 

@@ -6,7 +6,7 @@ import math
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.metadata import version
 from itertools import islice
 from typing import TYPE_CHECKING, Any
@@ -22,6 +22,7 @@ from tactsim.core.scan import SPLITS, Scan
 from tactsim.core.seeds import stream
 from tactsim.core.workers import worker_processes
 from tactsim.press import cache as cached
+from tactsim.press.rise import held, rising
 from tactsim.press.scan_options import ScanOptions
 from tactsim.press.scan_poses import grid_poses, random_poses, stage_for
 from tactsim.press.sensor import gains, sense
@@ -46,12 +47,14 @@ MOST_BLANKS = 0.05
 class _Ideal:
     """What a batch reads without imperfections: (n, taxels) kPa, and why a press has no reading, if any has none.
 
-    courses: how its presses went, if they were stepped through time now.
+    courses: how its presses went, if they were stepped through time now. lower: what it reads at rest under lower
+    loads, (n, taxels) each, the lowest first, if a sequence of those is wanted.
     """
 
     readings: FloatArray
     blanks: dict[int, str]
     courses: tuple[Course, ...] = ()
+    lower: tuple[FloatArray, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,8 +79,9 @@ def scan_letters(
 
     A press that does not come to rest, such as one that tips over, is a blank: it has no reading, and the
     scan's `meta["blanks"]` says why. jobs: processes to use at most, where the work is worth them. cache:
-    whether readings of earlier scans are used and new ones are kept. sequence: whether the images of every
-    press on its way to rest are kept in the scan; they are of full dynamics and not in the cache.
+    whether readings of earlier scans are used and new ones are kept. sequence: whether the scan holds the images of
+    every press on its way to rest: of full dynamics as they were taken, which are not in the cache, else at rest under
+    each load of the ramp (`rise.rising`).
     progress(done, total): called as presses are done. Returns the scan and its work: `presses`, those that
     were worked out now, and by which engine, `blanks`, and `skipped` {reason: count}; of presses through time
     also `settle_time` {"median", "longest"} s and the largest `overshoot`. The same options give the same bits
@@ -86,11 +90,16 @@ def scan_letters(
     Raises InputError for a letter, shape or option that does not exist, and if more than MOST_BLANKS of a
     letter's presses do not come to rest.
     """
-    if sequence and options.press.dynamics != "full":
-        raise InputError("a sequence is of presses through time; set press.dynamics to full")
     letters = letters_of(options)
     batches = [_batch(letter, split, options) for letter in letters for split in SPLITS]
-    ideal, work = _ideal(batches, options, jobs, cache, sequence, progress)
+    moving = sequence and options.press.dynamics == "full"
+    lower = [
+        _Batch(batch.letter, batch.split, batch.stated, batch.touches.at_share(share))
+        for share in (rising(options.press) if sequence and not moving else ())
+        for batch in batches
+    ]
+    found_all, work = _ideal([*batches, *lower], options, jobs, cache, moving, progress)
+    ideal = _with_lower(found_all, len(batches))
     gain = gains(options)
     kept = [
         np.setdiff1d(np.arange(len(batch.touches)), list(found.blanks))
@@ -238,6 +247,21 @@ def _ideal(
     return [ideal[name] for name in names], work
 
 
+def _with_lower(found: Sequence[_Ideal], batches: int) -> list[_Ideal]:
+    """Put together the batches at their loads, the first in `found`, and all of them at one lower load after another.
+
+    A press that does not come to rest under a lower load is a blank, too.
+    """
+    return [
+        replace(
+            ideal,
+            lower=tuple(one.readings for one in found[batches + number :: batches]),
+            blanks={row: why for one in found[number::batches] for row, why in one.blanks.items()},
+        )
+        for number, ideal in enumerate(found[:batches])
+    ]
+
+
 def _whole(batch: _Batch, pieces: Sequence[_Ideal]) -> _Ideal:
     """Put a batch together. Raises InputError if too many of its presses are blank."""
     blanks = {
@@ -281,11 +305,21 @@ def _sequences(
     """
     from tactsim.press.sequences import aligned
 
-    presses = []
-    for found, rows in zip(ideal, kept, strict=True):
-        moving = [one for course in found.courses for one in course.moving]
-        presses += [moving[row] for row in rows]
-    images, times, force = aligned(presses, options.press.frame_rate, options.pad.taxels)
+    if options.press.dynamics == "full":
+        presses = []
+        for found, rows in zip(ideal, kept, strict=True):
+            moving = [one for course in found.courses for one in course.moving]
+            presses += [moving[row] for row in rows]
+        images, times, force = aligned(presses, options.press.frame_rate, options.pad.taxels)
+    else:
+        every = [
+            np.stack([*found.lower, found.readings], axis=1)[rows]
+            for found, rows in zip(ideal, kept, strict=True)
+        ]
+        loads = [
+            batch.touches.forces(options.press.force)[rows] for batch, rows in zip(batches, kept, strict=True)
+        ]
+        images, times, force = held(np.concatenate(every), np.concatenate(loads), options.press)
     gain, sensor = gains(options), options.sensor.model_copy(update={"drift": 0.0})
     left = iter(images)
     for batch, rows in zip(batches, kept, strict=True):

@@ -8,10 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tactsim.core.errors import InputError
-from tactsim.core.npz import LARGEST
 from tactsim.core.poses import FloatArray
 from tactsim.press.engine import Moving, ideal_sequence
+from tactsim.press.rise import check_size
 from tactsim.press.scan_options import ScanOptions
 from tactsim.press.scene import UnsettledError
 from tactsim.press.sensor import hysteretic
@@ -70,12 +69,7 @@ def aligned(presses: Sequence[Moving | None], frame_rate: float, taxels: int) ->
     touched, all is 0. Raises InputError if the images would take more than a scan's file may hold.
     """
     frames = max([1, *(len(moving.times) for moving in presses if moving is not None)])
-    size = 4 * len(presses) * frames * taxels
-    if size > LARGEST // 2:
-        raise InputError(
-            f"{len(presses):,} presses of {frames:,} images are {size:,} bytes, more than a scan's "
-            f"{LARGEST // 2:,}; choose a lower press.frame_rate or fewer letters"
-        )
+    check_size(len(presses), frames, taxels)
     times = np.arange(1, frames + 1) / frame_rate
     images, force = np.zeros((len(presses), frames, taxels)), np.zeros((len(presses), frames))
     for image, total, moving in zip(images, force, presses, strict=True):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
@@ -48,6 +48,10 @@ class Touches:
         rotations = None if self.rotations is None else self.rotations[which]
         load = None if self.load is None else self.load[which]
         return Touches(self.letter, self.poses[which], self.tilts[which], rotations, load)
+
+    def at_share(self, share: float) -> Touches:
+        """Take the same presses with this share of each one's load."""
+        return replace(self, load=share * self.forces(1.0))
 
     def forces(self, nominal: float) -> FloatArray:
         """Give the force of each press (n,), N, if that of the options is `nominal` N."""

@@ -12,7 +12,7 @@ import pytest
 from made_up import make_run
 
 import tactsim
-from tactsim.bench.config import RunConfig, ScanWords, scan_options
+from tactsim.bench.config import RunConfig, ScanWords, run_config, scan_options
 from tactsim.bench.results import to_json
 from tactsim.bench.runner import perform
 from tactsim.core import InputError
@@ -271,7 +271,6 @@ def test_a_press_is_that_of_the_letter():
 
 
 def test_the_command_line_and_python_do_the_same(run, scan):
-    from tactsim.bench.config import run_config
 
     assert perform(run_config(letters="AE", **WORDS)).summary == run.summary
 
@@ -360,3 +359,17 @@ def test_a_picture_counts_whole_readings(run):
     figure = run.plot()
     for ax in figure.axes:
         assert [tick for tick in ax.get_xticks() if tick % 1] == []
+
+
+@pytest.mark.parametrize("moments", [2, "2"])
+def test_a_run_of_moments_presses_the_sequences_that_it_needs(moments):
+    words = {"letters": "I", "trials": 1, "readings": 2, "bins": 600}
+    run = tactsim.run(**words, set={"moments": moments})
+    assert run.options["moments"] == 2
+    assert run.bounds is None
+    assert "several" in run.about["no_bound"]
+    with pytest.raises(InputError, match="leave out moments"):
+        tactsim.run(**words, set={"moments": moments}, explore="blind")
+    alone = run_config(**words)
+    assert run_config(**words, set={"moments": moments}).source != alone.source
+    assert run_config(**words, set={"moments": 1}).source == alone.source

@@ -8,7 +8,13 @@ from pages import ROOT
 from tactsim.bench.page_tables import LEAST_SCANS, TABLE
 from tactsim.bench.sweep_file import read, suites
 
-PAGES = ["README.md", "docs/results.md", "docs/method.md", "docs/choose-an-estimator.md"]
+PAGES = [
+    "README.md",
+    "docs/results.md",
+    "docs/method.md",
+    "docs/choose-an-estimator.md",
+    "docs/estimators.md",
+]
 ASKED = [
     (page, match["asked"], match[0])
     for page in PAGES

@@ -73,12 +73,7 @@ def test_the_number_of_processes_changes_no_bit(taken, monkeypatch):
     assert scan_letters(FULL, jobs=2, cache=False, sequence=True)[0].digest == taken[0].digest
 
 
-def test_a_sequence_of_a_press_at_rest_is_refused():
-    with pytest.raises(InputError, match=r"press\.dynamics"):
-        scan_letters(level_scan(letters=("I",)), sequence=True)
-
-
 def test_sequences_that_no_file_would_hold_are_refused(monkeypatch):
-    monkeypatch.setattr("tactsim.press.sequences.LARGEST", 100_000)
+    monkeypatch.setattr("tactsim.press.rise.LARGEST", 100_000)
     with pytest.raises(InputError, match=r"press\.frame_rate"):
         scan_letters(FULL, cache=False, sequence=True)

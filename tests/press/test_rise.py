@@ -1,0 +1,89 @@
+"""Sequences of presses at rest: each image is that of a press with the load of its time."""
+
+import numpy as np
+import pytest
+from level_world import level_press, level_scan
+from manifold3d import Manifold
+
+from tactsim import models
+from tactsim.core.moments import with_moments
+from tactsim.press import PressOptions, SensorOptions, scan_letters, scanning
+from tactsim.press.rise import held, rising
+
+QUIET = SensorOptions(noise=0, resolution=0)
+
+
+@pytest.fixture(scope="module")
+def ball(tmp_path_factory):
+    path = tmp_path_factory.mktemp("shapes") / "ball.stl"
+    models.export(models.relief("ball", Manifold.sphere(20, 24)), path)
+    return str(path)
+
+
+def options_of(ball, **changes):
+    press = level_press(**({"ramp": 0.05, "frame_rate": 80.0} | changes))
+    return level_scan(
+        letters=("I",), shapes=(ball,), press=press, sensor=QUIET, load_spread=0.3, test_poses="same"
+    )
+
+
+def test_each_image_is_a_press_at_rest_under_the_load_of_its_time(ball):
+    scan, work = scan_letters(options_of(ball), cache=False, sequence=True)
+    usual, _ = scan_letters(options_of(ball), cache=False)
+    assert np.array_equal(scan.readings, usual.readings)
+    assert scan.sequence_times == pytest.approx(np.arange(1, scan.sequence.shape[1] + 1) / 80)
+    # s^2 (3 - 2 s) at a quarter, half, and three quarters of the ramp.
+    for frame, share in enumerate((0.15625, 0.5, 0.84375, 1.0, 1.0, 1.0)):
+        lighter, _ = scan_letters(options_of(ball, force=2.0 * share), cache=False)
+        assert scan.sequence[:, frame] == pytest.approx(lighter.readings, rel=1e-6, abs=1e-4)
+        touching = scan.readings.any(axis=1)
+        whole = scan.sequence_force[:, -1]
+        assert scan.sequence_force[:, frame] == pytest.approx(share * whole, rel=1e-6)
+        assert (whole > 0).tolist() == touching.tolist()
+    assert whole[touching].std() > 0.3  # each press has a load of its own
+    assert work["presses"] == work["engine_exact"] + work["engine_relief"] == 4 * np.count_nonzero(touching)
+    with_moments(scan, 3)  # the whole load is held long enough to be known as a plateau
+
+
+def test_relief_is_touched_at_its_top_first(ball):
+    scan, _ = scan_letters(options_of(ball), cache=False, sequence=True)
+    domes = scan.sequence[(scan.labels == "ball") & scan.readings.any(axis=1)]
+    largest = domes.max(axis=2) / domes.sum(axis=2).clip(1e-9)
+    assert (largest[:, 0] > largest[:, -1]).mean() > 0.95  # of a light touch more lies on one taxel
+
+
+def test_neither_the_cache_nor_processes_change_a_bit(ball, monkeypatch, tmp_path):
+    monkeypatch.setenv("TACTSIM_CACHE", str(tmp_path))
+    first, _ = scan_letters(options_of(ball), sequence=True)
+    again, work = scan_letters(options_of(ball), sequence=True)
+    monkeypatch.setattr("tactsim.press.scanning.WORTH_A_WORKER", 1e-3)
+    apart, _ = scan_letters(options_of(ball), cache=False, jobs=2, sequence=True)
+    assert first.digest == again.digest == apart.digest
+    assert work["presses"] == 0
+
+
+def test_a_press_that_does_not_rest_under_a_lower_load_is_a_blank(ball, monkeypatch):
+    monkeypatch.setattr(scanning, "MOST_BLANKS", 1.0)
+    whole = scanning._press
+
+    def tip_over(task):
+        found, work = whole(task)
+        if task[1].forces(1.0)[0] < 0.5:  # the lowest load of the first press of a chunk
+            found.blanks[0] = "it tips over"
+        return found, work
+
+    monkeypatch.setattr(scanning, "_press", tip_over)
+    options = options_of(ball).model_copy(update={"load_spread": 0.0})
+    scan, _ = scan_letters(options, cache=False, sequence=True)
+    assert {blank["reason"] for blank in scan.meta["blanks"]} == {"it tips over"}
+    assert len(scan) + len(scan.meta["blanks"]) == 768
+    assert len(scan.sequence) == len(scan)
+
+
+def test_a_press_without_a_ramp_has_its_whole_load_at_once():
+    press = PressOptions(ramp=0.0)
+    assert len(rising(press)) == 0
+    images, times, force = held(np.ones((2, 1, 36)), np.array([2.0, 3.0]), press)
+    assert images.shape == (2, 5, 36)
+    assert force.tolist() == [[2.0] * 5, [3.0] * 5]
+    assert times[0] == pytest.approx(1 / press.frame_rate)
