@@ -11,6 +11,8 @@ from numba import float64, int64, types, void
 from tactsim.core.compiling import INTS, REALS, REALS_2D, REALS_3D, Ints, Reals, compiled
 from tactsim.estimators.space.voxels import VOXELS, Voxels, distance_at, first_hit
 
+_HOPELESS = 2.0  # mm that an object reaches into what the pad has swept; then no ray is looked at
+_WORST = 20.0  # nats that this costs at most
 _TURNS = 2  # linearisations of a touch in the pad's displacement; the second begins where the first ends
 
 
@@ -160,12 +162,23 @@ def agreement(touching: Touching, depth: Reals, reading: Reals) -> float:
     The pad may be displaced along z and turned about x and y; the readings are linear in that where the contact stays
     as it is, so that a Gauss-Newton step and a matrix 3 by 3 (Woodbury 1950) do it.
     """
-    taxels = len(touching.taxel)
+    taxels, rays = len(touching.taxel), len(depth)
     soft, stiffness = touching.soft, touching.stiffness
     best = np.zeros(3)
     matrix, vector = np.empty((3, 3)), np.empty(3)
+    into, open_to = (
+        np.empty(rays),
+        np.empty(rays),
+    )  # how deep a ray is pressed, and how that changes with its depth
     misfit, log_det, determinant = 0.0, 0.0, 0.0
     for turn in range(_TURNS):
+        felt = False
+        for ray in range(rays):
+            d = depth[ray] + best[0] + best[1] * touching.ray[ray, 1] - best[2] * touching.ray[ray, 0]
+            begun = min(max(d + soft, 0.0), 2 * soft)
+            into[ray] = begun * begun / (4 * soft) + max(d - soft, 0.0)
+            open_to[ray] = begun / (2 * soft)
+            felt |= begun > 0
         for a in range(3):
             vector[a] = 0.0
             for b in range(3):
@@ -175,15 +188,11 @@ def agreement(touching: Touching, depth: Reals, reading: Reals) -> float:
         for t in range(taxels):
             x, y = touching.taxel[t, 0], touching.taxel[t, 1]
             pressed, slope = 0.0, 0.0
-            for n in range(touching.start[t], touching.start[t + 1]):
-                ray = touching.which[n]
-                d = depth[ray] + best[0] + best[1] * touching.ray[ray, 1] - best[2] * touching.ray[ray, 0]
-                if d >= soft:
-                    pressed += touching.share[n] * d
-                    slope += touching.share[n]
-                elif d > -soft:
-                    pressed += touching.share[n] * (d + soft) ** 2 / (4 * soft)
-                    slope += touching.share[n] * (d + soft) / (2 * soft)
+            if felt:
+                for n in range(touching.start[t], touching.start[t + 1]):
+                    ray = touching.which[n]
+                    pressed += touching.share[n] * into[ray]
+                    slope += touching.share[n] * open_to[ray]
             slope *= stiffness
             variance = touching.noise[t] ** 2 + (slope * touching.rough) ** 2
             # What is left is linear in the displacement from 0: its prior stands there.
@@ -219,6 +228,8 @@ def agreement(touching: Touching, depth: Reals, reading: Reals) -> float:
                 value -= matrix[a, c] * vector[c]
             vector[a] = value / matrix[a, a]
             misfit -= vector[a] * vector[a]
+        if not felt:  # no displacement changes anything
+            break
         if turn + 1 < _TURNS:
             for a in range(2, -1, -1):
                 value = vector[a]
@@ -246,18 +257,28 @@ def add_log_p(
     """
     place, turn = np.empty(3), np.empty((3, 3))
     depth = np.empty(len(touching.ray))
+    ahead = touching.soft + 0.5
+    free, buried = np.empty(last), np.empty(last)
+    for m in range(
+        first, last
+    ):  # what a reading says of a state in which no ray meets anything, and all begin inside
+        depth[:] = -ahead
+        free[m] = agreement(touching, depth, readings[m])
+        depth[:] = touching.deepest
+        buried[m] = agreement(touching, depth, readings[m])
     for n in range(len(object_in_robot)):
         for m in range(first, last):
             sensor_in_object(object_in_robot[n], sensor_in_robot[m], place, turn)
-            feel(voxels, touching.ray, place, turn, touching.deepest, touching.soft + 0.5, depth)
-            log_p[n] += agreement(touching, depth, readings[m])
             into = intrusion(voxels, corner, place, turn, touching.deepest, touching.stroke)
-            if into > 0:
-                log_p[n] -= (
-                    0.5
-                    * (touching.freedom + 1)
-                    * math.log(1 + (into / touching.swept) ** 2 / touching.freedom)
-                )
+            log_p[n] -= min(0.5 * (into / touching.swept) ** 2, _WORST)
+            if into > _HOPELESS:
+                log_p[n] += buried[m]
+                continue
+            feel(voxels, touching.ray, place, turn, touching.deepest, ahead, depth)
+            felt = False
+            for ray in range(len(depth)):
+                felt |= depth[ray] > -touching.soft
+            log_p[n] += agreement(touching, depth, readings[m]) if felt else free[m]
 
 
 @compiled(void(TOUCHING, REALS_2D, REALS_2D, REALS))

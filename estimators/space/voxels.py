@@ -66,7 +66,7 @@ def sparse(corner: Reals, cell: float, distance: Floats, band: float) -> Voxels:
 
 
 # Written into its callers: a call counts references to the arrays, which takes longer than the look-up.
-@register_jitable(inline="always")  # type: ignore[untyped-decorator]
+@register_jitable(inline="always")
 def distance_at(voxels: Voxels, x: float, y: float, z: float) -> float:
     """Interpolate the signed distance at a place, mm; far from the surface, give a bound that it is not nearer than."""
     per = 1 / voxels.cell
