@@ -5,9 +5,12 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import float64, void
+from numba import float64, int8, void
+from numpy.typing import NDArray
 
 from tactsim.core.compiling import FLOATS_3D, REALS, REALS_2D, REALS_3D, Floats, Reals, compiled
+
+UNKNOWN, INSIDE, OUTSIDE = 0, 1, 2  # of voxels
 
 
 @compiled(
@@ -115,6 +118,33 @@ def carve(
                     i, j, k = at[0], at[1], at[2]
                     if 0 <= i < free.shape[0] and 0 <= j < free.shape[1] and 0 <= k < free.shape[2]:
                         free[i, j, k] += 1
+
+
+@compiled(void(int8[:, :, ::1]))
+def settle(side: NDArray[np.int8]) -> None:
+    """Let every UNKNOWN voxel be on the side of the nearest that is INSIDE or OUTSIDE, counted in steps along axes."""
+    a, b, c = side.shape
+    queue = np.empty((a * b * c, 3), dtype=np.int32)
+    end = 0
+    for i in range(a):
+        for j in range(b):
+            for k in range(c):
+                if side[i, j, k] != UNKNOWN:
+                    queue[end, 0], queue[end, 1], queue[end, 2] = i, j, k
+                    end += 1
+    at = 0
+    while at < end:
+        i, j, k = queue[at, 0], queue[at, 1], queue[at, 2]
+        at += 1
+        for way in range(6):
+            step = 1 if way % 2 else -1
+            p = i + step if way < 2 else i
+            q = j + step if way // 2 == 1 else j
+            r = k + step if way >= 4 else k
+            if 0 <= p < a and 0 <= q < b and 0 <= r < c and side[p, q, r] == UNKNOWN:
+                side[p, q, r] = side[i, j, k]
+                queue[end, 0], queue[end, 1], queue[end, 2] = p, q, r
+                end += 1
 
 
 @compiled(void(FLOATS_3D, FLOATS_3D, float64))

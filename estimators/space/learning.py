@@ -5,12 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.ndimage import binary_dilation, binary_erosion, binary_propagation, label
+from scipy.ndimage import label
 
 from tactsim.core import rigid
 from tactsim.core.poses import FloatArray
-from tactsim.estimators.space.fusion_kernels import carve, merge, redistance
+from tactsim.estimators.space.fusion_kernels import INSIDE, OUTSIDE, UNKNOWN, carve, merge, redistance, settle
 from tactsim.estimators.space.rays import Rays
 from tactsim.estimators.space.touch_kernels import feel_all
 from tactsim.estimators.space.voxels import Voxels, sparse
@@ -69,29 +68,22 @@ def fuse(
     ends = np.where(touched > 0, heights - cell, rays.base)
     carve(free, corner, cell, touches.places, touches.turns, np.ascontiguousarray(ends), frame, stroke)
     known = weight > free  # else a contact that was none: more touches have passed there than felt something
-    level = np.where(known, total / np.maximum(weight, 1e-6), np.where(free > 0, cell, -cell)).astype(
-        np.float32
+    side = np.where(known, np.where(total < 0, INSIDE, OUTSIDE), np.where(free > 0, OUTSIDE, UNKNOWN)).astype(
+        np.int8
     )
-    level[_outside(known & (level <= 0), free > 0) & ~known] = cell
-    inside, _ = label(level < 0)
-    volume = np.bincount(inside.ravel())
+    for axis in range(3):  # the grid is larger than the object
+        np.moveaxis(side, axis, 0)[[0, -1]] = OUTSIDE
+    settle(side)
+    pieces, _ = label(side == INSIDE)
+    volume = np.bincount(pieces.ravel())
     volume[0] = 0
-    level[(level < 0) & (volume < _PART * volume.max())[inside]] = cell
+    side[(side == INSIDE) & (volume < _PART * volume.max())[pieces]] = OUTSIDE
+    nominal = np.where(side == INSIDE, -cell, cell)
+    measured = known & ((total < 0) == (side == INSIDE))
+    level = np.where(measured, total / np.maximum(weight, 1e-6), nominal).astype(np.float32)
     distance = np.empty_like(level)
     redistance(distance, level, cell)
     return sparse(corner, cell, distance, _BAND)
-
-
-def _outside(solid: NDArray[np.bool_], passed: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Tell which voxels are outside: what the pad has passed, and what is reached from the grid's border.
-
-    solid: known to be inside. A way that is narrower than three voxels leads nowhere: it is a gap between touches.
-    """
-    wide = binary_erosion(~solid, iterations=1, border_value=1)
-    border = np.ones_like(solid)
-    border[1:-1, 1:-1, 1:-1] = False
-    reached = binary_propagation(border & wide, mask=wide | passed)
-    return np.asarray(binary_dilation(reached, mask=~solid) | passed | border)
 
 
 def depths(voxels: Voxels, touches: Touches, rays: Rays, deepest: float, ahead: float) -> FloatArray:
