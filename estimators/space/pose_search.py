@@ -22,6 +22,7 @@ _WIDTH = 0.4  # mm by which a touched point misses the map
 # A coarse cell that is so many nats below the best is forgotten; what is so many below the best of the cells that it is
 # compared with is not worked out to the end.
 _FORGOTTEN, _NEGLIGIBLE = 15.0, 40.0
+_KEPT_FIRST, _KEPT = 150_000, 30_000  # coarse cells that are kept after the first contact, and after each later touch
 _OBLIQUE = 0.25  # of the cosine between a pad's normal and a surface's that it can touch, at most
 
 
@@ -98,10 +99,11 @@ class PoseSearch:
         most `count`: poses outside of the prior are left out.
         """
         assert self.anchor is not None
-        sizes, cells = self._coarse, self._cells
-        log_held, log_mass = np.zeros(len(cells)), self._scores + self._prior
+        sizes, cells, scores = self._coarse, self._cells, self._scores
+        log_held, log_mass = self._held, self._scores + self._prior + self._held
         for step in range(2 * halvings):
             chosen, more = pose_cells.thinned(log_mass, count)
+            least = float(scores[chosen].max()) - _NEGLIGIBLE
             halves, sizes = (
                 (pose_cells.shifted_halves, sizes.shifted()) if step % 2 else (pose_cells.turned_halves, sizes.turned())
             )
@@ -109,8 +111,10 @@ class PoseSearch:
             poses = pose_cells.poses_of(cells, sizes, self.anchor)
             prior = pose_cells.log_prior(cells, poses, sizes, self._slack(poses, sizes))
             log_held = np.repeat(log_held[chosen] + more, 8)
-            log_mass = prior + log_held
-            log_mass += self._screen(cells, poses, sizes, 0, np.zeros(len(cells)))
+            scores = self._screen(cells, poses, sizes, 0, np.zeros(len(cells)), least)
+            if scores.max() == -np.inf:
+                scores = self._screen(cells, poses, sizes, 0, np.zeros(len(cells)), -np.inf)
+            log_mass = prior + log_held + scores
         chosen, more = pose_cells.thinned(log_mass, count)
         poses = self._within(pose_cells.poses_of(cells[chosen], sizes, self.anchor), sizes, rng)
         log_held = log_held[chosen] + more + pose_cells.log_prior(cells[chosen], poses, sizes)
@@ -136,25 +140,30 @@ class PoseSearch:
             )
         self._cells, self._poses = np.concatenate(cells), np.concatenate(poses)
         self._scores = np.zeros(len(self._cells))
+        self._held, self._contacts = np.zeros(len(self._cells)), 0
         slack = self._slack(self._poses, self._coarse)
         self._prior = pose_cells.log_prior(self._cells, self._poses, self._coarse, slack)
 
     def _screen_coarse(self, first: int) -> None:
-        """Take touches from `first` on into the coarse cells, and forget those that cannot matter."""
-        score = self._screen(self._cells, self._poses, self._coarse, first, self._scores)
-        mass = score + self._prior
-        kept = mass > mass.max() - _FORGOTTEN
-        self._cells, self._poses, self._scores, self._prior = (
-            self._cells[kept], self._poses[kept], score[kept], self._prior[kept]
+        """Take touches from `first` on into the coarse cells, and keep those that can matter."""
+        least = float(self._scores.max()) - _NEGLIGIBLE
+        score = self._screen(self._cells, self._poses, self._coarse, first, self._scores, least)
+        if score.max() == -np.inf:
+            score = self._screen(self._cells, self._poses, self._coarse, first, self._scores, -np.inf)
+        mass = score + self._prior + self._held
+        mass[mass < mass.max() - _FORGOTTEN] = -np.inf
+        self._contacts += 1
+        kept, more = pose_cells.thinned(mass, _KEPT if self._contacts > 1 else _KEPT_FIRST)
+        self._cells, self._poses, self._scores, self._prior, self._held = (
+            self._cells[kept], self._poses[kept], score[kept], self._prior[kept], self._held[kept] + more
         )  # fmt: skip
 
     def _screen(
-        self, cells: NDArray[np.int64], poses: FloatArray, sizes: CellSizes, first: int, score: FloatArray
+        self, cells: NDArray[np.int64], poses: FloatArray, sizes: CellSizes, first: int, score: FloatArray, least: float
     ) -> FloatArray:
-        """Add the touches from `first` on to scores (n,) of cells."""
+        """Add the touches from `first` on to scores (n,) of cells; -inf for those that fall to `least`."""
         assert self._points is not None and self.anchor is not None
         score, labels = score.copy(), pose_cells.label_of(cells)
-        least = float(score.max()) - _NEGLIGIBLE
         for label in np.unique(labels).tolist():
             mine = np.flatnonzero(labels == label)
             part = score[mine]
@@ -165,7 +174,7 @@ class PoseSearch:
             )  # fmt: skip
             score[mine] = part
         self.screened += len(cells) * (len(self._points.sensor) - first)
-        return score
+        return np.where(score > least, score, -np.inf)
 
     def _slack(self, poses: FloatArray, sizes: CellSizes) -> float:
         """Give how far an object's origin may be from that of its cell's middle, mm."""
