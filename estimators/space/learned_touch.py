@@ -79,7 +79,8 @@ def _touching(points: FloatArray, rays: Rays, stiffness: float, deepest: float, 
         start=np.searchsorted(taxel, np.arange(len(points) + 1)).astype(np.int64),
         which=ray.astype(np.int64),
         share=np.ascontiguousarray(rays.to_taxels[taxel, ray]),
-        stiffness=float(stiffness), soft=_SOFT, deepest=deepest, stroke=stroke, noise=np.full(len(points), 2.0), rough=0.1,
+        stiffness=float(stiffness), soft=_SOFT, deepest=deepest, stroke=stroke, noise=np.full(len(points), 2.0),
+        rough=0.1, aside=0.2, columns=len(rays.x), step=float(rays.frame[2]),
         displaced=np.array([0.2, 0.02, 0.02]), swept=0.5, freedom=_FREEDOM, counts=_COUNTS,
     )  # fmt: skip
 
@@ -89,10 +90,11 @@ def _widths(start: Touching, depth: FloatArray, readings: FloatArray) -> tuple[T
     log_p = np.empty(len(depth))
 
     def with_widths(logs: FloatArray) -> Touching:
-        noise, rough, shift, tilt = np.exp(logs)
+        noise, rough, aside, shift, tilt = np.exp(logs)
         return start._replace(
             noise=np.full(len(start.taxel), noise),
             rough=float(rough),
+            aside=float(aside),
             displaced=np.array([shift, tilt, tilt]),
         )
 
@@ -102,6 +104,9 @@ def _widths(start: Touching, depth: FloatArray, readings: FloatArray) -> tuple[T
 
     noise = 0.02 * float(np.quantile(readings, 0.99))
     found = minimize(
-        cost, np.log([noise, 0.1, 0.2, 0.02]), method="Nelder-Mead", options={"maxfev": 120, "xatol": 0.05}
+        cost,
+        np.log([noise, 0.1, 0.2, 0.2, 0.02]),
+        method="Nelder-Mead",
+        options={"maxfev": 150, "xatol": 0.05},
     )
     return with_widths(found.x), -float(found.fun)
