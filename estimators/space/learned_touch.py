@@ -16,7 +16,7 @@ _LEFT_OUT = 5  # one in so many touches is left out to be foreseen
 _SHOWN = 3  # objects from which the stiffness is learned
 _SOFT = 0.5  # mm
 _FREEDOM = 4.0
-_COUNTS = 0.5  # neighbours share errors of the map
+_COUNTS = 0.25  # neighbours share errors of the map and of the pad's place: four count as one
 _STIFFNESSES = np.geomspace(10, 1000, 9)  # kPa/mm that are tried first
 _MOST_DEEP = 5.0  # mm
 
