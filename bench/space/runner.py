@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from datetime import UTC, datetime
 from time import perf_counter
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -20,6 +20,9 @@ from tactsim.core.source_digest import git_commit
 from tactsim.core.space_scan import SpaceScan
 from tactsim.estimators import create
 from tactsim.estimators.estimator import proposes_none
+
+if TYPE_CHECKING:
+    from tactsim.models import Solid
 
 
 def perform_in_space(
@@ -40,12 +43,7 @@ def perform_in_space(
         )
     if config.explore == "information" and not estimator.proposes:
         raise proposes_none(config.estimator)
-    solids = solids_of(config)
-    scan, work = _scan(config, jobs, cache, progress)
-    missing = [one.name for one in solids if one.name not in scan.where("train").objects]
-    if missing:
-        raise InputError(f"--scan {config.scan} holds no training readings of {missing[0]}")
-    scan = scan.some(np.isin(scan.labels, [one.name for one in solids]))
+    scan, solids, work = gather_in_space(config, jobs=jobs, cache=cache, progress=progress)
     plan = SpacePlan(config, scan)
 
     fitting = perf_counter()
@@ -64,6 +62,7 @@ def perform_in_space(
         **about_estimator(estimator),
         "scan": dict(scan.meta),
         "readings_digest": scan.digest,
+        "taxel_points": scan.taxel_points.tolist(),
         "versions": versions(),
         "commit": git_commit(),
         "machine": machine(),
@@ -95,16 +94,30 @@ def protocol_name(config: SpaceConfig) -> str:
     return f"objects in space, {order}" + (f", hand {config.hand.stem}" if config.hand else "")
 
 
-def _scan(
-    config: SpaceConfig, jobs: int, cache: bool, progress: Progress
-) -> tuple[SpaceScan, dict[str, Any]]:
-    if config.scan is not None:
-        return SpaceScan.load(config.scan), {"presses": 0, "skipped": {}}
+def gather_in_space(
+    config: SpaceConfig, *, jobs: int, cache: bool, progress: Progress
+) -> tuple[SpaceScan, list[Solid], dict[str, Any]]:
+    """Touch the objects or load the readings: returns those of the run's objects, the objects, and the work.
+
+    Raises InputError if an object has no training readings.
+    """
     from tactsim.press.space import scan_solids
 
-    return scan_solids(
-        config.scan_options,
-        jobs=jobs,
-        cache=cache,
-        progress=lambda done, total: progress("press", done, total),
-    )
+    solids = solids_of(config)
+    if config.scan is None:
+        scan, work = scan_solids(
+            config.scan_options,
+            jobs=jobs,
+            cache=cache,
+            progress=lambda done, total: progress("press", done, total),
+        )
+    else:
+        scan, work = SpaceScan.load(config.scan), {"presses": 0, "skipped": {}}
+    names = [one.name for one in solids]
+    trained = scan.where("train").objects
+    for name in names:
+        if name not in trained:
+            raise InputError(
+                f"--scan {config.scan} holds no training readings of {name}; it has {', '.join(trained)}"
+            )
+    return scan.some(np.isin(scan.labels, names)), solids, work

@@ -57,11 +57,11 @@ def test_an_axis_against_a_fine_grid_of_turns(beside_axis):
     estimated[3:] = rigid.compose(
         true[3:], np.concatenate([[0.5, 0.2, 0.1], rigid.from_vector([0.1, 0.05, 0.7])])
     )
-    turns = about_z(np.linspace(0, 2 * np.pi, 3600, endpoint=False))
+    turns = about_z(np.linspace(0, 2 * np.pi, 900, endpoint=False))
     group = np.concatenate([rigid.multiply(turns, one) for one in beside_axis])
     of = Surface(cloud, beside_axis, Z)
     wanted = [by_hand(e, t, cloud, group) for e, t in zip(estimated, true, strict=True)]
-    assert np.allclose(surface_distance(estimated, true, of), wanted, rtol=0, atol=1e-3)
+    assert np.allclose(surface_distance(estimated, true, of), wanted, rtol=0, atol=2e-2)
     angles = rigid.angle_between(rigid.multiply(true[:, None, 3:], group[None]), estimated[:, None, 3:]).min(
         axis=1
     )
