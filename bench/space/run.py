@@ -88,7 +88,8 @@ class SpaceRun:
         summary = self.summary
         error = summary["error_mm"][-1]
         return (
-            f"<SpaceRun of {self.config['estimator']}, {len(self.trials.truth)} trials of {self.touches} touches over {' '.join(self.about['objects'])}: accuracy {summary['accuracy'][-1]:.3f}"
+            f"<SpaceRun of {self.config['estimator']}, {len(self.trials.truth)} trials of "
+            f"{self.touches} touches over {' '.join(self.about['objects'])}: accuracy {summary['accuracy'][-1]:.3f}"
             + ("" if error is None else f", surface distance {error:.2f} mm")
             + ">"
         )

@@ -90,6 +90,7 @@ function trialsSection() {
     return h("label", { class: "toggle" }, input, text);
   });
   const canvas = h("canvas", { class: "space", tabindex: 0, role: "img" });
+  const stage = h("div", { class: "stage" }, canvas);
   const redraw = turnableScene(canvas, data.reach, drawScene);
   const status = h("p", { class: "status", "aria-live": "polite" });
   const bars = h("div", { class: "bars" });
@@ -167,7 +168,7 @@ function trialsSection() {
     h("div", { class: "controls" }, pick.field, h("fieldset", { class: "legend" }, h("legend", {}, "Show"), boxes)),
     h("div", { class: "controls" }, holder),
     status,
-    h("div", { class: "two" }, h("div", { class: "card" }, canvas,
+    h("div", { class: "two" }, h("div", { class: "card" }, stage,
       h("p", { class: "hint" }, "Grey: the true object. Green, or red if it is another object: the estimate. Dots: surface points of the belief's poses. Squares: the taxels of the touch, darker or brighter with pressure. Drag or use the arrow keys to turn; wheel, + and - to zoom.")),
       h("div", { class: "card" }, h("h3", {}, "Belief over the objects"), bars)));
 }
