@@ -75,7 +75,7 @@ def page(
         "runs": [_run(name, run) for name, run in runs.items()],
         "taxelPoints": points,
         "pitch": pitch,
-        "reach": reach + 25.0,
+        "reach": reach + 12.0,
         "shapes": {
             label: {
                 "vertices": arrays.add(shape.vertices, "f4"),

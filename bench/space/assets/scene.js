@@ -17,7 +17,7 @@ const LIGHT = [0.35, 0.5, 0.79];
 function turnableScene(canvas, reach, draw) {
   let view = quaternionProduct([Math.cos(0.55), -Math.sin(0.55), 0, 0], [Math.cos(0.4), 0, 0, Math.sin(0.4)]);
   let zoom = 1, size = 0, image = null, depth = null, asked = false;
-  const context = canvas.getContext("2d");
+  const context = canvas.getContext("2d", { willReadFrequently: true });
 
   // Into the camera's frame, in pixels; x right, y down, z towards who looks.
   function seen(point) {
@@ -33,7 +33,7 @@ function turnableScene(canvas, reach, draw) {
     const top = Math.max(0, Math.ceil(Math.min(p[1], q[1], r[1]))), bottom = Math.min(size - 1, Math.floor(Math.max(p[1], q[1], r[1])));
     for (let y = top; y <= bottom; y++) {
       for (let x = left; x <= right; x++) {
-        if (sparse && (x + y) % 2) continue;
+        if (sparse !== undefined && (x + y) % 2 !== sparse) continue;
         const u = ((x - p[0]) * (r[1] - p[1]) - (y - p[1]) * (r[0] - p[0])) / area;
         const v = ((q[0] - p[0]) * (y - p[1]) - (q[1] - p[1]) * (x - p[0])) / area;
         if (u < -1e-6 || v < -1e-6 || u + v > 1 + 1e-6) continue;
@@ -52,7 +52,8 @@ function turnableScene(canvas, reach, draw) {
   }
 
   const scene = {
-    // A closed mesh {vertices, faces} at a pose [x, y, z, qw, qx, qy, qz]; a sparse one lets through what is behind.
+    // A closed mesh {vertices, faces} at a pose [x, y, z, qw, qx, qy, qz]; a sparse one, 0 or 1, takes
+    // every other pixel and leaves the rest to what is behind: of two such meshes both are seen.
     mesh(shape, pose, colour, sparse) {
       const [x, y, z] = pose, rotation = pose.slice(3), corners = [];
       for (let i = 0; i < shape.vertices.length; i += 3) {

@@ -100,8 +100,8 @@ function trialsSection() {
   function drawScene(scene) {
     const k = touch - 1, colours = COLOURS_OF[isDark() ? "dark" : "light"];
     const label = trial.label[k];
-    if (shown.truth) scene.mesh(shapes[trial.truth], Array.from(array(trial.truePose)), colours.truth);
-    if (shown.estimate) scene.mesh(shapes[label], poseAt(trial.pose, k), label === trial.truth ? colours.right : colours.wrong, true);
+    if (shown.truth) scene.mesh(shapes[trial.truth], Array.from(array(trial.truePose)), colours.truth, shown.estimate ? 0 : undefined);
+    if (shown.estimate) scene.mesh(shapes[label], poseAt(trial.pose, k), label === trial.truth ? colours.right : colours.wrong, shown.truth ? 1 : undefined);
     if (shown.belief && trial.belief) {
       const poses = row(trial.belief, k);
       const points = shapes[label].points;
@@ -170,7 +170,7 @@ function trialsSection() {
     status,
     h("div", { class: "two" }, h("div", { class: "card" }, stage,
       h("p", { class: "hint" }, "Grey: the true object. Green, or red if it is another object: the estimate. Dots: surface points of the belief's poses. Squares: the taxels of the touch, darker or brighter with pressure. Drag or use the arrow keys to turn; wheel, + and - to zoom.")),
-      h("div", { class: "card" }, h("h3", {}, "Belief over the objects"), bars)));
+      h("div", { class: "card top" }, h("h3", {}, "Belief over the objects"), bars)));
 }
 
 async function page() {
