@@ -37,7 +37,7 @@ class SpaceOptions(BaseModel):
     )
     tests: int = Field(64, ge=0, le=100_000, description="test touches of each object, from anywhere")
     stroke: float = Field(
-        150.0, ge=1, le=1000, description="mm that the pad goes along its normal at most (assumed)"
+        200.0, ge=1, le=1000, description="mm that the pad goes along its normal at most (assumed)"
     )
     force: float = Field(2.0, ge=1e-6, le=1e4, description="N at which the pad stops (assumed)")
     stiffness: float = Field(50.0, ge=1, le=1e6, description="kPa per mm of the pad's layer (assumed)")

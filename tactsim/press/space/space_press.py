@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tactsim import models
 from tactsim.core.errors import InputError, unknown
 from tactsim.core.poses import FloatArray
 from tactsim.core.rigid import checked_poses, compose, from_vector, matrix
@@ -48,7 +48,7 @@ class SpacePress:
     Raises InputError if the pad does not fit its body.
     """
 
-    def __init__(self, solids: Iterable[Any], options: SpaceOptions) -> None:
+    def __init__(self, solids: Iterable[models.Solid], options: SpaceOptions) -> None:
         self.options = options
         self.solids = {solid.name: solid for solid in solids}
         self.lattice = pad_lattice(options)
@@ -61,12 +61,16 @@ class SpacePress:
         A layer that the force would press by more than its thickness is just so stiff that it gives way by that.
         Raises InputError if there is no such object or a start is no pose.
         """
+        start = checked_poses(start, "start")
+        true = start if rng is None else misplaced(start, self.options, rng)
+        return self.touch_from(label, start, true, np.full(start.shape[:-1], self.options.stroke))
+
+    def touch_from(self, label: str, start: FloatArray, true: FloatArray, stroke: FloatArray) -> Touched:
+        """Touch an object from starts (n, 7) that are truly at `true` (n, 7), each over its own stroke (n,) mm."""
         if label not in self.solids:
             raise unknown("object", label, list(self.solids))
-        start = checked_poses(start, "start")
         if start.ndim != 2:
             raise InputError(f"start has shape {start.shape}; it is a table of poses, (n, 7)")
-        true = start if rng is None else _misplaced(start, self.options, rng)
         solid, options, lattice = self.solids[label], self.options, self.lattice
         forces = options.frame_forces
         states = np.empty((len(start), STATE))
@@ -75,7 +79,7 @@ class SpacePress:
             np.ascontiguousarray(solid.vertices, float), np.ascontiguousarray(solid.faces, np.int64),
             np.ascontiguousarray(true[:, :3]), np.ascontiguousarray(matrix(true[:, 3:])),
             lattice.origin, lattice.step, lattice.columns, lattice.rows, lattice.surface, lattice.facing, lattice.felt,
-            forces, 1e-3 * options.stiffness, options.thickness, options.stroke, states, images,
+            forces, 1e-3 * options.stiffness, options.thickness, stroke, states, images,
         )  # fmt: skip
         travel, force = states[:, 0], states[:, 1]
         return Touched(
@@ -103,8 +107,8 @@ def advanced(pose: FloatArray, distance: FloatArray) -> FloatArray:
     return moved
 
 
-def _misplaced(stated: FloatArray, options: SpaceOptions, rng: np.random.Generator) -> FloatArray:
-    """Draw where pads truly are that are said to be at poses (n, 7)."""
-    error = rng.standard_normal((len(stated), 6))
-    turn = from_vector(options.placement_rad * error[:, 3:])
-    return compose(stated, np.concatenate([options.placement_mm * error[:, :3], turn], axis=1))
+def misplaced(stated: FloatArray, options: SpaceOptions, rng: np.random.Generator) -> FloatArray:
+    """Draw where pads truly are that are said to be at poses (..., 7)."""
+    error = rng.standard_normal((*stated.shape[:-1], 6))
+    turn = from_vector(options.placement_rad * error[..., 3:])
+    return compose(stated, np.concatenate([options.placement_mm * error[..., :3], turn], axis=-1))

@@ -100,12 +100,12 @@ def balance(gap: Reals, rate: Reals, count: int, travel: float, wanted: float) -
 @compiled(
     void(
         REALS_2D, INTS_2D, REALS_2D, REALS_3D, REALS, REALS, int64, int64, REALS, REALS, REALS_2D, REALS,
-        float64, float64, float64, REALS_2D, REALS_3D,
+        float64, float64, REALS, REALS_2D, REALS_3D,
     )
 )  # fmt: skip
 def touch_all(
     vertices: Reals, faces: Ints, places: Reals, rotations: Reals, origin: Reals, step: Reals, columns: int, rows: int,
-    surface: Reals, facing: Reals, felt: Reals, forces: Reals, stiffness: float, thickness: float, stroke: float,
+    surface: Reals, facing: Reals, felt: Reals, forces: Reals, stiffness: float, thickness: float, strokes: Reals,
     states: Reals, images: Reals,
 ) -> None:  # fmt: skip
     """Let the pad come along its z axis until it carries a force, from n starts.
@@ -114,7 +114,7 @@ def touch_all(
     origin, step (2,) mm, columns, rows: the lattice along the pad's x and y. surface: (points,) mm, the pad's z there,
     NaN beside the pad. facing: (points,), the part along z of the pad's normal there. felt: (points, taxels), what a
     taxel reads of a unit of pressure there. forces: (frames,) N, rising, the last at rest. stiffness: N/mm^3 and
-    thickness: mm, of the layer. stroke: mm.
+    thickness: mm, of the layer. strokes: (n,) mm at most.
     Fills states (n, STATE) and images (n, frames, taxels), in the unit of `forces` a mm^2. A touch that meets nothing
     has a force of 0; one that the stroke ends before the force is reached rests there with what it carries.
     """
@@ -130,6 +130,7 @@ def touch_all(
             height[point] -= surface[point]
             if height[point] < first:
                 first = height[point]
+        stroke = strokes[touch]
         states[touch, 0], states[touch, 1], states[touch, 2] = stroke, 0.0, stiffness
         images[touch, :, :] = 0.0
         if not first < stroke:
