@@ -82,7 +82,7 @@ def command(
     of_space = {"objects": objects, "touches": touches, "hand": hand}
     if words.get("task") == TASK:
         words |= {name: value for name, value in of_space.items() if value is not None}
-        space.run_in_space(words, jobs=jobs, cache=cache, out=out, as_json=as_json)
+        space.run_in_space(words, jobs=jobs, out=out, as_json=as_json)
         return
     space.refuse_outside_space(**of_space)
     if port is not None or "presses" in words:

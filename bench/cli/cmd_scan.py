@@ -44,7 +44,7 @@ def command(
         typed = {name: value for name, value in words.items() if is_typed(context, name)}
         if objects is not None:
             typed["objects"] = objects
-        space.scan_in_space(typed | {"task": task}, out=out, jobs=jobs, cache=cache)
+        space.scan_in_space(typed | {"task": task}, out=out)
         return
     space.refuse_outside_space(objects=objects)
     check_new_file(out)

@@ -41,7 +41,7 @@ def refuse_outside_space(**words: Any) -> None:
             raise InputError(f"--{name} is for objects in space; add --task solids, or leave it out")
 
 
-def run_in_space(words: Words, *, jobs: int, cache: bool, out: Path | None, as_json: bool) -> None:
+def run_in_space(words: Words, *, jobs: int, out: Path | None, as_json: bool) -> None:
     """Do `bench run --task solids` with the words that were typed."""
     from tactsim.bench.places import check_new_folder, new_place
     from tactsim.bench.results import to_json
@@ -54,7 +54,7 @@ def run_in_space(words: Words, *, jobs: int, cache: bool, out: Path | None, as_j
     folder = out or new_place(config.estimator)
     check_new_folder(folder)
     with progress_bars() as progress:
-        run = perform_in_space(config, jobs=jobs, cache=cache, progress=progress)
+        run = perform_in_space(config, jobs=jobs, progress=progress)
     if not as_json:
         print_space_run(run)
     run.save(folder)
@@ -64,7 +64,7 @@ def run_in_space(words: Words, *, jobs: int, cache: bool, out: Path | None, as_j
         typer.echo(f"results  {folder}\npicture  {folder / 'touches.png'}")
 
 
-def scan_in_space(words: Words, *, out: Path, jobs: int, cache: bool) -> None:
+def scan_in_space(words: Words, *, out: Path) -> None:
     """Do `bench scan --task solids` with the words that were typed."""
     from tactsim.bench.places import check_new_file
     from tactsim.bench.space.config import SpaceWords, scan_words, space_words
@@ -74,9 +74,7 @@ def scan_in_space(words: Words, *, out: Path, jobs: int, cache: bool) -> None:
     check_new_file(out)
     options = scan_words(**space_words(words, SpaceWords, "scan")).scan_options
     with progress_bars() as progress:
-        scan, work = scan_solids(
-            options, jobs=jobs, cache=cache, progress=lambda done, total: progress("press", done, total)
-        )
+        scan, work = scan_solids(options, progress=lambda done, total: progress("press", done, total))
     scan.save(out)
     typer.echo(
         f"{len(scan):,} touches of {' '.join(scan.objects)}, {scan.readings.shape[1]} taxels, in {out}\n"

@@ -96,5 +96,5 @@ def _drawn(samples: PoseSamples) -> FloatArray:
 
 def _plan_anew(run: SpaceRun) -> SpacePlan:
     config = checked(SpaceConfig, run.config, "run")
-    scan, _, _ = gather_in_space(config, jobs=1, cache=True, progress=silent)
+    scan, _, _ = gather_in_space(config, progress=silent)
     return SpacePlan(config, scan)

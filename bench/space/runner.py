@@ -25,13 +25,10 @@ if TYPE_CHECKING:
     from tactsim.models import Solid
 
 
-def perform_in_space(
-    config: SpaceConfig, *, jobs: int = 1, cache: bool = True, progress: Progress = silent
-) -> SpaceRun:
+def perform_in_space(config: SpaceConfig, *, jobs: int = 1, progress: Progress = silent) -> SpaceRun:
     """Touch the objects or load their readings, fit the estimator, do all trials and score them.
 
-    jobs: processes. cache: whether touches may be read from the cache and kept there. progress(stage, done, total) is
-    called for the stages "press", "map" and "trials".
+    jobs: processes for the trials. progress(stage, done, total) is called for the stages "press", "map" and "trials".
 
     Raises InputError for a configuration that does not fit together.
     """
@@ -43,7 +40,7 @@ def perform_in_space(
         )
     if config.explore == "information" and not estimator.proposes:
         raise proposes_none(config.estimator)
-    scan, solids, work = gather_in_space(config, jobs=jobs, cache=cache, progress=progress)
+    scan, solids, work = gather_in_space(config, progress=progress)
     plan = SpacePlan(config, scan)
 
     fitting = perf_counter()
@@ -95,7 +92,7 @@ def protocol_name(config: SpaceConfig) -> str:
 
 
 def gather_in_space(
-    config: SpaceConfig, *, jobs: int, cache: bool, progress: Progress
+    config: SpaceConfig, *, progress: Progress
 ) -> tuple[SpaceScan, list[Solid], dict[str, Any]]:
     """Touch the objects or load the readings: returns those of the run's objects, the objects, and the work.
 
@@ -107,8 +104,6 @@ def gather_in_space(
     if config.scan is None:
         scan, work = scan_solids(
             config.scan_options,
-            jobs=jobs,
-            cache=cache,
             progress=lambda done, total: progress("press", done, total),
         )
     else:
