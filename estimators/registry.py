@@ -51,6 +51,10 @@ BUILT_IN: dict[str, tuple[str, str]] = {
         "tactsim.estimators.filters.refined:GradedFilter",
         "coarse-to-fine on shares of the reading's own pressure, for loads that vary",
     ),
+    "space-refined": (
+        "tactsim.estimators.space.space_refined:SpaceRefinedFilter",
+        "coarse-to-fine over rotations and places of objects in space",
+    ),
     "nearest": (
         "tactsim.estimators.filters.nearest:Nearest",
         "baseline without maps: which training readings are alike",

@@ -35,7 +35,7 @@ def command(
         typer.Argument(help="Of the estimators, only this one, with its options.", show_default=False),
     ] = None,
 ) -> None:
-    """List estimators, letters, solids, worlds, metrics, suites and formats, or the options of an estimator or a scan."""
+    """List estimators, letters, solids, worlds, metrics, suites and formats, or options of one or of a scan."""
     from rich.table import Table
 
     from tactsim.bench.console import plain_console
