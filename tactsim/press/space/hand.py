@@ -122,19 +122,18 @@ class HandPress:
         while True:
             met = []
             for first, second in combinations(range(len(stops)), 2):
-                boxes = [
+                one, other = (
                     advanced(np.repeat(self._pads[[pad]], len(times), 0), np.minimum(times, stops[pad]))
                     for pad in (first, second)
-                ]
+                )
                 moving = (times < stops[first]) | (times < stops[second])
-                at = np.flatnonzero(_overlap(*boxes, self._box, _APART) & moving)
+                at = np.flatnonzero(_overlap(one, other, self._box, _APART) & moving)
                 if len(at):
                     met.append((times[at[0]], first, second))
             if not met:
                 return stops
-            time, *pair = min(met)
-            for pad in pair:
-                stops[pad] = min(stops[pad], time)
+            time, first, second = min(met)
+            stops[[first, second]] = np.minimum(stops[[first, second]], time)
 
 
 def _overlap(first: FloatArray, second: FloatArray, box: FloatArray, apart: float) -> NDArray[np.bool_]:

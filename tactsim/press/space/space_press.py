@@ -76,7 +76,7 @@ class SpacePress:
         states = np.empty((len(start), STATE))
         images = np.empty((len(start), len(forces), options.pad.taxels))
         touch_all(
-            np.ascontiguousarray(solid.vertices, float), np.ascontiguousarray(solid.faces, np.int64),
+            solid.vertices.astype(float), solid.faces.astype(np.int64),
             np.ascontiguousarray(true[:, :3]), np.ascontiguousarray(matrix(true[:, 3:])),
             lattice.origin, lattice.step, lattice.columns, lattice.rows, lattice.surface, lattice.facing, lattice.felt,
             forces, 1e-3 * options.stiffness, options.thickness, stroke, states, images,
