@@ -11,6 +11,8 @@ from numba import float64, int64, types, void
 from tactsim.core.compiling import INTS, REALS, REALS_2D, REALS_3D, Ints, Reals, compiled
 from tactsim.estimators.space.voxels import VOXELS, Voxels, distance_at, first_hit
 
+_HOPELESS = 2.0  # mm that an object reaches into what the pad has swept; then no ray is looked at
+_WORST = 20.0  # nats that this costs at most
 _TURNS = 2  # linearisations of a touch in the pad's displacement; the second begins where the first ends
 
 
@@ -72,13 +74,42 @@ def sensor_in_object(object_in_robot: Reals, sensor_in_robot: Reals, place: Real
 def feel(
     voxels: Voxels, ray: Reals, place: Reals, turn: Reals, deepest: float, ahead: float, depth: Reals
 ) -> None:
-    """Write for each ray how deep the surface lies in the layer, mm in [-ahead, deepest]; below 0, it is ahead."""
+    """Write for each ray how deep the surface lies in the layer, mm in [-ahead, deepest]; below 0, it is ahead.
+
+    What is ahead counts by its distance, along the ray or not. A look at the rays' feet all together is quick; only a
+    ray that begins inside the object walks back to where it came in.
+    """
     dx, dy, dz = turn[0, 2], turn[1, 2], turn[2, 2]
     for n in range(len(ray)):
         x = place[0] + turn[0, 0] * ray[n, 0] + turn[0, 1] * ray[n, 1] + dx * ray[n, 2]
         y = place[1] + turn[1, 0] * ray[n, 0] + turn[1, 1] * ray[n, 1] + dy * ray[n, 2]
         z = place[2] + turn[2, 0] * ray[n, 0] + turn[2, 1] * ray[n, 1] + dz * ray[n, 2]
-        depth[n] = -first_hit(voxels, x, y, z, dx, dy, dz, -deepest, ahead)
+        depth[n] = -distance_at(voxels, x, y, z)
+    for n in range(len(ray)):
+        here = -depth[n]
+        if here >= deepest:
+            depth[n] = -ahead
+            continue
+        x = place[0] + turn[0, 0] * ray[n, 0] + turn[0, 1] * ray[n, 1] + dx * ray[n, 2]
+        y = place[1] + turn[1, 0] * ray[n, 0] + turn[1, 1] * ray[n, 1] + dy * ray[n, 2]
+        z = place[2] + turn[2, 0] * ray[n, 0] + turn[2, 1] * ray[n, 1] + dz * ray[n, 2]
+        inside = here < 0
+        # A step a little too far back ends the search, with a secant.
+        step = 1.2 * here if inside else -(here + deepest) / 2
+        at, value = 0.0, here
+        while True:
+            before, last = at, value
+            at = max(at + min(step, -0.2), -deepest)
+            value = distance_at(voxels, x + at * dx, y + at * dy, z + at * dz)
+            if value >= 0 or at == -deepest or not inside:
+                break
+            step = 1.2 * value / min(max((value - last) / (before - at), 0.3), 1.0)
+        if inside:
+            depth[n] = deepest if value < 0 else value / (value - last) * (at - before) - at
+        elif value > 0:
+            depth[n] = max(-here, -ahead)
+        else:  # something thin lies behind the place
+            depth[n] = -first_hit(voxels, x, y, z, dx, dy, dz, -deepest, ahead)
 
 
 @compiled(void(VOXELS, REALS_2D, REALS_2D, REALS_3D, float64, float64, REALS_2D))
@@ -131,12 +162,23 @@ def agreement(touching: Touching, depth: Reals, reading: Reals) -> float:
     The pad may be displaced along z and turned about x and y; the readings are linear in that where the contact stays
     as it is, so that a Gauss-Newton step and a matrix 3 by 3 (Woodbury 1950) do it.
     """
-    taxels = len(touching.taxel)
+    taxels, rays = len(touching.taxel), len(depth)
     soft, stiffness = touching.soft, touching.stiffness
     best = np.zeros(3)
     matrix, vector = np.empty((3, 3)), np.empty(3)
+    into, open_to = (
+        np.empty(rays),
+        np.empty(rays),
+    )  # how deep a ray is pressed, and how that changes with its depth
     misfit, log_det, determinant = 0.0, 0.0, 0.0
     for turn in range(_TURNS):
+        felt = False
+        for ray in range(rays):
+            d = depth[ray] + best[0] + best[1] * touching.ray[ray, 1] - best[2] * touching.ray[ray, 0]
+            begun = min(max(d + soft, 0.0), 2 * soft)
+            into[ray] = begun * begun / (4 * soft) + max(d - soft, 0.0)
+            open_to[ray] = begun / (2 * soft)
+            felt |= begun > 0
         for a in range(3):
             vector[a] = 0.0
             for b in range(3):
@@ -146,15 +188,11 @@ def agreement(touching: Touching, depth: Reals, reading: Reals) -> float:
         for t in range(taxels):
             x, y = touching.taxel[t, 0], touching.taxel[t, 1]
             pressed, slope = 0.0, 0.0
-            for n in range(touching.start[t], touching.start[t + 1]):
-                ray = touching.which[n]
-                d = depth[ray] + best[0] + best[1] * touching.ray[ray, 1] - best[2] * touching.ray[ray, 0]
-                if d >= soft:
-                    pressed += touching.share[n] * d
-                    slope += touching.share[n]
-                elif d > -soft:
-                    pressed += touching.share[n] * (d + soft) ** 2 / (4 * soft)
-                    slope += touching.share[n] * (d + soft) / (2 * soft)
+            if felt:
+                for n in range(touching.start[t], touching.start[t + 1]):
+                    ray = touching.which[n]
+                    pressed += touching.share[n] * into[ray]
+                    slope += touching.share[n] * open_to[ray]
             slope *= stiffness
             variance = touching.noise[t] ** 2 + (slope * touching.rough) ** 2
             # What is left is linear in the displacement from 0: its prior stands there.
@@ -190,6 +228,8 @@ def agreement(touching: Touching, depth: Reals, reading: Reals) -> float:
                 value -= matrix[a, c] * vector[c]
             vector[a] = value / matrix[a, a]
             misfit -= vector[a] * vector[a]
+        if not felt:  # no displacement changes anything
+            break
         if turn + 1 < _TURNS:
             for a in range(2, -1, -1):
                 value = vector[a]
@@ -217,18 +257,28 @@ def add_log_p(
     """
     place, turn = np.empty(3), np.empty((3, 3))
     depth = np.empty(len(touching.ray))
+    ahead = touching.soft + 0.5
+    free, buried = np.empty(last), np.empty(last)
+    for m in range(
+        first, last
+    ):  # what a reading says of a state in which no ray meets anything, and all begin inside
+        depth[:] = -ahead
+        free[m] = agreement(touching, depth, readings[m])
+        depth[:] = touching.deepest
+        buried[m] = agreement(touching, depth, readings[m])
     for n in range(len(object_in_robot)):
         for m in range(first, last):
             sensor_in_object(object_in_robot[n], sensor_in_robot[m], place, turn)
-            feel(voxels, touching.ray, place, turn, touching.deepest, touching.soft + 0.5, depth)
-            log_p[n] += agreement(touching, depth, readings[m])
             into = intrusion(voxels, corner, place, turn, touching.deepest, touching.stroke)
-            if into > 0:
-                log_p[n] -= (
-                    0.5
-                    * (touching.freedom + 1)
-                    * math.log(1 + (into / touching.swept) ** 2 / touching.freedom)
-                )
+            log_p[n] -= min(0.5 * (into / touching.swept) ** 2, _WORST)
+            if into > _HOPELESS:
+                log_p[n] += buried[m]
+                continue
+            feel(voxels, touching.ray, place, turn, touching.deepest, ahead, depth)
+            felt = False
+            for ray in range(len(depth)):
+                felt |= depth[ray] > -touching.soft
+            log_p[n] += agreement(touching, depth, readings[m]) if felt else free[m]
 
 
 @compiled(void(TOUCHING, REALS_2D, REALS_2D, REALS))

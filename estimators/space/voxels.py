@@ -6,12 +6,13 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import float64, int32, types
+from numba.extending import register_jitable
 from numpy.typing import NDArray
 
 from tactsim.core.compiling import FLOATS_2D, FLOATS_3D, REALS, Floats, Reals, compiled
 
 BLOCK = 8  # cells along a block's side; it holds one node more, so that neighbours share their border
-_SIDE = BLOCK + 1
+_SHIFT, _INSIDE, _SIDE, _NEXT = np.uint32(3), np.uint32(BLOCK - 1), np.uint32(BLOCK + 1), np.uint32(1)
 _LONGEST = 64  # steps of a ray; at the border of far blocks it may creep
 
 
@@ -42,7 +43,7 @@ def sparse(corner: Reals, cell: float, distance: Floats, band: float) -> Voxels:
     blocks = [-(-(count - 1) // BLOCK) for count in distance.shape]
     wide = [(0, BLOCK * count + 1 - have) for count, have in zip(blocks, distance.shape, strict=True)]
     padded = np.pad(distance, wide, mode="edge")
-    windows = np.lib.stride_tricks.sliding_window_view(padded, (_SIDE,) * 3)[::BLOCK, ::BLOCK, ::BLOCK]
+    windows = np.lib.stride_tricks.sliding_window_view(padded, (BLOCK + 1,) * 3)[::BLOCK, ::BLOCK, ::BLOCK]
     low, high = windows.min(axis=(3, 4, 5)), windows.max(axis=(3, 4, 5))
     # Between nodes the distance changes by at most half the diagonal of a cell.
     slack = np.float32(cell * np.sqrt(3) / 2)
@@ -50,7 +51,7 @@ def sparse(corner: Reals, cell: float, distance: Floats, band: float) -> Voxels:
     index = np.full(near.shape, -1, dtype=np.int32)
     index[near] = np.arange(np.count_nonzero(near))
     far = np.where(low > 0, np.maximum(low - slack, cell), np.minimum(high + slack, -cell)).astype(np.float32)
-    nodes = np.ascontiguousarray(windows[near].reshape(-1, _SIDE**3), dtype=np.float32)
+    nodes = np.ascontiguousarray(windows[near].reshape(-1, (BLOCK + 1) ** 3), dtype=np.float32)
     rim = min(
         float(side.min()) for axis in range(3) for side in (distance.take(0, axis), distance.take(-1, axis))
     )
@@ -64,33 +65,33 @@ def sparse(corner: Reals, cell: float, distance: Floats, band: float) -> Voxels:
     )
 
 
-@compiled(float64(VOXELS, float64, float64, float64), called_from_python=False)
+# Written into its callers: a call counts references to the arrays, which takes longer than the look-up.
+@register_jitable(inline="always")
 def distance_at(voxels: Voxels, x: float, y: float, z: float) -> float:
     """Interpolate the signed distance at a place, mm; far from the surface, give a bound that it is not nearer than."""
-    u = (x - voxels.corner[0]) / voxels.cell
-    v = (y - voxels.corner[1]) / voxels.cell
-    w = (z - voxels.corner[2]) / voxels.cell
+    per = 1 / voxels.cell
+    u, v, w = (x - voxels.corner[0]) * per, (y - voxels.corner[1]) * per, (z - voxels.corner[2]) * per
     wide, deep, tall = voxels.block.shape
-    high_u, high_v, high_w = float(wide * BLOCK), float(deep * BLOCK), float(tall * BLOCK)
-    if not (0.0 <= u < high_u and 0.0 <= v < high_v and 0.0 <= w < high_w):
-        du = max(max(-u, u - high_u), 0.0)
-        dv = max(max(-v, v - high_v), 0.0)
-        dw = max(max(-w, w - high_w), 0.0)
+    if not (0.0 <= u < wide * BLOCK and 0.0 <= v < deep * BLOCK and 0.0 <= w < tall * BLOCK):
+        du = max(max(-u, u - wide * BLOCK), 0.0)
+        dv = max(max(-v, v - deep * BLOCK), 0.0)
+        dw = max(max(-w, w - tall * BLOCK), 0.0)
         return voxels.cell * np.sqrt(du * du + dv * dv + dw * dw) + voxels.margin
-    i, j, k = int(u), int(v), int(w)
-    a, b, c = i // BLOCK, j // BLOCK, k // BLOCK
+    # Unsigned numbers need no check for a count from the end.
+    i, j, k = np.uint32(u), np.uint32(v), np.uint32(w)
+    a, b, c = i >> _SHIFT, j >> _SHIFT, k >> _SHIFT
     which = voxels.block[a, b, c]
     if which < 0:
         return float64(voxels.far[a, b, c])
     u, v, w = u - i, v - j, w - k
-    at = ((i - a * BLOCK) * _SIDE + (j - b * BLOCK)) * _SIDE + (k - c * BLOCK)
-    nodes = voxels.nodes
-    low = (1 - v) * ((1 - w) * nodes[which, at] + w * nodes[which, at + 1]) + v * (
-        (1 - w) * nodes[which, at + _SIDE] + w * nodes[which, at + _SIDE + 1]
+    at = ((i & _INSIDE) * _SIDE + (j & _INSIDE)) * _SIDE + (k & _INSIDE)
+    nodes = voxels.nodes[np.uint32(which)]
+    low = (1 - v) * ((1 - w) * nodes[at] + w * nodes[at + _NEXT]) + v * (
+        (1 - w) * nodes[at + _SIDE] + w * nodes[at + _SIDE + _NEXT]
     )
     at += _SIDE * _SIDE
-    high = (1 - v) * ((1 - w) * nodes[which, at] + w * nodes[which, at + 1]) + v * (
-        (1 - w) * nodes[which, at + _SIDE] + w * nodes[which, at + _SIDE + 1]
+    high = (1 - v) * ((1 - w) * nodes[at] + w * nodes[at + _NEXT]) + v * (
+        (1 - w) * nodes[at + _SIDE] + w * nodes[at + _SIDE + _NEXT]
     )
     return (1 - u) * low + u * high
 
