@@ -25,7 +25,7 @@ Touches = Annotated[
 Hand = Annotated[
     Path | None,
     typer.Option(
-        help="Several pads that touch at once: a hand file (.toml), or gripper.",
+        help="Several pads that touch at once: gripper, or a hand file (.toml).",
         rich_help_panel=PANEL,
         show_default=False,
     ),

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Mapping
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
 from tactsim.bench.config import as_paths, merged, nested
 from tactsim.core.checking import checked
@@ -17,7 +18,7 @@ from tactsim.core.errors import InputError
 if TYPE_CHECKING:
     from tactsim.press.space import SpaceOptions
 
-TASK = "solids"
+TASK: Final = "solids"
 
 
 def _objects(words: Any) -> Any:
@@ -72,6 +73,22 @@ class SpaceConfig(SpaceWords):
     )
     scan: Path | None = None
 
+    @model_validator(mode="after")
+    def _one_pad_is_chosen(self) -> SpaceConfig:
+        if self.hand is not None and self.explore == "information":
+            raise ValueError("a hand is not led by information; leave out hand or explore")
+        return self
+
+    @cached_property
+    def scan_options(self) -> SpaceOptions:
+        """Resolve the options of the scan, with the hand's kind of pad. Raises InputError for the first wrong value."""
+        options = super().scan_options
+        if self.hand is None:
+            return options
+        from tactsim.bench.space.pads import load_hand
+
+        return load_hand(self.hand).options(options)
+
     @property
     def digest(self) -> str:
         """Hash what the run is asked to do."""
@@ -80,7 +97,7 @@ class SpaceConfig(SpaceWords):
         return hashlib.sha256(json.dumps(words, sort_keys=True).encode()).hexdigest()
 
 
-def space_words(given: dict[str, Any], model: type[BaseModel], verb: str) -> dict[str, Any]:
+def space_words(given: Mapping[str, Any], model: type[BaseModel], verb: str) -> dict[str, Any]:
     """Take the words of a command that mean something for objects in space.
 
     Raises InputError for one that does not, with the one to use in its place if there is one.

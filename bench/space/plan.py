@@ -7,14 +7,14 @@ from collections.abc import Sequence
 from concurrent.futures import as_completed
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
 from tactsim.bench.space.config import SpaceConfig
 from tactsim.bench.space.pads import pads
 from tactsim.bench.space.surface_distance import POINTS, Surface
-from tactsim.bench.space.trials import SpaceTask, SpaceTrials, outside_of, run_trial
+from tactsim.bench.space.trials import SpaceTask, SpaceTrials, run_trial
 from tactsim.bench.trials import Progress
 from tactsim.bench.work_counts import flatten_work, unflatten_work
 from tactsim.core.seeds import stream
@@ -46,7 +46,7 @@ class SpacePlan:
     def fitted(self) -> Estimator:
         """Make the estimator and fit it."""
         estimator = create(self.config.estimator, **self.config.set)
-        estimator.fit(self.scan)
+        fit_in_space(estimator, self.scan)
         return estimator
 
     def run(
@@ -55,7 +55,6 @@ class SpacePlan:
         """Do trials here with the fitted estimator; returns them and its work, flattened, without that of fitting."""
         press = pads(self.solids, self.config)
         labels = self.scan.objects
-        outside = outside_of(max(one.radius for one in self.solids))
         before = Counter(flatten_work(estimator.work))
         parts = []
         for done, task in enumerate(tasks):
@@ -63,13 +62,18 @@ class SpacePlan:
             parts.append(
                 run_trial(
                     estimator, press, task, self.surfaces[task.truth], labels=labels, touches=self.config.touches,
-                    seed=self.config.seed, outside=outside, explore=self.config.explore,
+                    seed=self.config.seed, explore=self.config.explore,
                 )
             )  # fmt: skip
         progress("trials", len(tasks), len(tasks))
         work = Counter(flatten_work(estimator.work))
         work.subtract(before)
         return SpaceTrials.joined(parts), dict(work)
+
+
+def fit_in_space(estimator: Estimator, scan: SpaceScan) -> None:
+    """Fit an estimator of objects in space: its `fit` takes a `SpaceScan` where the others' take a `Scan`."""
+    cast("Any", estimator).fit(scan)
 
 
 def solids_of(config: SpaceConfig) -> list[Solid]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,7 +13,7 @@ from tactsim.bench.space.pads import pads
 from tactsim.bench.space.plan import SpacePlan
 from tactsim.bench.space.run import SpaceRun
 from tactsim.bench.space.runner import gather_in_space
-from tactsim.bench.space.trials import SpaceTask, SpaceTrials, outside_of, run_trial
+from tactsim.bench.space.trials import SpaceTask, SpaceTrials, run_trial
 from tactsim.core import rigid
 from tactsim.core.checking import checked
 from tactsim.core.poses import FloatArray
@@ -50,36 +49,25 @@ def tasks_to_show(trials: SpaceTrials) -> dict[str, SpaceTask]:
     return {kind: SpaceTask(str(trials.truth[at]), int(trials.trial[at])) for kind, at in places.items()}
 
 
-def replay(run: SpaceRun, kinds: Sequence[str] = ("typical", "hardest")) -> list[Replayed]:
-    """Do chosen trials of a run again. Raises InputError if its readings cannot be had again."""
+def replay(run: SpaceRun) -> list[Replayed]:
+    """Do a typical trial of a run and the hardest again. Raises InputError if its readings cannot be had again."""
     plan = run.plan or _plan_anew(run)
     estimator = plan.fitted()
     press = pads(plan.solids, plan.config)
-    outside = outside_of(max(one.radius for one in plan.solids))
     found = []
     for kind, task in tasks_to_show(run.trials).items():
-        if kind not in kinds:
-            continue
-        estimates: list[Estimate] = []
-        felt: list[FloatArray] = []
-        sensors: list[FloatArray] = []
-
-        def keep(
-            estimate: Estimate, readings: FloatArray, poses: FloatArray,
-            to: tuple[list[Estimate], list[FloatArray], list[FloatArray]] = (estimates, felt, sensors),
-        ) -> None:  # fmt: skip
-            for values, value in zip(to, (estimate, readings, poses), strict=True):
-                values.append(value)  # type: ignore[arg-type]
-
+        told: list[tuple[Estimate, FloatArray, FloatArray]] = []
         trials = run_trial(
             estimator, press, task, plan.surfaces[task.truth], labels=plan.scan.objects, touches=run.touches,
-            seed=plan.config.seed, outside=outside, explore=plan.config.explore, observe=keep,
+            seed=plan.config.seed, explore=plan.config.explore, observe=lambda *one, told=told: told.append(one),
         )  # fmt: skip
+        estimates = [estimate for estimate, _, _ in told]
         labels = tuple(plan.scan.objects)
         samples = [one.samples for one in estimates if one.samples is not None]
         found.append(
             Replayed(
-                kind, trials, labels, np.array(felt), np.array(sensors),
+                kind, trials, labels, np.array([felt for _, felt, _ in told]),
+                np.array([sensors for _, _, sensors in told]),
                 np.array([[one.probabilities.get(label, 0.0) for label in labels] for one in estimates]),
                 np.array([_drawn(one) for one in samples]) if len(samples) == len(estimates) else None,
             )

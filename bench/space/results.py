@@ -57,7 +57,7 @@ def save(run: SpaceRun, folder: Path) -> Path:
         write_text(inside / "summary.json", to_json(run.summary))
         write_text(inside / "times.json", to_json(run.times | {"work": run.work}))
         content = BytesIO()
-        arrays = {}
+        arrays: dict[str, NDArray[Any]] = {}
         for number, label in enumerate(sorted(run.shapes)):  # as JSON sorts them
             shape = run.shapes[label]
             arrays[f"vertices_{number}"] = shape.vertices

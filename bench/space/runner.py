@@ -11,7 +11,7 @@ import numpy as np
 from tactsim.bench.machine import machine, peak_memory_mb, versions
 from tactsim.bench.runner import about_estimator, silent
 from tactsim.bench.space.config import SpaceConfig
-from tactsim.bench.space.plan import SpacePlan, run_trials, solids_of, surface_of
+from tactsim.bench.space.plan import SpacePlan, fit_in_space, run_trials, solids_of, surface_of
 from tactsim.bench.space.run import Shape, SpaceRun
 from tactsim.bench.space.trials import tasks_of
 from tactsim.bench.trials import Progress
@@ -45,7 +45,7 @@ def perform_in_space(config: SpaceConfig, *, jobs: int = 1, progress: Progress =
 
     fitting = perf_counter()
     progress("map", 0, 1)
-    estimator.fit(scan)
+    fit_in_space(estimator, scan)
     progress("map", 1, 1)
 
     trying = perf_counter()

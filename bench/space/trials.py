@@ -6,11 +6,13 @@ import zlib
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, fields
 from time import process_time
-from typing import Literal, Protocol
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tactsim.bench.space.draws import draw_true_pose
+from tactsim.bench.space.pads import Touching
 from tactsim.bench.space.surface_distance import Surface, surface_distance
 from tactsim.bench.work_counts import flatten_work
 from tactsim.core import rigid
@@ -20,22 +22,8 @@ from tactsim.estimators import Estimate, Estimator
 from tactsim.estimators.estimator import check_estimate
 
 Explore = Literal["random", "information"]
-HALF_BOX = 20.0  # mm: the object's origin, and the point that a touch aims at, lie in this box about the robot's origin
 OFFERED = 40  # touches among which an estimator may choose the next
 _SAMPLES = 200  # of a belief about the pose, for its certainty
-
-
-class Touching(Protocol):
-    """What touches a hidden object: one pad, or the pads of a hand."""
-
-    def touch(
-        self, label: str, start: FloatArray, rng: np.random.Generator
-    ) -> tuple[FloatArray, FloatArray, NDArray[np.bool_]]:
-        """Touch from one start (7,) in the object frame.
-
-        Returns readings (m, taxels) kPa as sensed, the pads' rest poses (m, 7) in the object frame as the robot states
-        them, and which pads met the object (m,).
-        """
 
 
 @dataclass(frozen=True)
@@ -106,30 +94,6 @@ def generator(seed: int, task: SpaceTask, stream: int) -> np.random.Generator:
     return np.random.default_rng([seed, zlib.crc32(task.truth.encode()), task.trial, stream])
 
 
-def draw_true_pose(rng: np.random.Generator) -> FloatArray:
-    """Draw robot_in_object (7,): the object's origin even in the box about the robot's, all rotations alike."""
-    place = rng.uniform(-HALF_BOX, HALF_BOX, size=3)
-    return rigid.invert(np.concatenate([place, rigid.random_rotations(1, rng)[0]]))
-
-
-def draw_starts(count: int, outside: float, rng: np.random.Generator) -> FloatArray:
-    """Draw where touches begin, sensor_in_robot (count, 7).
-
-    The direction is even over the sphere, the point aimed at even in the box, the turn about the normal even. The pad
-    starts `outside` mm before the robot's origin, measured along its normal.
-    """
-    rotation = rigid.random_rotations(count, rng)
-    aim = rng.uniform(-HALF_BOX, HALF_BOX, size=(count, 3))
-    normal = rigid.turned(rotation, np.array([0.0, 0.0, 1.0]))
-    back = outside + np.einsum("ij,ij->i", aim, normal)
-    return np.concatenate([aim - back[:, None] * normal, rotation], axis=1)
-
-
-def outside_of(radius: float) -> float:
-    """Say how far from the robot's origin no point of an object of that radius about its origin can be, mm."""
-    return float(np.sqrt(3) * HALF_BOX + radius)
-
-
 def run_trial(
     estimator: Estimator,
     press: Touching,
@@ -139,16 +103,15 @@ def run_trial(
     labels: Sequence[str],
     touches: int,
     seed: int,
-    outside: float,
     explore: Explore = "random",
     observe: Callable[[Estimate, FloatArray, FloatArray], None] | None = None,
     clock: Callable[[], float] = process_time,
 ) -> SpaceTrials:
     """Recognise one hidden object: touch it `touches` times, estimate after each.
 
-    of: the true object's surface, for the certainty of the pose. At each touch OFFERED starts are drawn; the estimator
-    chooses one with explore="information", else the first is taken, so both are offered the same. outside: see
-    `draw_starts`. observe(estimate, readings, sensors_in_robot) is called after each touch; its time does not count.
+    of: the true object's surface, for the certainty of the pose. At each touch OFFERED starts are drawn. The estimator
+    chooses one with explore="information", else the first is taken, so both are offered the same.
+    observe(estimate, readings, sensors_in_robot) is called after each touch; its time does not count.
 
     Raises InputError that names the estimator if its answer is not a valid estimate or proposal.
     """
@@ -163,7 +126,7 @@ def run_trial(
     pose, start = np.empty((touches, 7)), np.empty((touches, 7))
     before = _evaluations(estimator)
     for k in range(touches):
-        offered = draw_starts(OFFERED, outside, offer)
+        offered = press.starts(OFFERED, offer)
         chosen = 0
         if explore == "information":
             began = clock()
