@@ -20,18 +20,8 @@ def print_space_run(run: SpaceRun) -> None:
         f"{run.about['protocol']}, seed {config['seed']}"
     )
     table = Table(box=None, pad_edge=False)
-    headings = (
-        "touches",
-        "accuracy",
-        "95 % interval",
-        "surface mm",
-        "median",
-        "angle deg",
-        "median",
-        "held by 90 %",
-    )
-    for heading in headings:
-        table.add_column(heading, justify="right")
+    for heading in ("touches", "right", "95 % interval", "mm", "median", "degrees", "median", "90 % held"):
+        table.add_column(heading, justify="right", no_wrap=True)
     for touch in sorted({row for row in (*_ROWS, run.touches) if row <= run.touches}):
         at = {name: summary[name][touch - 1] for name in summary if isinstance(summary[name], list)}
         table.add_row(

@@ -3,17 +3,9 @@
 import numpy as np
 import pytest
 
+from tactsim.bench.space.draws import HALF_BOX, draw_starts, draw_true_pose, outside_of
 from tactsim.bench.space.surface_distance import Surface
-from tactsim.bench.space.trials import (
-    HALF_BOX,
-    SpaceTask,
-    certainty,
-    draw_starts,
-    draw_true_pose,
-    generator,
-    outside_of,
-    tasks_of,
-)
+from tactsim.bench.space.trials import SpaceTask, certainty, generator, tasks_of
 from tactsim.core import rigid
 from tactsim.estimators import Estimate, PoseSamples
 
