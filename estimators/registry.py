@@ -51,10 +51,6 @@ BUILT_IN: dict[str, tuple[str, str]] = {
         "tactsim.estimators.filters.refined:GradedFilter",
         "coarse-to-fine on shares of the reading's own pressure, for loads that vary",
     ),
-    "space-refined": (
-        "tactsim.estimators.space.space_refined:SpaceRefinedFilter",
-        "coarse-to-fine over rotations and places of objects in space",
-    ),
     "nearest": (
         "tactsim.estimators.filters.nearest:Nearest",
         "baseline without maps: which training readings are alike",
@@ -70,6 +66,14 @@ BUILT_IN: dict[str, tuple[str, str]] = {
     "scan-matching": (
         "tactsim.estimators.filters.scan_matching:ScanMatching",
         "baseline without a belief: the one pose that fits best, by branch and bound",
+    ),
+    "space-refined": (
+        "tactsim.estimators.space.space_refined:SpaceRefinedFilter",
+        "objects in space: coarse-to-fine over cells of poses, then particles",
+    ),
+    "space-tempered": (
+        "tactsim.estimators.space.space_refined:SpaceTemperedFilter",
+        "objects in space: particles laid on the first contact, moved by their spread",
     ),
 }
 
