@@ -18,6 +18,8 @@ _SOFT = 0.3  # mm
 _FREEDOM = 4.0
 _COUNTS = 0.5  # neighbours share errors of the map
 _STIFFNESSES = np.geomspace(10, 1000, 9)  # kPa/mm that are tried first
+_COARSE = 1.0  # mm of voxels, while stiffnesses are tried
+_MOST_DEEP = 5.0  # mm
 
 
 def learn_touching(
@@ -27,51 +29,45 @@ def learn_touching(
 
     rays: on which touches will be compared; dense: on which surfaces are learned.
     """
-    shown = [_divided(mine) for mine in list(touches.values())[:: max(1, len(touches) // _SHOWN)][:_SHOWN]]
-    errors = [_misfit(shown, dense, cell, stroke, stiffness) for stiffness in _STIFFNESSES]
-    best = int(np.argmin(errors))
-    fine = _STIFFNESSES[best] * np.geomspace(0.7, 1 / 0.7, 5)
-    stiffness = float(fine[np.argmin([_misfit(shown, dense, cell, stroke, one) for one in fine])])
-    deepest = max(
-        1.5,
-        1.0
-        + max(float(np.quantile(mine.readings.max(axis=1), 0.999)) for mine in touches.values()) / stiffness,
-    )
-    touching = _touching(points, rays, stiffness, deepest, stroke)
-    depth, readings = [], []
-    for mine in touches.values():
-        learned, left_out = _divided(mine)
-        chart = learn_surface(learned, dense, stiffness, cell, stroke)
-        depth.append(depths(chart, left_out, rays, deepest, _SOFT + 0.5))
-        readings.append(left_out.readings)
-    widths = _widths(touching, np.concatenate(depth), np.ascontiguousarray(np.concatenate(readings)))
+    shown = list(touches.values())[:: max(1, len(touches) // _SHOWN)][:_SHOWN]
+
+    def tried(stiffness: float) -> float:
+        start = _touching(points, rays, stiffness, _deepest(shown, stiffness), stroke)
+        return _widths(start, *_left_out(shown, start, rays, dense, max(cell, _COARSE)))[1]
+
+    first = [tried(stiffness) for stiffness in _STIFFNESSES]
+    fine = _STIFFNESSES[int(np.argmax(first))] * np.geomspace(0.75, 1 / 0.75, 5)
+    stiffness = float(fine[np.argmax([tried(one) for one in fine])])
+    start = _touching(points, rays, stiffness, _deepest(list(touches.values()), stiffness), stroke)
+    touching, _ = _widths(start, *_left_out(list(touches.values()), start, rays, dense, cell))
     area = rays.frame[2] ** 2 * rays.base.size / len(points)
-    load = (
-        float(np.quantile(np.concatenate([mine.readings.sum(axis=1) for mine in touches.values()]), 0.75))
-        * area
-    )
-    return widths, load / 1000
+    loads = np.concatenate([mine.readings.sum(axis=1) for mine in touches.values()])
+    return touching, float(np.quantile(loads, 0.75)) * area / 1000
+
+
+def _deepest(touches: list[Touches], stiffness: float) -> float:
+    """Give how deep a surface comes into the layer at most, mm, with some room."""
+    highest = max(float(np.quantile(mine.readings.max(axis=1), 0.999)) for mine in touches)
+    return min(max(1.5, 1.0 + highest / stiffness), _MOST_DEEP)
+
+
+def _left_out(
+    touches: list[Touches], start: Touching, rays: Rays, dense: Rays, cell: float
+) -> tuple[FloatArray, FloatArray]:
+    """Foresee touches left out: depths (n, rays) mm, and their readings (n, taxels) kPa."""
+    depth, readings = [], []
+    for mine in touches:
+        learned, out = _divided(mine)
+        chart = learn_surface(learned, dense, start.stiffness, cell, start.stroke)
+        depth.append(depths(chart, out, rays, start.deepest, start.soft + 0.5))
+        readings.append(out.readings)
+    return np.concatenate(depth), np.ascontiguousarray(np.concatenate(readings))
 
 
 def _divided(touches: Touches) -> tuple[Touches, Touches]:
     """Divide touches into those that are learned from and those left out."""
     out = np.arange(len(touches.readings)) % _LEFT_OUT == 0
     return (touches[~out], touches[out]) if out.any() and not out.all() else (touches, touches)
-
-
-def _misfit(
-    shown: list[tuple[Touches, Touches]], rays: Rays, cell: float, stroke: float, stiffness: float
-) -> float:
-    """Give the median error mm with which left-out touches are foreseen, each one's own mean taken out."""
-    errors = []
-    for learned, left_out in shown:
-        chart = learn_surface(learned, rays, stiffness, cell, stroke)
-        depth = depths(chart, left_out, rays, 5.0, 1.0)
-        pressed = np.maximum(depth, 0) @ rays.to_taxels.T
-        touched = left_out.readings > 0.3 * left_out.readings.max(axis=1, keepdims=True)
-        off = np.where(touched, pressed - left_out.readings / stiffness, np.nan)
-        errors.append(np.abs(off - np.nanmedian(off, axis=1, keepdims=True))[touched])
-    return float(np.median(np.concatenate(errors)))
 
 
 def _touching(points: FloatArray, rays: Rays, stiffness: float, deepest: float, stroke: float) -> Touching:
@@ -83,22 +79,22 @@ def _touching(points: FloatArray, rays: Rays, stiffness: float, deepest: float, 
         start=np.searchsorted(taxel, np.arange(len(points) + 1)).astype(np.int64),
         which=ray.astype(np.int64),
         share=np.ascontiguousarray(rays.to_taxels[taxel, ray]),
-        stiffness=stiffness, soft=_SOFT, deepest=deepest, stroke=stroke, noise=np.full(len(points), 2.0), rough=0.1,
+        stiffness=float(stiffness), soft=_SOFT, deepest=deepest, stroke=stroke, noise=np.full(len(points), 2.0),
+        rough=0.1, aside=0.2, columns=len(rays.x), step=float(rays.frame[2]),
         displaced=np.array([0.2, 0.02, 0.02]), swept=0.5, freedom=_FREEDOM, counts=_COUNTS,
     )  # fmt: skip
 
 
-def _widths(start: Touching, depth: FloatArray, readings: FloatArray) -> Touching:
-    """Choose the widths under which touches left out are most probable."""
+def _widths(start: Touching, depth: FloatArray, readings: FloatArray) -> tuple[Touching, float]:
+    """Choose the widths under which touches left out are most probable, and give their mean log p."""
     log_p = np.empty(len(depth))
-    quiet = np.abs(readings[(depth.max(axis=1) < 0)[:, None] & np.ones_like(readings, dtype=bool)])
-    least = max(float(np.median(quiet)) / 0.6745 if quiet.size > 100 else 0.0, 0.02 * readings.max())
 
     def with_widths(logs: FloatArray) -> Touching:
-        noise, rough, shift, tilt = np.exp(logs)
+        noise, rough, aside, shift, tilt = np.exp(logs)
         return start._replace(
             noise=np.full(len(start.taxel), noise),
             rough=float(rough),
+            aside=float(aside),
             displaced=np.array([shift, tilt, tilt]),
         )
 
@@ -106,10 +102,11 @@ def _widths(start: Touching, depth: FloatArray, readings: FloatArray) -> Touchin
         agreements(with_widths(logs)._replace(counts=1.0), depth, readings, log_p)
         return -float(log_p.mean())
 
+    noise = 0.02 * float(np.quantile(readings, 0.99))
     found = minimize(
         cost,
-        np.log([2 * least, 0.1, 0.2, 0.02]),
+        np.log([noise, 0.1, 0.2, 0.2, 0.02]),
         method="Nelder-Mead",
-        options={"maxfev": 120, "xatol": 0.05},
+        options={"maxfev": 150, "xatol": 0.05},
     )
-    return with_widths(found.x)
+    return with_widths(found.x), -float(found.fun)

@@ -22,7 +22,8 @@ class Touching(NamedTuple):
     ray: (rays, 3) mm, where rays leave the pad's unloaded surface. taxel: (taxels, 2) mm. start: (taxels + 1,), which,
     share: which rays a taxel reads, and how much of each. stiffness: kPa/mm. soft: mm by which a contact begins early
     and ends late. deepest: mm that a surface is in the layer at most. stroke: mm. noise: (taxels,) kPa, what a taxel
-    reads beside the model; rough: mm, by how much the map errs at one ray. displaced: [mm, rad, rad], by how much the
+    reads beside the model; rough: mm, by how much the map errs at one ray; aside: mm, by how much it, or the pad's place,
+    errs along the pad, which counts where the surface slopes. columns, step: of the rays' lattice, mm. displaced: [mm, rad, rad], by how much the
     stated pose errs along z and about x and y. swept: mm by how much the map errs where the pad has passed. freedom:
     of Student's t. counts: the weight of a taxel.
     """
@@ -38,6 +39,9 @@ class Touching(NamedTuple):
     stroke: float
     noise: Reals
     rough: float
+    aside: float
+    columns: int
+    step: float
     displaced: Reals
     swept: float
     freedom: float
@@ -45,7 +49,22 @@ class Touching(NamedTuple):
 
 
 TOUCHING = types.NamedTuple(
-    (REALS_2D, REALS_2D, INTS, INTS, REALS, *[float64] * 4, REALS, float64, REALS, *[float64] * 3), Touching
+    (
+        REALS_2D,
+        REALS_2D,
+        INTS,
+        INTS,
+        REALS,
+        *[float64] * 4,
+        REALS,
+        float64,
+        float64,
+        int64,
+        float64,
+        REALS,
+        *[float64] * 3,
+    ),
+    Touching,
 )
 
 
@@ -166,10 +185,19 @@ def agreement(touching: Touching, depth: Reals, reading: Reals) -> float:
     soft, stiffness = touching.soft, touching.stiffness
     best = np.zeros(3)
     matrix, vector = np.empty((3, 3)), np.empty(3)
-    into, open_to = (
-        np.empty(rays),
-        np.empty(rays),
-    )  # how deep a ray is pressed, and how that changes with its depth
+    # How deep a ray is pressed, how that changes with its depth, and by how much the depth errs.
+    into, open_to, wrong = np.empty(rays), np.empty(rays), np.empty(rays)
+    columns, rows = touching.columns, rays // touching.columns
+    for row in range(rows):
+        for column in range(columns):
+            ray = row * columns + column
+            left, right = ray - (column > 0), ray + (column + 1 < columns)
+            low, high = ray - columns * (row > 0), ray + columns * (row + 1 < rows)
+            along_x = (depth[right] - depth[left]) / (touching.step * max(right - left, 1))
+            along_y = (depth[high] - depth[low]) / (touching.step * max((high - low) // columns, 1))
+            wrong[ray] = math.sqrt(
+                touching.rough**2 + touching.aside**2 * (along_x * along_x + along_y * along_y)
+            )
     misfit, log_det, determinant = 0.0, 0.0, 0.0
     for turn in range(_TURNS):
         felt = False
@@ -187,25 +215,26 @@ def agreement(touching: Touching, depth: Reals, reading: Reals) -> float:
         misfit, product, log_det = 0.0, 1.0, 0.0
         for t in range(taxels):
             x, y = touching.taxel[t, 0], touching.taxel[t, 1]
-            pressed, slope = 0.0, 0.0
+            pressed, slope, error = 0.0, 0.0, 0.0
             if felt:
                 for n in range(touching.start[t], touching.start[t + 1]):
                     ray = touching.which[n]
                     pressed += touching.share[n] * into[ray]
                     slope += touching.share[n] * open_to[ray]
+                    error += touching.share[n] * open_to[ray] * wrong[ray]
             slope *= stiffness
-            variance = touching.noise[t] ** 2 + (slope * touching.rough) ** 2
+            variance = touching.noise[t] ** 2 + (stiffness * error) ** 2
             # What is left is linear in the displacement from 0: its prior stands there.
-            left = reading[t] - stiffness * pressed + slope * (best[0] + best[1] * y - best[2] * x)
+            rest = reading[t] - stiffness * pressed + slope * (best[0] + best[1] * y - best[2] * x)
             by = slope / variance
             product *= variance
             if t % 8 == 7:
                 log_det += math.log(product)
                 product = 1.0
-            misfit += left * left / variance
-            vector[0] += by * left
-            vector[1] += by * left * y
-            vector[2] -= by * left * x
+            misfit += rest * rest / variance
+            vector[0] += by * rest
+            vector[1] += by * rest * y
+            vector[2] -= by * rest * x
             by *= slope
             matrix[0, 0] += by
             matrix[1, 0] += by * y
