@@ -14,7 +14,7 @@ PANEL = "Objects in space (--task solids)"
 Objects = Annotated[
     str | None,
     typer.Option(
-        help="Which objects: bolt,nut,key, or none beside shapes. Default: the twelve.",
+        help="Which objects: bolt,nut,key, or 30 for the first thirty (of 50), or none beside shapes. Default: 12.",
         rich_help_panel=PANEL,
         show_default=False,
     ),

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
-from tactsim.bench.config import as_paths, merged, nested
+from tactsim.bench.config import as_paths, merged, nested, whole_number
 from tactsim.core.checking import checked
 from tactsim.core.errors import InputError
 
@@ -22,9 +22,13 @@ TASK: Final = "solids"
 
 
 def _objects(words: Any) -> Any:
-    """Read names from a text such as "bolt,nut", or "none"; names in a list stay as they are."""
+    """Read names from a text: "bolt,nut", "none", or "20" for the first twenty; names in a list stay as they are."""
     if not isinstance(words, str):
         return words
+    if (count := whole_number(words.strip())) is not None:
+        from tactsim.models import solid_names
+
+        return solid_names(count)
     return () if words.strip() == "none" else tuple(words.replace(",", " ").split())
 
 
@@ -35,7 +39,8 @@ class SpaceWords(BaseModel):
 
     task: Literal["solids"] = TASK
     objects: Annotated[tuple[str, ...] | None, BeforeValidator(_objects)] = Field(
-        None, description="Which objects: bolt,nut,key, or none beside shapes. Default: the twelve."
+        None,
+        description="Which objects: bolt,nut,key, or 30 for the first thirty, or none beside shapes. Default: 12.",
     )
     shapes: Annotated[tuple[Path, ...], BeforeValidator(as_paths)] = ()
     noise: str | float | None = None

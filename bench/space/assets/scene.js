@@ -16,12 +16,12 @@ const LIGHT = [0.35, 0.5, 0.79];
 // The canvas is square. `draw` is called with the scene after it has been cleared, whenever it must be drawn again.
 function turnableScene(canvas, reach, draw) {
   let view = quaternionProduct([Math.cos(0.55), -Math.sin(0.55), 0, 0], [Math.cos(0.4), 0, 0, Math.sin(0.4)]);
-  let zoom = 1, size = 0, image = null, depth = null, asked = false;
+  let zoom = 1, size = 0, image = null, depth = null, asked = false, centre = [0, 0, 0];
   const context = canvas.getContext("2d", { willReadFrequently: true });
 
   // Into the camera's frame, in pixels; x right, y down, z towards who looks.
-  function seen(point) {
-    const [x, y, z] = turned(view, point);
+  function seen([a, b, c]) {
+    const [x, y, z] = turned(view, [a - centre[0], b - centre[1], c - centre[2]]);
     const scale = (zoom * size) / (2 * reach);
     return [size / 2 + scale * x, size / 2 - scale * y, scale * z];
   }
@@ -52,6 +52,10 @@ function turnableScene(canvas, reach, draw) {
   }
 
   const scene = {
+    // Put a point in the middle of the view.
+    look(point) {
+      centre = point;
+    },
     // A closed mesh {vertices, faces} at a pose [x, y, z, qw, qx, qy, qz]; a sparse one, 0 or 1, takes
     // every other pixel and leaves the rest to what is behind: of two such meshes both are seen.
     mesh(shape, pose, colour, sparse) {
@@ -78,11 +82,12 @@ function turnableScene(canvas, reach, draw) {
       triangle(p, q, r, colour);
       triangle(p, r, t, colour);
     },
+    // A dot on a surface, seen also where the surface lies a little before it.
     dot(point, colour) {
       const [x, y, z] = seen(point).map(Math.round), half = Math.max(1, Math.round(size / 500));
       for (let j = y - half; j < y + half; j++) {
         for (let i = x - half; i < x + half; i++) {
-          if (i >= 0 && j >= 0 && i < size && j < size) pixel(j * size + i, z, colour);
+          if (i >= 0 && j >= 0 && i < size && j < size) pixel(j * size + i, z + size / 100, colour);
         }
       }
     },

@@ -100,6 +100,7 @@ function trialsSection() {
   function drawScene(scene) {
     const k = touch - 1, colours = COLOURS_OF[isDark() ? "dark" : "light"];
     const label = trial.label[k];
+    scene.look(Array.from(array(trial.truePose)).slice(0, 3));
     if (shown.truth) scene.mesh(shapes[trial.truth], Array.from(array(trial.truePose)), colours.truth, shown.estimate ? 0 : undefined);
     if (shown.estimate) scene.mesh(shapes[label], poseAt(trial.pose, k), label === trial.truth ? colours.right : colours.wrong, shown.truth ? 1 : undefined);
     if (shown.belief && trial.belief) {

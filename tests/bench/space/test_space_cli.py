@@ -127,6 +127,7 @@ def test_the_frame_of_an_object_does_not_matter_to_its_error():
         (["--world", "rough"], "--world"),
         (["--objects", "bolzen"], "bolt"),
         (["--objects", "none"], "nothing to touch"),
+        (["--objects", "51"], "50"),
         (["--touches", "0"], "touches"),
         (["--trials", "0"], "trials"),
         (["--explore", "blind"], "information"),
