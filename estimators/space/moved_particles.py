@@ -22,6 +22,7 @@ _TURNS = 0.002, 0.15  # rad: the least and the largest scale of a turn about a t
 _LEVER = 5.0  # mm for a rad, of the shift beside such a turn
 _JITTER = 0.02, 0.001  # mm and rad, so that copies can part
 _BISECTIONS = 14
+_MOVES = 3  # after each resampling
 
 
 @dataclass(eq=False)
@@ -41,6 +42,11 @@ class MovedParticles:
     def rest(self) -> FloatArray:
         """Give the log-weights (n,) for the rest of the way to power 1."""
         return self.log_weight + (1 - self.power) * self.log_p
+
+    @property
+    def log_evidence(self) -> float:
+        """Give log p(touches): all that the particles stand for."""
+        return Weights(self.rest).log_mean + float(np.log(len(self.label)))
 
     def take_in(self, log_p: FloatArray) -> None:
         """Add a touch's log p (n,), at power 0 for the time being."""
@@ -94,7 +100,11 @@ class MovedParticles:
         shift = shift + _JITTER[0] * rng.standard_normal((count, 3))
         by = rigid.from_vector(turn)
         proposed = np.concatenate(
-            [about + rigid.turned(by, self.pose[:, :3] - about) + shift, rigid.multiply(by, self.pose[:, 3:])], axis=1
+            [
+                about + rigid.turned(by, self.pose[:, :3] - about) + shift,
+                rigid.multiply(by, self.pose[:, 3:]),
+            ],
+            axis=1,
         )
         proposed[:, 3:] /= np.linalg.norm(proposed[:, 3:], axis=1, keepdims=True)
         within = np.abs(proposed[:, :3]).max(axis=1) <= box
@@ -115,7 +125,8 @@ class MovedParticles:
             if self.power == 1.0:
                 return used
             self.resample(count, rng)
-            self.move(log_p, places, box, rng)
+            for _ in range(_MOVES):
+                self.move(log_p, places, box, rng)
             self.raise_power(survivors)
         return rounds
 
