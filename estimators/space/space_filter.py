@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pydantic import Field
 
+from tactsim.core import rigid
 from tactsim.core.errors import InputError
 from tactsim.core.finite import finite
 from tactsim.core.poses import FloatArray
@@ -19,7 +20,10 @@ from tactsim.estimators.estimator import Estimate, Estimator, PoseSamples, check
 from tactsim.estimators.filters.weights import Weights
 from tactsim.estimators.space.field import SpaceField, SpaceMapOptions
 from tactsim.estimators.space.se3_states import mean_around
+from tactsim.estimators.space.space_information import STATES, information
 from tactsim.estimators.space.touch_points import PointReader
+
+_LEAST = 1e-9  # the share of the belief that an object keeps
 
 
 class SpaceFilterOptions(SpaceMapOptions):
@@ -92,35 +96,50 @@ class SpaceFilter(Estimator):
         """Say which object it is and where: the mean about the best pose of the most probable object."""
         check_order(bool(self.labels), "fit", "estimate")
         check_order(self._started, "reset", "estimate")
-        evidence = self.log_evidence()[self._alike]
-        # Objects that are one hypothesis have equal parts of what it holds.
-        evidence = evidence - np.log(np.bincount(self._alike, minlength=len(evidence))[self._alike])
-        weight = Weights(evidence).relative
-        best = int(weight.argmax())
-        poses, weights, mode = self.belief_of(int(self._alike[best]))
-        chance = weight / weight.sum()
+        label, poses, weights = self.belief()
+        mass = np.bincount(label, weights.relative, minlength=len(self.labels))
+        # An object that no state is left of is improbable, not impossible.
+        mass = np.maximum(mass, _LEAST * mass.sum())[self._alike]
+        chance = mass / mass.sum()
+        best = int(chance.argmax())
+        mine = np.flatnonzero(label == self._alike[best])
+        poses, held = poses[mine], Weights(weights.log[mine])
         return Estimate(
             label=self.labels[best],
             probabilities=dict(zip(self.labels, chance.tolist(), strict=True)),
-            robot_in_object=inverted(mean_around(poses, weights, mode)),
-            samples=PoseSamples(inverted(poses), weights),
+            robot_in_object=rigid.invert(mean_around(poses, held.normalised, int(held.log.argmax()))),
+            samples=PoseSamples(rigid.invert(poses), held.normalised),
         )
 
-    @abstractmethod
-    def _fitted(self) -> None: ...
-    @abstractmethod
-    def _reset(self, rng: np.random.Generator) -> None: ...
-    @abstractmethod
-    def _update(self, readings: FloatArray, sensors_in_robot: FloatArray) -> None: ...
-    @abstractmethod
-    def log_evidence(self) -> FloatArray: ...
-    @abstractmethod
-    def belief_of(self, label: int) -> tuple[FloatArray, FloatArray, int]: ...
+    def propose(self, candidates: Sequence[FloatArray] | FloatArray) -> int:
+        """Choose the index of the start (k, 7), sensor_in_robot, whose touch along its z should say most of the state."""
+        check_order(bool(self.labels), "fit", "propose")
+        check_order(self._started, "reset", "propose")
+        starts = checked_poses(candidates, "candidates")
+        if starts.ndim != 2 or not len(starts):
+            raise InputError(
+                f"candidates have shape {starts.shape}; they are one or more [x, y, z, qw, qx, qy, qz]"
+            )
+        # Proposals have a random stream of their own: the estimates are the same whether they are asked for or not.
+        label, poses, weights = self.belief()
+        chosen = weights.systematic(STATES, self._planning)
+        return int(information(self.field, label[chosen], poses[chosen], starts).argmax())
 
+    @abstractmethod
+    def belief(self) -> tuple[NDArray[np.int64], FloatArray, Weights]:
+        """Give the states that stand for the belief: objects (n,), object_in_robot (n, 7) and n weights."""
 
-def inverted(poses: FloatArray) -> FloatArray:
-    from tactsim.core import rigid
-    return rigid.invert(poses)
+    @abstractmethod
+    def _fitted(self) -> None:
+        """Prepare what does not depend on a sequence."""
+
+    @abstractmethod
+    def _reset(self, rng: np.random.Generator) -> None:
+        """Forget the sequence; draw from `rng` until the next reset."""
+
+    @abstractmethod
+    def _update(self, readings: FloatArray, sensors_in_robot: FloatArray) -> None:
+        """Take in readings (m, taxels) kPa at poses (m, 7), which the field has got already."""
 
 
 def alike(field: SpaceField) -> NDArray[np.int64]:

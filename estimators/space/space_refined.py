@@ -21,11 +21,11 @@ _BEFORE = 256  # poses of an object that stand for it until something is touched
 class SpaceRefinedOptions(SpaceFilterOptions):
     """Options of the coarse-to-fine filter in space."""
 
-    rotations: int = Field(6, ge=2, le=8, description="coarse cells along each side of the four cubes of rotations")
-    voxel: float = Field(6.0, ge=1, le=20, description="side of a coarse cell, mm")
-    cells: int = Field(600, ge=8, le=1_000_000, description="cells that are halved, each time")
+    rotations: int = Field(5, ge=2, le=8, description="coarse cells along each side of the four cubes of rotations")
+    voxel: float = Field(7.0, ge=1, le=20, description="side of a coarse cell, mm")
+    cells: int = Field(400, ge=8, le=1_000_000, description="cells that are halved, each time")
     halvings: int = Field(4, ge=0, le=5, description="how many times cells are halved in all six directions")
-    searches: int = Field(4, ge=1, le=10_000, description="contacts up to which cells are searched anew")
+    searches: int = Field(100, ge=1, le=10_000, description="contacts up to which cells are searched anew")
     particles: int = Field(300, ge=8, le=1_000_000, description="n_P, over all objects together")
     rounds: int = Field(10, ge=1, le=100, description="the most rounds of resampling and moving at a touch")
     survivors: float = Field(0.5, gt=0, lt=1, description="share of the particles that must stay effective")
@@ -89,20 +89,9 @@ class SpaceRefinedFilter(SpaceFilter):
         self._evaluated += len(label) * (self.field.touches - first)
         return log_p
 
-    def log_evidence(self) -> FloatArray:
-        """Sum what the particles of each object hold: log p(readings | object), (labels,)."""
-        one, evidence = self._particles, np.full(len(self.labels), -np.inf)
-        rest = one.rest
-        for label in np.unique(one.label).tolist():
-            mine = rest[one.label == label]
-            evidence[label] = np.log(len(mine)) + Weights(mine).log_mean
-        return evidence
-
-    def belief_of(self, label: int) -> tuple[FloatArray, FloatArray, int]:
-        """Give the particles of an object: poses (n, 7), their weights (n,), and which is the best."""
-        one = self._particles
-        mine = np.flatnonzero(one.label == label)
-        return one.pose[mine], Weights(one.rest[mine]).normalised, int(one.log_p[mine].argmax())
+    def belief(self) -> tuple[NDArray[np.int64], FloatArray, Weights]:
+        """Give the particles."""
+        return self._particles.label, self._particles.pose, Weights(self._particles.rest)
 
     @property
     def work(self) -> dict[str, Any]:
