@@ -22,6 +22,7 @@ _TURNS = 0.002, 0.15  # rad: the least and the largest scale of a turn about a t
 _LEVER = 5.0  # mm for a rad, of the shift beside such a turn
 _JITTER = 0.02, 0.001  # mm and rad, so that copies can part
 _BISECTIONS = 14
+_MOVES = 3  # after each resampling
 
 
 @dataclass(eq=False)
@@ -41,6 +42,11 @@ class MovedParticles:
     def rest(self) -> FloatArray:
         """Give the log-weights (n,) for the rest of the way to power 1."""
         return self.log_weight + (1 - self.power) * self.log_p
+
+    @property
+    def log_evidence(self) -> float:
+        """Give log p(touches): all that the particles stand for."""
+        return Weights(self.rest).log_mean + float(np.log(len(self.label)))
 
     def take_in(self, log_p: FloatArray) -> None:
         """Add a touch's log p (n,), at power 0 for the time being."""
@@ -115,7 +121,8 @@ class MovedParticles:
             if self.power == 1.0:
                 return used
             self.resample(count, rng)
-            self.move(log_p, places, box, rng)
+            for _ in range(_MOVES):
+                self.move(log_p, places, box, rng)
             self.raise_power(survivors)
         return rounds
 

@@ -96,13 +96,15 @@ class PoseSearch:
         """Halve the better cells `halvings` times, and draw a pose in each of `count` of the smallest.
 
         Returns labels (n,), object_in_robot (n, 7), and the logs (n,) of how much of the prior each stands for. n is at
-        most `count`: poses outside of the prior are left out.
+        most `count`: poses outside of the prior are left out. It is 0 where no object can be what was touched.
         """
         assert self.anchor is not None
         sizes, cells, scores = self._coarse, self._cells, self._scores
         log_held, log_mass = self._held, self._scores + self._prior + self._held
         for step in range(2 * halvings):
             chosen, more = pose_cells.thinned(log_mass, count)
+            if not len(chosen):  # the prior is nowhere near
+                break
             least = float(scores[chosen].max()) - _NEGLIGIBLE
             halves, sizes = (
                 (pose_cells.shifted_halves, sizes.shifted()) if step % 2 else (pose_cells.turned_halves, sizes.turned())
@@ -146,6 +148,8 @@ class PoseSearch:
 
     def _screen_coarse(self, first: int) -> None:
         """Take touches from `first` on into the coarse cells, and keep those that can matter."""
+        if not len(self._cells):
+            return
         least = float(self._scores.max()) - _NEGLIGIBLE
         score = self._screen(self._cells, self._poses, self._coarse, first, self._scores, least)
         if score.max() == -np.inf:

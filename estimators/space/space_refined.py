@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,7 @@ from tactsim.estimators.space.pose_search import PoseSearch
 from tactsim.estimators.space.space_filter import SpaceFilter, SpaceFilterOptions
 
 _BEFORE = 256  # poses of an object that stand for it until something is touched
+_LATER = 1.3  # times as many contacts as at the last search make another one due
 
 
 class SpaceRefinedOptions(SpaceFilterOptions):
@@ -25,7 +27,9 @@ class SpaceRefinedOptions(SpaceFilterOptions):
     voxel: float = Field(7.0, ge=1, le=20, description="side of a coarse cell, mm")
     cells: int = Field(400, ge=8, le=1_000_000, description="cells that are halved, each time")
     halvings: int = Field(4, ge=0, le=5, description="how many times cells are halved in all six directions")
-    searches: int = Field(100, ge=1, le=10_000, description="contacts up to which cells are searched anew")
+    searches: int = Field(
+        6, ge=1, le=10_000, description="contacts up to which each has cells searched anew; later only some have"
+    )
     particles: int = Field(300, ge=8, le=1_000_000, description="n_P, over all objects together")
     rounds: int = Field(10, ge=1, le=100, description="the most rounds of resampling and moving at a touch")
     survivors: float = Field(0.5, gt=0, lt=1, description="share of the particles that must stay effective")
@@ -50,7 +54,7 @@ class SpaceRefinedFilter(SpaceFilter):
 
     def _reset(self, rng: np.random.Generator) -> None:
         self._search.reset()
-        self._rng, self._contacts = rng, 0
+        self._rng, self._due = rng, 0
         self._touched = np.empty((0, 3))
         count = _BEFORE * len(self._distinct)
         place = rng.uniform(-1, 1, (count, 3)) * self.options.reach
@@ -60,25 +64,37 @@ class SpaceRefinedFilter(SpaceFilter):
         )  # fmt: skip
 
     def _update(self, readings: FloatArray, sensors_in_robot: FloatArray) -> None:
-        """Search anew while few contacts were made, else go on with the particles; move them till they fit."""
+        """Take the touch into the particles and move them till they fit; search anew if that is due."""
+        chosen, old = self.options, self._particles
         met = np.flatnonzero(self.reader.met(readings))
-        for one in met.tolist():
-            self._touched = np.concatenate([self._touched, [self.reader.anchor(readings[one], sensors_in_robot[one])]])
-        if self._contacts <= self.options.searches:
-            self._search.take_in(readings, sensors_in_robot)
-        self._contacts += len(met)
-        one, chosen = self._particles, self.options
-        if self._contacts and self._contacts <= chosen.searches:
+        places = [self.reader.anchor(readings[one], sensors_in_robot[one]) for one in met.tolist()]
+        self._touched = np.concatenate([self._touched, *(place[None] for place in places)])
+        self._search.take_in(readings, sensors_in_robot)
+        old.take_in(self._log_p(old.label, old.pose, self.field.touches - len(readings)))
+        contacts = len(self._touched)
+        if not contacts:
+            old.raise_power(0.0)
+            return
+        searched = len(met) > 0 and (contacts <= chosen.searches or contacts >= self._due)
+        if searched:
             label, pose, log_held = self._search.find(chosen.cells, chosen.halvings, self._rng)
-            one = self._particles = born(label, pose, self._log_p(label, pose), log_held, chosen.survivors)
-        else:
-            one.take_in(self._log_p(one.label, one.pose, self.field.touches - len(readings)))
-        if not self._contacts:
-            one.power, one.log_weight = 1.0, one.log_weight + one.log_p
-        else:
-            one.settle(
-                self._log_p, self._touched, chosen.reach, self._rng, chosen.particles, chosen.rounds, chosen.survivors
-            )
+            searched = len(label) > 0
+        if not searched or contacts > len(met):
+            self._settle(old)
+        if not searched:
+            return
+        self._due = math.ceil(_LATER * contacts)
+        new = born(label, pose, self._log_p(label, pose), log_held, chosen.survivors)
+        self._settle(new)
+        # Both stand for the whole belief. Where one has lost a part of it, it has the less evidence.
+        if contacts <= chosen.searches or new.log_evidence > old.log_evidence:
+            self._particles = new
+
+    def _settle(self, particles: MovedParticles) -> None:
+        chosen = self.options
+        particles.settle(
+            self._log_p, self._touched, chosen.reach, self._rng, chosen.particles, chosen.rounds, chosen.survivors
+        )
 
     def _log_p(self, label: NDArray[np.int64], pose: FloatArray, first: int = 0) -> FloatArray:
         """Sum log p of the touches from `first` on of objects (n,) at poses (n, 7)."""

@@ -11,6 +11,7 @@ from tactsim.bench.new.repository import contents
 from tactsim.core import InputError
 from tactsim.estimators.contract import CHECKS, Case
 
+SPACE = ("space-refined", "space-tempered")  # they have a contract of their own: tests/estimators/space
 # The last is by `bench new`, as a stranger would install it.
 NAMES = tuple(
     pytest.param(
@@ -18,6 +19,7 @@ NAMES = tuple(
         marks=pytest.mark.skipif(name == "mlp" and not find_spec("sklearn"), reason="needs scikit-learn"),
     )
     for name in (*estimators.names(), "my-estimator")
+    if name not in SPACE
 )
 COARSE = {  # options that make an estimator cheaper to fit
     "synthesis": {"spacing": 2.5, "angles": 8, "modes": 100},
