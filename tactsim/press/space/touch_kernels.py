@@ -199,7 +199,7 @@ def touch_all(
 
     vertices (v, 3) mm, faces (f, 3): the mesh. places (n, 3) mm, rotations (n, 3, 3): sensor_in_object at the starts.
     origin, step (2,) mm, columns, rows: the lattice along the pad's x and y, columns and rows multiples of COARSE.
-    bounds: (4,) mm, x low, x high, y low, y high of a flat pad, NaN of a curved one. surface: (points,) mm, the pad's z,
+    bounds: (4,) mm, x low, x high, y low, y high of a flat pad, NaN of a curved one. surface: (points,) mm, its z,
     NaN beside the pad. facing: (points,), the part along z of the normal. cell: (points, 2), where felt_u (2, cells,
     columns of taxels) and felt_v (2, cells, rows of taxels) hold what the taxels feel along u and v of a force there,
     that of a point on all lines and on every COARSE-th. forces: (frames,) N, rising, the last at rest. stiffness:
