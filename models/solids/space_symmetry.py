@@ -12,12 +12,11 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from tactsim.core import rigid
 from tactsim.core.errors import InputError
 from tactsim.core.poses import FloatArray
+from tactsim.models.solids.triangles import cut_to, to_triangles
 from tactsim.models.symmetry import LARGEST_ORDER, TOLERANCE
 
 _CELL = 1.5  # mm, the longest edge of the triangles into which the surface is cut for a comparison
@@ -55,7 +54,7 @@ def find_symmetry(corners: FloatArray) -> SpaceSymmetry:
     a surface of higher order is a body of revolution within that tolerance.
     Raises InputError for a ball, which has no pose that could be found.
     """
-    surface = _Surface(corners)
+    surface = Surface(corners)
     moments, axes = np.linalg.eigh(surface.second_moments)
     near = np.diff(moments) < _ALIKE * moments[-1]
     if near.all():
@@ -66,12 +65,14 @@ def find_symmetry(corners: FloatArray) -> SpaceSymmetry:
     return SpaceSymmetry(_group(turns), None)
 
 
-class _Surface:
+class Surface:
     """A mesh cut into small cells, so that distances from it are found quickly."""
 
     def __init__(self, corners: FloatArray) -> None:
+        from scipy.spatial import cKDTree
+
         self.corners = corners
-        self.cells = _cut_to(_CELL, corners)
+        self.cells = cut_to(_CELL, corners)[0]
         middles = self.cells.mean(axis=1)
         self.tree = cKDTree(middles)
         points = np.concatenate([np.unique(corners.reshape(-1, 3), axis=0), middles])
@@ -108,11 +109,11 @@ class _Surface:
         for nearest in (_NEAREST // 8, _NEAREST):
             far = np.flatnonzero(found > TOLERANCE)
             near = self.tree.query(points[far], k=range(1, nearest + 1))[1]
-            found[far] = _to_triangles(points[far, None], self.cells[near]).min(axis=1)
+            found[far] = to_triangles(points[far, None], self.cells[near]).min(axis=1)
         return found
 
 
-def _symmetry_about(surface: _Surface, axis: FloatArray) -> SpaceSymmetry:
+def _symmetry_about(surface: Surface, axis: FloatArray) -> SpaceSymmetry:
     """Find the symmetry of a body whose only axis of an order above 2 is `axis`."""
     axis = axis * np.sign(axis[np.abs(axis).argmax()])
     if all(surface.is_unchanged(rigid.from_vector(_GOLDEN * count * axis)) for count in range(1, 6)):
@@ -134,7 +135,7 @@ def _symmetry_about(surface: _Surface, axis: FloatArray) -> SpaceSymmetry:
     return SpaceSymmetry(_group(turns), None)
 
 
-def _flip_axes(surface: _Surface, axis: FloatArray, order: int) -> list[FloatArray]:
+def _flip_axes(surface: Surface, axis: FloatArray, order: int) -> list[FloatArray]:
     """List the directions across `axis` about which half a turn may leave the surface as it is.
 
     With w = x + iy and z along the axis, half a turn about the direction phi maps w to exp(2 i phi) conj(w) and z to
@@ -154,11 +155,11 @@ def _flip_axes(surface: _Surface, axis: FloatArray, order: int) -> list[FloatArr
     return found
 
 
-def _symmetry_of_equal_moments(surface: _Surface) -> SpaceSymmetry:
+def _symmetry_of_equal_moments(surface: Surface) -> SpaceSymmetry:
     """Find the symmetry of a body whose moments of inertia are all equal, like a cube's or a tetrapod's."""
     points = surface.corners.reshape(-1, 3)
     reach = np.linalg.norm(points, axis=1)
-    if reach.max() - _to_triangles(np.zeros((1, 1, 3)), surface.corners[None]).min() <= TOLERANCE:
+    if reach.max() - to_triangles(np.zeros((1, 1, 3)), surface.corners[None]).min() <= TOLERANCE:
         raise InputError("it is a ball, which every turn leaves as it is: there is no pose to find")
     tips = _clusters(points[reach > reach.max() - TOLERANCE])
     if len(tips) == 0 or len(tips) > _MOST_TIPS or np.linalg.matrix_rank(tips, tol=1.0) < 2:
@@ -214,36 +215,3 @@ def _group(turns: list[FloatArray]) -> FloatArray:
     group = np.where(group[:, :1] < 0, -group, group)
     group.setflags(write=False)
     return group
-
-
-def _cut_to(length: float, corners: FloatArray) -> FloatArray:
-    """Halve triangles (f, 3, 3) at their longest edges until none is longer than `length` mm."""
-    done = []
-    while len(corners):
-        edges = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2)
-        small = edges.max(axis=1) <= length
-        done.append(corners[small])
-        corners, longest = corners[~small], edges[~small].argmax(axis=1)
-        a, b, c = (
-            np.take_along_axis(corners, ((longest + k) % 3)[:, None, None], axis=1)[:, 0] for k in range(3)
-        )
-        middle = (a + b) / 2
-        corners = np.concatenate([np.stack([a, middle, c], axis=1), np.stack([middle, b, c], axis=1)])
-    return np.concatenate(done)
-
-
-def _to_triangles(points: FloatArray, triangles: FloatArray) -> FloatArray:
-    """Measure the distances (n, k) mm of points (n, 1, 3) from triangles (n, k, 3 corners, 3)."""
-    a, b, c = np.moveaxis(triangles, 2, 0)
-    normal = np.cross(b - a, c - a)
-    double = np.linalg.norm(normal, axis=-1)
-    inside: NDArray[np.bool_] = double > 0
-    best = np.full(double.shape, np.inf)
-    for start, end in ((a, b), (b, c), (c, a)):
-        edge, offset = end - start, points - start
-        square = np.maximum(np.sum(edge**2, axis=-1), 1e-300)
-        along = np.clip(np.sum(offset * edge, axis=-1) / square, 0, 1)
-        best = np.minimum(best, np.linalg.norm(offset - along[..., None] * edge, axis=-1))
-        inside &= np.sum(np.cross(edge, offset) * normal, axis=-1) >= 0
-    height = np.abs(np.sum((points - a) * normal, axis=-1)) / np.maximum(double, 1e-300)
-    return np.where(inside, height, best)
