@@ -18,7 +18,7 @@ from tactsim.models.solids.triangles import CELL, CutSurface, cut_to
 if TYPE_CHECKING:
     from manifold3d import Manifold
 
-CONCAVITY = 0.05  # mm: a piece whose hull lies nowhere further off counts as convex
+CONCAVITY = 0.1  # mm: a piece whose hull lies nowhere further off counts as convex
 MOST_PARTS = 400
 _PLANES = 8  # faces beside reflex edges that are tried
 _REFLEX = 1e-6  # mm by which an edge's neighbour must rise above a face
