@@ -26,14 +26,15 @@ class PadLattice:
     surface: (points,) mm, z there, NaN beside the pad. facing: (points,), the part along z of the normal.
     cell: (points, 2), where each is in felt_u (2, cells, columns of taxels) and felt_v (2, cells, rows of taxels): the
     share of a force that the taxels feel along the surface, for points on all lines and on every COARSE-th.
-    kpa: what a taxel reads of 1 N on it. taxel_points, taxel_normals: (taxels, 3) mm and unit vectors, where the taxels'
-    middles are and look.
+    bounds: (4,) mm, x low, x high, y low, y high of a flat pad, NaN of a curved one. kpa: what a taxel reads of 1 N.
+    taxel_points, taxel_normals: (taxels, 3) mm and unit vectors, where the taxels' middles are and look.
     """
 
     origin: FloatArray
     step: FloatArray
     columns: int
     rows: int
+    bounds: FloatArray
     surface: FloatArray
     facing: FloatArray
     cell: NDArray[np.int64]
@@ -72,8 +73,21 @@ def pad_lattice(options: SpaceOptions) -> PadLattice:
     felt_u = _felt(x_low, x_high, columns, pad.column_edges, sigma)
     felt_v = _felt(y_low, y_high, rows, pad.row_edges, sigma)
     kpa = _KPA / (pad.taxel_width * pad.taxel_height)
+    bounds = np.array(pad.load_bounds) if options.radius is None else np.full(4, np.nan)
     return PadLattice(
-        start + step / 2, step, columns, rows, surface, facing, cell, felt_u, felt_v, kpa, points, normals
+        start + step / 2,
+        step,
+        columns,
+        rows,
+        bounds,
+        surface,
+        facing,
+        cell,
+        felt_u,
+        felt_v,
+        kpa,
+        points,
+        normals,
     )
 
 

@@ -14,12 +14,14 @@ import numpy as np
 from numba import float64, int64, void
 
 from tactsim.core.compiling import INTS, INTS_2D, REALS, REALS_2D, REALS_3D, Ints, Reals, compiled
+from tactsim.press.facet_kernels import cut
 
 STATE = 3  # what `touch_all` finds: travel mm, force N, the layer's stiffness N/mm^3
 
 COARSE = 3  # lines of the lattice from one to the next of those on which a touch is found
+_CORNERS = 8  # room for a polygon: a triangle cut by four lines
 _FINE = 16_000  # points of the lattice about a contact up to which it is looked at on all lines
-_MARGIN = 0.3  # mm that the pad may go further, or less far, on all lines
+_MARGIN = 0.5  # mm that the pad may go further, or less far, on all lines
 
 _EDGE_ON = 1e-9  # a facet with a smaller share of its area across the stroke is a wall that the pad passes
 _ON_EDGE = 1e-9  # by which a point may miss a facet and still be on it, so that none falls between two
@@ -72,16 +74,55 @@ def draw(corners: Reals, faces: Ints, origin: Reals, step: Reals, window: Ints, 
                     height[point] = min(height[point], az + of_b * bz + of_c * cz)
 
 
-@compiled(int64(REALS, REALS, INTS, int64, int64, float64, INTS, REALS), called_from_python=False)
+@compiled(float64(REALS_2D, INTS_2D, REALS, REALS_2D, REALS_2D), called_from_python=False)
+def foremost(corners: Reals, faces: Ints, bounds: Reals, corner: Reals, spare: Reals) -> float:
+    """Find the least z of all facets that look along -z before a flat pad: mm, infinite if there is none.
+
+    A point of the lattice may miss a sharp tip by much. bounds: (4,) x low, x high, y low, y high of the pad, mm.
+    corner, spare: room for a polygon.
+    """
+    first = np.inf
+    for face in range(len(faces)):
+        a, b, c = faces[face, 0], faces[face, 1], faces[face, 2]
+        if min(corners[a, 2], corners[b, 2], corners[c, 2]) >= first:
+            continue
+        low_x, high_x = (
+            min(corners[a, 0], corners[b, 0], corners[c, 0]),
+            max(corners[a, 0], corners[b, 0], corners[c, 0]),
+        )
+        low_y, high_y = (
+            min(corners[a, 1], corners[b, 1], corners[c, 1]),
+            max(corners[a, 1], corners[b, 1], corners[c, 1]),
+        )
+        if high_x <= bounds[0] or low_x >= bounds[1] or high_y <= bounds[2] or low_y >= bounds[3]:
+            continue
+        bx, by = corners[b, 0] - corners[a, 0], corners[b, 1] - corners[a, 1]
+        cx, cy = corners[c, 0] - corners[a, 0], corners[c, 1] - corners[a, 1]
+        if bx * cy - by * cx >= 0:
+            continue
+        for k in range(3):
+            corner[0, k], corner[1, k], corner[2, k] = corners[a, k], corners[b, k], corners[c, k]
+        count = 3
+        for axis in range(2):
+            count = cut(corner, count, axis, 1.0, bounds[2 * axis], spare)
+            count = cut(corner, count, axis, -1.0, bounds[2 * axis + 1], spare)
+        for k in range(count):
+            first = min(first, corner[k, 2])
+    return first
+
+
+@compiled(int64(REALS, REALS, INTS, int64, int64, float64, float64, INTS, REALS), called_from_python=False)
 def gather(
-    height: Reals, surface: Reals, window: Ints, stride: int, columns: int, reach: float, at: Ints, gap: Reals
+    height: Reals, surface: Reals, window: Ints, stride: int, columns: int, front: float, reach: float, at: Ints,
+    gap: Reals,
 ) -> int:  # fmt: skip
     """List the points of a window that lie less than `reach` mm behind the foremost; returns how many.
 
     height: mm, of the window, on every stride-th line of the lattice. surface: (points,) mm, the pad's z on the whole
-    lattice, which has `columns` lines along y. Fills gap with the way mm from the pad and at with their numbers on it.
+    lattice, which has `columns` lines along y. front: mm, where something is known to be, or infinite.
+    Fills gap with the ways mm from the pad and at with the points' numbers on the lattice.
     """
-    first = np.inf
+    first = front
     for turn in range(2):
         count = 0
         for row in range(window[3]):
@@ -145,29 +186,30 @@ def surround(
 
 @compiled(
     void(
-        REALS_2D, INTS_2D, REALS_2D, REALS_3D, REALS, REALS, int64, int64, REALS, REALS, INTS_2D, REALS_3D, REALS_3D,
-        REALS, float64, float64, REALS, REALS_2D, REALS_3D,
+        REALS_2D, INTS_2D, REALS_2D, REALS_3D, REALS, REALS, int64, int64, REALS, REALS, REALS, INTS_2D, REALS_3D,
+        REALS_3D, REALS, float64, float64, REALS, REALS_2D, REALS_3D,
     )
 )  # fmt: skip
 def touch_all(
     vertices: Reals, faces: Ints, places: Reals, rotations: Reals, origin: Reals, step: Reals, columns: int, rows: int,
-    surface: Reals, facing: Reals, cell: Ints, felt_u: Reals, felt_v: Reals, forces: Reals, stiffness: float,
-    thickness: float, strokes: Reals, states: Reals, images: Reals,
+    bounds: Reals, surface: Reals, facing: Reals, cell: Ints, felt_u: Reals, felt_v: Reals, forces: Reals,
+    stiffness: float, thickness: float, strokes: Reals, states: Reals, images: Reals,
 ) -> None:  # fmt: skip
     """Let the pad come along its z axis until it carries a force, from n starts.
 
     vertices (v, 3) mm, faces (f, 3): the mesh. places (n, 3) mm, rotations (n, 3, 3): sensor_in_object at the starts.
     origin, step (2,) mm, columns, rows: the lattice along the pad's x and y, columns and rows multiples of COARSE.
-    surface: (points,) mm, the pad's z there, NaN beside the pad. facing: (points,), the part along z of the normal.
-    cell: (points, 2), where felt_u (2, cells, columns of taxels) and felt_v (2, cells, rows of taxels) hold what the
-    taxels feel along u and v of a force there, that of a point on all lines and on every COARSE-th. forces: (frames,)
-    N, rising, the last at rest. stiffness: N/mm^3 and thickness: mm, of the layer. strokes: (n,) mm at most.
+    bounds: (4,) mm, x low, x high, y low, y high of a flat pad, NaN of a curved one. surface: (points,) mm, its z,
+    NaN beside the pad. facing: (points,), the part along z of the normal. cell: (points, 2), where felt_u (2, cells,
+    columns of taxels) and felt_v (2, cells, rows of taxels) hold what the taxels feel along u and v of a force there,
+    that of a point on all lines and on every COARSE-th. forces: (frames,) N, rising, the last at rest. stiffness:
+    N/mm^3 and thickness: mm, of the layer. strokes: (n,) mm at most.
     Fills states (n, STATE) and images (n, frames, taxels) N. A touch that meets nothing has a force of 0; one that the
     stroke ends before the force is reached rests there with what it carries.
     """
     corners, height = np.empty_like(vertices), np.empty(columns * rows)
     gap, rate, at = np.empty(columns * rows), np.empty(columns * rows), np.empty(columns * rows, np.int64)
-    window = np.empty(4, np.int64)
+    window, corner, spare = np.empty(4, np.int64), np.empty((_CORNERS, 3)), np.empty((_CORNERS, 3))
     coarse_origin = origin + (COARSE // 2) * step
     across = felt_u.shape[2]
     for touch in range(len(places)):
@@ -176,28 +218,29 @@ def touch_all(
         states[touch, 0], states[touch, 1], states[touch, 2] = stroke, 0.0, stiffness
         images[touch, :, :] = 0.0
         window[0], window[1], window[2], window[3] = 0, 0, columns // COARSE, rows // COARSE
+        front = foremost(corners, faces, bounds, corner, spare)
         draw(corners, faces, coarse_origin, COARSE * step, window, height)
-        level, stride = 1, COARSE
+        level, stride, deep = 1, COARSE, True
         while True:
             area = stride * stride * step[0] * step[1]
-            count = gather(height, surface, window, stride, columns, thickness, at, gap)
-            first = np.inf
+            count = gather(height, surface, window, stride, columns, front, thickness, at, gap)
+            first = front
             for point in range(count):
                 # A surface under a force along its normal, by a depth along its normal: of both the part along z
                 # counts, over an area larger than its shadow by one such part.
                 rate[point] = area * facing[at[point]]
                 first = min(first, gap[point])
-            if not first < stroke:
+            if not (count and first < stroke):
                 break
-            if level or stiff > stiffness:
+            if deep:
                 # A layer that would be pressed by more than its thickness is just stiff enough not to give so far.
                 stiff = max(stiffness, forces[-1] / springs(gap, rate, count, first + thickness))
             travel = balance(gap, rate, count, first + thickness, forces[-1] / stiff)
             if level == 0 or surround(at, gap, count, columns, rows, travel + _MARGIN, window) > _FINE:
                 break
             draw(corners, faces, origin, step, window, height)
-            level, stride = 0, 1
-        if not first < stroke:
+            level, stride, deep = 0, 1, travel + _MARGIN >= first + thickness
+        if not (count and first < stroke):
             continue
         travel = min(travel, stroke)
         states[touch, 0], states[touch, 2] = travel, stiff

@@ -149,6 +149,7 @@ def test_a_mistake_is_one_line_that_says_what_would_be_right(words, says):
 @pytest.mark.parametrize(
     ("words", "says"),
     [
+        (["run", "--estimator", "alike"], "--task solids"),
         (["run", "--touches", "3"], "--task solids"),
         (["run", "--hand", "gripper"], "--task solids"),
         (["scan", "--objects", "nut", "--out", "x.npz"], "--task solids"),
