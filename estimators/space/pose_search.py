@@ -1,4 +1,4 @@
-"""The coarse-to-fine search over SO(3) x R^3: cells of poses about the first contact, the better of which are halved."""
+"""The coarse-to-fine search over SO(3) x R^3: cells of poses about the first contact, halved where they fit."""
 
 from __future__ import annotations
 
@@ -52,8 +52,9 @@ def patches_of(surface: Surface, sizes: CellSizes) -> Patches:
 class PoseSearch:
     """Which poses of which objects may agree with the touches so far, found by a quick look at distances.
 
-    A pose is given by its rotation and by the point of the object that lies where the first contact was the hardest, the
-    anchor: in these six numbers volumes are the same as in rotation and place, and only points on the surface matter.
+    A pose is given by its rotation and by the point of the object that lies where the first contact was the hardest,
+    the anchor: in these six numbers volumes are the same as in rotation and place, and only points on the surface
+    matter.
     Cells of them, all objects' together, are screened (`screen_kernels`) for what may lie in them, the better ones are
     halved in turns, then in places, and so on. Of the cells that are not halved some stand for all: so what is found
     stands for the whole belief. screened: touches times cells that were looked at.
@@ -185,7 +186,8 @@ class PoseSearch:
         least: float,
     ) -> FloatArray:
         """Add the touches from `first` on to scores (n,) of cells; -inf for those that fall to `least`."""
-        assert self._points is not None and self.anchor is not None
+        assert self._points is not None
+        assert self.anchor is not None
         score, labels = score.copy(), pose_cells.label_of(cells)
         for label in np.unique(labels).tolist():
             mine = np.flatnonzero(labels == label)

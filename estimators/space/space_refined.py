@@ -41,7 +41,14 @@ class SpaceRefinedOptions(SpaceFilterOptions):
 
 
 class SpaceRefinedFilter(SpaceFilter):
-    """Coarse to fine over cells of poses, then particles."""
+    """A coarse-to-fine search over all poses, whose cells become particles.
+
+    After a contact `PoseSearch` halves the better of all cells. A pose drawn in each of the smallest is a particle; the
+    particles are weighed by the likelihood of all touches, little by little, and moved (`MovedParticles`): they are as
+    fine as the belief, which cells in six dimensions are not. After a touch for which no search is due the particles of
+    the last one go on. Where both are there, the one with the more evidence is kept: a belief that has lost its best
+    part has less.
+    """
 
     options_type = SpaceRefinedOptions
     options: SpaceRefinedOptions
