@@ -8,9 +8,9 @@ import numpy as np
 from scipy.optimize import minimize
 
 from tactsim.core.poses import FloatArray
+from tactsim.estimators.space.feeling_kernels import Touching, agreements
 from tactsim.estimators.space.learning import Touches, depths, learn_surface
 from tactsim.estimators.space.rays import Rays
-from tactsim.estimators.space.touch_kernels import Touching, agreements
 
 _LEFT_OUT = 5  # one in so many touches is left out to be foreseen
 _SHOWN = 3  # objects from which the stiffness is learned

@@ -10,10 +10,10 @@ from scipy.ndimage import label
 
 from tactsim.core import rigid
 from tactsim.core.poses import FloatArray
+from tactsim.estimators.space.feeling_kernels import feel_all
 from tactsim.estimators.space.fusion_kernels import INSIDE, OUTSIDE, UNKNOWN, carve, merge, redistance, settle
 from tactsim.estimators.space.rays import Rays
 from tactsim.estimators.space.surface import Surface, surface_of
-from tactsim.estimators.space.touch_kernels import feel_all
 from tactsim.estimators.space.voxels import Voxels, sparse
 
 _BEFORE, _BEHIND = 1.5, 1.5  # mm from a surface, within which a touch says how far away it is
@@ -99,7 +99,7 @@ def fuse(
 
 
 def depths(voxels: Voxels, touches: Touches, rays: Rays, deepest: float, ahead: float) -> FloatArray:
-    """Foresee how deep the surface lies in the layer at each ray: (n, rays) mm, as `touch_kernels.feel` does."""
+    """Foresee how deep the surface lies in the layer at each ray: (n, rays) mm, as `feeling_kernels.feel` does."""
     origin = np.column_stack([rays.xy, rays.base.ravel()])
     found = np.empty((len(touches.places), len(origin)))
     feel_all(voxels, origin, touches.places, touches.turns, deepest, ahead, found)

@@ -5,8 +5,8 @@ import pytest
 from numba import njit
 
 from tactsim.core import rigid
+from tactsim.estimators.space.feeling_kernels import feel_all
 from tactsim.estimators.space.fusion_kernels import INSIDE, OUTSIDE, UNKNOWN, redistance, settle
-from tactsim.estimators.space.touch_kernels import feel_all
 from tactsim.estimators.space.voxels import distance_at, first_hit, sparse
 
 RADIUS, CELL = 12.0, 0.8
