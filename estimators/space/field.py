@@ -12,17 +12,16 @@ from tactsim.core.poses import FloatArray
 from tactsim.core.space_scan import SpaceScan
 from tactsim.estimators.estimator import Options
 from tactsim.estimators.space.learned_touch import learn_touching
-from tactsim.estimators.space.learning import Touches, learn_surface
+from tactsim.estimators.space.learning import Chart, Touches, learn_surface
 from tactsim.estimators.space.rays import Rays, rays_over
-from tactsim.estimators.space.surface import Surface, surface_of
+from tactsim.estimators.space.surface import Surface
 from tactsim.estimators.space.touch_kernels import Touching, add_log_p, foresee_touches
-from tactsim.estimators.space.voxels import Voxels
 
 
 class SpaceMapOptions(Options):
     """How surfaces in space are learned, and how finely touches are compared with them."""
 
-    cell: float = Field(0.6, ge=0.2, le=5, description="side of a voxel, mm")
+    cell: float = Field(1.0, ge=0.2, le=5, description="side of a voxel, mm")
     rays: int = Field(1, ge=1, le=4, description="rays along each side of a taxel that look for the surface")
     spread: float = Field(
         1.0,
@@ -39,17 +38,16 @@ class SpaceField:
     feels. evaluations: how many touches were compared with how many states, summed.
     """
 
-    def __init__(
-        self, maps: Mapping[str, Voxels], rays: Rays, touching: Touching, load: float, spacing: float = 2.0
-    ) -> None:
-        """Take the learned maps by label. load: N that a touch carries. spacing: mm between points of a surface."""
-        self.maps, self.labels = dict(maps), tuple(maps)
+    def __init__(self, charts: Mapping[str, Chart], rays: Rays, touching: Touching, load: float) -> None:
+        """Take what was learned of objects, by label. load: N that a touch carries."""
+        self.maps = {label: chart.voxels for label, chart in charts.items()}
+        self.labels = tuple(charts)
         self.rays, self.touching, self._load = rays, touching, load
         x, y = touching.ray[:, 0], touching.ray[:, 1]
         edge_x, edge_y = (np.array([v.min(), (v.min() + v.max()) / 2, v.max()]) for v in (x, y))
         corners = np.stack(np.meshgrid(edge_x, edge_y), axis=-1).reshape(-1, 2)
         self._corners = np.ascontiguousarray(corners[[4, 0, 1, 2, 3, 5, 6, 7, 8]])
-        self._surfaces = [surface_of(chart, spacing) for chart in self.maps.values()]
+        self._surfaces = [chart.surface for chart in charts.values()]
         self.evaluations = 0
         self.reset()
 
@@ -70,11 +68,11 @@ class SpaceField:
             mine = train.labels == label
             touches[label] = Touches.at(train.readings[mine], train.poses[mine])
         touching, load = learn_touching(touches, train.taxel_points, rays, dense, options.cell, stroke)
-        maps = {
+        charts = {
             label: learn_surface(mine, dense, touching.stiffness, options.cell, stroke)
             for label, mine in touches.items()
         }
-        return cls(maps, rays, touching, load)
+        return cls(charts, rays, touching, load)
 
     def reset(self) -> None:
         """Forget all touches."""
@@ -135,3 +133,11 @@ class SpaceField:
         moved = np.array(start)
         moved[:, :3] += travel[:, None] * rigid.turned(start[:, 3:], np.array([0.0, 0.0, 1.0]))
         return moved
+
+
+def surfaces_of(estimator: object) -> Mapping[str, Surface]:
+    """Give the surfaces that an estimator has learned, by label; none if it has no field in space."""
+    field = getattr(estimator, "field", None)
+    if not isinstance(field, SpaceField):
+        return {}
+    return {label: field.surface(number) for number, label in enumerate(field.labels)}

@@ -14,11 +14,10 @@ from tactsim.estimators.space.touch_kernels import Touching, agreements
 
 _LEFT_OUT = 5  # one in so many touches is left out to be foreseen
 _SHOWN = 3  # objects from which the stiffness is learned
-_SOFT = 0.3  # mm
+_SOFT = 0.5  # mm
 _FREEDOM = 4.0
-_COUNTS = 0.5  # neighbours share errors of the map
+_COUNTS = 0.25  # neighbours share errors of the map and of the pad's place: four count as one
 _STIFFNESSES = np.geomspace(10, 1000, 9)  # kPa/mm that are tried first
-_COARSE = 1.0  # mm of voxels, while stiffnesses are tried
 _MOST_DEEP = 5.0  # mm
 
 
@@ -33,7 +32,7 @@ def learn_touching(
 
     def tried(stiffness: float) -> float:
         start = _touching(points, rays, stiffness, _deepest(shown, stiffness), stroke)
-        return _widths(start, *_left_out(shown, start, rays, dense, max(cell, _COARSE)))[1]
+        return _widths(start, *_left_out(shown, start, rays, dense, cell))[1]
 
     first = [tried(stiffness) for stiffness in _STIFFNESSES]
     fine = _STIFFNESSES[int(np.argmax(first))] * np.geomspace(0.75, 1 / 0.75, 5)
@@ -59,7 +58,7 @@ def _left_out(
     for mine in touches:
         learned, out = _divided(mine)
         chart = learn_surface(learned, dense, start.stiffness, cell, start.stroke)
-        depth.append(depths(chart, out, rays, start.deepest, start.soft + 0.5))
+        depth.append(depths(chart.voxels, out, rays, start.deepest, start.soft + 0.5))
         readings.append(out.readings)
     return np.concatenate(depth), np.ascontiguousarray(np.concatenate(readings))
 

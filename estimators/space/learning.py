@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy.ndimage import label
@@ -11,12 +12,14 @@ from tactsim.core import rigid
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.space.fusion_kernels import INSIDE, OUTSIDE, UNKNOWN, carve, merge, redistance, settle
 from tactsim.estimators.space.rays import Rays
+from tactsim.estimators.space.surface import Surface, surface_of
 from tactsim.estimators.space.touch_kernels import feel_all
 from tactsim.estimators.space.voxels import Voxels, sparse
 
 _BEFORE, _BEHIND = 1.5, 1.5  # mm from a surface, within which a touch says how far away it is
 _BAND = 3.0  # mm from the surface, within which voxels are kept
 _PART = 0.05  # of the largest piece's volume; smaller pieces are specks that no touch has passed
+_SPACING = 2.0  # mm between points of a surface
 _MARGIN = 4.0  # mm that the grid is larger than what was touched
 
 
@@ -38,6 +41,13 @@ class Touches:
         return Touches(self.readings[those], self.places[those], self.turns[those])
 
 
+class Chart(NamedTuple):
+    """What was learned of one object: signed distances to its surface, and the surface where touches met it."""
+
+    voxels: Voxels
+    surface: Surface
+
+
 def first_heights(
     touches: Touches, rays: Rays, stiffness: float, least: float
 ) -> tuple[FloatArray, FloatArray]:
@@ -52,7 +62,7 @@ def first_heights(
 
 def fuse(
     touches: Touches, rays: Rays, heights: FloatArray, touched: FloatArray, cell: float, stroke: float
-) -> Voxels:
+) -> Chart:
     """Merge heights (n, rows, columns) mm, where `touched` is 1, into signed distances."""
     xy = rays.xy.reshape(*rays.base.shape, 2)
     seen = np.concatenate([np.broadcast_to(xy, (*heights.shape, 2)), heights[..., None]], axis=-1)
@@ -83,7 +93,9 @@ def fuse(
     level = np.where(measured, total / np.maximum(weight, 1e-6), nominal).astype(np.float32)
     distance = np.empty_like(level)
     redistance(distance, level, cell)
-    return sparse(corner, cell, distance, _BAND)
+    return Chart(
+        sparse(corner, cell, distance, _BAND), surface_of(corner, cell, distance, measured, spacing=_SPACING)
+    )
 
 
 def depths(voxels: Voxels, touches: Touches, rays: Rays, deepest: float, ahead: float) -> FloatArray:
@@ -94,7 +106,7 @@ def depths(voxels: Voxels, touches: Touches, rays: Rays, deepest: float, ahead: 
     return found
 
 
-def learn_surface(touches: Touches, rays: Rays, stiffness: float, cell: float, stroke: float) -> Voxels:
+def learn_surface(touches: Touches, rays: Rays, stiffness: float, cell: float, stroke: float) -> Chart:
     """Learn signed distances to an object's surface from its touches.
 
     stiffness: kPa/mm of the pad's layer. cell: mm. stroke: mm over which the pad came.

@@ -19,13 +19,13 @@ _TURNS = 2  # linearisations of a touch in the pad's displacement; the second be
 class Touching(NamedTuple):
     """How the pad feels, as it was learned from training touches.
 
-    ray: (rays, 3) mm, where rays leave the pad's unloaded surface. taxel: (taxels, 2) mm. start: (taxels + 1,), which,
-    share: which rays a taxel reads, and how much of each. stiffness: kPa/mm. soft: mm by which a contact begins early
-    and ends late. deepest: mm that a surface is in the layer at most. stroke: mm. noise: (taxels,) kPa, what a taxel
-    reads beside the model; rough: mm, by how much the map errs at one ray; aside: mm, by how much it, or the pad's place,
-    errs along the pad, which counts where the surface slopes. columns, step: of the rays' lattice, mm. displaced: [mm, rad, rad], by how much the
-    stated pose errs along z and about x and y. swept: mm by how much the map errs where the pad has passed. freedom:
-    of Student's t. counts: the weight of a taxel.
+    ray: (rays, 3) mm, where rays leave the pad's unloaded surface, on a lattice with so many columns, `step` mm apart.
+    taxel: (taxels, 2) mm. start: (taxels + 1,), which, share: which rays a taxel reads, and how much of each.
+    stiffness: kPa/mm. soft: mm by which a contact begins early and ends late. deepest: mm that a surface is in the
+    layer at most. stroke: mm. noise: (taxels,) kPa, what a taxel reads beside the model. rough: mm, by how much the map
+    errs. aside: mm, by how much it, or the pad's place, errs along the pad, which counts where the surface slopes.
+    displaced: [mm, rad, rad], by how much the stated pose errs along z and about x and y. swept: mm by which the map
+    errs where the pad has passed. freedom: of Student's t. counts: the weight of a taxel.
     """
 
     ray: Reals

@@ -70,21 +70,15 @@ def _revolved(*profile: Point) -> Manifold:
 
 
 def _hexagon(flats: float, height: float, *, below: bool) -> Manifold:
-    """Make a hexagon prism on z = 0, its corners cut off by a cone at the top, and at the bottom if `below`."""
+    """Make a hexagon prism on z = 0, its corners turned off at 30 degrees at the top, and at the bottom if `below`."""
     from manifold3d import Manifold
 
-    corner = flats / math.sqrt(3)
-    drop = (corner - 0.475 * flats) * math.tan(math.radians(30))
-    inner, low = 0.475 * flats, drop if below else 0.0
-    start = (inner, 0.0) if below else (corner + 1, 0.0)
-    side: list[Point] = [(corner, low)] if below else []
-    profile = [(0.0, 0.0), start, *side, (corner + (0 if below else 1), height - drop), (inner, height)]
-    if not below:
-        profile = [
-            (0.0, 0.0), (corner + 1, 0.0), (corner + 1, height - drop - math.tan(math.radians(30))),
-            (inner, height),
-        ]  # fmt: skip
-    return Manifold.cylinder(height, corner, circular_segments=6) ^ _revolved(*profile, (0.0, height))
+    corner, inner = flats / math.sqrt(3), 0.475 * flats
+    outer = corner + 1
+    drop = (outer - inner) * math.tan(math.radians(30))
+    bottom = [(inner, 0.0), (outer, drop)] if below else [(outer, 0.0)]
+    turned = _revolved((0, 0), *bottom, (outer, height - drop), (inner, height), (0, height))
+    return Manifold.cylinder(height, corner, circular_segments=6) ^ turned
 
 
 def _bolt(flats: float = 18, head: float = 8, shank: float = 10, length: float = 34) -> Manifold:

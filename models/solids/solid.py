@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from manifold3d import Manifold
 
 LARGEST_SOLID = 100.0  # mm, the most that a solid may measure along an axis: the stage is no larger
+LEAST_SOLID = 5.0  # mm, the least that it measures along its longest: a pad is 11 mm wide
 MOST_TRIANGLES = 20_000
 SLIVER = 1e-5  # mm: corners nearer than this are made one, so that no face is without area
 
@@ -156,8 +157,8 @@ class Solid:
 def solid_of(name: str, shape: Manifold) -> Solid:
     """Make a Solid of a manifold3d.Manifold (mm), moved so that its centre of mass is the origin.
 
-    Raises InputError if the shape is empty, damaged, inside out, larger than LARGEST_SOLID along an axis, or has more
-    than MOST_TRIANGLES faces.
+    Raises InputError if the shape is empty, damaged or inside out, if its longest side is not LEAST_SOLID to
+    LARGEST_SOLID, or if it has more than MOST_TRIANGLES faces.
     """
     from manifold3d import Error
 
@@ -165,10 +166,10 @@ def solid_of(name: str, shape: Manifold) -> Solid:
         raise InputError(f"{name!r}: the solid is empty or damaged ({shape.status().name})")
     box = np.reshape(shape.bounding_box(), (2, 3))
     size = box[1] - box[0]
-    if size.max() > LARGEST_SOLID:
+    if not LEAST_SOLID <= size.max() <= LARGEST_SOLID:
         raise InputError(
-            f"{name!r}: the solid measures {size[0]:.4g} x {size[1]:.4g} x {size[2]:.4g} mm; "
-            f"the most is {LARGEST_SOLID:g} mm: scale it down"
+            f"{name!r}: the solid measures {size[0]:.4g} x {size[1]:.4g} x {size[2]:.4g} mm; its longest side must "
+            f"measure {LEAST_SOLID:g} to {LARGEST_SOLID:g} mm: scale it"
         )
     if shape.num_tri() > MOST_TRIANGLES:
         raise InputError(

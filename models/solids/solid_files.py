@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from tactsim.core.errors import InputError
+from tactsim.core.errors import InputError, short
 from tactsim.core.files import read_bytes
+from tactsim.core.scan import is_label
 from tactsim.models.mesh import read_solid
 from tactsim.models.shapes import LARGEST_FILE
 from tactsim.models.solids.solid import Solid, solid_of
+from tactsim.models.solids.triangles import crossings
 
 _ENDINGS = (".stl", ".obj", ".glb")
 
@@ -31,7 +33,16 @@ def read_solid_file(path: str | Path, name: str | None = None) -> Solid:
         content = read_bytes(path, LARGEST_FILE)
     except InputError as error:
         raise InputError(f"cannot read solid {path}: {error}") from error
+    if not is_label(name):
+        raise InputError(f"{short(name)} is no name for a solid; give one of 1 to 100 printable characters")
     try:
-        return solid_of(name, read_solid(content, suffix[1:]))
+        solid = solid_of(name, read_solid(content, suffix[1:]))
+        crossing = crossings(solid.corners)
+        if len(crossing):
+            raise InputError(
+                f"the mesh cuts through itself: {len(crossing):,} pairs of its faces cross; repair it, for example in "
+                "MeshLab or Blender"
+            )
+        return solid
     except InputError as error:
         raise InputError(f"{path}: {error}") from error

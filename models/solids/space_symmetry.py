@@ -12,16 +12,13 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from tactsim.core import rigid
 from tactsim.core.errors import InputError
 from tactsim.core.poses import FloatArray
+from tactsim.models.solids.triangles import CELL, CutSurface, to_triangles
 from tactsim.models.symmetry import LARGEST_ORDER, TOLERANCE
 
-_CELL = 1.5  # mm, the longest edge of the triangles into which the surface is cut for a comparison
-_NEAREST = 32  # cells about a point to which its distance is measured, at most
 _FIRST = 300  # points that are compared first: most turns fail there
 _ALIKE = 0.01  # moments of inertia that differ by this share of the largest may be equal
 _SAME_TURN = 1e-2  # rad: turns nearer than this are one
@@ -66,16 +63,13 @@ def find_symmetry(corners: FloatArray) -> SpaceSymmetry:
     return SpaceSymmetry(_group(turns), None)
 
 
-class _Surface:
-    """A mesh cut into small cells, so that distances from it are found quickly."""
+class _Surface(CutSurface):
+    """A surface that is compared with itself, turned."""
 
     def __init__(self, corners: FloatArray) -> None:
-        self.corners = corners
-        self.cells = _cut_to(_CELL, corners)
-        middles = self.cells.mean(axis=1)
-        self.tree = cKDTree(middles)
-        points = np.concatenate([np.unique(corners.reshape(-1, 3), axis=0), middles])
-        points = points[np.unique(np.round(points / _CELL).astype(int), axis=0, return_index=True)[1]]
+        super().__init__(corners)
+        points = np.concatenate([np.unique(corners.reshape(-1, 3), axis=0), self.middles])
+        points = points[np.unique(np.round(points / CELL).astype(int), axis=0, return_index=True)[1]]
         # The furthest points move most, so they are compared first; after them some from everywhere.
         order = np.argsort(-np.linalg.norm(points, axis=1), kind="stable")
         first = np.concatenate([order[: _FIRST // 2], order[_FIRST // 2 :: max(1, 2 * len(order) // _FIRST)]])
@@ -90,26 +84,16 @@ class _Surface:
     @cached_property
     def second_moments(self) -> FloatArray:
         """Integrate x x^T over the surface: (3, 3) mm^4. It has every symmetry of the surface."""
-        middles = self.cells.mean(axis=1)
-        return np.asarray((middles * self.weights[:, None]).T @ middles, dtype=float)
+        return np.asarray((self.middles * self.weights[:, None]).T @ self.middles, dtype=float)
 
     def is_unchanged(self, turn: FloatArray) -> bool:
         """Tell whether a turn and its inverse leave all points within TOLERANCE of the surface."""
         both = (turn, rigid.conjugate(turn))
         return all(
-            bool((self.distances(rigid.turned(one, points)) <= TOLERANCE).all())
+            bool((self.distances(rigid.turned(one, points), TOLERANCE) <= TOLERANCE).all())
             for points in (self.first, self.points)
             for one in both
         )
-
-    def distances(self, points: FloatArray) -> FloatArray:
-        """Measure how far points (n, 3) lie from the surface, mm: (n,), exact for those that lie near it."""
-        found = np.full(len(points), np.inf)
-        for nearest in (_NEAREST // 8, _NEAREST):
-            far = np.flatnonzero(found > TOLERANCE)
-            near = self.tree.query(points[far], k=range(1, nearest + 1))[1]
-            found[far] = _to_triangles(points[far, None], self.cells[near]).min(axis=1)
-        return found
 
 
 def _symmetry_about(surface: _Surface, axis: FloatArray) -> SpaceSymmetry:
@@ -141,7 +125,7 @@ def _flip_axes(surface: _Surface, axis: FloatArray, order: int) -> list[FloatArr
     -z. So a moment c of w^m, weighted evenly in z, is exp(2 i m phi) conj(c): phi is arg(c) / m, up to pi / m.
     """
     frame = rigid.matrix(rigid.turn_from_z(axis))
-    x, y, z = (surface.cells.mean(axis=1) @ frame).T
+    x, y, z = (surface.middles @ frame).T
     w, scale = x + 1j * y, np.hypot(x, y).max()
     found = []
     for power in (order, 2 * order, 3 * order):
@@ -158,7 +142,7 @@ def _symmetry_of_equal_moments(surface: _Surface) -> SpaceSymmetry:
     """Find the symmetry of a body whose moments of inertia are all equal, like a cube's or a tetrapod's."""
     points = surface.corners.reshape(-1, 3)
     reach = np.linalg.norm(points, axis=1)
-    if reach.max() - _to_triangles(np.zeros((1, 1, 3)), surface.corners[None]).min() <= TOLERANCE:
+    if reach.max() - to_triangles(np.zeros((1, 1, 3)), surface.corners[None]).min() <= TOLERANCE:
         raise InputError("it is a ball, which every turn leaves as it is: there is no pose to find")
     tips = _clusters(points[reach > reach.max() - TOLERANCE])
     if len(tips) == 0 or len(tips) > _MOST_TIPS or np.linalg.matrix_rank(tips, tol=1.0) < 2:
@@ -214,36 +198,3 @@ def _group(turns: list[FloatArray]) -> FloatArray:
     group = np.where(group[:, :1] < 0, -group, group)
     group.setflags(write=False)
     return group
-
-
-def _cut_to(length: float, corners: FloatArray) -> FloatArray:
-    """Halve triangles (f, 3, 3) at their longest edges until none is longer than `length` mm."""
-    done = []
-    while len(corners):
-        edges = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2)
-        small = edges.max(axis=1) <= length
-        done.append(corners[small])
-        corners, longest = corners[~small], edges[~small].argmax(axis=1)
-        a, b, c = (
-            np.take_along_axis(corners, ((longest + k) % 3)[:, None, None], axis=1)[:, 0] for k in range(3)
-        )
-        middle = (a + b) / 2
-        corners = np.concatenate([np.stack([a, middle, c], axis=1), np.stack([middle, b, c], axis=1)])
-    return np.concatenate(done)
-
-
-def _to_triangles(points: FloatArray, triangles: FloatArray) -> FloatArray:
-    """Measure the distances (n, k) mm of points (n, 1, 3) from triangles (n, k, 3 corners, 3)."""
-    a, b, c = np.moveaxis(triangles, 2, 0)
-    normal = np.cross(b - a, c - a)
-    double = np.linalg.norm(normal, axis=-1)
-    inside: NDArray[np.bool_] = double > 0
-    best = np.full(double.shape, np.inf)
-    for start, end in ((a, b), (b, c), (c, a)):
-        edge, offset = end - start, points - start
-        square = np.maximum(np.sum(edge**2, axis=-1), 1e-300)
-        along = np.clip(np.sum(offset * edge, axis=-1) / square, 0, 1)
-        best = np.minimum(best, np.linalg.norm(offset - along[..., None] * edge, axis=-1))
-        inside &= np.sum(np.cross(edge, offset) * normal, axis=-1) >= 0
-    height = np.abs(np.sum((points - a) * normal, axis=-1)) / np.maximum(double, 1e-300)
-    return np.where(inside, height, best)

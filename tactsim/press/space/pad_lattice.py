@@ -5,10 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tactsim.core.errors import InputError
 from tactsim.core.poses import FloatArray
 from tactsim.press.space.space_options import SpaceOptions
+from tactsim.press.space.touch_kernels import COARSE
 from tactsim.press.spread import felt_along
 
 _KPA = 1e3  # kPa in a N/mm^2
@@ -22,7 +24,9 @@ class PadLattice:
 
     origin, step: (2,) mm, the first point and the way to the next. columns, rows: how many along x and y.
     surface: (points,) mm, z there, NaN beside the pad. facing: (points,), the part along z of the normal.
-    felt: (points, taxels) kPa that a taxel reads of 1 N/mm^2 over the part of the surface that the point stands for.
+    cell: (points, 2), where each is in felt_u (2, cells, columns of taxels) and felt_v (2, cells, rows of taxels): the
+    share of a force that the taxels feel along the surface, for points on all lines and on every COARSE-th.
+    bounds: (4,) mm, x low, x high, y low, y high of a flat pad, NaN of a curved one. kpa: what a taxel reads of 1 N.
     taxel_points, taxel_normals: (taxels, 3) mm and unit vectors, where the taxels' middles are and look.
     """
 
@@ -30,9 +34,13 @@ class PadLattice:
     step: FloatArray
     columns: int
     rows: int
+    bounds: FloatArray
     surface: FloatArray
     facing: FloatArray
-    felt: FloatArray
+    cell: NDArray[np.int64]
+    felt_u: FloatArray
+    felt_v: FloatArray
+    kpa: float
     taxel_points: FloatArray
     taxel_normals: FloatArray
 
@@ -42,14 +50,14 @@ def pad_lattice(options: SpaceOptions) -> PadLattice:
 
     Raises InputError if the pad reaches further round the body than a pad can.
     """
-    pad = options.pad
+    pad, sigma = options.pad, options.sensor.psf_sigma
     x_low, x_high, y_low, y_high = pad.load_bounds
     low, high = np.array([x_low, y_low]), np.array([x_high, y_high])
     if options.radius is None:
         start, end = low, high
     else:
         start, end = _shadow(low, options), _shadow(high, options)
-    count = np.ceil((end - start) / options.spacing - _EDGE).astype(int)
+    count = COARSE * np.ceil((end - start) / options.spacing / COARSE - _EDGE).astype(int)
     columns, rows = int(count[0]), int(count[1])
     step = (end - start) / count
     x, y = start[0] + step[0] * (np.arange(columns) + 0.5), start[1] + step[1] * (np.arange(rows) + 0.5)
@@ -61,13 +69,25 @@ def pad_lattice(options: SpaceOptions) -> PadLattice:
         normals = np.tile((0.0, 0.0, 1.0), (len(taxels), 1))
     else:
         at, surface, facing, points, normals = _laid(at, taxels, low, high, options.radius, options.body)
-    share_x = _felt(at[:, 0], step[0], pad.column_edges, options.sensor.psf_sigma)
-    share_y = _felt(at[:, 1], step[1], pad.row_edges, options.sensor.psf_sigma)
-    area = np.where(np.isnan(surface), 0.0, step.prod() / facing)
-    felt = (share_y[:, :, None] * share_x[:, None, :]).reshape(len(at), -1)
-    felt *= _KPA * area[:, None] / (pad.taxel_width * pad.taxel_height)
+    cell = np.clip(np.floor((at - low) / (high - low) * count), 0, count - 1).astype(np.int64)
+    felt_u = _felt(x_low, x_high, columns, pad.column_edges, sigma)
+    felt_v = _felt(y_low, y_high, rows, pad.row_edges, sigma)
+    kpa = _KPA / (pad.taxel_width * pad.taxel_height)
+    bounds = np.array(pad.load_bounds) if options.radius is None else np.full(4, np.nan)
     return PadLattice(
-        start + step / 2, step, columns, rows, surface, facing, np.ascontiguousarray(felt), points, normals
+        start + step / 2,
+        step,
+        columns,
+        rows,
+        bounds,
+        surface,
+        facing,
+        cell,
+        felt_u,
+        felt_v,
+        kpa,
+        points,
+        normals,
     )
 
 
@@ -113,12 +133,19 @@ def _laid(
     return laid, np.where(on, z, np.nan), facing, lines.points, lines.normals
 
 
-def _felt(at: FloatArray, width: float, edges: FloatArray, sigma: float) -> FloatArray:
-    """Tell which share of a force that is even over a cell falls on each taxel along one axis: (points, taxels)."""
-    places, which = np.unique(at, return_inverse=True)
-    if sigma == 0:
-        ends = places[:, None, None] + width / 2 * np.array([-1.0, 1.0])
-        inside = np.clip(ends, edges[:, :1], edges[:, 1:])
-        return (np.diff(inside, axis=-1)[..., 0] / width)[which]
-    parts = width * ((np.arange(_PARTS) + 0.5) / _PARTS - 0.5)
-    return felt_along(places[:, None] + parts, edges, sigma).mean(axis=1)[which]
+def _felt(low: float, high: float, count: int, edges: FloatArray, sigma: float) -> FloatArray:
+    """Tell which share of a force on one of `count` cells falls on each taxel along one axis: (2, count, taxels).
+
+    The force is even over a cell, and over COARSE cells about it.
+    """
+    width = (high - low) / count
+    middle = low + width * (np.arange(count) + 0.5)
+    felt = []
+    for wide in (width, COARSE * width):
+        if sigma == 0:
+            ends = middle[:, None, None] + wide / 2 * np.array([-1.0, 1.0])
+            felt.append(np.diff(np.clip(ends, edges[:, :1], edges[:, 1:]), axis=-1)[..., 0] / wide)
+        else:
+            parts = wide * ((np.arange(_PARTS) + 0.5) / _PARTS - 0.5)
+            felt.append(felt_along(middle[:, None] + parts, edges, sigma).mean(axis=1))
+    return np.array(felt)

@@ -15,7 +15,7 @@ from tactsim.core.pad import Pad
 from tactsim.core.poses import FloatArray
 from tactsim.press.scan_options import SensorOptions
 
-_MOST_POINTS = 100_000  # of the lattice, so that what the taxels feel of each point stays in memory
+_MOST_POINTS = 1_000_000  # of the lattice, so that it stays in memory
 
 
 class SpaceOptions(BaseModel):
@@ -45,7 +45,10 @@ class SpaceOptions(BaseModel):
         3.0, ge=1e-3, le=100, description="mm of the pad's layer, past which it gives no more way (assumed)"
     )
     spacing: float = Field(
-        0.2, ge=0.02, le=2, description="mm at most between points at which the layer meets the object"
+        0.05,
+        ge=0.01,
+        le=1,
+        description="mm at most between points at which the layer meets the object; three times that over a large area",
     )
     body: Literal["flat", "cylinder", "sphere"] = Field(
         "flat", description="what the pad is laid on; a cylinder's axis is the pad's y"

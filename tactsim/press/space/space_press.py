@@ -78,9 +78,11 @@ class SpacePress:
         touch_all(
             solid.vertices.astype(float), solid.faces.astype(np.int64),
             np.ascontiguousarray(true[:, :3]), np.ascontiguousarray(matrix(true[:, 3:])),
-            lattice.origin, lattice.step, lattice.columns, lattice.rows, lattice.surface, lattice.facing, lattice.felt,
+            lattice.origin, lattice.step, lattice.columns, lattice.rows, lattice.bounds, lattice.surface,
+            lattice.facing, lattice.cell, lattice.felt_u, lattice.felt_v,
             forces, 1e-3 * options.stiffness, options.thickness, stroke, states, images,
         )  # fmt: skip
+        images *= lattice.kpa
         travel, force = states[:, 0], states[:, 1]
         return Touched(
             advanced(start, travel), advanced(true, travel), travel, force > 0, force, images[:, -1], images

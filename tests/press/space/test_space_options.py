@@ -11,7 +11,7 @@ from tactsim.press.space.space_options import SpaceOptions
     [
         ({"radius": 20.0}, "a flat pad has no radius: give body = cylinder or sphere"),
         ({"body": "sphere"}, "a pad on a sphere needs its radius, mm"),
-        ({"spacing": 0.02}, "choose a larger spacing or fewer taxels"),
+        ({"spacing": 0.01}, "choose a larger spacing or fewer taxels"),
         ({"sensor": {"dead_taxels": [36]}}, "dead taxel 36 does not exist: the pad's taxels are 0 to 35"),
         ({"force": float("nan")}, "finite"),
     ],

@@ -1,16 +1,21 @@
 """Touches in space against closed forms, brute force and the exact press of facets."""
 
 import math
+from types import SimpleNamespace
 
 import meshes
 import numpy as np
 import pytest
+from level_world import level_press, level_scan
 from scipy.integrate import quad
 from scipy.optimize import brentq
 
+from tactsim import models
 from tactsim.core import InputError, rigid
-from tactsim.press.space.space_options import SpaceOptions
-from tactsim.press.space.space_press import SpacePress
+from tactsim.models.relief import Relief
+from tactsim.press import facets
+from tactsim.press.space import SpaceOptions, SpacePress, random_starts
+from tactsim.press.touches import Touches
 
 FORCE, STIFFNESS = 2.0, 0.05  # N, N/mm^3
 BELOW = np.array([[0.0, 0, -60, 1, 0, 0, 0]])  # looks along +z
@@ -73,6 +78,24 @@ def test_a_flat_face_is_pressed_evenly():
     x_low, x_high, y_low, y_high = SpaceOptions().pad.load_bounds
     even = 1e3 * FORCE / ((x_high - x_low) * (y_high - y_low))
     assert found.readings == pytest.approx(np.full((1, 36), even), rel=1e-9)
+
+
+@pytest.mark.parametrize("name", ["key", "gear", "star-knob"])
+def test_touches_agree_with_the_exact_press_of_facets(name):
+    """The press of relief integrates over each facet that is seen; it sees the object from outside, so y is turned."""
+    solid = models.solid(name)
+    starts = random_starts(solid, 12, np.random.default_rng(1))
+    found = touch(solid, starts)
+    turns = rigid.matrix(starts[:, 3:]) * (1.0, -1.0, -1.0)
+    poses = np.einsum("ni,nij->nj", starts[:, :3], turns) * (1.0, 1.0, 0.0)
+    exact = level_scan(press=level_press(stiffness=1e3 * STIFFNESS, thickness=3.0))
+    seen = SimpleNamespace(relief=Relief(solid.vertices, solid.faces))
+    pressed = facets.press(Touches(seen, poses, np.zeros((12, 2)), turns), exact)
+    expected = pressed.readings(exact).reshape(-1, 6, 6)[:, ::-1].reshape(-1, 36)
+    assert found.met.all()
+    off = np.abs(found.readings - expected).max(axis=1) / expected.max(axis=1)
+    assert np.median(off) < 1e-3
+    assert off.max() < 0.015
 
 
 def test_a_miss_reads_zero_at_the_end_of_the_stroke():
