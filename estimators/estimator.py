@@ -171,7 +171,7 @@ def check_estimate(estimate: Any, estimator: Estimator, letters: Sequence[str]) 
 
     Probabilities are finite, not negative and sum to 1 within 1e-6; the pose is finite.
     """
-    fault = _fault_of_estimate(estimate, letters, estimator.in_space)
+    fault = _fault_of_estimate(estimate, letters, getattr(estimator, "in_space", False))
     if fault is not None:
         kind = type(estimator)
         raise InputError(

@@ -13,6 +13,7 @@ Lives here: the checks, and the readings of bars that they are made with. A test
 and one of an estimator in space, `SpaceCase(make, scan)` with SPACE_CHECKS.
 """
 
-from tactsim.estimators.contract.checks import CHECKS, SPACE_CHECKS, Case, SpaceCase
+from tactsim.estimators.contract.checks import CHECKS, Case
+from tactsim.estimators.contract.space_case import SPACE_CHECKS, SpaceCase
 
 __all__ = ["CHECKS", "SPACE_CHECKS", "Case", "SpaceCase"]

@@ -10,9 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tactsim.core import InputError, Scan, compose, invert, rigid
+from tactsim.core import InputError, Scan, compose, invert
 from tactsim.core.poses import FloatArray
-from tactsim.core.space_scan import SpaceScan
 from tactsim.estimators.contract.bars import fit, make_scan, paper_poses, square_pad
 from tactsim.estimators.estimator import Estimate, Estimator, check_estimate
 
@@ -50,32 +49,6 @@ class Case:
     def still(self, count: int, far: float = 0.0) -> FloatArray:
         """Give poses sensor_in_robot (count, 3), all the same one, `far` mm away along x and y."""
         return np.tile([far, -far, 0.0], (count, 1))
-
-
-class SpaceCase(Case):
-    """An estimator in space to check. Touches of its scan's test split are what it is tried on."""
-
-    def __init__(self, make: Callable[[], Estimator], scan: SpaceScan) -> None:
-        """Take a function that makes a new estimator each time, and a scan of at least two objects."""
-        self.make = make
-        self.scan = scan  # type: ignore[assignment]
-
-    @property
-    def labels(self) -> tuple[str, ...]:
-        """List the objects that were learned."""
-        return self.scan.objects  # type: ignore[attr-defined]
-
-    def trial(self, label: str | None = None, count: int = 4, seed: int = 5) -> tuple[FloatArray, FloatArray]:
-        """Draw a hidden object: readings (count, taxels) and sensor_in_robot (count, 7)."""
-        rng = np.random.default_rng(seed)
-        mine = self.scan.where("test", label or self.labels[0])
-        object_in_robot = np.concatenate([rng.uniform(-10, 10, 3), rigid.random_rotations(1, rng)[0]])
-        chosen = rng.permutation(len(mine))[:count]
-        return mine.readings[chosen], rigid.compose(object_in_robot, mine.poses[chosen])
-
-    def still(self, count: int, far: float = 0.0) -> FloatArray:
-        """Give poses sensor_in_robot (count, 7), all the same one, `far` mm away along x and y."""
-        return np.tile([far, -far, 0.0, 1.0, 0.0, 0.0, 0.0], (count, 1))
 
 
 def draw(scan: Scan, label: str, count: int, seed: int) -> tuple[FloatArray, FloatArray]:
@@ -374,24 +347,4 @@ CHECKS: tuple[Callable[[Case], Any], ...] = (
     objects_are_recognised,
     a_letter_can_be_left_out_of_what_was_learned,
     letters_that_are_one_share_its_probability,
-)
-
-# Of these, the ones that an estimator in space keeps too; the others are about pads and letters in the plane.
-SPACE_CHECKS: tuple[Callable[[SpaceCase], Any], ...] = (
-    calls_out_of_order_are_refused,
-    a_scan_without_training_readings_is_refused,
-    options_are_described,
-    estimates_are_probabilities_and_poses,
-    a_bad_reading_is_refused_and_leaves_no_trace,
-    the_same_seed_gives_the_same_answer,
-    an_estimator_that_says_it_draws_nothing_draws_nothing,
-    reset_forgets_the_sequence_and_keeps_the_maps,
-    looking_changes_nothing,
-    inputs_are_not_written_to,
-    readings_may_come_as_lists_and_as_whole_numbers,
-    readings_without_contrast_are_taken,
-    a_pose_far_away_is_taken,
-    work_is_counted,
-    a_proposal_is_a_candidate,
-    objects_are_recognised,
 )

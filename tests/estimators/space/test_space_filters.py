@@ -35,17 +35,21 @@ def hook(side):
 
 
 def charted(solid, cell=0.8, reach=34.0):
-    """Sample a solid's signed distances."""
+    """Sample a solid's signed distances: voxels, and its surface."""
     axis = np.arange(-reach, reach + cell, cell)
     grid = np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), axis=-1)
-    return sparse(np.full(3, -reach), cell, solid.distance(grid).astype(np.float32), 3.0)
+    corner, distance = np.full(3, -reach), solid.distance(grid).astype(np.float32)
+    felt = np.ones(distance.shape, dtype=bool)
+    return sparse(corner, cell, distance, 3.0), surface_of(corner, cell, distance, felt, 2.0)
 
 
 class ToyField:
     """log p of a touch: how far what is touched is from the surface, and what the pad passed is within; both normal."""
 
     def __init__(self, solids, width=1.5):
-        self.maps = {label: charted(solid) for label, solid in solids.items()}
+        charts = {label: charted(solid) for label, solid in solids.items()}
+        self.maps = {label: voxels for label, (voxels, _) in charts.items()}
+        self.surfaces = [surface for _, surface in charts.values()]
         self.labels, self.width = tuple(solids), width
         self.touching = SimpleNamespace(stiffness=toy.STIFFNESS, noise=np.full(36, 2.0))
         self.reader = PointReader(TAXELS, toy.STIFFNESS, 2.0)
@@ -69,7 +73,7 @@ class ToyField:
             )
 
     def surface(self, label):
-        return surface_of(self.maps[self.labels[label]], 2.0)
+        return self.surfaces[label]
 
     def reach(self, label):
         return float(np.linalg.norm(self.surface(label).points, axis=1).max())
