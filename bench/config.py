@@ -59,12 +59,12 @@ def _held_out(words: Any) -> Any:
     return (EACH,) if words in (EACH, [EACH]) else _names(words)
 
 
-def _paths(words: Any) -> Any:
+def as_paths(words: Any) -> Any:
     """Take one path for a list of one."""
     return (words,) if isinstance(words, str | Path) else words
 
 
-def _nested(words: Any) -> Any:
+def nested(words: Any) -> Any:
     """Let dots in names nest, as on the command line: {"press.force": 5} is {"press": {"force": 5}}."""
     if not isinstance(words, Mapping):
         return words
@@ -86,7 +86,7 @@ class ScanWords(BaseModel):
         description="Which letters: AEIOU, A-Z0-9, A,E,I, or none beside shapes. Of a file its labels: bolt,nut. "
         "Default: AEIOU, or all that the file holds.",
     )
-    shapes: Annotated[tuple[Path, ...], BeforeValidator(_paths), Flag("--shape")] = Field(
+    shapes: Annotated[tuple[Path, ...], BeforeValidator(as_paths), Flag("--shape")] = Field(
         (), description="A shape of your own beside the letters: STL, OBJ, GLB or SVG; repeat for several."
     )
     test_poses: Literal["same", "random"] = Field(
@@ -103,7 +103,7 @@ class ScanWords(BaseModel):
         None,
         description="Sensor noise, sd in kPa; 'off': no noise, resolution, saturation, placement error or tilt.",
     )
-    scan_set: Annotated[dict[str, Any], BeforeValidator(_nested)] = Field(
+    scan_set: Annotated[dict[str, Any], BeforeValidator(nested)] = Field(
         {},
         description="Any option of the scan, e.g. press.force=5; `bench list scan-options` names them.",
     )
@@ -156,7 +156,7 @@ class RunConfig(ScanWords):
         description="The scan's test readings in random order, or touches in the robot's frame, pressed on demand: "
         "proposed by the estimator (information) or in random order (blind).",
     )
-    slip: Annotated[dict[str, Any], BeforeValidator(_nested)] = Field(
+    slip: Annotated[dict[str, Any], BeforeValidator(nested)] = Field(
         {},
         description="How the object moves between touches, e.g. walk_mm=1; `bench list slip` names all. Default: "
         "as the world says.",
@@ -175,7 +175,7 @@ class RunConfig(ScanWords):
     task: str | None = Field(
         None,
         description="A frozen task, or a FILE.toml: it says all but the estimator and its options; `bench tasks` names "
-        "them.",
+        "them. solids: objects in space.",
     )
 
     @model_validator(mode="before")

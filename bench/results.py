@@ -111,11 +111,11 @@ def save(run: Run, folder: Path) -> None:
         ),
     )
     table = columns(run.trials)
-    write_text(folder / "trials.csv", _table(COLUMNS, table))
-    write_text(folder / "times.csv", _table(TIME_COLUMNS, table))
+    write_text(folder / "trials.csv", write_table(COLUMNS, table))
+    write_text(folder / "times.csv", write_table(TIME_COLUMNS, table))
     if run.bounds is not None:
         table = columns(run.trials) | {"bound_mm": run.bounds.ravel()}
-        write_text(folder / "bounds.csv", _table(BOUND_COLUMNS, table))
+        write_text(folder / "bounds.csv", write_table(BOUND_COLUMNS, table))
     write_text(folder / "summary.json", to_json(run.summary))
     write_text(folder / "times.json", to_json(run.times | {"work": run.work}))
 
@@ -155,13 +155,13 @@ def load(path: str | Path) -> Run:
             for label, of in about.pop("objects").items()
         }
         trials = _trials(
-            _read_table(folder / "trials.csv", COLUMNS),
-            _read_table(folder / "times.csv", TIME_COLUMNS),
+            read_table(folder / "trials.csv", COLUMNS),
+            read_table(folder / "times.csv", TIME_COLUMNS),
             about["config"]["hold_out"],
         )
         bounds = None
         if (folder / "bounds.csv").is_file():
-            bounds = _bounds(_read_table(folder / "bounds.csv", BOUND_COLUMNS), trials)
+            bounds = _bounds(read_table(folder / "bounds.csv", BOUND_COLUMNS), trials)
         if not set(trials.truth.tolist()) <= set(objects):
             raise InputError("run.json: objects: a letter of trials.csv is missing")
     except InputError as error:
@@ -193,7 +193,8 @@ def columns(trials: Trials) -> dict[str, NDArray[Any]]:
     }
 
 
-def _table(names: tuple[str, ...], table: Mapping[str, NDArray[Any]]) -> str:
+def write_table(names: tuple[str, ...], table: Mapping[str, NDArray[Any]]) -> str:
+    """Write columns as CSV, each value so that it is read back to the bit."""
     stream = io.StringIO(newline="")
     writer = csv.writer(stream, lineterminator="\n")
     writer.writerow(names)
@@ -201,7 +202,8 @@ def _table(names: tuple[str, ...], table: Mapping[str, NDArray[Any]]) -> str:
     return stream.getvalue()
 
 
-def _read_table(path: Path, columns: tuple[str, ...]) -> dict[str, list[str]]:
+def read_table(path: Path, columns: tuple[str, ...]) -> dict[str, list[str]]:
+    """Read the columns of a CSV table, as text. Raises InputError if it is not whole or has other columns."""
     try:
         header, *rows = csv.reader(io.StringIO(read_text(path, "table of a run", _LARGEST_TABLE), newline=""))
     except (ValueError, csv.Error) as error:

@@ -67,6 +67,8 @@ def perform(
         fitted = create(config.estimator, **config.options)  # a wrong option is reported before the work
     else:
         config, fitted = _with_estimator(config, estimator), estimator
+    if fitted.in_space:
+        raise InputError(f"estimator {config.estimator} recognises objects in space; add --task solids")
     if config.explore == "information" and not fitted.proposes:
         raise proposes_none(config.estimator)
     gathered = gather(config, scan=scan, jobs=jobs, cache=cache, progress=progress)

@@ -31,7 +31,7 @@ class Options(BaseModel):
 class PoseSamples:
     """Weighted poses T_R^O that stand for the belief about where an object of one letter is.
 
-    poses: (n, 3) robot_in_object, mm, mm, rad. weights: (n,), summing to 1.
+    poses: (n, 3) robot_in_object, mm, mm, rad; in space (n, 7), see `core.rigid`. weights: (n,), summing to 1.
     """
 
     poses: FloatArray
@@ -44,8 +44,8 @@ class Estimate:
 
     label: the most probable letter (eq. 9, 14), or NONE. probabilities: p(letter), summing to 1, with NONE
     among them if the estimator considers that. robot_in_object: [x, y, theta] mm, rad: the most probable
-    T_R^O within the most probable letter. samples: the belief about the pose of that letter, from which
-    covariance and regions are computed; None if the estimator does not say how sure it is of the pose.
+    T_R^O within the most probable letter; in space (7,), see `core.rigid`. samples: the belief about the pose of that
+    letter, from which covariance and regions are computed; None if the estimator does not say how sure it is of it.
     """
 
     label: str
@@ -86,6 +86,8 @@ class Estimator(ABC):
     budget: str | None = None
     # Whether the rng of `reset` changes what is estimated.
     draws: bool = True
+    # Whether it recognises objects in space: it fits a `SpaceScan`, and poses are (7,).
+    in_space: bool = False
     # Whether it wants to press: `bring` is then called before `fit`.
     uses_forward_model: bool = False
     # The registered name that `create` made it by, if it did.
@@ -171,7 +173,7 @@ def check_estimate(estimate: Any, estimator: Estimator, letters: Sequence[str]) 
 
     Probabilities are finite, not negative and sum to 1 within 1e-6; the pose is finite.
     """
-    fault = _fault_of_estimate(estimate, letters)
+    fault = _fault_of_estimate(estimate, letters, getattr(estimator, "in_space", False))
     if fault is not None:
         kind = type(estimator)
         raise InputError(
@@ -179,7 +181,7 @@ def check_estimate(estimate: Any, estimator: Estimator, letters: Sequence[str]) 
         )
 
 
-def _fault_of_estimate(estimate: Any, letters: Sequence[str]) -> str | None:
+def _fault_of_estimate(estimate: Any, letters: Sequence[str], in_space: bool) -> str | None:
     if not (isinstance(estimate, Estimate) and isinstance(estimate.probabilities, Mapping)):
         return f"is {short(estimate)}, no Estimate with a table of probabilities"
     strange = [label for label in (estimate.label, *estimate.probabilities) if label not in letters]
@@ -194,18 +196,22 @@ def _fault_of_estimate(estimate: Any, letters: Sequence[str]) -> str | None:
         return "holds what is no number"
     if not (p.ndim == 1 and (p >= 0).all() and abs(p.sum() - 1) <= 1e-6):  # false for NaN too
         return f"has probabilities {short(p.tolist())}, which are negative or do not sum to 1"
-    if pose.shape != (3,) or not (np.abs(pose) <= LARGEST).all():
-        return f"has the pose {short(pose.tolist())}, which is no finite [x, y, theta]"
-    return None if estimate.samples is None else _fault_of_samples(estimate.samples)
+    length = 7 if in_space else 3
+    if pose.shape != (length,) or not (np.abs(pose) <= LARGEST).all():
+        kind = "[x, y, z, qw, qx, qy, qz]" if in_space else "[x, y, theta]"
+        return f"has the pose {short(pose.tolist())}, which is no finite {kind}"
+    if in_space and abs(np.linalg.norm(pose[3:]) - 1) > 1e-6:
+        return f"has the quaternion {short(pose[3:].tolist())}, which is not of length 1"
+    return None if estimate.samples is None else _fault_of_samples(estimate.samples, length)
 
 
-def _fault_of_samples(samples: Any) -> str | None:
+def _fault_of_samples(samples: Any, length: int) -> str | None:
     try:
         poses, weights = np.asarray(samples.poses, dtype=float), np.asarray(samples.weights, dtype=float)
     except (AttributeError, TypeError, ValueError, OverflowError):
         return f"has samples {short(samples)}, which are no poses with weights"
-    if poses.ndim != 2 or poses.shape[1] != 3 or weights.shape != poses.shape[:1] or not len(weights):
-        return f"has samples of shapes {poses.shape} and {weights.shape}; they are (n, 3) and (n,), n from 1"
+    if poses.ndim != 2 or poses.shape[1] != length or weights.shape != poses.shape[:1] or not len(weights):
+        return f"has samples of shapes {poses.shape} and {weights.shape}; they are (n, {length}) and (n,), n from 1"
     if not ((weights >= 0).all() and abs(weights.sum() - 1) <= 1e-6 and (np.abs(poses) <= LARGEST).all()):
         return "has samples that are not finite, or weights that are negative or do not sum to 1"
     return None

@@ -67,6 +67,14 @@ BUILT_IN: dict[str, tuple[str, str]] = {
         "tactsim.estimators.filters.scan_matching:ScanMatching",
         "baseline without a belief: the one pose that fits best, by branch and bound",
     ),
+    "space-refined": (
+        "tactsim.estimators.space.space_refined:SpaceRefinedFilter",
+        "objects in space: coarse-to-fine over cells of poses, then particles",
+    ),
+    "space-tempered": (
+        "tactsim.estimators.space.space_refined:SpaceTemperedFilter",
+        "objects in space: particles laid on the first contact, moved by their spread",
+    ),
 }
 
 

@@ -8,15 +8,21 @@ from tactsim.models.export import export
 from tactsim.models.glyphs import names, parse_letters
 from tactsim.models.letter import ConvexPart, Letter, Rectangle, letter, relief
 from tactsim.models.shapes import shape
+from tactsim.models.solids import Solid, mirrored, read_solid_file, solid, solid_names
 
 __all__ = [
     "ConvexPart",
     "Letter",
     "Rectangle",
+    "Solid",
     "export",
     "letter",
+    "mirrored",
     "names",
     "parse_letters",
+    "read_solid_file",
     "relief",
     "shape",
+    "solid",
+    "solid_names",
 ]

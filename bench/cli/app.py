@@ -33,7 +33,7 @@ VERBS = {
     "score.",
     "verify": "Do some trials of a bundle again and compare them to the bit; exit status 1 if it cannot be confirmed.",
     "leaderboard": "Rank the methods of a folder of bundles, task by task, and write a site of static pages.",
-    "list": "List estimators, letters, worlds, metrics, suites and formats, or the options of an estimator or a scan.",
+    "list": "List estimators, letters, solids, worlds, metrics, suites and formats, or options of one or of a scan.",
     "tasks": "List the frozen tasks with sizes and the best known results, or show one whole; --hash presses its data.",
     "stress": "Vary inputs over many decades and measure the worst deviation; exit status 1 if a case fails.",
     "devices": "List ports, sources of readings, codecs and device files, each with its status.",

@@ -1,4 +1,4 @@
-"""`bench list`: list estimators, letters, worlds, metrics, suites and formats."""
+"""`bench list`: list estimators, letters, solids, worlds, metrics, suites and formats."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 _MORE = {
     "estimators": "with its options: bench list estimators NAME",
     "worlds": "all that can be set: bench list scan-options, bench list slip",
+    "solids": "objects in space, of bench run --task solids; all that can be set: bench list solid-options",
     "formats": "of bench export; each is an extra, as in: pip install 'tactsim[parquet]'",
 }
 Row = tuple[str, str, str]  # a name, its default or status, what it is
@@ -24,7 +25,8 @@ def command(
     what: Annotated[
         str | None,
         typer.Argument(
-            help="Only this: estimators, letters, worlds, scan-options, slip, metrics, suites, formats.",
+            help="Only this: estimators, letters, solids, worlds, scan-options, solid-options, slip, metrics, suites, "
+            "formats.",
             show_default=False,
         ),
     ] = None,
@@ -33,7 +35,7 @@ def command(
         typer.Argument(help="Of the estimators, only this one, with its options.", show_default=False),
     ] = None,
 ) -> None:
-    """List estimators, letters, worlds, metrics, suites and formats, or the options of an estimator or a scan."""
+    """List estimators, letters, solids, worlds, metrics, suites and formats, or options of one or of a scan."""
     from rich.table import Table
 
     from tactsim.bench.console import plain_console
@@ -42,8 +44,10 @@ def command(
     sections: dict[str, Callable[[], list[Row]]] = {
         "estimators": _estimators,
         "letters": _letters,
+        "solids": _solids,
         "worlds": _worlds,
         "scan-options": _scan_options,
+        "solid-options": _solid_options,
         "slip": _slip,
         "metrics": _metrics,
         "suites": _suites,
@@ -58,7 +62,7 @@ def command(
     console = plain_console()
     # The options of a scan are many, so they are listed on request only, as an estimator's are.
     for section, rows in sections.items():
-        if what == section or (what is None and section not in ("scan-options", "slip")):
+        if what == section or (what is None and section not in ("scan-options", "solid-options", "slip")):
             lines = rows()
             console.print(section, style="bold", end=" " if section in _MORE and not name else "\n")
             if section in _MORE and not name:
@@ -66,7 +70,9 @@ def command(
             table = Table.grid(padding=(0, 2))
             for column in range(3):
                 # A name in two pieces cannot be copied; the letters are one long row.
-                table.add_column(overflow="fold", no_wrap=column == 0 and section != "letters")
+                table.add_column(
+                    overflow="fold", no_wrap=column == 0 and section not in ("letters", "solids")
+                )
             for row in lines:
                 table.add_row(*("  " + row[0], *row[1:]))
             console.print(table)
@@ -79,10 +85,11 @@ def _estimators() -> list[Row]:
     rows: list[Row] = []
     for entry in listing():
         try:
-            budget = load(entry.name).budget
+            kind = load(entry.name)
+            said = f"; budget: {kind.budget}" if kind.budget else ""
+            said += "; of objects in space" if kind.in_space else ""
         except InputError:
-            budget = None  # its status says why
-        said = f"; budget: {budget}" if budget else ""
+            said = ""  # its status says why
         rows.append((entry.name, entry.status, entry.summary + said))
     return rows
 
@@ -103,6 +110,12 @@ def _letters() -> list[Row]:
     return [(" ".join(names()), "", "")]
 
 
+def _solids() -> list[Row]:
+    from tactsim.models import solid_names
+
+    return [(" ".join(solid_names()), "", "")]
+
+
 def _worlds() -> list[Row]:
     from tactsim.bench.slip import SLIPS
     from tactsim.press import WORLDS
@@ -115,6 +128,12 @@ def _scan_options() -> list[Row]:
     from tactsim.press import ScanOptions
 
     return [("--scan-set NAME=VALUE", "default", ""), *_fields(ScanOptions)]
+
+
+def _solid_options() -> list[Row]:
+    from tactsim.press.space import SpaceOptions
+
+    return [("--scan-set NAME=VALUE", "default", ""), *_fields(SpaceOptions)]
 
 
 def _slip() -> list[Row]:

@@ -22,6 +22,8 @@ def command(
     """Write one HTML page that opens without a network, and beside it every curve as CSV."""
     from tactsim.bench.places import RESULTS, check_new_file
     from tactsim.bench.report.write import write_report
+    from tactsim.bench.space.page import write_space_report
+    from tactsim.bench.space.results import is_in_space
     from tactsim.bench.terminal import progress_bars
     from tactsim.core.errors import InputError, printable
 
@@ -29,8 +31,12 @@ def command(
     if target.suffix != ".html":
         raise InputError(f"--out {target}: the report is a page; give a name that ends in .html")
     check_new_file(target)
+    in_space = [is_in_space(folder) for folder in runs]
+    if any(in_space) and not all(in_space):
+        raise InputError("a report is of runs in the plane or of runs with objects in space; make two")
+    write = write_space_report if any(in_space) else write_report
     with progress_bars() as progress:
-        written, remarks = write_report(runs, target, progress=progress)
+        written, remarks = write(runs, target, progress=progress)
     for kind, path in zip(["report", *["beside"] * (len(written) - 1)], written, strict=True):
         typer.echo(printable(f"{kind}  {path}"))
     for remark in remarks:

@@ -9,8 +9,10 @@ import typer
 
 from tactsim.bench.cli import guide_options as guide
 from tactsim.bench.cli import shared_options as shared
-from tactsim.bench.cli.words import Words, with_options_of
+from tactsim.bench.cli import space_verbs as space
+from tactsim.bench.cli.words import Words, is_typed, with_options_of
 from tactsim.bench.config import RunConfig, run_config
+from tactsim.bench.space.config import TASK
 
 if TYPE_CHECKING:
     from tactsim.bench.guided import Station
@@ -23,6 +25,9 @@ _BY_HAND: dict[str, Any] = {"trials": 2, "readings": 10}
 def command(
     words: Words,
     context: typer.Context,
+    objects: space.Objects = None,
+    touches: space.Touches = None,
+    hand: space.Hand = None,
     jobs: shared.Jobs = 1,
     cache: shared.Cache = True,
     out: Annotated[
@@ -72,8 +77,14 @@ def command(
     elif "task" in words:
         raise InputError("--port: a task has readings of its own; leave out --port or --task")
     words = {
-        name: value for name, value in words.items() if _is_typed(context, name)
+        name: value for name, value in words.items() if is_typed(context, name)
     }  # a task says the others
+    of_space = {"objects": objects, "touches": touches, "hand": hand}
+    if words.get("task") == TASK:
+        words |= {name: value for name, value in of_space.items() if value is not None}
+        space.run_in_space(words, jobs=jobs, out=out, as_json=as_json)
+        return
+    space.refuse_outside_space(**of_space)
     if port is not None or "presses" in words:
         words = {**_BY_HAND, **words}
     config = run_config(**words)
@@ -108,17 +119,12 @@ def command(
             )
 
 
-def _is_typed(context: typer.Context, name: str) -> bool:
-    source = context.get_parameter_source(name)
-    return source is not None and source.name != "DEFAULT"
-
-
 def _refuse_without_port(context: typer.Context) -> None:
     """Raise InputError for an option that says how a pad is pressed where none is."""
     from tactsim.core.errors import InputError
 
     for name in ("device", "calibration", "frames", "force", "patience", "seen"):
-        if _is_typed(context, name):
+        if is_typed(context, name):
             raise InputError(f"--{name} is for a pad; say where that is with --port, or leave it out")
 
 

@@ -8,19 +8,31 @@ from typing import Annotated
 import typer
 
 from tactsim.bench.cli import shared_options as shared
-from tactsim.bench.cli.words import Words, with_options_of
+from tactsim.bench.cli import space_verbs as space
+from tactsim.bench.cli.words import Words, is_typed, with_options_of
 from tactsim.bench.config import ScanWords, scan_options
 
 
 @with_options_of(ScanWords)
 def command(
     words: Words,
+    context: typer.Context,
     out: Annotated[Path, typer.Option(help="The file to write, .npz.")],
     jobs: shared.Jobs = 1,
     cache: shared.Cache = True,
     sequence: Annotated[
         bool, typer.Option("--sequence", help="Keep the images of every press on its way to rest.")
     ] = False,
+    task: Annotated[
+        str | None,
+        typer.Option(
+            metavar="solids",
+            help="Touch objects in space instead of letters in the plane.",
+            rich_help_panel=space.PANEL,
+            show_default=False,
+        ),
+    ] = None,
+    objects: space.Objects = None,
 ) -> None:
     """Press the letters at 192 poses, twice (training and test), and write the readings."""
     from tactsim.bench.console import plain_console
@@ -28,6 +40,13 @@ def command(
     from tactsim.bench.terminal import progress_bars, work_line
     from tactsim.press import scan_letters
 
+    if task is not None:
+        typed = {name: value for name, value in words.items() if is_typed(context, name)}
+        if objects is not None:
+            typed["objects"] = objects
+        space.scan_in_space(typed | {"task": task}, out=out)
+        return
+    space.refuse_outside_space(objects=objects)
     check_new_file(out)
     options = scan_options(**words)
     with progress_bars() as progress:

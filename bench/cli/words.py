@@ -73,6 +73,12 @@ def _read(name: str, field: FieldInfo, typed: Any) -> Any:
     return typed
 
 
+def is_typed(context: typer.Context, name: str) -> bool:
+    """Tell whether the user typed an option, rather than leave it at its default."""
+    source = context.get_parameter_source(name)
+    return source is not None and source.name != "DEFAULT"
+
+
 def dotted(values: Mapping[str, Any], prefix: str = "") -> list[str]:
     """Write nested settings as dotted name=value words."""
     words = []

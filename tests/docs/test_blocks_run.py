@@ -113,16 +113,24 @@ def compare(block):
         assert output in result.stdout, f"{block.page}:{block.line}: {command}\n{result.stdout}"
 
 
+SMALL_SOLIDS = ["--objects", "nut,egg", "--scan-set", "points=24"]
+
+
 def smaller(arguments):
     """Ask for the same with less work: few letters, trials and readings, the first value of every list."""
     arguments = ["AE0" if word == "A-Z0-9" else word for word in arguments]
     verb, *rest = arguments
     if verb in ("run", "bound"):
+        if "solids" in rest:
+            few = ["--trials", "1", "--touches", "3", *SMALL_SOLIDS]
+            return [verb, *without(rest, "--trials", "--touches", "--jobs", "--objects"), *few]
         few = ["--trials", "1", "--readings", "3"]
         if not {"--letters", "--scan", "--task"} & set(rest):
             held_out = dict(pairwise(rest)).get("--hold-out", "")
             few += ["--letters", "I" if verb == "bound" else "AE" + held_out]
         return [verb, *without(rest, "--trials", "--readings", "--jobs"), *few]
+    if verb == "scan" and "solids" in rest:
+        return [verb, *without(rest, "--objects"), *SMALL_SOLIDS]
     if verb == "scan" and "press.dynamics=full" in rest:  # a press takes a hundred times as long
         return [verb, *without(rest, "--letters"), "--letters", "I"]
     world_of_a_file = dict(pairwise(rest)).get("--world", "").endswith(".toml")  # it says what is pressed

@@ -12,6 +12,7 @@ from tactsim.bench.new.repository import contents
 from tactsim.core import InputError
 from tactsim.estimators.contract import CHECKS, Case
 
+SPACE = ("space-refined", "space-tempered")  # they have a contract of their own: tests/estimators/space
 # The last is by `bench new`, as a stranger would install it.
 NAMES = tuple(
     pytest.param(
@@ -19,6 +20,7 @@ NAMES = tuple(
         marks=pytest.mark.skipif(name == "mlp" and not find_spec("sklearn"), reason="needs scikit-learn"),
     )
     for name in (*estimators.names(), "my-estimator")
+    if name not in SPACE
 )
 
 

@@ -115,7 +115,7 @@ function curves(spec, onReading) {
     svg.setAttribute("height", height);
     svg.setAttribute("viewBox", `0 0 ${width} ${height}`);
     const last = Math.max(2, ...spec.series.map((one) => one.values.length));
-    scales = frame(svg, width, height, { kind: "linear", low: 1, high: last, name: "readings seen" }, spec.y);
+    scales = frame(svg, width, height, { kind: "linear", low: 1, high: last, name: spec.xName || "readings seen" }, spec.y);
     const { inside, sx, sy, margin } = scales;
     const kept = (value) => (value === null ? null : clamp(value, spec.y.low, spec.y.high));
     if (spec.y.ideal) inside.append(s("path", { class: "ideal", d: `M${sx(1)} ${sy(spec.y.ideal)}H${sx(last)}` }));

@@ -6,7 +6,7 @@ from synthetic import draw_trial, fitted, make_scan, paper_poses
 
 from tactsim import estimators
 
-NOT_SHOWING = ("synthesis", "nearest", "bag-of-features", "mlp")
+NOT_SHOWING = ("synthesis", "nearest", "bag-of-features", "mlp", "space-refined", "space-tempered")
 SHOWING = [name for name in estimators.names() if name not in NOT_SHOWING]
 
 

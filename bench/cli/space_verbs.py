@@ -1,0 +1,82 @@
+"""`--task solids` of `bench run` and `bench scan`: their options for objects in space, and what they then do."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from tactsim.bench.cli.words import Words
+
+PANEL = "Objects in space (--task solids)"
+
+Objects = Annotated[
+    str | None,
+    typer.Option(
+        help="Which objects: bolt,nut,key, or 30 for the first thirty (of 50), or none beside shapes. Default: 12.",
+        rich_help_panel=PANEL,
+        show_default=False,
+    ),
+]
+Touches = Annotated[
+    int | None, typer.Option(help="Touches a trial (20).", rich_help_panel=PANEL, show_default=False)
+]
+Hand = Annotated[
+    Path | None,
+    typer.Option(
+        help="Several pads that touch at once: gripper, or a hand file (.toml).",
+        rich_help_panel=PANEL,
+        show_default=False,
+    ),
+]
+
+
+def refuse_outside_space(**words: Any) -> None:
+    """Raise InputError for an option of objects in space where the task is another."""
+    from tactsim.core.errors import InputError
+
+    for name, value in words.items():
+        if value is not None:
+            raise InputError(f"--{name} is for objects in space; add --task solids, or leave it out")
+
+
+def run_in_space(words: Words, *, jobs: int, out: Path | None, as_json: bool) -> None:
+    """Do `bench run --task solids` with the words that were typed."""
+    from tactsim.bench.places import check_new_folder, new_place
+    from tactsim.bench.results import to_json
+    from tactsim.bench.space.config import SpaceConfig, space_config, space_words
+    from tactsim.bench.space.runner import perform_in_space
+    from tactsim.bench.space.terminal import print_space_run
+    from tactsim.bench.terminal import progress_bars
+
+    config = space_config(**space_words(words, SpaceConfig, "run"))
+    folder = out or new_place(config.estimator)
+    check_new_folder(folder)
+    with progress_bars() as progress:
+        run = perform_in_space(config, jobs=jobs, progress=progress)
+    if not as_json:
+        print_space_run(run)
+    run.save(folder)
+    if as_json:
+        typer.echo(to_json(run.as_json() | {"results": str(folder)}), nl=False)
+    else:
+        typer.echo(f"results  {folder}\npicture  {folder / 'touches.png'}")
+
+
+def scan_in_space(words: Words, *, out: Path) -> None:
+    """Do `bench scan --task solids` with the words that were typed."""
+    from tactsim.bench.places import check_new_file
+    from tactsim.bench.space.config import SpaceWords, scan_words, space_words
+    from tactsim.bench.terminal import progress_bars, work_line
+    from tactsim.press.space import scan_solids
+
+    check_new_file(out)
+    options = scan_words(**space_words(words, SpaceWords, "scan")).scan_options
+    with progress_bars() as progress:
+        scan, work = scan_solids(options, progress=lambda done, total: progress("press", done, total))
+    scan.save(out)
+    typer.echo(
+        f"{len(scan):,} touches of {' '.join(scan.objects)}, {scan.readings.shape[1]} taxels, in {out}\n"
+        f"{work_line(work)}"
+    )

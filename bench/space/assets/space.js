@@ -1,0 +1,184 @@
+// The page of runs with objects in space: curves against touches, the objects, and trials touch by touch.
+
+const section = (title, ...content) => h("section", { class: "block", "aria-label": title }, h("h2", {}, title), content);
+const heads = (words) => h("thead", {}, h("tr", {}, words.map((text) => h("th", { scope: "col" }, text))));
+const swatchOf = (method) =>
+  s("svg", { class: "swatch", width: 26, height: 14, viewBox: "0 0 26 14", "aria-hidden": "true" },
+    s("path", { class: `line m${method % COLOURS}`, d: "M1 7H25" }),
+    s("path", { class: `mark m${method % COLOURS}`, d: mark(method, 3.6), transform: "translate(13 7)" }));
+const scrolling = (label, table) => h("div", { class: "scroll", tabindex: 0, role: "region", "aria-label": label }, table);
+
+function header() {
+  const theme = choice("Theme", [["", "as the system"], ["light", "light"], ["dark", "dark"]], (value) => {
+    if (value) document.documentElement.dataset.theme = value;
+    else delete document.documentElement.dataset.theme;
+    themeChanged();
+  });
+  document.getElementById("top").append(
+    h("div", { class: "title" }, h("h1", {}, "tactsim"), h("p", {}, "Recognising objects in space by touch: which one it is, and how it lies")),
+    theme.field,
+    h("p", { class: "facts" }, data.facts),
+    ...data.remarks.map((text) => h("p", { class: "facts remark" }, text)));
+  document.getElementById("bottom").append(h("p", {}, `Made with ${data.versions}.`));
+}
+
+function curvesSection() {
+  const last = Math.max(...data.runs.map((run) => run.accuracy.length));
+  const plots = [
+    ["Share of trials right", "accuracy", ["accuracyLow", "accuracyHigh"], null],
+    ["Mean surface distance where the object is right, mm", "error", ["errorLow", "errorHigh"], 1],
+    ["Angle where the object is right, degrees", "angle", ["angleLow", "angleHigh"], 5],
+  ].map(([title, name, [low, high], aim]) => {
+    const known = data.runs.flatMap((run) => run[name]).filter((value) => value > 0).concat(aim || []);
+    const y = aim
+      ? { kind: "log", low: Math.min(...known) / 1.3, high: Math.max(...known) * 1.3, ideal: aim }
+      : { kind: "linear", low: 0, high: 1 };
+    const series = data.runs.map((run, i) => ({ method: i, dash: "", values: run[name], low: run[low], high: run[high] }));
+    return [curves({ title, alt: `${title}, against touches`, xName: "touches", y, series }, (k) => control.set(k)), series];
+  });
+  const values = h("tbody");
+  const control = slider("Values at touch", last, last, (touch) => {
+    for (const [plot, series] of plots) plot.show(series, touch);
+    const k = touch - 1;
+    values.replaceChildren(...data.runs.map((run, i) =>
+      h("tr", {}, h("th", { scope: "row" }, swatchOf(i), run.label),
+        h("td", {}, fixed(run.accuracy[k], 3)), h("td", {}, fixed(run.error[k], 2)), h("td", {}, fixed(run.errorMedian[k], 2)),
+        h("td", {}, fixed(run.angle[k], 1)), h("td", {}, fixed(run.angleMedian[k], 1)), h("td", {}, fixed(run.coverage[k], 2)),
+        h("td", {}, String(run.settled ?? MISSING)), h("td", {}, fixed(run.seconds, 2)))));
+  });
+  control.set(last);
+  return section("Accuracy and error against touches",
+    h("div", { class: "three" }, plots.map(([plot]) => plot.box)),
+    h("p", { class: "hint" }, "Bands: 95 % intervals. Surface distance and angle are the least over the object's symmetry. Dashed: 1 mm and 5 degrees."),
+    h("div", { class: "controls" }, control.field),
+    scrolling("Values at the chosen touch", h("table", { class: "values" },
+      heads(["run", "right", "surface, mm", "median", "angle, deg", "median", "held by 90 %", "95 % settled by", "s a recognition"]), values)));
+}
+
+function objectsSection() {
+  const rows = data.objects.map((label) =>
+    h("tr", {}, h("th", { scope: "row" }, label), data.runs.flatMap((run) => {
+      const one = run.objects[label];
+      return one
+        ? [h("td", {}, fixed(one.accuracy, 2)), h("td", {}, fixed(one.error_mm, 2)), h("td", {}, fixed(one.angle_deg, 1)), h("td", {}, one.taken || "")]
+        : Array.from({ length: 4 }, () => h("td", {}, MISSING));
+    })));
+  const names = data.runs.flatMap((run, i) => {
+    const of = data.runs.length > 1 ? ` (${i + 1})` : "";
+    return [`right${of}`, `surface, mm${of}`, `angle, deg${of}`, `taken for${of}`];
+  });
+  return section("Object by object, after the last touch",
+    scrolling("Every object after the last touch", h("table", { class: "values" }, heads(["object", ...names]), h("tbody", {}, rows))));
+}
+
+const COLOURS_OF = {
+  light: { truth: [150, 158, 170], right: [40, 150, 90], wrong: [205, 70, 50], belief: [31, 95, 168] },
+  dark: { truth: [120, 130, 146], right: [95, 208, 143], wrong: [255, 130, 118], belief: [125, 183, 245] },
+};
+
+function trialsSection() {
+  let trial = data.trials[0], touch = 1;
+  const shapes = Object.fromEntries(Object.entries(data.shapes).map(([label, of]) =>
+    [label, { vertices: array(of.vertices), faces: array(of.faces), points: array(of.points) }]));
+  const shown = { truth: true, estimate: true, belief: true, pads: true };
+  const boxes = Object.entries({ truth: "true object", estimate: "estimate", belief: "belief", pads: "touches" }).map(([name, text]) => {
+    const input = h("input", { type: "checkbox", checked: true });
+    input.addEventListener("change", () => {
+      shown[name] = input.checked;
+      redraw();
+    });
+    return h("label", { class: "toggle" }, input, text);
+  });
+  const canvas = h("canvas", { class: "space", tabindex: 0, role: "img" });
+  const stage = h("div", { class: "stage" }, canvas);
+  const redraw = turnableScene(canvas, data.reach, drawScene);
+  const status = h("p", { class: "status", "aria-live": "polite" });
+  const bars = h("div", { class: "bars" });
+  const holder = h("div", { class: "grow" });
+
+  const poseAt = (place, k) => Array.from(row(place, k));
+  function drawScene(scene) {
+    const k = touch - 1, colours = COLOURS_OF[isDark() ? "dark" : "light"];
+    const label = trial.label[k];
+    scene.look(Array.from(array(trial.truePose)).slice(0, 3));
+    if (shown.truth) scene.mesh(shapes[trial.truth], Array.from(array(trial.truePose)), colours.truth, shown.estimate ? 0 : undefined);
+    if (shown.estimate) scene.mesh(shapes[label], poseAt(trial.pose, k), label === trial.truth ? colours.right : colours.wrong, shown.truth ? 1 : undefined);
+    if (shown.belief && trial.belief) {
+      const poses = row(trial.belief, k);
+      const points = shapes[label].points;
+      for (let i = 0; i < poses.length; i += 7) {
+        const pose = Array.from(poses.subarray(i, i + 7)), rotation = pose.slice(3);
+        for (let j = 0; j < points.length; j += 3) {
+          const [a, b, c] = turned(rotation, points.subarray(j, j + 3));
+          scene.dot([a + pose[0], b + pose[1], c + pose[2]], colours.belief);
+        }
+      }
+    }
+    if (shown.pads) for (let i = 0; i <= k; i++) drawPads(scene, i, i === k);
+  }
+  function drawPads(scene, k, current) {
+    const poses = row(trial.sensors, k), readings = row(trial.readings, k), taxels = data.taxelPoints.length;
+    const half = 0.46 * data.pitch;
+    for (let pad = 0; pad * 7 < poses.length; pad++) {
+      const pose = Array.from(poses.subarray(7 * pad, 7 * pad + 7)), rotation = pose.slice(3);
+      const most = Math.max(1, ...readings);
+      for (let i = 0; i < taxels; i++) {
+        const value = readings[pad * taxels + i];
+        if (!current && value < 0.1 * most) continue; // of earlier touches, only where they met something
+        const [x, y, z] = data.taxelPoints[i];
+        const corners = [[-half, -half], [half, -half], [half, half], [-half, half]].map(([a, b]) => {
+          const [u, v, w] = turned(rotation, [x + a, y + b, z]);
+          return [u + pose[0], v + pose[1], w + pose[2]];
+        });
+        scene.quad(corners, ramp("up", 0.15 + (0.85 * Math.max(0, value)) / most));
+      }
+    }
+  }
+  function show() {
+    const k = touch - 1, label = trial.label[k], right = label === trial.truth;
+    status.textContent = `Touch ${touch}: ${right ? "right" : "wrong"}, ${label} ${fixed(trial.probabilities[k][data.labels.indexOf(label)], 3)}`
+      + (right ? `; surface distance ${fixed(trial.error[k], 2)} mm, angle ${fixed(trial.angle[k], 1)} degrees` : `; it is the ${trial.truth}`)
+      + (trial.met[k] ? "" : "; the pad met nothing");
+    status.classList.toggle("bad", !right);
+    canvas.setAttribute("aria-label", `${status.textContent}. Drag, or use the arrow keys, to turn the view; + and - make it larger and smaller.`);
+    const order = data.labels.map((_, i) => i).sort((a, b) => trial.probabilities[k][b] - trial.probabilities[k][a]).slice(0, 6);
+    bars.replaceChildren(...order.map((i) => {
+      const p = trial.probabilities[k][i];
+      const fill = h("span", { class: `fill m${i % COLOURS}` });
+      fill.style.setProperty("width", `${(100 * p).toFixed(2)}%`);
+      return h("div", { class: "bar-row" },
+        h("span", { class: "bar-name" }, data.labels[i], data.labels[i] === trial.truth && h("span", { class: "tag" }, "true")),
+        h("span", { class: "bar-track" }, fill), h("span", { class: "bar-value" }, p.toFixed(3)));
+    }));
+    redraw();
+  }
+  function start(i) {
+    trial = data.trials[i];
+    const count = trial.label.length;
+    touch = clamp(touch, 1, count);
+    const control = slider("Touch", count, touch, (value) => {
+      touch = value;
+      show();
+    });
+    holder.replaceChildren(control.field);
+    show();
+  }
+  const pick = choice("Trial", data.trials.map((one, i) => [i, `${one.run}: ${one.kind}, ${one.truth}, trial ${one.trial}`]), (i) => start(Number(i)));
+  start(0);
+  return section("One trial, touch by touch",
+    h("div", { class: "controls" }, pick.field, h("fieldset", { class: "legend" }, h("legend", {}, "Show"), boxes)),
+    h("div", { class: "controls" }, holder),
+    status,
+    h("div", { class: "two" }, h("div", { class: "card" }, stage,
+      h("p", { class: "hint" }, "Grey: the true object. Green, or red if it is another object: the estimate. Dots: surface points of the belief's poses. Squares: the taxels of the touch, darker or brighter with pressure. Drag or use the arrow keys to turn; wheel, + and - to zoom.")),
+      h("div", { class: "card top" }, h("h3", {}, "Belief over the objects"), bars)));
+}
+
+async function page() {
+  await unpackArrays();
+  header();
+  const parts = [curvesSection(), data.trials.length && trialsSection(), objectsSection()].filter(Boolean);
+  document.getElementById("content").append(...parts);
+  document.documentElement.dataset.ready = "yes";
+}
+page();

@@ -1,0 +1,147 @@
+"""The page of runs with objects in space: curves, a table object by object, and trials in a view that can be turned."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tactsim.bench.report.page import Arrays
+from tactsim.bench.space.replay import Replayed, replay
+from tactsim.bench.space.results import load
+from tactsim.bench.space.run import SpaceRun
+from tactsim.bench.space.score import Scored
+from tactsim.bench.trials import Progress
+from tactsim.bench.whole_page import whole_page
+from tactsim.core import rigid
+from tactsim.core.errors import InputError
+from tactsim.core.files import write_text
+
+_REPORT, _SPACE = "report/assets/", "space/assets/"
+_CURVES = {
+    "accuracy": "accuracy", "accuracyLow": "accuracy_low", "accuracyHigh": "accuracy_high",
+    "error": "error_mm", "errorLow": "error_low_mm", "errorHigh": "error_high_mm", "errorMedian": "error_median_mm",
+    "angle": "angle_deg", "angleLow": "angle_low_deg", "angleHigh": "angle_high_deg",
+    "angleMedian": "angle_median_deg", "coverage": "coverage_90",
+}  # fmt: skip
+_DOTS = 24  # surface points of each pose of a belief
+
+
+def write_space_report(
+    folders: Sequence[Path], out: Path, *, progress: Progress
+) -> tuple[list[Path], list[str]]:
+    """Write the page of runs in space; returns the files written, and remarks on what is missing.
+
+    Raises InputError for a folder that holds no such run, or if `out` cannot be written.
+    """
+    runs = {folder.name: load(folder) for folder in folders}
+    replayed: dict[str, list[Replayed]] = {}
+    remarks = []
+    for number, (name, run) in enumerate(runs.items()):
+        progress("replay", number, len(runs))
+        try:
+            replayed[name] = replay(run)
+        except InputError as error:
+            remarks.append(f"no trial of {name} could be done again: {error}")
+    progress("replay", len(runs), len(runs))
+    write_text(out, page(runs, replayed, remarks))
+    return [out], remarks
+
+
+def page(
+    runs: Mapping[str, SpaceRun], replayed: Mapping[str, Sequence[Replayed]], remarks: Sequence[str]
+) -> str:
+    """Make the HTML of the page. The same runs give the same page."""
+    arrays = Arrays()
+    first = next(iter(runs.values()))
+    shown = [(name, one) for name, several in replayed.items() for one in several]
+    labels = list(dict.fromkeys(label for run in runs.values() for label in run.about["objects"]))
+    named = {label for _, one in shown for label in (*one.trials.label[0].tolist(), str(one.trials.truth[0]))}
+    shapes = {label: shape for run in runs.values() for label, shape in run.shapes.items() if label in named}
+    points, pitch = _taxels(first)
+    reach = max(
+        (float(np.linalg.norm(shape.vertices, axis=1).max()) for shape in shapes.values()), default=30.0
+    )
+    data = {
+        "facts": f"{len(runs)} run{'s' if len(runs) > 1 else ''} · {first.about['protocol']} · "
+        f"{first.about['machine']['processor']}",
+        "versions": ", ".join(f"{name} {number}" for name, number in sorted(first.about["versions"].items())),
+        "remarks": list(remarks),
+        "labels": labels,
+        "objects": labels,
+        "runs": [_run(name, run) for name, run in runs.items()],
+        "taxelPoints": points,
+        "pitch": pitch,
+        "reach": reach + 12.0,
+        "shapes": {
+            label: {
+                "vertices": arrays.add(shape.vertices, "f4"),
+                "faces": arrays.add(shape.faces, "u4"),
+                "points": arrays.add(shape.surface.points[:_DOTS], "f4"),
+            }
+            for label, shape in shapes.items()
+        },
+        "trials": [_trial(name, runs[name], one, labels, arrays) for name, one in shown],
+    }
+    return whole_page(
+        f"{_REPORT}page.html",
+        [f"{_REPORT}base.js", f"{_REPORT}charts.js", f"{_SPACE}scene.js", f"{_SPACE}space.js"],
+        [f"{_REPORT}page.css", f"{_SPACE}space.css"],
+        title=f"tactsim: objects in space, {len(runs)} run{'s' if len(runs) > 1 else ''}",
+        data=data,
+        arrays=arrays.text(),
+    )
+
+
+def _run(name: str, run: SpaceRun) -> dict[str, Any]:
+    summary, trials = run.summary, run.trials
+    objects = {}
+    for label, values in summary["by_object"].items():
+        wrong = Counter(summary["confusion"][label])
+        wrong.pop(label, None)
+        objects[label] = {**values, "taken": ", ".join(f"{other} {n}" for other, n in wrong.most_common(3))}
+    return {
+        "label": f"{run.config['estimator']} ({name}), {len(trials.truth)} trials",
+        **{key: summary[of] for key, of in _CURVES.items()},
+        "settled": summary["settled_95"],
+        "seconds": run.times["seconds"]["recognition"],
+        "objects": objects,
+    }
+
+
+def _trial(name: str, run: SpaceRun, of: Replayed, labels: Sequence[str], arrays: Arrays) -> dict[str, Any]:
+    trials, scored = of.trials, Scored(of.trials, run.surfaces)
+    place = [of.labels.index(label) if label in of.labels else None for label in labels]
+
+    def listed(values: Any) -> list[float | None]:
+        return [None if np.isnan(value) else round(float(value), 4) for value in values]
+
+    return {
+        "run": name,
+        "kind": of.kind,
+        "truth": str(trials.truth[0]),
+        "trial": int(trials.trial[0]),
+        "label": trials.label[0].tolist(),
+        "met": trials.met[0].tolist(),
+        "error": listed(scored.error[0]),
+        "angle": listed(np.degrees(scored.angle[0])),
+        "probabilities": [
+            [0.0 if at is None else round(float(row[at]), 5) for at in place] for row in of.probabilities
+        ],
+        "truePose": arrays.add(rigid.invert(trials.true_pose[0]), "f4"),
+        "pose": arrays.add(rigid.invert(trials.pose[0]), "f4"),
+        "sensors": arrays.add(of.sensors, "f4"),
+        "readings": arrays.add(of.readings, "f4"),
+        "belief": None if of.belief is None else arrays.add(of.belief, "f4"),
+    }
+
+
+def _taxels(run: SpaceRun) -> tuple[list[list[float]], float]:
+    """Give the taxels' places on the pad, mm, and the least distance between two."""
+    points = np.asarray(run.about["taxel_points"])
+    apart = np.linalg.norm(points[:, None] - points, axis=-1)
+    np.fill_diagonal(apart, np.inf)
+    return points.round(4).tolist(), float(min(apart.min(), 10.0))

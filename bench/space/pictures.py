@@ -1,0 +1,51 @@
+"""The picture of a run with objects in space: accuracy, surface distance and angle against touches."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.ticker import MaxNLocator
+
+from tactsim.bench.figures import BLUE, GREY, ORANGE, Picture
+from tactsim.bench.space.run import SpaceRun
+from tactsim.core.poses import FloatArray
+
+_AIMS = {"error_mm": 1.0, "angle_deg": 5.0}  # what a part is wanted to be found to, a dotted line
+
+
+def touches_figure(run: SpaceRun) -> Picture:
+    """Draw accuracy with its Wilson band, and surface distance and angle with their bootstrap bands."""
+    summary, number = run.summary, np.arange(1, run.touches + 1)
+    figure = Picture(figsize=(11, 3.6), layout="constrained")
+    right, error, angle = figure.subplots(1, 3)
+    panels = (
+        (right, "accuracy", ("accuracy_low", "accuracy_high"), "share of trials right", BLUE),
+        (error, "error_mm", ("error_low_mm", "error_high_mm"), "mean surface distance, mm", ORANGE),
+        (angle, "angle_deg", ("angle_low_deg", "angle_high_deg"), "angle, degrees", ORANGE),
+    )
+    for axes, name, band, words, colour in panels:
+        axes.fill_between(number, *(_numbers(summary[end]) for end in band), color=colour, alpha=0.2, lw=0)
+        axes.plot(
+            number, _numbers(summary[name]), color=colour, lw=1.8, label="mean" if name in _AIMS else None
+        )
+        if name in _AIMS:
+            median = name.replace("_", "_median_")
+            axes.plot(number, _numbers(summary[median]), color=GREY, lw=1, ls="--", label="median")
+            axes.axhline(_AIMS[name], color=GREY, lw=0.8, ls=":")
+            axes.set_yscale("log")
+            axes.yaxis.set_major_formatter(lambda value, _: f"{value:g}")
+            axes.legend(frameon=False)
+        axes.set(xlabel="touches", ylabel=words, xlim=(1, max(2, run.touches)))
+        axes.xaxis.set_major_locator(MaxNLocator(integer=True))
+        axes.spines[["top", "right"]].set_visible(False)
+    right.set_ylim(0, 1.02)
+    figure.suptitle(
+        f"{run.config['estimator']}: {len(run.trials.truth)} trials over {len(run.about['objects'])} objects, "
+        f"{run.about['protocol']}; bands: 95 %",
+        fontsize=10,
+        parse_math=False,
+    )
+    return figure
+
+
+def _numbers(values: list[float | None]) -> FloatArray:
+    return np.array([np.nan if value is None else value for value in values])

@@ -1,0 +1,130 @@
+"""`SpacePlan`: all that a worker needs to do trials in space, and the workers that do them."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from concurrent.futures import as_completed
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, cast
+
+import numpy as np
+
+from tactsim.bench.space.config import SpaceConfig
+from tactsim.bench.space.pads import pads
+from tactsim.bench.space.surface_distance import POINTS, Surface
+from tactsim.bench.space.trials import SpaceTask, SpaceTrials, run_trial
+from tactsim.bench.trials import Progress
+from tactsim.bench.work_counts import flatten_work, unflatten_work
+from tactsim.core.seeds import stream
+from tactsim.core.space_scan import SpaceScan
+from tactsim.core.workers import worker_processes
+from tactsim.estimators import Estimator, create
+
+if TYPE_CHECKING:
+    from tactsim.models import Solid
+
+
+@dataclass(frozen=True, eq=False)
+class SpacePlan:
+    """What is tried: the configuration and the readings that are learned from. It can be sent to another process."""
+
+    config: SpaceConfig
+    scan: SpaceScan
+
+    @cached_property
+    def solids(self) -> list[Solid]:
+        """Build the solids and read the meshes. Raises InputError for one that does not exist or is none."""
+        return solids_of(self.config)
+
+    @cached_property
+    def surfaces(self) -> dict[str, Surface]:
+        """Give what the distance needs of each solid."""
+        return {one.name: surface_of(one) for one in self.solids}
+
+    def fitted(self) -> Estimator:
+        """Make the estimator and fit it."""
+        estimator = create(self.config.estimator, **self.config.set)
+        fit_in_space(estimator, self.scan)
+        return estimator
+
+    def run(
+        self, estimator: Estimator, tasks: Sequence[SpaceTask], progress: Progress
+    ) -> tuple[SpaceTrials, dict[str, int]]:
+        """Do trials here with the fitted estimator; returns them and its work, flattened, without that of fitting."""
+        press = pads(self.solids, self.config)
+        labels = self.scan.objects
+        before = Counter(flatten_work(estimator.work))
+        parts = []
+        for done, task in enumerate(tasks):
+            progress("trials", done, len(tasks))
+            parts.append(
+                run_trial(
+                    estimator, press, task, self.surfaces[task.truth], labels=labels, touches=self.config.touches,
+                    seed=self.config.seed, explore=self.config.explore,
+                )
+            )  # fmt: skip
+        progress("trials", len(tasks), len(tasks))
+        work = Counter(flatten_work(estimator.work))
+        work.subtract(before)
+        return SpaceTrials.joined(parts), dict(work)
+
+
+def fit_in_space(estimator: Estimator, scan: SpaceScan) -> None:
+    """Fit an estimator of objects in space: its `fit` takes a `SpaceScan` where the others' take a `Scan`."""
+    cast("Any", estimator).fit(scan)
+
+
+def solids_of(config: SpaceConfig) -> list[Solid]:
+    """Build the solids of a run and read its meshes. Raises InputError for one that does not exist or is none."""
+    from tactsim.press.space import solids_of as pressed
+
+    return pressed(config.scan_options)
+
+
+def surface_of(solid: Solid) -> Surface:
+    """Take from a solid what the distance needs; the points are the same whatever else is tried."""
+    points, _ = solid.sample_surface(POINTS, stream(0, solid.name, "surface distance"))
+    return Surface(points, np.asarray(solid.symmetry.rotations), solid.symmetry.axis)
+
+
+def run_trials(
+    plan: SpacePlan, estimator: Estimator, tasks: list[SpaceTask], *, jobs: int, progress: Progress
+) -> tuple[SpaceTrials, dict[str, Any]]:
+    """Do all trials, here with the fitted `estimator` or in `jobs` processes that fit their own.
+
+    Returns the trials in the order of `tasks` and the estimators' work, summed; neither depends on `jobs`.
+    """
+    if jobs == 1 or len(tasks) == 1:
+        trials, work = plan.run(estimator, tasks, progress)
+        return trials, unflatten_work(work)
+    chunks = np.array_split(np.arange(len(tasks)), min(len(tasks), 8 * jobs))
+    parts: list[SpaceTrials | None] = [None] * len(chunks)
+    total: Counter[str] = Counter()
+    done = 0
+    progress("trials", 0, len(tasks))
+    with worker_processes(jobs) as pool:
+        futures = {
+            pool.submit(_run_chunk, plan, [tasks[i] for i in chunk]): place
+            for place, chunk in enumerate(chunks)
+        }
+        for future in as_completed(futures):
+            parts[futures[future]], of_part = future.result()
+            total.update(of_part)
+            done += len(chunks[futures[future]])
+            progress("trials", done, len(tasks))
+    return SpaceTrials.joined(part for part in parts if part is not None), unflatten_work(total)
+
+
+_fitted: dict[str, tuple[SpacePlan, Estimator]] = {}  # of a worker process: the plan that it works on
+
+
+def _run_chunk(plan: SpacePlan, tasks: list[SpaceTask]) -> tuple[SpaceTrials, dict[str, int]]:
+    """Do some trials in a worker process, which fits an estimator once for all chunks of a plan."""
+    key = f"{plan.config.digest} {plan.scan.digest}"
+    if key not in _fitted:
+        _fitted.clear()
+        _fitted[key] = plan, plan.fitted()
+    kept, estimator = _fitted[key]
+    return kept.run(estimator, tasks, lambda stage, done, total: None)

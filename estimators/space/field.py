@@ -1,0 +1,143 @@
+"""The log-likelihood of touches in space as a field over objects and their poses in SE(3)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from pydantic import Field
+
+from tactsim.core import InputError, rigid
+from tactsim.core.poses import FloatArray
+from tactsim.core.space_scan import SpaceScan
+from tactsim.estimators.estimator import Options
+from tactsim.estimators.space.feeling_kernels import Touching, add_log_p, foresee_touches
+from tactsim.estimators.space.learned_touch import learn_touching
+from tactsim.estimators.space.learning import Chart, Touches, learn_surface
+from tactsim.estimators.space.rays import Rays, rays_over
+from tactsim.estimators.space.surface import Surface
+
+
+class SpaceMapOptions(Options):
+    """How surfaces in space are learned, and how finely touches are compared with them."""
+
+    cell: float = Field(1.0, ge=0.2, le=5, description="side of a voxel, mm")
+    rays: int = Field(1, ge=1, le=4, description="rays along each side of a taxel that look for the surface")
+    spread: float = Field(
+        1.0,
+        ge=0,
+        le=10,
+        description="standard deviation of the pad's point spread, mm; a taxel's area is added",
+    )
+
+
+class SpaceField:
+    """log p(touches | object, object_in_robot) for the touches of a sequence so far, given the object independent.
+
+    labels: the objects. maps: the signed distances to each one's surface. rays: through the pad. touching: how the pad
+    feels. evaluations: how many touches were compared with how many states, summed.
+    """
+
+    def __init__(self, charts: Mapping[str, Chart], rays: Rays, touching: Touching, load: float) -> None:
+        """Take what was learned of objects, by label. load: N that a touch carries."""
+        self.maps = {label: chart.voxels for label, chart in charts.items()}
+        self.labels = tuple(charts)
+        self.rays, self.touching, self._load = rays, touching, load
+        x, y = touching.ray[:, 0], touching.ray[:, 1]
+        edge_x, edge_y = (np.array([v.min(), (v.min() + v.max()) / 2, v.max()]) for v in (x, y))
+        corners = np.stack(np.meshgrid(edge_x, edge_y), axis=-1).reshape(-1, 2)
+        self._corners = np.ascontiguousarray(corners[[4, 0, 1, 2, 3, 5, 6, 7, 8]])
+        self._surfaces = [chart.surface for chart in charts.values()]
+        self.evaluations = 0
+        self.reset()
+
+    @classmethod
+    def learn(cls, scan: SpaceScan, options: SpaceMapOptions) -> SpaceField:
+        """Learn the surface of every object of a scan's training touches, and how far to trust it.
+
+        Raises InputError if the scan has no training touches, or those of an object met nothing.
+        """
+        train = scan.where("train")
+        if not len(train):
+            raise InputError("the scan has no touches with split 'train' to learn maps from")
+        stroke = float(scan.meta.get("stroke", 0.0))
+        rays = rays_over(train.taxel_points, options.rays, options.spread)
+        dense = rays_over(train.taxel_points, 2, options.spread)
+        touches = {}
+        for label in train.objects:
+            mine = train.labels == label
+            touches[label] = Touches.at(train.readings[mine], train.poses[mine])
+        touching, load = learn_touching(touches, train.taxel_points, rays, dense, options.cell, stroke)
+        charts = {
+            label: learn_surface(mine, dense, touching.stiffness, options.cell, stroke)
+            for label, mine in touches.items()
+        }
+        return cls(charts, rays, touching, load)
+
+    def reset(self) -> None:
+        """Forget all touches."""
+        self._readings = np.empty((0, len(self.touching.taxel)))
+        self._sensors = np.empty((0, 7))
+
+    @property
+    def touches(self) -> int:
+        """Count the readings so far; several pads that touch at once are as many."""
+        return len(self._readings)
+
+    def append(self, readings: FloatArray, sensors_in_robot: FloatArray) -> None:
+        """Add touches: readings (m, taxels) kPa at poses (m, 7), in the robot's frame."""
+        self._readings = np.concatenate([self._readings, readings])
+        self._sensors = np.concatenate([self._sensors, sensors_in_robot])
+
+    def log_p(
+        self, label_index: int, object_in_robot: FloatArray, first: int = 0, last: int | None = None
+    ) -> FloatArray:
+        """Sum log p(touch | object, pose) over touches first, ..., last - 1, by default all: (n,) nats.
+
+        object_in_robot: (n, 7).
+        """
+        result = np.zeros(len(object_in_robot))
+        last = self.touches if last is None else last
+        add_log_p(
+            self.maps[self.labels[label_index]], self.touching, self._corners, np.ascontiguousarray(object_in_robot),
+            self._readings, self._sensors, first, last, result,
+        )  # fmt: skip
+        self.evaluations += len(result) * max(last - first, 0)
+        return result
+
+    def surface(self, label_index: int) -> Surface:
+        """Give points (p, 3) mm about evenly over an object's surface, their outward normals and their spacing mm."""
+        return self._surfaces[label_index]
+
+    def reach(self, label_index: int) -> float:
+        """Give the radius mm about an object's origin that holds its surface."""
+        return float(np.linalg.norm(self._surfaces[label_index].points, axis=1).max())
+
+    def foresee(
+        self, label_index: int, object_in_robot: FloatArray, start: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Foresee touches from `start` (n, 7) of objects at (n, 7): travel (n,) mm and readings (n, taxels) kPa.
+
+        A touch that meets nothing travels the whole stroke and reads 0.
+        """
+        object_in_robot, start = np.broadcast_arrays(object_in_robot, start)
+        travel, image = np.empty(len(start)), np.empty((len(start), len(self.touching.taxel)))
+        foresee_touches(
+            self.maps[self.labels[label_index]], self.touching, np.ascontiguousarray(object_in_robot),
+            np.ascontiguousarray(start), self._load, self.rays.frame[2] ** 2, travel, image,
+        )  # fmt: skip
+        return travel, image
+
+    def sensor_after(self, start: FloatArray, travel: FloatArray) -> FloatArray:
+        """Move poses (n, 7) along their own z axis by `travel` (n,) mm: where a foreseen touch comes to rest."""
+        moved = np.array(start)
+        moved[:, :3] += travel[:, None] * rigid.turned(start[:, 3:], np.array([0.0, 0.0, 1.0]))
+        return moved
+
+
+def surfaces_of(estimator: object) -> Mapping[str, Surface]:
+    """Give the surfaces that an estimator has learned, by label; none if it has no field in space."""
+    field = getattr(estimator, "field", None)
+    if not isinstance(field, SpaceField):
+        return {}
+    return {label: field.surface(number) for number, label in enumerate(field.labels)}

@@ -1,0 +1,111 @@
+"""Learn from training touches how the pad feels: its stiffness, and the widths of what surfaces do not explain."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from scipy.optimize import minimize
+
+from tactsim.core.poses import FloatArray
+from tactsim.estimators.space.feeling_kernels import Touching, agreements
+from tactsim.estimators.space.learning import Touches, depths, learn_surface
+from tactsim.estimators.space.rays import Rays
+
+_LEFT_OUT = 5  # one in so many touches is left out to be foreseen
+_SHOWN = 3  # objects from which the stiffness is learned
+_SOFT = 0.5  # mm
+_FREEDOM = 4.0
+_COUNTS = 0.25  # neighbours share errors of the map and of the pad's place: four count as one
+_STIFFNESSES = np.geomspace(10, 1000, 9)  # kPa/mm that are tried first
+_MOST_DEEP = 5.0  # mm
+
+
+def learn_touching(
+    touches: Mapping[str, Touches], points: FloatArray, rays: Rays, dense: Rays, cell: float, stroke: float
+) -> tuple[Touching, float]:
+    """Learn how a pad with taxels at `points` (taxels, 3) mm feels; also the load of a touch, N.
+
+    rays: on which touches will be compared; dense: on which surfaces are learned.
+    """
+    shown = list(touches.values())[:: max(1, len(touches) // _SHOWN)][:_SHOWN]
+
+    def tried(stiffness: float) -> float:
+        start = _touching(points, rays, stiffness, _deepest(shown, stiffness), stroke)
+        return _widths(start, *_left_out(shown, start, rays, dense, cell))[1]
+
+    first = [tried(stiffness) for stiffness in _STIFFNESSES]
+    fine = _STIFFNESSES[int(np.argmax(first))] * np.geomspace(0.75, 1 / 0.75, 5)
+    stiffness = float(fine[np.argmax([tried(one) for one in fine])])
+    start = _touching(points, rays, stiffness, _deepest(list(touches.values()), stiffness), stroke)
+    touching, _ = _widths(start, *_left_out(list(touches.values()), start, rays, dense, cell))
+    area = rays.frame[2] ** 2 * rays.base.size / len(points)
+    loads = np.concatenate([mine.readings.sum(axis=1) for mine in touches.values()])
+    return touching, float(np.quantile(loads, 0.75)) * area / 1000
+
+
+def _deepest(touches: list[Touches], stiffness: float) -> float:
+    """Give how deep a surface comes into the layer at most, mm, with some room."""
+    highest = max(float(np.quantile(mine.readings.max(axis=1), 0.999)) for mine in touches)
+    return min(max(1.5, 1.0 + highest / stiffness), _MOST_DEEP)
+
+
+def _left_out(
+    touches: list[Touches], start: Touching, rays: Rays, dense: Rays, cell: float
+) -> tuple[FloatArray, FloatArray]:
+    """Foresee touches left out: depths (n, rays) mm, and their readings (n, taxels) kPa."""
+    depth, readings = [], []
+    for mine in touches:
+        learned, out = _divided(mine)
+        chart = learn_surface(learned, dense, start.stiffness, cell, start.stroke)
+        depth.append(depths(chart.voxels, out, rays, start.deepest, start.soft + 0.5))
+        readings.append(out.readings)
+    return np.concatenate(depth), np.ascontiguousarray(np.concatenate(readings))
+
+
+def _divided(touches: Touches) -> tuple[Touches, Touches]:
+    """Divide touches into those that are learned from and those left out."""
+    out = np.arange(len(touches.readings)) % _LEFT_OUT == 0
+    return (touches[~out], touches[out]) if out.any() and not out.all() else (touches, touches)
+
+
+def _touching(points: FloatArray, rays: Rays, stiffness: float, deepest: float, stroke: float) -> Touching:
+    """Set up how a pad feels, before its widths are learned."""
+    taxel, ray = np.nonzero(rays.to_taxels)
+    return Touching(
+        ray=np.column_stack([rays.xy, rays.base.ravel()]),
+        taxel=np.ascontiguousarray(points[:, :2]),
+        start=np.searchsorted(taxel, np.arange(len(points) + 1)).astype(np.int64),
+        which=ray.astype(np.int64),
+        share=np.ascontiguousarray(rays.to_taxels[taxel, ray]),
+        stiffness=float(stiffness), soft=_SOFT, deepest=deepest, stroke=stroke, noise=np.full(len(points), 2.0),
+        rough=0.1, aside=0.2, columns=len(rays.x), step=float(rays.frame[2]),
+        displaced=np.array([0.2, 0.02, 0.02]), swept=0.5, freedom=_FREEDOM, counts=_COUNTS,
+    )  # fmt: skip
+
+
+def _widths(start: Touching, depth: FloatArray, readings: FloatArray) -> tuple[Touching, float]:
+    """Choose the widths under which touches left out are most probable, and give their mean log p."""
+    log_p = np.empty(len(depth))
+
+    def with_widths(logs: FloatArray) -> Touching:
+        noise, rough, aside, shift, tilt = np.exp(logs)
+        return start._replace(
+            noise=np.full(len(start.taxel), noise),
+            rough=float(rough),
+            aside=float(aside),
+            displaced=np.array([shift, tilt, tilt]),
+        )
+
+    def cost(logs: FloatArray) -> float:
+        agreements(with_widths(logs)._replace(counts=1.0), depth, readings, log_p)
+        return -float(log_p.mean())
+
+    noise = 0.02 * float(np.quantile(readings, 0.99))
+    found = minimize(
+        cost,
+        np.log([noise, 0.1, 0.2, 0.2, 0.02]),
+        method="Nelder-Mead",
+        options={"maxfev": 150, "xatol": 0.05},
+    )
+    return with_widths(found.x), -float(found.fun)

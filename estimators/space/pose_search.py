@@ -1,0 +1,217 @@
+"""The coarse-to-fine search over SO(3) x R^3: cells of poses about the first contact, halved where they fit."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tactsim.core import rigid
+from tactsim.core.poses import FloatArray
+from tactsim.estimators.space import pose_cells
+from tactsim.estimators.space.field import SpaceField
+from tactsim.estimators.space.pose_cells import CellSizes
+from tactsim.estimators.space.rotation_cells import ACROSS, every_cell, middles
+from tactsim.estimators.space.screen_kernels import TouchPoints, screen
+from tactsim.estimators.space.surface import Surface
+from tactsim.estimators.space.touch_points import PointReader, joined
+
+_WIDTH = 0.4  # mm by which a touched point misses the map
+# A coarse cell that is so many nats below the best is forgotten; what is so many below the best of the cells that it is
+# compared with is not worked out to the end.
+_FORGOTTEN, _NEGLIGIBLE = 15.0, 40.0
+_KEPT_FIRST, _KEPT = (
+    150_000,
+    30_000,
+)  # coarse cells that are kept after the first contact, and after each later touch
+_OBLIQUE = 0.25  # of the cosine between a pad's normal and a surface's that it can touch, at most
+
+
+@dataclass(frozen=True, eq=False)
+class Patches:
+    """The coarse voxels that a surface crosses: voxels (v, 3), and the mean points and normals (v, 3) of each."""
+
+    voxels: NDArray[np.int64]
+    points: FloatArray
+    normals: FloatArray
+
+
+def patches_of(surface: Surface, sizes: CellSizes) -> Patches:
+    """Divide a surface among voxels."""
+    voxels, which = np.unique(
+        np.floor((surface.points + sizes.reach) / sizes.voxel).astype(np.int64), axis=0, return_inverse=True
+    )
+    shares = np.zeros((len(voxels), len(surface.points)))
+    shares[which.ravel(), np.arange(len(surface.points))] = 1.0
+    shares /= shares.sum(axis=1, keepdims=True)
+    return Patches(voxels, shares @ surface.points, shares @ surface.normals)
+
+
+class PoseSearch:
+    """Which poses of which objects may agree with the touches so far, found by a quick look at distances.
+
+    A pose is given by its rotation and by the point of the object that lies where the first contact was the hardest,
+    the anchor: in these six numbers volumes are the same as in rotation and place, and only points on the surface
+    matter.
+    Cells of them, all objects' together, are screened (`screen_kernels`) for what may lie in them, the better ones are
+    halved in turns, then in places, and so on. Of the cells that are not halved some stand for all: so what is found
+    stands for the whole belief. screened: touches times cells that were looked at.
+    """
+
+    def __init__(
+        self,
+        field: SpaceField,
+        labels: Sequence[int],
+        reader: PointReader,
+        side: int,
+        voxel: float,
+        box: float,
+    ) -> None:
+        """Take the objects `labels` of a field. side, voxel, box: of the coarse cells, see `CellSizes`."""
+        self._reader, self._labels = reader, labels
+        self._reach = {label: field.reach(label) for label in labels}
+        self._charts = {label: field.maps[field.labels[label]] for label in labels}
+        self._coarse = CellSizes(side, voxel, voxel * np.ceil(max(self._reach.values()) / voxel + 1), box)
+        self._patches = {label: patches_of(field.surface(label), self._coarse) for label in labels}
+        xy = reader.taxel_points[:, :2]
+        x, y = (np.linspace(xy[:, axis].min(), xy[:, axis].max(), 3) for axis in (0, 1))
+        # The pad's middle and its corners.
+        self._lattice = np.ascontiguousarray(np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)[::2])
+        self.screened = 0
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget all touches."""
+        self._points: TouchPoints | None = None
+        self.anchor: FloatArray | None = None
+
+    def take_in(self, readings: FloatArray, sensors_in_robot: FloatArray) -> None:
+        """Add touches: readings (m, taxels) kPa at poses (m, 7)."""
+        new = self._reader.read(readings, sensors_in_robot)
+        first = 0 if self._points is None else len(self._points.sensor)
+        self._points = new if self._points is None else joined(self._points, new)
+        if self.anchor is not None:
+            self._screen_coarse(first)
+        elif new.points.any():
+            strongest = int(np.where(new.points > 0, readings.sum(axis=1), -np.inf).argmax())
+            self.anchor = self._reader.anchor(readings[strongest], sensors_in_robot[strongest])
+            self._list_coarse(sensors_in_robot[strongest])
+            self._screen_coarse(0)
+
+    def find(
+        self, count: int, halvings: int, rng: np.random.Generator
+    ) -> tuple[NDArray[np.int64], FloatArray, FloatArray]:
+        """Halve the better cells `halvings` times, and draw a pose in each of `count` of the smallest.
+
+        Returns labels (n,), object_in_robot (n, 7), and the logs (n,) of how much of the prior each stands for. n is at
+        most `count`: poses outside of the prior are left out. It is 0 where no object can be what was touched.
+        """
+        assert self.anchor is not None
+        sizes, cells, scores = self._coarse, self._cells, self._scores
+        log_held, log_mass = self._held, self._scores + self._prior + self._held
+        for step in range(2 * halvings):
+            chosen, more = pose_cells.thinned(log_mass, count)
+            if not len(chosen):  # the prior is nowhere near
+                break
+            least = float(scores[chosen].max()) - _NEGLIGIBLE
+            halves, sizes = (
+                (pose_cells.shifted_halves, sizes.shifted())
+                if step % 2
+                else (pose_cells.turned_halves, sizes.turned())
+            )
+            cells = halves(cells[chosen]).ravel()
+            poses = pose_cells.poses_of(cells, sizes, self.anchor)
+            prior = pose_cells.log_prior(cells, poses, sizes, self._slack(poses, sizes))
+            log_held = np.repeat(log_held[chosen] + more, 8)
+            scores = self._screen(cells, poses, sizes, 0, np.zeros(len(cells)), least)
+            if scores.max() == -np.inf:
+                scores = self._screen(cells, poses, sizes, 0, np.zeros(len(cells)), -np.inf)
+            log_mass = prior + log_held + scores
+        chosen, more = pose_cells.thinned(log_mass, count)
+        poses = self._within(pose_cells.poses_of(cells[chosen], sizes, self.anchor), sizes, rng)
+        log_held = log_held[chosen] + more + pose_cells.log_prior(cells[chosen], poses, sizes)
+        inside = log_held > -np.inf
+        return pose_cells.label_of(cells[chosen][inside]), poses[inside], log_held[inside]
+
+    def _list_coarse(self, sensor_in_robot: FloatArray) -> None:
+        """List the coarse cells in which the surface faces the pad: their middles lie on the surface."""
+        assert self.anchor is not None
+        cube, place = every_cell(self._coarse.side)
+        turns = middles(cube, place, self._coarse.side)
+        along = rigid.turned(sensor_in_robot[3:], np.array([0.0, 0.0, 1.0]))
+        inward = rigid.turned(rigid.conjugate(turns), along)
+        cells, poses = [], []
+        for label in self._labels:
+            patches = self._patches[label]
+            # Where normals differ within a voxel, their mean is short, and the pad may look along it.
+            least = _OBLIQUE + 1 - np.linalg.norm(patches.normals, axis=1)
+            which, turn = np.nonzero(patches.normals @ inward.T < least[:, None])
+            cells.append(pose_cells.packed(label, cube[turn], place[turn], patches.voxels[which]))
+            poses.append(
+                np.concatenate(
+                    [self.anchor - rigid.turned(turns[turn], patches.points[which]), turns[turn]], axis=1
+                )
+            )
+        self._cells, self._poses = np.concatenate(cells), np.concatenate(poses)
+        self._scores = np.zeros(len(self._cells))
+        self._held, self._contacts = np.zeros(len(self._cells)), 0
+        slack = self._slack(self._poses, self._coarse)
+        self._prior = pose_cells.log_prior(self._cells, self._poses, self._coarse, slack)
+
+    def _screen_coarse(self, first: int) -> None:
+        """Take touches from `first` on into the coarse cells, and keep those that can matter."""
+        if not len(self._cells):
+            return
+        least = float(self._scores.max()) - _NEGLIGIBLE
+        score = self._screen(self._cells, self._poses, self._coarse, first, self._scores, least)
+        if score.max() == -np.inf:
+            score = self._screen(self._cells, self._poses, self._coarse, first, self._scores, -np.inf)
+        mass = score + self._prior + self._held
+        mass[mass < mass.max() - _FORGOTTEN] = -np.inf
+        self._contacts += 1
+        kept, more = pose_cells.thinned(mass, _KEPT if self._contacts > 1 else _KEPT_FIRST)
+        self._cells, self._poses, self._scores, self._prior, self._held = (
+            self._cells[kept], self._poses[kept], score[kept], self._prior[kept], self._held[kept] + more
+        )  # fmt: skip
+
+    def _screen(
+        self,
+        cells: NDArray[np.int64],
+        poses: FloatArray,
+        sizes: CellSizes,
+        first: int,
+        score: FloatArray,
+        least: float,
+    ) -> FloatArray:
+        """Add the touches from `first` on to scores (n,) of cells; -inf for those that fall to `least`."""
+        assert self._points is not None
+        assert self.anchor is not None
+        score, labels = score.copy(), pose_cells.label_of(cells)
+        for label in np.unique(labels).tolist():
+            mine = np.flatnonzero(labels == label)
+            part = score[mine]
+            screen(
+                self._charts[label], self._points, self._lattice, self._reach[label],
+                np.ascontiguousarray(poses[mine]), first, len(self._points.sensor), self.anchor, sizes.turn,
+                sizes.shift, _WIDTH, least, part,
+            )  # fmt: skip
+            score[mine] = part
+        self.screened += len(cells) * (len(self._points.sensor) - first)
+        return np.where(score > least, score, -np.inf)
+
+    def _slack(self, poses: FloatArray, sizes: CellSizes) -> float:
+        """Give how far an object's origin may be from that of its cell's middle, mm."""
+        assert self.anchor is not None
+        lever = float(np.linalg.norm(poses[:, :3] - self.anchor, axis=1).max(initial=0.0))
+        return 2 * (lever * sizes.turn + sizes.shift)
+
+    def _within(self, poses: FloatArray, sizes: CellSizes, rng: np.random.Generator) -> FloatArray:
+        """Move poses (n, 7) from the middles of their cells to anywhere within."""
+        assert self.anchor is not None
+        by = rigid.from_vector(rng.uniform(-0.5, 0.5, (len(poses), 3)) * (ACROSS / sizes.side))
+        shift = rng.uniform(-0.5, 0.5, (len(poses), 3)) * sizes.voxel
+        place = self.anchor + rigid.turned(by, poses[:, :3] - self.anchor) + shift
+        rotation = rigid.multiply(by, poses[:, 3:])
+        return np.concatenate([place, rotation / np.linalg.norm(rotation, axis=1, keepdims=True)], axis=1)

@@ -1,0 +1,126 @@
+"""Signed distances to a surface on a sparse voxel grid, and where a ray meets that surface first."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import float64, int32, types
+from numba.extending import register_jitable
+from numpy.typing import NDArray
+
+from tactsim.core.compiling import FLOATS_2D, FLOATS_3D, REALS, Floats, Reals, compiled
+
+BLOCK = 8  # cells along a block's side; it holds one node more, so that neighbours share their border
+_SHIFT, _INSIDE, _SIDE, _NEXT = np.uint32(3), np.uint32(BLOCK - 1), np.uint32(BLOCK + 1), np.uint32(1)
+_LONGEST = 64  # steps of a ray; at the border of far blocks it may creep
+
+
+class Voxels(NamedTuple):
+    """Signed distances mm at the nodes of a cubic grid, negative inside; only blocks near the surface hold nodes.
+
+    corner: (3,) mm, the first node. cell: mm. block: (a, b, c) which row of `nodes` a block has, or -1. nodes: (blocks
+    held, 9 * 9 * 9) z fastest. far: (a, b, c) for a block without nodes a distance that no place in it is nearer than,
+    with its sign. margin: mm; no surface is nearer than that to the border of the grid.
+    """
+
+    corner: Reals
+    cell: float
+    block: NDArray[np.int32]
+    nodes: Floats
+    far: Floats
+    margin: float
+
+
+VOXELS = types.NamedTuple((REALS, float64, int32[:, :, ::1], FLOATS_2D, FLOATS_3D, float64), Voxels)
+
+
+def sparse(corner: Reals, cell: float, distance: Floats, band: float) -> Voxels:
+    """Keep of a dense grid of signed distances the blocks that come as near to the surface as `band` mm.
+
+    corner: (3,) mm of the first node. distance: (a, b, c) mm at the nodes, positive at the grid's border.
+    """
+    blocks = [-(-(count - 1) // BLOCK) for count in distance.shape]
+    wide = [(0, BLOCK * count + 1 - have) for count, have in zip(blocks, distance.shape, strict=True)]
+    padded = np.pad(distance, wide, mode="edge")
+    windows = np.lib.stride_tricks.sliding_window_view(padded, (BLOCK + 1,) * 3)[::BLOCK, ::BLOCK, ::BLOCK]
+    low, high = windows.min(axis=(3, 4, 5)), windows.max(axis=(3, 4, 5))
+    # Between nodes the distance changes by at most half the diagonal of a cell.
+    slack = np.float32(cell * np.sqrt(3) / 2)
+    near = (low < band) & (high > -band)
+    index = np.full(near.shape, -1, dtype=np.int32)
+    index[near] = np.arange(np.count_nonzero(near))
+    far = np.where(low > 0, np.maximum(low - slack, cell), np.minimum(high + slack, -cell)).astype(np.float32)
+    nodes = np.ascontiguousarray(windows[near].reshape(-1, (BLOCK + 1) ** 3), dtype=np.float32)
+    rim = min(
+        float(side.min()) for axis in range(3) for side in (distance.take(0, axis), distance.take(-1, axis))
+    )
+    return Voxels(
+        np.array(corner, dtype=float),
+        float(cell),
+        index,
+        nodes,
+        np.ascontiguousarray(far),
+        max(rim - cell, 0.0),
+    )
+
+
+# Written into its callers: a call counts references to the arrays, which takes longer than the look-up.
+@register_jitable(inline="always")
+def distance_at(voxels: Voxels, x: float, y: float, z: float) -> float:
+    """Interpolate the signed distance at a place, mm; far from the surface, give a bound that it is not nearer than."""
+    per = 1 / voxels.cell
+    u, v, w = (x - voxels.corner[0]) * per, (y - voxels.corner[1]) * per, (z - voxels.corner[2]) * per
+    wide, deep, tall = voxels.block.shape
+    if not (0.0 <= u < wide * BLOCK and 0.0 <= v < deep * BLOCK and 0.0 <= w < tall * BLOCK):
+        du = max(max(-u, u - wide * BLOCK), 0.0)
+        dv = max(max(-v, v - deep * BLOCK), 0.0)
+        dw = max(max(-w, w - tall * BLOCK), 0.0)
+        return voxels.cell * np.sqrt(du * du + dv * dv + dw * dw) + voxels.margin
+    # Unsigned numbers need no check for a count from the end.
+    i, j, k = np.uint32(u), np.uint32(v), np.uint32(w)
+    a, b, c = i >> _SHIFT, j >> _SHIFT, k >> _SHIFT
+    which = voxels.block[a, b, c]
+    if which < 0:
+        return float64(voxels.far[a, b, c])
+    u, v, w = u - i, v - j, w - k
+    at = ((i & _INSIDE) * _SIDE + (j & _INSIDE)) * _SIDE + (k & _INSIDE)
+    nodes = voxels.nodes[np.uint32(which)]
+    low = (1 - v) * ((1 - w) * nodes[at] + w * nodes[at + _NEXT]) + v * (
+        (1 - w) * nodes[at + _SIDE] + w * nodes[at + _SIDE + _NEXT]
+    )
+    at += _SIDE * _SIDE
+    high = (1 - v) * ((1 - w) * nodes[at] + w * nodes[at + _NEXT]) + v * (
+        (1 - w) * nodes[at + _SIDE] + w * nodes[at + _SIDE + _NEXT]
+    )
+    return (1 - u) * low + u * high
+
+
+@compiled(
+    float64(VOXELS, float64, float64, float64, float64, float64, float64, float64, float64),
+    called_from_python=False,
+)
+def first_hit(
+    voxels: Voxels, x: float, y: float, z: float, dx: float, dy: float, dz: float, begin: float, end: float
+) -> float:
+    """Give how far a ray goes before it meets the surface, mm in [begin, end]: `end` if it does not.
+
+    The ray starts at (x, y, z) along the unit vector (dx, dy, dz); only its part from `begin` on is looked at. It walks
+    as far as the distance allows (sphere tracing, Hart 1996) and ends with a secant.
+    """
+    at = before = begin
+    value = last = distance_at(voxels, x + at * dx, y + at * dy, z + at * dz)
+    if value <= 0:
+        return begin
+    least = 0.3 * voxels.cell
+    for _ in range(_LONGEST):
+        before, last = at, value
+        at += max(value, least)
+        if at >= end:
+            at = end
+        value = distance_at(voxels, x + at * dx, y + at * dy, z + at * dz)
+        if value <= 0:
+            return at - value / (value - last) * (at - before)
+        if at == end:
+            return end
+    return at

@@ -1,0 +1,257 @@
+"""The inner loops of a touch in space: how far each point of the pad is from a mesh, and where the layer balances.
+
+Each facet that looks at the pad is drawn into a height map over the pad's lattice and the nearest wins, so nothing
+has to be cut or searched to know what hides what. The force on the layer then grows with the travel as a sum of springs
+that begin one after another, which Newton's method inverts exactly. That is done on every third line of the lattice,
+and then again on all lines about what touches, if that is small.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import float64, int64, void
+
+from tactsim.core.compiling import INTS, INTS_2D, REALS, REALS_2D, REALS_3D, Ints, Reals, compiled
+from tactsim.press.facet_kernels import cut
+
+STATE = 3  # what `touch_all` finds: travel mm, force N, the layer's stiffness N/mm^3
+
+COARSE = 3  # lines of the lattice from one to the next of those on which a touch is found
+_CORNERS = 8  # room for a polygon: a triangle cut by four lines
+_FINE = 16_000  # points of the lattice about a contact up to which it is looked at on all lines
+_MARGIN = 0.5  # mm that the pad may go further, or less far, on all lines
+
+_EDGE_ON = 1e-9  # a facet with a smaller share of its area across the stroke is a wall that the pad passes
+_ON_EDGE = 1e-9  # by which a point may miss a facet and still be on it, so that none falls between two
+
+
+@compiled(void(REALS_2D, REALS, REALS_2D, REALS_2D), called_from_python=False)
+def seen_from(vertices: Reals, place: Reals, rotation: Reals, corners: Reals) -> None:
+    """Write vertices (v, 3) mm in the frame at place (3,) mm with the axes rotation (3, 3): fills corners (v, 3)."""
+    for corner in range(len(vertices)):
+        x, y, z = (
+            vertices[corner, 0] - place[0],
+            vertices[corner, 1] - place[1],
+            vertices[corner, 2] - place[2],
+        )
+        for axis in range(3):
+            corners[corner, axis] = rotation[0, axis] * x + rotation[1, axis] * y + rotation[2, axis] * z
+
+
+@compiled(void(REALS_2D, INTS_2D, REALS, REALS, INTS, REALS), called_from_python=False)
+def draw(corners: Reals, faces: Ints, origin: Reals, step: Reals, window: Ints, height: Reals) -> None:
+    """Draw facets into a height map: the least z of those that look along -z, over each point of a lattice.
+
+    corners: (v, 3) mm in the sensor frame. faces: (f, 3) numbers of corners, counter-clockwise seen from outside.
+    origin, step: (2,) mm, the first point of the lattice and the way to the next. window: (4,), the first column and
+    row that are wanted, and how many. Fills height mm, of the window row by row, infinite where there is nothing.
+    """
+    columns, rows = window[2], window[3]
+    height[: columns * rows] = np.inf
+    x_first, y_first = origin[0] + window[0] * step[0], origin[1] + window[1] * step[1]
+    for face in range(len(faces)):
+        a, b, c = faces[face, 0], faces[face, 1], faces[face, 2]
+        ax, ay, az = corners[a, 0], corners[a, 1], corners[a, 2]
+        bx, by, bz = corners[b, 0] - ax, corners[b, 1] - ay, corners[b, 2] - az
+        cx, cy, cz = corners[c, 0] - ax, corners[c, 1] - ay, corners[c, 2] - az
+        twice_area = bx * cy - by * cx
+        if twice_area > -_EDGE_ON * (bx * bx + by * by + bz * bz + cx * cx + cy * cy + cz * cz):
+            continue
+        left = math.ceil((ax + min(bx, cx, 0.0) - x_first) / step[0] - _ON_EDGE)
+        right = math.floor((ax + max(bx, cx, 0.0) - x_first) / step[0] + _ON_EDGE)
+        low = math.ceil((ay + min(by, cy, 0.0) - y_first) / step[1] - _ON_EDGE)
+        high = math.floor((ay + max(by, cy, 0.0) - y_first) / step[1] + _ON_EDGE)
+        left, right, low, high = max(left, 0), min(right, columns - 1), max(low, 0), min(high, rows - 1)
+        for row in range(low, high + 1):
+            y = y_first + row * step[1] - ay
+            for column in range(left, right + 1):
+                x = x_first + column * step[0] - ax
+                of_b, of_c = (x * cy - y * cx) / twice_area, (bx * y - by * x) / twice_area
+                if of_b >= -_ON_EDGE and of_c >= -_ON_EDGE and of_b + of_c <= 1 + _ON_EDGE:
+                    point = row * columns + column
+                    height[point] = min(height[point], az + of_b * bz + of_c * cz)
+
+
+@compiled(float64(REALS_2D, INTS_2D, REALS, REALS_2D, REALS_2D), called_from_python=False)
+def foremost(corners: Reals, faces: Ints, bounds: Reals, corner: Reals, spare: Reals) -> float:
+    """Find the least z of all facets that look along -z before a flat pad: mm, infinite if there is none.
+
+    A point of the lattice may miss a sharp tip by much. bounds: (4,) x low, x high, y low, y high of the pad, mm.
+    corner, spare: room for a polygon.
+    """
+    first = np.inf
+    for face in range(len(faces)):
+        a, b, c = faces[face, 0], faces[face, 1], faces[face, 2]
+        if min(corners[a, 2], corners[b, 2], corners[c, 2]) >= first:
+            continue
+        low_x, high_x = (
+            min(corners[a, 0], corners[b, 0], corners[c, 0]),
+            max(corners[a, 0], corners[b, 0], corners[c, 0]),
+        )
+        low_y, high_y = (
+            min(corners[a, 1], corners[b, 1], corners[c, 1]),
+            max(corners[a, 1], corners[b, 1], corners[c, 1]),
+        )
+        if high_x <= bounds[0] or low_x >= bounds[1] or high_y <= bounds[2] or low_y >= bounds[3]:
+            continue
+        bx, by = corners[b, 0] - corners[a, 0], corners[b, 1] - corners[a, 1]
+        cx, cy = corners[c, 0] - corners[a, 0], corners[c, 1] - corners[a, 1]
+        if bx * cy - by * cx >= 0:
+            continue
+        for k in range(3):
+            corner[0, k], corner[1, k], corner[2, k] = corners[a, k], corners[b, k], corners[c, k]
+        count = 3
+        for axis in range(2):
+            count = cut(corner, count, axis, 1.0, bounds[2 * axis], spare)
+            count = cut(corner, count, axis, -1.0, bounds[2 * axis + 1], spare)
+        for k in range(count):
+            first = min(first, corner[k, 2])
+    return first
+
+
+@compiled(int64(REALS, REALS, INTS, int64, int64, float64, float64, INTS, REALS), called_from_python=False)
+def gather(
+    height: Reals, surface: Reals, window: Ints, stride: int, columns: int, front: float, reach: float, at: Ints,
+    gap: Reals,
+) -> int:  # fmt: skip
+    """List the points of a window that lie less than `reach` mm behind the foremost; returns how many.
+
+    height: mm, of the window, on every stride-th line of the lattice. surface: (points,) mm, the pad's z on the whole
+    lattice, which has `columns` lines along y. front: mm, where something is known to be, or infinite.
+    Fills gap with the ways mm from the pad and at with the points' numbers on the lattice.
+    """
+    first = front
+    for turn in range(2):
+        count = 0
+        for row in range(window[3]):
+            start = (stride * (window[1] + row) + stride // 2) * columns + stride * window[0] + stride // 2
+            for column in range(window[2]):
+                away = height[row * window[2] + column] - surface[start + stride * column]
+                if turn == 0:
+                    if away < first:  # not where the surface is NaN
+                        first = away
+                elif away <= first + reach and away < np.inf:
+                    gap[count], at[count] = away, start + stride * column
+                    count += 1
+    return count
+
+
+@compiled(float64(REALS, REALS, int64, float64), called_from_python=False)
+def springs(gap: Reals, rate: Reals, count: int, travel: float) -> float:
+    """Add up springs that begin at gap (count,) mm and give rate (count,) a mm: what they give after a travel."""
+    total = 0.0
+    for point in range(count):
+        total += rate[point] * max(travel - gap[point], 0.0)
+    return total
+
+
+@compiled(float64(REALS, REALS, int64, float64, float64), called_from_python=False)
+def balance(gap: Reals, rate: Reals, count: int, travel: float, wanted: float) -> float:
+    """Find the travel, mm, at which springs give what is wanted, from a travel at which some give something.
+
+    The sum is convex and piecewise linear, so Newton's method comes from above and ends at the answer itself.
+    """
+    touching = -1
+    while True:
+        total = moment = 0.0
+        now = 0
+        for point in range(count):
+            if gap[point] < travel:
+                total += rate[point]
+                moment += rate[point] * gap[point]
+                now += 1
+        if now == touching or now == 0:
+            return travel
+        touching = now
+        travel = (wanted + moment) / total
+
+
+@compiled(int64(INTS, REALS, int64, int64, int64, float64, INTS), called_from_python=False)
+def surround(
+    at: Ints, gap: Reals, count: int, columns: int, rows: int, limit: float, window: Ints
+) -> int:  # fmt: skip
+    """Find the window of the whole lattice about the points whose gap is less than `limit` mm; returns its size."""
+    left, right, low, high = columns, -1, rows, -1
+    for point in range(count):
+        if gap[point] < limit:
+            row, column = at[point] // columns, at[point] % columns
+            left, right, low, high = min(left, column), max(right, column), min(low, row), max(high, row)
+    window[0], window[1] = max(left - COARSE, 0), max(low - COARSE, 0)
+    window[2] = min(right + COARSE, columns - 1) - window[0] + 1
+    window[3] = min(high + COARSE, rows - 1) - window[1] + 1
+    return window[2] * window[3]
+
+
+@compiled(
+    void(
+        REALS_2D, INTS_2D, REALS_2D, REALS_3D, REALS, REALS, int64, int64, REALS, REALS, REALS, INTS_2D, REALS_3D,
+        REALS_3D, REALS, float64, float64, REALS, REALS_2D, REALS_3D,
+    )
+)  # fmt: skip
+def touch_all(
+    vertices: Reals, faces: Ints, places: Reals, rotations: Reals, origin: Reals, step: Reals, columns: int, rows: int,
+    bounds: Reals, surface: Reals, facing: Reals, cell: Ints, felt_u: Reals, felt_v: Reals, forces: Reals,
+    stiffness: float, thickness: float, strokes: Reals, states: Reals, images: Reals,
+) -> None:  # fmt: skip
+    """Let the pad come along its z axis until it carries a force, from n starts.
+
+    vertices (v, 3) mm, faces (f, 3): the mesh. places (n, 3) mm, rotations (n, 3, 3): sensor_in_object at the starts.
+    origin, step (2,) mm, columns, rows: the lattice along the pad's x and y, columns and rows multiples of COARSE.
+    bounds: (4,) mm, x low, x high, y low, y high of a flat pad, NaN of a curved one. surface: (points,) mm, its z,
+    NaN beside the pad. facing: (points,), the part along z of the normal. cell: (points, 2), where felt_u (2, cells,
+    columns of taxels) and felt_v (2, cells, rows of taxels) hold what the taxels feel along u and v of a force there,
+    that of a point on all lines and on every COARSE-th. forces: (frames,) N, rising, the last at rest. stiffness:
+    N/mm^3 and thickness: mm, of the layer. strokes: (n,) mm at most.
+    Fills states (n, STATE) and images (n, frames, taxels) N. A touch that meets nothing has a force of 0; one that the
+    stroke ends before the force is reached rests there with what it carries.
+    """
+    corners, height = np.empty_like(vertices), np.empty(columns * rows)
+    gap, rate, at = np.empty(columns * rows), np.empty(columns * rows), np.empty(columns * rows, np.int64)
+    window, corner, spare = np.empty(4, np.int64), np.empty((_CORNERS, 3)), np.empty((_CORNERS, 3))
+    coarse_origin = origin + (COARSE // 2) * step
+    across = felt_u.shape[2]
+    for touch in range(len(places)):
+        seen_from(vertices, places[touch], rotations[touch], corners)
+        travel, stiff, stroke = strokes[touch], stiffness, strokes[touch]
+        states[touch, 0], states[touch, 1], states[touch, 2] = stroke, 0.0, stiffness
+        images[touch, :, :] = 0.0
+        window[0], window[1], window[2], window[3] = 0, 0, columns // COARSE, rows // COARSE
+        front = foremost(corners, faces, bounds, corner, spare)
+        draw(corners, faces, coarse_origin, COARSE * step, window, height)
+        level, stride, deep = 1, COARSE, True
+        while True:
+            area = stride * stride * step[0] * step[1]
+            count = gather(height, surface, window, stride, columns, front, thickness, at, gap)
+            first = front
+            for point in range(count):
+                # A surface under a force along its normal, by a depth along its normal: of both the part along z
+                # counts, over an area larger than its shadow by one such part.
+                rate[point] = area * facing[at[point]]
+                first = min(first, gap[point])
+            if not (count and first < stroke):
+                break
+            if deep:
+                # A layer that would be pressed by more than its thickness is just stiff enough not to give so far.
+                stiff = max(stiffness, forces[-1] / springs(gap, rate, count, first + thickness))
+            travel = balance(gap, rate, count, first + thickness, forces[-1] / stiff)
+            if level == 0 or surround(at, gap, count, columns, rows, travel + _MARGIN, window) > _FINE:
+                break
+            draw(corners, faces, origin, step, window, height)
+            level, stride, deep = 0, 1, travel + _MARGIN >= first + thickness
+        if not (count and first < stroke):
+            continue
+        travel = min(travel, stroke)
+        states[touch, 0], states[touch, 2] = travel, stiff
+        states[touch, 1] = stiff * springs(gap, rate, count, travel)
+        for frame in range(len(forces)):
+            rest = min(balance(gap, rate, count, travel, forces[frame] / stiff), travel)
+            for point in range(count):
+                if gap[point] < rest:
+                    force = stiff * area * (rest - gap[point])
+                    u, v = cell[at[point], 0], cell[at[point], 1]
+                    for row in range(felt_v.shape[2]):
+                        strip = force * felt_v[level, v, row]
+                        for column in range(across):
+                            images[touch, frame, row * across + column] += strip * felt_u[level, u, column]

@@ -1,0 +1,61 @@
+"""Metrics of runs in space, worked out the slow way."""
+
+import numpy as np
+import pytest
+from made_up_space import make_space_run, make_space_trials
+
+from tactsim.bench.space.score import CURVES, HEADLINES, Scored, summarise
+from tactsim.core import rigid
+
+
+@pytest.fixture(scope="module")
+def run():
+    return make_space_run(n=40, r=3)
+
+
+def test_errors_count_only_where_the_object_is_right(run):
+    trials, scored = run.trials, Scored(run.trials, run.surfaces)
+    for i in range(40):
+        for k in range(3):
+            if trials.label[i, k] != trials.truth[i]:
+                assert np.isnan(scored.error[i, k])
+                assert np.isnan(scored.angle[i, k])
+                continue
+            points = run.surfaces[trials.truth[i]].points
+            at, other = (
+                rigid.transform(rigid.invert(pose), points)
+                for pose in (trials.pose[i, k], trials.true_pose[i])
+            )
+            assert scored.error[i, k] == pytest.approx(np.linalg.norm(at - other, axis=1).mean(), abs=1e-9)
+            assert scored.angle[i, k] == pytest.approx(
+                rigid.angle_between(trials.pose[i, k, 3:], trials.true_pose[i, 3:])
+            )
+
+
+def test_the_mean_lies_in_its_interval_and_the_interval_shrinks_with_trials(run):
+    few = summarise(make_space_trials(10, 3), run.surfaces)
+    many = run.summary
+    for name in ("error", "angle"):
+        unit = "mm" if name == "error" else "deg"
+        low, value, high = (
+            np.array(many[key]) for key in (f"{name}_low_{unit}", f"{name}_{unit}", f"{name}_high_{unit}")
+        )
+        assert ((low < value) & (value < high)).all()
+        assert (high - low).mean() < np.mean(
+            np.subtract(few[f"{name}_high_{unit}"], few[f"{name}_low_{unit}"])
+        )
+
+
+def test_a_run_that_is_never_right_has_no_error(run):
+    trials = make_space_trials(6, 3)
+    trials.label[:] = np.where(trials.truth == "wedge", "block", "wedge")[:, None]
+    summary = summarise(trials, run.surfaces)
+    assert summary["error_mm"] == summary["angle_deg"] == summary["error_low_mm"] == [None] * 3
+    assert summary["accuracy"] == [0.0] * 3
+    assert summary["settled_95"] is None
+    assert summary["confusion"] == {"wedge": {"block": 3}, "block": {"wedge": 3}}
+
+
+def test_every_metric_has_a_line_for_its_list(run):
+    assert set(run.summary) == {*CURVES, *HEADLINES}
+    assert all((metric.__doc__ or "").strip() for metric in (CURVES | HEADLINES).values())

@@ -1,0 +1,72 @@
+"""What is hidden and where it is touched: the draws of trials in space, and who gets how many."""
+
+import numpy as np
+import pytest
+
+from tactsim.bench.space.draws import HALF_BOX, draw_starts, draw_true_pose, outside_of
+from tactsim.bench.space.surface_distance import Surface
+from tactsim.bench.space.trials import SpaceTask, certainty, generator, tasks_of
+from tactsim.core import rigid
+from tactsim.estimators import Estimate, PoseSamples
+
+
+def test_touches_start_before_anything_that_the_object_can_be_and_aim_into_the_box():
+    outside = outside_of(30.0)
+    starts = draw_starts(2000, outside, np.random.default_rng(0))
+    normal = rigid.turned(starts[:, 3:], [0.0, 0, 1])
+    # The object's farthest point: its origin in a corner of the box, its radius beyond.
+    corners = HALF_BOX * np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, 8).T
+    farthest = corners[None] - 30.0 * normal[:, None]
+    before = np.einsum("nkj,nj->nk", farthest - starts[:, None, :3], normal)
+    assert before.min() >= -1e-9
+    assert np.abs(np.einsum("ij,ij->i", starts[:, :3], normal) + outside).max() < 1e-9
+    # The line of the stroke comes nearest to the origin where it crosses the plane through it; it aims into the box.
+    aim = starts[:, :3] + (np.arange(0, 2 * outside, 0.5)[:, None, None]) * normal
+    assert (np.abs(aim).max(axis=2).min(axis=0) <= HALF_BOX + 0.5).all()
+
+
+def test_directions_and_turns_are_even():
+    starts = draw_starts(4000, 60.0, np.random.default_rng(1))
+    for vector in np.eye(3):
+        turned = rigid.turned(starts[:, 3:], vector)
+        assert np.abs(turned.mean(axis=0)).max() < 0.05
+        assert np.abs((turned[:, :, None] * turned[:, None]).mean(axis=0) - np.eye(3) / 3).max() < 0.03
+
+
+def test_the_hidden_pose_is_in_the_box_and_its_rotation_even():
+    rng = np.random.default_rng(2)
+    hidden = rigid.invert(np.array([draw_true_pose(rng) for _ in range(3000)]))
+    assert np.abs(hidden[:, :3]).max() <= HALF_BOX
+    assert np.abs(hidden[:, :3]).max() > 0.99 * HALF_BOX
+    # The angle of an even rotation has the density (1 - cos a) / pi, of mean pi / 2 + 2 / pi.
+    angle = rigid.angle_between(hidden[:, 3:], [1.0, 0, 0, 0])
+    assert abs(angle.mean() - (np.pi / 2 + 2 / np.pi)) < 0.05
+
+
+@pytest.mark.parametrize(("trials", "counts"), [(7, (3, 2, 2)), (2, (1, 1, 0)), (6, (2, 2, 2))])
+def test_objects_take_turns(trials, counts):
+    tasks = tasks_of(["a", "b", "c"], trials)
+    assert tuple(sum(task.truth == label for task in tasks) for label in "abc") == counts
+    assert len(set(tasks)) == trials
+
+
+def test_a_trial_does_not_depend_on_the_others():
+    first = generator(0, SpaceTask("bolt", 1), 0).random()
+    assert generator(0, SpaceTask("bolt", 1), 0).random() == first
+    others = [SpaceTask("bolt", 2), SpaceTask("nut", 1)]
+    assert all(generator(0, other, 0).random() != first for other in others)
+    assert generator(1, SpaceTask("bolt", 1), 0).random() != first
+    assert generator(0, SpaceTask("bolt", 1), 1).random() != first
+
+
+def test_certainty_of_a_belief_that_is_a_line_of_shifts():
+    of = Surface(np.random.default_rng(3).normal(size=(32, 3)), np.array([[1.0, 0, 0, 0]]))
+    estimate, true = rigid.IDENTITY.copy(), rigid.IDENTITY.copy()
+    poses = np.tile(rigid.IDENTITY, (1000, 1))
+    poses[:, 0] = np.linspace(0, 1, 1000)
+    true[0] = 0.3
+    belief = Estimate("a", {"a": 1.0}, estimate, PoseSamples(poses, np.full(1000, 1e-3)))
+    credibility, radius = certainty(belief, true, of)
+    assert credibility == pytest.approx(0.3, abs=0.01)
+    assert radius == pytest.approx(0.9, abs=0.01)
+    assert np.isnan(certainty(Estimate("a", {"a": 1.0}, estimate), true, of)).all()

@@ -1,0 +1,57 @@
+"""Convex parts: their hulls fill the solid, do not overlap, and stand out from it by no more than is said."""
+
+import numpy as np
+import pytest
+from manifold3d import CrossSection, Manifold, OpType
+
+from tactsim import models
+from tactsim.core.errors import InputError
+from tactsim.models.solids import solid_of
+from tactsim.models.solids.convex_solids import CONCAVITY
+from tactsim.models.solids.triangles import CutSurface
+
+
+@pytest.mark.parametrize("name", models.solid_names())
+def test_the_parts_fill_the_solid_and_no_more(name):
+    solid = models.solid(name)
+    hulls = [Manifold.hull_points(part) for part in solid.parts]
+    filled = Manifold.batch_boolean(hulls, OpType.Add)
+    assert sum(hull.volume() for hull in hulls) <= filled.volume() * 1.001
+    # What is missing are slivers.
+    assert (solid.manifold - filled).volume() <= 1e-3 * solid.volume
+    outside = (filled - solid.manifold).to_mesh64()
+    corners = np.asarray(outside.vert_properties)[np.asarray(outside.tri_verts, dtype=int)]
+    if len(corners):
+        points = np.concatenate([corners.reshape(-1, 3), corners.mean(axis=1)])
+        assert CutSurface(solid.corners).distances(points, 0.0).max() <= 1.2 * CONCAVITY
+    assert len(hulls) <= 150
+
+
+@pytest.mark.parametrize(
+    ("outline", "pieces"),
+    [
+        ([[0, 0], [30, 0], [30, 10], [10, 10], [10, 30], [0, 30]], 2),
+        ([[0, 0], [30, 0], [30, 30], [20, 30], [20, 10], [10, 10], [10, 30], [0, 30]], 3),
+        ([[0, 0], [30, 0], [30, 30], [0, 30]], 1),
+    ],
+)
+def test_few_pieces_for_plain_shapes(outline, pieces):
+    solid = solid_of("thing", CrossSection([np.array(outline, dtype=float)]).extrude(12))
+    assert len(solid.parts) == pieces
+    assert sum(Manifold.hull_points(part).volume() for part in solid.parts) == pytest.approx(solid.volume)
+
+
+def test_a_narrow_slot_beside_a_thin_wall_is_no_hull():
+    # The bottom of the slot lies 0.04 mm behind the side wall, but 20 mm deep.
+    slot = Manifold.cube((0.5, 40, 20)).translate((0.04, -5, 10))
+    solid = solid_of("slotted", Manifold.cube((3, 30, 30)) - slot)
+    assert len(solid.parts) > 1
+
+
+def test_what_takes_too_many_pieces_is_refused():
+    slot = Manifold.cube((0.1, 12, 5)).translate((0, -1, 5))
+    comb = Manifold.cube((90, 10, 8)) - Manifold.batch_boolean(
+        [slot.translate((0.2 * k + 0.1, 0, 0)) for k in range(449)], OpType.Add
+    )
+    with pytest.raises(InputError, match="'comb': it takes more than 400 convex pieces"):
+        _ = solid_of("comb", comb).parts

@@ -1,0 +1,122 @@
+"""A user's mesh: what is read, and the one line that says what is wrong."""
+
+import numpy as np
+import pytest
+import trimesh
+
+from tactsim import models
+from tactsim.core.errors import InputError
+from tactsim.models.solids.triangles import crossings
+
+
+def write(path, vertices, faces):
+    trimesh.Trimesh(vertices, faces, process=False).export(path)
+    return path
+
+
+def mesh_of(name):
+    solid = models.solid(name)
+    return solid.vertices.copy(), solid.faces.copy()
+
+
+@pytest.mark.parametrize("ending", ["stl", "obj", "glb"])
+def test_a_mesh_becomes_the_same_solid(tmp_path, ending):
+    vertices, faces = mesh_of("bracket")
+    scale = 1e-3 if ending == "glb" else 1.0
+    path = write(tmp_path / f"mine.{ending}", (vertices + [5, 6, 7]) * scale, faces)
+    solid = models.read_solid_file(path)
+    assert solid.name == "mine"
+    assert models.read_solid_file(path, "my bracket").name == "my bracket"
+    known = models.solid("bracket")
+    assert solid.volume == pytest.approx(known.volume, rel=1e-5)
+    assert solid.inertia == pytest.approx(known.inertia, rel=1e-4, abs=1e-3)
+    assert solid.vertices.min(axis=0) == pytest.approx(known.vertices.min(axis=0), abs=1e-4)
+    assert solid.symmetry.order == 1
+
+
+def test_faces_that_look_inwards_are_turned(tmp_path):
+    vertices, faces = mesh_of("key")
+    solid = models.read_solid_file(write(tmp_path / "key.stl", vertices, faces[:, ::-1]))
+    assert solid.volume == pytest.approx(models.solid("key").volume, rel=1e-5)
+
+
+def test_an_open_mesh_is_refused(tmp_path):
+    vertices, faces = mesh_of("nut")
+    path = write(tmp_path / "open.stl", vertices, faces[1:])
+    with pytest.raises(
+        InputError, match=r"open\.stl: the mesh is not watertight: 3 of its .* edges"
+    ) as error:
+        models.read_solid_file(path)
+    assert "\n" not in str(error.value)
+
+
+def test_a_mesh_that_cuts_through_itself_is_refused(tmp_path):
+    # One leg of the tetrapod is bent back until it has passed through the one beside it.
+    vertices, faces = mesh_of("tetrapod")
+    leg = np.linalg.norm(vertices[:, :2], axis=1) < 7
+    leg &= vertices[:, 2] > 9
+    vertices[leg] += np.array([18.0, 0, -22]) * ((vertices[leg, 2:] - 9) / 18)
+    path = write(tmp_path / "knot.stl", vertices, faces)
+    with pytest.raises(
+        InputError, match=r"knot\.stl: the mesh cuts through itself: \d+ pairs of its faces"
+    ) as error:
+        models.read_solid_file(path)
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("name", models.solid_names(50))
+def test_no_solid_of_the_catalogue_cuts_through_itself(name):
+    assert len(crossings(models.solid(name).corners)) == 0
+
+
+def test_crossing_faces_are_those_that_brute_force_finds():
+    rng = np.random.default_rng(8)
+    corners = rng.uniform(0, 10, (30, 1, 3)) + rng.uniform(-3, 3, (30, 3, 3))
+    found = {tuple(pair) for pair in crossings(corners).tolist()}
+    expected = {(a, b) for a in range(30) for b in range(a + 1, 30) if _cross(corners[a], corners[b])}
+    assert expected
+    assert found == expected
+
+
+def _cross(one, other):
+    """Cut each edge with the other's plane, and see whether the point is inside by its barycentric shares."""
+    for edges, triangle in ((one, other), (other, one)):
+        normal = np.cross(triangle[1] - triangle[0], triangle[2] - triangle[0])
+        for start, end in zip(edges, np.roll(edges, -1, axis=0), strict=True):
+            before, after = (start - triangle[0]) @ normal, (end - triangle[0]) @ normal
+            if before * after < 0:
+                point = start + (end - start) * before / (before - after)
+                shares = np.linalg.lstsq(
+                    np.vstack([triangle.T, np.ones(3)]), np.append(point, 1), rcond=None
+                )[0]
+                if shares.min() > 0:
+                    return True
+    return False
+
+
+def test_bodies_that_overlap_are_united(tmp_path):
+    a = trimesh.creation.box((20, 20, 20))
+    b = trimesh.creation.box((20, 20, 20)).apply_translation((10, 3, 3))
+    trimesh.util.concatenate([a, b]).export(tmp_path / "two.stl")
+    solid = models.read_solid_file(tmp_path / "two.stl")
+    assert solid.volume == pytest.approx(16_000 - 10 * 17 * 17, rel=1e-5)
+
+
+def test_what_is_no_solid_is_said_in_a_line(tmp_path):
+    vertices, faces = mesh_of("egg")
+    far = write(tmp_path / "large.stl", vertices * 3, faces)
+    small = write(tmp_path / "metres.stl", vertices * 1e-3, faces)
+    (tmp_path / "mine.step").write_text("x")
+    for path, message in (
+        (
+            far,
+            r"large\.stl: 'large': the solid measures 120 x 120 x 156 mm; its longest side must measure 5 to 100 mm",
+        ),
+        (small, r"metres\.stl: 'metres': the solid measures 0\.04 x 0\.04 x 0\.052 mm"),
+        (tmp_path / "mine.step", r"mine\.step: solids are read from \.stl, \.obj, \.glb files, not \.step"),
+        (tmp_path / "none.stl", r"cannot read solid .*none\.stl"),
+    ):
+        with pytest.raises(InputError, match=message):
+            models.read_solid_file(path)
+    with pytest.raises(InputError, match="is no name for a solid"):
+        models.read_solid_file(write(tmp_path / "egg.stl", vertices, faces), "")
