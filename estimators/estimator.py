@@ -44,8 +44,8 @@ class Estimate:
 
     label: the most probable letter (eq. 9, 14), or NONE. probabilities: p(letter), summing to 1, with NONE
     among them if the estimator considers that. robot_in_object: [x, y, theta] mm, rad: the most probable
-    T_R^O within the most probable letter; in space (7,), see `core.rigid`. samples: the belief about the pose of that letter, from which
-    covariance and regions are computed; None if the estimator does not say how sure it is of the pose.
+    T_R^O within the most probable letter; in space (7,), see `core.rigid`. samples: the belief about the pose of that
+    letter, from which covariance and regions are computed; None if the estimator does not say how sure it is of it.
     """
 
     label: str

@@ -63,7 +63,7 @@ class SpaceCase(Case):
     @property
     def labels(self) -> tuple[str, ...]:
         """List the objects that were learned."""
-        return self.scan.objects  # type: ignore[attr-defined, no-any-return]
+        return self.scan.objects  # type: ignore[attr-defined]
 
     def trial(self, label: str | None = None, count: int = 4, seed: int = 5) -> tuple[FloatArray, FloatArray]:
         """Draw a hidden object: readings (count, taxels) and sensor_in_robot (count, 7)."""

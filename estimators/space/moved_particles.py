@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -91,7 +92,7 @@ class MovedParticles:
         about = self.pose[:, :3].copy()
         # The others are turned about a touched place, which keeps a contact there.
         own = apart | (rng.random(count) < 0.4)
-        scale = np.exp(rng.uniform(*np.log(_TURNS), count))[:, None]
+        scale = np.exp(rng.uniform(math.log(_TURNS[0]), math.log(_TURNS[1]), count))[:, None]
         turn = np.where(own[:, None], scale * rng.standard_normal((count, 3)), turn)
         shift = np.where(own[:, None], _LEVER * scale * rng.standard_normal((count, 3)), shift)
         if len(places):
@@ -100,7 +101,11 @@ class MovedParticles:
         shift = shift + _JITTER[0] * rng.standard_normal((count, 3))
         by = rigid.from_vector(turn)
         proposed = np.concatenate(
-            [about + rigid.turned(by, self.pose[:, :3] - about) + shift, rigid.multiply(by, self.pose[:, 3:])], axis=1
+            [
+                about + rigid.turned(by, self.pose[:, :3] - about) + shift,
+                rigid.multiply(by, self.pose[:, 3:]),
+            ],
+            axis=1,
         )
         proposed[:, 3:] /= np.linalg.norm(proposed[:, 3:], axis=1, keepdims=True)
         within = np.abs(proposed[:, :3]).max(axis=1) <= box

@@ -1,4 +1,4 @@
-"""Cells of poses about a touched point: which object, which rotation, and which point of the object is touched there."""
+"""Cells of poses about a touched place: which object, which rotation, and which of its points lies there."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ class CellSizes:
 def packed(
     label: int, cube: NDArray[np.int64], place: NDArray[np.int64], voxel: NDArray[np.int64]
 ) -> NDArray[np.int64]:
-    """Number cells (n,) of one label: cube (n,), place (n, 3) and voxel (n, 3)."""
+    """Make the numbers of cells (n,) of one label: cube (n,), place (n, 3) and voxel (n, 3)."""
     number = np.full(len(cube), label, dtype=np.int64) << _CUBE | cube
     for part, bits in ((place, _PLACE), (voxel, _VOXEL)):
         for axis in range(3):
@@ -118,8 +118,8 @@ def log_prior(cell: NDArray[np.int64], poses: FloatArray, sizes: CellSizes, slac
 def thinned(log_mass: FloatArray, count: int) -> tuple[NDArray[np.intp], FloatArray]:
     """Keep at most `count` of n masses, so that sums stay what they are: which, ascending, and the logs of factors.
 
-    The larger ones stay as they are; of the others some stand for all (Fearnhead and Clifford 2003): chosen evenly along
-    the sum in the given order, they all get the same mass.
+    The larger ones stay as they are; of the others some stand for all (Fearnhead and Clifford 2003): chosen evenly
+    along the sum in the given order, they all get the same mass.
     """
     there = np.flatnonzero(log_mass > -np.inf)
     if len(there) <= count:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-import numpy as np
 from numba import float64, int64, types, void
 
 from tactsim.core.compiling import INTS, REALS, REALS_2D, REALS_3D, Ints, Reals, compiled
@@ -44,7 +43,8 @@ def _penalty(square: float, variance: float) -> float:
 
 @compiled(
     void(
-        VOXELS, TOUCH_POINTS, REALS_2D, float64, REALS_2D, int64, int64, REALS, float64, float64, float64, float64, REALS
+        VOXELS, TOUCH_POINTS, REALS_2D, float64, REALS_2D, int64, int64, REALS, float64, float64, float64, float64,
+        REALS,
     )
 )  # fmt: skip
 def screen(
@@ -116,8 +116,8 @@ def screen(
                     total -= _FREE * _penalty(away * away, fixed + turns * lever)
             if total <= least:
                 break
-            # The pad's way, as far as it is near the object. A ball about its middle may be free, and with it all of the
-            # pad; else it is looked at point by point.
+            # The pad's way, as far as it is near the object. A ball about its middle may be free, and with it all of
+            # the pad; else it is looked at point by point.
             along = px * r02 + py * r12 + pz * r22
             beside = px * px + py * py + pz * pz - along * along
             near = (radius + pad) ** 2 - beside

@@ -1,10 +1,9 @@
-"""What the filters in space share: their options, what they learn, checks of what is given, and touches that are proposed."""
+"""What the filters in space share: options, what they learn, checks of what is given, and proposals."""
 
 from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Sequence
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -30,7 +29,10 @@ class SpaceFilterOptions(SpaceMapOptions):
     """What every filter in space takes."""
 
     reach: float = Field(
-        20.0, gt=0, le=1000, description="the object's origin is within this of the robot's along each axis, mm"
+        20.0,
+        gt=0,
+        le=1000,
+        description="the object's origin is within this of the robot's along each axis, mm",
     )
 
 
@@ -57,8 +59,8 @@ class SpaceFilter(Estimator):
         """
         if not isinstance(scan, SpaceScan):
             raise InputError(
-                f"estimator {self.created_as or type(self).__name__} works in space; give it a scan of objects in space, "
-                "as `bench scan --task solids` makes"
+                f"estimator {self.created_as or type(self).__name__} works in space; give it a scan of objects "
+                "in space, as `bench scan --task solids` makes"
             )
         self.fit_field(SpaceField.learn(scan, self.options), scan.taxel_points)
 
@@ -112,7 +114,7 @@ class SpaceFilter(Estimator):
         )
 
     def propose(self, candidates: Sequence[FloatArray] | FloatArray) -> int:
-        """Choose the index of the start (k, 7), sensor_in_robot, whose touch along its z should say most of the state."""
+        """Choose the index of the start (k, 7), sensor_in_robot, whose touch should say most about the state."""
         check_order(bool(self.labels), "fit", "propose")
         check_order(self._started, "reset", "propose")
         starts = checked_poses(candidates, "candidates")
@@ -149,9 +151,7 @@ def alike(field: SpaceField) -> NDArray[np.int64]:
     return np.array([first.setdefault(chart, number) for number, chart in enumerate(charts)])
 
 
-def check_touch(
-    reading: ArrayLike, sensor_in_robot: ArrayLike, taxels: int
-) -> tuple[FloatArray, FloatArray]:
+def check_touch(reading: ArrayLike, sensor_in_robot: ArrayLike, taxels: int) -> tuple[FloatArray, FloatArray]:
     """Return readings (m, taxels) kPa and poses (m, 7) of a touch by one pad or by m.
 
     Raises InputError if a shape is wrong, a number is not finite or a rotation is none.

@@ -23,12 +23,17 @@ _LATER = 1.3  # times as many contacts as at the last search make another one du
 class SpaceRefinedOptions(SpaceFilterOptions):
     """Options of the coarse-to-fine filter in space."""
 
-    rotations: int = Field(5, ge=2, le=8, description="coarse cells along each side of the four cubes of rotations")
+    rotations: int = Field(
+        5, ge=2, le=8, description="coarse cells along each side of the four cubes of rotations"
+    )
     voxel: float = Field(7.0, ge=1, le=20, description="side of a coarse cell, mm")
     cells: int = Field(400, ge=8, le=1_000_000, description="cells that are halved, each time")
     halvings: int = Field(4, ge=0, le=5, description="how many times cells are halved in all six directions")
     searches: int = Field(
-        6, ge=1, le=10_000, description="contacts up to which each has cells searched anew; later only some have"
+        6,
+        ge=1,
+        le=10_000,
+        description="contacts up to which each has cells searched anew; later only some have",
     )
     particles: int = Field(300, ge=8, le=1_000_000, description="n_P, over all objects together")
     rounds: int = Field(10, ge=1, le=100, description="the most rounds of resampling and moving at a touch")
@@ -36,8 +41,13 @@ class SpaceRefinedOptions(SpaceFilterOptions):
 
 
 class SpaceRefinedFilter(SpaceFilter):
-    """Coarse to fine over cells of poses, then particles.
+    """A coarse-to-fine search over all poses, whose cells become particles.
 
+    After a contact `PoseSearch` halves the better of all cells. A pose drawn in each of the smallest is a particle; the
+    particles are weighed by the likelihood of all touches, little by little, and moved (`MovedParticles`): they are as
+    fine as the belief, which cells in six dimensions are not. After a touch for which no search is due the particles of
+    the last one go on. Where both are there, the one with the more evidence is kept: a belief that has lost its best
+    part has less.
     """
 
     options_type = SpaceRefinedOptions
@@ -93,7 +103,13 @@ class SpaceRefinedFilter(SpaceFilter):
     def _settle(self, particles: MovedParticles) -> None:
         chosen = self.options
         particles.settle(
-            self._log_p, self._touched, chosen.reach, self._rng, chosen.particles, chosen.rounds, chosen.survivors
+            self._log_p,
+            self._touched,
+            chosen.reach,
+            self._rng,
+            chosen.particles,
+            chosen.rounds,
+            chosen.survivors,
         )
 
     def _log_p(self, label: NDArray[np.int64], pose: FloatArray, first: int = 0) -> FloatArray:

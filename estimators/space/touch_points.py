@@ -58,7 +58,7 @@ class PointReader:
         return places
 
     def anchor(self, reading: FloatArray, sensor_in_robot: FloatArray) -> FloatArray:
-        """Give the place (3,) mm in the robot's frame that is touched the hardest: on a surface, as exactly as can be."""
+        """Give the place (3,) mm in the robot's frame that is touched the hardest: it lies on a surface."""
         strongest = np.array([int(reading.argmax())])
         return np.asarray(rigid.transform(sensor_in_robot, self.surface(reading, strongest))[0], dtype=float)
 

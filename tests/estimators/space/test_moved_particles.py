@@ -24,7 +24,8 @@ def settled(seed, count=400):
     vector = rng.standard_normal((2 * count, 3))
     vector *= 0.25 * rng.random((2 * count, 1)) ** (1 / 3) / np.linalg.norm(vector, axis=1, keepdims=True)
     pose = np.concatenate(
-        [TRUE[:3] + rng.uniform(-2, 2, (2 * count, 3)), rigid.multiply(rigid.from_vector(vector), TRUE[3:])], axis=1
+        [TRUE[:3] + rng.uniform(-2, 2, (2 * count, 3)), rigid.multiply(rigid.from_vector(vector), TRUE[3:])],
+        axis=1,
     )
     particles = born(label, pose, log_p(label, pose), np.zeros(2 * count), 0.5)
     particles.settle(log_p, TRUE[None, :3] + [0.0, 0.0, 5.0], 20.0, rng, 2 * count, 40, 0.5)

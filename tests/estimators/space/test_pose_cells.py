@@ -45,7 +45,11 @@ def test_cells_hold_the_rotations_that_their_volumes_say():
 
 def some_cells():
     rng = np.random.default_rng(1)
-    cube, place, voxel = rng.integers(4, size=30), rng.integers(4, size=(30, 3)), rng.integers(8, size=(30, 3))
+    cube, place, voxel = (
+        rng.integers(4, size=30),
+        rng.integers(4, size=(30, 3)),
+        rng.integers(8, size=(30, 3)),
+    )
     return pose_cells.packed(3, cube, place, voxel)
 
 
@@ -67,7 +71,9 @@ def test_halves_share_what_their_cell_holds(halves, sizes):
 def test_the_middle_of_a_voxel_lies_at_the_anchor():
     cells = pose_cells.packed(0, np.array([2]), np.array([[1, 2, 3]]), np.array([[0, 5, 7]]))
     pose = pose_cells.poses_of(cells, SIZES, ANCHOR)
-    np.testing.assert_allclose(rigid.transform(pose[0], np.array([[-14.0, 6.0, 14.0]]))[0], ANCHOR, atol=1e-12)
+    np.testing.assert_allclose(
+        rigid.transform(pose[0], np.array([[-14.0, 6.0, 14.0]]))[0], ANCHOR, atol=1e-12
+    )
 
 
 def test_outside_of_the_box_the_prior_is_zero():

@@ -1,19 +1,227 @@
-"""The filters in space on solids known in closed form: contract, brute force, symmetry, mirror images, the whole world."""
+"""The filters in space on solids known in closed form: contract, brute force, symmetry and mirror images."""
+
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import toy_solids as toy
+from synthetic import make_scan
 
 from tactsim import estimators
 from tactsim.core import InputError, rigid
 from tactsim.estimators.contract import SPACE_CHECKS, SpaceCase
+from tactsim.estimators.space import pose_search
+from tactsim.estimators.space.screen_kernels import distances
+from tactsim.estimators.space.surface import surface_of
+from tactsim.estimators.space.touch_points import PointReader
+from tactsim.estimators.space.voxels import sparse
 
 SPACE = ("space-refined", "space-tempered")
-QUICK = {"rotations": 4, "voxel": 9.0, "cells": 100, "halvings": 3, "particles": 100, "rounds": 6}
-HOOK = toy.Union((toy.Box((14.0, 4.0, 4.0)), toy.Box((4.0, 9.0, 4.0), (10.0, 13.0, 0.0)), toy.Box((4.0, 4.0, 8.0), (-10.0, 0.0, 12.0))))
-MIRRORED = toy.Union(
-    tuple(toy.Box(part.half, (-part.centre[0], *part.centre[1:])) for part in HOOK.parts)
+PASSED = np.array(
+    [[x, y, -z] for x in (-4.0, 4.0) for y in (-4.0, 4.0) for z in (5.0, 12.0)]
+)  # mm, the pad's way
+TAXELS = np.column_stack([toy.PAD.taxel_xy, np.zeros(36)])
+QUICK = {"rotations": 3, "voxel": 12.0, "cells": 60, "halvings": 3, "particles": 60, "rounds": 6}
+HOOK = (
+    ((14.0, 4.0, 4.0), (0.0, 0.0, 0.0)),
+    ((4.0, 9.0, 4.0), (10.0, 13.0, 0.0)),
+    ((4.0, 4.0, 8.0), (-10.0, 0.0, 12.0)),
 )
+
+
+def hook(side):
+    """A solid that is not its own mirror image; side 1 or -1."""
+    return toy.Union(tuple(toy.Box(half, (side * x, y, z)) for half, (x, y, z) in HOOK))
+
+
+def charted(solid, cell=0.8, reach=34.0):
+    """Sample a solid's signed distances."""
+    axis = np.arange(-reach, reach + cell, cell)
+    grid = np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), axis=-1)
+    return sparse(np.full(3, -reach), cell, solid.distance(grid).astype(np.float32), 3.0)
+
+
+class ToyField:
+    """log p of a touch: how far what is touched is from the surface, and what the pad passed is within; both normal."""
+
+    def __init__(self, solids, width=1.5):
+        self.maps = {label: charted(solid) for label, solid in solids.items()}
+        self.labels, self.width = tuple(solids), width
+        self.touching = SimpleNamespace(stiffness=toy.STIFFNESS, noise=np.full(36, 2.0))
+        self.reader = PointReader(TAXELS, toy.STIFFNESS, 2.0)
+        self.reset()
+
+    def reset(self):
+        self.points = []
+
+    @property
+    def touches(self):
+        return len(self.points)
+
+    def append(self, readings, sensors):
+        for reading, sensor in zip(readings, sensors, strict=True):
+            seen = self.reader.read(reading[None], sensor[None])
+            way = np.concatenate(
+                [PASSED, [[0.0, 0.0, -z] for z in range(0 if not seen.points[0] else 4, 40, 4)]]
+            )
+            self.points.append(
+                [rigid.transform(sensor, one) for one in (seen.point[0, : seen.points[0], :3], way)]
+            )
+
+    def surface(self, label):
+        return surface_of(self.maps[self.labels[label]], 2.0)
+
+    def reach(self, label):
+        return float(np.linalg.norm(self.surface(label).points, axis=1).max())
+
+    def log_p(self, label, poses, first=0, last=None):
+        total = np.zeros(len(poses))
+        for touched, passed in self.points[first:last]:
+            placed = np.ascontiguousarray(
+                rigid.transform(rigid.invert(poses), np.concatenate([touched, passed]))
+            )
+            away = np.empty(placed.shape[0] * placed.shape[1])
+            distances(self.maps[self.labels[label]], placed.reshape(-1, 3), away)
+            square = away.reshape(len(poses), -1) ** 2 / self.width**2
+            within = np.where(away.reshape(len(poses), -1) < 0, square, 0.0)[:, len(touched) :]
+            total -= 0.5 * (square[:, : len(touched)].sum(axis=1) / max(len(touched), 1) + within.sum(axis=1))
+        return total
+
+
+def hidden(solid, count, seed, noise=2.0):
+    """Hide a solid and touch it from random sides: object_in_robot, readings and sensor_in_robot."""
+    rng = np.random.default_rng(seed)
+    object_in_robot = np.concatenate([rng.uniform(-9, 9, 3), rigid.random_rotations(1, rng)[0]])
+    inward = rigid.turned(rigid.random_rotations(count, rng), np.array([0.0, 0.0, 1.0]))
+    start = toy.toward(rng.uniform(-6, 6, (count, 3)), inward, rng, 50.0)
+    rest, ideal, _ = toy.press(solid, start, 120.0)
+    readings = ideal + noise * rng.standard_normal(ideal.shape)
+    return object_in_robot, readings, rigid.compose(object_in_robot, toy.placed(rest, rng))
+
+
+def with_field(field, **options):
+    estimator = estimators.create("space-refined", **options)
+    estimator.fit_field(field, TAXELS)
+    return estimator
+
+
+def after(estimator, readings, sensors, seed=0):
+    """The estimate after all touches."""
+    estimator.reset(np.random.default_rng(seed))
+    for reading, sensor in zip(readings, sensors, strict=True):
+        estimator.update(reading, sensor)
+    return estimator.estimate()
+
+
+def test_the_belief_is_that_of_brute_force(monkeypatch):
+    # The quick look is as wide as this field's likelihood: three places count as much there as one here.
+    monkeypatch.setattr(pose_search, "_WIDTH", 1.5 * np.sqrt(3))
+    solids = {"ball": toy.SOLIDS["ball"], "block": toy.SOLIDS["block"]}
+    field = ToyField(solids)
+    reach, count = 6.0, 60_000
+    estimator = with_field(field, reach=reach, searches=10, cells=600, particles=600)
+    rng = np.random.default_rng(7)
+    poses = np.concatenate(
+        [rng.uniform(-reach, reach, (count, 3)), rigid.random_rotations(count, rng)], axis=1
+    )
+    inward = np.array([[0.0, 0.0, -1.0], [-1.0, 0.0, 0.0], [0.0, 0.6, 0.8]])
+    rest, readings, met = toy.press(solids["block"], toy.toward(np.zeros((3, 3)), inward, rng, 40.0))
+    assert met.all()
+    found = [after(estimator, readings, rest, seed) for seed in range(6)]
+    log_p = np.stack([field.log_p(label, poses) for label in range(2)])
+    weight = np.exp(log_p - log_p.max())
+    chance = np.mean([estimate.probabilities["block"] for estimate in found])
+    assert chance == pytest.approx(weight[1].sum() / weight.sum(), abs=0.06)
+
+    # How far the origin lies from the robot's, and how much of the belief has the block's short side up.
+    def moments(poses, weight):
+        far = np.linalg.norm(poses[:, :3], axis=1)
+        up = np.abs(rigid.turned(poses[:, 3:], np.array([0.0, 0.0, 1.0]))[:, 2])
+        return np.array([weight @ far, weight @ up]) / weight.sum()
+
+    beliefs = [estimator.belief()]
+    for seed in range(1, 6):
+        after(estimator, readings, rest, seed)
+        beliefs.append(estimator.belief())
+    ours = np.mean(
+        [
+            moments(pose[label == 1], np.exp(weights.log[label == 1] - weights.log.max()))
+            for label, pose, weights in beliefs
+        ],
+        axis=0,
+    )
+    np.testing.assert_allclose(ours, moments(poses, weight[1]), rtol=0.1)
+
+
+def test_mirror_images_are_told_apart():
+    estimator = with_field(ToyField({"left": hook(1), "right": hook(-1)}, 0.5), cells=150, particles=150)
+    for seed, side in enumerate((1, -1)):
+        _, readings, sensors = hidden(hook(side), 9, seed)
+        assert after(estimator, readings, sensors).label == ("left" if side == 1 else "right")
+
+
+def test_a_symmetric_object_is_not_punished_for_it():
+    """All turns of a ball are as probable, and so is the ball."""
+    estimator = with_field(
+        ToyField({"ball": toy.SOLIDS["ball"], "hook": hook(1)}, 0.5), cells=150, particles=150
+    )
+    true, readings, sensors = hidden(toy.SOLIDS["ball"], 8, 1)
+    estimate = after(estimator, readings, sensors)
+    assert estimate.probabilities["ball"] > 0.9
+    assert np.linalg.norm(rigid.invert(estimate.robot_in_object)[:3] - true[:3]) < 1.5
+
+
+def test_turning_the_world_turns_the_answer():
+    estimator = with_field(ToyField({"tee": toy.SOLIDS["tee"], "hook": hook(1)}, 0.5))
+    true, readings, sensors = hidden(hook(1), 9, 3)
+    world = np.concatenate([[2.0, -1.0, 3.0], rigid.random_rotations(1, np.random.default_rng(4))[0]])
+    for frame in (rigid.IDENTITY, world):
+        estimate = after(estimator, readings, rigid.compose(frame, sensors))
+        assert estimate.label == "hook"
+        there, found = rigid.compose(frame, true), rigid.invert(estimate.robot_in_object)
+        assert np.linalg.norm(found[:3] - there[:3]) < 1.5
+        # It fits the touches as well as the true pose does.
+        fit = estimator.field.log_p(1, np.stack([there, found]))
+        assert fit[1] > fit[0] - 1
+
+
+def test_several_pads_at_once_say_what_they_say_one_after_another():
+    field = ToyField({"tee": toy.SOLIDS["tee"], "hook": hook(1)}, 0.5)
+    estimator = with_field(field, cells=150, particles=150)
+    _, readings, sensors = hidden(hook(1), 8, 3)
+    estimator.reset(np.random.default_rng(0))
+    for first in range(0, 8, 2):
+        estimator.update(readings[first : first + 2], sensors[first : first + 2])
+    assert field.touches == 8
+    assert estimator.estimate().label == after(estimator, readings, sensors).label == "hook"
+
+
+def test_objects_with_equal_maps_share_their_probability():
+    field = ToyField({"one": hook(1), "ball": toy.SOLIDS["ball"], "two": hook(1)}, 0.5)
+    estimator = with_field(field, **QUICK)
+    _, readings, sensors = hidden(hook(1), 3, 3)
+    estimate = after(estimator, readings, sensors)
+    assert estimate.probabilities["one"] == estimate.probabilities["two"] > 0
+
+
+@pytest.mark.parametrize(
+    ("reading", "sensor", "said"),
+    [
+        (np.zeros(36), np.zeros(7), "length 0"),
+        (np.zeros((2, 36)), rigid.IDENTITY, "one pose"),
+        (np.zeros((0, 36)), np.zeros((0, 7)), "36 taxels"),
+    ],
+)
+def test_a_touch_that_is_none_is_refused(reading, sensor, said):
+    estimator = with_field(ToyField({"ball": toy.SOLIDS["ball"]}), **QUICK)
+    estimator.reset(np.random.default_rng(0))
+    with pytest.raises(InputError, match=said):
+        estimator.update(reading, sensor)
+
+
+def test_a_scan_of_the_plane_is_refused():
+    with pytest.raises(InputError, match="--task solids"):
+        estimators.create("space-refined").fit(make_scan("EI"))
 
 
 @pytest.fixture(scope="module")
