@@ -39,6 +39,7 @@ def save(run: SpaceRun, folder: Path) -> Path:
 
     Raises InputError if the folder holds something or cannot be written.
     """
+    from tactsim.bench.space.map_picture import maps_figure
     from tactsim.bench.space.pictures import touches_figure
 
     with new_folder(folder) as inside:
@@ -66,6 +67,8 @@ def save(run: SpaceRun, folder: Path) -> Path:
         np.savez_compressed(content, allow_pickle=False, **arrays)
         write_bytes(inside / "objects.npz", content.getvalue())
         write_bytes(inside / "touches.png", touches_figure(run).png())
+        if run.maps:
+            write_bytes(inside / "maps.png", maps_figure(run.maps).png())
     return folder
 
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,7 @@ from tactsim.bench.space.score import summarise
 from tactsim.bench.space.surface_distance import Surface
 from tactsim.bench.space.trials import SpaceTrials
 from tactsim.core.poses import FloatArray
+from tactsim.estimators.space.surface import Surface as LearnedSurface
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,7 +37,8 @@ class SpaceRun:
 
     config: the configuration. about: versions, machine, the estimator's description and options. shapes: each object.
     work: counts of what was done and skipped. trials: the raw result. times: seconds of each stage and peak memory.
-    plan: what is needed to do trials again; a loaded run has none.
+    plan: what is needed to do trials again; a loaded run has none. maps: the surfaces that the estimator learned, if
+    it has; a loaded run has none.
     """
 
     config: dict[str, Any]
@@ -45,6 +48,7 @@ class SpaceRun:
     trials: SpaceTrials
     times: dict[str, Any]
     plan: SpacePlan | None = None
+    maps: Mapping[str, LearnedSurface] = field(default_factory=dict)
 
     @cached_property
     def surfaces(self) -> dict[str, Surface]:

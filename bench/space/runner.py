@@ -20,6 +20,7 @@ from tactsim.core.source_digest import git_commit
 from tactsim.core.space_scan import SpaceScan
 from tactsim.estimators import create
 from tactsim.estimators.estimator import proposes_none
+from tactsim.estimators.space.field import surfaces_of
 
 if TYPE_CHECKING:
     from tactsim.models import Solid
@@ -82,7 +83,9 @@ def perform_in_space(config: SpaceConfig, *, jobs: int = 1, progress: Progress =
     }
     shapes = {one.name: Shape(one.vertices, one.faces, surface_of(one)) for one in solids}
     work = {**work, **tried, "skipped": work.get("skipped", {}) | tried["skipped"]}
-    return SpaceRun(config.model_dump(mode="json"), about, shapes, work, trials, times, plan)
+    return SpaceRun(
+        config.model_dump(mode="json"), about, shapes, work, trials, times, plan, surfaces_of(estimator)
+    )
 
 
 def protocol_name(config: SpaceConfig) -> str:

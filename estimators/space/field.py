@@ -133,3 +133,11 @@ class SpaceField:
         moved = np.array(start)
         moved[:, :3] += travel[:, None] * rigid.turned(start[:, 3:], np.array([0.0, 0.0, 1.0]))
         return moved
+
+
+def surfaces_of(estimator: object) -> Mapping[str, Surface]:
+    """Give the surfaces that an estimator has learned, by label; none if it has no field in space."""
+    field = getattr(estimator, "field", None)
+    if not isinstance(field, SpaceField):
+        return {}
+    return {label: field.surface(number) for number, label in enumerate(field.labels)}
