@@ -94,11 +94,7 @@ class MovedParticles:
         shift = shift + _JITTER[0] * rng.standard_normal((count, 3))
         by = rigid.from_vector(turn)
         proposed = np.concatenate(
-            [
-                about + rigid.turned(by, self.pose[:, :3] - about) + shift,
-                rigid.multiply(by, self.pose[:, 3:]),
-            ],
-            axis=1,
+            [about + rigid.turned(by, self.pose[:, :3] - about) + shift, rigid.multiply(by, self.pose[:, 3:])], axis=1
         )
         proposed[:, 3:] /= np.linalg.norm(proposed[:, 3:], axis=1, keepdims=True)
         within = np.abs(proposed[:, :3]).max(axis=1) <= box

@@ -22,10 +22,7 @@ _WIDTH = 0.4  # mm by which a touched point misses the map
 # A coarse cell that is so many nats below the best is forgotten; what is so many below the best of the cells that it is
 # compared with is not worked out to the end.
 _FORGOTTEN, _NEGLIGIBLE = 15.0, 40.0
-_KEPT_FIRST, _KEPT = (
-    150_000,
-    30_000,
-)  # coarse cells that are kept after the first contact, and after each later touch
+_KEPT_FIRST, _KEPT = 150_000, 30_000  # coarse cells that are kept after the first contact, and after each later touch
 _OBLIQUE = 0.25  # of the cosine between a pad's normal and a surface's that it can touch, at most
 
 
@@ -60,13 +57,7 @@ class PoseSearch:
     """
 
     def __init__(
-        self,
-        field: SpaceField,
-        labels: Sequence[int],
-        reader: PointReader,
-        side: int,
-        voxel: float,
-        box: float,
+        self, field: SpaceField, labels: Sequence[int], reader: PointReader, side: int, voxel: float, box: float
     ) -> None:
         """Take the objects `labels` of a field. side, voxel, box: of the coarse cells, see `CellSizes`."""
         self._reader, self._labels = reader, labels
@@ -114,9 +105,7 @@ class PoseSearch:
             chosen, more = pose_cells.thinned(log_mass, count)
             least = float(scores[chosen].max()) - _NEGLIGIBLE
             halves, sizes = (
-                (pose_cells.shifted_halves, sizes.shifted())
-                if step % 2
-                else (pose_cells.turned_halves, sizes.turned())
+                (pose_cells.shifted_halves, sizes.shifted()) if step % 2 else (pose_cells.turned_halves, sizes.turned())
             )
             cells = halves(cells[chosen]).ravel()
             poses = pose_cells.poses_of(cells, sizes, self.anchor)
@@ -147,9 +136,7 @@ class PoseSearch:
             which, turn = np.nonzero(patches.normals @ inward.T < least[:, None])
             cells.append(pose_cells.packed(label, cube[turn], place[turn], patches.voxels[which]))
             poses.append(
-                np.concatenate(
-                    [self.anchor - rigid.turned(turns[turn], patches.points[which]), turns[turn]], axis=1
-                )
+                np.concatenate([self.anchor - rigid.turned(turns[turn], patches.points[which]), turns[turn]], axis=1)
             )
         self._cells, self._poses = np.concatenate(cells), np.concatenate(poses)
         self._scores = np.zeros(len(self._cells))
@@ -172,13 +159,7 @@ class PoseSearch:
         )  # fmt: skip
 
     def _screen(
-        self,
-        cells: NDArray[np.int64],
-        poses: FloatArray,
-        sizes: CellSizes,
-        first: int,
-        score: FloatArray,
-        least: float,
+        self, cells: NDArray[np.int64], poses: FloatArray, sizes: CellSizes, first: int, score: FloatArray, least: float
     ) -> FloatArray:
         """Add the touches from `first` on to scores (n,) of cells; -inf for those that fall to `least`."""
         assert self._points is not None and self.anchor is not None

@@ -30,10 +30,7 @@ class SpaceFilterOptions(SpaceMapOptions):
     """What every filter in space takes."""
 
     reach: float = Field(
-        20.0,
-        gt=0,
-        le=1000,
-        description="the object's origin is within this of the robot's along each axis, mm",
+        20.0, gt=0, le=1000, description="the object's origin is within this of the robot's along each axis, mm"
     )
 
 
@@ -152,7 +149,9 @@ def alike(field: SpaceField) -> NDArray[np.int64]:
     return np.array([first.setdefault(chart, number) for number, chart in enumerate(charts)])
 
 
-def check_touch(reading: ArrayLike, sensor_in_robot: ArrayLike, taxels: int) -> tuple[FloatArray, FloatArray]:
+def check_touch(
+    reading: ArrayLike, sensor_in_robot: ArrayLike, taxels: int
+) -> tuple[FloatArray, FloatArray]:
     """Return readings (m, taxels) kPa and poses (m, 7) of a touch by one pad or by m.
 
     Raises InputError if a shape is wrong, a number is not finite or a rotation is none.

@@ -21,9 +21,7 @@ _BEFORE = 256  # poses of an object that stand for it until something is touched
 class SpaceRefinedOptions(SpaceFilterOptions):
     """Options of the coarse-to-fine filter in space."""
 
-    rotations: int = Field(
-        5, ge=2, le=8, description="coarse cells along each side of the four cubes of rotations"
-    )
+    rotations: int = Field(5, ge=2, le=8, description="coarse cells along each side of the four cubes of rotations")
     voxel: float = Field(7.0, ge=1, le=20, description="side of a coarse cell, mm")
     cells: int = Field(400, ge=8, le=1_000_000, description="cells that are halved, each time")
     halvings: int = Field(4, ge=0, le=5, description="how many times cells are halved in all six directions")
@@ -34,7 +32,9 @@ class SpaceRefinedOptions(SpaceFilterOptions):
 
 
 class SpaceRefinedFilter(SpaceFilter):
-    """Coarse to fine over cells of poses, then particles."""
+    """Coarse to fine over cells of poses, then particles.
+
+    """
 
     options_type = SpaceRefinedOptions
     options: SpaceRefinedOptions
@@ -63,9 +63,7 @@ class SpaceRefinedFilter(SpaceFilter):
         """Search anew while few contacts were made, else go on with the particles; move them till they fit."""
         met = np.flatnonzero(self.reader.met(readings))
         for one in met.tolist():
-            self._touched = np.concatenate(
-                [self._touched, [self.reader.anchor(readings[one], sensors_in_robot[one])]]
-            )
+            self._touched = np.concatenate([self._touched, [self.reader.anchor(readings[one], sensors_in_robot[one])]])
         if self._contacts <= self.options.searches:
             self._search.take_in(readings, sensors_in_robot)
         self._contacts += len(met)
@@ -79,13 +77,7 @@ class SpaceRefinedFilter(SpaceFilter):
             one.power, one.log_weight = 1.0, one.log_weight + one.log_p
         else:
             one.settle(
-                self._log_p,
-                self._touched,
-                chosen.reach,
-                self._rng,
-                chosen.particles,
-                chosen.rounds,
-                chosen.survivors,
+                self._log_p, self._touched, chosen.reach, self._rng, chosen.particles, chosen.rounds, chosen.survivors
             )
 
     def _log_p(self, label: NDArray[np.int64], pose: FloatArray, first: int = 0) -> FloatArray:
