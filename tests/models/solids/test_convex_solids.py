@@ -1,5 +1,6 @@
 """Convex parts: their hulls fill the solid, do not overlap, and stand out from it by no more than is said."""
 
+import mujoco
 import numpy as np
 import pytest
 from manifold3d import CrossSection, Manifold, OpType
@@ -59,3 +60,18 @@ def test_what_takes_too_many_pieces_is_refused():
 def test_a_slot_narrower_than_the_tolerance_is_filled():
     slot = Manifold.cube((0.1, 12, 5)).translate((20, -1, 5))
     assert len(solid_of("cracked", Manifold.cube((40, 10, 8)) - slot).parts) == 1
+
+
+@pytest.mark.parametrize("name", ["key", "bracket"])
+def test_mujoco_takes_the_parts_and_weighs_the_solid(name):
+    solid, spec = models.solid(name), mujoco.MjSpec()
+    body = spec.worldbody.add_body()
+    body.add_freejoint()
+    for number, part in enumerate(solid.parts):
+        spec.add_mesh(name=str(number), uservert=(part / 1000).ravel().tolist())
+        body.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname=str(number), density=1050.0)
+    model = spec.compile()
+    assert model.body_mass[1] == pytest.approx(solid.mass, rel=2e-3)
+    assert model.body_ipos[1] == pytest.approx([0, 0, 0], abs=2e-5)
+    moments = np.linalg.eigvalsh(solid.inertia) * 1e-6  # kg m^2
+    assert np.sort(model.body_inertia[1]) == pytest.approx(moments, rel=2e-3)
