@@ -76,7 +76,9 @@ def main() -> None:
     displaced = []
     for mm, rad in DISPLACED:
         turn = rigid.from_vector(rad * rng.standard_normal((count, 3)))
-        displaced.append(rigid.compose(np.column_stack([mm * rng.standard_normal((count, 3)), turn]), test.poses))
+        displaced.append(
+            rigid.compose(np.column_stack([mm * rng.standard_normal((count, 3)), turn]), test.poses)
+        )
 
     def own(log_p: object, poses: np.ndarray) -> np.ndarray:
         return np.array(log_p(poses))[truth, np.arange(count)]  # type: ignore[operator]
