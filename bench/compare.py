@@ -45,12 +45,12 @@ def compare(base: Run, new: Run) -> list[Difference]:
     rng = np.random.default_rng(0)
     base_right, new_right = base.trials.right, new.trials.right
     readings = base_right.shape[1]
-    right = _paired("share of readings right", base_right.mean(axis=1), new_right.mean(axis=1), rng, +1)
+    right = paired("share of readings right", base_right.mean(axis=1), new_right.mean(axis=1), rng, +1)
     rows = [right]
     both = base.trials.named[:, -1] & new.trials.named[:, -1]
     if both.any():
         base_error, new_error = (errors(run.trials, run.objects)[both, -1] for run in (base, new))
-        rows.append(_paired(f"error mm @{readings}", base_error, new_error, rng, -1))
+        rows.append(paired(f"error mm @{readings}", base_error, new_error, rng, -1))
     for reading in sorted({k for k in (1, 3, 5, 10, 20, readings) if k <= readings}):
         pair = base_right[:, reading - 1], new_right[:, reading - 1]
         rows.append(
@@ -80,7 +80,8 @@ def paired_interval(difference: FloatArray, rng: np.random.Generator, level: flo
     return float(low), float(high)
 
 
-def _paired(name: str, base: FloatArray, new: FloatArray, rng: np.random.Generator, good: int) -> Difference:
+def paired(name: str, base: FloatArray, new: FloatArray, rng: np.random.Generator, good: int) -> Difference:
+    """Compare a figure trial by trial, (n,) each; good: +1 if more is better, -1 if less is."""
     low, high = paired_interval(new - base, rng, LEVEL)
     worse, better = (high < 0, low > 0) if good > 0 else (low > 0, high < 0)
     verdict = "worse" if worse else "better" if better else "same"

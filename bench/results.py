@@ -144,6 +144,10 @@ def load(path: str | Path) -> Run:
     if not (folder / "run.json").is_file():
         raise InputError(f"{folder} is not the folder of a run: it has no run.json")
     about = read_json(folder / "run.json", "file of a run")
+    if "symmetries" in about:
+        raise InputError(
+            f"{folder} is a run with objects in space; give runs of one kind, to report or compare"
+        )
     if about.pop("schema", None) != SCHEMA:
         raise InputError(f"{folder / 'run.json'}: unknown schema; this version reads schema {SCHEMA}")
     try:

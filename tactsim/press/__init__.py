@@ -8,7 +8,8 @@ with its `points`, `facets` (the engine relief) or `elastic`; `dynamics` with `f
 `spread` and `sensor` turn pressure into readings, and `scanning` takes all of them. `attached_pad`, with
 `pad_surface`, `geom_gap`, `layer_balance` and `pad_reader`, reads a pad on a geom of anybody's MuJoCo model.
 
-`press_model` predicts readings, and their derivatives, for estimators that press by themselves.
+`press_model` predicts readings, and their derivatives, for estimators that press by themselves. The package `space`
+touches objects in space from any side.
 
 The package can be called: `tactsim.press("A", pose=(1, 0, 0.5))` presses one letter once.
 

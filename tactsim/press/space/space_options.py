@@ -13,6 +13,7 @@ from pydantic import BaseModel, ConfigDict, Field, field_validator, model_valida
 
 from tactsim.core.pad import Pad
 from tactsim.core.poses import FloatArray
+from tactsim.models import solid_names
 from tactsim.press.scan_options import SensorOptions
 
 _MOST_POINTS = 1_000_000  # of the lattice, so that it stays in memory
@@ -23,10 +24,7 @@ class SpaceOptions(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
-    objects: tuple[str, ...] = Field(
-        ("bolt", "nut", "key", "mug", "gear", "spool", "bracket", "egg", "cone", "star-knob", "ring", "tetrapod"),
-        description="names of the objects",
-    )  # fmt: skip
+    objects: tuple[str, ...] = Field(solid_names(), description="names of the objects")
     meshes: tuple[str, ...] = Field((), description="mesh files of one's own, touched after the objects")
     seed: int = Field(0, ge=0, lt=2**63, description="of every random number in the scan")
     points: int = Field(

@@ -95,6 +95,8 @@ class SpacePress:
         """
         sensor = self.options.sensor
         readings = sense(touched.readings, sensor, self._gain, rng)
+        if touched.sequence.shape[1] == 1:
+            return replace(touched, readings=readings, sequence=readings[:, None])
         still, sequence = sensor.model_copy(update={"drift": 0.0}), touched.sequence.copy()
         for images, reading in zip(sequence, readings, strict=True):
             images[:] = sense(images, still, self._gain, rng, one_touch=True)

@@ -40,6 +40,11 @@ def test_an_object_is_touched_alike_whatever_else_is():
     assert (both.where(label="egg").poses == alone.poses).all()
 
 
+def test_a_scan_may_be_without_tests():
+    scan, _ = scan_solids(FEW.model_copy(update={"tests": 0}))
+    assert len(scan) == len(scan.where("train")) == 80
+
+
 def test_images_are_kept_where_they_are_asked_for():
     scan, _ = scan_solids(FEW.model_copy(update={"frames": 4}))
     assert scan.sequence.shape == (90, 4, 36)

@@ -1,0 +1,40 @@
+"""Comparing runs in space, and refusing what cannot be compared."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from made_up_space import make_space_run
+
+from tactsim.bench.space.paired import compare_in_space
+from tactsim.core import InputError
+from tactsim.core.rigid import compose, from_vector
+
+
+def test_a_run_is_not_worse_than_itself_and_a_pose_that_is_off_is_worse():
+    base = make_space_run(n=40, r=3)
+    assert {row.verdict for row in compare_in_space(base, base)} <= {"same", ""}
+    off = np.concatenate([[0.0, 0, 4], from_vector([0.3, 0, 0])])
+    worse = replace(base, trials=replace(base.trials, pose=compose(off, base.trials.pose)))
+    verdicts = {row.name: row.verdict for row in compare_in_space(base, worse)}
+    assert verdicts["share of touches right"] == "same"
+    assert verdicts["surface mm @3"] == verdicts["angle deg @3"] == "worse"
+    back = {row.name: row.verdict for row in compare_in_space(worse, base)}
+    assert back["surface mm @3"] == "better"
+
+
+def test_runs_of_other_lengths_are_compared_over_the_touches_of_both():
+    base = make_space_run(n=10, r=4)
+    cut = {
+        name: values[:, :2]
+        for name, values in vars(base.trials).items()
+        if values.ndim > 1 and name != "true_pose"
+    }
+    rows = compare_in_space(base, replace(base, trials=replace(base.trials, **cut)))
+    assert {row.name for row in rows} >= {"accuracy @1", "accuracy @2"}
+    assert all(row.base == row.new for row in rows if row.name.startswith("accuracy"))
+
+
+def test_other_hidden_objects_are_refused():
+    with pytest.raises(InputError, match="same objects"):
+        compare_in_space(make_space_run(), make_space_run(seed=1))
