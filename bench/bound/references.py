@@ -34,7 +34,7 @@ from tactsim.core.poses import FloatArray, compose, invert
 from tactsim.core.seeds import stream
 from tactsim.estimators import Estimate, Estimator, create
 from tactsim.estimators.estimator import PoseSamples
-from tactsim.estimators.registry import BUILT_IN, load
+from tactsim.estimators.registry import BUILT_IN
 from tactsim.press import ScanOptions, forward_model, scan_letters
 from tactsim.press.engine import ideal_readings
 from tactsim.press.scanning import letters_of
@@ -226,7 +226,7 @@ def main(words: Sequence[str]) -> int:
             save(make(), shipped())
         references = load()
         found = {}
-        for name in asked.estimators or [one for one in BUILT_IN if not load(one).in_space]:
+        for name in asked.estimators or [one for one in BUILT_IN if not create(one).in_space]:
             found[name] = distances(create(name), references)
     except InputError as error:
         print(f"references: {error}", file=sys.stderr)

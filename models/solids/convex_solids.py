@@ -13,11 +13,12 @@ import numpy as np
 
 from tactsim.core.errors import InputError
 from tactsim.core.poses import FloatArray
+from tactsim.models.solids.triangles import CELL, CutSurface, cut_to
 
 if TYPE_CHECKING:
     from manifold3d import Manifold
 
-CONCAVITY = 0.05  # mm: a piece whose hull lies nowhere further off counts as convex
+CONCAVITY = 0.1  # mm: a piece whose hull lies nowhere further off counts as convex
 MOST_PARTS = 400
 _PLANES = 8  # faces beside reflex edges that are tried
 _REFLEX = 1e-6  # mm by which an edge's neighbour must rise above a face
@@ -36,7 +37,7 @@ def convex_solids(solid: Manifold) -> tuple[FloatArray, ...]:
     while waiting:
         piece = waiting.pop()
         hull = piece.hull()
-        if _concavity(piece, hull) <= CONCAVITY:
+        if _is_convex(piece, hull):
             done.append(np.array(hull.to_mesh64().vert_properties[:, :3], dtype=float))
         else:
             waiting += [part for part in _best_cut(piece) if part.volume() > least]
@@ -47,18 +48,26 @@ def convex_solids(solid: Manifold) -> tuple[FloatArray, ...]:
     return tuple(done)
 
 
-def _concavity(piece: Manifold, hull: Manifold) -> float:
-    """Bound how far inside its hull the surface of a piece lies, mm."""
+def _is_convex(piece: Manifold, hull: Manifold) -> bool:
+    """Tell whether no point of the hull of a piece lies further than CONCAVITY mm from the piece."""
     if hull.volume() - piece.volume() <= 1e-6 * hull.volume():
-        return 0.0
+        return True
     corners = _corners(hull)
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     length = np.linalg.norm(normals, axis=1)
     normals, corners = normals[length > 0] / length[length > 0, None], corners[length > 0]
     points = np.asarray(piece.to_mesh64().vert_properties[:, :3], dtype=float)
     depth = np.min(np.sum(normals * corners[:, 0], axis=1) - points @ normals.T, axis=1)
-    # The gap between piece and hull, were it spread over the hull, tells of slots beside thin walls.
-    return max(float(depth.max()), (hull.volume() - piece.volume()) / hull.surface_area())
+    if depth.max() > CONCAVITY:
+        return False
+    # A dent may lie deep under one face of the hull and yet near another: what fills it tells.
+    fillings = _corners(hull - piece)
+    return bool((CutSurface(_corners(piece)).distances(_points_of(fillings), CONCAVITY) <= CONCAVITY).all())
+
+
+def _points_of(corners: FloatArray) -> FloatArray:
+    """Give the corners and the middles of the cells of triangles (f, 3, 3): (n, 3)."""
+    return np.concatenate([corners.reshape(-1, 3), cut_to(CELL, corners).mean(axis=1)])
 
 
 def _best_cut(piece: Manifold) -> list[Manifold]:

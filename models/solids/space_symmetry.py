@@ -16,11 +16,9 @@ import numpy as np
 from tactsim.core import rigid
 from tactsim.core.errors import InputError
 from tactsim.core.poses import FloatArray
-from tactsim.models.solids.triangles import cut_to, to_triangles
+from tactsim.models.solids.triangles import CELL, CutSurface, to_triangles
 from tactsim.models.symmetry import LARGEST_ORDER, TOLERANCE
 
-_CELL = 1.5  # mm, the longest edge of the triangles into which the surface is cut for a comparison
-_NEAREST = 32  # cells about a point to which its distance is measured, at most
 _FIRST = 300  # points that are compared first: most turns fail there
 _ALIKE = 0.01  # moments of inertia that differ by this share of the largest may be equal
 _SAME_TURN = 1e-2  # rad: turns nearer than this are one
@@ -54,7 +52,7 @@ def find_symmetry(corners: FloatArray) -> SpaceSymmetry:
     a surface of higher order is a body of revolution within that tolerance.
     Raises InputError for a ball, which has no pose that could be found.
     """
-    surface = Surface(corners)
+    surface = _Surface(corners)
     moments, axes = np.linalg.eigh(surface.second_moments)
     near = np.diff(moments) < _ALIKE * moments[-1]
     if near.all():
@@ -65,18 +63,13 @@ def find_symmetry(corners: FloatArray) -> SpaceSymmetry:
     return SpaceSymmetry(_group(turns), None)
 
 
-class Surface:
-    """A mesh cut into small cells, so that distances from it are found quickly."""
+class _Surface(CutSurface):
+    """A surface that is compared with itself, turned."""
 
     def __init__(self, corners: FloatArray) -> None:
-        from scipy.spatial import cKDTree
-
-        self.corners = corners
-        self.cells = cut_to(_CELL, corners)[0]
-        middles = self.cells.mean(axis=1)
-        self.tree = cKDTree(middles)
-        points = np.concatenate([np.unique(corners.reshape(-1, 3), axis=0), middles])
-        points = points[np.unique(np.round(points / _CELL).astype(int), axis=0, return_index=True)[1]]
+        super().__init__(corners)
+        points = np.concatenate([np.unique(corners.reshape(-1, 3), axis=0), self.middles])
+        points = points[np.unique(np.round(points / CELL).astype(int), axis=0, return_index=True)[1]]
         # The furthest points move most, so they are compared first; after them some from everywhere.
         order = np.argsort(-np.linalg.norm(points, axis=1), kind="stable")
         first = np.concatenate([order[: _FIRST // 2], order[_FIRST // 2 :: max(1, 2 * len(order) // _FIRST)]])
@@ -91,29 +84,19 @@ class Surface:
     @cached_property
     def second_moments(self) -> FloatArray:
         """Integrate x x^T over the surface: (3, 3) mm^4. It has every symmetry of the surface."""
-        middles = self.cells.mean(axis=1)
-        return np.asarray((middles * self.weights[:, None]).T @ middles, dtype=float)
+        return np.asarray((self.middles * self.weights[:, None]).T @ self.middles, dtype=float)
 
     def is_unchanged(self, turn: FloatArray) -> bool:
         """Tell whether a turn and its inverse leave all points within TOLERANCE of the surface."""
         both = (turn, rigid.conjugate(turn))
         return all(
-            bool((self.distances(rigid.turned(one, points)) <= TOLERANCE).all())
+            bool((self.distances(rigid.turned(one, points), TOLERANCE) <= TOLERANCE).all())
             for points in (self.first, self.points)
             for one in both
         )
 
-    def distances(self, points: FloatArray) -> FloatArray:
-        """Measure how far points (n, 3) lie from the surface, mm: (n,), exact for those that lie near it."""
-        found = np.full(len(points), np.inf)
-        for nearest in (_NEAREST // 8, _NEAREST):
-            far = np.flatnonzero(found > TOLERANCE)
-            near = self.tree.query(points[far], k=range(1, nearest + 1))[1]
-            found[far] = to_triangles(points[far, None], self.cells[near]).min(axis=1)
-        return found
 
-
-def _symmetry_about(surface: Surface, axis: FloatArray) -> SpaceSymmetry:
+def _symmetry_about(surface: _Surface, axis: FloatArray) -> SpaceSymmetry:
     """Find the symmetry of a body whose only axis of an order above 2 is `axis`."""
     axis = axis * np.sign(axis[np.abs(axis).argmax()])
     if all(surface.is_unchanged(rigid.from_vector(_GOLDEN * count * axis)) for count in range(1, 6)):
@@ -135,14 +118,14 @@ def _symmetry_about(surface: Surface, axis: FloatArray) -> SpaceSymmetry:
     return SpaceSymmetry(_group(turns), None)
 
 
-def _flip_axes(surface: Surface, axis: FloatArray, order: int) -> list[FloatArray]:
+def _flip_axes(surface: _Surface, axis: FloatArray, order: int) -> list[FloatArray]:
     """List the directions across `axis` about which half a turn may leave the surface as it is.
 
     With w = x + iy and z along the axis, half a turn about the direction phi maps w to exp(2 i phi) conj(w) and z to
     -z. So a moment c of w^m, weighted evenly in z, is exp(2 i m phi) conj(c): phi is arg(c) / m, up to pi / m.
     """
     frame = rigid.matrix(rigid.turn_from_z(axis))
-    x, y, z = (surface.cells.mean(axis=1) @ frame).T
+    x, y, z = (surface.middles @ frame).T
     w, scale = x + 1j * y, np.hypot(x, y).max()
     found = []
     for power in (order, 2 * order, 3 * order):
@@ -155,7 +138,7 @@ def _flip_axes(surface: Surface, axis: FloatArray, order: int) -> list[FloatArra
     return found
 
 
-def _symmetry_of_equal_moments(surface: Surface) -> SpaceSymmetry:
+def _symmetry_of_equal_moments(surface: _Surface) -> SpaceSymmetry:
     """Find the symmetry of a body whose moments of inertia are all equal, like a cube's or a tetrapod's."""
     points = surface.corners.reshape(-1, 3)
     reach = np.linalg.norm(points, axis=1)
