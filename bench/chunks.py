@@ -19,7 +19,7 @@ import numpy as np
 
 from tactsim.bench.machine import versions
 from tactsim.bench.trial_plan import TrialPlan
-from tactsim.bench.trials import Task, Trials
+from tactsim.bench.trials import OneTrial, Trials
 from tactsim.core import InputError
 from tactsim.core.documents import LARGE, parse_json
 from tactsim.core.files import read_bytes, replacing
@@ -34,7 +34,7 @@ class Chunk:
 
     run: str
     number: int
-    tasks: tuple[Task, ...]
+    tasks: tuple[OneTrial, ...]
     made_with: str
 
     def path(self, folder: Path) -> Path:
@@ -55,7 +55,7 @@ def chunks_of(name: str, plan: TrialPlan, letters: Iterable[str], trials: int) -
     trying = [plan.readings, plan.seed, plan.explore, plan.press is not None, plan.slip.model_dump()]
     trying.append(plan.each_held_out)
     made_with = json.dumps([plan.source, plan.digest, trying, versions()], sort_keys=True)
-    tasks = [Task(letter, trial) for letter in letters for trial in range(trials)]
+    tasks = [OneTrial(letter, trial) for letter in letters for trial in range(trials)]
     return [
         Chunk(name, number, tuple(tasks[first : first + MOST_TRIALS]), made_with)
         for number, first in enumerate(range(0, len(tasks), MOST_TRIALS))

@@ -4,17 +4,36 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from tactsim.core import Scan
+from tactsim.core import InputError, Scan
 from tactsim.core.forward import ForwardModel
 from tactsim.estimators import Estimator
+from tactsim.estimators.options import FilterOptions
+from tactsim.estimators.pad_fit import PadFit, fit_to_pad, is_wanted
 
 
 def fit(estimator: Estimator, scan: Scan, forward: Callable[[Scan], ForwardModel] | None) -> None:
     """Fit an estimator to the training readings of a scan; one that asks for it gets `forward` of the scan first.
 
-    Raises InputError if the estimator needs a forward model, and there is none or the scan does not say how it was
-    pressed.
+    Raises InputError if the estimator needs a forward model, and there is none, the scan does not say how it was
+    pressed, or its readings are not in kPa.
     """
+    unit = scan.meta.get("unit", "kPa")
+    if estimator.uses_forward_model and unit != "kPa":
+        raise InputError(
+            f"the readings are in {unit}; {estimator.created_as or type(estimator).__name__} presses the letters "
+            "itself, in kPa: convert the readings, or take an estimator that learns them, such as refined"
+        )
     if forward is not None and estimator.uses_forward_model:
         estimator.bring(forward(scan))
     estimator.fit(scan)
+
+
+def pad_fit_of(estimator: Estimator, scan: Scan) -> PadFit | None:
+    """Say what an estimator fits to the pad of a scan, whether it has done so yet or not; None if it does not."""
+    options = estimator.options
+    if not (
+        isinstance(options, FilterOptions) and hasattr(estimator, "pad_fit") and is_wanted(options, scan)
+    ):
+        return None
+    known: PadFit | None = estimator.pad_fit
+    return known if known is not None else fit_to_pad(scan, options)

@@ -16,7 +16,7 @@ from tactsim.core.poses import FloatArray
 from tactsim.core.seeds import stream
 from tactsim.hardware.recording import SUFFIX
 from tactsim.hardware.scans import scan_of_sessions
-from tactsim.models import Letter, letter, names
+from tactsim.models import Letter, letter, names, shape
 from tactsim.press.scan_poses import random_poses, stage_for
 from tactsim.press.scanning import object_facts
 
@@ -81,6 +81,22 @@ def with_letters(scan: Scan, letters: Collection[str] | None = None) -> Scan:
     """
     called = set(names()) if letters is None else set(letters)
     objects = {label: object_facts(letter(label)) for label in scan.letters if label in called}
+    return replace(scan, meta={**scan.meta, "objects": objects})
+
+
+def with_shapes(scan: Scan, paths: Sequence[Path]) -> Scan:
+    """Add to the scan's `meta` what scores need to know of the objects that are called like these files of shapes.
+
+    Raises InputError for a shape that no label names, and for a label that is a letter of the catalogue already.
+    """
+    shapes = {of.name: of for of in map(shape, paths)}
+    known = scan.meta.get("objects", {})
+    for name in shapes:
+        if name not in scan.letters:
+            raise InputError(f"no reading is of the shape {name!r}; the labels are {', '.join(scan.letters)}")
+        if name in known:
+            raise InputError(f"{name!r} is a shape and, by --letters, one of the catalogue; leave one out")
+    objects = {**known, **{name: object_facts(of) for name, of in shapes.items()}}
     return replace(scan, meta={**scan.meta, "objects": objects})
 
 

@@ -11,14 +11,15 @@ from typing import Any
 from tactsim.bench.agreement import eq3_agreement
 from tactsim.bench.bound.efficiency import bounds_of_trials
 from tactsim.bench.config import RunConfig, chosen_letters
-from tactsim.bench.fitting import fit
+from tactsim.bench.copies import notes_on
+from tactsim.bench.fitting import fit, pad_fit_of
 from tactsim.bench.machine import machine, peak_memory_mb, versions
 from tactsim.bench.offered_touches import Press
 from tactsim.bench.placement_error import properties
 from tactsim.bench.run import Run
 from tactsim.bench.trial_plan import TrialPlan, source_of_trials
 from tactsim.bench.trial_workers import run_trials
-from tactsim.bench.trials import Progress, Task, Trials, check_readings
+from tactsim.bench.trials import OneTrial, Progress, Trials, check_readings
 from tactsim.core import InputError, Scan
 from tactsim.core.errors import unknown
 from tactsim.core.scan import train_on
@@ -26,6 +27,7 @@ from tactsim.core.source_digest import git_commit
 from tactsim.estimators import NONE, Estimator, Options, create
 from tactsim.estimators.estimator import proposes_none
 from tactsim.estimators.likelihoods.occupancy import maps_of
+from tactsim.estimators.options import FilterOptions
 from tactsim.press import forward_model, scan_letters
 
 
@@ -81,11 +83,13 @@ def perform(
     progress("map", 1, 1)
 
     trying = perf_counter()
-    tasks = [Task(letter, trial) for letter in gathered.letters for trial in range(config.trials)]
+    tasks = [OneTrial(letter, trial) for letter in gathered.letters for trial in range(config.trials)]
     trials, work = run_trials(plan, fitted, tasks, jobs=jobs, progress=progress)
     tried = perf_counter()
     seconds = {"fit": trying - fitting, "trials": tried - trying, "total": tried - start}
-    run = finished_run(config, gathered, trials, work, estimator=estimator, seconds=seconds, jobs=jobs)
+    run = finished_run(
+        config, gathered, trials, work, estimator=estimator, seconds=seconds, jobs=jobs, fitted=fitted
+    )
     return replace(run, plan=plan, maps=maps_of(fitted))
 
 
@@ -192,28 +196,37 @@ def finished_run(
     estimator: Estimator | None = None,
     seconds: dict[str, float] | None = None,
     jobs: int | None = None,
+    fitted: Estimator | None = None,
 ) -> Run:
     """Score the trials and build the `Run`.
 
     estimator: the one that replaced the configuration's, if any. seconds: of the stages; a sweep, which does
-    the trials of several runs at once, has none.
+    the trials of several runs at once, has none. fitted: the estimator that did the trials, if it is at hand; what it
+    has fitted to the pad need not be found again.
     """
     objects = properties(gathered.scan)
     bounds, no_bound = bounds_of_trials(gathered.scan, trials, config.explore, config.moving)
     made = estimator or create(config.estimator, **config.options)
+    notes = notes_on(gathered.scan)
+    found, used = pad_fit_of(fitted or made, gathered.scan), made.options
+    if found is not None:
+        assert isinstance(used, FilterOptions)  # others fit nothing to the pad
+        used = found.outer(used)
     about: dict[str, Any] = {
         "protocol": _protocol_name(config, gathered.scan),
         "letters": list(gathered.letters),
         "slip": config.moving.describe(),
         "no_bound": no_bound,
         **about_estimator(made),
-        "classifier_agreement": eq3_agreement(gathered.scan, made.options),
+        **({} if found is None else {"options": used.model_dump(mode="json"), "pad_fit": found.facts()}),
+        "classifier_agreement": eq3_agreement(gathered.scan, used),
         "scan": dict(gathered.scan.meta),
         "readings_digest": gathered.scan.digest,
         "versions": versions(),
         "source": source_of_trials(estimator or config.estimator, on_demand=config.on_demand),
         "commit": git_commit(),
         "machine": machine(),
+        **({"notes": notes} if notes else {}),
     }
     times = {
         "started": datetime.now(UTC).isoformat(timespec="seconds"),

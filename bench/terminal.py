@@ -77,8 +77,26 @@ def print_run(run: Run) -> None:
         f"{' '.join(about['letters'])}: {config['trials']} trials each, {about['protocol']}, seed {config['seed']}"
     )
     console.print(_table(summary, run.against_bound, run.readings))
+    for line in about.get("notes", []):
+        console.print(f"note     {line}")
+    if "pad_fit" in about:
+        console.print(_pad_fit(about["pad_fit"]))
     for line in headlines(run):
         console.print(line)
+
+
+def _pad_fit(facts: dict[str, Any]) -> str:
+    """Say what was chosen for the pad, and why."""
+    chosen = ", ".join(f"{name} {value:.4g}" for name, value in facts["chosen"].items())
+    said = f"fitted   {chosen or 'nothing'}; a covered taxel reads {facts['typical_reading']:.4g}"
+    if facts["response_exponent"] != 1:
+        said += f"; readings are straightened by the power {facts['response_exponent']:g}"
+    if facts["information_default"] is not None:
+        said += (
+            f"; a left-out taxel is told {facts['information_chosen']:.3f} nats, "
+            f"{facts['information_default']:.3f} with the defaults"
+        )
+    return said
 
 
 def print_places(run: Run, folder: Path) -> None:

@@ -12,14 +12,14 @@ import numpy as np
 
 from tactsim.bench.placement_error import properties
 from tactsim.bench.trial_plan import TrialPlan
-from tactsim.bench.trials import Progress, Task, Trials, run_trial
+from tactsim.bench.trials import OneTrial, Progress, Trials, run_trial
 from tactsim.bench.work_counts import flatten_work, unflatten_work
 from tactsim.core.workers import worker_processes
 from tactsim.estimators import Estimator
 
 
 def run_trials(
-    plan: TrialPlan, estimator: Estimator, tasks: list[Task], *, jobs: int = 1, progress: Progress
+    plan: TrialPlan, estimator: Estimator, tasks: list[OneTrial], *, jobs: int = 1, progress: Progress
 ) -> tuple[Trials, dict[str, Any]]:
     """Do all trials, here with the fitted `estimator` or in `jobs` processes that fit their own.
 
@@ -48,7 +48,7 @@ def run_trials(
 
 
 def _run_here(
-    plan: TrialPlan, estimator: Estimator, tasks: list[Task], report: Callable[[int], None]
+    plan: TrialPlan, estimator: Estimator, tasks: list[OneTrial], report: Callable[[int], None]
 ) -> tuple[Trials, dict[str, Any]]:
     tests = {truth: plan.scan.where("test", truth) for truth in {task.truth for task in tasks}}
     objects = properties(plan.scan)
@@ -71,7 +71,7 @@ def _run_here(
     return Trials.joined(parts), unflatten_work(work)
 
 
-def run_chunk(plan: TrialPlan, tasks: list[Task]) -> tuple[Trials, dict[str, int]]:
+def run_chunk(plan: TrialPlan, tasks: list[OneTrial]) -> tuple[Trials, dict[str, int]]:
     """Do some trials in a worker process; an estimator is fitted once for all chunks of a plan.
 
     Returns the trials in the order of `tasks`, and the flattened work without that of fitting.

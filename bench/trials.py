@@ -28,7 +28,7 @@ Progress = Callable[[str, int, int], None]
 
 
 @dataclass(frozen=True)
-class Task:
+class OneTrial:
     """One trial to be done: which letter, and its number among that letter's trials."""
 
     truth: str
@@ -107,7 +107,7 @@ def draw_true_pose(rng: np.random.Generator, offsets: float = OFFSET) -> FloatAr
     return np.array([x, y, rng.uniform(-np.pi, np.pi)])
 
 
-def generator(seed: int, task: Task, stream: int) -> np.random.Generator:
+def generator(seed: int, task: OneTrial, stream: int) -> np.random.Generator:
     """Make the generator of one trial; stream 0 draws pose and order, 1 is the estimator's, 2 moves the object.
 
     It depends on its arguments alone. So the trials are the same in any order, in any number of processes and
@@ -137,7 +137,7 @@ def check_readings(scan: Scan, letters: Iterable[str], readings: int, hold_out: 
 def run_trial(
     estimator: Estimator,
     test: Scan,
-    task: Task,
+    task: OneTrial,
     *,
     letters: Sequence[str],
     readings: int,

@@ -2,242 +2,214 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel
 
-from tactsim.bench.config import RunConfig
-from tactsim.bench.runner import perform
+from tactsim.bench.explained import Part, ablation, explained
+from tactsim.bench.fitted_world import clipped, fitted_world
+from tactsim.bench.recorded_presses import PressesAsRecorded
+from tactsim.bench.trained_elsewhere import drop, recognised
 from tactsim.bench.trials import Progress
-from tactsim.core import InputError, Scan
+from tactsim.core import Scan
 from tactsim.core.checking import checked
-from tactsim.core.poses import FloatArray, compose
-from tactsim.core.scan import train_on
+from tactsim.core.poses import FloatArray
 from tactsim.estimators.likelihoods.classifier import classify
-from tactsim.hardware.sensor_fit import Guess, SensorFit, fit_sensor
+from tactsim.estimators.likelihoods.scale import threshold_of
+from tactsim.hardware.gain_fit import best_gain
+from tactsim.hardware.sensor_fit import SensorFit, fit_sensor
 from tactsim.hardware.taxel_error import TaxelError, class_agreement, taxel_error
-from tactsim.press.bed import lay_bed
-from tactsim.press.engine import press_at
-from tactsim.press.levels import levels
-from tactsim.press.pressed import Pressed
-from tactsim.press.scan_options import PressOptions, ScanOptions, SensorOptions
-from tactsim.press.scanning import letters_of
-from tactsim.press.sensor import gains, sense
-from tactsim.press.touches import Touches
+from tactsim.press.scan_options import ScanOptions
+from tactsim.press.scanning import scan_letters
 
 CLASSES = ("no contact", "in contact", "unknown")
+ROWS = {
+    "as_it_is": "simulation as it is",
+    "one_gain": "times one gain",
+    "fitted": "fitted, on what it was fitted to",
+    "held_out_placed": "held out, placed by its reading",
+    "held_out": "held out, placed as stated",
+}
+_MOST_TAXELS = 9000  # in all presses that a fit uses: more cost time, and change an interval little
+_FEWEST_PRESSES = 60
+_FOLDS = 6
+_TOUCH = 5  # after which the drop is given
 
 
 @dataclass(frozen=True, eq=False)
 class Validation:
     """The result of comparing a simulated and a recorded scan.
 
-    before, after: errors with the simulation's own parameters and with the fitted ones. class_agreement: the
-    share of taxels that eq. 3 puts in the same class for recorded and simulated readings. class_ceiling: the
-    same for two simulations with different noise, which is as good as it can get. class_counts: (3, 3) taxels,
-    rows by recorded class, columns by simulated class. recognition: final accuracy and error by "trained ->
-    tested". parameters: options of a scan that reads as the recorded pad does.
+    readings: of the recording. used: those that the fit used, and whether they are all training readings. unit:
+    of the recording. errors: by the names of ROWS. outlined: letters whose outlines were fitted, in the order of
+    `fit.grown`. threshold, ratio: of eq. 3, as the first estimator had them.
+    class_agreement: the
+    share of taxels that eq. 3 puts in the same class for recorded readings and those of the fitted simulation.
+    class_ceiling: the same for two simulations with different noise, which is as good as it can get. class_counts:
+    (3, 3) taxels, rows by recorded class, columns by simulated class. recognition: by estimator and what it was trained
+    on, see `recognised`; drops: how much the simulated ones lose beside the recorded one after `drop_at` touches, with
+    intervals. parts: how much of the distance goes with each part of the fit. worlds: the same for the share right,
+    if asked for. parameters: a world file. clipped: what was found beyond a world's bounds.
     """
 
     readings: int
+    used: int
+    trained_apart: bool
+    unit: str
     letters: tuple[str, ...]
     taxels: int
-    before: TaxelError
-    after: TaxelError
+    errors: dict[str, TaxelError]
     fit: SensorFit
+    outlined: tuple[str, ...]
+    threshold: float
+    ratio: float
     class_agreement: float
     class_ceiling: float
     class_counts: NDArray[np.int64]
-    recognition: dict[str, dict[str, Any]]
+    recognition: dict[str, dict[str, dict[str, Any]]]
+    drops: dict[str, dict[str, tuple[float, float, float]]]
+    drop_at: int
+    parts: list[Part]
+    worlds: list[dict[str, Any]]
     parameters: dict[str, Any]
-
-
-class _Simulator:
-    """Predict what the simulated pad reads at the poses of a recorded scan."""
-
-    def __init__(self, simulated: Scan, recorded: Scan) -> None:
-        stated = simulated.meta.get("options")
-        if not isinstance(stated, dict):
-            raise InputError("the simulated scan does not say how it was made; make it with `bench scan`")
-        self.options = checked(ScanOptions, stated, "simulated scan")
-        self._letters = {letter.name: letter for letter in letters_of(self.options)}
-        unknown = [name for name in recorded.letters if name not in self._letters]
-        if unknown:
-            raise InputError(
-                f"{unknown[0]!r} was recorded but not simulated; press it with `bench scan --letters` or --shape"
-            )
-        self._recorded = recorded
-        pad = self.options.pad.taxel_xy
-        apart = np.abs(recorded.taxel_xy[:, None] - pad[None]).max(axis=-1)
-        if apart.min(axis=1).max() > 1e-3:
-            raise InputError("the recorded taxels are not where the simulated pad has them: the pads differ")
-        self.taxels = apart.argmin(axis=1)
-        self._pressed: tuple[tuple[bytes, float, float, bool], dict[str, Pressed]] | None = None
-
-    @property
-    def stated(self) -> Guess:
-        """Give the simulation's own parameters."""
-        press = self.options.press
-        wrist = np.inf if press.wrist_stiffness is None else press.wrist_stiffness
-        return Guess(self.options.sensor.psf_sigma, press.stiffness, wrist)
-
-    @property
-    def level(self) -> FloatArray:
-        """Give the errors (n, 5) of presses that are just as stated."""
-        errors = np.zeros((len(self._recorded), 5))
-        errors[:, 3:] = self.options.press.tilt_x, self.options.press.tilt_y
-        return errors
-
-    def bending(self) -> float:
-        """Average the second moment of the area that touches over both axes and all presses, mm^4."""
-        moments = []
-        for name in self._recorded.letters:
-            poses = self._recorded.poses[self._recorded.labels == name]
-            bed = lay_bed(levels(self._letters[name], self.options.press), poses, *self.options.cell_lines)
-            area = bed.area_of_presses
-            for along in bed.centroid.T:
-                first, second = (
-                    np.bincount(bed.press, bed.area * along**power, len(poses)) for power in (1, 2)
-                )
-                moments.append((second - first**2 / np.maximum(area, 1e-9))[area > 0])
-        every = np.concatenate(moments)
-        if not len(every):
-            raise InputError("nothing touches the pad at the recorded poses: are the poses right?")
-        return max(float(every.mean()), 1e-3)
-
-    def __call__(self, guess: Guess, errors: FloatArray) -> FloatArray:
-        """Predict readings without imperfections; see `tactsim.hardware.sensor_fit.Predict`."""
-        wrist = None if np.isinf(guess.wrist) else guess.wrist
-        options = self.options.model_copy(
-            update={
-                "sensor": self.options.sensor.model_copy(update={"psf_sigma": guess.psf_sigma}),
-                "press": self.options.press.model_copy(
-                    update={
-                        "stiffness": guess.stiffness,
-                        "wrist_stiffness": wrist,
-                        "engine": "auto",
-                        "dynamics": "equilibrium",  # a recorded press is one at rest
-                    }
-                ),
-            }
-        )
-        ideal = np.empty((len(errors), options.pad.taxels))
-        for name, pressed in self._press(errors, options).items():
-            readings = pressed.readings(options)
-            readings[list(pressed.blanks)] = np.nan
-            ideal[self._recorded.labels == name] = readings
-        return ideal[:, self.taxels]
-
-    def _press(self, errors: FloatArray, options: ScanOptions) -> dict[str, Pressed]:
-        """Press every letter; once for all point spreads, which change only what taxels feel of the forces."""
-        press = options.press
-        wrist = np.inf if press.wrist_stiffness is None else press.wrist_stiffness
-        wanted = errors.tobytes(), press.stiffness, wrist, options.sensor.psf_sigma == 0
-        if self._pressed is None or self._pressed[0] != wanted:
-            poses = compose(self._recorded.poses, errors[:, :3])
-            labels = self._recorded.labels
-            self._pressed = (
-                wanted,
-                {
-                    name: press_at(
-                        Touches(self._letters[name], poses[labels == name], errors[labels == name, 3:]),
-                        options,
-                    )
-                    for name in self._recorded.letters
-                },
-            )
-        return self._pressed[1]
-
-    def noisy(self, seed: int) -> FloatArray:
-        """Simulate readings at the recorded poses, with the imperfections that the simulation's options state.
-
-        A press that does not come to rest reads NaN.
-        """
-        rng = np.random.default_rng(seed)
-        options = self.options
-        off = (options.placement_mm, options.placement_mm, options.placement_rad)
-        spread = np.array((*off, options.placement_tilt, options.placement_tilt))
-        errors = self.level + rng.standard_normal((len(self._recorded), 5)) * spread
-        ideal = np.zeros((len(errors), options.pad.taxels))
-        ideal[:, self.taxels] = self(self.stated, errors)
-        rested = np.isfinite(ideal).all(axis=1, keepdims=True)
-        read = sense(np.nan_to_num(ideal), options.sensor, gains(options), rng)[:, self.taxels]
-        return np.where(rested, read, np.nan)
+    clipped: dict[str, float]
 
 
 def validate(
     simulated: Scan,
     recorded: Scan,
     *,
-    estimator: str = "histogram",
+    estimators: Sequence[str] = ("refined", "histogram"),
     options: dict[str, Any] | None = None,
     trials: int = 10,
     seed: int = 0,
+    ablate: bool = False,
     progress: Progress,
 ) -> Validation:
     """Compare a recorded scan with a simulated one that says how it was made.
 
-    The readings are compared at the recorded poses, which the simulated scan need not have. Raises
-    InputError if the recorded letters or taxels are not in the simulation.
+    The readings are compared at the recorded poses, which the simulated scan need not have. If the recording has
+    training and test presses, the simulation is fitted to the training presses, and recognises the test presses.
+    ablate: whether scans are made, and the first estimator trained, with one part of the fit more at a time.
+    Raises InputError if the recorded letters or taxels are not in the simulation.
     """
-    simulator = _Simulator(simulated, recorded)
-    as_it_is = simulator(simulator.stated, simulator.level)
-    fit = fit_sensor(recorded.readings, simulator, simulator.stated, simulator.bending())
-    fitted = fit.gain * fit.gain_per_taxel * simulator(fit.guess, fit.errors)
-    one, other = (simulator.noisy(seed + k) for k in range(2))
+    apart = bool(len(recorded.where("train")) and len(recorded.where("test")))
+    few = some_presses(recorded.where("train") if apart else recorded)
+    presses = PressesAsRecorded(simulated, few)
+    as_it_is = presses(presses.stated, presses.level)
+    fit = fit_sensor(few.readings, presses, presses.stated, presses.bending(), folds(few), presses.outline)
+    fitted = fit.answered(presses(fit.guess, fit.errors))
+    errors = dict(
+        zip(
+            ROWS,
+            (
+                _error(few, predicted)
+                for predicted in (
+                    as_it_is, best_gain(few.readings, as_it_is) * as_it_is, fitted, fit.held_out_placed, fit.held_out
+                )
+            ),
+            strict=True,
+        )
+    )  # fmt: skip
+    unit = str(recorded.meta.get("unit", "kPa"))
+    world = fitted_world(presses.options, fit, unit)
+    scan_options = checked(ScanOptions, {**world, "seed": seed}, "fitted world")
+    trained = {"simulated": _in_unit(simulated, unit), "fitted": scan_letters(scan_options)[0]}
+    if apart:
+        trained["recorded"] = recorded.where("train")
+    rng = np.random.default_rng(seed)
+    recognition, drops, rights = {}, {}, {}
+    touch = _TOUCH
+    for name in estimators:
+        found = {
+            side: recognised(scan, recorded, name, options or {}, trials, seed, progress)
+            for side, scan in trained.items()
+        }
+        recognition[name] = {side: figures for side, (figures, _) in found.items()}
+        rights[name] = {side: right for side, (_, right) in found.items()}
+        touch = min(touch, *(right.shape[1] for right in rights[name].values()))
+    for name, right in rights.items():
+        if "recorded" in right:
+            drops[name] = {
+                side: drop(right[side], right["recorded"], touch, rng) for side in ("simulated", "fitted")
+            }
+    used = recognition[estimators[0]]["recorded" if apart else "fitted"]["options"]
+    threshold = threshold_of(used.get("threshold", 2.0), recorded.readings)
+    ratio = float(used.get("ratio", 0.3))
+    one, other = (_noisy(fitted, fit, np.random.default_rng([seed, k])) for k in range(2))
     rested = np.isfinite(one + other).all(axis=1)
-    first, second = classify(one[rested]), classify(other[rested])
-    agreement, counts = class_agreement(classify(recorded.readings[rested]), first, len(CLASSES))
-    ceiling, _ = class_agreement(first, second, len(CLASSES))
+    classes = [classify(readings[rested], threshold, ratio) for readings in (few.readings, one, other)]
+    agreement, counts = class_agreement(classes[0], classes[1], len(CLASSES))
+    ceiling, _ = class_agreement(classes[1], classes[2], len(CLASSES))
+    worlds = []
+    if ablate:
+        worlds = ablation(
+            presses.options, world, recorded, estimators[0], options or {}, trials, touch, seed, progress
+        )
     return Validation(
         readings=len(recorded),
+        used=len(few),
+        trained_apart=apart,
+        unit=unit,
         letters=recorded.letters,
         taxels=len(recorded.taxel_xy),
-        before=_error(recorded, as_it_is),
-        after=_error(recorded, fitted),
+        errors=errors,
         fit=fit,
+        outlined=presses.outlined,
+        threshold=threshold,
+        ratio=ratio,
         class_agreement=agreement,
         class_ceiling=ceiling,
         class_counts=counts,
-        recognition=_recognition(simulated, recorded, estimator, options or {}, trials, seed, progress),
-        parameters=_parameters(simulator.options, fit),
+        recognition=recognition,
+        drops=drops,
+        drop_at=touch,
+        parts=explained(few.readings, presses, fit, rng),
+        worlds=worlds,
+        parameters=world,
+        clipped=clipped(presses.options, fit),
     )
 
 
-def _recognition(
-    simulated: Scan,
-    recorded: Scan,
-    estimator: str,
-    options: dict[str, Any],
-    trials: int,
-    seed: int,
-    progress: Progress,
-) -> dict[str, dict[str, Any]]:
-    """Train on either and test on either, on the recorded letters and taxels."""
-    sides = {"simulated": simulated.of_letters(recorded.letters), "recorded": recorded}
-    results = {}
-    for trained, train in sides.items():
-        for tested, test in sides.items():
-            if trained == tested and not (len(train.where("train")) and len(train.where("test"))):
-                continue  # training and testing on the same readings would say nothing
-            scan = train_on(train, test)
-            fewest = min(len(scan.where("test", letter)) for letter in scan.letters)
-            config = RunConfig(
-                estimator=estimator, set=options, trials=trials, readings=min(20, fewest), seed=seed,
-                given=scan.digest,
-            )  # fmt: skip
-            run = perform(config, scan=scan, progress=progress)
-            results[f"{trained} -> {tested}"] = {
-                "readings": config.readings,
-                "trials": len(run.trials.truth),
-                "accuracy_at_5": run.summary["accuracy"][min(5, config.readings) - 1],
-                "accuracy": run.summary["accuracy"][-1],
-                "error_mm": run.summary["error_mm"][-1],
-            }
-    return results
+def some_presses(scan: Scan) -> Scan:
+    """Choose presses for a fit, evenly from all letters and poses: so many that more would not help."""
+    most = max(_FEWEST_PRESSES, _MOST_TAXELS // scan.readings.shape[1])
+    if len(scan) <= most:
+        return scan
+    each = max(1, most // len(scan.letters))
+    chosen = []
+    for letter in scan.letters:
+        rows = np.flatnonzero(scan.labels == letter)
+        chosen.append(rows[np.unique(np.linspace(0, len(rows) - 1, min(each, len(rows))).astype(int))])
+    mask = np.zeros(len(scan), dtype=bool)
+    mask[np.concatenate(chosen)] = True
+    return scan.chosen(mask)
+
+
+def folds(scan: Scan) -> NDArray[np.intp]:
+    """Put presses (n,) into groups to be held out: letters where there are three or more, else neighbouring positions.
+
+    A press next to one that was fitted says little of the fit.
+    """
+    if len(scan.letters) >= 3:
+        number = {letter: index % _FOLDS for index, letter in enumerate(scan.letters)}
+        return np.array([number[letter] for letter in scan.labels.tolist()])
+    x, y = (np.argsort(np.argsort(along, kind="stable")) / len(scan) for along in scan.poses[:, :2].T)
+    return (np.floor(3 * x) + 3 * np.floor(2 * y)).astype(np.intp)
+
+
+def _in_unit(scan: Scan, unit: str) -> Scan:
+    """State another unit of a simulated scan, so that it can be tested on a recording: its numbers stay as they are."""
+    from dataclasses import replace
+
+    return replace(scan, meta={**scan.meta, "unit": unit})
+
+
+def _noisy(fitted: FloatArray, fit: SensorFit, rng: np.random.Generator) -> FloatArray:
+    return fitted + fit.noise * rng.standard_normal(fitted.shape)
 
 
 def _error(recorded: Scan, predicted: FloatArray) -> TaxelError:
@@ -246,48 +218,11 @@ def _error(recorded: Scan, predicted: FloatArray) -> TaxelError:
     return taxel_error(recorded.readings[rested], predicted[rested])
 
 
-def _parameters(options: ScanOptions, fit: SensorFit) -> dict[str, Any]:
-    """Say what to change in a scan's options so that it reads as the recorded pad does.
-
-    Gain and force cannot be told apart by readings alone, so the force takes both. Tilts grow with it: a pressure
-    that is larger by one factor everywhere has a larger slope, too. A recorded press is a mean of frames; what
-    the mean leaves of the sensor's resolution is part of the fitted noise. What is beyond the bounds of a scan's
-    options is put on the nearest bound.
-    """
-    tilt_x, tilt_y = (fit.gain * fit.tilt_offset).tolist()
-    rigid = np.isinf(fit.wrist)
-    return {
-        "placement_mm": _within(ScanOptions, "placement_mm", fit.placement_mm, 4),
-        "placement_rad": _within(ScanOptions, "placement_rad", fit.placement_rad, 5),
-        "placement_tilt": _within(ScanOptions, "placement_tilt", fit.gain * fit.placement_tilt, 6),
-        "press": {
-            "force": _within(PressOptions, "force", options.press.force * fit.gain, 5),
-            "stiffness": _within(PressOptions, "stiffness", fit.stiffness, 2),
-            "wrist_stiffness": "rigid" if rigid else _within(PressOptions, "wrist_stiffness", fit.wrist, 2),
-            "tilt_x": _within(PressOptions, "tilt_x", tilt_x, 5),
-            "tilt_y": _within(PressOptions, "tilt_y", tilt_y, 5),
-        },
-        "sensor": {
-            "psf_sigma": _within(SensorOptions, "psf_sigma", fit.psf_sigma, 4),
-            "noise": _within(SensorOptions, "noise", fit.noise, 4),
-            "gain_spread": _within(SensorOptions, "gain_spread", fit.gain_spread, 5),
-            "resolution": 0.0,
-        },
-    }
-
-
-def _within(model: type[BaseModel], name: str, value: float, digits: int) -> float:
-    """Round a value, and put it on the nearest bound of an option that does not take it."""
-    schema = model.model_json_schema()["properties"][name]
-    bounds = next(kind for kind in (schema, *schema.get("anyOf", ())) if kind.get("type") == "number")
-    return float(np.clip(round(value, digits), bounds.get("minimum", -np.inf), bounds.get("maximum", np.inf)))
-
-
 def as_json(result: Validation) -> dict[str, Any]:
     """Put a validation into JSON's types."""
 
     def plain(value: Any) -> Any:
-        if isinstance(value, dict):
+        if isinstance(value, Mapping):
             return {key: plain(inner) for key, inner in value.items()}
         if isinstance(value, np.ndarray | tuple | list):
             return [plain(inner) for inner in value]
@@ -295,4 +230,7 @@ def as_json(result: Validation) -> dict[str, Any]:
             return float(value) if np.isfinite(value) else None
         return int(value) if isinstance(value, np.integer) else value
 
-    return {key: plain(value) for key, value in asdict(result).items()}
+    whole = asdict(result)
+    for name in ("held_out", "held_out_placed"):
+        del whole["fit"][name]  # as large as the recording
+    return {key: plain(value) for key, value in whole.items()}

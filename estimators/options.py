@@ -57,6 +57,11 @@ class FilterOptions(LikelihoodOptions):
         description="how the object moves between touches: off, auto (learned) or MM,RAD of a random walk",
     )
     reach: Reach = Field("auto", description=REACH)
+    fit: Literal["auto", "off"] | None = Field(
+        None,
+        description="auto: unit, lengths, response and what is not given follow from the training readings; not given: "
+        "auto for recorded and imported scans, else off",
+    )
 
 
 class OpenSetOptions(FilterOptions):

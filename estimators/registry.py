@@ -101,12 +101,15 @@ def create(name: str, **options: Any) -> Estimator:
     its bounds.
     """
     chosen = load(name)
-    made = chosen(checked(chosen.options_type, options, f"estimator {name}"))
-    if name in BUILT_IN and issubclass(chosen.options_type, FilterOptions):
+    asked = checked(chosen.options_type, options, f"estimator {name}")
+    if name in BUILT_IN and isinstance(asked, FilterOptions):
         from tactsim.estimators.filters.wrapped import wrapped
 
-        made = wrapped(cast("MapFilter", made))
-    elif name == "synthesis":
+        made: Estimator = wrapped(cast("type[MapFilter]", chosen), asked)
+        made.created_as = name
+        return made
+    made = chosen(asked)
+    if name == "synthesis":
         from tactsim.estimators.filters.wrapped import wrapped_synthesis
 
         made = wrapped_synthesis(cast("Synthesis", made))

@@ -1,4 +1,4 @@
-"""Correct a pad's readings: tare, each taxel's gain, taxels that are dead or stuck; and sum them to a force."""
+"""Correct a pad's readings: tare, gains, taxels that are dead, stuck or always loaded; and sum them to a force."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from tactsim.core.checking import checked
 from tactsim.core.documents import read_toml
 from tactsim.core.errors import InputError
 from tactsim.core.files import write_bytes
+from tactsim.core.lengths import pitch
 from tactsim.core.pad import Pad
 from tactsim.core.poses import FloatArray
 from tactsim.core.reading import Reading
@@ -23,13 +24,15 @@ from tactsim.hardware.device import Device
 
 LEAST_FRAMES = 40
 _MOVED = 5.0  # noise standard deviations by which the two halves of a tare may differ
+# At most this share of the taxels may be loaded on a pad that nothing touches, and at most so many side by side.
+_LOADED, _BESIDE = 0.06, 2
 _FAINT = 0.05  # share of the typical taxel's answer below which a taxel is dead
 
 
 class Calibration(BaseModel):
     """What corrects one device's readings: the content of a calibration file (TOML).
 
-    corrected = (pressure - tare) * gain, kPa, for every taxel that is neither dead nor stuck.
+    corrected = (pressure - tare) * gain, kPa, for every taxel that is not dead, stuck or always loaded.
     """
 
     model_config = STRICT
@@ -43,24 +46,25 @@ class Calibration(BaseModel):
     gain: tuple[float, ...] = Field(max_length=40_000)
     dead: tuple[int, ...] = Field((), description="taxels that do not answer to a load")
     stuck: tuple[int, ...] = Field((), description="taxels that always say the same")
+    loaded: tuple[int, ...] = Field((), description="taxels that feel a load while nothing touches the pad")
 
     @model_validator(mode="after")
     def _whole(self) -> Calibration:
         for name in ("noise", "gain"):
             if len(getattr(self, name)) != len(self.tare):
                 raise ValueError(f"{name} has {len(getattr(self, name))} values, tare has {len(self.tare)}")
-        for name in ("dead", "stuck"):
+        for name in ("dead", "stuck", "loaded"):
             if any(not 0 <= taxel < len(self.tare) for taxel in getattr(self, name)):
                 raise ValueError(f"{name} names a taxel that the pad of {len(self.tare)} does not have")
         if not self.kept.any():
-            raise ValueError("every taxel is dead or stuck")
+            raise ValueError("every taxel is dead or stuck or always loaded")
         return self
 
     @property
     def kept(self) -> NDArray[np.bool_]:
         """Tell which taxels are read, (taxels,)."""
         kept = np.ones(len(self.tare), dtype=bool)
-        kept[list(self.dead + self.stuck)] = False
+        kept[list(self.dead + self.stuck + self.loaded)] = False
         return kept
 
     def save(self, path: str | Path) -> None:
@@ -94,11 +98,11 @@ class Correction:
         self.taxel_xy = pad.taxel_xy[self._kept]
 
     def whole(self, pressures: FloatArray) -> FloatArray:
-        """Correct the pressures (..., taxels) kPa of all taxels, including dead and stuck ones."""
+        """Correct the pressures (..., taxels) kPa of all taxels, including those left out."""
         return (pressures - self._tare) * self._gain
 
     def apply(self, reading: Reading) -> Reading:
-        """Correct one reading; dead and stuck taxels are left out."""
+        """Correct one reading; dead, stuck and always loaded taxels are left out."""
         pressures = self.whole(reading.pressures)[self._kept]
         return replace(reading, pressures=pressures)
 
@@ -106,11 +110,13 @@ class Correction:
 def take_tare(
     readings: Sequence[Reading], device: Device, port: str, now: datetime | None = None
 ) -> Calibration:
-    """Take the median of unloaded readings as each taxel's zero, and mask taxels that are stuck.
+    """Take the median of unloaded readings as each taxel's zero, and mask taxels that are stuck or always loaded.
+
+    A taxel further from zero than the device file's `largest_offset_kpa` is always loaded if it is at rest and such
+    taxels are few and stand apart: at most 6 % of the taxels, and no more than two side by side.
 
     Raises InputError for fewer than 40 readings, and if something touches the pad: a taxel that
-    moves beyond its noise while the tare is taken, or lies further from zero than the device file's
-    `largest_offset_kpa`.
+    moves beyond its noise while the tare is taken, or more taxels far from zero than those.
     """
     if len(readings) < LEAST_FRAMES:
         raise InputError(f"a tare takes at least {LEAST_FRAMES} frames, not {len(readings)}")
@@ -122,7 +128,7 @@ def take_tare(
     if not len(free):
         raise InputError("every taxel of the pad says the same all the time: is it connected?")
     far = free[np.abs(tare[free]) > device.largest_offset_kpa]
-    if len(far):
+    if len(far) > _LOADED * values.shape[1] or _most_beside(device.pad.taxel_xy, far) > _BESIDE:
         worst = far[np.argmax(np.abs(tare[far]))]
         raise InputError(
             f"something touches the pad: taxel {worst} reads {tare[worst]:.1f} kPa; take everything off, or "
@@ -146,7 +152,7 @@ def take_tare(
     return Calibration(
         device=device.name, port=port, taken=now or datetime.now(UTC).replace(microsecond=0),
         frames=len(values), tare=tuple(tare.tolist()), noise=tuple(noise.tolist()),
-        gain=(1.0,) * values.shape[1], stuck=tuple(stuck.tolist()),
+        gain=(1.0,) * values.shape[1], stuck=tuple(stuck.tolist()), loaded=tuple(far.tolist()),
     )  # fmt: skip
 
 
@@ -162,8 +168,9 @@ def with_gain(
         raise InputError(f"gains take at least {LEAST_FRAMES} frames, not {len(readings)}")
     values = np.array([reading.pressures for reading in readings])
     answer = np.median(values, axis=0) - np.array(calibration.tare)
-    dead = find_dead(answer[None], skip=calibration.stuck)
-    alive = np.setdiff1d(np.arange(len(answer)), [*dead, *calibration.stuck])
+    masked = calibration.stuck + calibration.loaded
+    dead = find_dead(answer[None], skip=masked)
+    alive = np.setdiff1d(np.arange(len(answer)), [*dead, *masked])
     typical = float(np.median(answer[alive])) if len(alive) else 0.0
     if not typical > 5 * float(np.median(calibration.noise)):
         raise InputError(f"the load reads {typical:.1f} kPa, hardly more than the noise; load the pad evenly")
@@ -181,6 +188,21 @@ def find_stuck(values: FloatArray) -> NDArray[np.int64]:
     spread = values.std(axis=0)
     restless = float(np.median(spread)) >= _smallest_step(values) / 2 > 0
     return np.flatnonzero(spread == 0) if restless else np.zeros(0, dtype=np.int64)
+
+
+def _most_beside(taxel_xy: FloatArray, chosen: NDArray[np.intp]) -> int:
+    """Count the taxels of the largest group of chosen ones in which each has a neighbour, straight or diagonal."""
+    step = 1.6 * pitch(taxel_xy)
+    left, most = set(chosen.tolist()), 0
+    while left:
+        group, new = set[int](), {left.pop()}
+        while new:
+            group |= new
+            left -= new
+            near = [np.hypot(*(taxel_xy - taxel_xy[taxel]).T) <= step for taxel in new]
+            new = left & set(np.flatnonzero(np.any(near, axis=0)).tolist())
+        most = max(most, len(group))
+    return most
 
 
 def find_dead(values: ArrayLike, skip: Sequence[int] = ()) -> NDArray[np.int64]:

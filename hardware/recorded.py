@@ -132,6 +132,7 @@ class Replay(Source):
         self._correct(content.get("calibration"))
         # Its clocks and frame counters begin anew. Without a codec its readings were recorded, not its bytes.
         self._stream = None if device.codec is None else Stream(device, self.counters)
+        self.unit = "kPa" if device.codec is None else device.codec.reading_unit
         self._first = self._first or content
         self.segments += 1
         self._note(Kind.SEGMENT, content)
@@ -173,6 +174,7 @@ class CsvReplay(Source):
         self.pad, self.taxel_xy = device.pad, device.pad.taxel_xy
         if not isinstance(device.codec, CsvFormat):
             raise SourceError(f"{self.path}: reading it needs a device file with the codec kind 'pps-csv'")
+        self.unit = device.codec.reading_unit
         try:
             self._file = open_regular(self.path)
         except InputError as error:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,12 +16,14 @@ from pydantic import BaseModel, Field, model_validator
 from tactsim.core.checking import checked
 from tactsim.core.documents import read_text
 from tactsim.core.errors import InputError
-from tactsim.core.pad import Pad, taxel_grid
-from tactsim.core.poses import FloatArray, compose
+from tactsim.core.pad import Pad
+from tactsim.core.poses import FloatArray
 from tactsim.core.scan import Scan
 from tactsim.core.source import Source, SourceError
 from tactsim.hardware.calibration import Calibration, Correction
 from tactsim.hardware.codecs.codec import STRICT
+from tactsim.hardware.following import Follower
+from tactsim.hardware.gathered import Gathered
 from tactsim.hardware.recorded import Replay
 from tactsim.hardware.recording import Kind, Whole
 from tactsim.hardware.session import Plan, Press, note, parse_press
@@ -93,11 +95,12 @@ def read_session(path: str | Path) -> SessionRecord:
     )  # fmt: skip
 
 
-def scan_of_sessions(paths: Sequence[str | Path]) -> Scan:
+def scan_of_sessions(paths: Sequence[str | Path], moments: int | Literal["auto"] | None = None) -> Scan:
     """Make one scan of guided sessions: each press is the mean of its readings.
 
-    Taxels that one of the calibrations leaves out are left out everywhere. Raises InputError if
-    there is no press in them or their pads differ.
+    Taxels that one of the calibrations leaves out, and those that are wrong while the pad is idle, are left out
+    everywhere. moments: how many of each training press, as `scan_of_intervals` has it.
+    Raises InputError if there is no press in them, their pads differ, or moments are wanted and none is found.
     """
     sessions = [read_session(path) for path in paths]
     pad = sessions[0].pad
@@ -106,17 +109,16 @@ def scan_of_sessions(paths: Sequence[str | Path]) -> Scan:
         if session.pad != pad:
             raise InputError(f"{session.path} was recorded with another pad than {sessions[0].path}")
         kept &= session.kept()
-    readings, poses, labels, split, spreads, about = [], [], [], [], [], []
+    gathered = Gathered(pad, pad.taxel_xy[kept], moments)
+    spreads, about = [], []
     for session in sessions:
-        means, spread = _means(session, kept)
-        for number in sorted(means):
-            readings.append(means[number])
-            poses.append(session.plan.poses[number])
-            labels.append(session.plan.label)
-            split.append(session.plan.split)
+        means, spread, follower = _means(session, kept, gathered.shares)
+        plan = session.plan
+        presses = [(plan.label, plan.split, plan.poses[number]) for number in means]
+        gathered.add(np.array(list(means.values())).reshape(-1, int(kept.sum())), presses, follower)
         spreads.append(spread)
         about.append(_about(session))
-    if not readings:
+    if not gathered.labels:
         raise InputError(f"{paths[0]}: no press was recorded yet")
     meta = {
         "source": "recorded",
@@ -125,13 +127,16 @@ def scan_of_sessions(paths: Sequence[str | Path]) -> Scan:
         "recordings": about,
         "frame_noise_kpa": float(np.median(np.concatenate(spreads))) if any(map(len, spreads)) else None,
     }
-    return Scan(
-        np.array(readings), np.array(poses), np.array(labels), np.array(split), pad.taxel_xy[kept], meta
-    )
+    return gathered.scan(meta)
 
 
-def _means(session: SessionRecord, kept: NDArray[np.bool_]) -> tuple[dict[int, FloatArray], FloatArray]:
-    """Average the readings of each press: {number: (kept,) kPa}; and the frames' sd in each taxel and press."""
+def _means(
+    session: SessionRecord, kept: NDArray[np.bool_], shares: FloatArray | None
+) -> tuple[dict[int, FloatArray], FloatArray, Follower]:
+    """Average the readings of each press, {number: (kept,) kPa}, by number; the frames' sd in each taxel and press.
+
+    Also gives who followed the recording, whose windows are the presses by number.
+    """
     wanted = sorted(
         (press for press in session.presses.values() if press.what == "taken"), key=lambda press: press.first
     )
@@ -140,20 +145,22 @@ def _means(session: SessionRecord, kept: NDArray[np.bool_]) -> tuple[dict[int, F
         (first, None if calibration is None else Correction(calibration, session.pad))
         for first, calibration in session.calibrations
     ]
+    numbered = sorted(wanted, key=lambda press: press.number)
+    follower = Follower([(press.first, press.first + press.count - 1) for press in numbered], shares)
     following, active = iter(wanted), []
     upcoming = next(following, None)
     for number, reading in enumerate(Replay(session.path, corrected=False)):
         while upcoming is not None and upcoming.first <= number:
             active.append(upcoming)
             upcoming = next(following, None)
-        if not active:
-            continue
         correction = [correction for first, correction in corrections if first <= number][-1]
         values = (reading.pressures if correction is None else correction.whole(reading.pressures))[kept]
+        follower.take(number, values)
         for press in active:
             sums[press.number] += (values, values**2)
         active = [press for press in active if number + 1 < press.first + press.count]
-    means = {press.number: sums[press.number][0] / press.count for press in wanted}
+    follower.end()
+    means = {press.number: sums[press.number][0] / press.count for press in numbered}
     spread = [
         np.sqrt(
             np.maximum(sums[press.number][1] - press.count * means[press.number] ** 2, 0) / (press.count - 1)
@@ -161,7 +168,7 @@ def _means(session: SessionRecord, kept: NDArray[np.bool_]) -> tuple[dict[int, F
         for press in wanted
         if press.count > 1
     ]
-    return means, np.concatenate(spread) if spread else np.zeros(0)
+    return means, np.concatenate(spread) if spread else np.zeros(0), follower
 
 
 def _about(session: SessionRecord) -> dict[str, Any]:
@@ -213,19 +220,22 @@ def read_intervals(path: str | Path) -> list[Interval]:
 
     Raises InputError with the line that is wrong.
     """
-    lines = read_text(path, "marks").removeprefix("\ufeff").splitlines()
-    try:
-        rows = [
-            checked(Interval, _words(row), f"{path}, line {number}")
-            for number, row in enumerate(csv.DictReader(lines), start=2)
-        ]
-    except csv.Error as error:
-        raise InputError(f"{path} is no marks file (CSV): {error}") from error
+    rows = [checked(Interval, row, place) for place, row in csv_rows(read_text(path, "marks"), path)]
     if not rows:
         raise InputError(
             f"{path} has no marks; its columns are {', '.join(Interval.model_fields)}, one line a press"
         )
     return rows
+
+
+def csv_rows(text: str, path: str | Path) -> Iterator[tuple[str, dict[str, str]]]:
+    """Read CSV with a line of names: where each line stands, and its words by name. Raises InputError."""
+    lines = text.removeprefix("\ufeff").splitlines()
+    try:
+        for number, row in enumerate(csv.DictReader(lines), start=2):
+            yield f"{path}, line {number}", _words(row)
+    except csv.Error as error:
+        raise InputError(f"{path} is no table (CSV): {error}") from error
 
 
 def _words(row: dict[Any, Any]) -> dict[str, str]:
@@ -234,11 +244,21 @@ def _words(row: dict[Any, Any]) -> dict[str, str]:
     return {name.strip(): value.strip() for name, value in row.items() if name and value} | extra
 
 
-def scan_of_intervals(source: Source, intervals: Sequence[Interval]) -> Scan:
+def scan_of_intervals(
+    source: Source, intervals: Sequence[Interval], moments: int | Literal["auto"] | None = None
+) -> Scan:
     """Make a scan of a recording without guidance: the mean of the readings in each interval.
 
-    Raises InputError if an interval holds no reading, ends behind the last one, or a link was lost within it.
+    moments: how many of each training press, at even shares of its load up to the plateau, as further readings at its
+    pose; "auto" as `with_moments` has it. The plateau is found within the interval, the rise in what was read since the
+    interval before; then the plateau's median is the press's reading. Taxels that are stuck or always loaded while
+    nothing presses are left out: `meta["left_out"]` says which, numbered as on the whole pad, and why.
+
+    Raises InputError if an interval holds no reading, ends behind the last one, a link was lost within it, or moments
+    are wanted and no press has any.
     """
+    gathered = Gathered(source.pad, source.taxel_xy, moments)
+    follower = Follower([(each.first_s, each.last_s) for each in intervals], gathered.shares)
     sums = np.zeros((len(intervals), len(source.taxel_xy)))
     counts = np.zeros(len(intervals), dtype=int)
     first, last = (np.array([getattr(each, name) for each in intervals]) for name in ("first_s", "last_s"))
@@ -257,24 +277,21 @@ def scan_of_intervals(source: Source, intervals: Sequence[Interval]) -> Scan:
             )
         sums[inside] += reading.pressures
         counts += inside
+        follower.take(times[-1], reading.pressures)
+    follower.end()
     _check_within(intervals, times)
     if not counts.all():
         empty = intervals[int(np.argmin(counts))]
         raise InputError(f"no reading lies between {empty.first_s:g} and {empty.last_s:g} s ({empty.label})")
-    labels = np.array([each.label for each in intervals])
     meta = {
         "source": "recorded",
         "pad": source.pad.model_dump(mode="json"),
         "versions": {"tactsim": version("tactsim")},
+        **({} if source.unit == "kPa" else {"unit": source.unit}),
     }
-    return Scan(
-        sums / counts[:, None],
-        np.array([(each.x_mm, each.y_mm, each.theta_rad) for each in intervals]),
-        labels,
-        np.array([each.split for each in intervals]),
-        source.taxel_xy,
-        meta,
-    )
+    presses = [(each.label, each.split, (each.x_mm, each.y_mm, each.theta_rad)) for each in intervals]
+    gathered.add(sums / counts[:, None], presses, follower)
+    return gathered.scan(meta)
 
 
 def _check_within(intervals: Sequence[Interval], times: Sequence[float]) -> None:
@@ -287,51 +304,3 @@ def _check_within(intervals: Sequence[Interval], times: Sequence[float]) -> None
             f"the recording ends at {end:g} s, but a mark ({late.label}) goes on until {late.last_s:g} s; times count "
             "in s from the first reading"
         )
-
-
-def cut(scan: Scan, rows: int, columns: int, stride: int = 1) -> Scan:
-    """Cut each reading of a large array into windows of `rows` x `columns` taxels, as a small pad feels them.
-
-    The windows begin every `stride` taxels along both axes. Each becomes a reading of its own, at the
-    pose of its middle. Sequences are left out. Raises InputError if the taxels are no even grid or the window
-    does not fit.
-    """
-    grid = taxel_grid(scan.taxel_xy)
-    if not (1 <= rows <= grid.shape[0] and 1 <= columns <= grid.shape[1] and stride >= 1):
-        raise InputError(
-            f"a window of {rows}x{columns}, stride {stride}, cannot be cut from {grid.shape[0]}x{grid.shape[1]} "
-            "taxels"
-        )
-    windows = [
-        grid[r : r + rows, c : c + columns].ravel()
-        for r in range(0, grid.shape[0] - rows + 1, stride)
-        for c in range(0, grid.shape[1] - columns + 1, stride)
-    ]
-    middles = np.array([scan.taxel_xy[window].mean(axis=0) for window in windows])
-    layouts = np.array([scan.taxel_xy[window] for window in windows]) - middles[:, None]
-    if np.ptp(layouts, axis=0).max() > 1e-6:
-        raise InputError(
-            "the taxels are not evenly spaced, so windows of them differ; cut one array at a time"
-        )
-    offsets = np.column_stack([middles, np.zeros(len(middles))])
-    count = len(scan)
-    return Scan(
-        np.concatenate([scan.readings[:, window] for window in windows]),
-        np.concatenate([compose(scan.poses, offset) for offset in offsets]),
-        np.tile(scan.labels, len(windows)),
-        np.tile(scan.split, len(windows)),
-        layouts[0],
-        {
-            **scan.meta,
-            "cut": {"rows": rows, "columns": columns, "stride": stride, "readings": count},
-            "pad": _pad_of_window(scan.about["pad"], rows, columns),
-        },
-    )
-
-
-def _pad_of_window(pad: Any, rows: int, columns: int) -> dict[str, Any] | None:
-    """Describe a window of an array as a pad; None if the array is not described."""
-    if not isinstance(pad, dict):
-        return None
-    alone = {"seam": None, "unread_columns": 0, "unread_rows": 0}
-    return {**pad, "rows": rows, "columns": columns, **alone}

@@ -2,29 +2,37 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
+from tactsim.core.errors import InputError
 from tactsim.core.poses import FloatArray
+from tactsim.hardware.gain_fit import best_gain, shrunk_gains
+from tactsim.hardware.held_out import held_out
 from tactsim.hardware.press_errors import PressErrors
-from tactsim.hardware.press_fit import (
-    BELIEVED,
+from tactsim.hardware.press_fit import BELIEVED, CONFIDENT, PressFit, known
+from tactsim.hardware.press_model import (
+    BLUNTEST,
+    LEAN,
+    LOAD,
+    NARROWEST,
     SOFTEST,
+    STEEPEST_RESPONSE,
     STIFFEST,
     STIFFEST_WRIST,
+    WIDEST,
     Guess,
     Predict,
-    PressFit,
     State,
-    best_gain,
-    known,
 )
 from tactsim.hardware.taxel_error import untouched
 
 _DECADES = 0.5  # between the layers of the profile likelihood
 _TOO_STEEP = 0.3  # rad, of a tilt that tips over
+_FOLDS = 6
 _LIFTED = 0.6  # of the mean pressure; on the safe side
 
 
@@ -32,12 +40,19 @@ _LIFTED = 0.6  # of the mean pressure; on the safe side
 class SensorFit:
     """The parameters of the sensor model that explain recorded readings best.
 
-    psf_sigma, psf_sigma_error: mm, the point spread and its standard error. gain: recorded over simulated
-    pressure, which an error of the force changes too. gain_per_taxel: (taxels,) relative to `gain`;
-    gain_spread: their standard deviation. noise: kPa, standard deviation of a reading where nothing
+    psf_sigma: mm, the point spread. response: the exponent g of the response curve p0 (p / p0)^g, whose p0 is
+    `typical`, kPa of the simulation. gain: recorded over simulated
+    pressure, which an error of the force and the unit of the recording change too. Each has its 95 % interval, with an
+    end at 0 or infinity where the value is on its bound or the readings do not tell.
+    gain_per_taxel: (taxels,) relative to `gain`, drawn to 1 by as much as readings leave open; all 1 if they do not
+    help on presses that they were not fitted to. gains_saved: by which share of the squares left they help there, and
+    its standard error. gain_spread: standard deviation of the taxels' true gains, before the response. noise: in the
+    recording's unit, standard deviation of a reading where nothing
     touches. placement: (n, 3) [mm, mm, rad] in the sensor frame, by how much each press seems to be off;
-    offset: (3,) its median; placement_mm, placement_rad: its standard deviation. misfit: kPa, root mean
-    square of what is left unexplained.
+    offset: (3,) its median; placement_mm, placement_rad: its standard deviation. loads: (n,) shares of the mean load;
+    load_spread: their standard deviation. Each standard deviation has its 95 % interval. misfit: root mean
+    square of what is left unexplained. held_out, held_out_placed: (n, taxels) readings predicted for each group of
+    presses by a fit to the others, each press where it is stated (but for what all are off) or where it seems to be.
 
     tilts: (n, 2) rad about the pad's x and y; tilt_offset: (2,) their mean; placement_tilt: their standard
     deviation; all for `stiffness` (kPa/mm) and `wrist` (N mm/rad, infinite if rigid). lean: kPa/mm, stiffness
@@ -50,21 +65,33 @@ class SensorFit:
     "layer" or "wrist", whose stiffness was taken as it is, so that the other's follows from their ratio.
     lifted: whether tilts lift a side of many faces from the pad: then tilt, layer and wrist are rough figures.
     blanks: presses that do not come to rest in the fitted simulation, which says nothing of them.
+    grown, grown_range: mm, by which each outline seems to lie outside its drawing, and 95 % intervals.
     """
 
     psf_sigma: float
-    psf_sigma_error: float
+    psf_sigma_range: tuple[float, float]
+    response: float
+    response_range: tuple[float, float]
+    typical: float
     gain: float
+    gain_range: tuple[float, float]
     gain_per_taxel: FloatArray
+    gains_saved: tuple[float, float]
     gain_spread: float
     noise: float
     placement: FloatArray
     offset: FloatArray
     placement_mm: float
+    placement_mm_range: tuple[float, float]
     placement_rad: float
+    placement_rad_range: tuple[float, float]
+    loads: FloatArray
+    load_spread: float
+    load_spread_range: tuple[float, float]
     tilts: FloatArray
     tilt_offset: FloatArray
     placement_tilt: float
+    placement_tilt_range: tuple[float, float]
     lean: float
     tilt_gain: float
     stiffness: float
@@ -78,23 +105,42 @@ class SensorFit:
     lifted: bool
     misfit: float
     blanks: int
+    held_out: FloatArray
+    held_out_placed: FloatArray
+    grown: tuple[float, ...]
+    grown_range: tuple[tuple[float, float], ...]
 
     @property
     def guess(self) -> Guess:
         """Give the parameters that a prediction takes."""
-        return Guess(self.psf_sigma, self.stiffness, self.wrist)
+        return Guess(self.psf_sigma, self.stiffness, self.wrist, self.grown)
 
     @property
     def errors(self) -> FloatArray:
         """Give placement and tilt of each press, (n, 5), as a prediction takes them."""
         return np.column_stack([self.placement, self.tilts])
 
+    def answered(self, pressures: FloatArray) -> FloatArray:
+        """Give what the fitted pad answers to simulated pressures (n, taxels) kPa of the fitted presses."""
+        bent = self.typical * (np.maximum(pressures, 0) / self.typical) ** self.response
+        return self.gain * self.gain_per_taxel * self.loads[:, None] ** self.response * bent
 
-def fit_sensor(recorded: FloatArray, predict: Predict, stated: Guess, bending: float) -> SensorFit:
-    """Fit point spread, gain, noise, placement, tilt and stiffness to readings (n, taxels) kPa.
+
+def fit_sensor(
+    recorded: FloatArray,
+    predict: Predict,
+    stated: Guess,
+    bending: float,
+    fold: NDArray[np.intp] | None = None,
+    outline: NDArray[np.intp] | None = None,
+) -> SensorFit:
+    """Fit point spread, response, gain, noise, placement, load, tilt and stiffness to readings (n, taxels) of any unit.
 
     stated: the simulation's own parameters. bending: mm^4, a typical second moment of the area that touches.
+    fold: (n,) groups of presses that are held out in turn to judge the fit; every sixth press if there are none.
+    outline: (n,) which outline each press is of, where outlines may differ from their drawings; none may otherwise.
 
+    The unit is found first, as the gain of all readings, and everything after is as if it were 1.
     Level presses on a rigid wrist are fitted first. Then presses may tilt and the wrist give way; this is kept
     if the readings are much more likely with it. Each round finds the point spread with the best gain, and then
     each press's errors by a linearised step (`press_errors`). Errors have a normal prior whose spread is itself
@@ -108,37 +154,62 @@ def fit_sensor(recorded: FloatArray, predict: Predict, stated: Guess, bending: f
 
     Raises InputError if nothing in the readings follows the prediction.
     """
-    fit = PressFit(recorded, predict, stated, bending)
-    return _summary(fit, fit.tilted(fit.level()))
+    ideal = predict(stated, np.zeros((len(recorded), 5)))
+    unit = best_gain(recorded, ideal)
+    if not unit > 0:
+        raise InputError(
+            "the recorded readings do not follow the simulated ones at all: are the poses right?"
+        )
+    touched = ~untouched(np.nan_to_num(ideal))
+    typical = float(ideal[touched].mean())
+    groups = np.arange(len(recorded)) % _FOLDS if fold is None else fold
+    drawn = np.full(len(recorded), -1) if outline is None else outline
+    fit = PressFit(recorded / unit, predict, stated, bending, groups, typical, drawn)
+    return _summary(fit, fit.tilted(fit.level()), unit)
 
 
-def _summary(fit: PressFit, state: State) -> SensorFit:
+def _summary(fit: PressFit, state: State, unit: float) -> SensorFit:
     """Put a fit into physical units, and say how well its parameters are known."""
     predicted, left, _, variance = fit.residual(state)
-    guess, found = fit.guess(state.sigma, state.give, state.errors), known(state)
+    guess, found = fit.guess(state.sigma, state.give, state.errors, state.grown), known(state)
     rested = np.isfinite(predicted).all(axis=1)
     per_lean = 1 / (guess.stiffness * (1 - state.give))
-    tilts = state.errors[:, 3:] * per_lean
-    steep = float(found.sd[3]) * per_lean if len(found.sd) > 3 else 0.0
+    tilts = state.errors[:, LEAN] * per_lean
+    tilted = len(found.sd) > LEAN.start
+    steep = float(found.sd[LEAN.start]) * per_lean if tilted else 0.0
+    steep_range = _sd_range(found, LEAN.start, per_lean) if tilted else (0.0, 0.0)
     low, high = (fit.yielding(give) for give in state.give_range)
     lifted = _lifts(found, predicted[rested], fit.bending)
     if lifted:
         low, high = 0.0, np.inf
     softest, stiffest = _stiffness_range(fit, state, variance)
+    gain = best_gain(fit.recorded, state.relative * predicted)
+    apart, placed = held_out(fit, state)
     return SensorFit(
         psf_sigma=state.sigma,
-        psf_sigma_error=state.sigma_error,
-        gain=best_gain(fit.recorded, state.relative * predicted),
-        gain_per_taxel=state.relative,
-        gain_spread=float(state.relative.std(ddof=1)) if len(state.relative) > 1 else 0.0,
-        noise=_noise(left[rested], predicted[rested]),
+        psf_sigma_range=_interval(state.sigma, state.sigma_error, NARROWEST, WIDEST),
+        response=state.response,
+        response_range=_interval(state.response, state.response_error, BLUNTEST, STEEPEST_RESPONSE),
+        typical=fit.typical,
+        gain=gain * unit,
+        gain_range=_interval(gain * unit, gain * unit * float(found.shared_error[-3]), 0.0, np.inf),
+        gain_per_taxel=state.relative * np.ones(fit.recorded.shape[1]),
+        gains_saved=state.gains_saved,
+        gain_spread=0.0 if state.gains is None else _gain_spread(fit, predicted) / state.response,
+        noise=_noise(left[rested], predicted[rested]) * unit,
         placement=state.errors[:, :3],
         offset=np.median(state.errors[:, :3], axis=0),
         placement_mm=float(found.sd[0]),
+        placement_mm_range=_sd_range(found, 0, 1.0),
         placement_rad=float(found.sd[2]),
+        placement_rad_range=_sd_range(found, 2, 1.0),
+        loads=np.exp(state.errors[:, LOAD] / state.response),
+        load_spread=float(found.sd[LOAD]) / state.response,
+        load_spread_range=_sd_range(found, LOAD, 1 / state.response),
         tilts=tilts,
         tilt_offset=tilts.mean(axis=0),
         placement_tilt=steep,
+        placement_tilt_range=steep_range,
         lean=steep * guess.stiffness,
         tilt_gain=state.likelier,
         stiffness=guess.stiffness,
@@ -150,9 +221,32 @@ def _summary(fit: PressFit, state: State) -> SensorFit:
         yielding_high=high,
         held="wrist" if state.give and np.isfinite(fit.stated.wrist) else "layer",
         lifted=lifted,
-        misfit=float(np.sqrt((left**2).mean())),
+        misfit=float(np.sqrt((left**2).mean())) * unit,
         blanks=int((~rested).sum()),
+        held_out=apart * unit,
+        held_out_placed=placed * unit,
+        grown=guess.grown,
+        grown_range=tuple(
+            (float(by - CONFIDENT * error), float(by + CONFIDENT * error))
+            for by, error in zip(state.grown, state.grown_error, strict=True)
+        ),
     )
+
+
+def _gain_spread(fit: PressFit, predicted: FloatArray) -> float:
+    return shrunk_gains(fit.recorded, predicted, fit.fold).spread
+
+
+def _interval(value: float, error: float, least: float, most: float) -> tuple[float, float]:
+    """Give a 95 % interval; open towards a bound that the value lies on, or that the interval reaches."""
+    low, high = value - CONFIDENT * error, value + CONFIDENT * error
+    near = 1e-3 * value
+    return (low if low > least + near else 0.0), (high if high < most - near else np.inf)
+
+
+def _sd_range(found: PressErrors, error: int, scale: float) -> tuple[float, float]:
+    """Give the 95 % interval of the spread of one of the presses' errors."""
+    return float(found.sd_low[error]) * scale, float(found.sd_high[error]) * scale
 
 
 def _stiffness_range(fit: PressFit, state: State, variance: float) -> tuple[float, float]:
@@ -161,18 +255,19 @@ def _stiffness_range(fit: PressFit, state: State, variance: float) -> tuple[floa
     Tilts and wrist follow the stiffness, so that lean and give stay. An end that the readings do not bound
     is 0 or infinite.
     """
-    errors = state.errors.copy()
-    chosen = fit.guess(state.sigma, state.give, errors)
+    errors = state.errors[:, :5].copy()
+    chosen = fit.guess(state.sigma, state.give, state.errors, state.grown)
     steps = np.arange(np.log10(SOFTEST), np.log10(STIFFEST) + 1e-9, _DECADES)
     squares = []
     for stiffness in 10**steps:
         wrist = chosen.wrist * stiffness / chosen.stiffness
-        errors[:, 3:] = state.errors[:, 3:] / (stiffness * (1 - state.give))
+        errors[:, 3:] = state.errors[:, LEAN] / (stiffness * (1 - state.give))
         steep = np.abs(errors[:, 3:]).max() > _TOO_STEEP
         if steep or not (np.isinf(wrist) or 1 <= wrist <= STIFFEST_WRIST):
             squares.append(np.inf)
             continue
-        predicted = fit.predict(Guess(state.sigma, float(stiffness), wrist), errors)
+        image = fit.predict(replace(chosen, stiffness=float(stiffness), wrist=wrist), errors)
+        predicted = fit.answered(image, state.response, state.errors[:, LOAD])
         gain = best_gain(fit.recorded, state.relative * predicted) * state.relative
         left = np.where(np.isfinite(predicted), fit.recorded - gain * predicted, fit.recorded)
         squares.append(float((left**2).sum()))
@@ -189,10 +284,10 @@ def _lifts(found: PressErrors, predicted: FloatArray, bending: float) -> bool:
 
     A linearised fit then puts `give` too high: by 20 % to 100 % in stiffness over wrist where tilts are known.
     """
-    if len(found.sd) < 4:
+    if len(found.sd) <= LEAN.start:
         return False
     half = (12 * bending) ** 0.25 / 2  # of a square with this second moment
-    return float(found.sd[3]) * half > _LIFTED * float(predicted[~untouched(predicted)].mean())
+    return float(found.sd[LEAN.start]) * half > _LIFTED * float(predicted[~untouched(predicted)].mean())
 
 
 def _noise(left: FloatArray, predicted: FloatArray) -> float:

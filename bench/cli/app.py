@@ -26,6 +26,7 @@ VERBS = {
     "report": "Write one HTML page that opens without a network, and beside it every curve as CSV.",
     "export": "Write a scan, or the trials of a run, in a format of others: Parquet, LeRobot, MCAP or HDF5.",
     "import": "Make a scan of what `bench export` wrote, bit for bit, or of arrays in a .npz or .mat file.",
+    "fit": "Choose what depends on a pad's unit, pitch and response from training readings alone, and say why.",
     "bound": "Say how good an estimator can be: exact Bayes, and the Cramer-Rao bound of the error, by reading.",
     "compare": "Compare two runs on the same trials; exit status 1 if NEW is worse beyond the interval.",
     "submit": "Do all runs of a task with a method, and write one file that others can check; exit status 1 without a "
@@ -43,7 +44,7 @@ VERBS = {
     "template": "Print the pad's sheet and one for each letter, 1:1, with the positions and angles of the scan.",
     "record": "Record a pad: with --letter a guided session that makes a scan, else all it says.",
     "replay": "Read recordings again, bit for bit: show what they hold, make a scan or a table of them.",
-    "emulate": "Present a simulated pad as a device that speaks its codec's bytes; ends with Ctrl-C.",
+    "emulate": "Present a simulated pad as a device that speaks its codec's bytes, or record one with --plan.",
     "new": "Make a repository of your own for an estimator, a task or a source, with its tests and its workflow.",
     "validate": "Compare a simulated with a recorded scan: readings, sensor parameters, classes, recognition.",
 }

@@ -11,10 +11,15 @@ from tactsim.bench.cli import pad_options as pads
 from tactsim.bench.cli import shared_options as shared
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     import numpy as np
 
+    from tactsim.hardware.device import Device
     from tactsim.hardware.emulator import Emulated, Faults
+    from tactsim.hardware.emulator.emulated import Pressures
     from tactsim.hardware.emulator.hand import Wanted
+    from tactsim.hardware.emulator.robot import Timing
     from tactsim.press import ScanOptions
 
 
@@ -34,6 +39,33 @@ def command(
             help="The recording of a guided session: press what that session asks for.", show_default=False
         ),
     ] = None,
+    plan: Annotated[
+        Path | None,
+        typer.Option(
+            help="What a robot presses, once: a CSV with the columns label, split, x_mm, y_mm, theta_rad. Recorded to "
+            "--out, without waiting.",
+            show_default=False,
+        ),
+    ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            help="With --plan: the recording, .tactrec, or .csv as the PPS tool writes.", show_default=False
+        ),
+    ] = None,
+    marks: Annotated[
+        Path | None,
+        typer.Option(
+            help="With --plan: write what was pressed when, for `bench replay --marks`.", show_default=False
+        ),
+    ] = None,
+    shapes: Annotated[
+        list[Path] | None,
+        typer.Option("--shape", help="A shape that the plan names; repeat for several.", show_default=False),
+    ] = None,
+    world: Annotated[
+        str, typer.Option(help="How the pad is pressed and what it reads: a world's name, or a file.")
+    ] = "default",
     hold: Annotated[float, typer.Option(min=0.01, help="Seconds that a press lasts.")] = 2.0,
     lift: Annotated[float, typer.Option(min=0.01, help="Seconds between presses.")] = 0.5,
     rate: Annotated[float, typer.Option(min=0.01, max=100_000, help="Frames a second.")] = 100.0,
@@ -50,9 +82,23 @@ def command(
     disconnect: Annotated[
         float, typer.Option(min=0, help="Seconds after which the line is cut, again and again; 0: never.")
     ] = 0.0,
+    jitter: Annotated[
+        float,
+        typer.Option(min=0, max=1, help="How unevenly frames come, as a share of the time between two."),
+    ] = 0.0,
+    loaded: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="A taxel on which something lies for ever, and its kPa, 17=30; repeat.", show_default=False
+        ),
+    ] = None,
+    stuck: Annotated[
+        list[str] | None,
+        typer.Option(help="A taxel that always says the same, 40=90; repeat.", show_default=False),
+    ] = None,
     seed: shared.Seed = 0,
 ) -> None:
-    """Present a simulated pad as a device that speaks its codec's bytes; ends with Ctrl-C."""
+    """Present a simulated pad as a device that speaks its codec's bytes, or record one with --plan."""
     import numpy as np
 
     from tactsim.bench.config import key_values, scan_options
@@ -60,6 +106,7 @@ def command(
     from tactsim.hardware.device import load_device
     from tactsim.hardware.emulator import Faults, emulate
     from tactsim.hardware.emulator.hand import Pressing
+    from tactsim.hardware.emulator.robot import Timing
     from tactsim.press.simulated_source import on_pad_of, sensing
 
     if not np.isfinite([hold, lift, rate, drift, disconnect]).all():
@@ -69,13 +116,108 @@ def command(
         raise InputError(f"{described.name} has {described.ports} ports; only pads on one port are emulated")
     if letter is not None and follow is not None:
         raise InputError("--follow takes the letter from the session; leave --letter out")
-    options = on_pad_of(described, scan_options(scan_set=key_values(scan_set or (), "--scan-set"), seed=seed))
+    if plan is None and (out or marks or shapes):
+        raise InputError("--out, --marks and --shape belong to --plan, which says what a robot presses")
+    if plan is not None and (letter is not None or follow is not None or out is None):
+        raise InputError(
+            "--plan says what is pressed, and --out where it is recorded; --letter and --follow do not"
+        )
+    words = {"world": world, "scan_set": key_values(scan_set or (), "--scan-set"), "seed": seed}
+    options = on_pad_of(
+        described, scan_options(**words, letters="none" if shapes else None, shapes=shapes or ())
+    )
     rng = np.random.default_rng(seed)
-    wanted = _wanted(letter, pose, follow, hold, lift, options, rng)
-    faults = Faults(drop=drop, flip=flip, torn=torn, garbage=garbage, drift=drift, disconnect=disconnect)
-    pressing = sensing(Pressing(described.pad.taxels, wanted), options, rng)
-    emulated = emulate(described, faults.drifting(pressing), rate)
-    _serve(port, emulated, faults, rng)
+    faults = Faults(
+        drop=drop, flip=flip, torn=torn, garbage=garbage, drift=drift, disconnect=disconnect,
+        loaded=_of_taxels(loaded, "--loaded", described), stuck=_of_taxels(stuck, "--stuck", described),
+    )  # fmt: skip
+
+    def felt(pressing: Pressures) -> Emulated:
+        said = faults.spoiled(sensing(faults.lying(pressing), options, rng))
+        return emulate(described, said, rate, jitter=jitter)
+
+    if plan is not None and out is not None:
+        _record(plan, out, marks, Timing(hold, lift), described, felt, faults, options, rng)
+    else:
+        wanted = _wanted(letter, pose, follow, hold, lift, options, rng)
+        _serve(port, felt(Pressing(described.pad.taxels, wanted)), faults, rng)
+
+
+def _of_taxels(words: list[str] | None, option: str, device: Device) -> dict[int, float]:
+    """Read words like 17=30: a taxel of the device and a number."""
+    from tactsim.bench.config import whole_number
+    from tactsim.core.errors import InputError
+
+    found = {}
+    for word in words or ():
+        taxel, _, text = word.partition("=")
+        number = whole_number(taxel)
+        try:
+            value = float(text)
+        except ValueError:
+            value = float("nan")
+        if number is None or number >= device.pad.taxels or not abs(value) <= 1e9:
+            raise InputError(
+                f"{option} {word!r}: write TAXEL=KPA; the taxels are 0 to {device.pad.taxels - 1}"
+            )
+        found[number] = value
+    return found
+
+
+def _record(
+    plan: Path,
+    out: Path,
+    marks: Path | None,
+    timing: Timing,
+    device: Device,
+    felt: Callable[[Pressures], Emulated],
+    faults: Faults,
+    options: ScanOptions,
+    rng: np.random.Generator,
+) -> None:
+    """Record what a robot presses by its plan."""
+    import numpy as np
+
+    from tactsim.bench.console import plain_console
+    from tactsim.bench.places import check_new_file
+    from tactsim.core.errors import InputError
+    from tactsim.core.files import replacing
+    from tactsim.hardware.codecs.pps_csv import CsvFormat
+    from tactsim.hardware.emulator.robot import SHARES, read_plan, record, write_marks
+    from tactsim.hardware.recording import SUFFIX, Recorder
+    from tactsim.models import letter as of_the_catalogue
+    from tactsim.press.scanning import letters_of
+    from tactsim.press.simulated_source import rising_table
+
+    for path in (out, marks):
+        if path is not None:
+            check_new_file(path)
+    if out.suffix not in (SUFFIX, ".csv") or (
+        out.suffix == ".csv" and not isinstance(device.codec, CsvFormat)
+    ):
+        raise InputError(
+            f"--out {out}: name it FILE{SUFFIX}, or FILE.csv for a device whose codec is 'pps-csv'"
+        )
+    presses = read_plan(plan)
+    shapes = {shape.name: shape for shape in letters_of(options)} if options.shapes else {}
+    table = np.zeros((len(presses), len(SHARES), device.pad.taxels))
+    for label in dict.fromkeys(press.label for press in presses):
+        rows = [row for row, press in enumerate(presses) if press.label == label]
+        pressed = shapes.get(label) or of_the_catalogue(label)
+        poses = np.array([presses[row].pose for row in rows])
+        table[rows] = rising_table(pressed, poses, options, rng, SHARES)
+    emulated, seconds = felt(timing.pressing(table)), timing.period * len(presses) + timing.lift
+    if out.suffix == ".csv":
+        with replacing(out) as stream:
+            record(emulated, seconds, lambda data, _: stream.write(data), faults, rng)
+    else:
+        recorder = Recorder(out)
+        recorder.segment(pads.segment(device, [f"emulated:{plan}"], None), 0.0)
+        record(emulated, seconds, lambda data, time: recorder.received(0, data, time), faults, rng)
+        recorder.end({}, seconds)
+    if marks is not None:
+        write_marks(timing.intervals(presses), marks)
+    plain_console().print(f"{len(presses):,} presses in {seconds:,.1f} s, in {out}")
 
 
 def _wanted(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
@@ -41,6 +41,23 @@ def command(
             show_default=False,
         ),
     ] = None,
+    shapes: Annotated[
+        list[Path] | None,
+        typer.Option(
+            "--shape",
+            help="The shape of the object that --marks calls like the file: its centre, inertia and symmetry count in "
+            "placement errors; repeat for several.",
+            show_default=False,
+        ),
+    ] = None,
+    moments: Annotated[
+        str | None,
+        typer.Option(
+            help="Take so many images of each training press, 2 to 20, at even shares of its load, or auto. So presses "
+            "of other loads are recognised, too.",
+            show_default=False,
+        ),
+    ] = None,
     cut: Annotated[
         str | None,
         typer.Option(
@@ -53,10 +70,10 @@ def command(
 ) -> None:
     """Read recordings again, bit for bit: show what they hold, make a scan or a table of them."""
     from tactsim.bench.console import plain_console
-    from tactsim.bench.measured import taken_as_letters, with_letters
+    from tactsim.bench.measured import taken_as_letters, with_letters, with_shapes
     from tactsim.bench.places import check_new_file
     from tactsim.core.errors import InputError
-    from tactsim.hardware.scans import cut as cut_scan
+    from tactsim.hardware.cutting import cut as cut_scan
     from tactsim.hardware.scans import read_intervals, scan_of_intervals, scan_of_sessions
     from tactsim.hardware.sources import open_source
     from tactsim.models import parse_letters
@@ -68,10 +85,13 @@ def command(
         raise InputError("--csv and --marks take one recording at a time")
     if letters is not None and marks is None:
         raise InputError("--letters says what labels of --marks are; guided sessions are of letters by name")
-    if (marks is not None or cut is not None) and scan is None:
-        raise InputError("--marks and --cut make a scan: name it with --scan")
+    if shapes and marks is None:
+        raise InputError("--shape says which shapes --marks names; guided sessions are of letters by name")
+    if (marks is not None or cut is not None or moments is not None) and scan is None:
+        raise InputError("--marks, --cut and --moments make a scan: name it with --scan")
     described, correction = pads.load(device, calibration)
     window = None if cut is None else _window(cut)
+    wanted = None if moments is None else _moments(moments)
     console = plain_console()
 
     def opened(path: Path) -> Source:
@@ -89,15 +109,17 @@ def command(
         return
     made: Scan
     if marks is None:
-        made = scan_of_sessions(recordings)
+        made = scan_of_sessions(recordings, wanted)
     else:
         with opened(recordings[0]) as source:
-            made = scan_of_intervals(source, read_intervals(marks))
+            made = scan_of_intervals(source, read_intervals(marks), wanted)
     made = with_letters(made, parse_letters(letters) if letters else () if marks is not None else None)
+    taken = taken_as_letters(made)
+    made = with_shapes(made, shapes or ())
     if window is not None:
         made = cut_scan(made, *window, stride)
     made.save(scan)
-    for line in taken_as_letters(made):
+    for line in (*taken, *_found(made)):
         console.print(line)
     console.print(
         f"{len(made):,} readings of {' '.join(made.letters)}, {made.readings.shape[1]} taxels, in {scan}"
@@ -128,6 +150,41 @@ def _write_csv(source: Source, path: Path) -> None:
             head = (time - begin, reading.host_time, reading.device_time, reading.index)
             words = ["" if value is None else repr(value) for value in head]
             stream.write((",".join([*words, *map(repr, reading.pressures.tolist())]) + "\n").encode())
+
+
+def _moments(text: str) -> int | Literal["auto"]:
+    """Read how many moments are wanted, from 2 on. Raises InputError for anything else."""
+    from tactsim.bench.config import whole_number
+    from tactsim.core.errors import InputError
+    from tactsim.core.moments import MOST
+
+    if text == "auto":
+        return "auto"
+    count = whole_number(text)
+    if count is None or not 2 <= count <= MOST:
+        raise InputError(f"--moments {text!r}: give a whole number from 2 to {MOST}, or auto")
+    return count
+
+
+def _found(scan: Scan) -> list[str]:
+    """Say what was found in the recordings and how touches were cut."""
+    lines = [f"taxel {taxel} is left out: {why}" for taxel, why in scan.meta.get("left_out", {}).items()]
+    if "moments" in scan.meta:
+        said = scan.meta["moments"]
+        shares = ", ".join(f"{share:.0%}" for share in said["shares"])
+        lines.append(f"moments of {said['presses']:,} training presses at {shares} of their load")
+    if "cut" in scan.meta:
+        said = scan.meta["cut"]
+        if said["missing"]:
+            lines.append(
+                f"{said['missing']} taxels are missing; touches that would hold one are left out: "
+                f"{said['windows']['train']} places to train and {said['windows']['test']} to test are whole"
+            )
+        if not said["apart"]:
+            lines.append(
+                "the array is too small for test touches at places of their own: they lie where training touches lie"
+            )
+    return lines
 
 
 def _window(text: str) -> tuple[int, int]:

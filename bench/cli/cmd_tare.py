@@ -60,6 +60,9 @@ def command(
     for name, taxels in (("stuck", result.stuck), ("dead", result.dead)):
         if taxels:
             console.print(f"{name} and left out: taxels {', '.join(map(str, taxels))}")
+    if result.loaded:
+        said = ", ".join(f"{taxel} ({result.tare[taxel]:.1f} kPa)" for taxel in result.loaded)
+        console.print(f"always loaded, though nothing touches the pad, and left out: taxels {said}")
     console.print(pads.counters_line(counters))
     console.print(f"written to {out}")
 

@@ -30,6 +30,8 @@ _NEEDED = {
     "meta": 0,
 }  # axes of each dataset
 _SEQUENCE = {"sequence": 3, "sequence_times": 1, "sequence_force": 2}
+_OF_PRESSES = {"loads": 1, "presses": 1}
+_KINDS = {"labels": "S", "split": "S", "meta": "S", "presses": "i"}  # of what is no float
 # HDF5 inflates a whole chunk before it looks how much comes out, at most 1,032 times what went in.
 _LARGEST_CHUNK = 2 << 20  # bytes; h5py's own are at most 1 MiB
 _FILTERS = (h5py.h5z.FILTER_DEFLATE, h5py.h5z.FILTER_SHUFFLE, h5py.h5z.FILTER_FLETCHER32)
@@ -62,6 +64,10 @@ def write_scan(scan: Scan, stream: IO[bytes]) -> None:
             ),
             "sequence_force": (scan.sequence_force, "N", "the contact force at these times"),
         }
+    if scan.loads is not None:
+        arrays["loads"] = (scan.loads, "N", "the force of each press; NaN where it is not known")
+    if scan.presses is not None:
+        arrays["presses"] = (scan.presses, "", "the number of the press that each reading was taken of")
     content = BytesIO()
     with h5py.File(content, "w") as file:
         file.attrs["kind"], file.attrs["version"] = _KIND, _VERSION
@@ -89,7 +95,9 @@ def read_scan(path: Path) -> Scan:
     """Read a scan written by `write_scan`. Raises InputError for a file that is not whole, hostile or too large."""
     try:
         with open_regular(path) as stream, h5py.File(stream, "r") as file:
-            names = _NEEDED | (_SEQUENCE if any(name in file for name in _SEQUENCE) else {})
+            names = dict(_NEEDED)
+            names |= _SEQUENCE if any(name in file for name in _SEQUENCE) else {}
+            names |= {name: axes for name, axes in _OF_PRESSES.items() if name in file}
             arrays = _arrays(file, names)
     except InputError:
         raise
@@ -149,7 +157,7 @@ def _arrays(file: h5py.File, names: Mapping[str, int]) -> dict[str, Any]:
 
 def _check(dataset: h5py.Dataset, name: str, axes: int, left: int) -> int:
     """Say how many bytes a dataset takes. Raises InputError for what could hold or ask for more than it says."""
-    kind = "S" if name in ("labels", "split", "meta") else "f"
+    kind = _KINDS.get(name, "f")
     if dataset.dtype.kind != kind or len(dataset.shape or ()) != axes or dataset.shape is None:
         raise InputError(f"its {name} holds {dataset.dtype} along {len(dataset.shape or ())} axes")
     size = prod(dataset.shape) * dataset.dtype.itemsize

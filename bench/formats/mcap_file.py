@@ -25,7 +25,7 @@ from mcap.stream_reader import StreamReader, breakup_chunk
 from mcap.writer import Writer
 from numpy.typing import NDArray
 
-from tactsim.bench.formats.scan_document import document_of, parts_of
+from tactsim.bench.formats.scan_document import document_of, loads_of, parts_of, presses_of
 from tactsim.core import InputError, Scan
 from tactsim.core.documents import parse_json
 from tactsim.core.errors import short
@@ -133,7 +133,7 @@ def read_scan(path: Path) -> Scan:
             "sequence_times": times,
             "sequence_force": _floats(forces, "force").reshape(count, len(times)).astype(np.float32),
         }
-    return Scan(taxel_xy=taxel_xy, meta=meta, **scan)
+    return Scan(taxel_xy=taxel_xy, meta=meta, loads=loads_of(document), presses=presses_of(document), **scan)
 
 
 def _write_press(

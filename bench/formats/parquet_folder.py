@@ -12,7 +12,7 @@ import pyarrow.parquet
 from numpy.typing import NDArray
 
 from tactsim.bench.formats.data_card import card_of_run, card_of_scan
-from tactsim.bench.formats.scan_document import document_of, parts_of
+from tactsim.bench.formats.scan_document import document_of, loads_of, parts_of, presses_of
 from tactsim.bench.results import to_json
 from tactsim.bench.run import Run
 from tactsim.core import InputError, Scan
@@ -48,7 +48,8 @@ def write_run(run: Run, folder: Path) -> None:
 
 def read_scan(folder: Path) -> Scan:
     """Read a scan written by `write_scan`, its readings in their first order. Raises InputError if it is not whole."""
-    taxel_xy, times, meta = parts_of(read_json(folder / _DOCUMENT, "the scan's"))
+    document = read_json(folder / _DOCUMENT, "the scan's")
+    taxel_xy, times, meta = parts_of(document)
     frames = None if times is None else len(times)
     parts, left = [], LARGEST
     for split in SPLITS:
@@ -66,6 +67,8 @@ def read_scan(folder: Path) -> Scan:
         taxel_xy=taxel_xy,
         meta=meta,
         sequence_times=times,
+        loads=loads_of(document),
+        presses=presses_of(document),
         **{name: array[order] for name, array in whole.items()},
     )
 

@@ -286,7 +286,7 @@ def _training(scan: Scan) -> Scan:
         meta["options"] = {**meta["options"], "seed": 0}
     return Scan(
         train.readings, train.poses, train.labels, train.split, train.taxel_xy, json.loads(json.dumps(meta)),
-        train.sequence, train.sequence_times, train.sequence_force,
+        train.sequence, train.sequence_times, train.sequence_force, train.loads,
     )  # fmt: skip
 
 

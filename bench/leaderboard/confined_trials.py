@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from tactsim.bench.leaderboard.confined import Confined, Limits, NoScore, confined
 from tactsim.bench.placement_error import properties
 from tactsim.bench.trial_plan import TrialPlan
-from tactsim.bench.trials import Progress, Task, Trials, run_trial
+from tactsim.bench.trials import OneTrial, Progress, Trials, run_trial
 from tactsim.bench.work_counts import flatten_work, unflatten_work
 
 
@@ -31,7 +31,7 @@ def confined_processes(
 
 def run_trials_confined(
     plan: TrialPlan,
-    tasks: Sequence[Task],
+    tasks: Sequence[OneTrial],
     processes: Sequence[Confined],
     *,
     rng: np.random.Generator,

@@ -20,8 +20,7 @@ from tactsim.bench.leaderboard.confined_trials import run_trials_confined
 from tactsim.bench.placement_error import Properties, properties
 from tactsim.bench.score import errors
 from tactsim.bench.tasks import Task
-from tactsim.bench.trials import Progress, Trials
-from tactsim.bench.trials import Task as OneTrial
+from tactsim.bench.trials import OneTrial, Progress, Trials
 from tactsim.core import InputError
 from tactsim.core.poses import FloatArray
 

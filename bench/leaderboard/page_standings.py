@@ -55,7 +55,8 @@ def _table(of: Standings) -> str:
     rows = [[*heads, "ms a reading", "done again"], ["---"] * (len(heads) + 2)]
     rows += [_row(of, one, seen, last) for one in of.ranked]
     if of.task == paper_rows.TASK:
-        rows += [_paper_row(row, of, seen) for row in paper_rows.ROWS]
+        stated = [row for row in paper_rows.ROWS if row.accuracy_after(max(seen)) is not None]
+        rows += [_paper_row(row, of, seen) for row in stated]
     rows += [
         [MISSING, _escaped(one.label), _escaped(f"no score: {one.status}"), *[""] * 5] for one in of.unranked
     ]

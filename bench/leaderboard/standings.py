@@ -28,8 +28,7 @@ from tactsim.bench.runner import silent
 from tactsim.bench.score import CURVES as METRICS
 from tactsim.bench.score import HEADLINES, wilson
 from tactsim.bench.tasks import Task, names, task
-from tactsim.bench.trials import Progress, Trials, draw_true_pose, generator
-from tactsim.bench.trials import Task as Trial
+from tactsim.bench.trials import OneTrial, Progress, Trials, draw_true_pose, generator
 from tactsim.core import InputError
 
 OTHER_TRIALS = "its trials are not the task's"
@@ -276,7 +275,7 @@ def _trials(bundle: Bundle) -> frozenset[TrialKey]:
         for letter, number, pose in zip(
             run.trials.truth.tolist(), run.trials.trial.tolist(), run.trials.true_pose[:, 0], strict=True
         ):
-            drawn = draw_true_pose(generator(run.seed, Trial(letter, number), 0))
+            drawn = draw_true_pose(generator(run.seed, OneTrial(letter, number), 0))
             if np.allclose(drawn, pose, rtol=0, atol=1e-9):
                 found.add((run.seed, letter, number, run.readings))
     return frozenset(found) if len(found) == len(bundle.ids) else frozenset()

@@ -30,8 +30,7 @@ from tactsim.bench.run import Run
 from tactsim.bench.tasks import Task, task
 from tactsim.bench.tasks.data import check_data
 from tactsim.bench.trial_plan import source_of_trials
-from tactsim.bench.trials import Progress, check_readings
-from tactsim.bench.trials import Task as OneTrial
+from tactsim.bench.trials import OneTrial, Progress, check_readings
 from tactsim.core import InputError
 from tactsim.core.errors import short, unknown
 from tactsim.core.plug_ins import plug_ins

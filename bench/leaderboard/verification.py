@@ -26,8 +26,7 @@ from tactsim.bench.runner import Gathered
 from tactsim.bench.tasks import Task, names
 from tactsim.bench.tasks.data import check_data
 from tactsim.bench.trial_workers import run_trials
-from tactsim.bench.trials import Progress, Trials
-from tactsim.bench.trials import Task as OneTrial
+from tactsim.bench.trials import OneTrial, Progress, Trials
 from tactsim.core import InputError, Scan
 from tactsim.core.errors import short
 from tactsim.estimators import NONE, Estimate, Estimator, Options

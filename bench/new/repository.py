@@ -113,10 +113,11 @@ def checked_name(kind: str, name: str) -> str:
         return name
     if keyword.iskeyword(package):
         raise InputError(f"{kind} {name!r}: that is a word of Python; call it my-{name}, for example")
-    if find_spec(package) is not None:
+    installed = find_spec(package)
+    if installed is not None:
         raise InputError(
-            f"{kind} {name!r}: a Python package {package} is installed already, and one would hide the other; call "
-            f"it my-{name}, for example"
+            f"{kind} {name!r}: a Python package {package} is installed already ({installed.origin}), and one would "
+            f"hide the other; call it my-{name}, for example"
         )
     return name
 

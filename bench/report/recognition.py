@@ -17,7 +17,7 @@ from tactsim.bench.report.collect import Entry, Group
 from tactsim.bench.runner import gather, plan_of, silent
 from tactsim.bench.score import errors, settled_at
 from tactsim.bench.trial_plan import TrialPlan
-from tactsim.bench.trials import Progress, Task, Trials, check_readings, run_trial
+from tactsim.bench.trials import OneTrial, Progress, Trials, check_readings, run_trial
 from tactsim.core import Scan, compose, invert
 from tactsim.core.checking import checked
 from tactsim.core.errors import InputError
@@ -44,7 +44,7 @@ class Recognition:
     """
 
     entry: Entry
-    task: Task
+    task: OneTrial
     answer: str
     kind: str
     same: bool
@@ -85,7 +85,7 @@ def representatives(groups: Sequence[Group]) -> list[tuple[Group, Entry]]:
     return chosen
 
 
-def trials_to_show(entries: Sequence[Entry]) -> dict[str, Task]:
+def trials_to_show(entries: Sequence[Entry]) -> dict[str, OneTrial]:
     """Choose the trials to show, the same for all these runs: a typical one and the hardest.
 
     Trials are ordered by the reading from which they are and stay right, averaged over the runs. The typical
@@ -103,7 +103,7 @@ def trials_to_show(entries: Sequence[Entry]) -> dict[str, Task]:
     ]
     common = [key for key in settled[0] if all(key in of_run for of_run in settled)]
     common.sort(key=lambda key: sum(of_run[key] for of_run in settled))
-    tasks = {"typical": Task(*common[(len(common) - 1) // 2]), "hardest": Task(*common[-1])}
+    tasks = {"typical": OneTrial(*common[(len(common) - 1) // 2]), "hardest": OneTrial(*common[-1])}
     return tasks if len(common) > 1 else {"typical": tasks["typical"]}
 
 
@@ -129,14 +129,14 @@ def replay_all(
     return done, failed
 
 
-def _replay(entry: Entry, tasks: Mapping[str, Task], scans: dict[str, Scan]) -> Replayed:
+def _replay(entry: Entry, tasks: Mapping[str, OneTrial], scans: dict[str, Scan]) -> Replayed:
     plan = entry.run.plan or _plan_anew(entry, tasks, scans)
     estimator = plan.fitted()
     recognitions = tuple(_recognise(entry, estimator, plan, task, kind) for kind, task in tasks.items())
     return Replayed(entry, plan.scan, maps_of(estimator), recognitions)
 
 
-def _plan_anew(entry: Entry, tasks: Mapping[str, Task], scans: dict[str, Scan]) -> TrialPlan:
+def _plan_anew(entry: Entry, tasks: Mapping[str, OneTrial], scans: dict[str, Scan]) -> TrialPlan:
     """Get the readings of a loaded run, each scan once. Raises InputError if they cannot be had again."""
     config = checked(RunConfig, entry.run.config, "run")
     from_files = config.scan is not None or config.presses is not None
@@ -167,7 +167,7 @@ def _pressed_again(options: Any, given: str | None) -> Scan:
     return scan
 
 
-def _recognise(entry: Entry, estimator: Estimator, plan: TrialPlan, task: Task, kind: str) -> Recognition:
+def _recognise(entry: Entry, estimator: Estimator, plan: TrialPlan, task: OneTrial, kind: str) -> Recognition:
     test = plan.scan.where("test", task.truth)
     estimates: list[Estimate] = []
     beliefs: list[PlaneBelief] = []

@@ -17,8 +17,7 @@ from tactsim.bench.placement_error import properties
 from tactsim.bench.runner import gather, plan_of, silent
 from tactsim.bench.tasks.task import Task
 from tactsim.bench.trial_workers import run_trials
-from tactsim.bench.trials import Progress, check_readings
-from tactsim.bench.trials import Task as OneTrial
+from tactsim.bench.trials import OneTrial, Progress, check_readings
 from tactsim.core import InputError, Scan
 from tactsim.core.poses import FloatArray
 from tactsim.estimators import NONE, Estimate, Estimator, Options

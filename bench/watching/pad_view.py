@@ -307,10 +307,12 @@ class PadReader:
             self._say(f"no tare: {error}")
             return
         if (
-            taken.stuck and self.on_reading is not None
-        ):  # who takes the readings cannot do without a taxel now
-            stuck = ", ".join(map(str, taken.stuck))
-            self._say(f"no tare: stuck is {stuck}; `bench tare` and --calibration leave such taxels out")
+            taken.stuck or taken.loaded
+        ) and self.on_reading is not None:  # who takes the readings cannot do without a taxel now
+            wrong = ", ".join(map(str, taken.stuck + taken.loaded))
+            self._say(
+                f"no tare: stuck or always loaded is {wrong}; `bench tare` and --calibration leave such taxels out"
+            )
             return
         if self._calibration is not None:
             taken = taken.model_copy(update={"gain": self._calibration.gain, "dead": self._calibration.dead})

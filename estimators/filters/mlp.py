@@ -79,8 +79,9 @@ class Mlp(Estimator):
         self._number = np.array([different.index(first[label]) for label in self.labels])
         order = np.concatenate([np.flatnonzero(train.labels == label) for label in different])
         train = Scan(
-            train.readings[order], train.poses[order], train.labels[order], train.split[order], train.taxel_xy
-        )
+            train.readings[order], train.poses[order], train.labels[order], train.split[order], train.taxel_xy,
+            presses=None if train.presses is None else train.presses[order],
+        )  # fmt: skip
         words = LikelihoodOptions(likelihood="force")
         self._model = ForceLikelihood(words)
         maps = learn_maps(

@@ -12,6 +12,9 @@ from tactsim.core import Scan, compose, invert
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.estimator import Estimate, Estimator, Options, check_order, check_reading
 
+# The least kernel width, as a share of the training readings' root mean square.
+_LEAST_WIDTH = 1e-4
+
 
 class NearestOptions(Options):
     """What the baseline takes."""
@@ -59,7 +62,9 @@ class Nearest(Estimator):
         self._log_count = np.log(counts)
         nearest = np.concatenate([_nearest_squares(one.readings) for one in of_letters])
         learned = np.sqrt(nearest.mean() / self._readings.shape[1]) if len(nearest) else 0.0
-        self.width = self._given or max(float(learned), 1e-3)
+        # Alike to the bit, readings have no width: then a small share of what they are, in whatever unit.
+        least = _LEAST_WIDTH * float(np.sqrt((self._readings**2).mean()))
+        self.width = self._given or max(float(learned), least) or 1.0
 
     def reset(self, rng: np.random.Generator) -> None:
         """Forget the sequence: every letter is equally probable again."""

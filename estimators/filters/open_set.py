@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import copy
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -64,7 +65,7 @@ class OpenSet(Wrapper):
     The filter's pose must be exact enough for a search to begin there: in the middle of a large bin, it may end
     in the wrong place.
 
-    mosaics: of all letters. misfit: by letter, how its own readings fit.
+    mosaics: of all letters. misfit: by letter, how its own readings fit, at each load.
     """
 
     def __init__(self, filter: MapFilter | Moving, unknown: float) -> None:
@@ -127,7 +128,7 @@ class OpenSet(Wrapper):
             start = known.robot_in_object if label == known.label else self._likeliest(label)
             pose = self.mosaics.fitting_pose(label, start, readings, poses)
             total = float(self.mosaics.misfits(label, pose, readings, poses).sum())
-            against.append(math.log(p) - self.misfit[label].log_odds(total, len(readings)))
+            against.append(math.log(p) - log_odds(self.misfit[label], total, len(readings)))
         return -float(np.logaddexp.reduce(against))
 
     def _history(self, known: Estimate) -> tuple[FloatArray, FloatArray]:
@@ -149,18 +150,34 @@ class OpenSet(Wrapper):
         return belief.state[:, mine[belief.weights.log[mine].argmax()]]
 
 
-def learn_misfit(mosaics: TiltedMosaics, label: str) -> Misfit:
-    """Learn how the misfit of a letter's readings is spread.
+def log_odds(misfits: Sequence[Misfit], total: float, readings: int) -> float:
+    """Weigh "none" against a letter whose presses may be of any of these loads, all alike: `Misfit.log_odds`, averaged.
+
+    The readings of a sequence are taken to be of one load, for it is one hand or machine that presses.
+    """
+    against = [-misfit.log_odds(total, readings) for misfit in misfits]
+    return math.log(len(against)) - float(np.logaddexp.reduce(against))
+
+
+def learn_misfit(mosaics: TiltedMosaics, label: str) -> tuple[Misfit, ...]:
+    """Learn how the misfit of a letter's readings is spread, at each load at which its poses were felt.
 
     A place of the object may be known as well as where training readings were taken, or as badly as between them.
     A reading comes from either, and so does the mean: all that lies between the two is as likely.
+
+    One if no pose was felt at several loads.
     """
     near, far, elsewhere = mosaics.left_out(label)
-    return Misfit(
-        mean=float(near.mean() + far.mean()) / 2,
-        deviation=math.sqrt(float(near.var() + far.var()) / 2 + _LEAST_DEVIATION**2),
-        drift=abs(float(far.mean() - near.mean())) / math.sqrt(12),
-        chance=float(elsewhere.mean()),
+    level = mosaics.load_levels(label)
+    at_levels = [(near[level == one], far[level == one]) for one in np.unique(level)]
+    return tuple(
+        Misfit(
+            mean=float(close.mean() + away.mean()) / 2,
+            deviation=math.sqrt(float(close.var() + away.var()) / 2 + _LEAST_DEVIATION**2),
+            drift=abs(float(away.mean() - close.mean())) / math.sqrt(12),
+            chance=float(elsewhere.mean()),
+        )
+        for close, away in at_levels
     )
 
 

@@ -6,16 +6,22 @@ from typing import TYPE_CHECKING
 
 from tactsim.estimators.estimator import Estimator
 from tactsim.estimators.filters.active_touch import ActiveTouch
+from tactsim.estimators.filters.fitted_to_pad import FittedToPad
 from tactsim.estimators.filters.map_filter import MapFilter
 from tactsim.estimators.filters.motion import parse_motion
 from tactsim.estimators.filters.moving import Moving
-from tactsim.estimators.options import OpenSetOptions
+from tactsim.estimators.options import FilterOptions, OpenSetOptions
 
 if TYPE_CHECKING:
     from tactsim.estimators.filters.synthesis import Synthesis
 
 
-def wrapped(filter: MapFilter) -> ActiveTouch:
+def wrapped(kind: type[MapFilter], options: FilterOptions) -> FittedToPad:
+    """Make a filter of a kind that is fitted to the pad, proposes readings, and can say "none of these"."""
+    return FittedToPad(kind, options, surrounded)
+
+
+def surrounded(filter: MapFilter) -> ActiveTouch:
     """Let a filter propose readings, and say "none of these" if its options give that a probability."""
     options = filter.options
     inner: MapFilter | Moving = filter

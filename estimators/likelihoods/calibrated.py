@@ -41,7 +41,7 @@ class CalibratedLikelihood(Likelihood):
         odds, kinds, places = [], [], []
         for label in maps:
             train = scan.where("train", label)
-            known = touched_elsewhere(train, folds(train.poses))
+            known = touched_elsewhere(train, folds(train))
             known = known if known.any() else ~known
             found = self.left_out(label, scan)
             odds.append(found[0][known])
@@ -60,7 +60,7 @@ class CalibratedLikelihood(Likelihood):
         """
         train = scan.where("train", label)
         xy, classes = transform(train.poses, train.taxel_xy), self.classes(train.readings)
-        part, odds = folds(train.poses), np.empty(classes.shape)
+        part, odds = folds(train), np.empty(classes.shape)
         for number in range(int(part.max()) + 1):
             mine = part == number
             odds[mine] = self._without(label, xy[mine], classes[mine]).log_odds_at(xy[mine])

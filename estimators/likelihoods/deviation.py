@@ -8,7 +8,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import nnls
 
 from tactsim.core.poses import FloatArray
 
@@ -52,6 +51,8 @@ def learn_deviation(
     The four parts of the variance come from a regression of the squared deviations, in which none is negative. Each
     taxel is weighted with its own variance (iteratively reweighted least squares).
     """
+    from scipy.optimize import nnls  # imported here: only a fit needs it
+
     step = levels[1] - levels[0]
     place = np.rint((relative.ravel() - levels[0]) / step).clip(0, len(levels) - 1).astype(np.intp)
     count = np.bincount(place, minlength=len(levels)) + 1.0

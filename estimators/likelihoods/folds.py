@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,35 +14,103 @@ from tactsim.core.poses import FloatArray
 FOLDS = 4
 # mm; presses that are as near as that are at one position and belong to one part.
 _APART = 1.0
+# mm and rad; poses that are as near as that are the same.
+_SAME = 1e-6
+# Levels of load that are told apart.
+_LEVELS, _COMMON = 4, 0.1
 # mm; a place is known if a taxel lay as near as that.
 _NEAR = 1.0
 
 
-def by_letter(divide: Callable[[FloatArray], NDArray[Any]], train: Scan) -> NDArray[Any]:
-    """Apply a function of poses (n, 3) to the training readings of each letter by itself: (readings,)."""
-    result = np.empty(len(train), dtype=divide(train.poses[:1]).dtype)
+def by_letter(divide: Callable[[Scan], NDArray[np.intp]], train: Scan) -> NDArray[np.intp]:
+    """Divide the training readings of each letter by itself: (readings,)."""
+    part = np.empty(len(train), dtype=np.intp)
     for label in train.letters:
-        mine = train.labels == label
-        result[mine] = divide(train.poses[mine])
-    return result
+        part[train.labels == label] = divide(train.where(label=label))
+    return part
 
 
-def positions(poses: FloatArray) -> NDArray[np.intp]:
-    """Count off the positions at which presses at poses (n, 3) were made: (n,), from 0."""
+def _pressed(train: Scan) -> tuple[FloatArray, NDArray[np.intp]]:
+    """Give the poses of the presses (p, 3), in the middle of their readings, and of which press each reading is (n,).
+
+    A press has several readings if its image was cut into windows, or if several of its moments were taken.
+    """
+    if train.presses is None:
+        return train.poses, np.arange(len(train))
+    _, first, which = np.unique(train.presses, return_index=True, return_inverse=True)
+    which, count = which.reshape(-1), np.bincount(which.reshape(-1))
+    middle = [np.round(np.bincount(which, train.poses[:, axis]) / count, 9) for axis in (0, 1)]
+    return np.column_stack([*middle, train.poses[first, 2]]), which
+
+
+def can_leave_out(train: Scan) -> bool:
+    """Tell whether an object was pressed twice: else no press can be foretold from others."""
+    pressed = (train.where(label=label) for label in train.letters)
+    return any(len(one if one.presses is None else np.unique(one.presses)) > 1 for one in pressed)
+
+
+def _at_positions(poses: FloatArray) -> NDArray[np.intp]:
     return np.unique(np.round(poses[:, :2] / _APART), axis=0, return_inverse=True)[1].reshape(-1)
 
 
-def folds(poses: FloatArray) -> NDArray[np.intp]:
-    """Divide training presses at poses (n, 3) into at most FOLDS parts by position: (n,), from 0.
+def positions(train: Scan) -> NDArray[np.intp]:
+    """Count off the positions at which presses were made: (readings,), from 0."""
+    poses, press = _pressed(train)
+    return _at_positions(poses)[press]
+
+
+def as_one(train: Scan, values: FloatArray, weight: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Give each taxel of training readings what all that lay just like it say together, taxel after taxel.
+
+    values, weight: (n * taxels,). Taxels lay alike at the same place on the object in the same direction. Those of the
+    moments of one press do, of presses of a machine that comes back to a pose, and of touches that were cut from one
+    image. In least squares they are as one taxel that has the mean of their values and the sum of their weights. So
+    what is looked up without that one is looked up without all of them, as it must be: they are near copies.
+    Returns places (n * taxels, 2) mm, values and weights.
+    """
+    xy = transform(train.poses, train.taxel_xy).reshape(-1, 2)
+    turn = np.repeat(train.poses[:, 2], len(train.taxel_xy))
+    key = np.round(np.column_stack([xy, turn]) / _SAME).astype(np.int64)
+    place, which = np.unique(key, axis=0, return_inverse=True)
+    if len(place) == len(xy):
+        return xy, values, weight
+    which = which.reshape(-1)
+    whole = np.bincount(which, weight).astype(float)
+    sums = np.bincount(which, weight * values).astype(float)
+    mean = np.divide(sums, whole, out=np.zeros_like(sums), where=whole > 0)
+    return xy, mean[which], whole[which]
+
+
+def load_levels(poses: FloatArray, readings: FloatArray) -> NDArray[np.intp]:
+    """Divide training readings (n, taxels) at poses (n, 3) by their loads: (n,), quarters of the largest at each pose.
+
+    The load of a reading is what its taxels feel together, beside the most that they felt at that pose. So one reading
+    a pose is of the highest level whatever it felt, and so are presses of one load that come back to a pose. Levels
+    of fewer than a tenth of the readings come of noise, where hardly anything is felt; they count as the highest.
+    """
+    felt = np.maximum(readings.sum(axis=1), 0)
+    which = np.unique(np.round(poses / _SAME), axis=0, return_inverse=True)[1].reshape(-1)
+    most = np.zeros(int(which.max(initial=-1)) + 1)
+    np.maximum.at(most, which, felt)
+    share = np.divide(felt, most[which], out=np.ones_like(felt), where=most[which] > 0)
+    level = np.minimum(np.round(_LEVELS * share), _LEVELS).astype(np.intp)
+    count = np.bincount(level, minlength=_LEVELS + 1)
+    return np.where(count[level] >= _COMMON * len(level), level, _LEVELS)
+
+
+def folds(train: Scan) -> NDArray[np.intp]:
+    """Divide training readings into at most FOLDS parts by the positions of their presses: (readings,), from 0.
 
     Presses at one position share more than the map: what lies under the rim, how the pad tilts. So a press says
-    little of a press elsewhere unless all presses at its own position are left out. Neighbours go to different parts,
-    so that no large hole is left. If there is one position only, presses are divided.
+    little of a press elsewhere unless all presses at its own position are left out. Readings of one press, such as
+    windows of its image, share how far it was misplaced, too: wherever they are, they are left out together.
+    Neighbours go to different parts, so that no large hole is left. If there is one position only, presses are divided.
     """
-    which = positions(poses)
+    poses, press = _pressed(train)
+    which = _at_positions(poses)
     count = int(which.max()) + 1
     if count == 1:
-        return np.arange(len(poses)) % FOLDS
+        return press % FOLDS
     places = np.array([poses[which == number, :2].mean(axis=0) for number in range(count)])
     parts: list[list[FloatArray]] = [[] for _ in range(min(FOLDS, count))]
     chosen = np.empty(count, dtype=np.intp)
@@ -57,20 +124,21 @@ def folds(poses: FloatArray) -> NDArray[np.intp]:
         ]
         chosen[number] = int(np.argmax(room))
         parts[chosen[number]].append(position)
-    return chosen[which]
+    return chosen[which][press]
 
 
-def presses(poses: FloatArray) -> NDArray[np.intp]:
-    """Divide training presses at poses (n, 3) into FOLDS parts, of every position as many in each: (n,), from 0.
+def presses(train: Scan) -> NDArray[np.intp]:
+    """Divide training readings into FOLDS parts, of every position as many presses in each: (readings,), from 0.
 
     Presses at one position are dealt out by their angle, at the next position beginning with another part. So a press
     is predicted from others at its own position, as far as there are any, and elsewhere.
     """
-    which = positions(poses)
+    poses, press = _pressed(train)
+    which = _at_positions(poses)
     order = np.lexsort((poses[:, 2] % (2 * np.pi), which))
     part = np.empty(len(poses), dtype=np.intp)
     part[order] = np.arange(len(poses)) - np.searchsorted(which[order], which[order]) + which[order]
-    return part % FOLDS
+    return part[press] % FOLDS
 
 
 def touched_elsewhere(train: Scan, part: NDArray[np.intp]) -> NDArray[np.bool_]:

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from tactsim.core import Scan, transform
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.likelihoods.deviation import Deviation, learn_deviation
-from tactsim.estimators.likelihoods.folds import FOLDS, by_letter, folds, touched_elsewhere
+from tactsim.estimators.likelihoods.folds import FOLDS, as_one, by_letter, folds, touched_elsewhere
 from tactsim.estimators.likelihoods.likelihood import Evidence, Likelihood, covered
 from tactsim.estimators.likelihoods.mosaic import Grid, Mosaic, learn_mosaic
 from tactsim.estimators.likelihoods.occupancy import OccupancyMap
@@ -49,9 +49,26 @@ class ForceLikelihood(Likelihood):
 
     def fit(self, scan: Scan, maps: Mapping[str, OccupancyMap]) -> None:
         """Learn the taxels' gains, the mosaics, and how far readings deviate from them."""
-        self.maps = maps
         train = scan.where("train")
-        self.gain = np.ones(len(scan.taxel_xy))
+        predicted, relative, slope, scale = self._fit_mosaics(train, maps)
+        # Where nothing else was felt, nothing is predicted: that is not how readings deviate where something was.
+        counted = touched_elsewhere(train, by_letter(folds, train))
+        self._calibrate(scale, relative, predicted, slope, counted)
+
+    def fit_mosaics(self, train: Scan, maps: Mapping[str, OccupancyMap]) -> tuple[FloatArray, FloatArray]:
+        """Learn gains and mosaics from training readings (n, taxels), and not yet how far readings deviate.
+
+        Returns relative pressures as they are predicted without the presses at their positions, and as they are.
+        """
+        predicted, relative, _, _ = self._fit_mosaics(train, maps)
+        return predicted, relative
+
+    def _fit_mosaics(
+        self, train: Scan, maps: Mapping[str, OccupancyMap]
+    ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Learn gains and mosaics: left-out predictions, relative pressures, squared slopes and scales (n,)."""
+        self.maps = maps
+        self.gain = np.ones(len(train.taxel_xy))
         self.least = max(float(np.median(lehmer_mean(train.readings))) / 2, _LEAST_SCALE)
         scale, relative = self.relative(train.readings)
         pressure = scale
@@ -65,22 +82,21 @@ class ForceLikelihood(Likelihood):
         self._learn(train, pressure)
         self._pressure = pressure
         predicted, slope = self._left_out(train)
-        # Where nothing else was felt, nothing is predicted: that is not how readings deviate where something was.
-        counted = touched_elsewhere(train, by_letter(folds, train))
-        self._calibrate(scale, relative, predicted, slope, counted)
+        return predicted, relative, slope, scale
 
     def _learn(self, train: Scan, pressure: FloatArray) -> FloatArray:
         """Learn the mosaics from training readings under pressures (n,) kPa.
 
-        Returns what they predict without the taxel itself: (n, taxels).
+        Returns what they predict without any taxel that lay just like it: (n, taxels).
         """
         self.mosaics: dict[str, Mosaic] = {}
         predicted = np.empty(train.readings.shape)
         for label in self.maps:
             mine = train.labels == label
-            taxels = self._taxels(train, pressure, mine)
-            self.mosaics[label] = learn_mosaic(*taxels, self._grid(label))
-            predicted[mine] = self.mosaics[label].without(*taxels).reshape(-1, len(train.taxel_xy))
+            xy, values, counts = self._taxels(train, pressure, mine)
+            self.mosaics[label] = learn_mosaic(xy, values, counts, self._grid(label))
+            alone = self.mosaics[label].without(*as_one(train.where(label=label), values, counts))
+            predicted[mine] = alone.reshape(-1, len(train.taxel_xy))
         return predicted
 
     def _taxels(

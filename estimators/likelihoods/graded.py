@@ -55,7 +55,7 @@ class GradedLikelihood(Likelihood):
             mine = train.labels == label
             letter = scan.where("train", label)
             odds[mine] = self._classes.left_out(label, scan)[0]
-            known = touched_elsewhere(letter, folds(letter.poses))
+            known = touched_elsewhere(letter, folds(letter))
             counted[mine] = known if known.any() else ~known
         of_letter = [counted & (train.labels == label)[:, None] for label in maps]
         self._classes.steeper = steepness(

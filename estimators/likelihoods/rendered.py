@@ -88,7 +88,7 @@ def learn_rendering(model: ForceLikelihood, train: Scan) -> Rendered:
         model=model,
         taxel_xy=train.taxel_xy,
         positions=tuple(train.where(label=label).poses[:, :2] for label in train.letters),
-        gap=_gap(train.poses),
+        gap=_gap(train),
         pressure=pressure,
         falls=falls,
         slopes=slopes,
@@ -96,10 +96,12 @@ def learn_rendering(model: ForceLikelihood, train: Scan) -> Rendered:
     )
 
 
-def _gap(poses: FloatArray) -> float:
-    """Give the median distance, mm, from a position of presses at poses (n, 3) to the next; 0 if there is one only."""
+def _gap(train: Scan) -> float:
+    """Give the median distance, mm, from a position of presses to the next; 0 if there is one only."""
     from scipy.spatial import cKDTree  # imported here: only a fit needs it
 
-    which = positions(poses)
-    places = np.array([poses[which == number, :2].mean(axis=0) for number in range(int(which.max()) + 1)])
+    which = positions(train)
+    places = np.array(
+        [train.poses[which == number, :2].mean(axis=0) for number in range(int(which.max()) + 1)]
+    )
     return float(np.median(cKDTree(places).query(places, 2)[0][:, 1])) if len(places) > 1 else 0.0

@@ -16,10 +16,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import nnls
 
 from tactsim.core import Scan, compose, transform
 from tactsim.core.poses import FloatArray
+from tactsim.estimators.likelihoods.folds import as_one, load_levels, positions
 from tactsim.estimators.likelihoods.mosaic import Grid, Mosaic, learn_mosaic
 from tactsim.estimators.likelihoods.occupancy import OccupancyMap
 from tactsim.estimators.options import LikelihoodOptions
@@ -56,10 +56,11 @@ _LEAST_ERROR = 1e-3
 class LeftOut:
     """Cover and squared slope (n, taxels) at a letter's training readings, of mosaics learned without them.
 
-    near: without the taxel itself, so that the place is known as well as it can be. far: without all readings
-    that were taken around there, so that it is known badly. Each holds cover and slope.
+    near: without any taxel that lay just like it, so that the place is known well. far: without all
+    readings that were taken around there, so that it is known badly. Each holds cover and slope.
     """
 
+    poses: FloatArray
     readings: FloatArray
     near: tuple[FloatArray, FloatArray]
     far: tuple[FloatArray, FloatArray]
@@ -134,6 +135,11 @@ class TiltedMosaics:
             self._planes(out.readings, *out.far).misfit,
             self._planes(elsewhere, *out.near).misfit,
         )
+
+    def load_levels(self, label: str) -> NDArray[np.intp]:
+        """Tell a letter's training readings by their loads, (n,) from 0; one level if no pose was felt at several."""
+        out = self._out[label]
+        return load_levels(out.poses, out.readings)
 
     def misfits(
         self, label: str, robot_in_object: FloatArray, readings: FloatArray, sensor_in_robot: FloatArray
@@ -226,16 +232,16 @@ class TiltedMosaics:
         cover, weight = self._cover(mine.readings, pressure)
         mosaic = self.mosaics[label]
         near = (
-            mosaic.without(xy.reshape(-1, 2), cover.ravel(), weight.ravel()).reshape(cover.shape),
+            mosaic.without(*as_one(mine, cover.ravel(), weight.ravel())).reshape(cover.shape),
             mosaic(xy)[1],
         )
         far = np.empty_like(cover), np.empty_like(cover)
-        part = _parts(mine.poses)
+        part = positions(mine) % _PARTS
         for number in np.unique(part):
             out = part == number
             rest = self._learn(chart, xy[~out], cover[~out], weight[~out])
             far[0][out], far[1][out] = rest(xy[out])
-        return LeftOut(mine.readings, near, far)
+        return LeftOut(mine.poses, mine.readings, near, far)
 
     def _learn_errors(self) -> None:
         """Learn variances and priors from the training readings that were left out, near and far alike.
@@ -243,6 +249,8 @@ class TiltedMosaics:
         The parts of the variance come from a regression of the squared errors, in which none is negative. Each taxel
         is weighted with its own variance (iteratively reweighted least squares).
         """
+        from scipy.optimize import nnls  # imported here: only a fit needs it
+
         seen = [(out.readings, *known) for out in self._out.values() for known in (out.near, out.far)]
         every = max(1, sum(len(readings) for readings, _, _ in seen) * len(self.gain) // _ENOUGH)
         readings, cover, slope = (np.concatenate([one[i][::every] for one in seen]) for i in range(3))
@@ -279,9 +287,3 @@ class _Planes:
 def _sources(predicted: FloatArray, slope: FloatArray) -> FloatArray:
     """List what a variance comes from: (..., 3), for predicted pressures and their squared slopes."""
     return np.stack(np.broadcast_arrays(1.0, predicted**2, slope), axis=-1)
-
-
-def _parts(poses: FloatArray) -> NDArray[np.intp]:
-    """Divide poses (n, 3) into parts, so that all poses at one place are in one part and neighbours in others."""
-    _, place = np.unique(np.round(poses[:, :2], 3), axis=0, return_inverse=True)
-    return place.ravel() % _PARTS

@@ -182,6 +182,11 @@ class CodecFormat(BaseModel, ABC):
 
     kind: str
 
+    @property
+    def reading_unit(self) -> str:
+        """Give the unit of the readings, as a scan states it."""
+        return "kPa"
+
     @abstractmethod
     def build(self) -> Codec[Any]:
         """Make the codec."""

@@ -28,7 +28,14 @@ class CsvFormat(CodecFormat):
 
     kind: Literal["pps-csv"]
     taxels: int = Field(ge=1, le=10_000, description="columns behind the time", examples=[36])
-    unit: Literal["kPa", "psi", "Pa"] = Field("kPa", description="unit of the numbers")
+    unit: Literal["kPa", "psi", "Pa", "N", "V", "count"] = Field(
+        "kPa", description="unit of the numbers; readings in N, V or count keep theirs"
+    )
+
+    @property
+    def reading_unit(self) -> str:
+        """Give the unit of the readings that are made of the numbers."""
+        return "kPa" if self.unit in _KPA else self.unit
 
     def build(self) -> CsvCodec:
         """Make the codec."""
@@ -66,12 +73,13 @@ class CsvCodec(Codec[Frame]):
         return (", ".join(f"{value:.9g}" for value in (frame.ticks or 0.0, *frame.values)) + "\n").encode()
 
     def to_kpa(self, values: FloatArray) -> FloatArray:
-        """Turn the file's unit into kPa."""
-        return values * _KPA[self.format.unit]
+        """Turn the file's unit into kPa; readings of other units are left in theirs."""
+        return values * _KPA.get(self.format.unit, 1.0)
 
     def from_kpa(self, pressures: FloatArray) -> FloatArray:
-        """Turn kPa into the file's unit."""
-        return pressures / _KPA[self.format.unit]
+        """Turn readings into the file's unit; counts are whole numbers."""
+        values = pressures / _KPA.get(self.format.unit, 1.0)
+        return np.round(values) if self.format.unit == "count" else values
 
     def _frame(self, line: bytes) -> Frame | None:
         fields = _fields(line)

@@ -69,10 +69,17 @@ class Emulated(ABC):
 
 
 class EmulatedFrames(Emulated):
-    """A device whose codec writes frames: it sends them `rate` times a second, or when it is asked."""
+    """A device whose codec writes frames: it sends them `rate` times a second, or when it is asked.
 
-    def __init__(self, device: Device, pressures: Pressures, rate: float, link: int = 0) -> None:
+    jitter: how unevenly it measures: each frame is up to half that share of the time between frames too early or
+    too late, and its clock says so.
+    """
+
+    def __init__(
+        self, device: Device, pressures: Pressures, rate: float, link: int = 0, jitter: float = 0.0
+    ) -> None:
         super().__init__(device, pressures, rate, link)
+        self._jitter, self._rng = jitter, np.random.default_rng(0)
         self._frame = 0  # number of the next frame
         self._heard = b""
         self._started = not self._codec.start
@@ -111,9 +118,12 @@ class EmulatedFrames(Emulated):
 
     def _next_frame(self) -> Iterator[bytes]:
         frame, self._frame = self._frame, self._frame + 1
+        time = frame / self.rate
+        if self._jitter:
+            time = max(0.0, time + self._jitter * self._rng.uniform(-0.5, 0.5) / self.rate)
         for address, wiring in self._parts:
-            ticks = round(frame / self.rate / self._codec.tick_s)
-            yield self._codec.encode(Frame(self.values(wiring, frame / self.rate), address, frame, ticks))
+            ticks = round(time / self._codec.tick_s)
+            yield self._codec.encode(Frame(self.values(wiring, time), address, frame, ticks))
 
 
 class EmulatedSingleTact(Emulated):
@@ -221,14 +231,16 @@ class EmulatedSingleTact(Emulated):
         return memory.ljust(REGISTERS, b"\0")
 
 
-def emulate(device: Device, pressures: Pressures, rate: float, link: int = 0) -> Emulated:
-    """Make the emulated end of one link of the device.
+def emulate(
+    device: Device, pressures: Pressures, rate: float, link: int = 0, jitter: float = 0.0
+) -> Emulated:
+    """Make the emulated end of one link of the device. jitter: see `EmulatedFrames`; SingleTact has none.
 
     Raises CodecError if the device has no codec, or one that writes no frames.
     """
-    kind = EmulatedSingleTact if isinstance(device.codec, SingleTactFormat) else EmulatedFrames
-    emulated = kind(device, pressures, rate, link)
-    if isinstance(emulated, EmulatedFrames):
-        codec = device.build_codec()
-        codec.encode(Frame(codec.from_kpa(np.zeros(codec.taxels)), index=0, ticks=0))
+    if isinstance(device.codec, SingleTactFormat):
+        return EmulatedSingleTact(device, pressures, rate, link)
+    emulated = EmulatedFrames(device, pressures, rate, link, jitter)
+    codec = device.build_codec()
+    codec.encode(Frame(codec.from_kpa(np.zeros(codec.taxels)), index=0, ticks=0))
     return emulated

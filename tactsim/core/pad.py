@@ -6,12 +6,10 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from tactsim.core.checking import checked
 from tactsim.core.documents import read_toml
-from tactsim.core.errors import InputError
 from tactsim.core.poses import FloatArray
 
 Length = Annotated[float, Field(ge=1e-3, le=1000, allow_inf_nan=False)]
@@ -118,20 +116,6 @@ class Pad(BaseModel):
                 gap_cells,
             ),
         )
-
-
-def taxel_grid(taxel_xy: FloatArray) -> NDArray[np.int64]:
-    """Arrange taxels (n, 2) mm in rows (along +y) and columns (along +x): (rows, columns) numbers of taxels.
-
-    Raises InputError if they are no whole grid.
-    """
-    x, y = (np.unique(np.round(taxel_xy[:, axis], 4), return_inverse=True) for axis in (0, 1))
-    if len(x[0]) * len(y[0]) == len(taxel_xy):
-        grid = np.full((len(y[0]), len(x[0])), -1)
-        grid[y[1], x[1]] = np.arange(len(taxel_xy))
-        if (grid >= 0).all():
-            return grid
-    raise InputError("the taxels are no whole grid of rows and columns (one is masked?)")
 
 
 def _edges(count: int, unread: int, pitch: float, taxel: float, seam: float | None) -> FloatArray:

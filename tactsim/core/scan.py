@@ -18,11 +18,19 @@ from numpy.typing import NDArray
 from tactsim.core.documents import parse_json
 from tactsim.core.errors import InputError, short
 from tactsim.core.files import replacing
-from tactsim.core.finite import finite
 from tactsim.core.given_arrays import names_of, readings_a_press, splits_of
 from tactsim.core.npz import read_npz
 from tactsim.core.poses import FloatArray
 from tactsim.core.provenance import check_statements, statements
+from tactsim.core.scan_arrays import (
+    as_loads,
+    as_names,
+    as_numbers,
+    as_presses,
+    joined_loads,
+    joined_presses,
+    joined_sequences,
+)
 
 if TYPE_CHECKING:
     from tactsim.core.pad import Pad
@@ -30,6 +38,7 @@ if TYPE_CHECKING:
 SPLITS = ("train", "test")
 _ARRAYS = ("readings", "poses", "labels", "split", "taxel_xy")
 _SEQUENCE = ("sequence", "sequence_times", "sequence_force")
+_OF_PRESSES = ("loads", "presses")
 _LONGEST_NAME = 100  # characters of a label
 
 
@@ -49,6 +58,12 @@ class Scan:
     that rests earlier keeps its last image until then. sequence_force: (n, frames) N, the contact force,
     float32. All three or none.
 
+    loads: (n,) N, with how much force each press was made, as a gauge said or as it was set; NaN where nobody knows.
+    None if no press's is known.
+
+    presses: (n,) whole numbers. Readings of one number were taken of one press: its moments, or the windows that its
+    image was cut into. They share its errors. None: each reading is of a press of its own.
+
     Raises InputError when shapes disagree, there are no taxels, a number is not finite or beyond 1e9, a
     label is empty, over 100 characters long or not printable, a split has another name, `meta` is not JSON, or it
     states an unknown unit.
@@ -63,12 +78,14 @@ class Scan:
     sequence: NDArray[np.float32] | None = None
     sequence_times: FloatArray | None = None
     sequence_force: NDArray[np.float32] | None = None
+    loads: FloatArray | None = None
+    presses: NDArray[np.int64] | None = None
 
     def __post_init__(self) -> None:
         for name in ("readings", "poses", "taxel_xy"):
-            object.__setattr__(self, name, _numbers(name, getattr(self, name), 2))
+            object.__setattr__(self, name, as_numbers(name, getattr(self, name), 2))
         for name in ("labels", "split"):
-            object.__setattr__(self, name, _names(name, getattr(self, name)))
+            object.__setattr__(self, name, as_names(name, getattr(self, name)))
         count, taxels = self.readings.shape
         wanted = {"poses": (count, 3), "labels": (count,), "split": (count,), "taxel_xy": (taxels, 2)}
         for name, shape in wanted.items():
@@ -80,6 +97,10 @@ class Scan:
         if not taxels:
             raise InputError("scan: readings have no taxels")
         self._check_sequence()
+        if self.loads is not None:
+            object.__setattr__(self, "loads", as_loads(self.loads, count))
+        if self.presses is not None:
+            object.__setattr__(self, "presses", as_presses(self.presses, count))
         for label in self.letters:
             if not is_label(label):
                 raise InputError(
@@ -101,9 +122,9 @@ class Scan:
         if len(given) < len(_SEQUENCE):
             missing = next(name for name in _SEQUENCE if name not in given)
             raise InputError(f"scan: {given[0]} without {missing}; a sequence has {', '.join(_SEQUENCE)}")
-        sequence = _numbers("sequence", self.sequence, 3, np.float32)
-        times = _numbers("sequence_times", self.sequence_times, 1)
-        force = _numbers("sequence_force", self.sequence_force, 2, np.float32)
+        sequence = as_numbers("sequence", self.sequence, 3, np.float32)
+        times = as_numbers("sequence_times", self.sequence_times, 1)
+        force = as_numbers("sequence_force", self.sequence_force, 2, np.float32)
         (count, taxels), frames = self.readings.shape, sequence.shape[1]
         wanted = ((count, frames, taxels), (frames,), (count, frames))
         for name, array, shape in zip(_SEQUENCE, (sequence, times, force), wanted, strict=True):
@@ -133,13 +154,15 @@ class Scan:
         *,
         unit: str = "kPa",
         licence: str | None = None,
+        loads: Any = None,
     ) -> Scan:
         """Make a scan of arrays from elsewhere.
 
         readings: (n, taxels) or (n, rows, columns); (n, images, taxels) or (n, images, rows, columns) where several
         images were taken of a press, whose mean is its reading. poses: (n, 3) sensor_in_object, mm, mm, rad. labels:
         (n,) names or whole numbers. split: (n,) "train" or "test", or whether to train on it; None: all to train.
-        pad: None for the paper's. unit: of the readings. licence: an SPDX name.
+        pad: None for the paper's. unit: of the readings. licence: an SPDX name. loads: (n,) N, NaN where not
+        known.
 
         Raises InputError when shapes disagree, and for what `Scan` refuses.
         """
@@ -151,7 +174,13 @@ class Scan:
         made = {"source": "imported", "versions": {"tactsim": version("tactsim")}}
         meta = {**made, "pad": pad.model_dump(mode="json"), **stated}
         return cls(
-            values, poses, names_of(labels, "labels"), splits_of(split, len(values)), pad.taxel_xy, meta
+            values,
+            poses,
+            names_of(labels, "labels"),
+            splits_of(split, len(values)),
+            pad.taxel_xy,
+            meta,
+            loads=loads,
         )
 
     @property
@@ -166,7 +195,8 @@ class Scan:
 
     @property
     def _arrays(self) -> tuple[str, ...]:
-        return _ARRAYS if self.sequence is None else _ARRAYS + _SEQUENCE
+        moving = () if self.sequence is None else _SEQUENCE
+        return _ARRAYS + moving + tuple(name for name in _OF_PRESSES if getattr(self, name) is not None)
 
     @cached_property
     def digest(self) -> str:
@@ -185,15 +215,15 @@ class Scan:
             chosen &= self.split == split
         if label is not None:
             chosen &= self.labels == label
-        return self._chosen(chosen)
+        return self.chosen(chosen)
 
     def of_letters(self, letters: Iterable[str]) -> Scan:
         """Select the readings of these letters, in their order."""
-        return self._chosen(np.isin(self.labels, list(letters)))
+        return self.chosen(np.isin(self.labels, list(letters)))
 
     def untrained(self, letters: Iterable[str]) -> Scan:
         """Leave out the training readings of these letters, so that they are unknown objects."""
-        return self._chosen((self.split != "train") | ~np.isin(self.labels, list(letters)))
+        return self.chosen((self.split != "train") | ~np.isin(self.labels, list(letters)))
 
     def joined(self, other: Scan, meta: Mapping[str, Any]) -> Scan:
         """Append another scan of the same pad; the result has the given `meta`.
@@ -213,7 +243,10 @@ class Scan:
             )
         both = [np.concatenate([getattr(self, name), getattr(other, name)]) for name in _ARRAYS[:4]]
         readings, poses, labels, split = both
-        return Scan(readings, poses, labels, split, self.taxel_xy, meta, **_joined_sequences(self, other))
+        return Scan(
+            readings, poses, labels, split, self.taxel_xy, meta, **joined_sequences(self, other),
+            loads=joined_loads(self, other), presses=joined_presses(self, other),
+        )  # fmt: skip
 
     def licensed(self, licence: str) -> Scan:
         """State the licence of the readings, by its SPDX name. Raises InputError if they state another one."""
@@ -238,10 +271,12 @@ class Scan:
             self, readings=self.readings[:, shared], taxel_xy=self.taxel_xy[shared], sequence=sequence
         )
 
-    def _chosen(self, chosen: NDArray[np.bool_]) -> Scan:
+    def chosen(self, chosen: NDArray[np.bool_]) -> Scan:
+        """Select readings by a mask (n,), in their order."""
         of_presses = ["readings", "poses", "labels", "split"]
         if self.sequence is not None:
             of_presses += ["sequence", "sequence_force"]
+        of_presses += [name for name in _OF_PRESSES if getattr(self, name) is not None]
         return replace(self, **{name: getattr(self, name)[chosen] for name in of_presses})
 
     def save(self, path: str | Path) -> None:
@@ -265,7 +300,7 @@ class Scan:
         or holds what `Scan` refuses.
         """
         try:
-            arrays = read_npz(path, (*_ARRAYS, "meta"), _SEQUENCE)
+            arrays = read_npz(path, (*_ARRAYS, "meta"), _SEQUENCE + _OF_PRESSES)
         except InputError as error:
             raise InputError(f"scan {path}: {error}; make one with `bench scan --out FILE`") from error
         try:
@@ -296,51 +331,7 @@ def is_label(name: str) -> bool:
     return name.isprintable() and 0 < len(name) <= _LONGEST_NAME
 
 
-def _joined_sequences(first: Scan, second: Scan) -> dict[str, Any]:
-    """Append the sequences of two scans, the shorter ones held at their last image; nothing if times differ."""
-    times, more = first.sequence_times, second.sequence_times
-    if times is None or more is None:
-        return {}
-    if len(more) > len(times):
-        times, more = more, times
-    if not np.array_equal(times[: len(more)], more):
-        return {}
-    joined: dict[str, Any] = {"sequence_times": times}
-    for name in ("sequence", "sequence_force"):
-        longer = []
-        for array in (getattr(first, name), getattr(second, name)):
-            rest = [(0, 0)] * array.ndim
-            rest[1] = (0, len(times) - array.shape[1])
-            longer.append(np.pad(array, rest, mode="edge"))
-        joined[name] = np.concatenate(longer)
-    return joined
-
-
-def _numbers(name: str, values: Any, axes: int, kind: Any = float) -> NDArray[Any]:
-    array = np.asarray(values)
-    if array.dtype.kind not in "fiu" or array.ndim != axes:
-        what = "a table of numbers" if axes == 2 else f"numbers along {axes} axes"
-        raise InputError(f"scan: {name} must be {what}, got {array.dtype} {array.shape}")
-    array = finite(array, f"scan: {name}").astype(kind)
-    array.setflags(write=False)
-    return array
-
-
-def _names(name: str, values: Any) -> NDArray[np.str_]:
-    array = np.asarray(values)
-    if array.dtype.kind != "U" and array.size:
-        raise InputError(f"scan: {name} must be names, got {array.dtype}")
-    array = array.astype(np.str_)
-    try:
-        longest = max(map(len, array.ravel().tolist()), default=0)
-    except (ValueError, SystemError) as error:  # a code beyond Unicode
-        raise InputError(f"scan: {name} are no text: {error}") from None
-    array = array.astype(f"U{max(longest, 1)}")  # so that equal scans are alike, bit for bit
-    array.setflags(write=False)
-    return array
-
-
 def _meta(array: NDArray[Any]) -> dict[str, Any]:
     if array.shape != () or array.dtype.kind != "U":
         raise InputError(f"scan: meta must be a text, got {array.dtype} {array.shape}")
-    return parse_json(str(_names("meta", array)), "scan: meta")
+    return parse_json(str(as_names("meta", array)), "scan: meta")

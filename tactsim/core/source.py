@@ -53,15 +53,16 @@ class Log(Protocol):
 class Source(ABC):
     """A stream of readings of one pad. Close it, or use it in a `with`; iterate to read it to its end.
 
-    pad: the geometry. taxel_xy: (taxels, 2) mm, the centres of the taxels in its readings. counters: what
-    has happened since it was opened. calibrated: whether the last reading is already corrected. has_bytes:
-    whether it reports the bytes on its links to the `Log` that it was opened with; if not, a recording
+    pad: the geometry. taxel_xy: (taxels, 2) mm, the centres of the taxels in its readings. unit: of its readings.
+    counters: what has happened since it was opened. calibrated: whether the last reading is already corrected.
+    has_bytes: whether it reports the bytes on its links to the `Log` that it was opened with; if not, a recording
     holds its readings instead.
     """
 
     pad: Pad
     taxel_xy: FloatArray
     counters: Counters
+    unit: str = "kPa"
     calibrated: bool = False
     has_bytes: bool = False
 

@@ -51,7 +51,7 @@ class PressOptions(BaseModel):
         "auto", description="what works out a press; auto takes the cheapest that is exact for it"
     )
     force: float = Field(
-        2.0, ge=1e-6, le=1e4, description="N, constant force along the pad's normal (assumed)"
+        2.0, ge=1e-6, le=1e8, description="N, constant force along the pad's normal (assumed)"
     )
     cells_per_taxel: int = Field(
         2, ge=1, le=16, description="cells of the bed along each side of a taxel; more cost time"
@@ -186,7 +186,7 @@ class SensorOptions(BaseModel):
     drift: float = Field(
         0.0, ge=-100, le=100, description="kPa that the zero moves from one reading to the next (assumed)"
     )
-    noise: float = Field(2.0, ge=0, le=1000, description="kPa, standard deviation of white noise (assumed)")
+    noise: float = Field(2.0, ge=0, le=1e6, description="kPa, standard deviation of white noise (assumed)")
     random_taxels: Share = Field(
         0.0, description="probability that a taxel's reading is replaced by a random one (assumed)"
     )
@@ -252,6 +252,11 @@ class ScanOptions(BaseModel):
     )
     test_load: float = Field(
         1.0, ge=1e-3, le=1e3, description="load of the test presses as a share of the training presses'"
+    )
+    unit: Literal["kPa", "N", "V", "count"] = Field(
+        "kPa",
+        exclude_if=lambda unit: unit == "kPa",
+        description="of the readings, and of all that says kPa in `sensor`: what a real pad's recordings have",
     )
     pad: Pad = Field(default_factory=Pad, description="its measures, or the path of a file that holds them")
     press: PressOptions = Field(default_factory=PressOptions)

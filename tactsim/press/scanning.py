@@ -336,6 +336,7 @@ def _meta(options: ScanOptions, letters: Sequence[models.Letter]) -> dict[str, A
         "versions": {**cached.versions(), "tactsim": version("tactsim")},
         # Whose a user's own shapes are is not ours to say.
         **({} if options.shapes else {"licence": OWN_LICENCE}),
+        **({} if options.unit == "kPa" else {"unit": options.unit}),
     }
 
 

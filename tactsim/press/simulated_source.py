@@ -74,18 +74,39 @@ def open_source(places: Sequence[str], device: HasPad, log: Log | None) -> Sourc
     return SimulatedSource(letter or "A", pose or "0,0,0", device)
 
 
-def press_table(label: str, poses: FloatArray, options: ScanOptions, rng: np.random.Generator) -> FloatArray:
+def press_table(
+    pressed: str | models.Letter, poses: FloatArray, options: ScanOptions, rng: np.random.Generator
+) -> FloatArray:
     """Press a letter at `poses` (n, 3) sensor_in_object, each off by the options' placement error, tilt and load.
 
     Returns (n, taxels) kPa without the sensor's imperfections. Raises InputError for an unknown letter, and
     if a press does not come to rest.
     """
+    return rising_table(pressed, poses, options, rng, (1.0,))[:, 0]
+
+
+def rising_table(
+    pressed: str | models.Letter,
+    poses: FloatArray,
+    options: ScanOptions,
+    rng: np.random.Generator,
+    shares: Sequence[float],
+) -> FloatArray:
+    """Press as `press_table` does, each press at shares of its load: (n, shares, taxels) kPa.
+
+    Where a press goes and how it tilts is the same at all of them. So a light press may touch on one side only.
+    """
     error = rng.standard_normal((len(poses), 3))
     error *= (options.placement_mm, options.placement_mm, options.placement_rad)
     tilts = rng.standard_normal((len(poses), 2)) * options.placement_tilt
     tilts += (options.press.tilt_x, options.press.tilt_y)
-    load = draw_loads(len(poses), options.load_spread, rng) if options.load_spread else None
-    return ideal_readings(Touches(models.letter(label), compose(poses, error), tilts, load=load), options)[0]
+    load = draw_loads(len(poses), options.load_spread, rng) if options.load_spread else np.ones(len(poses))
+    letter = models.letter(pressed) if isinstance(pressed, str) else pressed
+    placed = compose(poses, error)
+    levels = [
+        ideal_readings(Touches(letter, placed, tilts, load=share * load), options)[0] for share in shares
+    ]
+    return np.stack(levels, axis=1)
 
 
 def sensing(

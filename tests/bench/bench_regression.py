@@ -14,7 +14,7 @@ from tactsim.bench.config import run_config
 from tactsim.bench.fitting import fit
 from tactsim.bench.placement_error import properties
 from tactsim.bench.runner import perform
-from tactsim.bench.trials import Task, run_trial
+from tactsim.bench.trials import OneTrial, run_trial
 from tactsim.estimators import create
 from tactsim.estimators.registry import BUILT_IN, load
 from tactsim.press import ScanOptions, forward_model, scan_letters
@@ -52,7 +52,7 @@ def trial(name):
         error = score.errors(trial, objects)[0][-1]
         return {"error_mm": error, "mean_p_truth": trial.p_truth.mean()}
 
-    return partial(run_trial, estimator, scan().where("test", "A"), Task("A", 0), **task), figures
+    return partial(run_trial, estimator, scan().where("test", "A"), OneTrial("A", 0), **task), figures
 
 
 def whole_run():

@@ -133,9 +133,16 @@ def test_a_large_array_is_cut_into_touches(here, tmp_path):
     )
     words = ["replay", "array.csv", "--device", "array.toml", "--marks", "marks.csv", "--cut", "5x5"]
     refused(here(*words), "name it with --scan")
-    assert "288 readings of A, 25 taxels" in right(here(*words, "--scan", "touches.npz"))
+    refused(
+        here(*words, "--scan", "m.npz", "--moments", "1"),
+        "--moments '1': give a whole number from 2 to 20, or auto",
+    )
+    refused(here(*words, "--scan", "m.npz", "--moments", "4"), "no press of the recording shows a plateau")
+    narrow = right(here(*words[:-1], "16x16", "--scan", "narrow.npz"))
+    assert "too small for test touches at places of their own" in narrow
+    assert "144 readings of A, 25 taxels" in right(here(*words, "--scan", "touches.npz"))
     made = Scan.load(tmp_path / "touches.npz")
-    assert made.readings.shape == (288, 25)
+    assert made.readings.shape == (144, 25)
     assert made.meta["objects"] == {}  # a label may be an object of one's own, whatever it is called
     shown = right(here(*words, "--letters", "A", "--scan", "letters.npz"))
     assert "A: placements count as those of the catalogue's letters" in shown
@@ -189,18 +196,24 @@ def test_a_simulation_is_validated_and_brought_nearer(here, tmp_path, every, wit
         np.delete(whole.taxel_xy, 17, axis=0), {"source": "recorded"},
     ).save(tmp_path / "recorded.npz")  # fmt: skip
     words = ["validate", "--recorded", "recorded.npz", "--trials", "1", "--set", "bins=1000"]
-    out = right(here(*words, "--simulated", "simulated.npz", "--out", "result"))
-    for word in ("rms kPa", "point spread", "eq. 3", "simulated -> recorded", "recorded -> recorded"):
+    ablate = ["--ablate"] if every == 1 else []
+    out = right(here(*words, "--simulated", "simulated.npz", "--out", "result", *ablate))
+    for word in ("rms kPa", "point spread", "eq. 3", "held out", "as fitted", "bench scan --world"):
         assert word in out
     before = json.loads((tmp_path / "result" / "validation.json").read_text())
+    if ablate:
+        assert "trained in a world with" in out
+        assert [row["with"] for row in before["worlds"]][::8] == ["as simulated", "tilt, layer and wrist"]
+        last, fitted = before["worlds"][-1], before["recognition"]["refined"]["fitted"]  # of the same world
+        assert last["accuracy"] == fitted["accuracy"][before["drop_at"] - 1]
     assert before["fit"]["psf_sigma"] == pytest.approx(1.4, abs=within)
     assert before["fit"]["noise"] == pytest.approx(3.0, abs=0.3)
     assert before["parameters"]["press"]["force"] == pytest.approx(2.5, rel=0.02)
     assert before["fit"]["placement_mm"] == pytest.approx(0.5, rel=0.15)
-    assert before["after"]["rms"] < before["before"]["rms"]
+    assert before["errors"]["fitted"]["rms"] < before["errors"]["as_it_is"]["rms"]
     right(here("scan", "--letters", "E", "--world", "result/world.toml", "--out", "nearer.npz"))
     after = json.loads(right(here(*words, "--simulated", "nearer.npz", "--json")))
-    assert after["before"]["rms"] < before["before"]["rms"]
+    assert after["errors"]["as_it_is"]["rms"] < before["errors"]["as_it_is"]["rms"]
     assert after["fit"]["gain"] == pytest.approx(1.0, abs=0.02)
     assert after["class_agreement"] > before["class_agreement"] - 0.02
     train_on_one = [

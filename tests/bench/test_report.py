@@ -27,7 +27,7 @@ from tactsim.bench.report.picture import COLOURS, DARK_COLOURS, MARKERS, look
 from tactsim.bench.report.press_picture import images_shown
 from tactsim.bench.report.write import write_report
 from tactsim.bench.runner import about_estimator
-from tactsim.bench.trials import Task, Trials
+from tactsim.bench.trials import OneTrial, Trials
 from tactsim.core import Scan, invert
 from tactsim.core.errors import InputError
 from tactsim.estimators import Estimate, create
@@ -357,7 +357,7 @@ def test_typical_and_hardest_are_the_median_and_the_last_to_settle(runs, changed
     label = np.where(right, run.trials.truth[:, None], "?")
     (group,) = collect(loaded([changed(runs.small, label=label)]))
     tasks = replay.trials_to_show(group.entries)
-    assert tasks["hardest"] == Task(run.trials.truth[5], run.trials.trial[5])
+    assert tasks["hardest"] == OneTrial(run.trials.truth[5], run.trials.trial[5])
     settled = score.settled_at(right)
     typical = tasks["typical"]
     row = [(t, k) for t, k in zip(run.trials.truth, run.trials.trial, strict=True)].index(

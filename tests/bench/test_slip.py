@@ -13,7 +13,7 @@ from tactsim.bench.score import Properties, recovered_within
 from tactsim.bench.slip import STILL, Slip
 from tactsim.bench.trial_plan import TrialPlan
 from tactsim.bench.trial_workers import run_trials
-from tactsim.bench.trials import Task, run_trial
+from tactsim.bench.trials import OneTrial, run_trial
 from tactsim.core import InputError, invert, wrap_angle
 from tactsim.estimators import Options
 
@@ -57,12 +57,18 @@ def test_the_sensor_pose_of_each_touch_goes_with_the_pose_of_the_object_then():
     witness.fit(scan)
     slip = Slip(walk_mm=2, walk_rad=0.2, jump_mm=5)
     still = run_trial(
-        witness, scan.where("test", "E"), Task("E", 1), letters=scan.letters, readings=12, seed=5, of=PLAIN
+        witness,
+        scan.where("test", "E"),
+        OneTrial("E", 1),
+        letters=scan.letters,
+        readings=12,
+        seed=5,
+        of=PLAIN,
     )
     moving = run_trial(
         witness,
         scan.where("test", "E"),
-        Task("E", 1),
+        OneTrial("E", 1),
         letters=scan.letters,
         readings=12,
         seed=5,
@@ -79,7 +85,7 @@ def test_the_sensor_pose_of_each_touch_goes_with_the_pose_of_the_object_then():
 
 def test_a_still_object_gives_the_same_trials_whether_motion_is_named_or_not():
     scan, witness = make_scan(), Witness(Options())
-    tasks = [Task("A", trial) for trial in range(3)]
+    tasks = [OneTrial("A", trial) for trial in range(3)]
     witness.fit(scan)
     plain, _ = run_trials(TrialPlan("none", {}, scan, 8, 0), witness, tasks, progress=silent)
     named, _ = run_trials(TrialPlan("none", {}, scan, 8, 0, slip=Slip()), witness, tasks, progress=silent)

@@ -8,7 +8,7 @@ from tactsim.bench.config import run_config
 from tactsim.bench.placement_error import Properties
 from tactsim.bench.runner import perform
 from tactsim.bench.touching import OnDemand
-from tactsim.bench.trials import Task, run_trial
+from tactsim.bench.trials import OneTrial, run_trial
 from tactsim.core import InputError, Scan, compose
 from tactsim.estimators import Estimate, Estimator, Options
 from tactsim.press import WORLDS, PressOptions, ScanOptions, press_letter
@@ -46,7 +46,7 @@ def trial_of(estimator, press, *, truth="O", trial=0, seed=0, readings=3, explor
         np.empty((0, 36)), np.empty((0, 3)), np.array([]), np.array([]), press.options.pad.taxel_xy
     )
     return run_trial(
-        estimator, nothing, Task(truth, trial), letters=("O",), readings=readings, seed=seed,
+        estimator, nothing, OneTrial(truth, trial), letters=("O",), readings=readings, seed=seed,
         of=Properties(1, (0.0, 0.0), 60.0), explore=explore, press=press,
     )  # fmt: skip
 

@@ -10,7 +10,7 @@ from tactsim.bench.runner import gather, silent
 from tactsim.bench.score import wilson
 from tactsim.bench.trial_plan import TrialPlan
 from tactsim.bench.trial_workers import run_trials
-from tactsim.bench.trials import Task, Trials, check_readings, draw_true_pose, generator, run_trial
+from tactsim.bench.trials import OneTrial, Trials, check_readings, draw_true_pose, generator, run_trial
 from tactsim.core import InputError, Scan, compose
 from tactsim.estimators import NONE, Estimate, Estimator, Options
 
@@ -83,7 +83,7 @@ class Witness(Estimator):
 
 def trials_of(estimator, scan, count, readings=20, seed=0):
     estimator.fit(scan)
-    tasks = [Task(letter, trial) for letter in scan.letters for trial in range(count)]
+    tasks = [OneTrial(letter, trial) for letter in scan.letters for trial in range(count)]
     plan = TrialPlan("none", {}, scan, readings, seed)
     return run_trials(plan, estimator, tasks, progress=silent)[0]
 
@@ -110,7 +110,7 @@ def test_readings_are_the_letters_own_test_readings_without_replacement():
     witness = Witness(Options())
     witness.fit(scan)
     test = scan.where("test", "I")
-    run_trial(witness, test, Task("I", 4), letters=scan.letters, readings=20, seed=3, of=PLAIN)
+    run_trial(witness, test, OneTrial("I", 4), letters=scan.letters, readings=20, seed=3, of=PLAIN)
     letters, indices = np.array([reading for reading, _ in witness.seen]).T
     assert set(letters) == {2}
     assert sorted(indices) == list(range(20, 40))
@@ -129,11 +129,11 @@ def test_a_trial_depends_on_seed_letter_and_number_alone():
     draws = {
         key: generator(*key).random()
         for key in [
-            (0, Task("A", 0), 0),
-            (0, Task("A", 0), 1),
-            (1, Task("A", 0), 0),
-            (0, Task("A", 1), 0),
-            (0, Task("E", 0), 0),
+            (0, OneTrial("A", 0), 0),
+            (0, OneTrial("A", 0), 1),
+            (1, OneTrial("A", 0), 0),
+            (0, OneTrial("A", 1), 0),
+            (0, OneTrial("E", 0), 0),
         ]
     }
     assert len(set(draws.values())) == len(draws)
@@ -152,7 +152,7 @@ def test_a_proposing_estimator_chooses_among_the_readings_that_are_left():
     trial = run_trial(
         witness,
         scan.where("test", "A"),
-        Task("A", 0),
+        OneTrial("A", 0),
         letters=scan.letters,
         readings=5,
         seed=0,
@@ -228,7 +228,7 @@ def test_a_proposal_that_is_none_names_the_estimator(proposal):
     broken.answer, broken.proposal = Estimate("A", EVEN, np.zeros(3)), proposal
     with pytest.raises(InputError, match="Broken is broken: it proposed"):
         run_trial(
-            broken, scan.where("test", "A"), Task("A", 0),
+            broken, scan.where("test", "A"), OneTrial("A", 0),
             letters=scan.letters, readings=2, seed=0, of=PLAIN, explore="information",
         )  # fmt: skip
 
@@ -262,7 +262,7 @@ def test_a_letter_that_was_held_out_is_right_when_it_is_refused():
     scan = make_scan()
     refusing = Refusing(Options())
     refusing.fit(scan)
-    tasks = [Task(letter, trial) for letter in LETTERS for trial in range(2)]
+    tasks = [OneTrial(letter, trial) for letter in LETTERS for trial in range(2)]
     plan = TrialPlan("none", {}, scan.untrained(LETTERS[:1]), 6, 0)
     trials = run_trials(plan, refusing, tasks, progress=silent)[0]
     held_out = trials.truth == LETTERS[0]

@@ -1,10 +1,15 @@
 """Recordings made in worlds whose tilt, layer and wrist are known, and what `bench validate` finds in them."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from tactsim import models
+from tactsim.bench import explained
 from tactsim.bench.config import scan_options
-from tactsim.bench.validation import _parameters, _Simulator
+from tactsim.bench.fitted_world import clipped, fitted_world
+from tactsim.bench.recorded_presses import PressesAsRecorded, wider
 from tactsim.core import Scan
 from tactsim.hardware.sensor_fit import fit_sensor
 from tactsim.press import ScanOptions, scan_letters
@@ -23,9 +28,9 @@ def fitted(stated, *, tilt=0.0, seed=5, every=2, **press):
         recorded.readings, recorded.poses, recorded.labels, recorded.split, recorded.taxel_xy,
         {"options": options.model_dump(mode="json")},
     )  # fmt: skip
-    simulator = _Simulator(simulated, recorded)
+    simulator = PressesAsRecorded(simulated, recorded)
     fit = fit_sensor(recorded.readings, simulator, simulator.stated, simulator.bending())
-    return fit, _parameters(options, fit)
+    return fit, fitted_world(options, fit, "kPa")
 
 
 RIGID, SOFT = {"wrist_stiffness": None}, {"wrist_stiffness": 300.0}
@@ -85,6 +90,61 @@ def test_with_a_known_layer_the_wrist_is_found_though_a_rigid_one_was_simulated(
     assert world["placement_tilt"] == pytest.approx(0.0044, rel=0.2)
 
 
+def test_outlines_that_are_not_as_drawn_are_found_and_bend_no_response():
+    """Without numbers of their own, wider outlines pass for a response that is less steep, and for other places."""
+    options = ScanOptions(letters=("A", "E"), placement_tilt=0.0, press=RIGID)
+    scan, _ = scan_letters(options, cache=False)
+    train = np.flatnonzero(scan.split == "train")[::8]
+    few = Scan(scan.readings[train], scan.poses[train], scan.labels[train], scan.split[train], scan.taxel_xy)
+    presses = PressesAsRecorded(replace(few, meta={"options": options.model_dump(mode="json")}), few)
+    rng = np.random.default_rng(2)
+    errors = np.zeros((len(few), 5))
+    errors[:, :2] = 0.3 * rng.standard_normal((len(few), 2))
+    image = presses(replace(presses.stated, grown=(0.4, -0.3)), errors)
+    recorded = 20 * (image / 20) ** 0.7 + 0.3 * rng.standard_normal(image.shape)
+    free, held = (
+        fit_sensor(recorded, presses, presses.stated, presses.bending(), None, outline)
+        for outline in (presses.outline, None)
+    )
+    assert free.grown == pytest.approx((0.4, -0.3), abs=0.05)
+    assert all(low < by < high for by, (low, high) in zip((0.4, -0.3), free.grown_range, strict=True))
+    assert free.response == pytest.approx(0.7, abs=0.03)
+    assert free.psf_sigma == pytest.approx(1.0, abs=0.05)
+    assert free.placement_mm == pytest.approx(0.3, rel=0.25)
+    assert free.misfit < 0.8 * held.misfit
+    assert held.grown == ()
+
+
+def test_an_outline_is_moved_by_what_is_asked_and_never_away():
+    letter = models.letter("I")
+    x, y, right, top = letter.footprint.bounds()
+    assert wider(letter, 0.5).footprint.bounds() == pytest.approx((x - 0.5, y - 0.5, right + 0.5, top + 0.5))
+    assert wider(letter, -9.0).footprint.area() > 0.25 * letter.footprint.area()
+
+
+def test_an_ablation_ends_in_the_fitted_world(monkeypatch):
+    """Each world has one part of the fit more than the one before, and the last has all."""
+    world = fitted(RIGID, every=16, **RIGID)[1]
+    world = {**world, "load_spread": 0.1, "unit": "count"}
+    worlds = []
+
+    def scanned(options):
+        worlds.append(options)
+        return None, None
+
+    def known(scan, *_):
+        return {"accuracy": [0.5, 0.75], "touches_to_95": None}, np.ones((4, 2), bool)
+
+    monkeypatch.setattr(explained, "scan_letters", scanned)
+    monkeypatch.setattr(explained, "recognised", known)
+    start = ScanOptions(letters=("E",), placement_tilt=0.0, press=RIGID)
+    rows = explained.ablation(start, world, None, "refined", {}, 1, 2, 7, None)
+    assert worlds[0] == start.model_copy(update={"seed": 7, "unit": "count"})
+    assert worlds[-1] == ScanOptions.model_validate({**world, "seed": 7})
+    assert [row["accuracy"] for row in rows] == [0.75] * len(worlds)
+    assert all(row["gained"] == (0.0, 0.0, 0.0) for row in rows)
+
+
 def test_a_world_that_is_written_is_accepted(tmp_path):
     import dataclasses
 
@@ -101,8 +161,9 @@ def test_a_world_that_is_written_is_accepted(tmp_path):
         stiffness=1e-9,
     )
     for one in (fit, wild):
-        (tmp_path / "world.toml").write_bytes(tomli_w.dumps(_parameters(ScanOptions(), one)).encode())
+        (tmp_path / "world.toml").write_bytes(tomli_w.dumps(fitted_world(ScanOptions(), one, "kPa")).encode())
         options = scan_options(world=str(tmp_path / "world.toml"))
+    assert set(clipped(ScanOptions(), wild)) >= {"gain_spread", "placement_rad", "noise", "tilt_y"}
     assert options.sensor.gain_spread == 1
     assert options.press.stiffness == 1
     assert options.press.tilt_y == -0.2

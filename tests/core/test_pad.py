@@ -3,7 +3,6 @@ import pytest
 from pydantic import ValidationError
 
 from tactsim.core import InputError, Pad
-from tactsim.core.pad import taxel_grid
 from tactsim.press import ScanOptions
 
 
@@ -91,15 +90,3 @@ def test_equal_pads_are_equal_after_their_arrays_were_asked_for():
 def test_a_pad_without_a_finite_reading_is_refused_before_memory_is_asked_for(change):
     with pytest.raises(ValidationError):
         ScanOptions.model_validate(change)
-
-
-def test_taxels_are_arranged_in_rows_and_columns_in_whatever_order_they_come():
-    order = np.random.default_rng(0).permutation(12)
-    grid = taxel_grid(Pad(rows=3, columns=4).taxel_xy[order])
-    assert np.array_equal(order[grid], np.arange(12).reshape(3, 4))
-
-
-@pytest.mark.parametrize("xy", [[[0, 0], [1, 1]], [[0, 0], [0, 0]], [[0, 0], [1, 0], [0, 1]]])
-def test_taxels_that_are_no_whole_grid_are_refused(xy):
-    with pytest.raises(InputError, match="no whole grid"):
-        taxel_grid(np.array(xy, dtype=float))

@@ -355,3 +355,54 @@ def test_a_file_whose_sequence_does_not_fit_is_refused(moving, tmp_path):
     np.savez(tmp_path / "part.npz", **content)
     with pytest.raises(InputError, match="sequence without sequence_times"):
         Scan.load(tmp_path / "part.npz")
+
+
+def test_loads_go_with_their_presses(scan, tmp_path):
+    from tactsim.core.scan import train_on
+
+    loaded = replace(scan, loads=[1.0, 2.0, np.nan, 4.0, 5.0, 0.0])
+    loaded.save(tmp_path / "scan.npz")
+    again = Scan.load(tmp_path / "scan.npz")
+    assert np.array_equal(again.loads, loaded.loads, equal_nan=True)
+    assert again.digest == loaded.digest != scan.digest
+    assert loaded.where(split="test").loads.tolist() == [2, 4, 0]
+    assert loaded.untrained(["A"]).loads.tolist()[0] == 2
+    both = scan.joined(loaded, {})
+    assert np.isnan(both.loads[:6]).all()
+    assert np.array_equal(both.loads[6:], loaded.loads, equal_nan=True)
+    assert scan.joined(scan, {}).loads is None
+    assert train_on(loaded, scan).loads[:3].tolist()[0] == 1
+
+
+@pytest.mark.parametrize(
+    ("loads", "said"),
+    [
+        ([1.0] * 5, "6 numbers, one a press"),
+        ([[1.0]] * 6, "one a press"),
+        (["a"] * 6, "one a press"),
+        ([1.0, -2.0, np.nan, 1, 1, 1], "-2.0 N"),
+        ([np.inf] * 6, "finite"),
+    ],
+)
+def test_loads_that_make_no_sense_are_refused(scan, loads, said):
+    with pytest.raises(InputError, match=said):
+        replace(scan, loads=loads)
+
+
+def test_readings_keep_the_number_of_their_press(scan, tmp_path):
+    known = replace(scan, presses=[0, 0, 1, 1, 2, 9])
+    known.save(tmp_path / "scan.npz")
+    again = Scan.load(tmp_path / "scan.npz")
+    assert again.presses.tolist() == [0, 0, 1, 1, 2, 9]
+    assert again.digest == known.digest != scan.digest
+    assert known.where(split="test").presses.tolist() == [0, 1, 9]
+    # Presses of two scans are not taken for the same, and those of a scan that says nothing are each their own.
+    assert known.joined(known, {}).presses.tolist() == [0, 0, 1, 1, 2, 9, 10, 10, 11, 11, 12, 19]
+    assert scan.joined(known, {}).presses.tolist() == [0, 1, 2, 3, 4, 5, 6, 6, 7, 7, 8, 15]
+    assert scan.joined(scan, {}).presses is None
+
+
+@pytest.mark.parametrize("presses", [[0] * 5, [[0]] * 6, [0.5] * 6, ["a"] * 6, [-1] * 6, [2**64 - 1] * 6])
+def test_presses_that_are_no_numbers_are_refused(scan, presses):
+    with pytest.raises(InputError, match="6 whole numbers from 0 on"):
+        replace(scan, presses=presses)

@@ -24,16 +24,10 @@ RUN_PAGES = list(dict.fromkeys(b.page for b in BLOCKS if b.language in ("python"
 # Whole sweeps, each of which starts processes: half a minute. README.md has one of them.
 SLOW = {"docs/results.md"}
 
-# Files of the reader's own, which pages name without showing them: a drawing, and what a vendor's tool recorded.
+# Files of the reader's own, which pages name without showing them: a drawing.
 OWN = {
     "my-part.svg": '<svg xmlns="http://www.w3.org/2000/svg" width="20mm" height="24mm" viewBox="0 0 20 24">'
     '<path d="M0 0H20V5H5V24H0z"/></svg>',
-    "array.csv": "Time [ms], "
-    + ", ".join(f"Elem{k}" for k in range(256))
-    + "\n"
-    + "".join(
-        f"{100 * row}, " + ", ".join(str((7 * row + k) % 50) for k in range(256)) + "\n" for row in range(4)
-    ),
 }
 
 # What is not run, and why; each has the same reason in a comment on its page.
@@ -93,7 +87,7 @@ def run(block, names, behind, done):
             if arguments is None:
                 continue
             less = smaller(arguments)
-            if less[0] == "emulate":
+            if less[0] == "emulate" and "--plan" not in less:
                 behind.append(subprocess.Popen([BENCH, *less], stdout=subprocess.PIPE))
                 behind[-1].stdout.readline()  # it names the port that it has opened
             elif tuple(less) not in done:
@@ -139,14 +133,17 @@ def smaller(arguments):
         return [verb, *without(rest, "--objects"), *SMALL_SOLIDS]
     if verb == "scan" and "press.dynamics=full" in rest:  # a press takes a hundred times as long
         return [verb, *without(rest, "--letters"), "--letters", "I"]
-    if verb == "scan" and "--letters" not in rest:
+    world_of_a_file = dict(pairwise(rest)).get("--world", "").endswith(".toml")  # it says what is pressed
+    if verb == "scan" and "--letters" not in rest and not world_of_a_file:
         return [*arguments, "--letters", "AE"]
     if verb == "sweep":
         path = smaller_sweep(rest[0])
         return [verb, str(path), *without(rest[1:], "--jobs")]
+    if verb == "validate":
+        return [*arguments, "--trials", "1", "--estimator", "histogram"]
     if verb == "record":
         return [*arguments, "--poses", "random:3"]
-    if verb == "emulate":
+    if verb == "emulate" and "--plan" not in rest:  # which does not wait
         return [*arguments, "--rate", "200"]
     if verb in ("watch", "live"):
         few = ["--seconds", "0.5"] if verb == "watch" else ["--readings", "1"]
@@ -163,9 +160,8 @@ def smaller_sweep(source):
     few = {"trials": 1, "readings": 3}
     defaults = table.get("defaults", {})
     of_tasks = any("task" in one for one in (defaults, *table["run"]))
-    fewest = (
-        {"seed": 0} if of_tasks else {"letters": "AE"}
-    )  # a task has letters of its own, and several seeds
+    # A task has letters of its own, and several seeds; a scan of the page's own has labels of its own.
+    fewest = {"seed": 0} if of_tasks else {} if "scan" in defaults else {"letters": "AE"}
     lines = ["[defaults]", *map(first, (fewest | defaults | few).items())]
     for one in table["run"]:
         small = (few if "trials" in one else {}) | ({"letters": "AE"} if "letters" in one else {})

@@ -165,3 +165,43 @@ def test_force_is_the_sum_of_pressures_over_areas():
     # 36 taxels of 3.24 mm^2 at 10 kPa: 36 * 3.24e-6 m^2 * 1e4 Pa
     assert force(np.full(36, 10.0), Pad()) == pytest.approx(1.1664)
     assert force(np.ones((5, 36)), Pad()).shape == (5,)
+
+
+def large_pad(rng, loaded=(), frames=60):
+    device = small_device().model_copy(update={"pad": Pad(rows=8, columns=8)})
+    values = rng.standard_normal((frames, 64))
+    values[:, list(loaded)] += 40
+    return device, values
+
+
+def test_a_taxel_that_is_always_loaded_is_masked_and_named(rng):
+    device, values = large_pad(rng, loaded=(9, 10, 44))
+    tare = take_tare(readings(values), device, "here")
+    assert tare.loaded == (9, 10, 44)
+    assert np.flatnonzero(~tare.kept).tolist() == [9, 10, 44]
+    assert Calibration.model_validate(tare.model_dump()) == tare
+
+
+@pytest.mark.parametrize("loaded", [(9, 10, 11), (9, 18, 27), (0, 2, 16, 18)])
+def test_an_object_on_the_pad_is_no_loaded_taxel(rng, loaded):
+    device, values = large_pad(rng, loaded)
+    with pytest.raises(InputError, match=r"something touches the pad: taxel \d+ reads 4"):
+        take_tare(readings(values), device, "")
+
+
+def test_a_loaded_taxel_that_moves_is_a_touch(rng):
+    device, values = large_pad(rng, (9,))
+    values[30:, 9] += 20
+    with pytest.raises(InputError, match="something moves on the pad: taxel 9"):
+        take_tare(readings(values), device, "")
+
+
+def test_gains_leave_a_loaded_taxel_alone(rng):
+    device, values = large_pad(rng, (9,))
+    tare = take_tare(readings(values), device, "")
+    values[:, :] += 50
+    values[:, 9] = 40
+    gained = with_gain(tare, readings(values))
+    assert gained.dead == ()
+    assert gained.loaded == (9,)
+    assert gained.gain[9] == 1

@@ -21,7 +21,10 @@ def sample(rng, presses=300, taxels=20, s=(0.4, 2.0), mean=(0.3, -0.2, 1.0), sd=
 def test_what_a_sample_was_made_of_is_found():
     readings, slopes, shared, errors = sample(np.random.default_rng(1))
     found = press_errors(readings, slopes, 0.49, np.ones(3), GROUPS, shared, ANY)
-    assert found.shared == pytest.approx(0.4, abs=3 * found.shared_error)
+    assert found.shared[0] == pytest.approx(0.4, abs=3 * found.shared_error[0])
+    assert found.shared[1] == pytest.approx(2.0, abs=3 * found.shared_error[1])
+    for low, sd, high in zip(found.sd_low, (0.5, 0.5, 2.0), found.sd_high, strict=True):
+        assert low < sd < high
     assert found.mean == pytest.approx([0.3, -0.2, 1.0], abs=0.35)
     assert found.sd == pytest.approx([0.5, 0.5, 2.0], rel=0.1)
     assert np.sqrt(((found.errors - errors) ** 2).mean()) < 0.25
@@ -33,7 +36,7 @@ def test_the_stated_error_of_a_shared_number_is_that_of_repeats():
     for _ in range(60):
         readings, slopes, shared, _ = sample(rng, presses=40, taxels=8)
         found.append(press_errors(readings, slopes, 0.49, np.ones(3), GROUPS, shared, ANY))
-    scores = [(one.shared - 0.4) / one.shared_error for one in found]
+    scores = [(one.shared[0] - 0.4) / one.shared_error[0] for one in found]
     assert abs(np.mean(scores)) < 0.45
     assert 0.7 < np.std(scores) < 1.4
 
@@ -59,7 +62,7 @@ def test_a_bound_holds_and_the_other_shared_number_makes_up_for_it():
     readings, slopes, shared, _ = sample(np.random.default_rng(4))
     shared[..., 1] += shared[..., 0]
     found = press_errors(readings, slopes, 0.49, np.ones(3), GROUPS, shared, (0.9, 1.0))
-    assert found.shared == 0.9
+    assert found.shared[0] == 0.9
 
 
 def test_without_any_effect_errors_stay_at_nothing():
@@ -67,4 +70,5 @@ def test_without_any_effect_errors_stay_at_nothing():
     readings = rng.standard_normal((50, 10))
     found = press_errors(readings, np.zeros((50, 10, 3)), 1.0, np.ones(3), GROUPS, np.zeros((50, 10, 1)), ANY)
     assert found.errors == pytest.approx(np.zeros((50, 3)))
-    assert found.shared == 0
+    assert found.shared[0] == 0
+    assert np.isinf(found.shared_error[0])

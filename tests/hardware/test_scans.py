@@ -1,69 +1,15 @@
 from contextlib import nullcontext
-from dataclasses import replace
 
 import numpy as np
 import pytest
 from made_pads import csv_device, small_device
 
-from tactsim.core import InputError, Pad, Scan, transform
+from tactsim.core import InputError
 from tactsim.core.reading import Reading
 from tactsim.hardware.codecs.codec import Frame
 from tactsim.hardware.recorded import CsvReplay, Replay
 from tactsim.hardware.recording import Recorder
-from tactsim.hardware.scans import cut, read_intervals, scan_of_intervals
-
-
-def array_scan(rows=16, columns=16, **pad):
-    """A large even array that feels a smooth field of the object's frame, at two poses."""
-    pad = Pad(rows=rows, columns=columns, seam=None, unread_columns=0, **pad)
-    poses = np.array([[0.0, 0.0, 0.0], [3.0, -2.0, 0.7]])
-    points = transform(poses, pad.taxel_xy)
-    return Scan(field(points), poses, np.array(["A", "B"]), np.array(["train", "test"]), pad.taxel_xy)
-
-
-def field(points):
-    return 50 + 3 * points[..., 0] + 20 * np.sin(points[..., 1] / 5)
-
-
-@pytest.mark.parametrize(
-    ("window", "stride", "count"), [((5, 5), 1, 144), ((5, 5), 3, 16), ((16, 16), 1, 1), ((1, 2), 15, 2)]
-)
-def test_each_cut_feels_the_same_place_of_the_object(window, stride, count):
-    scan = array_scan()
-    touches = cut(scan, *window, stride)
-    assert touches.readings.shape == (2 * count, window[0] * window[1])
-    assert np.allclose(touches.taxel_xy.mean(axis=0), 0)
-    assert np.allclose(touches.readings, field(transform(touches.poses, touches.taxel_xy)))
-    assert (touches.labels == "A").sum() == (touches.split == "train").sum() == count
-
-
-def test_what_is_cut_is_described_by_its_own_pad():
-    whole = Pad(rows=16, columns=16, seam=None)
-    scan = replace(array_scan(), meta={"pad": whole.model_dump(mode="json")})
-    assert Pad.model_validate(cut(scan, 5, 4).about["pad"]) == Pad(
-        rows=5, columns=4, seam=None, unread_columns=0
-    )
-    assert cut(array_scan(), 5, 4).about["pad"] is None
-
-
-@pytest.mark.parametrize("window", [(17, 5), (0, 5), (5, -1)])
-def test_a_window_that_does_not_fit_is_refused(window):
-    with pytest.raises(InputError, match="cannot be cut from 16x16"):
-        cut(array_scan(), *window)
-
-
-def test_a_pad_with_a_seam_or_a_masked_taxel_is_not_cut():
-    seamed = Pad()
-    with pytest.raises(InputError, match="not evenly spaced"):
-        cut(
-            Scan(np.zeros((1, 36)), np.zeros((1, 3)), np.array(["A"]), np.array(["train"]), seamed.taxel_xy),
-            3,
-            3,
-        )
-    xy = np.delete(array_scan().taxel_xy, 7, axis=0)
-    with pytest.raises(InputError, match="no whole grid"):
-        cut(Scan(np.zeros((1, 255)), np.zeros((1, 3)), np.array(["A"]), np.array(["train"]), xy), 3, 3)
-
+from tactsim.hardware.scans import read_intervals, scan_of_intervals
 
 MARKS = """label,split,x_mm,y_mm,theta_rad,first_s,last_s
 A,train,1.0,2.0,0.5,0.09,0.31

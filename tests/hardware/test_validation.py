@@ -43,8 +43,13 @@ def test_known_parameters_are_found_again(rng):
     recorded = 1.3 * gains * read(world, 0.8, errors) + 0.3 * rng.standard_normal((60, 36))
     fit = fit_sensor(recorded, world, STATED, BENDING)
     assert fit.psf_sigma == pytest.approx(0.8, abs=0.05)
-    assert fit.psf_sigma_error < 0.05
+    low, high = fit.psf_sigma_range
+    assert low < 0.8 < high
+    assert high - low < 0.2
     assert fit.gain == pytest.approx(1.3 * gains.mean(), rel=0.03)
+    assert fit.response_range[0] < 1 < fit.response_range[1]
+    assert fit.load_spread < 0.03
+    assert fit.gains_saved[0] > 2 * fit.gains_saved[1]
     assert np.corrcoef(fit.gain_per_taxel, gains)[0, 1] > 0.9
     assert fit.offset == pytest.approx([0.5, -0.3, 0.05], abs=0.15)
     assert fit.placement_mm == pytest.approx(0.4, rel=0.25)
@@ -55,10 +60,76 @@ def test_known_parameters_are_found_again(rng):
 def test_a_perfect_recording_of_the_simulation_needs_no_change(rng):
     world = Bumps(rng)
     fit = fit_sensor(read(world, 1.2, np.zeros((60, 3))), world, STATED, BENDING)
+    assert fit.response == pytest.approx(1, abs=2e-3)
+    assert fit.load_spread < 0.01
     assert fit.psf_sigma == pytest.approx(1.2, abs=2e-3)
     assert fit.gain == pytest.approx(1.0, abs=1e-3)
     assert fit.placement_mm < 0.01
     assert fit.noise < 0.05
+
+
+@pytest.mark.parametrize("response", [0.5, 2.0])
+def test_response_and_loads_are_found_whatever_the_unit(rng, response):
+    """The pad bends pressures, presses have loads of their own, and readings come in thousandths."""
+    world, unit = Bumps(rng), 1e-3
+    errors = rng.standard_normal((60, 3)) * [0.3, 0.3, 0.03]
+    loads = np.exp(0.25 * rng.standard_normal(60))
+    image = loads[:, None] * read(world, 0.8, errors)
+    recorded = unit * (10 * (image / 10) ** response + 0.1 * rng.standard_normal((60, 36)))
+    fit = fit_sensor(recorded, world, STATED, BENDING)
+    low, high = fit.response_range
+    assert abs(fit.response - response) < high - low  # twice as far as one of 20 is
+    assert fit.response == pytest.approx(response, rel=0.05)
+    assert fit.load_spread == pytest.approx(0.25, rel=0.3)
+    assert np.corrcoef(np.log(fit.loads), np.log(loads))[0, 1] > 0.97
+    assert fit.psf_sigma == pytest.approx(0.8, abs=0.1)
+    same = fit_sensor(recorded / unit, world, STATED, BENDING)
+    assert fit.psf_sigma == pytest.approx(same.psf_sigma, rel=1e-6)
+    assert fit.gain == pytest.approx(unit * same.gain, rel=1e-6)
+
+
+def test_gains_that_are_not_there_are_left_alone(rng):
+    world = Bumps(rng)
+    recorded = read(world, 0.8, np.zeros((60, 3))) + 0.3 * rng.standard_normal((60, 36))
+    fit = fit_sensor(recorded, world, STATED, BENDING)
+    assert fit.gains_saved[0] < 2 * fit.gains_saved[1]
+    assert fit.gain_per_taxel == pytest.approx(np.ones(36), abs=0.01)
+
+
+def test_a_point_spread_on_its_bound_has_no_tight_interval(rng):
+    """What is recorded is sharper than the sharpest point spread that is tried."""
+    world = Bumps(rng)
+    fit = fit_sensor(read(world, 0.05, np.zeros((60, 3))), world, STATED, BENDING)
+    assert fit.psf_sigma == pytest.approx(0.3, abs=0.01)
+    assert fit.psf_sigma_range[0] == 0
+
+
+def test_one_press_has_no_tight_intervals(rng):
+    world = Bumps(rng, presses=1)
+    recorded = read(world, 0.9, np.zeros((1, 3))) + 0.3 * rng.standard_normal((1, 36))
+    low, high = fit_sensor(recorded, world, STATED, BENDING).psf_sigma_range
+    assert high - low > 0.02
+
+
+def test_what_readings_say_nothing_of_is_not_identified(rng):
+    def half(sigma, errors):
+        return np.tile(np.linspace(20, 60, 30)[:, None], (1, 10))
+
+    fit = fit_sensor(half(1.0, None) + rng.standard_normal((30, 10)), half, STATED, BENDING)
+    assert fit.psf_sigma_range == (0, np.inf)
+
+
+def test_held_out_presses_are_judged_by_the_others(rng):
+    """Gains of a recording that are another in every group of presses fit it, and predict none of it."""
+    world, fold = Bumps(rng), np.arange(60) % 6
+    gains = 1 + 0.3 * rng.standard_normal((6, 36))
+    recorded = gains[fold] * read(world, 0.8, np.zeros((60, 3)))
+    fit = fit_sensor(recorded, world, STATED, BENDING, fold)
+    assert fit.gains_saved[0] < 2 * fit.gains_saved[1]
+    fitted = fit.answered(read(world, fit.psf_sigma, fit.placement))
+    left = [np.sqrt(((recorded - one) ** 2).mean()) for one in (fitted, fit.held_out_placed, fit.held_out)]
+    assert left[0] < left[1]
+    assert left[0] < left[2]
 
 
 def test_readings_that_follow_nothing_are_refused(rng):

@@ -23,7 +23,7 @@ from tactsim.bench.config import RunConfig, run_config
 from tactsim.bench.placement_error import Properties, fold_angle, placement_error
 from tactsim.bench.runner import finished_run, gather, plan_of, silent
 from tactsim.bench.trial_workers import run_trials
-from tactsim.bench.trials import Task
+from tactsim.bench.trials import OneTrial
 from tactsim.core import invert, transform
 from tactsim.press import balance, bed
 
@@ -128,7 +128,7 @@ def print_stages() -> None:
         start = process_time()
         fitted = plan.fitted()
         times.append(process_time() - start)
-        tasks = [Task(letter, trial) for letter in gathered.letters for trial in range(4)]
+        tasks = [OneTrial(letter, trial) for letter in gathered.letters for trial in range(4)]
         start = process_time()
         trials, work = run_trials(plan, fitted, tasks, progress=silent)
         within = float(trials.seconds.sum())

@@ -38,6 +38,10 @@ def make_scan(
             "sequence_times": np.arange(1, frames + 1) / 200,
             "sequence_force": numbers(count, frames).astype(np.float32),
         }
+    if rng.random() < 0.5:
+        moving["loads"] = np.where(rng.random(count) < 0.3, np.nan, np.abs(numbers(count)))
+    if rng.random() < 0.5:
+        moving["presses"] = rng.integers(0, 3, count)
     return Scan(
         numbers(count, taxels), numbers(count, 3), rng.choice(np.array(labels), count), rng.choice(splits, count),
         numbers(taxels, 2), {} if meta is None else meta, **moving,

@@ -9,7 +9,7 @@ from tactsim.bench.leaderboard.record import Machine, Record, bundle_hash, write
 from tactsim.bench.placement_error import Properties
 from tactsim.bench.run import Run
 from tactsim.bench.tasks import task
-from tactsim.bench.trials import Task, Trials, draw_true_pose, generator
+from tactsim.bench.trials import OneTrial, Trials, draw_true_pose, generator
 from tactsim.core.poses import compose
 from tactsim.estimators import NONE
 
@@ -55,7 +55,7 @@ def _run(asked, of, method, skill, mm, seconds, seed, bounds):
     luck = shared.logistic(size=(n, 1)) + own.logistic(size=(n, 1))
     right = luck < 2 * (skill * np.log2(1 + np.arange(r)) - 1)
     poses = [
-        draw_true_pose(generator(of, Task(str(letter), int(k)), 0))
+        draw_true_pose(generator(of, OneTrial(str(letter), int(k)), 0))
         for letter, k in zip(truth, number, strict=True)
     ]
     true_pose = np.repeat(np.array(poses)[:, None], r, axis=1)

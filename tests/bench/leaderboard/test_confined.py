@@ -9,7 +9,7 @@ from tactsim.bench import runner
 from tactsim.bench.leaderboard.confined import Limits, NoScore
 from tactsim.bench.leaderboard.confined_trials import confined_processes, run_trials_confined
 from tactsim.bench.trial_workers import run_trials
-from tactsim.bench.trials import Task, Trials
+from tactsim.bench.trials import OneTrial, Trials
 from tactsim.core import InputError
 
 SMALL = Limits(fit_s=60, trial_s=60, memory_mb=400)
@@ -30,7 +30,7 @@ def confine(plugged, gathered, small_config):
     def run(name, limits=SMALL, jobs=1, rng=0, count=2, **words):
         config = small_config(estimator=name, **words)
         plan = runner.plan_of(config, gathered.scan)
-        tasks = [Task(letter, trial) for letter in gathered.letters for trial in range(count)]
+        tasks = [OneTrial(letter, trial) for letter in gathered.letters for trial in range(count)]
         return behind_fences(plan, tasks, jobs, limits, rng)
 
     return run
@@ -62,7 +62,7 @@ def differing(one, other):
 def test_a_built_in_estimator_answers_the_same_behind_the_fence(words, gathered, small_config):
     config = small_config(**words)
     plan = runner.plan_of(config, gathered.scan)
-    tasks = [Task(letter, trial) for letter in gathered.letters for trial in range(2)]
+    tasks = [OneTrial(letter, trial) for letter in gathered.letters for trial in range(2)]
     free, work = run_trials(plan, plan.fitted(), tasks, progress=runner.silent)
     behind, same_work, estimator = behind_fences(plan, tasks)
     assert differing(free, behind) == []
@@ -84,7 +84,7 @@ def test_a_plug_in_answers_the_same_in_any_order_and_number_of_processes(confine
 @pytest.mark.parametrize("explore", ["random", "information"])
 def test_a_plug_in_answers_as_it_does_in_the_harness(explore, gathered, small_config, imported):
     plan = replace(runner.plan_of(small_config(estimator="choosy"), gathered.scan), explore=explore)
-    tasks = [Task(letter, trial) for letter in gathered.letters for trial in range(2)]
+    tasks = [OneTrial(letter, trial) for letter in gathered.letters for trial in range(2)]
     behind, *_ = behind_fences(plan, tasks)
     guess = imported("guess")
     given = replace(plan, given=guess.Choosy(guess.GuessOptions()))

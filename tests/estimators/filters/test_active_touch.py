@@ -67,4 +67,4 @@ def test_the_calibrated_model_is_learned_at_most_once_and_readings_are_let_go(
         estimator.propose(scan.poses[:3])
     assert len(learned) == 1
     assert planned == learned
-    assert estimator._train is None
+    assert estimator.filter._train is None  # of what proposes, within what fits to the pad

@@ -103,7 +103,7 @@ def test_models_are_weighed_by_how_well_they_foretold_each_reading(two):
     readings, poses, _ = sequence(two, "E", 5)
     estimator = fitted("refined", two, bins=1000, motion="auto")
     estimates(estimator, readings[:4], poses[:4])
-    moving = estimator.filter
+    moving = estimator.filter.filter
     belief, before = moving.filter.weighted_states(), moving._rest
     estimator.update(readings[4], poses[4])
     likelihood = np.empty(len(belief.letter))
@@ -198,7 +198,7 @@ def test_scales_are_mixed_and_jumps_leave_the_mass_as_it_is(small):
     for reading, pose in zip(readings, poses, strict=True):
         estimator.update(reading, pose)
         assert sum(estimator.estimate().probabilities.values()) == pytest.approx(1)
-    bins: MovingBins = estimator.filter._belief
+    bins: MovingBins = estimator.filter.filter._belief
     before = bins._p.sum()
     bins._move()
     assert bins._p.sum() == pytest.approx(before, rel=1e-9)

@@ -73,7 +73,7 @@ def test_what_the_mean_may_be_off_by_does_not_average_out():
 
 def test_a_letters_own_readings_fit_and_those_looked_up_elsewhere_do_not(mosaics):
     for label in "EILT":
-        misfit = learn_misfit(mosaics, label)
+        (misfit,) = learn_misfit(mosaics, label)
         near, far, elsewhere = mosaics.left_out(label)
         assert misfit.mean == pytest.approx((near.mean() + far.mean()) / 2)
         assert misfit.drift == pytest.approx(abs(far.mean() - near.mean()) / math.sqrt(12))

@@ -63,7 +63,7 @@ def test_a_taxel_is_judged_by_the_map_without_the_presses_at_its_position():
     model = fitted(scan)
     odds, classes = model.left_out("E", scan)
     assert np.array_equal(classes, classify(scan.readings))
-    part = folds(scan.poses)
+    part = folds(scan)
     known = touched_elsewhere(scan, part)
     at = transform(scan.poses, scan.taxel_xy)
     assert odds[~known] == pytest.approx(model.maps["E"].log_odds_at(at[~known]))

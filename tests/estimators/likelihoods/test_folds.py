@@ -1,9 +1,12 @@
 """Parts of the training readings: by position, alike in size, and no neighbours together."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from synthetic import make_scan, paper_poses
 
+from tactsim.core import Scan, compose
 from tactsim.estimators.likelihoods.folds import (
     FOLDS,
     by_letter,
@@ -14,9 +17,15 @@ from tactsim.estimators.likelihoods.folds import (
 )
 
 
+def pressed_at(poses, presses=None):
+    """A scan whose presses are made at poses (n, 3); what is felt does not matter."""
+    labels, split = np.full(len(poses), "A"), np.full(len(poses), "train")
+    return Scan(np.ones((len(poses), 1)), poses, labels, split, np.zeros((1, 2)), presses=presses)
+
+
 def test_presses_at_one_position_are_in_one_part_and_parts_are_alike():
     poses = paper_poses(4, 12)
-    part = folds(poses)
+    part = folds(pressed_at(poses))
     for x, y in np.unique(poses[:, :2], axis=0):
         assert len(set(part[(poses[:, 0] == x) & (poses[:, 1] == y)])) == 1
     assert np.bincount(part).tolist() == [len(poses) // FOLDS] * FOLDS
@@ -24,7 +33,7 @@ def test_presses_at_one_position_are_in_one_part_and_parts_are_alike():
 
 def test_neighbours_are_in_different_parts():
     poses = paper_poses(4, 1)
-    part, step = folds(poses), np.diff(np.unique(poses[:, 0])).min()
+    part, step = folds(pressed_at(poses)), np.diff(np.unique(poses[:, 0])).min()
     apart = np.linalg.norm(poses[:, None, :2] - poses[None, :, :2], axis=2)
     near = (apart > 0) & (apart < 1.1 * step)
     assert not (near & (part[:, None] == part)).any()
@@ -33,21 +42,52 @@ def test_neighbours_are_in_different_parts():
 def test_presses_are_dealt_out_so_that_every_position_is_in_every_part():
     poses = paper_poses(4, 12)
     shuffled = np.random.default_rng(0).permutation(len(poses))
-    part, which = presses(poses[shuffled]), positions(poses[shuffled])
+    scan = pressed_at(poses[shuffled])
+    part, which = presses(scan), positions(scan)
     for number in range(16):
         mine = which == number
         assert np.bincount(part[mine]).tolist() == [3] * FOLDS
         turned = part[mine][np.argsort(poses[shuffled][mine, 2])]
         assert (np.diff(turned) % FOLDS == 1).all()  # neighbours in angle are in different parts
     # With one press at each position nothing is left there: they are parts of positions.
-    assert np.bincount(presses(poses[::12])).tolist() == [4] * FOLDS
+    assert np.bincount(presses(pressed_at(poses[::12]))).tolist() == [4] * FOLDS
 
 
 @pytest.mark.parametrize("count", [1, 2, 3, 9])
 def test_few_positions_make_fewer_parts_and_one_position_is_divided_by_presses(count):
     poses = np.repeat(np.column_stack([5.0 * np.arange(count), np.zeros((count, 2))]), 6, axis=0)
-    assert positions(poses).max() + 1 == count
-    assert len(set(folds(poses))) == (FOLDS if count == 1 else min(count, FOLDS))
+    scan = pressed_at(poses)
+    assert positions(scan).max() + 1 == count
+    assert len(set(folds(scan))) == (FOLDS if count == 1 else min(count, FOLDS))
+
+
+@pytest.mark.parametrize("divide", [folds, presses])
+def test_readings_of_one_press_are_in_one_part_and_parts_are_those_of_whole_presses(divide):
+    poses = np.random.default_rng(0).uniform((-8, -8, 0), (8, 8, 6), (21, 3))
+    windows = np.array([[x, y, 0.0] for x in (-6.0, 6.0) for y in (-6.0, 6.0)])
+    cut = np.concatenate([compose(poses, window) for window in windows])
+    shuffled = np.random.default_rng(1).permutation(len(cut))
+    number = np.tile(100 + np.arange(21), 4)[shuffled]
+    part = divide(pressed_at(cut[shuffled], number))
+    whole = divide(pressed_at(poses))
+    assert np.array_equal(part, whole[number - 100])
+    assert max(len(set(divide(pressed_at(cut))[number.argsort()][k : k + 4])) for k in range(0, 84, 4)) > 1
+
+
+def test_moments_of_presses_at_one_pose_are_divided_by_presses():
+    number = np.repeat(np.arange(8), 3)
+    scan = pressed_at(np.zeros((24, 3)), number)
+    for part in (folds(scan), presses(scan)):
+        assert all(len(set(part[number == press])) == 1 for press in range(8))
+        assert np.bincount(part).tolist() == [6] * FOLDS
+
+
+def test_parts_are_divided_letter_by_letter():
+    scan = pressed_at(paper_poses(3, 4), np.arange(36))
+    both = replace(scan, labels=np.where(np.arange(36) % 3, "A", "E"))
+    part = by_letter(folds, both)
+    for label in "AE":
+        assert np.array_equal(part[both.labels == label], folds(both.where(label=label)))
 
 
 def test_a_taxel_beyond_what_others_felt_is_not_touched_elsewhere():

@@ -46,9 +46,7 @@ def test_grades_are_counted_as_by_brute_force(scan):
     lower, upper = np.quantile(scales, [1 / 3, 2 / 3])
     for label in scan.letters:
         letter = scan.where("train", label)
-        for reading, known in zip(
-            letter.readings, touched_elsewhere(letter, folds(letter.poses)), strict=True
-        ):
+        for reading, known in zip(letter.readings, touched_elsewhere(letter, folds(letter)), strict=True):
             grades, scale = model.graded(reading)
             for grade in grades[known]:
                 counts[int(scale > lower) + int(scale > upper), grade] += 1

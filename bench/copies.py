@@ -1,0 +1,67 @@
+"""What a reader of a run must know of its presses: near copies of training presses, and a training set of one load."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tactsim.core import Scan
+
+# mm and rad: presses at poses that are as near were made at one pose.
+_SAME = 1e-2
+# Presses at one pose whose readings correlate so well are near copies; so many of the test presses make a warning.
+_ALIKE, _MANY = 0.998, 0.5
+# Loads that differ by less than this share are one.
+_ONE_LOAD = 0.02
+
+
+def notes_on(scan: Scan) -> list[str]:
+    """Say in a line each what limits a run on this scan; nothing if nothing is known to."""
+    notes = []
+    share, correlation = near_copies(scan)
+    if share >= _MANY:
+        notes.append(
+            f"{share:.0%} of the test presses are near copies of training presses (same pose, correlation "
+            f"{correlation:.4f}): this measures how well presses repeat, not how well new ones are recognised"
+        )
+    loads = scan.where("train").loads
+    known = np.array([]) if loads is None else loads[~np.isnan(loads)]
+    if len(known) > 1 and np.ptp(known) <= _ONE_LOAD * known.max():
+        notes.append(
+            f"all training presses are of one load, {np.median(known):.3g} N; other loads are recognised better with "
+            "several moments of each press (bench replay --moments auto)"
+        )
+    return notes
+
+
+def near_copies(scan: Scan) -> tuple[float, float]:
+    """Find the share of the test presses that are near copies of a training press, and their median correlation.
+
+    A near copy is of the same object, at the same pose within 0.01 mm and 0.01 rad, and its reading correlates with the
+    other's by .998 or more. Readings that are the same all over, such as those beside the object, do not count.
+    """
+    train, test = scan.where("train"), scan.where("test")
+    counted, alike = 0, []
+    for label in test.letters:
+        known, new = train.where(label=label), test.where(label=label)
+        varied = np.ptp(new.readings, axis=1) > 0
+        counted += int(varied.sum())
+        if not len(known):
+            continue
+        order = np.argsort(known.poses[:, 0])  # so that few have to be compared with each press
+        along = known.poses[order, 0]
+        for row in np.flatnonzero(varied):
+            pose = new.poses[row]
+            first, last = np.searchsorted(along, [pose[0] - _SAME, pose[0] + _SAME])
+            some = order[first:last]
+            near = some[np.linalg.norm(known.poses[some] - pose, axis=1) <= _SAME]
+            best = max((_correlation(new.readings[row], known.readings[k]) for k in near), default=0.0)
+            if best >= _ALIKE:
+                alike.append(best)
+    return len(alike) / max(counted, 1), float(np.median(alike)) if alike else 0.0
+
+
+def _correlation(one: np.ndarray, other: np.ndarray) -> float:
+    """Give Pearson's correlation of two readings; 0 if one is the same all over."""
+    a, b = one - one.mean(), other - other.mean()
+    norm = float(np.sqrt((a @ a) * (b @ b)))
+    return float(a @ b) / norm if norm > 0 else 0.0

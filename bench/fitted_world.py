@@ -1,0 +1,124 @@
+"""The world of a fitted pad: the options of a scan that reads as the recorded pad does."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pydantic import BaseModel
+
+from tactsim.bench.config import merged
+from tactsim.hardware.sensor_fit import SensorFit
+from tactsim.press.scan_options import PressOptions, ScanOptions, SensorOptions
+
+_FORCE_ALONE = (0.1, 10.0)  # a gain within is an error of the force; one beyond it is another unit
+_CURVED = 0.2  # an exponent so far from 1 tells the pressure that a response reads right
+_PRESSURES = (np.log(1e-3), np.log(1e6))  # kPa, its bounds
+_DIGITS = 5
+
+
+def fitted_world(options: ScanOptions, fit: SensorFit, unit: str) -> dict[str, Any]:
+    """Say how a scan reads as the recorded pad does: a world file, with letters, shapes and pad of the simulation.
+
+    Gain and force cannot be told apart by readings alone. Where the response is bent, its pressure takes both, and the
+    force is as stated; else the force takes both. A pressure that is larger by one
+    factor everywhere has a larger slope, too: tilts grow with it, or, where the gain is that of another unit, layer
+    and wrist. A recorded press is a mean of frames; what the mean leaves of the sensor's resolution is part of the
+    fitted noise. A response and a spread of loads whose intervals include none are left out. What is
+    beyond the bounds of a scan's options is put on the nearest bound: `clipped` names it.
+    """
+    stated = options.model_dump(
+        mode="json", exclude_defaults=True, exclude={"seed", "test_poses", "test_load"}
+    )
+    stated.setdefault("letters", list(options.letters))
+    if "shapes" in stated:
+        stated["shapes"] = [str(Path(path).resolve()) for path in stated["shapes"]]
+    changes = _changes(options, fit)
+    world = merged(stated, {"unit": unit, **_rounded(changes)})
+    return _without_none(world)
+
+
+def clipped(options: ScanOptions, fit: SensorFit) -> dict[str, float]:
+    """Name what was found beyond the bounds of a scan's options, with what was found."""
+    beyond = {}
+    for group, values in _groups(_changes(options, fit)):
+        for name, value in values.items():
+            if isinstance(value, float) and _within(group, name, value) != _round(value):
+                beyond[name] = value
+    return beyond
+
+
+def _changes(options: ScanOptions, fit: SensorFit) -> dict[str, Any]:
+    bent = not fit.response_range[0] <= 1 <= fit.response_range[1]
+    gain, pressure = fit.gain, fit.gain * fit.typical
+    if bent and abs(fit.response - 1) > _CURVED:
+        # gain typical (p / typical)^g is p0 (p / p0)^g with this p0.
+        logarithm = np.log(fit.typical) + np.log(gain) / (1 - fit.response)
+        if _PRESSURES[0] < logarithm < _PRESSURES[1]:
+            gain, pressure = 1.0, float(np.exp(logarithm))
+    layer = 1.0
+    if not _FORCE_ALONE[0] <= gain <= _FORCE_ALONE[1]:
+        least = max(1 / fit.stiffness, 1 / fit.wrist if np.isfinite(fit.wrist) else 0.0)
+        most = min(1e6 / fit.stiffness, 1e7 / fit.wrist if np.isfinite(fit.wrist) else np.inf)
+        layer = float(np.clip(gain, least, most))
+    tilt = gain / layer
+    tilt_x, tilt_y = (tilt * fit.tilt_offset).tolist()
+    uneven = fit.load_spread_range[0] > 0
+    return {
+        "placement_mm": fit.placement_mm,
+        "placement_rad": fit.placement_rad,
+        "placement_tilt": tilt * fit.placement_tilt,
+        "load_spread": fit.load_spread if uneven else 0.0,
+        "press": {
+            "force": options.press.force * gain,
+            "stiffness": layer * fit.stiffness,
+            "wrist_stiffness": layer * fit.wrist if np.isfinite(fit.wrist) else "rigid",
+            "tilt_x": tilt_x,
+            "tilt_y": tilt_y,
+        },
+        "sensor": {
+            "psf_sigma": fit.psf_sigma,
+            "response": fit.response if bent else 1.0,
+            "response_pressure": pressure,
+            "noise": fit.noise,
+            "gain_spread": fit.gain_spread,
+            "resolution": 0.0,
+        },
+    }
+
+
+def _groups(changes: dict[str, Any]) -> list[tuple[type[BaseModel], dict[str, Any]]]:
+    plain = {name: value for name, value in changes.items() if not isinstance(value, dict)}
+    return [(ScanOptions, plain), (PressOptions, changes["press"]), (SensorOptions, changes["sensor"])]
+
+
+def _rounded(changes: dict[str, Any]) -> dict[str, Any]:
+    """Round all values, and put them on the nearest bounds of their options."""
+    plain, press, sensor = (
+        {
+            name: _within(group, name, value) if isinstance(value, float) else value
+            for name, value in values.items()
+        }
+        for group, values in _groups(changes)
+    )
+    return {**plain, "press": press, "sensor": sensor}
+
+
+def _within(model: type[BaseModel], name: str, value: float) -> float:
+    schema = model.model_json_schema()["properties"][name]
+    bounds = next(kind for kind in (schema, *schema.get("anyOf", ())) if kind.get("type") == "number")
+    return float(np.clip(_round(value), bounds.get("minimum", -np.inf), bounds.get("maximum", np.inf)))
+
+
+def _round(value: float) -> float:
+    return float(f"{value:.{_DIGITS}g}")
+
+
+def _without_none(values: dict[str, Any]) -> dict[str, Any]:
+    """Leave out what TOML cannot say; such an option has its default."""
+    return {
+        name: _without_none(value) if isinstance(value, dict) else value
+        for name, value in values.items()
+        if value is not None
+    }

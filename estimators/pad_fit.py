@@ -1,0 +1,287 @@
+"""What is fitted to a pad from the training readings alone: unit, lengths, response curve, and options of maps.
+
+Defaults were found for the paper's pad: lengths in mm for its pitch of 1.9 mm, the threshold of eq. 3 for presses in
+which a covered taxel reads 36 kPa. Readings of another pad are brought to that: lengths are divided by the ratio of
+the pitches, readings by their scale. So no default depends on a unit or a pitch, whatever filter it is a default of.
+Then the options of the maps that were not given are chosen, one after another, by what the maps say of training
+readings that they were not made from.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from tactsim.core import Scan
+from tactsim.core.lengths import pitch
+from tactsim.core.poses import FloatArray
+from tactsim.core.provenance import statements
+from tactsim.estimators.likelihoods.contact_information import (
+    class_information,
+    pressure_information,
+    some_letters,
+)
+from tactsim.estimators.likelihoods.folds import can_leave_out
+from tactsim.estimators.likelihoods.scale import lehmer_mean
+from tactsim.estimators.options import FilterOptions, OpenSetOptions
+
+_PITCH = 1.9  # mm, of the paper's pad by `lengths.pitch`
+_SCALE = 36.0  # kPa, the median scale of simulated presses with 2 N on the paper's pad
+# A reading touches if its scale is above this share of that which a tenth of the readings exceed.
+_TOUCHES = 0.2
+# Options that are lengths, mm; `reach` and `motion` may be words, too.
+_LENGTHS = ("sigma", "cell", "noise_mm", "kld_mm")
+# What is tried, in mm and kPa of the paper's pad; cells are as fine beside sigma as the defaults are. A ratio below the
+# paper's is not tried: of single touches it may say more, and yet sequences are recognised less often.
+_TRIED = {
+    "threshold": (0.7, 1.0, 1.4, 2.0, 2.8, 3.6, 5.0, 7.0),
+    "ratio": (0.3, 0.4),
+    "sigma": (0.7, 1.0, 1.4, 2.0),
+}
+_CELL = 0.4
+_START = {"threshold": 2.0}
+# Exponents of the curve that straightens readings: 1 / 2 undoes a response that squares.
+_EXPONENTS = (0.35, 0.5, 0.7, 1.0, 1.4, 2.0, 2.8)
+# Another value than the default must say so much more: chance differs by less. A bent response by less than an option:
+# readings stay the same, and are counted in the same bins.
+_MORE, _MORE_BENT = 1.01, 1.002
+# A calibrated model counts classes in one bin for so many training taxels, in 4 to 16 bins.
+_OF_A_BIN, _FEWEST, _MOST = 500, 4, 16
+
+
+@dataclass(frozen=True)
+class PadUnits:
+    """How lengths and readings of a pad are brought to those of the paper's pad.
+
+    length: mm that count as 1 mm. pressure: what is read, in the scan's unit, that counts as 36 kPa. exponent: of the
+    response curve 36 kPa (z / pressure)^exponent of readings z, the same for all taxels; 1 is a straight line.
+    """
+
+    length: float = 1.0
+    pressure: float = _SCALE
+    exponent: float = 1.0
+
+    def readings(self, readings: FloatArray) -> FloatArray:
+        """Bring readings (..., taxels) to kPa of the paper's pad; what is below 0 stays below 0.
+
+        They are rounded to single precision, so that readings in another unit give the same to the last bit.
+        """
+        values = _SCALE * np.sign(readings) * np.abs(readings / self.pressure) ** self.exponent
+        return _single(values)
+
+    def reading_of(self, pressure: float) -> float:
+        """Give what a taxel reads, in the scan's unit, under a pressure in kPa of the paper's pad."""
+        share = abs(pressure) / _SCALE
+        return float(np.copysign(self.pressure * share ** (1 / self.exponent), pressure))
+
+    def poses(self, poses: FloatArray) -> FloatArray:
+        """Bring poses (..., 3) to mm of the paper's pad; angles stay."""
+        return np.concatenate([self.places(poses[..., :2]), poses[..., 2:]], axis=-1)
+
+    def places(self, xy: FloatArray) -> FloatArray:
+        """Bring places (..., 2) mm to mm of the paper's pad, rounded as readings are.
+
+        On a lattice many places are equally near; which is taken must not depend on the unit.
+        """
+        return _single(xy / self.length)
+
+    def poses_back(self, poses: FloatArray) -> FloatArray:
+        """Bring poses (..., 3) in mm of the paper's pad back to mm."""
+        return poses * [self.length, self.length, 1.0]
+
+    def scan(self, scan: Scan) -> Scan:
+        """Bring a scan to mm and kPa of the paper's pad; what was felt on the way to rest is left out."""
+        return replace(
+            scan,
+            readings=self.readings(scan.readings),
+            poses=self.poses(scan.poses),
+            taxel_xy=self.places(scan.taxel_xy),
+            sequence=None,
+            sequence_times=None,
+            sequence_force=None,
+        )
+
+
+@dataclass(frozen=True)
+class PadFit:
+    """What was fitted to a scan's pad. units: see there. chosen: by name, in mm and kPa of the paper's pad.
+
+    before, after: nats, what a map says of a left-out taxel with the defaults and with what was chosen; None where
+    nothing was to be chosen.
+    """
+
+    units: PadUnits
+    chosen: Mapping[str, float] = field(default_factory=dict)
+    before: float | None = None
+    after: float | None = None
+
+    def inner(self, options: FilterOptions) -> FilterOptions:
+        """Give the options of a filter that works in mm and kPa of the paper's pad."""
+        changed: dict[str, Any] = dict(self.chosen)
+        given = options.model_fields_set
+        for name in (*_LENGTHS, "reach"):
+            value = getattr(options, name, None)
+            if name in given and isinstance(value, float):
+                changed[name] = value / self.units.length
+        if "threshold" in given and options.threshold != "auto":
+            changed["threshold"] = float(self.units.readings(np.array(options.threshold)))
+        if "motion" in given and "," in options.motion:
+            mm, rad = options.motion.split(",", 1)
+            changed["motion"] = f"{float(mm) / self.units.length},{rad}"
+        return options.model_copy(update=changed)
+
+    def outer(self, options: FilterOptions) -> FilterOptions:
+        """Give the options as they were used: those that nobody gave in mm and in the unit of the scan."""
+        lengths = {
+            name: getattr(options, name) * self.units.length
+            for name in _LENGTHS
+            if name not in options.model_fields_set and hasattr(options, name)
+        }
+        return options.model_copy(update={**lengths, **self.facts()["chosen"]})
+
+    def describe(self) -> str:
+        """Say in a few words what the lengths and readings of the paper's pad are here."""
+        return (
+            f"fitted to the pad: its 1 mm is {self.units.length:.3g} mm here, its 36 kPa a reading of "
+            f"{self.units.pressure:.4g}"
+        )
+
+    def facts(self) -> dict[str, Any]:
+        """Say what was found, as a JSON object: lengths in mm, readings in the unit of the scan, nats."""
+        chosen: dict[str, float] = {}
+        for name, value in self.chosen.items():
+            if name == "threshold":
+                chosen[name] = self.units.reading_of(value)
+            else:
+                chosen[name] = value * self.units.length if name in _LENGTHS else value
+        return {
+            "length_ratio": self.units.length,
+            "typical_reading": self.units.pressure,
+            "response_exponent": self.units.exponent,
+            "chosen": chosen,
+            "information_default": self.before,
+            "information_chosen": self.after,
+        }
+
+
+def is_wanted(options: FilterOptions, scan: Scan) -> bool:
+    """Tell whether options ask to be fitted to a scan's pad: if they do not say, those of a real pad are."""
+    if options.fit is not None:
+        return options.fit == "auto"
+    said = statements(scan.meta)
+    of = (said["source"], (said["train"] or {}).get("source"))
+    return "recorded" in of or "imported" in of
+
+
+def fit_to_pad(scan: Scan, options: FilterOptions) -> PadFit:
+    """Fit units and options to the training readings of a scan and to the places of its taxels.
+
+    Only options that were not given are chosen, and none if no object was pressed twice, by coordinate search: one
+    after another is given the value with which most is said of left-out readings. Where maps are of classes these are
+    the threshold, the ratio and the width of the point spread; where they are of pressures, the exponent of the
+    response curve and the width. The same readings give the same in whatever unit.
+
+    Raises InputError if the poses are too far apart for a map.
+    """
+    train = scan.where("train")
+    if not train.readings.any() or not can_leave_out(train):
+        return PadFit(units_of(scan))
+    some, given = some_letters(train), options.model_fields_set
+    forces = options.likelihood == "force"
+    # A curve changes no class but for the threshold and the ratio, which are chosen anyway.
+    open_set = isinstance(options, OpenSetOptions) and options.unknown > 0
+    exponent, straight, _ = response(scan, options) if forces or open_set else (1.0, None, None)
+    fitted = PadFit(
+        units_of(scan, exponent), {name: value for name, value in _START.items() if name not in given}
+    )
+    brought, measure = fitted.units.scan(some), pressure_information if forces else class_information
+    if "quantiles" not in given:
+        bins = int(np.clip(train.readings.size // _OF_A_BIN, _FEWEST, _MOST))
+        fitted = replace(fitted, chosen={**fitted.chosen, "quantiles": bins})
+
+    def said(name: str, value: float) -> float:
+        return measure(brought, _with(fitted, name, value, given).inner(options))
+
+    before = after = measure(brought, fitted.inner(options))
+    for name, values in _TRIED.items():
+        if name in given or (forces and name != "sigma"):
+            continue
+        value, after = climb(partial(said, name), values, getattr(fitted.inner(options), name), after, _MORE)
+        fitted = _with(fitted, name, value, given)
+    return replace(fitted, before=straight if forces else before, after=after)
+
+
+def _with(fitted: PadFit, name: str, value: float, given: Collection[str]) -> PadFit:
+    """Choose a value of an option; cells stay as fine beside sigma as the defaults are, unless they were given."""
+    chosen = {**fitted.chosen, name: value}
+    if name == "sigma" and "cell" not in given:
+        chosen["cell"] = _CELL * value
+    return replace(fitted, chosen=chosen)
+
+
+def climb(
+    information: Callable[[float], float], values: Sequence[float], start: float, known: float, least: float
+) -> tuple[float, float]:
+    """Go through values away from the start, upwards and downwards, each way as long as more is said.
+
+    known: nats, what is said at the start. The first step must say `least` times as much. Returns the best value,
+    and what is said there.
+    """
+    best, most = start, known
+    up, down = (
+        [value for value in values if value > start],
+        [value for value in values[::-1] if value < start],
+    )
+    for way in (up, down):
+        place, reached = start, known
+        for value in way:
+            more = information(value)
+            if more <= reached * (least if place == start else 1):
+                break
+            place, reached = value, more
+        if reached > most:
+            best, most = place, reached
+    return best, most
+
+
+def units_of(scan: Scan, exponent: float = 1.0) -> PadUnits:
+    """Find the pad's pitch beside the paper's, and the median scale of the training presses that touch."""
+    length = pitch(scan.taxel_xy) / _PITCH
+    readings = scan.where("train").readings
+    plain = _typical(readings)
+    bent = _typical(np.sign(readings) * np.abs(readings / plain) ** exponent) ** (1 / exponent)
+    return PadUnits(1.0 if abs(length - 1) < 1e-9 or not length else length, plain * bent, exponent)
+
+
+def response(scan: Scan, options: FilterOptions) -> tuple[float, float, float]:
+    """Find the exponent of the response curve with which mosaics say most of the pressures that were left out.
+
+    A mosaic adds pressures up: it predicts best if readings are straight in them. So the response need not be
+    known, nor what was pressed. Returns the exponent, and the nats that mosaics say without it and with it.
+    """
+    some = some_letters(scan)
+
+    def said(exponent: float) -> float:
+        units = units_of(scan, exponent)
+        return pressure_information(units.scan(some), PadFit(units, {"threshold": 2.0}).inner(options))
+
+    straight = said(1.0)
+    exponent, bent = climb(said, _EXPONENTS, 1.0, straight, _MORE_BENT)
+    return exponent, straight, bent
+
+
+def _typical(readings: FloatArray) -> float:
+    """Take the median scale of readings (n, taxels) that touch; 1 if there is none."""
+    scale = lehmer_mean(readings)
+    if not scale.any():
+        return 1.0
+    return float(np.median(scale[scale >= _TOUCHES * np.quantile(scale, 0.9)]))
+
+
+def _single(values: FloatArray) -> FloatArray:
+    with np.errstate(over="ignore"):  # an infinity is refused by who gets it
+        return np.asarray(values, dtype=np.float32).astype(float)

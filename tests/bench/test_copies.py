@@ -1,0 +1,50 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tactsim.bench.copies import near_copies, notes_on
+from tactsim.core import Scan
+
+
+def repeated(noise, moved=0.0, loads=None):
+    """Ten presses of two objects, each made once to train and once to test."""
+    rng = np.random.default_rng(0)
+    readings, poses = 30 * rng.random((10, 16)), rng.normal(size=(10, 3))
+    return Scan(
+        np.concatenate([readings, readings + noise * rng.standard_normal((10, 16))]),
+        np.concatenate([poses, poses + moved]), np.array(["A", "E"] * 10), np.repeat(["train", "test"], 10),
+        rng.normal(size=(16, 2)), loads=loads,
+    )  # fmt: skip
+
+
+def test_presses_repeated_at_one_pose_are_near_copies():
+    share, correlation = near_copies(repeated(0.1))
+    assert share == 1
+    assert correlation > 0.999
+    (note,) = notes_on(repeated(0.1))
+    assert note.startswith(
+        "100% of the test presses are near copies of training presses (same pose, correlation 0.9"
+    )
+
+
+@pytest.mark.parametrize("scan", [repeated(3.0), repeated(0.1, moved=0.5)])
+def test_noisy_presses_and_presses_elsewhere_are_none(scan):
+    assert near_copies(scan)[0] == 0
+    assert notes_on(scan) == []
+
+
+def test_a_press_of_another_object_or_of_nothing_is_no_copy():
+    scan = repeated(0.0)
+    others = replace(scan, labels=np.array(["A", "E"] * 5 + ["E", "A"] * 5))
+    assert near_copies(others) == (0, 0)
+    assert near_copies(replace(scan, readings=np.zeros((20, 16)))) == (0, 0)
+    assert near_copies(scan.where("test"))[0] == 0
+
+
+def test_a_training_set_of_one_load_is_said_to_be_one():
+    one = repeated(3.0, loads=[2.0] * 9 + [np.nan] + [1.0] * 10)
+    (note,) = notes_on(one)
+    assert note.startswith("all training presses are of one load, 2 N")
+    assert notes_on(replace(one, loads=np.linspace(1, 2, 20))) == []
+    assert notes_on(replace(one, loads=np.full(20, np.nan))) == []

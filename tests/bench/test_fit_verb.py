@@ -1,0 +1,63 @@
+"""`bench fit` as a user calls it, and what a run of a recorded scan says of what was fitted."""
+
+import json
+import tomllib
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from command_line import refused
+
+import tactsim
+from tactsim.bench.fitting import fit
+from tactsim.core import InputError
+
+
+@pytest.fixture(scope="module")
+def imported():
+    """Give two pressed letters as if somebody had measured them in counts, with a bent response."""
+    scan = tactsim.scan(letters="IL")
+    pad = scan.meta["options"]["pad"]
+    bent = 1000 * np.sign(scan.readings) * np.abs(scan.readings / 30) ** 2
+    return replace(scan, readings=bent, meta={"source": "imported", "unit": "count", "pad": pad})
+
+
+def test_what_is_chosen_is_said_and_written_as_a_world_that_can_be_pressed(here, tmp_path, imported):
+    imported.save(tmp_path / "made.npz")
+    said = here("fit", "made.npz", "--out", "pad.toml")
+    assert said.returncode == 0
+    for word in ("threshold", "sigma", "nats", "count", "response"):
+        assert word in said.stdout
+    told = json.loads(here("fit", "made.npz", "--set", "sigma=1.5", "--json").stdout)
+    assert told["unit"] == "count"
+    assert "sigma" not in told["chosen"]
+    assert told["information_chosen"] >= told["information_default"] > 0
+    assert told["response_exponent"] < 1  # a response that squares is undone by a root
+    world = tomllib.loads((tmp_path / "pad.toml").read_text())
+    assert world == told["world"]
+    assert world["sensor"]["response"] == pytest.approx(1 / told["response_exponent"])
+    assert here("scan", "--letters", "I", "--world", "pad.toml", "--out", "again.npz").returncode == 0
+
+
+def test_a_run_on_imported_readings_says_what_was_fitted_and_takes_the_unit_as_it_comes(imported):
+    run = tactsim.run(imported, trials=5, readings=3)
+    other = replace(imported, readings=imported.readings / 1000)
+    again = tactsim.run(other, trials=5, readings=3)
+    assert run.accuracy[-1] >= 0.8  # after three readings
+    np.testing.assert_array_equal(again.trials.label, run.trials.label)
+    np.testing.assert_allclose(again.trials.pose, run.trials.pose, atol=1e-6)
+    facts = run.about["pad_fit"]
+    assert run.options["threshold"] == facts["chosen"]["threshold"] > 30  # of some 1,000 counts
+    assert again.options["threshold"] == pytest.approx(run.options["threshold"] / 1000)
+    assert "pad_fit" not in tactsim.run(imported, set={"fit": "off"}, trials=1, readings=1).about
+    assert "pad_fit" not in tactsim.run(imported, estimator="nearest", trials=1, readings=1).about
+
+
+def test_wrong_input_is_one_line(here, tmp_path, imported):
+    imported.save(tmp_path / "made.npz")
+    replace(imported, readings=0 * imported.readings).save(tmp_path / "blank.npz")
+    refused(here("fit", "blank.npz"), "blank.npz", "touches")
+    refused(here("fit", "none.npz"), "none.npz")
+    refused(here("fit", "made.npz", "--estimator", "nearest"), "nearest", "maps")
+    with pytest.raises(InputError, match="in count"):
+        fit(tactsim.create("synthesis"), imported, None)

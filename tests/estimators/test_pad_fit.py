@@ -1,0 +1,213 @@
+"""What is fitted to a pad: nothing depends on the unit, the pitch or the order of taxels, and nothing bad breaks it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from synthetic import make_scan, paper_poses
+
+from tactsim import estimators
+from tactsim.core import Scan
+from tactsim.estimators.filters.refined import ForceMosaicOptions, RefinedOptions
+from tactsim.estimators.likelihoods.contact_information import mutual_information, pressure_information
+from tactsim.estimators.pad_fit import PadUnits, climb, fit_to_pad, is_wanted, response, units_of
+
+SMALL = {
+    "histogram": {"bins": 1000},
+    "particle": {"particles": 500},
+    "augmented-mcl": {"particles": 500},
+    "tempered": {"particles": 500},
+    "refined": {"bins": 1000, "cells": 30},
+    "force-mosaic": {"bins": 1000, "cells": 30},
+    "graded": {"bins": 1000, "cells": 30},
+    "scan-matching": {},
+}
+
+
+@pytest.fixture(scope="module")
+def scan() -> Scan:
+    return make_scan("EI", poses=paper_poses(positions=4, angles=4))
+
+
+def changed(scan: Scan, unit: float = 1.0, length: float = 1.0, order: np.ndarray | None = None) -> Scan:
+    """Give the same presses in another unit, on a pad and objects of another size, with taxels in another order."""
+    order = np.arange(len(scan.taxel_xy)) if order is None else order
+    return replace(
+        scan,
+        readings=unit * scan.readings[:, order],
+        poses=scan.poses * [length, length, 1],
+        taxel_xy=length * scan.taxel_xy[order],
+    )
+
+
+def believed(name: str, scan: Scan, length: float = 1.0):
+    """Feel five test readings of a hidden letter; the last estimate with its pose in mm of the unchanged scan."""
+    estimator = estimators.create(name, fit="auto", **SMALL[name])
+    estimator.fit(scan)
+    estimator.reset(np.random.default_rng(3))
+    test = scan.where("test", "E")
+    chosen = np.random.default_rng(1).permutation(len(test))[:5]
+    hidden = np.array([2.0 * length, -1.5 * length, 0.7])
+    for reading, pose in zip(test.readings[chosen], test.poses[chosen], strict=True):
+        estimator.update(reading, estimators_pose(hidden, pose))
+    known = estimator.estimate()
+    return known, known.robot_in_object / [length, length, 1], estimator
+
+
+def estimators_pose(robot_in_object, sensor_in_object):
+    from tactsim.core import compose, invert
+
+    return compose(invert(robot_in_object), sensor_in_object)
+
+
+@pytest.mark.parametrize("name", SMALL)
+def test_no_filter_depends_on_unit_size_or_order_of_taxels(scan, name):
+    order = np.random.default_rng(0).permutation(len(scan.taxel_xy))
+    known, pose, one = believed(name, scan)
+    again, there, other = believed(name, changed(scan, 1 / 1000, 2.0, order), 2.0)
+    assert again.label == known.label == "E"
+    assert again.probabilities == pytest.approx(known.probabilities, abs=1e-6)
+    assert there == pytest.approx(pose, abs=1e-4)
+    assert other.pad_fit.units.length == pytest.approx(2.0)
+    plane = other.belief_over_plane()
+    assert plane is None or plane.x.max() > 15  # of 20 mm, as offsets follow the pad's size
+    assert other.maps["E"].extent == pytest.approx([2 * end for end in one.maps["E"].extent])
+    assert 0 <= other.propose(np.array([[0.0, 0, 0], [4.0, 4.0, 1.0]])) <= 1
+
+
+def test_every_filter_that_is_fitted_to_a_pad_is_held_to_this():
+    fitted = [name for name in estimators.names() if hasattr(estimators.create(name), "pad_fit")]
+    assert set(fitted) == set(SMALL)
+
+
+@settings(max_examples=8, deadline=None)
+@given(st.sampled_from(list(SMALL)), st.floats(1e-4, 1e4), st.floats(0.3, 5), st.permutations(range(36)))
+def test_whatever_the_unit_the_size_and_the_order_the_answer_is_the_same(name, unit, length, order):
+    scan = make_scan("EI", poses=paper_poses(positions=3, angles=2))
+    known, pose, _ = believed(name, scan)
+    again, there, _ = believed(name, changed(scan, unit, length, np.array(order)), length)
+    assert again.label == known.label
+    assert again.probabilities == pytest.approx(known.probabilities, abs=1e-5)
+    assert there == pytest.approx(pose, abs=1e-3)
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.floats(1e-4, 1e4), st.floats(0.2, 10), st.sampled_from([0.5, 1.0, 2.0]))
+def test_a_scan_in_another_unit_and_size_is_the_same_scan(unit, length, exponent):
+    scan = make_scan("I", poses=paper_poses(positions=3, angles=2))
+    one, two = scan, changed(scan, unit, length)
+    first, second = (units_of(each, exponent).scan(each) for each in (one, two))
+    for name in ("readings", "poses", "taxel_xy"):
+        assert getattr(second, name) == pytest.approx(getattr(first, name), rel=3e-7, abs=1e-6)
+
+
+@given(st.floats(-1e3, 1e3), st.floats(1e-3, 1e3), st.sampled_from([0.35, 1.0, 2.8]))
+def test_a_pressure_is_read_back(pressure, typical, exponent):
+    units = PadUnits(1.0, typical, exponent)
+    assert units.readings(np.array(units.reading_of(pressure))) == pytest.approx(
+        pressure, rel=1e-5, abs=1e-30
+    )
+
+
+def test_options_that_were_given_are_kept_in_the_units_they_were_given_in(scan):
+    twice = changed(scan, unit=10.0, length=2.0)
+    asked = RefinedOptions(fit="auto", sigma=3.0, threshold=15.0, reach=30.0, motion="0.5,0.03", quantiles=7)
+    found = fit_to_pad(twice, asked)
+    inner, outer = found.inner(asked), found.outer(asked)
+    assert [inner.sigma, inner.reach, *map(float, inner.motion.split(","))] == pytest.approx(
+        [1.5, 15, 0.25, 0.03]
+    )
+    assert inner.quantiles == 7
+    assert inner.threshold == pytest.approx(15.0 / found.units.pressure * 36, rel=1e-6)
+    assert (outer.sigma, outer.threshold, outer.reach) == (3.0, 15.0, 30.0)
+    assert set(found.chosen) <= {"ratio"}
+
+
+def test_what_is_chosen_says_more_of_readings_that_were_left_out(scan):
+    for options in (RefinedOptions(fit="auto"), ForceMosaicOptions(fit="auto")):
+        found = fit_to_pad(scan, options)
+        assert found.after >= found.before > 0
+        assert fit_to_pad(scan, options) == found
+
+
+@pytest.mark.parametrize("bent_by", [1.0, 3.0])
+def test_the_response_is_the_one_with_which_most_is_said(scan, bent_by):
+    readings = np.sign(scan.readings) * 25 * np.abs(scan.readings / 25) ** bent_by
+    bent = replace(scan, readings=readings).where("train")
+    exponent, straight, most = response(bent, ForceMosaicOptions())
+
+    def said(tried: float) -> float:
+        return pressure_information(units_of(bent, tried).scan(bent), ForceMosaicOptions())
+
+    assert (straight, most) == (said(1.0), said(exponent))
+    if exponent != 1:
+        assert most > straight * 1.002
+
+
+def test_only_scans_of_a_real_pad_are_fitted_unless_it_is_asked_for(scan):
+    recorded, imported = (replace(scan, meta={"source": word}) for word in ("recorded", "imported"))
+    trained = replace(scan, meta={"source": "simulated", "train": {"source": "recorded"}})
+    assert [is_wanted(RefinedOptions(), one) for one in (scan, recorded, imported, trained)] == [
+        False,
+        *[True] * 3,
+    ]
+    assert is_wanted(RefinedOptions(fit="auto"), scan)
+    assert not is_wanted(RefinedOptions(fit="off"), recorded)
+
+
+def test_without_a_letter_is_as_if_it_had_never_been_there(scan):
+    asked = {"fit": "auto", **SMALL["refined"]}
+    whole, rest = (estimators.create("refined", **asked) for _ in range(2))
+    whole.fit(scan)
+    rest.fit(scan.untrained(["I"]))
+    before = whole.pad_fit
+    assert whole.without("I", scan).pad_fit == rest.pad_fit
+    assert whole.pad_fit is before
+    assert whole.maps.keys() == {"E", "I"}
+
+
+BAD = {
+    "one press": lambda scan: scan.where("train", "E").chosen(np.arange(len(scan.where("train", "E"))) == 3),
+    "all zeros": lambda scan: replace(scan, readings=np.zeros_like(scan.readings)),
+    "below zero": lambda scan: replace(scan, readings=-np.abs(scan.readings)),
+    "one position": lambda scan: replace(scan, poses=scan.poses * [0, 0, 1]),
+    "one letter": lambda scan: scan.of_letters(["E"]),
+    "all taxels equal": lambda scan: replace(scan, readings=np.full_like(scan.readings, 7.0)),
+    "one taxel": lambda scan: replace(scan, readings=scan.readings[:, :1], taxel_xy=scan.taxel_xy[:1]),
+}
+
+
+@pytest.mark.parametrize("what", BAD)
+@pytest.mark.parametrize("name", ["refined", "force-mosaic"])
+def test_little_to_learn_from_breaks_nothing(scan, name, what):
+    bad = BAD[what](scan)
+    estimator = estimators.create(name, fit="auto", bins=100, cells=5)
+    estimator.fit(bad)
+    estimator.reset(np.random.default_rng(0))
+    estimator.update(bad.readings[0], bad.poses[0])
+    assert sum(estimator.estimate().probabilities.values()) == pytest.approx(1)
+
+
+def test_climbing_stops_where_nothing_more_is_said():
+    asked = []
+
+    def said(value):
+        asked.append(value)
+        return 10 - (value - 3) ** 2
+
+    assert climb(said, (0, 1, 2, 3, 4, 5), 1, said(1), 1.01) == (3, 10)
+    assert asked == [1, 2, 3, 4, 0]
+    assert climb(lambda value: (value - 2) ** 2 + 1, (0, 1, 2, 3, 4, 5), 2, 1.0, 1.01) == (5, 10)
+    assert climb(lambda value: 1.005, (0, 1, 2), 1, 1.0, 1.01) == (1, 1.0)
+
+
+def test_mutual_information_against_closed_forms():
+    first, second = (np.repeat([0, 1], 5000), np.tile([0, 1], 5000))
+    assert mutual_information(first, first) == pytest.approx(np.log(2), abs=1e-3)
+    assert mutual_information(first, second) == pytest.approx(0, abs=1e-3)
+    assert mutual_information(first[:0], first[:0]) == 0
+    # Of few pairs chance makes more; on average it is taken off.
+    few = [mutual_information(*np.random.default_rng(seed).integers(0, 4, (2, 100))) for seed in range(300)]
+    assert np.mean(few) == pytest.approx(0, abs=0.005)

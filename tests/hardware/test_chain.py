@@ -1,0 +1,293 @@
+"""From a recording of an unknown pad to trials: what the harness says beside the truth, and bad recordings."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from command_line import refused
+
+from tactsim import models
+from tactsim.core import Scan
+from tactsim.core.poses import transform
+
+PAD = "\n".join(
+    ["rows = 6", "columns = 6", "pitch_x = 3.8", "pitch_y = 3.8", "taxel_width = 3.4", "taxel_height = 3.4"]
+    + ["no_seam = true", "unread_columns = 0"]
+)
+DEVICE = f'name = "6x6"\n[codec]\nkind = "pps-csv"\ntaxels = 36\nunit = "count"\n[pad]\n{PAD}\n'
+OUTLINES = {
+    "bracket": (34, 40, "M0 0H34V9H9V40H0z"),
+    "tee": (44, 36, "M0 0H44V9H26V36H17V9H0z"),
+    "zed": (44, 36, "M0 0H27V27H44V36H17V9H0z"),
+}
+# The truth: a bent curve in counts, gains 10 % apart, loads as those of 50 to 150 %, misplaced and tilted presses.
+TRUTH = """placement_mm = 0.4
+placement_rad = 0.01
+placement_tilt = 0.004
+load_spread = 0.29
+[press]
+force = 8
+stiffness = 100
+thickness = 3
+wrist_stiffness = "rigid"
+[sensor]
+psf_sigma = 2.0
+gain_spread = 0.1
+response = 0.5
+response_pressure = 40000
+noise = 30
+"""
+SHAPES = tuple(word for name in OUTLINES for word in ("--shape", f"{name}.svg"))
+
+
+@pytest.fixture
+def chain(here):
+    """Write the files of the pad, its truth and the shapes; return functions that record and that replay."""
+    for name, (width, height, path) in OUTLINES.items():
+        Path(f"{name}.svg").write_text(
+            f'<svg xmlns="http://www.w3.org/2000/svg" width="{width}mm" height="{height}mm" '
+            f'viewBox="0 0 {width} {height}"><path d="{path}"/></svg>'
+        )
+    Path("pad.toml").write_text(PAD)
+    Path("device.toml").write_text(DEVICE)
+    Path("truth.toml").write_text(TRUTH)
+
+    def record(presses, name="small", *words, lift="0.3"):
+        """Press `presses` (label, split, x, y, theta) and record them."""
+        lines = ["label,split,x_mm,y_mm,theta_rad", *(",".join(map(str, press)) for press in presses)]
+        Path("plan.csv").write_text("\n".join(lines))
+        result = here(
+            "emulate", "--device", "device.toml", "--plan", "plan.csv", "--out", f"{name}.csv", "--marks",
+            f"{name}-marks.csv", "--world", "truth.toml", "--rate", "20", "--hold", "0.3", "--lift", lift, *SHAPES,
+            *words,
+        )  # fmt: skip
+        assert result.returncode == 0, result.stderr
+
+    def replay(name="small", *words, device="device.toml", out="small.npz"):
+        return here(
+            "replay", f"{name}.csv", "--device", device, "--marks", f"{name}-marks.csv", "--scan", out, *words
+        )
+
+    return record, replay
+
+
+def plan(presses, seed=0):
+    """Draw presses of each shape at random poses, every other one for tests."""
+    rng = np.random.default_rng(seed)
+    return [
+        (name, "test" if number % 2 else "train", *rng.uniform((-16, -16, 0), (16, 16, 6.28)).round(2))
+        for name in OUTLINES
+        for number in range(presses)
+    ]
+
+
+def test_pressed_places_are_where_the_shapes_are(chain):
+    """What is felt lies on the shape, by the poses of the marks: nothing is mirrored, turned or shifted on the way."""
+    record, replay = chain
+    record(plan(12))
+    assert replay().returncode == 0
+    scan = Scan.load("small.npz")
+    assert scan.meta["unit"] == "count"
+    for name in OUTLINES:
+        of = scan.where(label=name)
+        places = transform(of.poses, scan.taxel_xy)
+        footprint = models.shape(f"{name}.svg").footprint
+        inside = footprint.offset(-2.5, 2).to_polygons(), footprint.offset(4.0, 2).to_polygons()
+        deep, near = (_within(places.reshape(-1, 2), rings) for rings in inside)
+        readings = of.readings.reshape(-1)
+        assert np.median(readings[deep]) > 400
+        assert np.median(np.abs(readings[~near])) < 60  # twice the noise of a mean of few frames, in counts
+
+
+def _within(points, rings):
+    """Tell which points (n, 2) lie within the rings, by the even-odd rule."""
+    x, y = points[:, :1], points[:, 1:]
+    odd = np.zeros(len(points), dtype=bool)
+    for ring in rings:
+        (ax, ay), (bx, by) = ring.T, np.roll(ring, -1, axis=0).T
+        crosses = ((ay > y) != (by > y)) & (x < (bx - ax) * (y - ay) / np.where(by == ay, 1.0, by - ay) + ax)
+        odd ^= crosses.sum(axis=1) % 2 == 1
+    return odd
+
+
+def test_broken_taxels_are_left_out_and_named(chain):
+    record, replay = chain
+    record(plan(4), "small", "--loaded", "3=25", "--stuck", "7=900", lift="0.6")
+    result = replay()
+    assert result.returncode == 0
+    assert "always loaded" in result.stdout
+    assert "stuck at 900" in result.stdout
+    scan = Scan.load("small.npz")
+    assert sorted(scan.meta["left_out"]) == ["3", "7"]
+    assert scan.readings.shape[1] == 34
+
+
+def test_every_taxel_is_stuck(chain):
+    record, replay = chain
+    record(plan(4), "small", *(word for k in range(36) for word in ("--stuck", f"{k}={k}")), lift="0.6")
+    refused(replay(), "every taxel")
+    assert not Path("small.npz").exists()
+
+
+def test_one_press(chain, here):
+    record, replay = chain
+    record(plan(2)[:1])
+    assert replay().returncode == 0
+    refused(here("run", "--scan", "small.npz"), "no test readings of letter 'bracket'")
+    refused(here("fit", "small.npz"), "small.npz", "no object has two training presses")
+
+
+def test_marks_without_a_plateau(chain):
+    record, replay = chain
+    record(plan(2)[:2])
+    text = Path("small-marks.csv").read_text().splitlines()
+    # The marks name times at which nothing was pressed.
+    idle = [
+        ",".join([*line.split(",")[:5], f"{0.8 * k}", f"{0.8 * k + 0.1}"]) for k, line in enumerate(text[1:])
+    ]
+    Path("small-marks.csv").write_text("\n".join([text[0], *idle]))
+    refused(replay("small", "--moments", "auto"), "shows a plateau")
+
+
+def test_an_unknown_unit(chain):
+    record, replay = chain
+    record(plan(2)[:2])
+    Path("device.toml").write_text(DEVICE.replace("count", "mmHg"))
+    refused(replay(), "device file device.toml", "unit", "'kPa'", "'count'")
+
+
+def test_labels_that_letters_have(chain, here):
+    """A recording's label is an object of its own, even if it is called like a letter."""
+    record, replay = chain
+    for name in ("X", "I"):
+        Path(f"{name}.svg").write_text(Path("tee.svg" if name == "X" else "zed.svg").read_text())
+    words = ("--shape", "X.svg", "--shape", "I.svg")
+    record([(("X" if name == "tee" else "I"), *rest) for name, *rest in plan(4)], "small", *words)
+    assert replay().returncode == 0
+    assert Scan.load("small.npz").meta["objects"] == {}
+    assert replay("small", *words, out="known.npz").returncode == 0
+    facts = Scan.load("known.npz").meta["objects"]
+    assert facts["I"]["symmetry"] == 2
+    assert facts["X"]["symmetry"] == 1  # the catalogue's X has 2
+    result = here("run", "--scan", "known.npz", "--letters", "X", "--trials", "1", "--readings", "2")
+    assert result.returncode == 0
+
+
+def test_training_and_test_readings_of_other_pads(chain, here):
+    record, replay = chain
+    record(plan(4))
+    assert replay(out="one.npz").returncode == 0
+    Path("device.toml").write_text(DEVICE.replace("3.8", "4.4"))
+    assert replay(out="other.npz").returncode == 0
+    refused(here("run", "--train-scan", "one.npz", "--scan", "other.npz"), "no taxel at the same place")
+    Path("device.toml").write_text(DEVICE.replace("count", "V"))
+    assert replay(out="volts.npz").returncode == 0
+    refused(here("run", "--train-scan", "one.npz", "--scan", "volts.npz"), "different units", "count and V")
+
+
+def test_a_mark_beyond_the_recording(chain):
+    record, replay = chain
+    record(plan(2)[:2])
+    path = Path("small-marks.csv")
+    path.write_text(path.read_text() + "tee,train,0,0,0,90,91\n")
+    refused(replay(), "goes on until 91 s")
+
+
+@pytest.mark.slow
+def test_a_large_array_is_recognised_with_no_option_given(here, chain):
+    """A 16x16 array in counts, bent, of twice the paper's pitch, under loads that vary: estimators keep their order."""
+    record, replay = chain
+    large = (
+        DEVICE.replace("36", "256").replace("rows = 6", "rows = 16").replace("columns = 6", "columns = 16")
+    )
+    Path("device.toml").write_text(large)
+    Path("truth.toml").write_text(TRUTH.replace("force = 8", "force = 25"))
+    rng = np.random.default_rng(1)
+    record([
+        (name, "test" if number % 2 else "train", *rng.uniform((-8, -8, 0), (8, 8, 6.28)).round(2))
+        for name in OUTLINES for number in range(20)
+    ])  # fmt: skip
+    assert replay("small", "--cut", "6x6", "--stride", "3", *SHAPES, out="touches.npz").returncode == 0
+    right = {}
+    for name, few in (("refined", ()), ("histogram", ("--bins", "1000"))):
+        words = ("--scan", "touches.npz", "--estimator", name, *few, "--readings", "5", "--json")
+        result = here("run", *words)
+        assert result.returncode == 0, result.stderr
+        found = json.loads(result.stdout)
+        right[name] = found["accuracy"]
+        if name == "refined":  # also where a press gives many windows, which share its errors
+            assert found["coverage_90"][4] > 0.85
+    assert right["refined"][4] >= 0.95
+    assert sum(right["refined"]) > sum(right["histogram"])
+    said = json.loads(here("fit", "touches.npz", "--json").stdout)
+    assert said["response_exponent"] == 2  # undoes the truth's root
+    assert said["unit"] == "count"
+    assert said["length_ratio"] == pytest.approx(3.8 / 1.9)
+    assert 25 < said["chosen"]["threshold"] < 500  # within the noise and half of what a covered taxel reads
+
+
+@pytest.mark.slow
+def test_moments_train_for_half_of_the_load(here, chain):
+    """Trained on four moments of presses of one load, tested on presses that were made with half of it."""
+    record, replay = chain
+    Path("truth.toml").write_text(TRUTH.replace("load_spread = 0.29", "load_spread = 0.0"))
+    presses = plan(60)
+    record([press for press in presses if press[1] == "train"], "full", "--rate", "100")
+    Path("plan.csv").unlink()
+    record(
+        [press for press in presses if press[1] == "test"],
+        "half",
+        "--rate",
+        "100",
+        "--scan-set",
+        "press.force=4",
+    )
+    assert replay("full", "--moments", "auto", out="full.npz").returncode == 0
+    assert replay("half", out="half.npz").returncode == 0
+    scan = Scan.load("full.npz")
+    assert scan.meta["moments"]["shares"] == [0.25, 0.5, 0.75, 1.0]
+    assert len(np.unique(scan.presses)) == 90
+    assert np.median(Scan.load("half.npz").readings.sum(axis=1)) < 0.8 * np.median(
+        scan.readings[np.append(np.diff(scan.presses) > 0, True)].sum(axis=1)
+    )
+    words = ("--train-scan", "full.npz", "--scan", "half.npz", "--readings", "10", "--trials", "20", "--json")
+    result = here("run", *words)
+    assert result.returncode == 0, result.stderr
+    assert json.loads(result.stdout)["accuracy"][9] >= 0.9
+
+
+@pytest.mark.slow
+def test_drawings_train_for_the_pad(here, chain):
+    """What is fitted is near the truth, and trains as well as the recording to within 3 touches."""
+    record, replay = chain
+    record(plan(40))
+    assert replay("small", *SHAPES).returncode == 0
+    scan = ("scan", "--letters", "none", *SHAPES, "--scan-set", "pad=pad.toml", "--out", "simulated.npz")
+    assert here(*scan).returncode == 0
+    words = (
+        "--simulated",
+        "simulated.npz",
+        "--recorded",
+        "small.npz",
+        "--out",
+        "v",
+        "--estimator",
+        "refined",
+    )
+    assert here("validate", *words).returncode == 0
+    found = json.loads(Path("v/validation.json").read_text())
+    fit = found["fit"]
+    assert fit["response"] == pytest.approx(0.5, abs=0.03)
+    assert fit["psf_sigma"] == pytest.approx(2.0, abs=0.1)
+    assert fit["gain_spread"] == pytest.approx(0.1, abs=0.03)  # of 36 taxels
+    assert fit["load_spread"] == pytest.approx(0.29, abs=0.1)
+    assert fit["placement_mm"] == pytest.approx(0.4, abs=0.1)
+    assert here("scan", "--world", "v/world.toml", "--out", "fitted.npz").returncode == 0
+    needed = {}
+    for trained, more in (("fitted", ("--train-scan", "fitted.npz")), ("recorded", ())):
+        result = here("run", "--scan", "small.npz", *more, "--readings", "15", "--trials", "20", "--json")
+        assert result.returncode == 0, result.stderr
+        right = np.array(json.loads(result.stdout)["accuracy"])
+        needed[trained] = 1 + int(np.argmax(right >= 0.95)) if (right >= 0.95).any() else 99
+    assert needed["fitted"] <= needed["recorded"] + 3

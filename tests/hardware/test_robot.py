@@ -1,0 +1,217 @@
+"""A robot presses an emulated pad by a plan: what is recorded is what was pressed, where and when the marks say."""
+
+import csv
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from command_line import refused
+
+from tactsim import models
+from tactsim.core import Scan
+from tactsim.core.poses import compose
+from tactsim.hardware.device import load_device
+from tactsim.hardware.emulator.robot import SHARES, Timing, read_plan
+from tactsim.hardware.sources import open_source
+from tactsim.press import ScanOptions
+from tactsim.press.scanning import object_facts
+from tactsim.press.simulated_source import press_table, rising_table
+
+ARRAY = """name = "16x16"
+[codec]
+kind = "pps-csv"
+taxels = 256
+unit = "count"
+[pad]
+rows = 16
+columns = 16
+pitch_x = 3.8
+pitch_y = 3.8
+taxel_width = 3.4
+taxel_height = 3.4
+no_seam = true
+unread_columns = 0
+"""
+TEE = (
+    '<svg xmlns="http://www.w3.org/2000/svg" width="44mm" height="36mm" viewBox="0 0 44 36">'
+    '<path d="M0 0H44V9H26V36H17V9H0z"/></svg>'
+)
+PLAN = "label,split,x_mm,y_mm,theta_rad\ntee,train,0,0,0\ntee,test,3.5,-2,1.2\nO,train,4,4,0\n"
+EXACT = (
+    "placement_mm=0",
+    "placement_rad=0",
+    "placement_tilt=0",
+    "sensor.noise=0",
+    "press.force=25",
+    "press.wrist_stiffness=rigid",
+)
+FAST = ("--rate", "20", "--hold", "0.5", "--lift", "0.3")
+
+
+@pytest.fixture
+def own(here):
+    """Write the files of an array, a shape and a plan, and return a function that records the plan."""
+    for name, text in (("array.toml", ARRAY), ("tee.svg", TEE), ("plan.csv", PLAN)):
+        (Path(name)).write_text(text)
+
+    def record(*words, settings=EXACT, out="array.csv"):
+        given = [word for setting in settings for word in ("--scan-set", setting)]
+        return here(
+            "emulate", "--device", "array.toml", "--plan", "plan.csv", "--shape", "tee.svg", "--out", out,
+            "--marks", "marks.csv", *FAST, *given, *words,
+        )  # fmt: skip
+
+    return record
+
+
+def scan_of(here, recording="array.csv", *words):
+    result = here(
+        "replay", recording, "--device", "array.toml", "--marks", "marks.csv", "--scan", "a.npz", *words
+    )
+    assert result.returncode == 0, result.stderr
+    return Scan.load(Path("a.npz"))
+
+
+def test_what_is_recorded_is_what_was_pressed(here, own):
+    curve = ("sensor.response=0.5", "sensor.response_pressure=40000")
+    result = own("--jitter", "0.9", settings=(*EXACT, *curve))
+    assert result.returncode == 0, result.stderr
+    scan = scan_of(here)
+    assert scan.labels.tolist() == ["tee", "tee", "O"]
+    assert scan.split.tolist() == ["train", "test", "train"]
+    assert scan.meta["unit"] == "count"
+    np.testing.assert_array_equal(scan.poses, [[0, 0, 0], [3.5, -2, 1.2], [4, 4, 0]])
+    # Without noise all frames under the full load count the same.
+    np.testing.assert_allclose(scan.readings, np.round(scan.readings), atol=1e-9)
+    pressed = (scan.readings / 200) ** 2  # kPa: the curve is sqrt(40000 p) = 200 sqrt(p)
+    force = pressed.sum(axis=1) * 3.8**2 * 1e-3  # N, each taxel standing for its share of the pad
+    # A part of the load lies beyond the taxels: the point spread smears it over the rim, and the shape may reach there.
+    assert (np.abs(force - 25) < 2.5).all()
+    # The force's middle is the shape's centre of area, seen from the pad.
+    middle = (pressed[:, :, None] * scan.taxel_xy).sum(axis=1) / pressed.sum(axis=1)[:, None]
+    placed = np.column_stack([middle, np.zeros(3)])
+    np.testing.assert_allclose(compose(scan.poses, placed)[:, :2], 0, atol=0.5)
+
+
+def test_both_kinds_of_file_hold_the_same(here, own):
+    assert own().returncode == 0
+    first = scan_of(here)
+    Path("marks.csv").unlink()
+    Path("a.npz").unlink()
+    assert own(out="array.tactrec").returncode == 0
+    again = scan_of(here, "array.tactrec")
+    np.testing.assert_array_equal(again.readings, first.readings)
+    assert again.meta["unit"] == "count"
+
+
+def test_a_shape_says_what_scores_need(here, own):
+    assert own().returncode == 0
+    facts = scan_of(here, "array.csv", "--shape", "tee.svg", "--letters", "O").meta["objects"]
+    assert facts["tee"] == object_facts(models.shape("tee.svg"))
+    assert facts["O"]["symmetry"] == 0
+    (Path("bar.svg")).write_text(TEE)
+    words = ("replay", "array.csv", "--device", "array.toml", "--marks", "marks.csv", "--scan", "b.npz")
+    refused(here(*words, "--shape", "bar.svg"), "no reading is of the shape 'bar'", "tee, O")
+    (Path("O.svg")).write_text(TEE)
+    refused(here(*words, "--shape", "O.svg", "--letters", "O"), "'O' is a shape and")
+
+
+def test_marks_hold_the_full_load_alone(here, own):
+    assert own().returncode == 0
+    with Path("marks.csv").open(newline="") as file:
+        marks = [(float(row["first_s"]), float(row["last_s"])) for row in csv.DictReader(file)]
+    with open_source(["recording:array.csv"], load_device(Path("array.toml"))) as pad:
+        frames = [(frame.device_time, frame.pressures.sum()) for frame in pad]
+    held = [total for time, total in frames if any(first <= time <= last for first, last in marks)]
+    assert min(held) > 0.95 * max(held)  # the three presses have the same force
+    assert sum(total == 0 for _, total in frames) > 3 * 5  # between presses nothing lies on the pad
+
+
+def test_something_lies_on_a_taxel_and_another_is_stuck(here, own):
+    free = scan_of(here) if own().returncode == 0 else None
+    Path("array.csv").unlink()
+    Path("marks.csv").unlink()
+    Path("a.npz").unlink()
+    assert own("--loaded", "0=30", "--loaded", "15=12", "--stuck", "100=90").returncode == 0
+    with open_source(["recording:array.csv"], load_device(Path("array.toml"))) as pad:
+        frames = np.array([frame.pressures for frame in pad])
+    assert (frames[:, 100] == 90).all()
+    assert frames[:, 0].min() == 30
+    assert frames[:, 15].min() == 12
+    whole = scan_of(here)
+    others = np.setdiff1d(np.arange(256), [0, 15, 100])
+    np.testing.assert_array_equal(whole.readings[:, others], free.readings[:, others])
+
+
+def test_loads_vary_as_told(here, own):
+    lines = [
+        f"tee,train,{x},{y},0" for x in np.linspace(-3, 3, 8).round(2) for y in np.linspace(-3, 3, 8).round(2)
+    ]
+    (Path("plan.csv")).write_text("label,split,x_mm,y_mm,theta_rad\n" + "\n".join(lines))
+    assert own(settings=(*EXACT, "load_spread=0.29")).returncode == 0
+    totals = scan_of(here).readings.sum(axis=1)
+    assert totals.std() / totals.mean() == pytest.approx(0.29, abs=4 * 0.29 / np.sqrt(2 * 64))
+
+
+@pytest.mark.parametrize(
+    ("words", "parts"),
+    [
+        (("--loaded", "256=3"), ("--loaded '256=3'", "0 to 255")),
+        (("--stuck", "3"), ("--stuck '3'", "TAXEL=KPA")),
+        (("--letter", "A"), ("--plan says what is pressed",)),
+        (("--out", "array.txt"), ("FILE.tactrec", "FILE.csv")),
+    ],
+)
+def test_a_wrong_word_is_refused(own, words, parts):
+    refused(own(*words), *parts)
+
+
+@pytest.mark.parametrize(
+    ("plan", "parts"),
+    [
+        ("label,x_mm,y_mm,theta_rad\n", ("has no presses", "label, split, x_mm")),
+        ("label,x_mm,y_mm\ntee,1,2\n", ("plan.csv, line 2", "theta_rad")),
+        ("label,x_mm,y_mm,theta_rad\ntee,1,inf,0\n", ("plan.csv, line 2", "y_mm")),
+        ("label,x_mm,y_mm,theta_rad\nspoon,1,1,0\n", ("spoon",)),
+    ],
+)
+def test_a_wrong_plan_is_refused(here, own, plan, parts):
+    (Path("plan.csv")).write_text(plan)
+    refused(own(), *parts)
+    assert not (Path("array.csv")).exists()
+
+
+def test_a_plan_needs_a_place_and_its_options_need_a_plan(here, own):
+    refused(here("emulate", "--plan", "plan.csv"), "--out where it is recorded")
+    refused(here("emulate", "--marks", "m.csv"), "belong to --plan")
+
+
+def test_the_timetable_is_that_of_the_presses(tmp_path):
+    (tmp_path / "plan.csv").write_text(PLAN)
+    timing = Timing(hold=1.0, lift=0.5, ramp=0.1)
+    table = np.array([1.0, 2.0, 3.0])[:, None, None] * np.array(SHARES)[:, None]
+    pressing = timing.pressing(table)
+    course = np.array([pressing(now)[0] for now in np.arange(0, 6, 0.01)])
+    for number, mark in enumerate(timing.intervals(read_plan(tmp_path / "plan.csv"))):
+        inside = course[round(100 * mark.first_s) + 2 : round(100 * mark.last_s) - 1]
+        np.testing.assert_array_equal(inside, number + 1.0)
+    assert course[-1] == 0
+    assert json.loads(read_plan(tmp_path / "plan.csv")[1].model_dump_json())["x_mm"] == 3.5
+
+
+def test_on_its_way_a_press_feels_what_a_lighter_press_there_feels():
+    """A tilted pad touches on one side first: its light images are no thinned ones of the full load."""
+    words = {"placement_tilt": 0.02, "press": {"wrist_stiffness": "rigid"}}
+    poses = np.array([[0.0, 0.0, 0.3], [2.0, -1.0, 1.0]])
+    rising = rising_table("O", poses, ScanOptions(**words), np.random.default_rng(3), SHARES)
+    for number, share in enumerate(SHARES):
+        words["press"]["force"] = 2 * share
+        alone = press_table("O", poses, ScanOptions(**words), np.random.default_rng(3))
+        np.testing.assert_allclose(rising[:, number], alone, atol=1e-9)
+    assert np.abs(rising[:, 1] - rising[:, 3] / 2).max() > 0.1 * rising.max()
+    timing = Timing(hold=1.0, lift=0.5, ramp=0.4)
+    pressing = timing.pressing(rising)
+    np.testing.assert_allclose(pressing(0.5 + 0.2), rising[0, 1])
+    np.testing.assert_allclose(pressing(timing.period + 0.5 + 0.35), (rising[1, 2] + rising[1, 3]) / 2)
+    np.testing.assert_allclose(pressing(timing.period + 0.4 / 8 + 0.5), rising[1, 0] / 2)
