@@ -181,7 +181,7 @@ def loads(trials, folder):
         lines = Path(f"{split}.csv").read_text().splitlines()
         of = [line.replace(",train,", f",{split},").replace(",test,", f",{split},") for line in lines[1:]]
         Path(f"{split}.csv").write_text("\n".join([lines[0], *of]))
-    print("refined, right @1 / @3 / @5 / @10; known objects refused @10 with unknown=0.2")
+    print("refined, right @1 / @3 / @5 / @10; 90 % regions hold the truth @10; refused @10 with unknown=0.2")
     for name, changes in ROBOTS.items():
         world = {**robot, **changes, "load_spread": 0.0}
         world["sensor"] = {**robot["sensor"], **changes.get("sensor", {})}
@@ -194,7 +194,11 @@ def loads(trials, folder):
                 words = {"scan": "test.npz", "train_scan": f"{train}.npz", "letters": None, "trials": trials}
                 run = tactsim.run(**words, readings=10, set={"unknown": 0.2} if share == 0.9 else {})
                 refused = f"{run.refused_known[9]:.3f}" if share == 0.9 else ""
-                print(f"| {name} | {share:.0%} | {train} | {at(run.accuracy)} | {refused} |", flush=True)
+                held = f"{run.coverage_90[9]:.2f}"
+                print(
+                    f"| {name} | {share:.0%} | {train} | {at(run.accuracy)} | {held} | {refused} |",
+                    flush=True,
+                )
 
 
 def record(plan, force, out):
