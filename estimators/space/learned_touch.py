@@ -39,7 +39,7 @@ def learn_touching(
     stiffness = float(fine[np.argmax([tried(one) for one in fine])])
     start = _touching(points, rays, stiffness, _deepest(list(touches.values()), stiffness), stroke)
     touching, _ = _widths(start, *_left_out(list(touches.values()), start, rays, dense, cell))
-    area = rays.frame[2] ** 2 * rays.base.size / len(points)
+    area = dense.frame[2] ** 2 * dense.base.size / len(points)
     loads = np.concatenate([mine.readings.sum(axis=1) for mine in touches.values()])
     return touching, float(np.quantile(loads, 0.75)) * area / 1000
 
@@ -80,7 +80,7 @@ def _touching(points: FloatArray, rays: Rays, stiffness: float, deepest: float, 
         share=np.ascontiguousarray(rays.to_taxels[taxel, ray]),
         stiffness=float(stiffness), soft=_SOFT, deepest=deepest, stroke=stroke, noise=np.full(len(points), 2.0),
         rough=0.1, aside=0.2, columns=len(rays.x), step=float(rays.frame[2]),
-        displaced=np.array([0.2, 0.02, 0.02]), swept=0.5, freedom=_FREEDOM, counts=_COUNTS,
+        displaced=np.array([0.2, 0.02, 0.02, 0.3, 0.3]), swept=0.5, freedom=_FREEDOM, counts=_COUNTS,
     )  # fmt: skip
 
 
@@ -89,12 +89,12 @@ def _widths(start: Touching, depth: FloatArray, readings: FloatArray) -> tuple[T
     log_p = np.empty(len(depth))
 
     def with_widths(logs: FloatArray) -> Touching:
-        noise, rough, aside, shift, tilt = np.exp(logs)
+        noise, rough, aside, shift, tilt, slip = np.exp(logs)
         return start._replace(
             noise=np.full(len(start.taxel), noise),
             rough=float(rough),
             aside=float(aside),
-            displaced=np.array([shift, tilt, tilt]),
+            displaced=np.array([shift, tilt, tilt, slip, slip]),
         )
 
     def cost(logs: FloatArray) -> float:
@@ -104,8 +104,8 @@ def _widths(start: Touching, depth: FloatArray, readings: FloatArray) -> tuple[T
     noise = 0.02 * float(np.quantile(readings, 0.99))
     found = minimize(
         cost,
-        np.log([noise, 0.1, 0.2, 0.2, 0.02]),
+        np.log([noise, 0.1, 0.2, 0.2, 0.02, 0.3]),
         method="Nelder-Mead",
-        options={"maxfev": 150, "xatol": 0.05},
+        options={"maxfev": 200, "xatol": 0.05},
     )
     return with_widths(found.x), -float(found.fun)
