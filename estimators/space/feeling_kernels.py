@@ -25,9 +25,9 @@ class Touching(NamedTuple):
     stiffness: kPa/mm. soft: mm by which a contact begins early and ends late. deepest: mm that a surface is in the
     layer at most. stroke: mm. noise: (taxels,) kPa, what a taxel reads beside the model. rough: mm, by how much the map
     errs. aside: mm, by how much it, or the pad's place, errs along the pad, which counts where the surface slopes.
-    displaced: [mm, rad, rad, mm, mm], by how much the stated pose errs along z, about x and y, and along x and y. swept: mm by which
-    the map
-    errs where the pad has passed. freedom: of Student's t. counts: the weight of a taxel.
+    displaced: [mm, rad, rad, mm, mm], by how much the stated pose errs along z, about x and y, and along x and y.
+    swept: mm by which the map errs where the pad has passed. freedom: of Student's t. counts: the weight of a taxel.
+    trust: the weight of a touch.
     """
 
     ray: Reals
@@ -48,6 +48,7 @@ class Touching(NamedTuple):
     swept: float
     freedom: float
     counts: float
+    trust: float
 
 
 TOUCHING = types.NamedTuple(
@@ -64,7 +65,7 @@ TOUCHING = types.NamedTuple(
         int64,
         float64,
         REALS,
-        *[float64] * 3,
+        *[float64] * 4,
     ),
     Touching,
 )
@@ -278,9 +279,8 @@ def agreement(touching: Touching, depth: Reals, reading: Reals) -> float:
                 best[a] = min(max(best[a], -limit), limit)
     log_det += 2 * math.log(determinant)
     counts, freedom = touching.counts, touching.freedom
-    return -0.5 * counts * log_det - 0.5 * (freedom + counts * taxels) * math.log(
-        1 + counts * max(misfit, 0.0) / freedom
-    )
+    spread = (freedom + counts * taxels) * math.log(1 + counts * max(misfit, 0.0) / freedom)
+    return -0.5 * touching.trust * (counts * log_det + spread)
 
 
 @compiled(void(VOXELS, TOUCHING, REALS_2D, REALS_2D, REALS_2D, REALS_2D, int64, int64, REALS))
