@@ -116,6 +116,6 @@ def advanced(pose: FloatArray, distance: FloatArray) -> FloatArray:
 
 def misplaced(pose: FloatArray, options: SpaceOptions, rng: np.random.Generator) -> FloatArray:
     """Draw poses (..., 7) that are off the given ones by a placement error in the pads' own frames."""
-    error = rng.standard_normal((*stated.shape[:-1], 6))
+    error = rng.standard_normal((*pose.shape[:-1], 6))
     turn = from_vector(options.placement_rad * error[..., 3:])
     return compose(pose, np.concatenate([options.placement_mm * error[..., :3], turn], axis=-1))
