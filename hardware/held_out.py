@@ -6,8 +6,8 @@ import numpy as np
 
 from tactsim.core.poses import FloatArray
 from tactsim.hardware.gain_fit import best_gain, shrunk_gains
+from tactsim.hardware.guessed_press import State
 from tactsim.hardware.press_fit import PressFit, shape
-from tactsim.hardware.press_model import State
 
 
 def held_out(fit: PressFit, state: State) -> tuple[FloatArray, FloatArray]:

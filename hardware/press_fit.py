@@ -11,8 +11,7 @@ import numpy as np
 
 from tactsim.core.poses import FloatArray
 from tactsim.hardware.gain_fit import Gains, saved_by_gains, shrunk_gains, with_gains
-from tactsim.hardware.press_errors import PressErrors, press_errors
-from tactsim.hardware.press_model import (
+from tactsim.hardware.guessed_press import (
     BLUNTEST,
     LOAD,
     MOST_GIVE,
@@ -22,6 +21,7 @@ from tactsim.hardware.press_model import (
     PressModel,
     State,
 )
+from tactsim.hardware.press_errors import PressErrors, press_errors
 
 _REACH = np.array([3.0, 3.0, 3.0, 10.0, np.inf, np.inf])  # of errors, times the prior
 _FIRST_GIVE = 0.5

@@ -11,10 +11,7 @@ from numpy.typing import NDArray
 from tactsim.core.errors import InputError
 from tactsim.core.poses import FloatArray
 from tactsim.hardware.gain_fit import best_gain, shrunk_gains
-from tactsim.hardware.held_out import held_out
-from tactsim.hardware.press_errors import PressErrors
-from tactsim.hardware.press_fit import BELIEVED, CONFIDENT, PressFit, known
-from tactsim.hardware.press_model import (
+from tactsim.hardware.guessed_press import (
     BLUNTEST,
     LEAN,
     LOAD,
@@ -28,6 +25,9 @@ from tactsim.hardware.press_model import (
     Predict,
     State,
 )
+from tactsim.hardware.held_out import held_out
+from tactsim.hardware.press_errors import PressErrors
+from tactsim.hardware.press_fit import BELIEVED, CONFIDENT, PressFit, known
 from tactsim.hardware.taxel_error import untouched
 
 _DECADES = 0.5  # between the layers of the profile likelihood

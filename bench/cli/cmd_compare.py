@@ -18,7 +18,7 @@ def command(
     from tactsim.bench.compare import compare
     from tactsim.bench.console import plain_console
     from tactsim.bench.results import load
-    from tactsim.bench.space import results as in_space
+    from tactsim.bench.space import space_results as in_space
     from tactsim.bench.space.paired import compare_in_space
 
     if in_space.is_in_space(base) and in_space.is_in_space(new):

@@ -22,8 +22,8 @@ def command(
     """Write one HTML page that opens without a network, and beside it every curve as CSV."""
     from tactsim.bench.places import RESULTS, check_new_file
     from tactsim.bench.report.write import write_report
-    from tactsim.bench.space.page import write_space_report
-    from tactsim.bench.space.results import is_in_space
+    from tactsim.bench.space.space_page import write_space_report
+    from tactsim.bench.space.space_results import is_in_space
     from tactsim.bench.terminal import progress_bars
     from tactsim.core.errors import InputError, printable
 

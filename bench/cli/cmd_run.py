@@ -12,7 +12,7 @@ from tactsim.bench.cli import shared_options as shared
 from tactsim.bench.cli import space_verbs as space
 from tactsim.bench.cli.words import Words, is_typed, with_options_of
 from tactsim.bench.config import RunConfig, run_config
-from tactsim.bench.space.config import TASK
+from tactsim.bench.space.space_config import TASK
 
 if TYPE_CHECKING:
     from tactsim.bench.guided import Station

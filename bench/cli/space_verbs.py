@@ -45,9 +45,9 @@ def run_in_space(words: Words, *, jobs: int, out: Path | None, as_json: bool) ->
     """Do `bench run --task solids` with the words that were typed."""
     from tactsim.bench.places import check_new_folder, new_place
     from tactsim.bench.results import to_json
-    from tactsim.bench.space.config import SpaceConfig, space_config, space_words
-    from tactsim.bench.space.runner import perform_in_space
-    from tactsim.bench.space.terminal import print_space_run
+    from tactsim.bench.space.space_config import SpaceConfig, space_config, space_words
+    from tactsim.bench.space.space_runner import perform_in_space
+    from tactsim.bench.space.space_terminal import print_space_run
     from tactsim.bench.terminal import progress_bars
 
     config = space_config(**space_words(words, SpaceConfig, "run"))
@@ -67,7 +67,7 @@ def run_in_space(words: Words, *, jobs: int, out: Path | None, as_json: bool) ->
 def scan_in_space(words: Words, *, out: Path) -> None:
     """Do `bench scan --task solids` with the words that were typed."""
     from tactsim.bench.places import check_new_file
-    from tactsim.bench.space.config import SpaceWords, scan_words, space_words
+    from tactsim.bench.space.space_config import SpaceWords, scan_words, space_words
     from tactsim.bench.terminal import progress_bars, work_line
     from tactsim.press.space import scan_solids
 

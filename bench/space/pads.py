@@ -16,7 +16,7 @@ from tactsim.core.documents import parse_toml
 from tactsim.core.poses import FloatArray
 
 if TYPE_CHECKING:
-    from tactsim.bench.space.config import SpaceConfig
+    from tactsim.bench.space.space_config import SpaceConfig
     from tactsim.models import Solid
     from tactsim.press.space import Hand, HandPress, SpacePress
 

@@ -6,8 +6,8 @@ import numpy as np
 
 from tactsim.bench.compare import Difference, mcnemar, paired
 from tactsim.bench.score import settled_by
-from tactsim.bench.space.run import SpaceRun
-from tactsim.bench.space.score import Scored
+from tactsim.bench.space.space_run import SpaceRun
+from tactsim.bench.space.space_score import Scored
 from tactsim.core.errors import InputError
 
 

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from tactsim.core import rigid
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.space import pose_cells
-from tactsim.estimators.space.field import SpaceField
 from tactsim.estimators.space.pose_cells import CellSizes
 from tactsim.estimators.space.rotation_cells import ACROSS, every_cell, middles
 from tactsim.estimators.space.screen_kernels import TouchPoints, screen
+from tactsim.estimators.space.space_field import SpaceField
 from tactsim.estimators.space.surface import Surface
 from tactsim.estimators.space.touch_points import PointReader, joined
 

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactsim.core.poses import FloatArray
-from tactsim.estimators.space.field import SpaceField
+from tactsim.estimators.space.space_field import SpaceField
 
 STATES = 48  # drawn from the belief for one choice
 _TRAVEL = 1.0  # mm by which a pad's travel may be off what is foreseen

@@ -10,9 +10,9 @@ from time import process_time
 
 import numpy as np
 
-from tactsim.bench.space.config import space_config
 from tactsim.bench.space.draws import draw_starts, draw_true_pose, outside_of
-from tactsim.bench.space.runner import perform_in_space
+from tactsim.bench.space.space_config import space_config
+from tactsim.bench.space.space_runner import perform_in_space
 from tactsim.core import rigid
 from tactsim.models import solid, solid_names
 from tactsim.press.space import SpaceOptions, SpacePress

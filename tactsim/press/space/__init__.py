@@ -5,7 +5,7 @@ that teach an estimator an object and the scan of them (`solid_scanning`), and h
 live here: the solids themselves (models.solids), and the press of letters on a plane (the package above).
 """
 
-from tactsim.press.space.hand import Hand, HandPress
+from tactsim.press.space.pads_on_hand import Hand, HandPress
 from tactsim.press.space.solid_scanning import random_starts, scan_solids, solids_of, touch_grid
 from tactsim.press.space.space_options import SpaceOptions
 from tactsim.press.space.space_press import SpacePress, Touched

@@ -57,8 +57,8 @@ class SpacePress:
     def touch(self, label: str, start: FloatArray, rng: np.random.Generator | None = None) -> Touched:
         """Touch an object from stated starts (n, 7), sensor_in_object; the readings have no imperfections.
 
-        rng: draws how far the stated pose at rest is off the true one (`placement_mm`, `placement_rad`); without it none
-        is. Drawn at the start, an error in angle would grow sideways with the way that the pad goes.
+        rng: draws how far the stated pose at rest is off the true one (`placement_mm`, `placement_rad`); none if it is
+        None. Drawn at the start, an error in angle would grow sideways with the way that the pad goes.
         A layer that the force would press by more than its thickness is just so stiff that it gives way by that.
         Raises InputError if there is no such object or a start is no pose.
         """

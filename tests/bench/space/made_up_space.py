@@ -2,11 +2,11 @@
 
 import numpy as np
 
-from tactsim.bench.space.config import SpaceConfig
-from tactsim.bench.space.replay import Replayed
-from tactsim.bench.space.run import Shape, SpaceRun
+from tactsim.bench.space.space_config import SpaceConfig
+from tactsim.bench.space.space_replay import Replayed
+from tactsim.bench.space.space_run import Shape, SpaceRun
+from tactsim.bench.space.space_trials import SpaceTrials
 from tactsim.bench.space.surface_distance import Surface
-from tactsim.bench.space.trials import SpaceTrials
 from tactsim.core import rigid
 
 OBJECTS = ("wedge", "block")

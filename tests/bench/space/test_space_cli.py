@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from tactsim.bench.cli.app import app
-from tactsim.bench.space.config import space_config
-from tactsim.bench.space.results import load
-from tactsim.bench.space.runner import perform_in_space
+from tactsim.bench.space.space_config import space_config
+from tactsim.bench.space.space_results import load
+from tactsim.bench.space.space_runner import perform_in_space
 from tactsim.core import InputError, rigid
 from tactsim.core.space_scan import SpaceScan
 from tactsim.estimators import registry
@@ -94,7 +94,7 @@ def test_trials_do_not_depend_on_the_jobs():
     words = {"estimator": "alike", "objects": "nut,egg", "trials": 5, "touches": 2, "scan_set": {"points": 8}}
     plan = perform_in_space(space_config(**words)).plan
     estimator = plan.fitted()
-    from tactsim.bench.space.trials import tasks_of
+    from tactsim.bench.space.space_trials import tasks_of
 
     tasks = tasks_of(["nut", "egg"], 5)
     whole, work = plan.run(estimator, tasks, lambda *_: None)

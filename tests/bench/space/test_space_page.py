@@ -4,7 +4,7 @@ import pytest
 from browser import browser, needs_browser
 from made_up_space import make_replayed, make_space_run
 
-from tactsim.bench.space.page import page
+from tactsim.bench.space.space_page import page
 
 pytestmark = needs_browser
 

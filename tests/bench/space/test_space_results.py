@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from made_up_space import make_space_run
 
-from tactsim.bench.space.results import is_in_space, load
-from tactsim.bench.space.trials import SpaceTrials
+from tactsim.bench.space.space_results import is_in_space, load
+from tactsim.bench.space.space_trials import SpaceTrials
 from tactsim.core import InputError
 
 

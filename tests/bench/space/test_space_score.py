@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from made_up_space import make_space_run, make_space_trials
 
-from tactsim.bench.space.score import CURVES, HEADLINES, Scored, summarise
+from tactsim.bench.space.space_score import CURVES, HEADLINES, Scored, summarise
 from tactsim.core import rigid
 
 

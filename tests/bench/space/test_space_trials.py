@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from tactsim.bench.space.draws import HALF_BOX, draw_starts, draw_true_pose, outside_of
+from tactsim.bench.space.space_trials import SpaceTask, certainty, generator, tasks_of
 from tactsim.bench.space.surface_distance import Surface
-from tactsim.bench.space.trials import SpaceTask, certainty, generator, tasks_of
 from tactsim.core import rigid
 from tactsim.estimators import Estimate, PoseSamples
 

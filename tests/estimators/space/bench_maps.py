@@ -14,7 +14,7 @@ from tactsim.core import rigid
 from tactsim.core.space_scan import SpaceScan
 from tactsim.estimators.likelihoods.classifier import CONTACT, NO_CONTACT, classify
 from tactsim.estimators.likelihoods.occupancy import sigmoid
-from tactsim.estimators.space.field import SpaceField, SpaceMapOptions
+from tactsim.estimators.space.space_field import SpaceField, SpaceMapOptions
 from tactsim.estimators.space.space_occupancy import SpaceOccupancy, learn_occupancy
 from tactsim.press.space import SpaceOptions, scan_solids
 

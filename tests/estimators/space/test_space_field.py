@@ -5,7 +5,7 @@ import pytest
 import toy_solids as toy
 
 from tactsim.core import InputError, rigid
-from tactsim.estimators.space.field import SpaceField, SpaceMapOptions
+from tactsim.estimators.space.space_field import SpaceField, SpaceMapOptions
 
 
 @pytest.fixture(scope="module")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from rich.table import Table
 
 from tactsim.bench.console import plain_console
-from tactsim.bench.space.run import SpaceRun
+from tactsim.bench.space.space_run import SpaceRun
 from tactsim.bench.terminal import work_line
 
 _ROWS = (1, 2, 3, 4, 5, 6, 8, 10, 12, 15, 20, 30, 40, 60, 100)

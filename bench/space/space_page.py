@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 
 from tactsim.bench.report.page import Arrays
-from tactsim.bench.space.replay import Replayed, replay
-from tactsim.bench.space.results import load
-from tactsim.bench.space.run import SpaceRun
-from tactsim.bench.space.score import Scored
+from tactsim.bench.space.space_replay import Replayed, replay
+from tactsim.bench.space.space_results import load
+from tactsim.bench.space.space_run import SpaceRun
+from tactsim.bench.space.space_score import Scored
 from tactsim.bench.trials import Progress
 from tactsim.bench.whole_page import whole_page
 from tactsim.core import rigid

@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
-from tactsim.bench.space.config import SpaceConfig
 from tactsim.bench.space.pads import pads
+from tactsim.bench.space.space_config import SpaceConfig
+from tactsim.bench.space.space_trials import SpaceTask, SpaceTrials, run_trial
 from tactsim.bench.space.surface_distance import POINTS, Surface
-from tactsim.bench.space.trials import SpaceTask, SpaceTrials, run_trial
 from tactsim.bench.trials import Progress
 from tactsim.bench.work_counts import flatten_work, unflatten_work
 from tactsim.core.seeds import stream

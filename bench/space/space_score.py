@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactsim.bench.score import settled_by, wilson
+from tactsim.bench.space.space_trials import SpaceTrials
 from tactsim.bench.space.surface_distance import Surface, surface_distance, turn_between
-from tactsim.bench.space.trials import SpaceTrials
 from tactsim.core import rigid
 from tactsim.core.poses import FloatArray
 

@@ -10,17 +10,17 @@ import numpy as np
 
 from tactsim.bench.machine import machine, peak_memory_mb, versions
 from tactsim.bench.runner import about_estimator, silent
-from tactsim.bench.space.config import SpaceConfig
-from tactsim.bench.space.plan import SpacePlan, fit_in_space, run_trials, solids_of, surface_of
-from tactsim.bench.space.run import Shape, SpaceRun
-from tactsim.bench.space.trials import tasks_of
+from tactsim.bench.space.space_config import SpaceConfig
+from tactsim.bench.space.space_plan import SpacePlan, fit_in_space, run_trials, solids_of, surface_of
+from tactsim.bench.space.space_run import Shape, SpaceRun
+from tactsim.bench.space.space_trials import tasks_of
 from tactsim.bench.trials import Progress
 from tactsim.core.errors import InputError
 from tactsim.core.source_digest import git_commit
 from tactsim.core.space_scan import SpaceScan
 from tactsim.estimators import create
 from tactsim.estimators.estimator import proposes_none
-from tactsim.estimators.space.field import surfaces_of
+from tactsim.estimators.space.space_field import surfaces_of
 
 if TYPE_CHECKING:
     from tactsim.models import Solid

@@ -8,12 +8,12 @@ import numpy as np
 
 from tactsim.bench.runner import silent
 from tactsim.bench.score import settled_at
-from tactsim.bench.space.config import SpaceConfig
 from tactsim.bench.space.pads import pads
-from tactsim.bench.space.plan import SpacePlan
-from tactsim.bench.space.run import SpaceRun
-from tactsim.bench.space.runner import gather_in_space
-from tactsim.bench.space.trials import SpaceTask, SpaceTrials, run_trial
+from tactsim.bench.space.space_config import SpaceConfig
+from tactsim.bench.space.space_plan import SpacePlan
+from tactsim.bench.space.space_run import SpaceRun
+from tactsim.bench.space.space_runner import gather_in_space
+from tactsim.bench.space.space_trials import SpaceTask, SpaceTrials, run_trial
 from tactsim.core import rigid
 from tactsim.core.checking import checked
 from tactsim.core.poses import FloatArray

@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactsim.bench.results import read_table, to_json, write_table
-from tactsim.bench.space.config import TASK
-from tactsim.bench.space.run import Shape, SpaceRun
+from tactsim.bench.space.space_config import TASK
+from tactsim.bench.space.space_run import Shape, SpaceRun
+from tactsim.bench.space.space_trials import SpaceTrials
 from tactsim.bench.space.surface_distance import Surface
-from tactsim.bench.space.trials import SpaceTrials
 from tactsim.core.documents import read_json
 from tactsim.core.errors import InputError
 from tactsim.core.files import new_folder, write_bytes, write_text

@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tactsim.bench.space.plan import SpacePlan
-from tactsim.bench.space.score import summarise
+from tactsim.bench.space.space_plan import SpacePlan
+from tactsim.bench.space.space_score import summarise
+from tactsim.bench.space.space_trials import SpaceTrials
 from tactsim.bench.space.surface_distance import Surface
-from tactsim.bench.space.trials import SpaceTrials
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.space.surface import Surface as LearnedSurface
 
@@ -83,7 +83,7 @@ class SpaceRun:
 
         Raises InputError if the folder holds something or cannot be written.
         """
-        from tactsim.bench.space.results import save
+        from tactsim.bench.space.space_results import save
 
         return save(self, Path(folder))
 
