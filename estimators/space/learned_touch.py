@@ -9,7 +9,7 @@ from scipy.optimize import minimize
 
 from tactsim.core import rigid
 from tactsim.core.poses import FloatArray
-from tactsim.estimators.space.feeling_kernels import Touching, agreements
+from tactsim.estimators.space.agreement_kernels import Touching, agreements
 from tactsim.estimators.space.learning import Touches, depths, learn_surface
 from tactsim.estimators.space.rays import Rays
 
