@@ -28,7 +28,9 @@ _FIRST_GIVE = 0.5
 _LONGEST = 0.3  # of a step of the give, and, as a share, of point spread and response
 _LEVEL_ROUNDS, _TILTED_ROUNDS = 6, 12
 _SETTLED = 0.003  # of the mean square: a round that takes less is the last
-_SHARES = (1.0, 0.5, 0.25)  # of a round's step that are tried
+# Shares of a round's step that are tried: of what presses share, and of their errors. Errors may follow a wrist that
+# gives way so steeply that they must not go ahead of it.
+_SHARES = ((1.0, 1.0), (0.5, 1.0), (0.25, 1.0), (0.5, 0.5), (0.25, 0.25), (0.1, 0.1))
 _STARTS = (0.4, 6.0, 6)  # mm, point spreads to start from, and how many
 _RESPONSES = (0.35, 0.5, 0.7, 1.0, 1.4, 2.0, 2.8)  # exponents to start from
 _MOST_GROWN = 1.0  # mm
@@ -177,9 +179,9 @@ class PressFit(PressModel):
 
     def advanced(self, old: State, found: PressErrors, variance: float, *, yields: bool) -> State:
         """Go to what a round found; a part of the way, or none, if that brings readings no nearer."""
-        for share in _SHARES:
+        for share, of_errors in _SHARES:
             give = old.give + share * (float(found.shared[0]) - old.give) if yields else 0.0
-            new = self.stepped(self.shared(replace(old, give=give), found, share), found, variance)
+            new = self.stepped(self.shared(replace(old, give=give), found, share), found, variance, of_errors)
             if self.residual(new)[3] <= variance:
                 return new
         return replace(
@@ -232,14 +234,15 @@ class PressFit(PressModel):
             grown_error=found.shared_error[of_outlines],
         )  # fmt: skip
 
-    def stepped(self, old: State, found: PressErrors, variance: float) -> State:
-        """Go to what was found; for a press that this brings no nearer, a part of the way."""
+    def stepped(self, old: State, found: PressErrors, variance: float, share: float = 1.0) -> State:
+        """Go a share of the way to the errors that were found; for a press that this brings no nearer, less of it."""
         count = len(found.sd)
         new = replace(old, found=found, errors=old.errors.copy())
         new.errors[:, count:] = 0
         start, target = new.errors.copy(), new.errors
         reach = (_REACH * self.prior)[:count]
-        target[:, :count] = np.clip(found.errors, -reach, reach)
+        aim = np.clip(found.errors, -reach, reach)
+        target[:, :count] += share * (aim - target[:, :count])
 
         def badness(errors: FloatArray) -> FloatArray:
             left = self.residual(replace(new, errors=errors))[1]

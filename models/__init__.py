@@ -4,11 +4,16 @@ Lives here: solids and outlines in mm, and what follows from a shape alone. Does
 that knows a sensor, a force, a reading or a map.
 """
 
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
 from tactsim.models.export import export
 from tactsim.models.glyphs import names, parse_letters
 from tactsim.models.letter import ConvexPart, Letter, Rectangle, letter, relief
 from tactsim.models.shapes import shape
-from tactsim.models.solids import Solid, mirrored, read_solid_file, solid, solid_names
+
+if TYPE_CHECKING:
+    from tactsim.models.solids import Solid, mirrored, read_solid_file, solid, solid_names
 
 __all__ = [
     "ConvexPart",
@@ -26,3 +31,10 @@ __all__ = [
     "solid",
     "solid_names",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    # Letters do without solids, and a press of letters does not depend on them.
+    if name not in __all__:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module("tactsim.models.solids"), name)

@@ -20,6 +20,9 @@ def pytest_addoption(parser):
     parser.addoption(
         "--soak-minutes", type=float, default=30.0, help="how long `make soak` reads its devices"
     )
+    parser.addoption(
+        "--dearest", type=int, default=0, help="how many tests to list that took most processor time"
+    )
 
 
 def pytest_configure(config):

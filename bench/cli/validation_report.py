@@ -183,20 +183,22 @@ def _show_parts(console: Console, result: Validation) -> None:
 
 
 def _show_recognition(console: Console, result: Validation) -> None:
-    table = _table(
-        "", "trained on", *(f"@{touch}" for touch in TOUCHES), "95 % from", f"drop @{result.drop_at}", "mm"
-    )
+    table = _table("", "trained on", *(f"@{touch}" for touch in TOUCHES), "95 % from", "mm")
     for name, sides in result.recognition.items():
         for side, figures in sides.items():
-            accuracy, drops = figures["accuracy"], result.drops.get(name, {}).get(side)
+            accuracy, error = figures["accuracy"], figures["error_mm"]
             shares = [f"{accuracy[touch - 1]:.2f}" if touch <= len(accuracy) else "-" for touch in TOUCHES]
-            lost = "-" if drops is None else f"{drops[0]:.2f} ({drops[1]:.2f}-{drops[2]:.2f})"
-            error = figures["error_mm"]
             table.add_row(
-                name, _TRAINED[side], *shares, _reached(figures["touches_to_95"]), lost,
+                name, _TRAINED[side], *shares, _reached(figures["touches_to_95"]),
                 "-" if error is None else f"{error:.2f}",
             )  # fmt: skip
     console.print(table)
+    if result.drops:
+        table = _table("beside recorded training", "trained on", f"fewer right @{result.drop_at}", "95 %")
+        for name, lost in result.drops.items():
+            for side, (by, low, high) in lost.items():
+                table.add_row(name, _TRAINED[side], f"{by:+.2f}", f"{low:+.2f} to {high:+.2f}")
+        console.print(table)
     if result.worlds:
         table = _table("trained in a world with", f"@{result.drop_at}", "95 % from", "gained")
         for row in result.worlds:

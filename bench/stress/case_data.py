@@ -63,7 +63,7 @@ def fitted(name: str, scan: Scan, **options: Any) -> Estimator:
 def every_estimator(
     budget: int = USUAL_BUDGET, *, learning: bool = False
 ) -> list[tuple[str, dict[str, int]]]:
-    """List every estimator that can be loaded with its budget, by default a moderate one.
+    """List every estimator of the plane that can be loaded with its budget, by default a moderate one.
 
     learning: only those that learn from the training readings, and do not press the letters themselves.
     """
@@ -75,7 +75,7 @@ def every_estimator(
             create(name, **options)
         except InputError:
             continue  # a broken plug-in, of which `bench list` says so, or an extra that is not installed
-        if not (learning and kind.uses_forward_model):
+        if not (kind.in_space or (learning and kind.uses_forward_model)):
             found.append((name, options))
     return found
 

@@ -13,6 +13,7 @@ from tactsim.estimators.space.voxels import VOXELS, Voxels, distance_at, first_h
 
 _HOPELESS = 2.0  # mm that an object reaches into what the pad has swept; then no ray is looked at
 _WORST = 20.0  # nats that this costs at most
+_WAYS = 5  # in which the pad may be displaced
 _TURNS = 2  # linearisations of a touch in the pad's displacement; the second begins where the first ends
 
 
@@ -24,8 +25,9 @@ class Touching(NamedTuple):
     stiffness: kPa/mm. soft: mm by which a contact begins early and ends late. deepest: mm that a surface is in the
     layer at most. stroke: mm. noise: (taxels,) kPa, what a taxel reads beside the model. rough: mm, by how much the map
     errs. aside: mm, by how much it, or the pad's place, errs along the pad, which counts where the surface slopes.
-    displaced: [mm, rad, rad], by how much the stated pose errs along z and about x and y. swept: mm by which the map
-    errs where the pad has passed. freedom: of Student's t. counts: the weight of a taxel.
+    displaced: [mm, rad, rad, mm, mm], by how much the stated pose errs along z, about x and y, and along x and y.
+    swept: mm by which the map errs where the pad has passed. freedom: of Student's t. counts: the weight of a taxel.
+    trust: the weight of a touch.
     """
 
     ray: Reals
@@ -46,6 +48,7 @@ class Touching(NamedTuple):
     swept: float
     freedom: float
     counts: float
+    trust: float
 
 
 TOUCHING = types.NamedTuple(
@@ -62,7 +65,7 @@ TOUCHING = types.NamedTuple(
         int64,
         float64,
         REALS,
-        *[float64] * 3,
+        *[float64] * 4,
     ),
     Touching,
 )
@@ -178,15 +181,17 @@ def intrusion(
 def agreement(touching: Touching, depth: Reals, reading: Reals) -> float:
     """Give log p(reading | depths at the rays): Student's t, the pad's displacement integrated out.
 
-    The pad may be displaced along z and turned about x and y; the readings are linear in that where the contact stays
-    as it is, so that a Gauss-Newton step and a matrix 3 by 3 (Woodbury 1950) do it.
+    The pad may be displaced along its axes and turned about x and y; the readings are linear in that where the contact
+    stays as it is and the surface goes on as it slopes, so that a Gauss-Newton step and a matrix 5 by 5 (Woodbury 1950)
+    do it.
     """
     taxels, rays = len(touching.taxel), len(depth)
     soft, stiffness = touching.soft, touching.stiffness
-    best = np.zeros(3)
-    matrix, vector = np.empty((3, 3)), np.empty(3)
+    best, change = np.zeros(_WAYS), np.empty(_WAYS)
+    matrix, vector = np.empty((_WAYS, _WAYS)), np.empty(_WAYS)
     # How deep a ray is pressed, how that changes with its depth, and by how much the depth errs.
     into, open_to, wrong = np.empty(rays), np.empty(rays), np.empty(rays)
+    sloped = np.empty((rays, 2))
     columns, rows = touching.columns, rays // touching.columns
     for row in range(rows):
         for column in range(columns):
@@ -195,6 +200,7 @@ def agreement(touching: Touching, depth: Reals, reading: Reals) -> float:
             low, high = ray - columns * (row > 0), ray + columns * (row + 1 < rows)
             along_x = (depth[right] - depth[left]) / (touching.step * max(right - left, 1))
             along_y = (depth[high] - depth[low]) / (touching.step * max((high - low) // columns, 1))
+            sloped[ray, 0], sloped[ray, 1] = along_x, along_y
             wrong[ray] = math.sqrt(
                 touching.rough**2 + touching.aside**2 * (along_x * along_x + along_y * along_y)
             )
@@ -203,49 +209,52 @@ def agreement(touching: Touching, depth: Reals, reading: Reals) -> float:
         felt = False
         for ray in range(rays):
             d = depth[ray] + best[0] + best[1] * touching.ray[ray, 1] - best[2] * touching.ray[ray, 0]
+            d += best[3] * sloped[ray, 0] + best[4] * sloped[ray, 1]
             begun = min(max(d + soft, 0.0), 2 * soft)
             into[ray] = begun * begun / (4 * soft) + max(d - soft, 0.0)
             open_to[ray] = begun / (2 * soft)
             felt |= begun > 0
-        for a in range(3):
+        for a in range(_WAYS):
             vector[a] = 0.0
-            for b in range(3):
+            for b in range(_WAYS):
                 matrix[a, b] = 0.0
             matrix[a, a] = 1 / touching.displaced[a] ** 2
         misfit, product, log_det = 0.0, 1.0, 0.0
         for t in range(taxels):
             x, y = touching.taxel[t, 0], touching.taxel[t, 1]
             pressed, slope, error = 0.0, 0.0, 0.0
+            change[3] = change[4] = 0.0
             if felt:
                 for n in range(touching.start[t], touching.start[t + 1]):
                     ray = touching.which[n]
                     pressed += touching.share[n] * into[ray]
-                    slope += touching.share[n] * open_to[ray]
-                    error += touching.share[n] * open_to[ray] * wrong[ray]
-            slope *= stiffness
+                    part = touching.share[n] * open_to[ray]
+                    slope += part
+                    error += part * wrong[ray]
+                    change[3] += part * sloped[ray, 0]
+                    change[4] += part * sloped[ray, 1]
+            change[0], change[1], change[2] = slope, slope * y, -slope * x
             variance = touching.noise[t] ** 2 + (stiffness * error) ** 2
             # What is left is linear in the displacement from 0: its prior stands there.
-            rest = reading[t] - stiffness * pressed + slope * (best[0] + best[1] * y - best[2] * x)
-            by = slope / variance
+            rest = reading[t] - stiffness * pressed
+            for a in range(_WAYS):
+                change[a] *= stiffness
+                rest += change[a] * best[a]
             product *= variance
             if t % 8 == 7:
                 log_det += math.log(product)
                 product = 1.0
             misfit += rest * rest / variance
-            vector[0] += by * rest
-            vector[1] += by * rest * y
-            vector[2] -= by * rest * x
-            by *= slope
-            matrix[0, 0] += by
-            matrix[1, 0] += by * y
-            matrix[2, 0] -= by * x
-            matrix[1, 1] += by * y * y
-            matrix[2, 1] -= by * x * y
-            matrix[2, 2] += by * x * x
+            if slope > 0:
+                for a in range(_WAYS):
+                    by = change[a] / variance
+                    vector[a] += by * rest
+                    for b in range(a + 1):
+                        matrix[a, b] += by * change[b]
         log_det += math.log(product)
         # Cholesky's factor of the matrix, and the vector divided by it, then the displacement.
         determinant = 1.0
-        for a in range(3):
+        for a in range(_WAYS):
             for b in range(a + 1):
                 value = matrix[a, b]
                 for c in range(b):
@@ -260,19 +269,18 @@ def agreement(touching: Touching, depth: Reals, reading: Reals) -> float:
         if not felt:  # no displacement changes anything
             break
         if turn + 1 < _TURNS:
-            for a in range(2, -1, -1):
+            for a in range(_WAYS - 1, -1, -1):
                 value = vector[a]
-                for c in range(a + 1, 3):
+                for c in range(a + 1, _WAYS):
                     value -= matrix[c, a] * best[c]
                 best[a] = value / matrix[a, a]
-            for a in range(3):
+            for a in range(_WAYS):
                 limit = 3 * touching.displaced[a]
                 best[a] = min(max(best[a], -limit), limit)
     log_det += 2 * math.log(determinant)
     counts, freedom = touching.counts, touching.freedom
-    return -0.5 * counts * log_det - 0.5 * (freedom + counts * taxels) * math.log(
-        1 + counts * max(misfit, 0.0) / freedom
-    )
+    spread = (freedom + counts * taxels) * math.log(1 + counts * max(misfit, 0.0) / freedom)
+    return -0.5 * touching.trust * (counts * log_det + spread)
 
 
 @compiled(void(VOXELS, TOUCHING, REALS_2D, REALS_2D, REALS_2D, REALS_2D, int64, int64, REALS))

@@ -27,7 +27,7 @@ class SpaceMapOptions(Options):
         1.0,
         ge=0,
         le=10,
-        description="standard deviation of the pad's point spread, mm; a taxel's area is added",
+        description="standard deviation of the pad's point spread, mm",
     )
 
 
@@ -61,7 +61,10 @@ class SpaceField:
         if not len(train):
             raise InputError("the scan has no touches with split 'train' to learn maps from")
         stroke = float(scan.meta.get("stroke", 0.0))
-        rays = rays_over(train.taxel_points, options.rays, options.spread)
+        bounds = scan.meta.get("load_bounds")
+        rays = rays_over(
+            train.taxel_points, options.rays, options.spread, None if bounds is None else np.array(bounds)
+        )
         dense = rays_over(train.taxel_points, 2, options.spread)
         touches = {}
         for label in train.objects:

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 from scipy.optimize import minimize
 
+from tactsim.core import rigid
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.space.feeling_kernels import Touching, agreements
 from tactsim.estimators.space.learning import Touches, depths, learn_surface
@@ -39,7 +40,8 @@ def learn_touching(
     stiffness = float(fine[np.argmax([tried(one) for one in fine])])
     start = _touching(points, rays, stiffness, _deepest(list(touches.values()), stiffness), stroke)
     touching, _ = _widths(start, *_left_out(list(touches.values()), start, rays, dense, cell))
-    area = rays.frame[2] ** 2 * rays.base.size / len(points)
+    touching = touching._replace(trust=_trust(list(touches.values()), touching, rays, dense, cell))
+    area = dense.frame[2] ** 2 * dense.base.size / len(points)
     loads = np.concatenate([mine.readings.sum(axis=1) for mine in touches.values()])
     return touching, float(np.quantile(loads, 0.75)) * area / 1000
 
@@ -63,6 +65,39 @@ def _left_out(
     return np.concatenate(depth), np.ascontiguousarray(np.concatenate(readings))
 
 
+def _trust(touches: list[Touches], touching: Touching, rays: Rays, dense: Rays, cell: float) -> float:
+    """Weigh touches so that log p of left-out ones at their true poses is as steep as it is curved, at most 1.
+
+    The log p of several touches then exceeds that at the true pose by as much as it should, half a nat for each number
+    of the pose (Pauli, Racugno and Ventura 2011): the weight is 6 / trace(H^-1 J), H the sum of minus the second
+    derivatives by the pose and J that of the first's squares, both by central differences.
+    """
+    steps = np.array([0.2, 0.2, 0.2, 0.02, 0.02, 0.02])  # mm and rad
+    ways = [(a, b) for a in range(6) for b in range(a)]
+    moves = [*np.eye(6), *-np.eye(6)]
+    moves += [one * np.eye(6)[a] + two * np.eye(6)[b] for a, b in ways for one in (1, -1) for two in (1, -1)]
+    curved, steep = np.zeros((6, 6)), np.zeros((6, 6))
+    for mine in touches:
+        learned, out = _divided(mine)
+        voxels = learn_surface(learned, dense, touching.stiffness, cell, touching.stroke).voxels
+        log_p = np.empty((len(moves) + 1, len(out.places)))
+        for number, move in enumerate([np.zeros(6), *moves]):
+            turn = rigid.matrix(rigid.from_vector(move[3:] * steps[3:]))
+            turns = np.ascontiguousarray(np.einsum("ij,njk->nik", turn, out.turns))
+            moved = Touches(out.readings, out.places @ turn.T + move[:3] * steps[:3], turns)
+            depth = depths(voxels, moved, rays, touching.deepest, touching.soft + 0.5)
+            agreements(touching, depth, out.readings, log_p[number])
+        slope = (log_p[1:7] - log_p[7:13]) / 2
+        steep += slope @ slope.T
+        total = log_p.sum(axis=1)
+        curved += np.diag(2 * total[0] - total[1:7] - total[7:13])
+        for (a, b), four in zip(ways, total[13:].reshape(-1, 4), strict=True):
+            curved[a, b] -= (four[0] - four[1] - four[2] + four[3]) / 4
+            curved[b, a] = curved[a, b]
+    excess = float(np.trace(np.linalg.solve(curved, steep)))
+    return 6 / max(excess, 6.0) if np.linalg.eigvalsh(curved)[0] > 0 else 1.0
+
+
 def _divided(touches: Touches) -> tuple[Touches, Touches]:
     """Divide touches into those that are learned from and those left out."""
     out = np.arange(len(touches.readings)) % _LEFT_OUT == 0
@@ -80,7 +115,7 @@ def _touching(points: FloatArray, rays: Rays, stiffness: float, deepest: float, 
         share=np.ascontiguousarray(rays.to_taxels[taxel, ray]),
         stiffness=float(stiffness), soft=_SOFT, deepest=deepest, stroke=stroke, noise=np.full(len(points), 2.0),
         rough=0.1, aside=0.2, columns=len(rays.x), step=float(rays.frame[2]),
-        displaced=np.array([0.2, 0.02, 0.02]), swept=0.5, freedom=_FREEDOM, counts=_COUNTS,
+        displaced=np.array([0.2, 0.02, 0.02, 0.3, 0.3]), swept=0.5, freedom=_FREEDOM, counts=_COUNTS, trust=1.0,
     )  # fmt: skip
 
 
@@ -89,12 +124,12 @@ def _widths(start: Touching, depth: FloatArray, readings: FloatArray) -> tuple[T
     log_p = np.empty(len(depth))
 
     def with_widths(logs: FloatArray) -> Touching:
-        noise, rough, aside, shift, tilt = np.exp(logs)
+        noise, rough, aside, shift, tilt, slip = np.exp(logs)
         return start._replace(
             noise=np.full(len(start.taxel), noise),
             rough=float(rough),
             aside=float(aside),
-            displaced=np.array([shift, tilt, tilt]),
+            displaced=np.array([shift, tilt, tilt, slip, slip]),
         )
 
     def cost(logs: FloatArray) -> float:
@@ -104,8 +139,8 @@ def _widths(start: Touching, depth: FloatArray, readings: FloatArray) -> tuple[T
     noise = 0.02 * float(np.quantile(readings, 0.99))
     found = minimize(
         cost,
-        np.log([noise, 0.1, 0.2, 0.2, 0.02]),
+        np.log([noise, 0.1, 0.2, 0.2, 0.02, 0.3]),
         method="Nelder-Mead",
-        options={"maxfev": 150, "xatol": 0.05},
+        options={"maxfev": 200, "xatol": 0.05},
     )
     return with_widths(found.x), -float(found.fun)

@@ -5,17 +5,20 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import erf
 
 from tactsim.core.poses import FloatArray
+
+_PARTS = 8  # of a ray's cell along each axis, over which what a taxel feels is averaged
 
 
 @dataclass(frozen=True, eq=False)
 class Rays:
-    """A lattice of rays along the pad's z axis over the taxels.
+    """A lattice of rays along the pad's z axis, over the taxels and the rim beside them that carries load too.
 
     x: (columns,) and y: (rows,) mm. base: (rows, columns) mm, z of the pad's unloaded surface. to_rays: (rays, taxels)
-    interpolates what taxels read at the rays. to_taxels: (taxels, rays) averages the pressure at rays to what taxels
-    read: the point spread and the taxel's own area, rows of sum 1.
+    interpolates what taxels read at the rays. to_taxels: (taxels, rays) sums the pressure at rays to what taxels
+    read: the point spread over the taxel's own area. What spreads past the pad's edge is lost: rows sum to at most 1.
     """
 
     x: FloatArray
@@ -36,27 +39,41 @@ class Rays:
         return np.column_stack([x.ravel(), y.ravel()])
 
 
-def rays_over(points: FloatArray, per_taxel: int, spread: float) -> Rays:
+def rays_over(points: FloatArray, per_taxel: int, spread: float, bounds: FloatArray | None = None) -> Rays:
     """Lay rays over taxels at (taxels, 3) mm, `per_taxel` along a side of each.
 
-    spread: mm, the standard deviation of the pad's point spread; the taxel's area is added to it.
+    spread: mm, the standard deviation of the pad's point spread. bounds: (4,) mm, x low, x high, y low, y high of the
+    surface that carries load; without it that is the taxels' own.
     """
     xy = points[:, :2]
     pitch = _pitch(xy)
     low, high = xy.min(axis=0) - pitch / 2, xy.max(axis=0) + pitch / 2
+    if bounds is not None:
+        low, high = np.minimum(low, bounds[::2]), np.maximum(high, bounds[1::2])
     step = pitch / per_taxel
     counts = np.maximum(np.rint((high - low) / step).astype(int), 2)
     middle = (low + high) / 2
     x, y = (middle[axis] + step * (np.arange(counts[axis]) - (counts[axis] - 1) / 2) for axis in (0, 1))
     places = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
     squared = ((places[:, None] - xy[None]) ** 2).sum(axis=-1)
-    to_rays = _local_linear(places, xy, np.exp(-squared / (2 * (0.5 * pitch) ** 2)))
-    variance = spread**2 + pitch**2 / 12
-    to_taxels = np.exp(-squared.T / (2 * variance))
-    to_taxels[to_taxels < 0.01] = 0.0
-    to_taxels /= to_taxels.sum(axis=1, keepdims=True)
+    near = (squared - squared.min(axis=1, keepdims=True)) / (2 * (0.5 * pitch) ** 2)
+    to_rays = _local_linear(places, xy, np.exp(-near))
+    along_x, along_y = _felt(x, step, xy[:, 0], pitch, spread), _felt(y, step, xy[:, 1], pitch, spread)
+    to_taxels = (along_y[:, :, None] * along_x[:, None, :]).reshape(len(xy), -1)
+    to_taxels[to_taxels < 0.003] = 0.0
     base = (to_rays @ points[:, 2]).reshape(len(y), len(x))
     return Rays(x, y, base, to_rays, to_taxels)
+
+
+def _felt(rays: FloatArray, step: float, taxels: FloatArray, pitch: float, spread: float) -> FloatArray:
+    """Give the part along one axis of the mean pressure on taxels by an even pressure on rays' cells: (taxels, rays).
+
+    rays: (rays,) mm, the middles of cells `step` mm wide. taxels: (taxels,) mm, the middles of taxels `pitch` mm wide.
+    """
+    parts = rays[:, None] + step * ((np.arange(_PARTS) + 0.5) / _PARTS - 0.5)
+    edges = taxels[:, None] + pitch / 2 * np.array([-1.0, 1.0])
+    away = (edges[:, None, None, :] - parts[None, :, :, None]) / (max(spread, 1e-3) * np.sqrt(2))
+    return np.asarray(np.diff(erf(away), axis=-1)[..., 0].mean(axis=-1) / 2 * (step / pitch))
 
 
 def _pitch(xy: FloatArray) -> float:

@@ -173,7 +173,6 @@ BAD = {
     "out is a file": (["run", "--out", "file"], ["file"]),
     "out below a file": (["run", "--out", "file/x"], ["file"]),
     "out is full": (["run", "--out", "full"], ["full", "holds something"]),
-    "a sequence of presses at rest": (["scan", "--out", "x.npz", "--sequence"], ["press.dynamics"]),
     "a press too short for its ramp": (
         [
             "scan",

@@ -45,6 +45,15 @@ def made(request, tmp_path_factory):
     return kind, folder, site
 
 
+@pytest.fixture
+def installed(made, monkeypatch):
+    """Let this process find what was installed, for one test."""
+    kind, _, site = made
+    monkeypatch.syspath_prepend(str(site))
+    yield kind
+    sys.modules.pop(f"my_{kind}", None)  # it is installed no longer
+
+
 def steps(folder):
     """List the shell commands of the workflow, job by job."""
     workflow = yaml.safe_load((folder / ".github" / "workflows" / "test.yml").read_text(encoding="utf-8"))
@@ -72,17 +81,14 @@ def test_every_command_of_its_workflow_succeeds(made):
             run(program, *words, folder=folder, site=site)
 
 
-def test_an_estimator_runs_by_its_name(made, here, monkeypatch, scan_file):
-    kind, _, site = made
-    if kind == "estimator":
-        monkeypatch.syspath_prepend(str(site))
+def test_an_estimator_runs_by_its_name(installed, here, scan_file):
+    if installed == "estimator":
         words = ["--estimator", "my-estimator", "--set", "noise=6", "--trials", "1", "--readings", "2"]
         assert here("run", "--scan", scan_file, *words).returncode == 0
 
 
-def test_it_stands_in_the_lists(made, here, monkeypatch):
-    kind, _, site = made
-    monkeypatch.syspath_prepend(str(site))
+def test_it_stands_in_the_lists(installed, here):
+    kind = installed
     if kind == "task":
         return  # it stands in no list: it is given as a file
     words = {"estimator": ["list", "estimators"], "source": ["devices"]}[kind]

@@ -9,11 +9,11 @@ ROOM = Path(__file__).parents[2] / "estimators"
 FILES = sorted(ROOM.rglob("*.py"))
 NAMES = [path.relative_to(ROOM).as_posix() for path in FILES]
 # What a filter may know of a likelihood: its face, the maps, the calibrated model and the mosaics that active touch and
-# open set predict readings with, which readings are left out together, the density that synthesis compares with, and
-# the force model from which the network's training readings are rendered.
+# open set predict readings with, which readings are left out together, the density that synthesis compares with, the
+# force model from which the network's training readings are rendered, and the sequences whose weight trust learns.
 SEEN_BY_FILTERS = {
     *("likelihood", "occupancy", "calibrated", "tilted_mosaic", "folds", "gaussian_kernels"),
-    *("force", "rendered"),
+    *("force", "rendered", "sequence"),
 }
 
 

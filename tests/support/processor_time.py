@@ -1,4 +1,4 @@
-"""Say at the end of the tests how much processor time each of their folders took, with its child processes."""
+"""Say at the end how much processor time the tests took, by folder and, with --dearest N, the N that took most."""
 
 import os
 from collections import Counter
@@ -15,14 +15,17 @@ class ProcessorTime:
     """
 
     def __init__(self):
-        self.seconds = Counter()
+        self.seconds = Counter()  # by folder
+        self._of_tests = Counter()
         self._has_workers = False
 
     @pytest.hookimpl(wrapper=True)
     def pytest_runtest_protocol(self, item):
         before = _used()
         result = yield
-        self.seconds["/".join(item.nodeid.split("/")[:2])] += _used() - before
+        used = _used() - before
+        self.seconds["/".join(item.nodeid.split("/")[:2])] += used
+        self._of_tests[item.nodeid] += used
         return result
 
     def pytest_sessionfinish(self, session):
@@ -32,14 +35,18 @@ class ProcessorTime:
         else:
             self.seconds[REST] = _used() - sum(self.seconds.values())
         if hasattr(session.config, "workeroutput"):
-            session.config.workeroutput["processor_time"] = dict(self.seconds)
+            session.config.workeroutput["processor_time"] = (dict(self.seconds), dict(self._of_tests))
 
     @pytest.hookimpl(optionalhook=True)
     def pytest_testnodedown(self, node):
         self._has_workers = True
-        self.seconds.update(getattr(node, "workeroutput", {}).get("processor_time", {}))
+        of_folders, of_tests = getattr(node, "workeroutput", {}).get("processor_time", ({}, {}))
+        self.seconds.update(of_folders)
+        self._of_tests.update(of_tests)
 
-    def pytest_terminal_summary(self, terminalreporter):
+    def pytest_terminal_summary(self, terminalreporter, config):
+        for test, seconds in self._of_tests.most_common(config.getoption("--dearest")):
+            terminalreporter.write_line(f"{seconds:8.1f} s  {test}")
         parts = [f"{name} {seconds:.0f}" for name, seconds in self.seconds.most_common()]
         terminalreporter.write_line(
             f"processor time, s: {', '.join(parts)}; in all {sum(self.seconds.values()):.0f}"

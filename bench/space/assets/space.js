@@ -121,7 +121,7 @@ function trialsSection() {
     const half = 0.46 * data.pitch;
     for (let pad = 0; pad * 7 < poses.length; pad++) {
       const pose = Array.from(poses.subarray(7 * pad, 7 * pad + 7)), rotation = pose.slice(3);
-      const most = Math.max(1, ...readings);
+      const most = Math.max(1, ...array(trial.readings));  // of all touches, so that one that met nothing looks like it
       for (let i = 0; i < taxels; i++) {
         const value = readings[pad * taxels + i];
         if (!current && value < 0.1 * most) continue; // of earlier touches, only where they met something

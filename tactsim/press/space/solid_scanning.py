@@ -70,6 +70,7 @@ def scan_solids(
             "source": "simulated",
             "options": options.model_dump(mode="json"),
             "stroke": options.stroke,
+            **({"load_bounds": options.pad.load_bounds} if options.radius is None else {}),
             "objects": {solid.name: solid.facts() for solid in solids},
             "versions": {"numpy": np.__version__, "tactsim": version("tactsim")},
             # Whose a user's own meshes are is not ours to say.

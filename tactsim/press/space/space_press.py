@@ -57,13 +57,16 @@ class SpacePress:
     def touch(self, label: str, start: FloatArray, rng: np.random.Generator | None = None) -> Touched:
         """Touch an object from stated starts (n, 7), sensor_in_object; the readings have no imperfections.
 
-        rng: draws how far each true start is off the stated one (`placement_mm`, `placement_rad`); without it none is.
+        rng: draws how far the stated pose at rest is off the true one (`placement_mm`, `placement_rad`); without it none
+        is. Drawn at the start, an error in angle would grow sideways with the way that the pad goes.
         A layer that the force would press by more than its thickness is just so stiff that it gives way by that.
         Raises InputError if there is no such object or a start is no pose.
         """
         start = checked_poses(start, "start")
-        true = start if rng is None else misplaced(start, self.options, rng)
-        return self.touch_from(label, start, true, np.full(start.shape[:-1], self.options.stroke))
+        touched = self.touch_from(label, start, start, np.full(start.shape[:-1], self.options.stroke))
+        if rng is None:
+            return touched
+        return replace(touched, stated=misplaced(touched.true, self.options, rng))
 
     def touch_from(self, label: str, start: FloatArray, true: FloatArray, stroke: FloatArray) -> Touched:
         """Touch an object from starts (n, 7) that are truly at `true` (n, 7), each over its own stroke (n,) mm."""
@@ -111,8 +114,8 @@ def advanced(pose: FloatArray, distance: FloatArray) -> FloatArray:
     return moved
 
 
-def misplaced(stated: FloatArray, options: SpaceOptions, rng: np.random.Generator) -> FloatArray:
-    """Draw where pads truly are that are said to be at poses (..., 7)."""
-    error = rng.standard_normal((*stated.shape[:-1], 6))
+def misplaced(pose: FloatArray, options: SpaceOptions, rng: np.random.Generator) -> FloatArray:
+    """Draw poses (..., 7) that are off the given ones by a placement error in the pads' own frames."""
+    error = rng.standard_normal((*pose.shape[:-1], 6))
     turn = from_vector(options.placement_rad * error[..., 3:])
-    return compose(stated, np.concatenate([options.placement_mm * error[..., :3], turn], axis=-1))
+    return compose(pose, np.concatenate([options.placement_mm * error[..., :3], turn], axis=-1))
