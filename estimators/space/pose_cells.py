@@ -16,6 +16,7 @@ from tactsim.estimators.space.rotation_cells import ACROSS, middles, volumes
 _LABEL, _CUBE, _PLACE, _VOXEL = 7, 2, 8, 10
 MOST_LABELS = 2**_LABEL
 MOST_PLACES, MOST_VOXELS = 2**_PLACE, 2**_VOXEL
+_EVEN = 0.2  # the share of the cells that is divided evenly among objects
 _EIGHT = np.array([[i, j, k] for i in (0, 1) for j in (0, 1) for k in (0, 1)])
 
 
@@ -115,11 +116,28 @@ def log_prior(cell: NDArray[np.int64], poses: FloatArray, sizes: CellSizes, slac
     return np.where(inside, held, -np.inf)
 
 
-def thinned(log_mass: FloatArray, count: int) -> tuple[NDArray[np.intp], FloatArray]:
+def shared(log_mass: FloatArray, cell: NDArray[np.int64]) -> FloatArray:
+    """Give log-masses (n,) by which cells (n,) are to be chosen, so that no object loses all of its cells.
+
+    The masses come from a quick look, which may be wrong by several nats: a part of their sum is shared evenly among
+    the objects that have any.
+    """
+    labels = label_of(cell)
+    finite = log_mass > -np.inf
+    if not finite.any():
+        return log_mass
+    mass = np.exp(log_mass - log_mass[finite].max())
+    held = np.bincount(labels, mass)
+    there = np.count_nonzero(held)
+    gain = 1 - _EVEN + _EVEN * held.sum() / there / np.where(held > 0, held, 1.0)
+    return np.where(finite, log_mass + np.log(gain)[labels], -np.inf)
+
+
+def thinned(log_mass: FloatArray, count: int, offset: float = 0.5) -> tuple[NDArray[np.intp], FloatArray]:
     """Keep at most `count` of n masses, so that sums stay what they are: which, ascending, and the logs of factors.
 
     The larger ones stay as they are; of the others some stand for all (Fearnhead and Clifford 2003): chosen evenly
-    along the sum in the given order, they all get the same mass.
+    along the sum in the given order from `offset` (of a step, 0 to 1) on, they all get the same mass.
     """
     there = np.flatnonzero(log_mass > -np.inf)
     if len(there) <= count:
@@ -136,7 +154,7 @@ def thinned(log_mass: FloatArray, count: int) -> tuple[NDArray[np.intp], FloatAr
     reached = np.cumsum(mass[small])
     step = reached[-1] / (count - kept)
     chosen = small[
-        np.minimum(np.searchsorted(reached, (np.arange(count - kept) + 0.5) * step), len(small) - 1)
+        np.minimum(np.searchsorted(reached, (np.arange(count - kept) + offset) * step), len(small) - 1)
     ]
     which = np.concatenate([large, chosen])
     factor = np.concatenate([np.zeros(kept), np.log(step / mass[chosen])])

@@ -19,34 +19,48 @@ from tactsim.estimators.space.surface import Surface
 from tactsim.estimators.space.touch_points import PointReader, joined
 
 _WIDTH = 0.4  # mm by which a touched point misses the map
+_NEAR = 2.0  # times that: what is so near to the surface may be the touched point
 # A coarse cell that is so many nats below the best is forgotten; what is so many below the best of the cells that it is
 # compared with is not worked out to the end.
 _FORGOTTEN, _NEGLIGIBLE = 15.0, 40.0
 _KEPT_FIRST, _KEPT = (
-    150_000,
-    30_000,
+    100_000,
+    15_000,
 )  # coarse cells that are kept after the first contact, and after each later touch
 _OBLIQUE = 0.25  # of the cosine between a pad's normal and a surface's that it can touch, at most
 
 
 @dataclass(frozen=True, eq=False)
 class Patches:
-    """The coarse voxels that a surface crosses: voxels (v, 3), and the mean points and normals (v, 3) of each."""
+    """The coarse voxels that a surface crosses or comes near: voxels (v, 3), the mean places and normals (v, 3) of it.
+
+    Where the surface only comes near, the places are those in the voxel that are near the surface.
+    """
 
     voxels: NDArray[np.int64]
     points: FloatArray
     normals: FloatArray
 
 
-def patches_of(surface: Surface, sizes: CellSizes) -> Patches:
-    """Divide a surface among voxels."""
+def patches_of(surface: Surface, sizes: CellSizes, near: float) -> Patches:
+    """Divide a surface, and what is `near` mm about it, among voxels."""
+    steps = np.stack(np.meshgrid(*[[0.0, -near, near]] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
+    points = (surface.points + steps[:, None]).reshape(-1, 3)
+    normals = np.tile(surface.normals, (len(steps), 1))
     voxels, which = np.unique(
-        np.floor((surface.points + sizes.reach) / sizes.voxel).astype(np.int64), axis=0, return_inverse=True
+        np.floor((points + sizes.reach) / sizes.voxel).astype(np.int64), axis=0, return_inverse=True
     )
-    shares = np.zeros((len(voxels), len(surface.points)))
-    shares[which.ravel(), np.arange(len(surface.points))] = 1.0
-    shares /= shares.sum(axis=1, keepdims=True)
-    return Patches(voxels, shares @ surface.points, shares @ surface.normals)
+    which = which.ravel()
+    own = len(surface.points)
+    crossed = np.bincount(which[:own], minlength=len(voxels)) > 0
+    counted = (np.arange(len(points)) < own) | ~crossed[which]
+    count = np.bincount(which[counted], minlength=len(voxels))
+
+    def mean(values: FloatArray) -> FloatArray:
+        sums = [np.bincount(which[counted], values[counted, axis], len(voxels)) for axis in range(3)]
+        return np.stack(sums, axis=1) / count[:, None]
+
+    return Patches(voxels, mean(points), mean(normals))
 
 
 class PoseSearch:
@@ -74,7 +88,9 @@ class PoseSearch:
         self._reach = {label: field.reach(label) for label in labels}
         self._charts = {label: field.maps[field.labels[label]] for label in labels}
         self._coarse = CellSizes(side, voxel, voxel * np.ceil(max(self._reach.values()) / voxel + 1), box)
-        self._patches = {label: patches_of(field.surface(label), self._coarse) for label in labels}
+        self._patches = {
+            label: patches_of(field.surface(label), self._coarse, _NEAR * _WIDTH) for label in labels
+        }
         xy = reader.taxel_points[:, :2]
         x, y = (np.linspace(xy[:, axis].min(), xy[:, axis].max(), 3) for axis in (0, 1))
         # The pad's middle and its corners.
@@ -112,7 +128,7 @@ class PoseSearch:
         sizes, cells, scores = self._coarse, self._cells, self._scores
         log_held, log_mass = self._held, self._scores + self._prior + self._held
         for step in range(2 * halvings):
-            chosen, more = pose_cells.thinned(log_mass, count)
+            chosen, more = pose_cells.thinned(pose_cells.shared(log_mass, cells), count, rng.random())
             if not len(chosen):  # the prior is nowhere near
                 break
             least = float(scores[chosen].max()) - _NEGLIGIBLE
@@ -129,7 +145,7 @@ class PoseSearch:
             if scores.max() == -np.inf:
                 scores = self._screen(cells, poses, sizes, 0, np.zeros(len(cells)), -np.inf)
             log_mass = prior + log_held + scores
-        chosen, more = pose_cells.thinned(log_mass, count)
+        chosen, more = pose_cells.thinned(pose_cells.shared(log_mass, cells), count, rng.random())
         poses = self._within(pose_cells.poses_of(cells[chosen], sizes, self.anchor), sizes, rng)
         log_held = log_held[chosen] + more + pose_cells.log_prior(cells[chosen], poses, sizes)
         inside = log_held > -np.inf
@@ -142,11 +158,12 @@ class PoseSearch:
         turns = middles(cube, place, self._coarse.side)
         along = rigid.turned(sensor_in_robot[3:], np.array([0.0, 0.0, 1.0]))
         inward = rigid.turned(rigid.conjugate(turns), along)
+        slant = np.sin(np.sqrt(3) * self._coarse.turn)  # other rotations in a cell face the pad more
         cells, poses = [], []
         for label in self._labels:
             patches = self._patches[label]
             # Where normals differ within a voxel, their mean is short, and the pad may look along it.
-            least = _OBLIQUE + 1 - np.linalg.norm(patches.normals, axis=1)
+            least = _OBLIQUE + 1 - np.linalg.norm(patches.normals, axis=1) + slant
             which, turn = np.nonzero(patches.normals @ inward.T < least[:, None])
             cells.append(pose_cells.packed(label, cube[turn], place[turn], patches.voxels[which]))
             poses.append(
@@ -171,7 +188,9 @@ class PoseSearch:
         mass = score + self._prior + self._held
         mass[mass < mass.max() - _FORGOTTEN] = -np.inf
         self._contacts += 1
-        kept, more = pose_cells.thinned(mass, _KEPT if self._contacts > 1 else _KEPT_FIRST)
+        kept, more = pose_cells.thinned(
+            pose_cells.shared(mass, self._cells), _KEPT if self._contacts > 1 else _KEPT_FIRST
+        )
         self._cells, self._poses, self._scores, self._prior, self._held = (
             self._cells[kept], self._poses[kept], score[kept], self._prior[kept], self._held[kept] + more
         )  # fmt: skip

@@ -89,16 +89,18 @@ class SpaceRefinedFilter(SpaceFilter):
         if searched:
             label, pose, log_held = self._search.find(chosen.cells, chosen.halvings, self._rng)
             searched = len(label) > 0
-        if not searched or contacts > len(met):
-            self._settle(old)
         if not searched:
+            self._settle(old)
             return
         self._due = math.ceil(_LATER * contacts)
         new = born(label, pose, self._log_p(label, pose), log_held, chosen.survivors)
         self._settle(new)
-        # Both stand for the whole belief. Where one has lost a part of it, it has the less evidence.
-        if contacts <= chosen.searches or new.log_evidence > old.log_evidence:
-            self._particles = new
+        if contacts > chosen.searches:
+            # Both stand for the whole belief. Where one has lost a part of it, it has the less evidence.
+            self._settle(old)
+            if new.log_evidence <= old.log_evidence:
+                return
+        self._particles = new
 
     def _settle(self, particles: MovedParticles) -> None:
         chosen = self.options
