@@ -181,7 +181,7 @@ def _parse(path: Path, mtime: int, size: int) -> _File:
     """Parse a file. The time and size are part of the cache's key, so that a changed file is parsed again."""
     source = path.read_bytes()
     package = path.name == "__init__.py"
-    key = hashlib.sha256(f"{sys.version} {package}\n".encode() + source).hexdigest()
+    key = hashlib.sha256(f"{sys.version} {package} {_FOUND}\n".encode() + source).hexdigest()
     try:
         return _File.stated(_kept()[key])
     except (KeyError, TypeError):
@@ -197,6 +197,7 @@ def _parse(path: Path, mtime: int, size: int) -> _File:
     return file
 
 
+_FOUND = 2  # raised when something else is found in a file than before
 _new: dict[str, dict[str, Any]] = {}  # parsed now, and not yet kept
 
 
@@ -228,9 +229,11 @@ def _place() -> Path:
 
 
 def _imports(statements: Iterable[ast.AST]) -> Iterator[_Import]:
-    """Find the imports among statements and within them."""
+    """Find the imports among statements and within them, but for those that only a type checker makes."""
     for statement in statements:
-        if isinstance(statement, ast.Import):
+        if isinstance(statement, ast.If) and ast.unparse(statement.test) == "TYPE_CHECKING":
+            yield from _imports(statement.orelse)
+        elif isinstance(statement, ast.Import):
             for alias in statement.names:
                 yield _Import(0, alias.name, None, alias.asname or alias.name)
         elif isinstance(statement, ast.ImportFrom):
