@@ -6,9 +6,7 @@ import json
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from hashlib import sha256
 from importlib.metadata import version
-from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,7 +15,6 @@ from numpy.typing import NDArray
 
 from tactsim.core.documents import parse_json
 from tactsim.core.errors import InputError, short
-from tactsim.core.files import replacing
 from tactsim.core.given_arrays import names_of, readings_a_press, splits_of
 from tactsim.core.npz import read_npz
 from tactsim.core.poses import FloatArray
@@ -27,9 +24,11 @@ from tactsim.core.scan_arrays import (
     as_names,
     as_numbers,
     as_presses,
+    digest_of,
     joined_loads,
     joined_presses,
     joined_sequences,
+    write_arrays,
 )
 
 if TYPE_CHECKING:
@@ -201,12 +200,7 @@ class Scan:
     @cached_property
     def digest(self) -> str:
         """Name the scan by its content: equal scans have equal digests (SHA-256, hex)."""
-        content = sha256(json.dumps(self.meta, sort_keys=True).encode())
-        for name in self._arrays:
-            array = np.ascontiguousarray(getattr(self, name))
-            content.update(f"{name} {array.dtype.str} {array.shape}".encode())
-            content.update(array.tobytes())
-        return content.hexdigest()
+        return digest_of(self.meta, {name: getattr(self, name) for name in self._arrays})
 
     def where(self, split: str | None = None, label: str | None = None) -> Scan:
         """Select the readings of one split and/or one label, in their order."""
@@ -284,13 +278,7 @@ class Scan:
 
         The same scan gives the same bytes. Raises InputError if `path` cannot be written.
         """
-        arrays = {name: getattr(self, name) for name in self._arrays}
-        arrays["meta"] = np.array(json.dumps(self.meta, sort_keys=True))
-        content = BytesIO()
-        # np.savez writes no dates and keeps the members' order, so the bytes depend on the scan alone.
-        np.savez_compressed(content, allow_pickle=False, **arrays)
-        with replacing(path) as stream:
-            stream.write(content.getbuffer())
+        write_arrays(path, self.meta, {name: getattr(self, name) for name in self._arrays})
 
     @classmethod
     def load(cls, path: str | Path) -> Scan:

@@ -1,13 +1,19 @@
-"""What the arrays of a scan must be, and how those of two scans become one: numbers, names, sequences, loads."""
+"""The arrays of scans: what they must be, how those of two scans become one, their digest and their file."""
 
 from __future__ import annotations
 
+import json
+from collections.abc import Mapping
+from hashlib import sha256
+from io import BytesIO
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tactsim.core.errors import InputError, short
+from tactsim.core.files import replacing
 from tactsim.core.finite import finite
 from tactsim.core.poses import FloatArray
 
@@ -110,3 +116,26 @@ def joined_presses(first: Scan, second: Scan) -> NDArray[np.int64] | None:
         np.arange(len(scan)) if scan.presses is None else scan.presses for scan in (first, second)
     )
     return np.concatenate([before, after + before.max(initial=-1) + 1])
+
+
+def digest_of(meta: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> str:
+    """Name arrays and what is said of them by their content: equal ones have equal digests (SHA-256, hex)."""
+    content = sha256(json.dumps(meta, sort_keys=True).encode())
+    for name, given in arrays.items():
+        array = np.ascontiguousarray(given)
+        content.update(f"{name} {array.dtype.str} {array.shape}".encode())
+        content.update(array.tobytes())
+    return content.hexdigest()
+
+
+def write_arrays(path: str | Path, meta: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> None:
+    """Write arrays and `meta`, a JSON string, as .npz: whole or not at all, and equal ones as equal bytes.
+
+    Raises InputError if `path` cannot be written.
+    """
+    content = BytesIO()
+    stated = np.array(json.dumps(meta, sort_keys=True))
+    # np.savez writes no dates and keeps the members' order, so the bytes depend on the content alone.
+    np.savez_compressed(content, allow_pickle=False, **arrays, meta=stated)
+    with replacing(path) as stream:
+        stream.write(content.getbuffer())

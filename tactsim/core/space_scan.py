@@ -6,8 +6,6 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from hashlib import sha256
-from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -16,13 +14,13 @@ from numpy.typing import NDArray
 
 from tactsim.core.documents import parse_json
 from tactsim.core.errors import InputError
-from tactsim.core.files import replacing
 from tactsim.core.finite import finite
 from tactsim.core.npz import read_npz
 from tactsim.core.poses import FloatArray
 from tactsim.core.provenance import check_statements
 from tactsim.core.rigid import checked_poses
 from tactsim.core.scan import SPLITS, is_label
+from tactsim.core.scan_arrays import digest_of, write_arrays
 
 _ARRAYS = ("readings", "poses", "labels", "split", "taxel_points", "taxel_normals", "touch")
 _SEQUENCE = ("sequence", "sequence_force")
@@ -134,12 +132,7 @@ class SpaceScan:
     @cached_property
     def digest(self) -> str:
         """Name the scan by its content: equal scans have equal digests (SHA-256, hex)."""
-        content = sha256(json.dumps(self.meta, sort_keys=True).encode())
-        for name in self._arrays:
-            array = np.ascontiguousarray(getattr(self, name))
-            content.update(f"{name} {array.dtype.str} {array.shape}".encode())
-            content.update(array.tobytes())
-        return content.hexdigest()
+        return digest_of(self.meta, {name: getattr(self, name) for name in self._arrays})
 
     def where(self, split: str | None = None, label: str | None = None) -> SpaceScan:
         """Select the readings of one split and/or one label, in their order."""
@@ -162,12 +155,7 @@ class SpaceScan:
 
         Raises InputError if `path` cannot be written.
         """
-        arrays = {name: getattr(self, name) for name in self._arrays}
-        arrays["meta"] = np.array(json.dumps(self.meta, sort_keys=True))
-        content = BytesIO()
-        np.savez_compressed(content, allow_pickle=False, **arrays)
-        with replacing(path) as stream:
-            stream.write(content.getbuffer())
+        write_arrays(path, self.meta, {name: getattr(self, name) for name in self._arrays})
 
     @classmethod
     def load(cls, path: str | Path) -> SpaceScan:
