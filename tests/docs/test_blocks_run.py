@@ -32,6 +32,7 @@ OWN = {
 
 # What is not run, and why; each has the same reason in a comment on its page.
 NOT_RUN = {
+    ("docs/hardware.md", "the first block of this page does the same with its own scans, and fitting takes a minute"),
     ("results/README.md", "RUN stands for a folder; tests/bench/test_results.py runs these lines on one"),
     (
         "docs/submit.md",
