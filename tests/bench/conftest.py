@@ -7,10 +7,11 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from command_line import Bench
 from small_runs import make_run_in
+from typer.testing import CliRunner
 
 from tactsim.bench import results, runner
+from tactsim.bench.cli.app import app
 from tactsim.bench.config import run_config
 from tactsim.core import Scan
 
@@ -56,11 +57,14 @@ def hostile_run(tmp_path_factory):
 
 @pytest.fixture(scope="session")
 def scan_through_time(tmp_path_factory, shared_cache):
-    """Scan the letter I with the images of each press; gives the file, and what the command answered."""
-    folder = tmp_path_factory.mktemp("through-time")
-    full = ("--scan-set", "press.dynamics=full", "--scan-set", "press.frame_rate=100")
-    answer = Bench(folder, shared_cache)("scan", "--out", "full.npz", "--letters", "I", *full, "--sequence")
-    return folder / "full.npz", answer
+    """Scan the letter I with the images of each press, at one angle; gives the file, and what the command answered."""
+    path = tmp_path_factory.mktemp("through-time") / "full.npz"
+    full = ["--scan-set", "press.dynamics=full", "--scan-set", "press.frame_rate=100"]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("tactsim.press.scan_poses.ANGLES", 1)
+        words = ["scan", "--out", str(path), "--letters", "I", *full, "--sequence"]
+        answer = CliRunner().invoke(app, words, env={"COLUMNS": "120", "NO_COLOR": "1"})
+    return path, answer
 
 
 @pytest.fixture

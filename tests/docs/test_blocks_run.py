@@ -1,8 +1,8 @@
 """Every block that a reader may type in runs, a page's blocks one after the other in a folder of its own.
 
 Commands are given less work: few letters, a third of a scan's angles, one trial of three readings, one run for each
-method of a sweep, no pictures of a run. What is then the same as on a page before, and leaves no file behind, is not run
-again. Only what a page shows with its output (```console) is run as it stands, and must print what is shown.
+method of a sweep, no pictures of a run. What is then the same as on a page before, and leaves no file behind, is not
+run again. Only what a page shows with its output (```console) is run as it stands, and must print what is shown.
 """
 
 import re
