@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from small_runs import make_run_in
+from small_runs import draw_nothing, make_run_in
 from typer.testing import CliRunner
 
 from tactsim.bench import results, runner
@@ -17,6 +17,18 @@ from tactsim.core import Scan
 
 SCRIPT = "<script>document.title='harmed'</script>"
 IMAGE = '"><img src=x onerror="document.title=1">'
+
+
+@pytest.fixture
+def drawn():
+    """Have the pictures of runs drawn, for a test that looks at them."""
+
+
+@pytest.fixture(autouse=True)
+def undrawn(request, monkeypatch):
+    """Draw no pictures where the command line is called in this process, unless a test asks for them."""
+    if "here" in request.fixturenames and "drawn" not in request.fixturenames:
+        draw_nothing(monkeypatch)
 
 
 @pytest.fixture(scope="session")
