@@ -178,13 +178,15 @@ def test_mistakes_end_in_one_line(here, words, parts):
 
 
 @pytest.mark.parametrize(
-    ("every", "within"), [(6, 0.03 * np.sqrt(6)), pytest.param(1, 0.03, marks=pytest.mark.slow)]
+    ("angles", "every", "within"),
+    [(4, 2, 0.03 * np.sqrt(6)), pytest.param(12, 1, 0.03, marks=pytest.mark.slow)],
 )
-def test_a_simulation_is_validated_and_brought_nearer(here, tmp_path, every, within):
+def test_a_simulation_is_validated_and_brought_nearer(here, tmp_path, monkeypatch, angles, every, within):
     """The recording is another simulation, whose parameters are known and have to be found.
 
-    Its every sixth press is enough for a point spread as much less exact as the root of six.
+    A sixth of the presses is enough for a point spread as much less exact as the root of six.
     """
+    monkeypatch.setattr("tactsim.press.scan_poses.ANGLES", angles)
     right(here("scan", "--letters", "E", "--out", "simulated.npz"))
     truth = {"sensor.psf_sigma": 1.4, "sensor.noise": 3, "press.force": 2.5, "placement_mm": 0.5}
     changes = [word for name, value in truth.items() for word in ("--scan-set", f"{name}={value}")]
