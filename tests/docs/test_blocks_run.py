@@ -126,7 +126,7 @@ SMALL_SOLIDS = ["--objects", "nut,egg", "--scan-set", "points=12"]
 
 def smaller(arguments):
     """Ask for the same with less work: few letters, trials and readings, the first value of every list."""
-    arguments = ["AE0" if word == "A-Z0-9" else word for word in arguments]
+    arguments = ["IL0" if word == "A-Z0-9" else word for word in arguments]
     verb, *rest = arguments
     if verb in ("run", "bound"):
         if "solids" in rest:
@@ -135,7 +135,7 @@ def smaller(arguments):
         few = ["--trials", "1", "--readings", "3"]
         if not {"--letters", "--scan", "--task"} & set(rest):
             held_out = dict(pairwise(rest)).get("--hold-out", "")
-            few += ["--letters", "I" if verb == "bound" else "AE" + held_out]
+            few += ["--letters", "I" if verb == "bound" else "IL" + held_out]
         return [verb, *without(rest, "--trials", "--readings", "--jobs"), *few]
     if verb == "scan" and "solids" in rest:
         return [verb, *without(rest, "--objects"), *SMALL_SOLIDS]
@@ -143,7 +143,7 @@ def smaller(arguments):
         return [verb, *without(rest, "--letters"), "--letters", "I"]
     world_of_a_file = dict(pairwise(rest)).get("--world", "").endswith(".toml")  # it says what is pressed
     if verb == "scan" and "--letters" not in rest and not world_of_a_file:
-        return [*arguments, "--letters", "AE"]
+        return [*arguments, "--letters", "IL"]
     if verb == "sweep":
         path = smaller_sweep(rest[0])
         return [verb, str(path), *without(rest[1:], "--jobs"), "--jobs", "1"]
@@ -193,10 +193,10 @@ def smaller_sweep(source):
     defaults = table.get("defaults", {})
     of_tasks = any("task" in one for one in (defaults, *table["run"]))
     # A task has letters of its own, and several seeds; a scan of the page's own has labels of its own.
-    fewest = {"seed": 0} if of_tasks else {} if "scan" in defaults else {"letters": "AE"}
+    fewest = {"seed": 0} if of_tasks else {} if "scan" in defaults else {"letters": "IL"}
     lines = ["[defaults]", *map(first, (fewest | defaults | few).items())]
     for one in table["run"]:
-        small = (few if "trials" in one else {}) | ({"letters": "AE"} if "letters" in one else {})
+        small = (few if "trials" in one else {}) | ({"letters": "IL"} if "letters" in one else {})
         lines += ["[[run]]", *map(first, (one | small).items())]
     path = Path("smaller", Path(str(given)).name)
     path.parent.mkdir(exist_ok=True)
@@ -234,5 +234,5 @@ def without(words, *options):
 
 def test_less_work_is_asked_for():
     assert smaller(["run", "--trials", "5", "--bins=10"]) == [
-        "run", "--bins=10", "--trials", "1", "--readings", "3", "--letters", "AE"
+        "run", "--bins=10", "--trials", "1", "--readings", "3", "--letters", "IL"
     ]  # fmt: skip
