@@ -89,6 +89,8 @@ class Confined(Estimator):
         self._answer = Message({})
         self._about: dict[str, Any] = {}
         self._proposes = False
+        self._reader = Thread(target=_read, args=(process, self.output), daemon=True)
+        self._reader.start()
 
     def begin(self, name: str, options: Mapping[str, Any], package: str) -> None:
         """Have the estimator made. Raises InputError if there is none of that name, or for a wrong option."""
@@ -176,9 +178,10 @@ class Confined(Estimator):
         return unflatten_work(self._work)
 
     def end(self) -> None:
-        """End the other process, whatever it does."""
+        """End the other process, whatever it does, and take all that it has printed."""
         self._process.kill()
         self._process.wait()
+        self._reader.join()
 
     def _ask(
         self, what: str, words: Mapping[str, Any], arrays: Mapping[str, FloatArray] | None = None
@@ -268,14 +271,11 @@ def confined(name: str, options: Mapping[str, Any], limits: Limits) -> Iterator[
                     stderr=subprocess.STDOUT, start_new_session=True,
                 )  # fmt: skip
             estimator = Confined(ours, process, Path(folder), limits)
-            reader = Thread(target=_read, args=(process, estimator.output), daemon=True)
-            reader.start()
             try:
                 estimator.begin(name, options, module_of(name))
                 yield estimator
             finally:
                 estimator.end()
-                reader.join()
 
 
 def _training(scan: Scan) -> Scan:

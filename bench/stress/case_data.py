@@ -42,7 +42,7 @@ def few(scan: Scan, every: int = 16) -> Scan:
     )  # fmt: skip
 
 
-@lru_cache(maxsize=16)
+@lru_cache(maxsize=40)
 def fit_once(name: str, scan: Scan, options: tuple[tuple[str, Any], ...]) -> Estimator:
     """Make an estimator and fit it: once for the cases that follow each other and ask for the same.
 

@@ -70,7 +70,9 @@ class CsvCodec(Codec[Frame]):
 
     def encode(self, frame: Frame) -> bytes:
         """Write one line."""
-        return (", ".join(f"{value:.9g}" for value in (frame.ticks or 0.0, *frame.values)) + "\n").encode()
+        return (
+            ", ".join(f"{value:.9g}" for value in [frame.ticks or 0.0, *frame.values.tolist()]) + "\n"
+        ).encode()
 
     def to_kpa(self, values: FloatArray) -> FloatArray:
         """Turn the file's unit into kPa; readings of other units are left in theirs."""
@@ -86,12 +88,12 @@ class CsvCodec(Codec[Frame]):
         if len(fields) != self.taxels + 1:
             return None
         try:
-            numbers = [float(field) for field in fields]
+            numbers = np.array([float(field) for field in fields])
         except ValueError:
             return None
-        if not all(abs(number) <= LARGEST for number in numbers):  # false for NaN too
+        if not (np.abs(numbers) <= LARGEST).all():  # false for NaN too
             return None
-        return Frame(np.array(numbers[1:]), ticks=numbers[0])
+        return Frame(numbers[1:], ticks=float(numbers[0]))
 
 
 def _fields(line: bytes) -> list[bytes]:

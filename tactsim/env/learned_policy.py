@@ -32,6 +32,7 @@ class LearnedPolicy(Policy):
         super().__init__("learned", belief)
         self._rounds, self._episodes = rounds, episodes
         self._trees: Any = None
+        self._threads: Any = None
         self._before: list[FloatArray] = []
 
     def begin(self, rng: np.random.Generator) -> None:
@@ -45,7 +46,8 @@ class LearnedPolicy(Policy):
             raise InputError("the learned policy has learned nothing yet; call learn")
         poses = random_poses(self.rng, CANDIDATES, env.reach)
         seen = features(observation["probabilities"], observation["place"], poses, self._before)
-        chosen = poses[int(self._trees.predict(seen).argmax())]
+        with self._one_thread():
+            chosen = poses[int(self._trees.predict(seen).argmax())]
         self._before.append(chosen)
         return chosen
 
@@ -53,12 +55,14 @@ class LearnedPolicy(Policy):
         """Learn from episodes of its own: each touch gives the features of its choice and what it told."""
         try:
             from sklearn.ensemble import HistGradientBoostingRegressor
+            from threadpoolctl import ThreadpoolController  # which scikit-learn needs too
         except ModuleNotFoundError:
             raise InputError(
                 "the learned policy needs scikit-learn: pip install 'tactsim[learned]'"
             ) from None
         env = gymnasium.make(f"tactsim/{task}", belief=self.belief, scan_seed=scan_seed, fast=True).unwrapped
         assert isinstance(env, TouchEnv)
+        self._threads = ThreadpoolController()
         rng = np.random.default_rng([scan_seed, 15])
         seen: list[FloatArray] = []
         told: list[float] = []
@@ -79,7 +83,12 @@ class LearnedPolicy(Policy):
                     seen.append(features(old["probabilities"], old["place"], pose[None], before)[0])
                     told.append(float(entropy(old["probabilities"]) - entropy(observation["probabilities"])))
             trees = HistGradientBoostingRegressor(max_iter=150, learning_rate=0.06, random_state=0)
-            self._trees = trees.fit(np.array(seen), np.array(told))
+            with self._one_thread():
+                self._trees = trees.fit(np.array(seen), np.array(told))
+
+    def _one_thread(self) -> Any:
+        """Keep scikit-learn to one thread: for so little, threads wait for each other longer than they work."""
+        return self._threads.limit(limits=1, user_api="openmp")
 
 
 def features(

@@ -7,15 +7,28 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from command_line import Bench
-from small_runs import make_run_in
+from small_runs import draw_nothing, make_run_in
+from typer.testing import CliRunner
 
 from tactsim.bench import results, runner
+from tactsim.bench.cli.app import app
 from tactsim.bench.config import run_config
 from tactsim.core import Scan
 
 SCRIPT = "<script>document.title='harmed'</script>"
 IMAGE = '"><img src=x onerror="document.title=1">'
+
+
+@pytest.fixture
+def drawn():
+    """Have the pictures of runs drawn, for a test that looks at them."""
+
+
+@pytest.fixture(autouse=True)
+def undrawn(request, monkeypatch):
+    """Draw no pictures where the command line is called in this process, unless a test asks for them."""
+    if "here" in request.fixturenames and "drawn" not in request.fixturenames:
+        draw_nothing(monkeypatch)
 
 
 @pytest.fixture(scope="session")
@@ -56,11 +69,14 @@ def hostile_run(tmp_path_factory):
 
 @pytest.fixture(scope="session")
 def scan_through_time(tmp_path_factory, shared_cache):
-    """Scan the letter I with the images of each press; gives the file, and what the command answered."""
-    folder = tmp_path_factory.mktemp("through-time")
-    full = ("--scan-set", "press.dynamics=full", "--scan-set", "press.frame_rate=100")
-    answer = Bench(folder, shared_cache)("scan", "--out", "full.npz", "--letters", "I", *full, "--sequence")
-    return folder / "full.npz", answer
+    """Scan the letter I with the images of each press, at one angle; gives the file, and what the command answered."""
+    path = tmp_path_factory.mktemp("through-time") / "full.npz"
+    full = ["--scan-set", "press.dynamics=full", "--scan-set", "press.frame_rate=100"]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("tactsim.press.scan_poses.ANGLES", 1)
+        words = ["scan", "--out", str(path), "--letters", "I", *full, "--sequence"]
+        answer = CliRunner().invoke(app, words, env={"COLUMNS": "120", "NO_COLOR": "1"})
+    return path, answer
 
 
 @pytest.fixture

@@ -16,7 +16,9 @@ from tactsim.core import InputError
 @pytest.fixture(scope="module")
 def imported():
     """Give two pressed letters as if somebody had measured them in counts, with a bent response."""
-    scan = tactsim.scan(letters="IL")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("tactsim.press.scan_poses.ANGLES", 6)
+        scan = tactsim.scan(letters="IL")
     pad = scan.meta["options"]["pad"]
     bent = 1000 * np.sign(scan.readings) * np.abs(scan.readings / 30) ** 2
     return replace(scan, readings=bent, meta={"source": "imported", "unit": "count", "pad": pad})

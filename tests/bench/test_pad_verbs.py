@@ -178,13 +178,15 @@ def test_mistakes_end_in_one_line(here, words, parts):
 
 
 @pytest.mark.parametrize(
-    ("every", "within"), [(6, 0.03 * np.sqrt(6)), pytest.param(1, 0.03, marks=pytest.mark.slow)]
+    ("angles", "every", "within"),
+    [(4, 2, 0.03 * np.sqrt(6)), pytest.param(12, 1, 0.03, marks=pytest.mark.slow)],
 )
-def test_a_simulation_is_validated_and_brought_nearer(here, tmp_path, every, within):
+def test_a_simulation_is_validated_and_brought_nearer(here, tmp_path, monkeypatch, angles, every, within):
     """The recording is another simulation, whose parameters are known and have to be found.
 
-    Its every sixth press is enough for a point spread as much less exact as the root of six.
+    A sixth of the presses is enough for a point spread as much less exact as the root of six.
     """
+    monkeypatch.setattr("tactsim.press.scan_poses.ANGLES", angles)
     right(here("scan", "--letters", "E", "--out", "simulated.npz"))
     truth = {"sensor.psf_sigma": 1.4, "sensor.noise": 3, "press.force": 2.5, "placement_mm": 0.5}
     changes = [word for name, value in truth.items() for word in ("--scan-set", f"{name}={value}")]
@@ -196,12 +198,12 @@ def test_a_simulation_is_validated_and_brought_nearer(here, tmp_path, every, wit
         np.delete(whole.taxel_xy, 17, axis=0), {"source": "recorded"},
     ).save(tmp_path / "recorded.npz")  # fmt: skip
     words = ["validate", "--recorded", "recorded.npz", "--trials", "1", "--set", "bins=1000"]
-    ablate = ["--ablate"] if every == 1 else []
+    ablate = ["--ablate"] if every == 1 else ["--estimator", "histogram"]
     out = right(here(*words, "--simulated", "simulated.npz", "--out", "result", *ablate))
     for word in ("rms kPa", "point spread", "eq. 3", "held out", "as fitted", "bench scan --world"):
         assert word in out
     before = json.loads((tmp_path / "result" / "validation.json").read_text())
-    if ablate:
+    if every == 1:
         assert "trained in a world with" in out
         assert [row["with"] for row in before["worlds"]][::8] == ["as simulated", "tilt, layer and wrist"]
         last, fitted = before["worlds"][-1], before["recognition"]["refined"]["fitted"]  # of the same world
@@ -212,7 +214,7 @@ def test_a_simulation_is_validated_and_brought_nearer(here, tmp_path, every, wit
     assert before["fit"]["placement_mm"] == pytest.approx(0.5, rel=0.15)
     assert before["errors"]["fitted"]["rms"] < before["errors"]["as_it_is"]["rms"]
     right(here("scan", "--letters", "E", "--world", "result/world.toml", "--out", "nearer.npz"))
-    after = json.loads(right(here(*words, "--simulated", "nearer.npz", "--json")))
+    after = json.loads(right(here(*words, "--simulated", "nearer.npz", "--estimator", "histogram", "--json")))
     assert after["errors"]["as_it_is"]["rms"] < before["errors"]["as_it_is"]["rms"]
     assert after["fit"]["gain"] == pytest.approx(1.0, abs=0.02)
     assert after["class_agreement"] > before["class_agreement"] - 0.02
@@ -227,7 +229,7 @@ def test_a_simulation_is_validated_and_brought_nearer(here, tmp_path, every, wit
         "--readings",
         "4",
     ]
-    assert "accuracy" in right(here(*train_on_one, "--bins", "1000", "--out", "run"))
+    assert "accuracy" in right(here(*train_on_one, "--estimator", "nearest", "--out", "run"))
 
 
 def test_scans_that_cannot_be_compared_are_refused(here, tmp_path):

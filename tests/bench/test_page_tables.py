@@ -7,7 +7,10 @@ import subprocess
 import sys
 
 import pytest
+from small_runs import draw_nothing
+from typer.testing import CliRunner
 
+from tactsim.bench.cli.app import app
 from tactsim.bench.page_tables import fill, main
 from tactsim.core import InputError
 
@@ -47,12 +50,14 @@ Words behind.
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory, shared_cache):
-    from command_line import Bench
-
     place = tmp_path_factory.mktemp("tables")
     (place / "s.toml").write_text(SWEEP)
-    swept = Bench(place, shared_cache)("sweep", "s.toml", "--jobs", "1")
-    assert swept.returncode == 0, swept.stderr
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(place)
+        patch.setattr("tactsim.press.scan_poses.ANGLES", 1)
+        draw_nothing(patch)
+        swept = CliRunner().invoke(app, ["sweep", "s.toml", "--jobs", "1"], env={"COLUMNS": "120"})
+    assert swept.exit_code == 0, swept.output
     assert "95 % intervals over scans and trials" in swept.stdout
     assert (
         swept.stdout.count("histogram, 100 bins") == 2

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import pytest
 from command_line import refused
+from small_runs import draw_nothing
 
 from tactsim.bench import chunks, results, sweep, sweep_file, trial_plan
 from tactsim.bench.config import run_config
@@ -43,7 +44,9 @@ def whole(tmp_path_factory, shared_cache):
     """Finish the small sweep once, undisturbed; tests compare with it or copy it."""
     folder = tmp_path_factory.mktemp("sweep")
     (folder / "s.toml").write_text(SMALL)
-    sweep.perform(sweep_file.read(str(folder / "s.toml"))[1], folder / "whole", jobs=1, progress=silent)
+    with pytest.MonkeyPatch.context() as patch:
+        draw_nothing(patch)
+        sweep.perform(sweep_file.read(str(folder / "s.toml"))[1], folder / "whole", jobs=1, progress=silent)
     return folder / "whole"
 
 
@@ -109,9 +112,9 @@ def test_every_suite_can_be_read_and_names_known_estimators():
             create(config.estimator, **config.options)
 
 
-def test_a_sweep_gives_what_single_runs_give(bench, tmp_path):
+def test_a_sweep_gives_what_single_runs_give(here, tmp_path):
     (tmp_path / "s.toml").write_text(SMALL)
-    output = finish(bench.start("sweep", "s.toml", "--out", "out", "--jobs", "2"))
+    output = here("sweep", "s.toml", "--out", "out", "--jobs", "2").stdout
     _, configs = sweep_file.read(str(tmp_path / "s.toml"))
     names = sorted(path.name for path in (tmp_path / "out" / "runs").iterdir())
     assert len(names) == len(configs) == 4
@@ -256,12 +259,10 @@ def cluster(bench, tmp_path):
 
 
 def test_a_dask_cluster_that_loses_a_worker_loses_nothing_and_does_nothing_twice(
-    bench, here, tmp_path, cluster
+    bench, here, drawn, tmp_path, cluster
 ):
     address, workers = cluster
-    (tmp_path / "s.toml").write_text(
-        SMALL.replace("trials = 30", "trials = 100").replace("readings = 3", "readings = 8")
-    )
+    (tmp_path / "s.toml").write_text(SMALL.replace("trials = 30", "trials = 100"))
     process = bench.start("sweep", "s.toml", "--out", "far", "--dask", address)
     folder = tmp_path / "far" / "chunks"
     deadline = time.monotonic() + 90
@@ -276,7 +277,7 @@ def test_a_dask_cluster_that_loses_a_worker_loses_nothing_and_does_nothing_twice
     for place in (tmp_path / "far" / "runs").iterdir():
         with (place / "trials.csv").open(newline="") as stream:
             rows = [(row["truth"], row["trial"], row["reading_number"]) for row in csv.DictReader(stream)]
-        assert len(rows) == len(set(rows)) == 2 * 100 * 8
+        assert len(rows) == len(set(rows)) == 2 * 100 * 3
 
 
 def test_no_scheduler_is_said_in_one_line(here, tmp_path, monkeypatch):

@@ -290,7 +290,7 @@ def test_letters_are_held_out_once_and_in_one_order():
 
 
 def test_each_letter_held_out_in_turn_is_what_holding_out_one_by_one_gives(tmp_path):
-    words = {"letters": "EIL", "estimator": "refined", "bins": 1000, "trials": 2, "readings": 4}
+    words = {"letters": "EIL", "estimator": "histogram", "bins": 1000, "trials": 2, "readings": 4}
     run = tactsim.run(hold_out="each", **words)
     assert not run.trials.known.any()
     assert run.protocol.endswith("each letter held out in turn")

@@ -15,11 +15,13 @@ from tactsim.hardware.sensor_fit import fit_sensor
 from tactsim.press import ScanOptions, scan_letters
 
 
-def fitted(stated, *, tilt=0.0, seed=5, every=2, **press):
+def fitted(stated, *, tilt=0.0, seed=5, angles=12, **press):
     """Fit a simulation with the press `stated` to every second training press of E in another world."""
     truth = ScanOptions(letters=("E",), seed=seed, placement_tilt=tilt, press=press)
-    whole, _ = scan_letters(truth, cache=False)
-    some = np.flatnonzero(whole.split == "train")[::every]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("tactsim.press.scan_poses.ANGLES", angles)
+        whole, _ = scan_letters(truth, cache=False)
+    some = np.flatnonzero(whole.split == "train")[::2]
     recorded = Scan(
         whole.readings[some], whole.poses[some], whole.labels[some], whole.split[some], whole.taxel_xy
     )
@@ -54,10 +56,13 @@ def test_a_level_world_is_not_taken_for_a_tilted_one(stated, stiffness):
     assert fit.psf_sigma == pytest.approx(1.0, abs=0.03)
 
 
-@pytest.mark.parametrize(("stiffness", "degrees"), [slow(100.0, 1.0), (1000.0, 0.25), slow(1000.0, 0.5)])
-def test_on_a_rigid_wrist_stiffness_times_tilt_is_found_and_nothing_else(stiffness, degrees):
+# Half of the presses are enough by default.
+@pytest.mark.parametrize(
+    ("stiffness", "degrees", "angles"), [slow(100.0, 1.0, 12), (1000.0, 0.25, 6), slow(1000.0, 0.5, 12)]
+)
+def test_on_a_rigid_wrist_stiffness_times_tilt_is_found_and_nothing_else(stiffness, degrees, angles):
     tilt = float(np.radians(degrees))
-    fit, world = fitted(RIGID, tilt=tilt, stiffness=stiffness, **RIGID)
+    fit, world = fitted(RIGID, tilt=tilt, angles=angles, stiffness=stiffness, **RIGID)
     assert fit.gain * fit.lean == pytest.approx(stiffness * tilt, rel=0.2)
     assert world["placement_tilt"] * world["press"]["stiffness"] == pytest.approx(stiffness * tilt, rel=0.2)
     assert world["press"]["wrist_stiffness"] == "rigid"
@@ -66,11 +71,12 @@ def test_on_a_rigid_wrist_stiffness_times_tilt_is_found_and_nothing_else(stiffne
 
 
 @pytest.mark.parametrize(
-    ("stiffness", "degrees"), [slow(100.0, 1.0), slow(1000.0, 0.0), (1000.0, 0.25), slow(10000.0, 0.25)]
+    ("stiffness", "degrees", "angles"),
+    [slow(100.0, 1.0, 12), slow(1000.0, 0.0, 12), (1000.0, 0.25, 6), slow(10000.0, 0.25, 12)],
 )
-def test_with_a_known_wrist_the_layer_and_the_tilt_are_found(stiffness, degrees):
+def test_with_a_known_wrist_the_layer_and_the_tilt_are_found(stiffness, degrees, angles):
     tilt = float(np.radians(degrees))
-    fit, world = fitted(SOFT, tilt=tilt, stiffness=stiffness, **SOFT)
+    fit, world = fitted(SOFT, tilt=tilt, angles=angles, stiffness=stiffness, **SOFT)
     assert fit.held == "wrist"
     assert world["press"]["wrist_stiffness"] == 300.0
     assert world["press"]["stiffness"] == pytest.approx(stiffness, rel=0.2)
@@ -124,7 +130,7 @@ def test_an_outline_is_moved_by_what_is_asked_and_never_away():
 
 def test_an_ablation_ends_in_the_fitted_world(monkeypatch):
     """Each world has one part of the fit more than the one before, and the last has all."""
-    world = fitted(RIGID, every=16, **RIGID)[1]
+    world = fitted(RIGID, angles=2, **RIGID)[1]
     world = {**world, "load_spread": 0.1, "unit": "count"}
     worlds = []
 
@@ -150,7 +156,7 @@ def test_a_world_that_is_written_is_accepted(tmp_path):
 
     import tomli_w
 
-    fit, _ = fitted(RIGID, every=16, **RIGID)
+    fit, _ = fitted(RIGID, angles=2, **RIGID)
     wild = dataclasses.replace(
         fit,
         gain_spread=3.0,

@@ -1,8 +1,8 @@
 """Every block that a reader may type in runs, a page's blocks one after the other in a folder of its own.
 
-Commands are given less work: few letters, one trial of three readings, one run for each method of a sweep. What is then
-the same as on a page before, and leaves no file behind, is not run again. Only what a page shows with its output
-(```console) is run as it stands, and must print what is shown.
+Commands are given less work: few letters, a third of a scan's angles, one trial of three readings, one run for each
+method of a sweep, no pictures of a run. What is then the same as on a page before, and leaves no file behind, is not
+run again. Only what a page shows with its output (```console) is run as it stands, and must print what is shown.
 """
 
 import re
@@ -10,6 +10,7 @@ import signal
 import subprocess
 import sys
 import tomllib
+from collections import Counter
 from importlib.resources import files
 from itertools import pairwise
 from pathlib import Path
@@ -32,7 +33,10 @@ OWN = {
 
 # What is not run, and why; each has the same reason in a comment on its page.
 NOT_RUN = {
-    ("docs/hardware.md", "the first block of this page does the same with its own scans, and fitting takes a minute"),
+    (
+        "docs/hardware.md",
+        "the first block of this page does the same with its own scans, and fitting takes a minute",
+    ),
     ("results/README.md", "RUN stands for a folder; tests/bench/test_results.py runs these lines on one"),
     (
         "docs/submit.md",
@@ -58,6 +62,8 @@ def test_a_pages_blocks_run(page, done, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("MPLBACKEND", "agg")
     monkeypatch.setenv("COLUMNS", "300")
+    monkeypatch.setattr("tactsim.press.scan_poses.ANGLES", 4)
+    monkeypatch.setattr("tactsim.bench.results.pictures", lambda run: {})
     for name, text in OWN.items():
         (tmp_path / name).write_text(text, encoding="utf-8")
     names = {"__name__": "page"}
@@ -114,12 +120,13 @@ def compare(block):
         assert output in result.stdout, f"{block.page}:{block.line}: {command}\n{result.stdout}"
 
 
-SMALL_SOLIDS = ["--objects", "nut,egg", "--scan-set", "points=24"]
+PRESSES = 6  # of each label of a plan
+SMALL_SOLIDS = ["--objects", "nut,egg", "--scan-set", "points=12"]
 
 
 def smaller(arguments):
     """Ask for the same with less work: few letters, trials and readings, the first value of every list."""
-    arguments = ["AE0" if word == "A-Z0-9" else word for word in arguments]
+    arguments = ["IL0" if word == "A-Z0-9" else word for word in arguments]
     verb, *rest = arguments
     if verb in ("run", "bound"):
         if "solids" in rest:
@@ -128,7 +135,7 @@ def smaller(arguments):
         few = ["--trials", "1", "--readings", "3"]
         if not {"--letters", "--scan", "--task"} & set(rest):
             held_out = dict(pairwise(rest)).get("--hold-out", "")
-            few += ["--letters", "I" if verb == "bound" else "AE" + held_out]
+            few += ["--letters", "I" if verb == "bound" else "IL" + held_out]
         return [verb, *without(rest, "--trials", "--readings", "--jobs"), *few]
     if verb == "scan" and "solids" in rest:
         return [verb, *without(rest, "--objects"), *SMALL_SOLIDS]
@@ -136,22 +143,46 @@ def smaller(arguments):
         return [verb, *without(rest, "--letters"), "--letters", "I"]
     world_of_a_file = dict(pairwise(rest)).get("--world", "").endswith(".toml")  # it says what is pressed
     if verb == "scan" and "--letters" not in rest and not world_of_a_file:
-        return [*arguments, "--letters", "AE"]
+        return [*arguments, "--letters", "IL"]
     if verb == "sweep":
         path = smaller_sweep(rest[0])
-        return [verb, str(path), *without(rest[1:], "--jobs")]
+        return [verb, str(path), *without(rest[1:], "--jobs"), "--jobs", "1"]
     if verb == "validate":
         return [*arguments, "--trials", "1", "--estimator", "histogram"]
     if verb == "record":
         return [*arguments, "--poses", "random:3"]
-    if verb == "emulate" and "--plan" not in rest:  # which does not wait
+    if verb == "emulate" and "--plan" in rest:
+        return [
+            smaller_plan(word) if before == "--plan" else word for before, word in pairwise(["", *arguments])
+        ]
+    if verb == "emulate":  # it does not wait
         return [*arguments, "--rate", "200"]
     if verb in ("watch", "live"):
         few = ["--seconds", "0.5"] if verb == "watch" else ["--readings", "1"]
         return [*arguments, *few, "--web-port", "0"]
+    if (
+        verb == "tasks" and "--hash" in rest and not rest[0].endswith(".toml")
+    ):  # tests/bench/tasks hashes whole scans
+        return [word for word in arguments if word != "--hash"]
     if verb == "stress":
         return [verb, *without(rest, "--tag"), "--case", "frames.wrap"]
     return arguments
+
+
+def smaller_plan(source):
+    """Write a plan with the first presses of each label."""
+    heading, *lines = Path(source).read_text(encoding="utf-8").splitlines(keepends=True)
+    seen = Counter()
+    kept = []
+    for line in lines:
+        label = line.partition(",")[0]
+        seen[label] += 1
+        if seen[label] <= PRESSES:
+            kept.append(line)
+    path = Path("smaller", source)
+    path.parent.mkdir(exist_ok=True)
+    path.write_text("".join([heading, *kept]), encoding="utf-8")
+    return str(path)
 
 
 def smaller_sweep(source):
@@ -162,10 +193,10 @@ def smaller_sweep(source):
     defaults = table.get("defaults", {})
     of_tasks = any("task" in one for one in (defaults, *table["run"]))
     # A task has letters of its own, and several seeds; a scan of the page's own has labels of its own.
-    fewest = {"seed": 0} if of_tasks else {} if "scan" in defaults else {"letters": "AE"}
+    fewest = {"seed": 0} if of_tasks else {} if "scan" in defaults else {"letters": "IL"}
     lines = ["[defaults]", *map(first, (fewest | defaults | few).items())]
     for one in table["run"]:
-        small = (few if "trials" in one else {}) | ({"letters": "AE"} if "letters" in one else {})
+        small = (few if "trials" in one else {}) | ({"letters": "IL"} if "letters" in one else {})
         lines += ["[[run]]", *map(first, (one | small).items())]
     path = Path("smaller", Path(str(given)).name)
     path.parent.mkdir(exist_ok=True)
@@ -203,5 +234,5 @@ def without(words, *options):
 
 def test_less_work_is_asked_for():
     assert smaller(["run", "--trials", "5", "--bins=10"]) == [
-        "run", "--bins=10", "--trials", "1", "--readings", "3", "--letters", "AE"
+        "run", "--bins=10", "--trials", "1", "--readings", "3", "--letters", "IL"
     ]  # fmt: skip

@@ -50,6 +50,7 @@ def test_a_reader_who_chooses_hears_of_every_estimator(name):
     assert f"`{name}`" in (DOCS / "choose-an-estimator.md").read_text(encoding="utf-8")
 
 
+@pytest.mark.slow
 def test_the_site_is_built_and_asks_for_nothing_from_a_network(tmp_path):
     pytest.importorskip("myst_nb", reason="`make docs` installs what builds the site")
     words = ["--quiet", "--fail-on-warning", "-D", "nb_execution_mode=off", "-d", tmp_path / "doctrees"]

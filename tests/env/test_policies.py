@@ -6,12 +6,13 @@ import sys
 import gymnasium
 import numpy as np
 import pytest
+import typer
 
 import tactsim.env
 from tactsim.core import InputError
 from tactsim.env.learned_policy import LearnedPolicy, features
 from tactsim.env.policies import InformationPolicy, Policy, RandomPolicy
-from tactsim.env.policy_table import Played, play, table
+from tactsim.env.policy_table import Played, main, play, table
 from tactsim.env.reward import Reward
 
 TASK = "letters-offgrid-v1"
@@ -121,10 +122,16 @@ def test_a_table_has_a_line_a_policy():
     )
 
 
-def test_a_wrong_policy_or_task_is_one_line():
-    for words in (["--policy", "clever"], ["--task", "letters-v9"]):
-        command = [sys.executable, "-m", "tactsim.env.policy_table", *words]
-        done = subprocess.run(command, capture_output=True, text=True, check=False)
-        assert done.returncode == 2
-        assert "unknown" in done.stderr.splitlines()[-1]
-        assert "Traceback" not in done.stderr
+def test_a_wrong_policy_is_one_line():
+    command = [sys.executable, "-m", "tactsim.env.policy_table", "--policy", "clever"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert "unknown" in done.stderr.splitlines()[-1]
+    assert "Traceback" not in done.stderr
+
+
+def test_a_wrong_task_is_one_line(capsys):
+    with pytest.raises(typer.Exit) as ended:
+        main(task="letters-v9", policy=["random"])
+    assert ended.value.exit_code == 2
+    assert "unknown" in capsys.readouterr().err.splitlines()[-1]

@@ -43,10 +43,8 @@ MANY = 1000
 
 
 @pytest.fixture(scope="module")
-def run_folder(tmp_path_factory):
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("TACTSIM_CACHE_DIR", str(tmp_path_factory.mktemp("cache")))
-        run = perform(run_config(letters="IO", trials=3, readings=4, bins=100))
+def run_folder(tmp_path_factory, shared_cache):
+    run = perform(run_config(letters="IO", trials=3, readings=4, bins=100))
     folder = tmp_path_factory.mktemp("run") / "run"
     folder.mkdir()
     results.save(run, folder)

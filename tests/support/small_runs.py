@@ -11,3 +11,8 @@ def make_run_in(folder, **words):
     folder.mkdir(parents=True)
     results.save(run, folder)
     return folder
+
+
+def draw_nothing(patch):
+    """Let every picture of a run be an empty file, for tests that look at none."""
+    patch.setattr("tactsim.bench.figures.Picture.png", lambda picture, dpi=150: b"")

@@ -188,7 +188,7 @@ def test_the_bundles_of_a_site_make_the_same_standings_again(found, site):
     ]
 
 
-def test_the_command_says_where_the_site_is_and_what_could_not_be_read(folder, tmp_path, shared_cache):
+def test_the_command_says_where_the_site_is_and_what_could_not_be_read(folder, here, tmp_path, shared_cache):
     bench = Bench(tmp_path, shared_cache)
     (tmp_path / "mine").mkdir()
     for name in ("stuck.zip", "cut.zip"):
@@ -199,8 +199,8 @@ def test_the_command_says_where_the_site_is_and_what_could_not_be_read(folder, t
         "unreadable  cut.zip"
     ]
     (tmp_path / "mine" / "cut.zip").unlink()
-    assert bench("leaderboard", "mine").returncode == 0
-    refused(bench("leaderboard", "mine/site", "--out", "other"), "mine/site holds no bundle (*.zip)")
+    assert here("leaderboard", "mine").returncode == 0
+    refused(here("leaderboard", "mine/site", "--out", "other"), "mine/site holds no bundle (*.zip)")
     assert not (tmp_path / "other").exists()
 
 

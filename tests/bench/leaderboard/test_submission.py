@@ -33,8 +33,16 @@ test_poses = "random"
 """
 
 
-@pytest.fixture(scope="session")
-def small_task(tmp_path_factory, shared_cache):
+@pytest.fixture(scope="module", autouse=True)
+def few_angles():
+    """Press at four angles: scans a third as large are as good for all that a bundle may claim."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("tactsim.press.scan_poses.ANGLES", 4)
+        yield
+
+
+@pytest.fixture(scope="module")
+def small_task(tmp_path_factory, shared_cache, few_angles):
     """Write a task of one's own, as an author of one would: first without hashes, which are then filled in."""
     path = tmp_path_factory.mktemp("task") / "small-v1.toml"
     path.write_text(TASK.format(""))
@@ -48,7 +56,7 @@ def folder(tmp_path, small_task):
     return tmp_path
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def submitted():
     return {}
 
