@@ -60,7 +60,7 @@ def test_the_calibrated_model_is_learned_at_most_once_and_readings_are_let_go(
     fit, planner = CalibratedLikelihood.fit, active_touch.Planner
     monkeypatch.setattr(CalibratedLikelihood, "fit", lambda *args: (learned.append(args[0]), fit(*args)))
     monkeypatch.setattr(active_touch, "Planner", lambda *args: (planned.append(args[0]), planner(*args))[1])
-    estimator = estimators.create("refined", bins=100, likelihood=likelihood, **unknown)
+    estimator = estimators.create("refined", bins=100, cell=0.8, likelihood=likelihood, **unknown)
     estimator.fit(scan.untrained("I"))
     for seed in range(2):
         estimator.reset(np.random.default_rng(seed))
