@@ -29,6 +29,13 @@ def pytest_configure(config):
     config.pluginmanager.register(ProcessorTime())
 
 
+def pytest_ignore_collect(collection_path, config):
+    """Import no benchmarks where none are asked for; they hold no tests."""
+    if collection_path.name.startswith("bench_") and "not benchmark" in config.option.markexpr:
+        return True
+    return None
+
+
 @pytest.fixture
 def soak_minutes(request):
     """Say for how long the long soak reads."""
