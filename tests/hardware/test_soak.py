@@ -13,7 +13,7 @@ def holds(result):
 
 
 def test_some_seconds_of_faults_make_no_reading_up(tmp_path):
-    result = soak(2.0, tmp_path, often=20.0)
+    result = soak(5.0, tmp_path, often=8.0)
     print(result)
     holds(result)
     arrays, bridge = result.devices["arrays"], result.devices["bridge"]
