@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from synthetic import draw_trial, fitted, make_scan, paper_poses
+from synthetic import CHEAPER, draw_trial, fitted, make_scan, paper_poses
 
 from tactsim import estimators
 from tactsim.core import InputError
@@ -21,7 +21,7 @@ def scan():
 
 @pytest.mark.parametrize("name", FILTERS)
 def test_proposing_changes_no_estimate_and_depends_on_the_seed_alone(name, scan):
-    estimator = fitted(name, scan)
+    estimator = fitted(name, scan, **CHEAPER.get(name, {}))
     readings, poses = draw_trial(scan, "L", 3, np.random.default_rng(6))[:2]
 
     def sequence(propose):

@@ -17,11 +17,11 @@ from tactsim.estimators.filters.motion import Motion, parse_motion
 from tactsim.estimators.filters.moving_bins import MovingBins, heat_kernel
 
 MAP_FILTERS = {
-    "histogram": {"bins": 1000},
-    "particle": {"particles": 4000},
-    "augmented-mcl": {"particles": 4000},
-    "tempered": {"particles": 500},
-    "refined": {"bins": 1000},
+    "histogram": {"bins": 1000, "cell": 0.8},
+    "particle": {"particles": 4000, "cell": 0.8},
+    "augmented-mcl": {"particles": 4000, "cell": 0.8},
+    "tempered": {"particles": 500, "cell": 0.8},
+    "refined": {"bins": 1000, "cell": 0.8},
 }
 
 
@@ -128,7 +128,7 @@ def test_a_jump_is_found_again(small):
 def test_a_moving_object_is_not_taken_for_an_unknown_one(small):
     slip, said = Slip(walk_mm=0.7, walk_rad=0.03), []
     for motion in ("off", "0.7,0.03"):
-        estimator = create("refined", bins=1000, unknown=0.3, motion=motion)
+        estimator = create("refined", bins=1000, cell=0.8, unknown=0.3, motion=motion)
         estimator.fit(small)
         unknown = []
         for letter, seed in product("ELT", range(2)):
