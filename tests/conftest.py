@@ -1,5 +1,6 @@
 """What tests of all folders share. What is called and not given is in `tests/support`."""
 
+import gc
 import os
 import subprocess
 import sys
@@ -27,6 +28,24 @@ def pytest_addoption(parser):
 
 def pytest_configure(config):
     config.pluginmanager.register(ProcessorTime())
+
+
+def pytest_ignore_collect(collection_path, config):
+    """Import no benchmarks where none are asked for; they hold no tests."""
+    if collection_path.name.startswith("bench_") and "not benchmark" in config.option.markexpr:
+        return True
+    return None
+
+
+def pytest_collection_finish():
+    """Spare later searches for garbage what was imported, which takes most of their time and is never garbage."""
+    gc.collect()
+    gc.freeze()
+
+
+def pytest_sessionfinish():
+    """Let what was imported be taken apart at the end as usual."""
+    gc.unfreeze()
 
 
 @pytest.fixture

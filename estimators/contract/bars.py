@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from scipy.special import erf
 
-from tactsim.core import Scan, compose, transform
+from tactsim.core import Scan, transform
 from tactsim.core.forward import Linearised
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.estimator import Estimator
@@ -37,14 +37,30 @@ def paper_poses(positions: int = 4, angles: int = 12) -> FloatArray:
 def pressures(shape: str, points: FloatArray, blur: float = 1.2) -> FloatArray:
     """Blur a shape's footprint with a Gaussian of `blur` mm: 0 to 1 at points (..., 2) mm."""
     total = np.zeros(points.shape[:-1])
-    for x, y, half_x, half_y in SHAPES[shape]:
-        away = points - np.array([x, y])
-        sides = [
-            erf((away[..., i] + half) / blur / 2**0.5) - erf((away[..., i] - half) / blur / 2**0.5)
-            for i, half in enumerate((half_x, half_y))
-        ]
-        total += sides[0] * sides[1] / 4
+    for *middle, half_x, half_y in SHAPES[shape]:
+        ends = _ends(points, middle, (half_x, half_y), blur)
+        total += np.prod(erf(ends[0]) - erf(ends[1]), axis=-1) / 4
     return total
+
+
+def _with_gradient(shape: str, points: FloatArray, blur: float = 1.2) -> tuple[FloatArray, FloatArray]:
+    """Give `pressures` at points (..., 2) mm, and its derivatives by x and y: (...), and (..., 2) in mm^-1."""
+    total, gradient = np.zeros(points.shape[:-1]), np.zeros(points.shape)
+    for *middle, half_x, half_y in SHAPES[shape]:
+        ends = _ends(points, middle, (half_x, half_y), blur)
+        within = erf(ends[0]) - erf(ends[1])
+        slope = np.exp(-(ends[0] ** 2)) - np.exp(-(ends[1] ** 2))
+        total += np.prod(within, axis=-1) / 4
+        gradient += slope * within[..., ::-1] / 4
+    return total, gradient * (2 / np.pi) ** 0.5 / blur
+
+
+def _ends(
+    points: FloatArray, middle: Sequence[float], half: tuple[float, float], blur: float
+) -> tuple[FloatArray, FloatArray]:
+    """Say how far points (..., 2) are from a bar's left and lower edges, and from the others, in sqrt(2) blurs."""
+    away = points - np.array(middle)
+    return (away + half) / blur / 2**0.5, (away - half) / blur / 2**0.5
 
 
 def make_scan(
@@ -70,7 +86,7 @@ def make_scan(
 
 
 class BarForward:
-    """The forward model of the readings that `make_scan` makes, with derivatives by differences."""
+    """The forward model of the readings that `make_scan` makes."""
 
     noise = 2.0
     turns = 1
@@ -89,10 +105,14 @@ class BarForward:
         self, letter: str, sensor_in_object: FloatArray, off: FloatArray | None = None
     ) -> Linearised:
         """Predict; nothing is unknown of a press, so `off` has no columns."""
-        mean = self.readings(letter, sensor_in_object)
-        steps = 1e-3 * np.eye(3)
-        by_pose = [(self.readings(letter, compose(sensor_in_object, step)) - mean) / 1e-3 for step in steps]
-        return Linearised(mean, np.stack(by_pose, axis=1), np.empty((len(mean), 0, self.taxels)))
+        mean, slope = _with_gradient(letter, transform(sensor_in_object, self.taxel_xy))
+        cosine, sine = np.cos(sensor_in_object[:, 2, None]), np.sin(sensor_in_object[:, 2, None])
+        # Along the pad's own axes, as moves of the sensor are counted.
+        by_x = cosine * slope[..., 0] + sine * slope[..., 1]
+        by_y = cosine * slope[..., 1] - sine * slope[..., 0]
+        turning = by_y * self.taxel_xy[:, 0] - by_x * self.taxel_xy[:, 1]
+        by_pose = 30 * np.stack([by_x, by_y, turning], axis=1)
+        return Linearised(30 * mean, by_pose, np.empty((len(mean), 0, self.taxels)))
 
 
 def fit(estimator: Estimator, scan: Scan) -> None:

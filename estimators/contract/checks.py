@@ -267,7 +267,7 @@ def any_pad_will_do_and_a_new_fit_replaces_the_old(case: Case) -> None:
     estimator, old = case.make(), "E"
     pads = square_pad(9, 8, 1.2), square_pad(5, 5, 2.3), square_pad(1, 1), square_pad(3, 7) * [1, -1]
     for pad, new in zip(pads, "TITI", strict=True):
-        scan = make_scan("L" + new, pad, paper_poses(positions=3, angles=4))
+        scan = make_scan("L" + new, pad, paper_poses(positions=2, angles=4))
         fit(estimator, scan)
         for _, probabilities, _ in answers(estimator, *draw(scan, new, 4, 5)):
             _hold({"L", new} <= set(probabilities), f"after a fit to L and {new}: {probabilities}")

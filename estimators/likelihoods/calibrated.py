@@ -41,22 +41,21 @@ class CalibratedLikelihood(Likelihood):
         odds, kinds, places = [], [], []
         for label in maps:
             train = scan.where("train", label)
-            known = touched_elsewhere(train, folds(train))
+            found, classes, known = self.left_out(label, scan)
             known = known if known.any() else ~known
-            found = self.left_out(label, scan)
-            odds.append(found[0][known])
-            kinds.append(found[1][known])
+            odds.append(found[known])
+            kinds.append(classes[known])
             places.append(transform(train.poses, train.taxel_xy)[known])
         self.steeper = steepness(list(maps.values()), places, odds)
         seen = np.concatenate(odds)
         edges = quantile_edges(seen, self.options.quantiles)
         self.calibration = calibrate(seen, np.concatenate(kinds), _CLASSES, edges)
 
-    def left_out(self, label: str, scan: Scan) -> tuple[FloatArray, NDArray[np.int8]]:
+    def left_out(self, label: str, scan: Scan) -> tuple[FloatArray, NDArray[np.int8], NDArray[np.bool_]]:
         """Look the taxels of a letter's training readings up in its map without the presses at their positions.
 
         Where no other press had a taxel, the map is taken as it is. scan: the one that the maps were learned from.
-        Returns log-odds and classes (n, taxels).
+        Returns log-odds, classes, and where another press had a taxel: (n, taxels) each.
         """
         train = scan.where("train", label)
         xy, classes = transform(train.poses, train.taxel_xy), self.classes(train.readings)
@@ -66,7 +65,7 @@ class CalibratedLikelihood(Likelihood):
             odds[mine] = self._without(label, xy[mine], classes[mine]).log_odds_at(xy[mine])
         known = touched_elsewhere(train, part)
         odds[~known] = self.maps[label].log_odds_at(xy[~known])
-        return odds, classes
+        return odds, classes, known
 
     def without(
         self, train: Scan, gone: NDArray[np.bool_], labels: Sequence[str], whole_positions: bool

@@ -46,9 +46,8 @@ def class_information(scan: Scan, options: LikelihoodOptions) -> float:
     model = CalibratedLikelihood(options)
     model.maps = maps
     model.threshold = threshold_of(options.threshold, scan.where("train").readings)
-    odds, classes = zip(*(model.left_out(label, scan) for label in maps), strict=True)
-    of_letters = [scan.where("train", label) for label in maps]
-    counted = _counted([touched_elsewhere(one, folds(one)) for one in of_letters])
+    odds, classes, known = zip(*(model.left_out(label, scan) for label in maps), strict=True)
+    counted = _counted(list(known))
     return mutual_information(
         _binned(np.concatenate(odds)[counted], _PREDICTED), np.concatenate(classes)[counted].astype(np.intp)
     )

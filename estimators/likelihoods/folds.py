@@ -112,18 +112,17 @@ def folds(train: Scan) -> NDArray[np.intp]:
     if count == 1:
         return press % FOLDS
     places = np.array([poses[which == number, :2].mean(axis=0) for number in range(count)])
-    parts: list[list[FloatArray]] = [[] for _ in range(min(FOLDS, count))]
+    parts = min(FOLDS, count)
+    # mm^2, how near the nearest position of each part is to each position.
+    room = np.full((parts, count), np.inf)
+    held = np.zeros(parts, dtype=np.intp)
     chosen = np.empty(count, dtype=np.intp)
-    most = -(-count // len(parts))
+    most = -(-count // parts)
     for number, position in enumerate(places):
-        room = [
-            np.min([((other - position) ** 2).sum() for other in part], initial=np.inf)
-            if len(part) < most
-            else -1.0
-            for part in parts
-        ]
-        chosen[number] = int(np.argmax(room))
-        parts[chosen[number]].append(position)
+        part = int(np.argmax(np.where(held < most, room[:, number], -1.0)))
+        chosen[number] = part
+        held[part] += 1
+        room[part] = np.minimum(room[part], ((places - position) ** 2).sum(axis=1))
     return chosen[which][press]
 
 
@@ -158,8 +157,7 @@ def touched_elsewhere(train: Scan, part: NDArray[np.intp]) -> NDArray[np.bool_]:
                 (train.labels == label) & (part != number),
             )
             if mine.any() and rest.any():
-                away, _ = cKDTree(xy[rest].reshape(-1, 2)).query(
-                    xy[mine].reshape(-1, 2), distance_upper_bound=_NEAR
-                )
+                tree = cKDTree(xy[rest].reshape(-1, 2), leafsize=32, compact_nodes=False, balanced_tree=False)
+                away, _ = tree.query(xy[mine].reshape(-1, 2), distance_upper_bound=_NEAR)
                 near[mine] = np.isfinite(away).reshape(-1, len(train.taxel_xy))
     return near

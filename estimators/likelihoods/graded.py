@@ -12,7 +12,6 @@ from tactsim.core import Scan, transform
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.likelihoods.calibrated import CalibratedLikelihood, steepness
 from tactsim.estimators.likelihoods.class_table import Calibration, calibrate, quantile_edges
-from tactsim.estimators.likelihoods.folds import folds, touched_elsewhere
 from tactsim.estimators.likelihoods.likelihood import Evidence, Likelihood, covered
 from tactsim.estimators.likelihoods.occupancy import OccupancyMap
 from tactsim.estimators.likelihoods.scale import lehmer_mean, threshold_of
@@ -53,9 +52,7 @@ class GradedLikelihood(Likelihood):
         places = transform(train.poses, train.taxel_xy)
         for label in maps:
             mine = train.labels == label
-            letter = scan.where("train", label)
-            odds[mine] = self._classes.left_out(label, scan)[0]
-            known = touched_elsewhere(letter, folds(letter))
+            odds[mine], _, known = self._classes.left_out(label, scan)
             counted[mine] = known if known.any() else ~known
         of_letter = [counted & (train.labels == label)[:, None] for label in maps]
         self._classes.steeper = steepness(

@@ -1,5 +1,6 @@
 """What was compiled is used again only for the same source and processor, and wherever it can be kept."""
 
+import json
 import os
 import shutil
 import subprocess
@@ -26,11 +27,38 @@ from tactsim.core.compiling import compiled
 def caller(x):
     return 10 * callee(x) + STEP
 """
-ASK = "from inner_loops.caller import caller; print(caller(1), sum(caller.stats.cache_hits.values()))"
+# Answers each question in a process of its own, forked before anything is compiled: numba is imported once.
+ASKED = """
+import json, os, sys
+import numba.core.config
+import tactsim.core.compiling
+for line in sys.stdin:
+    folder, environment = json.loads(line)
+    child = os.fork()
+    if not child:
+        os.environ.update(environment)
+        numba.core.config.reload_config()
+        sys.path.insert(0, folder)
+        os.dup2(os.open(folder + "/answer", os.O_WRONLY | os.O_CREAT | os.O_TRUNC), 1)
+        os.dup2(os.open(folder + "/said", os.O_WRONLY | os.O_CREAT | os.O_TRUNC), 2)
+        from inner_loops.caller import caller
+        print(caller(1), sum(caller.stats.cache_hits.values()), flush=True)
+        os._exit(0)
+    print(os.waitpid(child, 0)[1], flush=True)
+"""
+
+
+@pytest.fixture(scope="module")
+def asked():
+    environment = os.environ | {"PYTHONDONTWRITEBYTECODE": "1"}
+    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "text": True}
+    with subprocess.Popen([sys.executable, "-c", ASKED], env=environment, **pipes) as process:
+        yield process
+        process.stdin.close()
 
 
 @pytest.fixture
-def ask(tmp_path):
+def ask(tmp_path, asked):
     package = tmp_path / "inner_loops"
     package.mkdir()
     for name, text in (("__init__", ""), ("callee", CALLEE), ("between", BETWEEN), ("caller", CALLER)):
@@ -43,12 +71,10 @@ def ask(tmp_path):
             path.write_text(path.read_text().replace(old, new))
             # As old and as long as before: only the content tells.
             os.utime(path, ns=(before.st_atime_ns, before.st_mtime_ns))
-        words = {"PYTHONPATH": str(tmp_path), "PYTHONDONTWRITEBYTECODE": "1"} | (environment or {})
-        done = subprocess.run(
-            [sys.executable, "-c", ASK], env=os.environ | words, capture_output=True, text=True, check=True
-        )
-        run.said = done.stderr
-        value, hits = map(int, done.stdout.split())
+        print(json.dumps([str(tmp_path), environment or {}]), file=asked.stdin, flush=True)
+        assert asked.stdout.readline() == "0\n"
+        run.said = (tmp_path / "said").read_text()
+        value, hits = map(int, (tmp_path / "answer").read_text().split())
         return value, hits == 1
 
     return run

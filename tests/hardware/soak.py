@@ -90,7 +90,7 @@ class Result:
 
 
 def soak(seconds, folder, often=1.0, seed=0):
-    """Read both devices for so many seconds; `often`: how many times as often as usual all goes wrong."""
+    """Read both devices for so many seconds once both have spoken; `often`: how many times as often all goes wrong."""
     context = multiprocessing.get_context("spawn")
     link, port = str(folder / "pad"), _free_port()
     array, url = singletact(soak_devices.SINGLETACT_TAXELS), f"socket://127.0.0.1:{port}"
@@ -108,6 +108,9 @@ def soak(seconds, folder, often=1.0, seed=0):
         threads.append(threading.Thread(target=_read, args=(device, url, enough, moment, found[name])))
     for thread in threads:
         thread.start()
+    started = time.monotonic() + _START
+    while not all(one.readings or one.error for one in found.values()) and time.monotonic() < started:
+        time.sleep(0.05)
     begun, used = time.monotonic(), time.process_time()
     time.sleep((_WARM - _LOOK) * seconds)
     warm = _memory(_LOOK * seconds)

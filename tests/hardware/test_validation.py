@@ -18,7 +18,8 @@ class Bumps:
     def __call__(self, guess, errors):
         sigma = guess.psf_sigma
         points = transform(compose(self.poses, errors[:, :3]), self.taxel_xy)
-        square = ((points[:, :, None] - self.bumps) ** 2).sum(axis=-1)
+        along_x, along_y = (points[..., axis, None] - self.bumps[:, axis] for axis in (0, 1))
+        square = along_x**2 + along_y**2
         width = self.width**2 + sigma**2
         return 40 / width * np.exp(-square / (2 * width)).sum(axis=-1)
 

@@ -44,7 +44,7 @@ def rest(
     return reader, data, reader.read(data)
 
 
-def image(pad, pressure, *, sigma=1.0, fineness=2400):
+def image(pad, pressure, *, sigma=1.0, fineness=1200):
     """Spread a pressure(x, y), N/mm^2 over mm, over the taxels by a fine lattice: (taxels,) kPa."""
     x_low, x_high, y_low, y_high = pad.load_bounds
 

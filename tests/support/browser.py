@@ -15,6 +15,13 @@ needs_browser = pytest.mark.skipif(
 )
 
 
+def expect(locator):
+    """Wait for what is said of a part of a page; see Playwright's assertions."""
+    from playwright import sync_api  # imported here: only a browser needs it, and every run finds the tests
+
+    return sync_api.expect(locator)
+
+
 @contextmanager
 def browser(profile):
     """Run Chromium with its profile in the folder `profile`; gives the context that opens pages."""

@@ -1,14 +1,14 @@
-"""What is written is what the formats' own libraries read, without any of our code."""
+"""What is written is what the formats' own libraries read, without any of our code.
+
+Those that take long to import are imported where they are used.
+"""
 
 import base64
 import json
 from dataclasses import replace
 
-import duckdb
 import h5py
 import numpy as np
-import pandas
-import polars
 import pyarrow.parquet as pq
 import pytest
 from made_scans import make_scan
@@ -34,6 +34,9 @@ def halves(scan):
 
 
 def test_parquet_is_read_by_pyarrow_polars_and_duckdb(scan, tmp_path):
+    import duckdb
+    import polars
+
     formats.write(scan, tmp_path / "out", "parquet")
     for split, half in halves(scan).items():
         path = tmp_path / "out" / "data" / f"{split}-00000-of-00001.parquet"
@@ -154,6 +157,8 @@ def test_a_pad_with_a_taxel_left_out_is_drawn_with_a_hole(tmp_path):
 
 
 def test_lerobot_s_files_agree_with_each_other(scan, tmp_path):
+    import pandas
+
     formats.write(scan, tmp_path / "out", "lerobot")
     meta = tmp_path / "out" / "meta"
     info, stats = (json.loads((meta / name).read_text()) for name in ("info.json", "stats.json"))
@@ -190,6 +195,8 @@ def test_lerobot_s_files_agree_with_each_other(scan, tmp_path):
 
 
 def test_lerobot_s_large_datasets_are_several_files(scan, tmp_path, monkeypatch):
+    import pandas
+
     module = formats.FORMATS["lerobot"].load()
     monkeypatch.setattr(module, "_FILE_MB", 0)
     monkeypatch.setattr(module, "_CHUNK", 3)

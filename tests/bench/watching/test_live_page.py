@@ -2,8 +2,7 @@
 
 import numpy as np
 import pytest
-from browser import browser, needs_browser
-from playwright.sync_api import expect
+from browser import browser, expect, needs_browser
 
 from tactsim.bench.watching.hidden_object import HiddenObject
 from tactsim.bench.watching.pad_view import PadReader

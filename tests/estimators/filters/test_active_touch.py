@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from synthetic import draw_trial, fitted, make_scan, paper_poses
+from synthetic import CHEAPER, draw_trial, fitted, make_scan, paper_poses
 
 from tactsim import estimators
 from tactsim.core import InputError
@@ -21,7 +21,7 @@ def scan():
 
 @pytest.mark.parametrize("name", FILTERS)
 def test_proposing_changes_no_estimate_and_depends_on_the_seed_alone(name, scan):
-    estimator = fitted(name, scan)
+    estimator = fitted(name, scan, **CHEAPER.get(name, {}))
     readings, poses = draw_trial(scan, "L", 3, np.random.default_rng(6))[:2]
 
     def sequence(propose):
@@ -60,7 +60,7 @@ def test_the_calibrated_model_is_learned_at_most_once_and_readings_are_let_go(
     fit, planner = CalibratedLikelihood.fit, active_touch.Planner
     monkeypatch.setattr(CalibratedLikelihood, "fit", lambda *args: (learned.append(args[0]), fit(*args)))
     monkeypatch.setattr(active_touch, "Planner", lambda *args: (planned.append(args[0]), planner(*args))[1])
-    estimator = estimators.create("refined", bins=100, likelihood=likelihood, **unknown)
+    estimator = estimators.create("refined", bins=100, cell=0.8, likelihood=likelihood, **unknown)
     estimator.fit(scan.untrained("I"))
     for seed in range(2):
         estimator.reset(np.random.default_rng(seed))

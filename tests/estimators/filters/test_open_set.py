@@ -124,11 +124,11 @@ def test_a_letter_that_was_not_learned_is_refused_and_the_others_are_not(scan):
 
 
 def test_particles_refuse_a_known_letter_only_where_they_have_lost_its_place(scan):
-    estimator = create("tempered", unknown=0.1, particles=4000)
+    estimator = create("tempered", unknown=0.1, particles=3000)
     estimator.fit(scan.untrained("E"))
-    assert all(none for none, _ in ends(estimator, scan, "E", 5))
+    assert all(none for none, _ in ends(estimator, scan, "E", 4))
     for label in "ILT":
-        for none, apart in ends(estimator, scan, label, 7):
+        for none, apart in ends(estimator, scan, label, 5):
             assert none == (apart > 3)
 
 

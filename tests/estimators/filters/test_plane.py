@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from synthetic import draw_trial, fitted, make_scan, paper_poses
+from synthetic import CHEAPER, draw_trial, fitted, make_scan, paper_poses
 
 from tactsim import estimators
 
@@ -17,7 +17,7 @@ def scan():
 
 def begun(name, scan, count, **options):
     """An estimator after `count` readings, with the readings and poses that follow."""
-    estimator = fitted(name, scan, **options)
+    estimator = fitted(name, scan, **CHEAPER.get(name, {}), **options)
     rng = np.random.default_rng(5)
     readings, poses, _ = draw_trial(scan, "L", count + 2, rng)
     estimator.reset(rng)

@@ -82,7 +82,7 @@ def test_it_reaches_the_bound_and_says_how_sure_it_is(letters):
     """The Cramer-Rao bound of x and y (van Trees): placement marginalised, averaged over trials."""
     rng = np.random.default_rng(0)
     squares, bounds, held, right = [], [], [], []
-    for trial in range(40):
+    for trial in range(26):
         shape = "ELT"[trial % 3]
         readings, poses, truth = hidden(shape, 8, rng, placement=0.1)
         estimate = follow(letters, readings, poses)

@@ -139,7 +139,7 @@ def test_it_is_learned_from_training_readings_alone(likelihood):
     scan = make_scan("EI", poses=paper_poses(3, 6))
     weights = []
     for one in (scan, scan.where("train")):
-        estimator = create("refined", likelihood=likelihood, bins=500)
+        estimator = create("refined", likelihood=likelihood, bins=500, cell=0.8)
         estimator.fit(one)
         weights.append(learn_trust(estimator.likelihood, one))
     assert weights[0] == weights[1]

@@ -61,10 +61,10 @@ def test_features_that_are_all_equal_make_one_bin():
 def test_a_taxel_is_judged_by_the_map_without_the_presses_at_its_position():
     scan = make_scan("E", poses=paper_poses(3, 4)).where("train")
     model = fitted(scan)
-    odds, classes = model.left_out("E", scan)
+    odds, classes, known = model.left_out("E", scan)
     assert np.array_equal(classes, classify(scan.readings))
     part = folds(scan)
-    known = touched_elsewhere(scan, part)
+    assert np.array_equal(known, touched_elsewhere(scan, part))
     at = transform(scan.poses, scan.taxel_xy)
     assert odds[~known] == pytest.approx(model.maps["E"].log_odds_at(at[~known]))
     for number in np.unique(part):

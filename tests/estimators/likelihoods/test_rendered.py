@@ -11,7 +11,7 @@ from tactsim.estimators.likelihoods.rendered import learn_rendering
 from tactsim.estimators.options import LikelihoodOptions
 
 PAD = square_pad()
-GRID = paper_poses(positions=5, angles=12)
+GRID = paper_poses(positions=5, angles=8)
 
 
 def pressed(noise=0.5, slope=0.0, load=None, seed=0):

@@ -41,7 +41,7 @@ def test_a_threshold_that_is_given_is_taken():
 @pytest.mark.parametrize("unit", [1e-3, 1e3])
 def test_the_unit_of_the_readings_changes_no_label(name, options, unit):
     other = Scan(unit * SCAN.readings, SCAN.poses, SCAN.labels, SCAN.split, SCAN.taxel_xy, SCAN.meta)
-    small = {"bins": 500, "cells": 20, "halvings": 1}
+    small = {"bins": 500, "cells": 20, "halvings": 1, "cell": 0.8}
     made = [fitted(name, scan, **small, **options) for scan in (SCAN, other)]
     for seed, label in enumerate("ELELEL"):
         readings, poses, _ = draw_trial(SCAN, label, 4, np.random.default_rng(seed))

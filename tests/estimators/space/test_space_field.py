@@ -10,7 +10,7 @@ from tactsim.estimators.space.space_field import SpaceField, SpaceMapOptions
 
 @pytest.fixture(scope="module")
 def scan():
-    return toy.toy_scan(250, 1, ("ball", "block", "tee"))
+    return toy.toy_scan(180, 1, ("ball", "block", "tee"))
 
 
 @pytest.fixture(scope="module")

@@ -229,7 +229,7 @@ def test_a_scan_of_the_plane_is_refused():
 
 @pytest.fixture(scope="module")
 def scan():
-    return toy.toy_scan(200, 1, ("ball", "block", "tee"))
+    return toy.toy_scan(120, 1, ("ball", "block", "tee"))
 
 
 @pytest.fixture(scope="module", params=SPACE)
