@@ -7,11 +7,16 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import float64, int64, types, void
+from numba.extending import register_jitable
 
 from tactsim.core.compiling import INTS, REALS, REALS_2D, Ints, Reals, compiled
 
 _WAYS = 5  # in which the pad may be displaced
 _TURNS = 2  # linearisations of a touch in the pad's displacement; the second begins where the first ends
+LOUD = 5.0  # by how much more than noise the sum of a reading must be for a contact
+AHEAD = 0.5  # mm beyond where a contact begins, up to which a surface is looked for
+_LEAST = 0.02  # of a touch's load: with less foreseen, nothing is foreseen
+_TAILS = 3.0  # of Cauchy's kind: the larger, the lighter
 
 
 class Touching(NamedTuple):
@@ -24,7 +29,9 @@ class Touching(NamedTuple):
     errs. aside: mm, by how much it, or the pad's place, errs along the pad, which counts where the surface slopes.
     displaced: [mm, rad, rad, mm, mm], by how much the stated pose errs along z, about x and y, and along x and y.
     swept: mm by which the map errs where the pad has passed. freedom: of Student's t. counts: the weight of a taxel.
-    trust: the weight of a touch.
+    trust: the weight of a touch. worst: about what log p falls to at most, where nothing explains a touch. full: kPa
+    summed over rays that carry a touch's load. stiffer, softer: by how much the logarithm of the stiffness that the
+    load asks for is off, above and below. split: by how much that of the part of the load that taxels read is off.
     """
 
     ray: Reals
@@ -46,6 +53,11 @@ class Touching(NamedTuple):
     freedom: float
     counts: float
     trust: float
+    worst: float
+    full: float
+    stiffer: float
+    softer: float
+    split: float
 
 
 TOUCHING = types.NamedTuple(
@@ -62,102 +74,241 @@ TOUCHING = types.NamedTuple(
         int64,
         float64,
         REALS,
-        *[float64] * 4,
+        *[float64] * 9,
     ),
     Touching,
 )
 
 
-@compiled(float64(TOUCHING, REALS, REALS), called_from_python=False)
-def agreement(touching: Touching, depth: Reals, reading: Reals) -> float:
+class Room(NamedTuple):
+    """Arrays that `agreement` works in, made once for many touches.
+
+    near: (rays,) the rays that may touch. into: (rays,) mm, how deep they are pressed; open_to: how that changes with
+    their depth; sloped: (rays, 2) how their depth changes along x and y; wrong: mm by which it errs. pressed, error:
+    (taxels,) mm and changes: (taxels, ways), the same of what taxels feel. matrix, vector: the normal equations of the
+    displacement. of_load, of_image: (ways,) how sums over rays and taxels change. best, change: (ways,). counted: (1,)
+    how much a touch counts, which is less the worse it agrees.
+    """
+
+    near: Ints
+    into: Reals
+    open_to: Reals
+    sloped: Reals
+    wrong: Reals
+    pressed: Reals
+    error: Reals
+    changes: Reals
+    matrix: Reals
+    vector: Reals
+    of_load: Reals
+    of_image: Reals
+    best: Reals
+    change: Reals
+    counted: Reals
+
+
+ROOM = types.NamedTuple(
+    (INTS, REALS, REALS, REALS_2D, REALS, REALS, REALS, REALS_2D, REALS_2D, *[REALS] * 6), Room
+)
+
+
+@register_jitable
+def room_for(touching: Touching) -> Room:
+    """Make room for touches by such a pad."""
+    rays, taxels = len(touching.ray), len(touching.taxel)
+    return Room(
+        np.empty(rays, np.int64), np.zeros(rays), np.zeros(rays), np.zeros((rays, 2)), np.zeros(rays),
+        np.empty(taxels), np.empty(taxels), np.empty((taxels, _WAYS)), np.empty((_WAYS, _WAYS)), np.empty(_WAYS),
+        np.empty(_WAYS), np.empty(_WAYS), np.empty(_WAYS), np.empty(_WAYS), np.empty(1),
+    )  # fmt: skip
+
+
+@register_jitable
+def _list_near(touching: Touching, depth: Reals, ahead: float, room: Room) -> int:
+    """List the rays whose surface is less than `ahead` mm away, with their slopes and errors; returns how many."""
+    columns, rows = touching.columns, len(depth) // touching.columns
+    count = 0
+    for ray in range(len(depth)):
+        room.into[ray] = room.open_to[ray] = 0.0
+        if depth[ray] <= -ahead:
+            continue
+        row, column = ray // columns, ray % columns
+        left, right = ray - (column > 0), ray + (column + 1 < columns)
+        low, high = ray - columns * (row > 0), ray + columns * (row + 1 < rows)
+        along_x = (depth[right] - depth[left]) / (touching.step * max(right - left, 1))
+        along_y = (depth[high] - depth[low]) / (touching.step * max((high - low) // columns, 1))
+        room.sloped[ray, 0], room.sloped[ray, 1] = along_x, along_y
+        room.wrong[ray] = math.sqrt(
+            touching.rough**2 + touching.aside**2 * (along_x * along_x + along_y * along_y)
+        )
+        room.near[count] = ray
+        count += 1
+    return count
+
+
+@register_jitable
+def _press(touching: Touching, depth: Reals, near: int, room: Room) -> float:
+    """Press the layer with the pad displaced by `best`; returns the sum of how deep rays are pressed, mm."""
+    soft, best, load = touching.soft, room.best, 0.0
+    room.of_load[:] = 0.0
+    for n in range(near):
+        ray = room.near[n]
+        x, y = touching.ray[ray, 0], touching.ray[ray, 1]
+        along_x, along_y = room.sloped[ray, 0], room.sloped[ray, 1]
+        d = depth[ray] + best[0] + best[1] * y - best[2] * x + best[3] * along_x + best[4] * along_y
+        begun = min(max(d + soft, 0.0), 2 * soft)
+        room.into[ray], room.open_to[ray] = (
+            begun * begun / (4 * soft) + max(d - soft, 0.0),
+            begun / (2 * soft),
+        )
+        load += room.into[ray]
+        room.of_load[0] += room.open_to[ray]
+        room.of_load[1] += room.open_to[ray] * y
+        room.of_load[2] -= room.open_to[ray] * x
+        room.of_load[3] += room.open_to[ray] * along_x
+        room.of_load[4] += room.open_to[ray] * along_y
+    return load
+
+
+@register_jitable
+def _feel_taxels(touching: Touching, room: Room) -> float:
+    """Let taxels feel the rays about them; returns the sum of how deep taxels are pressed, mm."""
+    changes, image = room.changes, 0.0
+    room.of_image[:] = 0.0
+    for t in range(len(touching.taxel)):
+        pressed, slope, error, along_x, along_y = 0.0, 0.0, 0.0, 0.0, 0.0
+        for n in range(touching.start[t], touching.start[t + 1]):
+            ray = touching.which[n]
+            if room.open_to[ray] > 0:
+                pressed += touching.share[n] * room.into[ray]
+                part = touching.share[n] * room.open_to[ray]
+                slope += part
+                error += part * room.wrong[ray]
+                along_x += part * room.sloped[ray, 0]
+                along_y += part * room.sloped[ray, 1]
+        room.pressed[t], room.error[t] = pressed, error
+        changes[t, 0], changes[t, 1], changes[t, 2] = (
+            slope, slope * touching.taxel[t, 1], -slope * touching.taxel[t, 0]
+        )  # fmt: skip
+        changes[t, 3], changes[t, 4] = along_x, along_y
+        image += pressed
+        if slope > 0:
+            for a in range(_WAYS):
+                room.of_image[a] += changes[t, a]
+    return image
+
+
+@register_jitable
+def _add(room: Room, rest: float, variance: float) -> float:
+    """Add what is left of a quantity, which changes by `change` with the displacement; returns its misfit.
+
+    What is left is taken to a displacement of 0, because the prior stands there.
+    """
+    change, best = room.change, room.best
+    for a in range(_WAYS):
+        rest += change[a] * best[a]
+    for a in range(_WAYS):
+        by = change[a] / variance
+        room.vector[a] += by * rest
+        for b in range(a + 1):
+            room.matrix[a, b] += by * change[b]
+    return rest * rest / variance
+
+
+@register_jitable
+def _solve(room: Room) -> float:
+    """Factor the matrix (Cholesky), divide the vector by the factor; returns the factor's determinant."""
+    matrix, vector, determinant = room.matrix, room.vector, 1.0
+    for a in range(_WAYS):
+        for b in range(a + 1):
+            value = matrix[a, b]
+            for c in range(b):
+                value -= matrix[a, c] * matrix[b, c]
+            matrix[a, b] = math.sqrt(max(value, 1e-300)) if a == b else value / matrix[b, b]
+        determinant *= matrix[a, a]
+        value = vector[a]
+        for c in range(a):
+            value -= matrix[a, c] * vector[c]
+        vector[a] = value / matrix[a, a]
+    return determinant
+
+
+@compiled(float64(TOUCHING, REALS, REALS, ROOM), called_from_python=False)
+def agreement(touching: Touching, depth: Reals, reading: Reals, room: Room) -> float:
     """Give log p(reading | depths at the rays): Student's t, the pad's displacement integrated out.
 
+    A touch carries a load that is known. A layer of the usual stiffness that is pressed by these depths might carry
+    more or less: where it is pressed flat it is stiffer. So the image is as bright as the reading, and how far the load
+    is off counts beside it, and how much of it taxels read.
     The pad may be displaced along its axes and turned about x and y; the readings are linear in that where the contact
     stays as it is and the surface goes on as it slopes, so that a Gauss-Newton step and a matrix 5 by 5 (Woodbury 1950)
     do it.
     """
-    taxels, rays = len(touching.taxel), len(depth)
-    soft, stiffness = touching.soft, touching.stiffness
-    best, change = np.zeros(_WAYS), np.empty(_WAYS)
-    matrix, vector = np.empty((_WAYS, _WAYS)), np.empty(_WAYS)
-    # How deep a ray is pressed, how that changes with its depth, and by how much the depth errs.
-    into, open_to, wrong = np.empty(rays), np.empty(rays), np.empty(rays)
-    sloped = np.empty((rays, 2))
-    columns, rows = touching.columns, rays // touching.columns
-    for row in range(rows):
-        for column in range(columns):
-            ray = row * columns + column
-            left, right = ray - (column > 0), ray + (column + 1 < columns)
-            low, high = ray - columns * (row > 0), ray + columns * (row + 1 < rows)
-            along_x = (depth[right] - depth[left]) / (touching.step * max(right - left, 1))
-            along_y = (depth[high] - depth[low]) / (touching.step * max((high - low) // columns, 1))
-            sloped[ray, 0], sloped[ray, 1] = along_x, along_y
-            wrong[ray] = math.sqrt(
-                touching.rough**2 + touching.aside**2 * (along_x * along_x + along_y * along_y)
-            )
-    misfit, log_det, determinant = 0.0, 0.0, 0.0
+    taxels, stiffness, counts = len(touching.taxel), touching.stiffness, touching.counts
+    best, vector, matrix, change = room.best, room.vector, room.matrix, room.change
+    near = _list_near(touching, depth, touching.soft + AHEAD, room)
+    total, noise = 0.0, 0.0
+    for t in range(taxels):
+        total += reading[t]
+        noise += touching.noise[t] ** 2
+    met = total > LOUD * math.sqrt(noise)
+    best[:] = 0.0
+    if met:  # the linearisation begins where something touches
+        highest = -np.inf
+        for n in range(near):
+            highest = max(highest, depth[room.near[n]])
+        best[0] = min(max(touching.soft - highest, 0.0), 3 * touching.displaced[0])
+    usual = touching.full / stiffness
+    misfit, log_det, determinant = 0.0, 0.0, 1.0
     for turn in range(_TURNS):
-        felt = False
-        for ray in range(rays):
-            d = depth[ray] + best[0] + best[1] * touching.ray[ray, 1] - best[2] * touching.ray[ray, 0]
-            d += best[3] * sloped[ray, 0] + best[4] * sloped[ray, 1]
-            begun = min(max(d + soft, 0.0), 2 * soft)
-            into[ray] = begun * begun / (4 * soft) + max(d - soft, 0.0)
-            open_to[ray] = begun / (2 * soft)
-            felt |= begun > 0
+        load = _press(touching, depth, near, room)
+        image = _feel_taxels(touching, room)
+        matrix[:] = 0.0
+        vector[:] = 0.0
         for a in range(_WAYS):
-            vector[a] = 0.0
-            for b in range(_WAYS):
-                matrix[a, b] = 0.0
             matrix[a, a] = 1 / touching.displaced[a] ** 2
-        misfit, product, log_det = 0.0, 1.0, 0.0
-        for t in range(taxels):
-            x, y = touching.taxel[t, 0], touching.taxel[t, 1]
-            pressed, slope, error = 0.0, 0.0, 0.0
-            change[3] = change[4] = 0.0
-            if felt:
-                for n in range(touching.start[t], touching.start[t + 1]):
-                    ray = touching.which[n]
-                    pressed += touching.share[n] * into[ray]
-                    part = touching.share[n] * open_to[ray]
-                    slope += part
-                    error += part * wrong[ray]
-                    change[3] += part * sloped[ray, 0]
-                    change[4] += part * sloped[ray, 1]
-            change[0], change[1], change[2] = slope, slope * y, -slope * x
-            variance = touching.noise[t] ** 2 + (stiffness * error) ** 2
-            # What is left is linear in the displacement from 0: its prior stands there.
-            rest = reading[t] - stiffness * pressed
+        misfit, log_det, scale, scaled = 0.0, 0.0, stiffness, False
+        if met:
+            loaded = load > _LEAST * usual
+            faintest = _LEAST * total / stiffness
+            scaled = image > faintest
+            load, image = max(load, _LEAST * usual), max(image, faintest)
+            scale = total / image
+            # The load, beside that of a layer as stiff as it usually is.
+            rest = math.log(usual / load)
             for a in range(_WAYS):
-                change[a] *= stiffness
-                rest += change[a] * best[a]
+                change[a] = room.of_load[a] / load if loaded else 0.0
+            variance = touching.stiffer**2 + rest * rest / _TAILS if rest > 0 else touching.softer**2
+            misfit += _add(room, rest, counts * variance)
+            log_det += math.log(variance) / counts
+            # The part of it that taxels read.
+            rest = math.log(total / touching.full * load / image)
+            for a in range(_WAYS):
+                change[a] = (room.of_image[a] / image if scaled else 0.0) - change[a]
+            variance = touching.split**2 + noise / total**2 + rest * rest / _TAILS
+            misfit += _add(room, rest, counts * variance)
+            log_det += math.log(variance) / counts
+        product = 1.0
+        for t in range(taxels):
+            variance = touching.noise[t] ** 2 + (scale * room.error[t]) ** 2
+            rest = reading[t] - scale * room.pressed[t]
             product *= variance
             if t % 8 == 7:
                 log_det += math.log(product)
                 product = 1.0
-            misfit += rest * rest / variance
-            if slope > 0:
+            if room.changes[t, 0] > 0:
+                dimmer = room.pressed[t] / image if scaled else 0.0
                 for a in range(_WAYS):
-                    by = change[a] / variance
-                    vector[a] += by * rest
-                    for b in range(a + 1):
-                        matrix[a, b] += by * change[b]
+                    change[a] = scale * (room.changes[t, a] - dimmer * room.of_image[a])
+                misfit += _add(room, rest, variance)
+            else:
+                misfit += rest * rest / variance
         log_det += math.log(product)
-        # Cholesky's factor of the matrix, and the vector divided by it, then the displacement.
-        determinant = 1.0
+        determinant = _solve(room)
         for a in range(_WAYS):
-            for b in range(a + 1):
-                value = matrix[a, b]
-                for c in range(b):
-                    value -= matrix[a, c] * matrix[b, c]
-                matrix[a, b] = math.sqrt(max(value, 1e-300)) if a == b else value / matrix[b, b]
-            determinant *= matrix[a, a] * touching.displaced[a]
-            value = vector[a]
-            for c in range(a):
-                value -= matrix[a, c] * vector[c]
-            vector[a] = value / matrix[a, a]
+            determinant *= touching.displaced[a]
             misfit -= vector[a] * vector[a]
-        if not felt:  # no displacement changes anything
+        if near == 0:  # no displacement changes anything
             break
         if turn + 1 < _TURNS:
             for a in range(_WAYS - 1, -1, -1):
@@ -169,13 +320,50 @@ def agreement(touching: Touching, depth: Reals, reading: Reals) -> float:
                 limit = 3 * touching.displaced[a]
                 best[a] = min(max(best[a], -limit), limit)
     log_det += 2 * math.log(determinant)
-    counts, freedom = touching.counts, touching.freedom
-    spread = (freedom + counts * taxels) * math.log(1 + counts * max(misfit, 0.0) / freedom)
-    return -0.5 * touching.trust * (counts * log_det + spread)
+    wide = touching.freedom + counts * max(misfit, 0.0)
+    room.counted[0] = touching.trust * counts * (touching.freedom + counts * taxels) / wide
+    spread = (touching.freedom + counts * taxels) * math.log(wide / touching.freedom)
+    return -0.5 * (counts * log_det + spread)
+
+
+@compiled(void(TOUCHING, ROOM, REALS_2D, REALS), called_from_python=False)
+def pull(touching: Touching, room: Room, information: Reals, towards: Reals) -> None:
+    """Say what the touch that `agreement` has weighed last asks for: where the pad should be, seen from the object.
+
+    With N and v the normal equations of the displacement and P its prior covariance, the displacement that would
+    explain the reading is N^-1 v, with a covariance of N^-1 + P. Writes information (ways, ways), that covariance's
+    inverse, and towards (ways,), the information times the displacement.
+    """
+    factor, solved = room.matrix, room.change
+    for column in range(_WAYS):
+        for a in range(_WAYS):
+            value = 1.0 if a == column else 0.0
+            for c in range(a):
+                value -= factor[a, c] * solved[c]
+            solved[a] = value / factor[a, a]
+        for a in range(_WAYS - 1, -1, -1):
+            value = solved[a]
+            for c in range(a + 1, _WAYS):
+                value -= factor[c, a] * solved[c]
+            solved[a] = value / factor[a, a]
+        by = 1 / touching.displaced[column] ** 2
+        for a in range(_WAYS):
+            information[a, column] = -solved[a] * by / touching.displaced[a] ** 2
+        information[column, column] += by
+    for a in range(_WAYS - 1, -1, -1):
+        value = room.vector[a]
+        for c in range(a + 1, _WAYS):
+            value -= factor[c, a] * solved[c]
+        solved[a] = value / factor[a, a]
+    for a in range(_WAYS):
+        towards[a] = room.counted[0] * solved[a] / touching.displaced[a] ** 2
+        for b in range(_WAYS):
+            information[a, b] *= room.counted[0]
 
 
 @compiled(void(TOUCHING, REALS_2D, REALS_2D, REALS))
 def agreements(touching: Touching, depth: Reals, reading: Reals, log_p: Reals) -> None:
     """Write log p (n,) of readings (n, taxels) kPa, given depths (n, rays) mm."""
+    room = room_for(touching)
     for n in range(len(depth)):
-        log_p[n] = agreement(touching, depth[n], reading[n])
+        log_p[n] = agreement(touching, depth[n], reading[n], room)

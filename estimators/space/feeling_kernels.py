@@ -6,13 +6,14 @@ import math
 
 import numpy as np
 from numba import float64, int64, void
+from numba.extending import register_jitable
 
 from tactsim.core.compiling import REALS, REALS_2D, REALS_3D, Reals, compiled
-from tactsim.estimators.space.agreement_kernels import TOUCHING, Touching, agreement
+from tactsim.estimators.space.agreement_kernels import AHEAD, TOUCHING, Touching, agreement, room_for
 from tactsim.estimators.space.voxels import VOXELS, Voxels, distance_at, first_hit
 
-_HOPELESS = 2.0  # mm that an object reaches into what the pad has swept; then no ray is looked at
-_WORST = 20.0  # nats that this costs at most
+HOPELESS = 2.0  # mm that an object reaches into what the pad has swept; then no ray is looked at
+_WORST = 200.0  # nats that this costs at most
 
 
 @compiled(void(REALS, REALS, REALS, REALS_2D), called_from_python=False)
@@ -121,6 +122,16 @@ def intrusion(
     return most
 
 
+@register_jitable
+def bounded(touching: Touching, agreed: float, into: float) -> float:
+    """Give log p of a touch that agrees so much, of a pad that came through so many mm of the object.
+
+    At least about touching.worst: something that no map knows may explain it, too.
+    """
+    over = agreed - min(0.5 * (into / touching.swept) ** 2, _WORST) - touching.worst
+    return touching.worst + max(over, 0.0) + math.log1p(math.exp(-abs(over)))
+
+
 @compiled(void(VOXELS, TOUCHING, REALS_2D, REALS_2D, REALS_2D, REALS_2D, int64, int64, REALS))
 def add_log_p(
     voxels: Voxels, touching: Touching, corner: Reals, object_in_robot: Reals, readings: Reals, sensor_in_robot: Reals,
@@ -132,28 +143,28 @@ def add_log_p(
     """
     place, turn = np.empty(3), np.empty((3, 3))
     depth = np.empty(len(touching.ray))
-    ahead = touching.soft + 0.5
+    ahead, room = touching.soft + AHEAD, room_for(touching)
     free, buried = np.empty(last), np.empty(last)
     for m in range(
         first, last
     ):  # what a reading says of a state in which no ray meets anything, and all begin inside
         depth[:] = -ahead
-        free[m] = agreement(touching, depth, readings[m])
+        free[m] = agreement(touching, depth, readings[m], room)
         depth[:] = touching.deepest
-        buried[m] = agreement(touching, depth, readings[m])
+        buried[m] = agreement(touching, depth, readings[m], room)
     for n in range(len(object_in_robot)):
         for m in range(first, last):
             sensor_in_object(object_in_robot[n], sensor_in_robot[m], place, turn)
             into = intrusion(voxels, corner, place, turn, touching.deepest, touching.stroke)
-            log_p[n] -= min(0.5 * (into / touching.swept) ** 2, _WORST)
-            if into > _HOPELESS:
-                log_p[n] += buried[m]
-                continue
-            feel(voxels, touching.ray, place, turn, touching.deepest, ahead, depth)
-            felt = False
-            for ray in range(len(depth)):
-                felt |= depth[ray] > -touching.soft
-            log_p[n] += agreement(touching, depth, readings[m]) if felt else free[m]
+            if into > HOPELESS:
+                said = buried[m]
+            else:
+                feel(voxels, touching.ray, place, turn, touching.deepest, ahead, depth)
+                felt = False
+                for ray in range(len(depth)):
+                    felt |= depth[ray] > -ahead
+                said = agreement(touching, depth, readings[m], room) if felt else free[m]
+            log_p[n] += touching.trust * bounded(touching, said, into)
 
 
 @compiled(void(VOXELS, TOUCHING, REALS_2D, REALS_2D, float64, float64, REALS, REALS_2D))

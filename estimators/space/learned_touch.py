@@ -9,15 +9,19 @@ from scipy.optimize import minimize
 
 from tactsim.core import rigid
 from tactsim.core.poses import FloatArray
-from tactsim.estimators.space.agreement_kernels import Touching, agreements
+from tactsim.estimators.space.agreement_kernels import AHEAD, Touching, agreements
+from tactsim.estimators.space.climbing_kernels import climb
 from tactsim.estimators.space.learning import Touches, depths, learn_surface
 from tactsim.estimators.space.rays import Rays
 
 _LEFT_OUT = 5  # one in so many touches is left out to be foreseen
 _SHOWN = 3  # objects from which the stiffness is learned
 _SOFT = 0.5  # mm
+_SURPRISE = 0.01  # share of the touches that nothing explains
 _FREEDOM = 4.0
 _COUNTS = 0.25  # neighbours share errors of the map and of the pad's place: four count as one
+_FEWER_TRIES, _TRIES = 150, 400  # of widths, for a stiffness that is tried, and at last
+_GROUP, _STEPS = 12, 7  # touches that are left out together, and steps in which they climb
 _STIFFNESSES = np.geomspace(10, 1000, 9)  # kPa/mm that are tried first
 _MOST_DEEP = 5.0  # mm
 
@@ -31,19 +35,32 @@ def learn_touching(
     """
     shown = list(touches.values())[:: max(1, len(touches) // _SHOWN)][:_SHOWN]
 
+    full = float(np.quantile(np.concatenate([mine.readings.sum(axis=1) for mine in touches.values()]), 0.75))
+
     def tried(stiffness: float) -> float:
-        start = _touching(points, rays, stiffness, _deepest(shown, stiffness), stroke)
-        return _widths(start, *_left_out(shown, start, rays, dense, cell))[1]
+        start = _touching(points, rays, stiffness, _deepest(shown, stiffness), stroke, full)
+        return _widths(start, *_left_out(shown, start, rays, dense, cell), _FEWER_TRIES)[1]
 
     first = [tried(stiffness) for stiffness in _STIFFNESSES]
     fine = _STIFFNESSES[int(np.argmax(first))] * np.geomspace(0.75, 1 / 0.75, 5)
     stiffness = float(fine[np.argmax([tried(one) for one in fine])])
-    start = _touching(points, rays, stiffness, _deepest(list(touches.values()), stiffness), stroke)
-    touching, _ = _widths(start, *_left_out(list(touches.values()), start, rays, dense, cell))
-    touching = touching._replace(trust=_trust(list(touches.values()), touching, rays, dense, cell))
+    everything = list(touches.values())
+    start = _touching(points, rays, stiffness, _deepest(everything, stiffness), stroke, full)
+    depth, readings = _left_out(everything, start, rays, dense, cell)
+    touching, _ = _widths(start, depth, readings, _TRIES)
+    log_p = np.empty(len(depth))
+    agreements(touching, depth, readings, log_p)
+    touching = touching._replace(worst=float(np.quantile(log_p, _SURPRISE)))
+    touching = touching._replace(trust=_trust(everything, touching, rays, dense, cell))
     area = dense.frame[2] ** 2 * dense.base.size / len(points)
-    loads = np.concatenate([mine.readings.sum(axis=1) for mine in touches.values()])
-    return touching, float(np.quantile(loads, 0.75)) * area / 1000
+    return touching, full * area / 1000
+
+
+def corners_of(touching: Touching) -> FloatArray:
+    """Give the middle of a pad's rays, then their corners and the middles of their sides: (9, 2) mm."""
+    edges = [np.array([v.min(), (v.min() + v.max()) / 2, v.max()]) for v in touching.ray[:, :2].T]
+    corners = np.stack(np.meshgrid(*edges), axis=-1).reshape(-1, 2)
+    return np.ascontiguousarray(corners[[4, 0, 1, 2, 3, 5, 6, 7, 8]])
 
 
 def _deepest(touches: list[Touches], stiffness: float) -> float:
@@ -60,42 +77,31 @@ def _left_out(
     for mine in touches:
         learned, out = _divided(mine)
         chart = learn_surface(learned, dense, start.stiffness, cell, start.stroke)
-        depth.append(depths(chart.voxels, out, rays, start.deepest, start.soft + 0.5))
+        depth.append(depths(chart.voxels, out, rays, start.deepest, start.soft + AHEAD))
         readings.append(out.readings)
     return np.concatenate(depth), np.ascontiguousarray(np.concatenate(readings))
 
 
 def _trust(touches: list[Touches], touching: Touching, rays: Rays, dense: Rays, cell: float) -> float:
-    """Weigh touches so that log p of left-out ones at their true poses is as steep as it is curved, at most 1.
+    """Weigh touches so that groups of left-out ones are as sure of their poses as they are right, at most 1.
 
-    The log p of several touches then exceeds that at the true pose by as much as it should, half a nat for each number
-    of the pose (Pauli, Racugno and Ventura 2011): the weight is 6 / trace(H^-1 J), H the sum of minus the second
-    derivatives by the pose and J that of the first's squares, both by central differences.
+    The best pose near the true one exceeds it in log p, on average by half a nat for each of the pose's six numbers if
+    the touches are weighed right (Wilks 1938): by 3.
     """
-    steps = np.array([0.2, 0.2, 0.2, 0.02, 0.02, 0.02])  # mm and rad
-    ways = [(a, b) for a in range(6) for b in range(a)]
-    moves = [*np.eye(6), *-np.eye(6)]
-    moves += [one * np.eye(6)[a] + two * np.eye(6)[b] for a, b in ways for one in (1, -1) for two in (1, -1)]
-    curved, steep = np.zeros((6, 6)), np.zeros((6, 6))
+    excess = []
     for mine in touches:
         learned, out = _divided(mine)
         voxels = learn_surface(learned, dense, touching.stiffness, cell, touching.stroke).voxels
-        log_p = np.empty((len(moves) + 1, len(out.places)))
-        for number, move in enumerate([np.zeros(6), *moves]):
-            turn = rigid.matrix(rigid.from_vector(move[3:] * steps[3:]))
-            turns = np.ascontiguousarray(np.einsum("ij,njk->nik", turn, out.turns))
-            moved = Touches(out.readings, out.places @ turn.T + move[:3] * steps[:3], turns)
-            depth = depths(voxels, moved, rays, touching.deepest, touching.soft + 0.5)
-            agreements(touching, depth, out.readings, log_p[number])
-        slope = (log_p[1:7] - log_p[7:13]) / 2
-        steep += slope @ slope.T
-        total = log_p.sum(axis=1)
-        curved += np.diag(2 * total[0] - total[1:7] - total[7:13])
-        for (a, b), four in zip(ways, total[13:].reshape(-1, 4), strict=True):
-            curved[a, b] -= (four[0] - four[1] - four[2] + four[3]) / 4
-            curved[b, a] = curved[a, b]
-    excess = float(np.trace(np.linalg.solve(curved, steep)))
-    return 6 / max(excess, 6.0) if np.linalg.eigvalsh(curved)[0] > 0 else 1.0
+        sensors = np.concatenate([out.places, rigid.quaternion(out.turns)], axis=1)
+        for first in range(0, len(sensors) - _GROUP + 1, _GROUP):
+            readings, at = out.readings[first : first + _GROUP], sensors[first : first + _GROUP]
+            reached = []
+            for steps in (0, _STEPS):
+                pose, information, log_p = rigid.IDENTITY[None].copy(), np.empty((1, 6, 6)), np.empty(1)
+                climb(voxels, touching, corners_of(touching), pose, readings, at, steps, information, log_p)
+                reached.append(float(log_p[0]))
+            excess.append(reached[1] - reached[0])
+    return min(1.0, 3 / max(float(np.mean(excess)), 3.0)) if excess else 1.0
 
 
 def _divided(touches: Touches) -> tuple[Touches, Touches]:
@@ -104,9 +110,12 @@ def _divided(touches: Touches) -> tuple[Touches, Touches]:
     return (touches[~out], touches[out]) if out.any() and not out.all() else (touches, touches)
 
 
-def _touching(points: FloatArray, rays: Rays, stiffness: float, deepest: float, stroke: float) -> Touching:
-    """Set up how a pad feels, before its widths are learned."""
+def _touching(
+    points: FloatArray, rays: Rays, stiffness: float, deepest: float, stroke: float, full: float
+) -> Touching:
+    """Set up how a pad feels, before its widths are learned. full: kPa, what taxels read of a touch's load together."""
     taxel, ray = np.nonzero(rays.to_taxels)
+    per_taxel = 1 / float(rays.to_taxels.sum(axis=0).max())  # rays
     return Touching(
         ray=np.column_stack([rays.xy, rays.base.ravel()]),
         taxel=np.ascontiguousarray(points[:, :2]),
@@ -116,20 +125,24 @@ def _touching(points: FloatArray, rays: Rays, stiffness: float, deepest: float, 
         stiffness=float(stiffness), soft=_SOFT, deepest=deepest, stroke=stroke, noise=np.full(len(points), 2.0),
         rough=0.1, aside=0.2, columns=len(rays.x), step=float(rays.frame[2]),
         displaced=np.array([0.2, 0.02, 0.02, 0.3, 0.3]), swept=0.5, freedom=_FREEDOM, counts=_COUNTS, trust=1.0,
+        worst=-1e3, full=full * per_taxel, stiffer=0.5, softer=0.2, split=0.1,
     )  # fmt: skip
 
 
-def _widths(start: Touching, depth: FloatArray, readings: FloatArray) -> tuple[Touching, float]:
+def _widths(start: Touching, depth: FloatArray, readings: FloatArray, tries: int) -> tuple[Touching, float]:
     """Choose the widths under which touches left out are most probable, and give their mean log p."""
     log_p = np.empty(len(depth))
 
     def with_widths(logs: FloatArray) -> Touching:
-        noise, rough, aside, shift, tilt, slip = np.exp(logs)
+        noise, rough, aside, shift, tilt, slip, stiffer, softer, split = np.exp(logs)
         return start._replace(
             noise=np.full(len(start.taxel), noise),
             rough=float(rough),
             aside=float(aside),
             displaced=np.array([shift, tilt, tilt, slip, slip]),
+            stiffer=float(stiffer),
+            softer=float(softer),
+            split=float(split),
         )
 
     def cost(logs: FloatArray) -> float:
@@ -139,8 +152,8 @@ def _widths(start: Touching, depth: FloatArray, readings: FloatArray) -> tuple[T
     noise = 0.02 * float(np.quantile(readings, 0.99))
     found = minimize(
         cost,
-        np.log([noise, 0.1, 0.2, 0.2, 0.02, 0.3]),
+        np.log([noise, 0.1, 0.2, 0.2, 0.02, 0.3, 0.3, 0.1, 0.05]),
         method="Nelder-Mead",
-        options={"maxfev": 200, "xatol": 0.05},
+        options={"maxfev": tries, "xatol": 0.05},
     )
     return with_widths(found.x), -float(found.fun)

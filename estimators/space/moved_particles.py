@@ -44,11 +44,6 @@ class MovedParticles:
         """Give the log-weights (n,) for the rest of the way to power 1."""
         return self.log_weight + (1 - self.power) * self.log_p
 
-    @property
-    def log_evidence(self) -> float:
-        """Give log p(touches): all that the particles stand for."""
-        return Weights(self.rest).log_mean + float(np.log(len(self.label)))
-
     def take_in(self, log_p: FloatArray) -> None:
         """Add a touch's log p (n,), at power 0 for the time being."""
         self.log_weight = self.log_weight - self.power * self.log_p
@@ -144,3 +139,8 @@ def born(
     enough = np.flatnonzero(effective >= survivors * len(label))
     power = float(powers[enough[0] if len(enough) else effective.argmax()])
     return MovedParticles(label, pose, log_p, log_volume + power * log_p, power)
+
+
+def evidence(log_weight: FloatArray) -> float:
+    """Give log p(touches), all that weights (n,) stand for: -inf if there are none."""
+    return Weights(log_weight).log_mean + math.log(len(log_weight)) if len(log_weight) else -math.inf

@@ -22,7 +22,7 @@ _WIDTH = 0.4  # mm by which a touched point misses the map
 _NEAR = 2.0  # times that: what is so near to the surface may be the touched point
 # A coarse cell that is so many nats below the best is forgotten; what is so many below the best of the cells that it is
 # compared with is not worked out to the end.
-_FORGOTTEN, _NEGLIGIBLE = 15.0, 40.0
+_FORGOTTEN, _NEGLIGIBLE = 15.0, 18.0
 _KEPT_FIRST, _KEPT = (
     100_000,
     15_000,

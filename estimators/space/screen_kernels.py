@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+import numpy as np
 from numba import float64, int64, types, void
 
 from tactsim.core.compiling import INTS, REALS, REALS_2D, REALS_3D, Ints, Reals, compiled
@@ -13,6 +14,7 @@ from tactsim.estimators.space.voxels import VOXELS, Voxels, distance_at
 _STEP = 3.0  # mm, how far apart at least the pad is looked at on its way
 _FREE = 0.6  # the weight of a place that nothing is above
 _BOUND = 8.0  # nats that one point can count against a pose at most: a map may be wrong somewhere
+_MOST = 20.0  # nats that one touch can
 
 
 class TouchPoints(NamedTuple):
@@ -78,6 +80,7 @@ def screen(
         for m in range(first, last):
             if total <= least:
                 break
+            lost = 0.0
             bw, bx, by, bz = (
                 touches.sensor[m, 3], touches.sensor[m, 4], touches.sensor[m, 5], touches.sensor[m, 6]
             )  # fmt: skip
@@ -102,9 +105,7 @@ def screen(
                 z = pz + r20 * u + r21 * v + r22 * h
                 away = distance_at(voxels, x, y, z)
                 lever = (x - cx) ** 2 + (y - cy) ** 2 + (z - cz) ** 2
-                total -= touches.point[m, k, 3] * _penalty(away * away, fixed + turns * lever)
-            if total <= least:
-                break
+                lost += touches.point[m, k, 3] * _penalty(away * away, fixed + turns * lever)
             for k in range(touches.frees[m]):
                 u, v, h = touches.free[m, k, 0], touches.free[m, k, 1], touches.free[m, k, 2]
                 x = px + r00 * u + r01 * v + r02 * h
@@ -113,18 +114,13 @@ def screen(
                 away = distance_at(voxels, x, y, z)
                 if away < 0:
                     lever = (x - cx) ** 2 + (y - cy) ** 2 + (z - cz) ** 2
-                    total -= _FREE * _penalty(away * away, fixed + turns * lever)
-            if total <= least:
-                break
+                    lost += _FREE * _penalty(away * away, fixed + turns * lever)
             # The pad's way, as far as it is near the object. A ball about its middle may be free, and with it all of
             # the pad; else it is looked at point by point.
             along = px * r02 + py * r12 + pz * r22
             beside = px * px + py * py + pz * pz - along * along
-            near = (radius + pad) ** 2 - beside
-            if near <= 0:
-                continue
-            near = math.sqrt(near)
-            at, end = max(touches.begin[m], along - near), along + near
+            near = math.sqrt(max((radius + pad) ** 2 - beside, 0.0))
+            at, end = max(touches.begin[m], along - near), (along + near if near > 0 else -np.inf)
             worst = 0.0
             while at < end:
                 x, y, z = px - at * r02, py - at * r12, pz - at * r22
@@ -143,7 +139,8 @@ def screen(
                         lever = (x - cx) ** 2 + (y - cy) ** 2 + (z - cz) ** 2
                         worst = max(worst, _penalty(away * away, fixed + turns * lever))
                 at += max(nearest, _STEP)
-            total -= worst
+            lost += worst
+            total -= lost / (1 + lost / _MOST)
         score[n] = total
 
 

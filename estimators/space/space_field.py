@@ -12,8 +12,9 @@ from tactsim.core.poses import FloatArray
 from tactsim.core.space_scan import SpaceScan
 from tactsim.estimators.estimator import Options
 from tactsim.estimators.space.agreement_kernels import Touching
+from tactsim.estimators.space.climbing_kernels import climb
 from tactsim.estimators.space.feeling_kernels import add_log_p, foresee_touches
-from tactsim.estimators.space.learned_touch import learn_touching
+from tactsim.estimators.space.learned_touch import corners_of, learn_touching
 from tactsim.estimators.space.learning import Chart, Touches, learn_surface
 from tactsim.estimators.space.rays import Rays, rays_over
 from tactsim.estimators.space.surface import Surface
@@ -44,10 +45,7 @@ class SpaceField:
         self.maps = {label: chart.voxels for label, chart in charts.items()}
         self.labels = tuple(charts)
         self.rays, self.touching, self._load = rays, touching, load
-        x, y = touching.ray[:, 0], touching.ray[:, 1]
-        edge_x, edge_y = (np.array([v.min(), (v.min() + v.max()) / 2, v.max()]) for v in (x, y))
-        corners = np.stack(np.meshgrid(edge_x, edge_y), axis=-1).reshape(-1, 2)
-        self._corners = np.ascontiguousarray(corners[[4, 0, 1, 2, 3, 5, 6, 7, 8]])
+        self._corners = corners_of(touching)
         self._surfaces = [chart.surface for chart in charts.values()]
         self.evaluations = 0
         self.reset()
@@ -108,6 +106,22 @@ class SpaceField:
         )  # fmt: skip
         self.evaluations += len(result) * max(last - first, 0)
         return result
+
+    def climb(
+        self, label_index: int, object_in_robot: FloatArray, steps: int
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Move poses (n, 7) to where the touches agree better, in at most so many steps.
+
+        Returns the poses, the information (n, 6, 6) there, see `climbing_kernels.climb`, and log p (n,).
+        """
+        moved, log_p = np.array(object_in_robot), np.empty(len(object_in_robot))
+        information = np.empty((len(moved), 6, 6))
+        climb(
+            self.maps[self.labels[label_index]], self.touching, self._corners, moved, self._readings, self._sensors,
+            steps, information, log_p,
+        )  # fmt: skip
+        self.evaluations += len(moved) * self.touches * (steps + 1)
+        return moved, information, log_p
 
     def surface(self, label_index: int) -> Surface:
         """Give points (p, 3) mm about evenly over an object's surface, their outward normals and their spacing mm."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import numpy as np
@@ -12,12 +11,14 @@ from pydantic import Field
 from tactsim.core import rigid
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.filters.weights import Weights
-from tactsim.estimators.space.moved_particles import MovedParticles, born
+from tactsim.estimators.space.moved_particles import MovedParticles, born, evidence
+from tactsim.estimators.space.pose_modes import draw, find_modes
 from tactsim.estimators.space.pose_search import PoseSearch
 from tactsim.estimators.space.space_filter import SpaceFilter, SpaceFilterOptions
 
+_LATER = 1.5  # times as many contacts as at the last search make another one due
+_SEEDS = 4  # one in so many particles is a seed of the next search's modes
 _BEFORE = 256  # poses of an object that stand for it until something is touched
-_LATER = 1.3  # times as many contacts as at the last search make another one due
 
 
 class SpaceRefinedOptions(SpaceFilterOptions):
@@ -27,10 +28,10 @@ class SpaceRefinedOptions(SpaceFilterOptions):
         5, ge=2, le=8, description="coarse cells along each side of the four cubes of rotations"
     )
     voxel: float = Field(7.0, ge=1, le=20, description="side of a coarse cell, mm")
-    cells: int = Field(400, ge=8, le=1_000_000, description="cells that are halved, each time")
-    halvings: int = Field(4, ge=0, le=5, description="how many times cells are halved in all six directions")
+    cells: int = Field(1200, ge=8, le=1_000_000, description="cells that are halved, each time")
+    halvings: int = Field(2, ge=0, le=5, description="how many times cells are halved in all six directions")
     searches: int = Field(
-        6,
+        5,
         ge=1,
         le=10_000,
         description="contacts up to which each has cells searched anew; later only some have",
@@ -43,11 +44,10 @@ class SpaceRefinedOptions(SpaceFilterOptions):
 class SpaceRefinedFilter(SpaceFilter):
     """A coarse-to-fine search over all poses, whose cells become particles.
 
-    After a contact `PoseSearch` halves the better of all cells. A pose drawn in each of the smallest is a particle; the
-    particles are weighed by the likelihood of all touches, little by little, and moved (`MovedParticles`): they are as
-    fine as the belief, which cells in six dimensions are not. After a touch for which no search is due the particles of
-    the last one go on. Where both are there, the one with the more evidence is kept: a belief that has lost its best
-    part has less.
+    After a contact `PoseSearch` halves the better of all cells. From the poses that it finds, and from some of the
+    particles so far, the modes of the belief are climbed to (`pose_modes`), and particles are drawn about them. These
+    are weighed by the likelihood of all touches, little by little where they miss it, and moved (`MovedParticles`).
+    After a touch for which no search is due the particles of the last one go on.
     """
 
     options_type = SpaceRefinedOptions
@@ -64,7 +64,7 @@ class SpaceRefinedFilter(SpaceFilter):
 
     def _reset(self, rng: np.random.Generator) -> None:
         self._search.reset()
-        self._rng, self._due = rng, 0
+        self._rng, self._due = rng, 0.0
         self._touched = np.empty((0, 3))
         count = _BEFORE * len(self._distinct)
         place = rng.uniform(-1, 1, (count, 3)) * self.options.reach
@@ -92,15 +92,18 @@ class SpaceRefinedFilter(SpaceFilter):
         if not searched:
             self._settle(old)
             return
-        self._due = math.ceil(_LATER * contacts)
-        new = born(label, pose, self._log_p(label, pose), log_held, chosen.survivors)
-        self._settle(new)
-        if contacts > chosen.searches:
-            # Both stand for the whole belief. Where one has lost a part of it, it has the less evidence.
-            self._settle(old)
-            if new.log_evidence <= old.log_evidence:
-                return
-        self._particles = new
+        self._due = _LATER * contacts
+        log_p = self._log_p(label, pose)
+        seeds = np.concatenate([label, old.label[::_SEEDS]]), np.concatenate([pose, old.pose[::_SEEDS]])
+        modes = find_modes(self.field, *seeds, chosen.reach)
+        drawn, at, drawn_held = draw(modes, chosen.particles, chosen.reach, self._rng)
+        drawn_p = self._log_p(drawn, at)
+        # Both stand for the whole belief. Modes lack a part of a wide one, cells one of a sharp one: what lacks a part
+        # has less evidence.
+        if evidence(drawn_held + drawn_p) > evidence(log_held + log_p):
+            label, pose, log_p, log_held = drawn, at, drawn_p, drawn_held
+        self._particles = born(label, pose, log_p, log_held, chosen.survivors)
+        self._settle(self._particles)
 
     def _settle(self, particles: MovedParticles) -> None:
         chosen = self.options
@@ -141,7 +144,7 @@ class SpaceTemperedOptions(SpaceRefinedOptions):
 
 
 class SpaceTemperedFilter(SpaceRefinedFilter):
-    """Particles that are laid on the first contact, and from there on only moved."""
+    """More particles, and fewer searches: one at the first contact, and ever fewer later."""
 
     options_type = SpaceTemperedOptions
     budget = "particles"

@@ -91,6 +91,21 @@ class ToyField:
             total -= 0.5 * (square[:, : len(touched)].sum(axis=1) / max(len(touched), 1) + within.sum(axis=1))
         return total
 
+    def climb(self, label, poses, steps):
+        """Stay where it is; the information is that of central differences, along each axis alone."""
+        information = np.empty((len(poses), 6, 6))
+        for axis, step in enumerate([0.5] * 3 + [0.05] * 3):
+            move = np.zeros((2, 6))
+            move[:, axis] = step, -step
+            off = [
+                self.log_p(label, rigid.compose(poses, np.concatenate([one[:3], rigid.from_vector(one[3:])])))
+                for one in move
+            ]
+            information[:, axis] = 0.0
+            bent = (2 * self.log_p(label, poses) - off[0] - off[1]) / step**2
+            information[:, axis, axis] = np.maximum(bent, (1 / 9, 1 / 0.09)[axis >= 3])
+        return np.array(poses), information, self.log_p(label, poses)
+
 
 def hidden(solid, count, seed, noise=2.0):
     """Hide a solid and touch it from random sides: object_in_robot, readings and sensor_in_robot."""

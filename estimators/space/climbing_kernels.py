@@ -1,0 +1,150 @@
+"""Kernels that move poses to where touches agree better, by Gauss-Newton steps."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import int64, void
+from numba.extending import register_jitable
+
+from tactsim.core.compiling import REALS, REALS_2D, REALS_3D, Reals, compiled
+from tactsim.estimators.space.agreement_kernels import (
+    AHEAD,
+    LOUD,
+    TOUCHING,
+    Touching,
+    agreement,
+    pull,
+    room_for,
+)
+from tactsim.estimators.space.feeling_kernels import HOPELESS, bounded, feel, intrusion, sensor_in_object
+from tactsim.estimators.space.voxels import VOXELS, Voxels
+
+_WAYS = 5  # in which a touch asks for another place of the pad: along z, about x and y, along x and y
+_FAR = 2.5  # mm up to which a surface is looked for that a touch has met
+_VAGUE = 1.0  # mm by which such a surface may be off
+_HELD = 3.0, 0.3  # mm and rad: the standard deviation of a step, if touches say nothing
+_LONGEST = 2.0, 0.2  # mm and rad of a step
+_SHORTER = 0.4  # times as long is the next step from where one has ended worse
+
+
+@register_jitable
+def _displaced(place: Reals, turn: Reals, ways: Reals) -> None:
+    """Write how a pad is displaced, in its own frame, when the object moves in its own: (ways, 6)."""
+    for a in range(_WAYS):
+        axis = (2, 0, 1, 0, 1)[a]
+        x, y, z = turn[0, axis], turn[1, axis], turn[2, axis]
+        if a == 1 or a == 2:
+            ways[a, 0] = ways[a, 1] = ways[a, 2] = 0.0
+            ways[a, 3], ways[a, 4], ways[a, 5] = -x, -y, -z
+        else:
+            ways[a, 0], ways[a, 1], ways[a, 2] = -x, -y, -z
+            ways[a, 3] = place[2] * y - place[1] * z
+            ways[a, 4] = place[0] * z - place[2] * x
+            ways[a, 5] = place[1] * x - place[0] * y
+
+
+@register_jitable
+def _solve(matrix: Reals, vector: Reals) -> None:
+    """Solve six equations by Cholesky's factor; both are overwritten, the vector by what is found."""
+    for i in range(6):
+        for j in range(i + 1):
+            value = matrix[i, j]
+            for k in range(j):
+                value -= matrix[i, k] * matrix[j, k]
+            matrix[i, j] = math.sqrt(max(value, 1e-12)) if i == j else value / matrix[j, j]
+        value = vector[i]
+        for k in range(i):
+            value -= matrix[i, k] * vector[k]
+        vector[i] = value / matrix[i, i]
+    for i in range(5, -1, -1):
+        value = vector[i]
+        for k in range(i + 1, 6):
+            value -= matrix[k, i] * vector[k]
+        vector[i] = value / matrix[i, i]
+
+
+@register_jitable
+def _advance(pose: Reals, step: Reals, pace: float) -> None:
+    """Move a pose (7,) by a part of a step (6,) in its own frame, which is no longer than `_LONGEST`."""
+    shift = math.sqrt(step[0] ** 2 + step[1] ** 2 + step[2] ** 2)
+    angle = math.sqrt(step[3] ** 2 + step[4] ** 2 + step[5] ** 2)
+    by = pace * min(1.0, _LONGEST[0] / max(shift, 1e-9), _LONGEST[1] / max(angle, 1e-9))
+    w, x, y, z = pose[3], pose[4], pose[5], pose[6]
+    p, q, r = by * step[0], by * step[1], by * step[2]
+    tx, ty, tz = 2 * (y * r - z * q), 2 * (z * p - x * r), 2 * (x * q - y * p)
+    pose[0] += p + w * tx + y * tz - z * ty
+    pose[1] += q + w * ty + z * tx - x * tz
+    pose[2] += r + w * tz + x * ty - y * tx
+    a, b, c = 0.5 * by * step[3], 0.5 * by * step[4], 0.5 * by * step[5]
+    pose[3], pose[4] = w - x * a - y * b - z * c, x + w * a + y * c - z * b
+    pose[5], pose[6] = y + w * b + z * a - x * c, z + w * c + x * b - y * a
+    pose[3:] /= math.sqrt(pose[3] ** 2 + pose[4] ** 2 + pose[5] ** 2 + pose[6] ** 2)
+
+
+@compiled(void(VOXELS, TOUCHING, REALS_2D, REALS_2D, REALS_2D, REALS_2D, int64, REALS_3D, REALS))
+def climb(
+    voxels: Voxels, touching: Touching, corner: Reals, object_in_robot: Reals, readings: Reals, sensor_in_robot: Reals,
+    steps: int, information: Reals, log_p: Reals,
+) -> None:  # fmt: skip
+    """Move objects at (n, 7) by at most so many Gauss-Newton steps, changed in place, never to where less is agreed on.
+
+    Every touch asks for a displacement of its pad (`pull`), which the object's pose is to give it. A step that ends
+    worse is taken again from where it began, and shorter. corner: as in `intrusion`. readings: (m, taxels) kPa at
+    sensor_in_robot (m, 7). Fills information (n, 6, 6) about [x, y, z, about x, about y, about z] in the object's
+    frame, mm and rad, and log_p (n,), that of `add_log_p`, both at the poses that are reached.
+    """
+    place, turn, depth = np.empty(3), np.empty((3, 3)), np.empty(len(touching.ray))
+    room, ahead = room_for(touching), touching.soft + AHEAD
+    asked, towards, ways = np.empty((_WAYS, _WAYS)), np.empty(_WAYS), np.empty((_WAYS, 6))
+    matrix, step, best_step, pose = np.empty((6, 6)), np.empty(6), np.empty(6), np.empty(7)
+    for n in range(len(object_in_robot)):
+        best, pace = -np.inf, 1.0
+        pose[:] = object_in_robot[n]
+        for turns in range(steps + 1):
+            matrix[:] = 0.0
+            step[:] = 0.0
+            for axis in range(3):
+                matrix[axis, axis], matrix[axis + 3, axis + 3] = 1 / _HELD[0] ** 2, 1 / _HELD[1] ** 2
+            total = 0.0
+            for m in range(len(readings)):
+                sensor_in_object(pose, sensor_in_robot[m], place, turn)
+                into = intrusion(voxels, corner, place, turn, touching.deepest, touching.stroke)
+                feel(voxels, touching.ray, place, turn, touching.deepest, _FAR, depth)
+                highest = -np.inf
+                for ray in range(len(depth)):
+                    highest = max(highest, depth[ray])
+                    depth[ray] = max(depth[ray], -ahead)
+                total += touching.trust * bounded(
+                    touching, agreement(touching, depth, readings[m], room), into
+                )
+                if into > HOPELESS:
+                    continue
+                if highest > -ahead:
+                    pull(touching, room, asked, towards)
+                elif highest > -_FAR and readings[m].sum() > LOUD * math.sqrt((touching.noise**2).sum()):
+                    asked[:] = 0.0
+                    towards[:] = 0.0
+                    asked[0, 0], towards[0] = 1 / _VAGUE**2, -highest / _VAGUE**2
+                else:
+                    continue
+                _displaced(place, turn, ways)
+                for i in range(6):
+                    for a in range(_WAYS):
+                        step[i] += ways[a, i] * towards[a]
+                        by = 0.0
+                        for b in range(_WAYS):
+                            by += ways[b, i] * asked[b, a]
+                        for j in range(6):
+                            matrix[i, j] += by * ways[a, j]
+            if total > best:
+                best, pace = total, 1.0
+                object_in_robot[n], information[n], log_p[n] = pose, matrix, total
+                _solve(matrix, step)
+                best_step[:] = step
+            else:
+                pace *= _SHORTER
+            if turns < steps:
+                pose[:] = object_in_robot[n]
+                _advance(pose, best_step, pace)

@@ -1,0 +1,105 @@
+"""The modes of a belief about poses in space: found by climbing, and particles drawn about them."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tactsim.core import rigid
+from tactsim.core.poses import FloatArray
+from tactsim.estimators.space.space_field import SpaceField
+
+_FIRST, _LATER = 2, 5  # steps of all candidates, and of those that are left
+_CLIMBING, _MOST = 150, 60  # candidates that are left, and modes
+_APART = 6.0  # squared standard deviations from one mode to the next, at least
+_FORGOTTEN = 30.0  # nats below the best at which a mode does not count
+_WIDER = 1.3  # times the covariance of a mode is that of the particles drawn about it
+_FLATTER = 0.6  # power of a mode's mass by which particles are shared out
+
+
+@dataclass(frozen=True, eq=False)
+class Modes:
+    """Places where a belief is high, as normal distributions.
+
+    label: (k,). pose: (k, 7) object_in_robot. factor: (k, 6, 6), the lower Cholesky factors of the information about
+    [shift, turn] in the object's frame, mm and rad. log_mass: (k,) the log of what they hold, but for a constant.
+    """
+
+    label: NDArray[np.int64]
+    pose: FloatArray
+    factor: FloatArray
+    log_mass: FloatArray
+
+
+def climbed(
+    field: SpaceField, label: NDArray[np.int64], pose: FloatArray, steps: int
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Climb from poses (n, 7) of objects (n,): poses, information (n, 6, 6) and log p (n,) of all touches."""
+    moved, information, log_p = np.empty_like(pose), np.empty((len(pose), 6, 6)), np.empty(len(pose))
+    for one in np.unique(label).tolist():
+        mine = np.flatnonzero(label == one)
+        moved[mine], information[mine], log_p[mine] = field.climb(one, pose[mine], steps)
+    return moved, information, log_p
+
+
+def find_modes(field: SpaceField, label: NDArray[np.int64], pose: FloatArray, box: float) -> Modes:
+    """Climb from candidates (n,) at (n, 7), and keep one of those that come to the same place.
+
+    box: mm, the prior's half side.
+    """
+    pose, _, log_p = climbed(field, label, pose, _FIRST)
+    best = np.argsort(-log_p, kind="stable")
+    best = best[log_p[best] > log_p[best[0]] - 3 * _FORGOTTEN][:_CLIMBING]
+    label = label[best]
+    pose, information, log_p = climbed(field, label, pose[best], _LATER)
+    factor = np.asarray(np.linalg.cholesky(information), dtype=float)
+    log_mass = log_p - np.log(np.diagonal(factor, axis1=1, axis2=2)).sum(axis=1)
+    log_mass[np.abs(pose[:, :3]).max(axis=1) > box] = -np.inf
+    order = np.argsort(-log_mass, kind="stable")
+    order = order[log_mass[order] > log_mass[order[0]] - _FORGOTTEN]
+    kept: list[int] = []
+    left = order
+    while len(left) and len(kept) < _MOST:
+        one = int(left[0])
+        kept.append(one)
+        away = _away(pose[one], factor[one], pose[left])
+        left = left[(away > _APART) | (label[left] != label[one])]
+    return Modes(label[kept], pose[kept], factor[kept], log_mass[kept])
+
+
+def draw(
+    modes: Modes, count: int, box: float, rng: np.random.Generator
+) -> tuple[NDArray[np.int64], FloatArray, FloatArray]:
+    """Draw `count` poses about modes: labels, poses (n, 7), logs (n,) of how much of the prior each stands for."""
+    log_share = _FLATTER * modes.log_mass
+    log_share = log_share - log_share.max()
+    log_share -= math.log(np.exp(log_share).sum())
+    steps = np.cumsum(np.exp(log_share))
+    which = np.minimum(
+        np.searchsorted(steps, (np.arange(count) + rng.random()) / count * steps[-1]), len(steps) - 1
+    )
+    normal = rng.standard_normal((count, 6, 1)) * math.sqrt(_WIDER)
+    off = np.linalg.solve(np.swapaxes(modes.factor[which], 1, 2), normal)[:, :, 0]
+    at = modes.pose[which]
+    pose = rigid.compose(at, np.concatenate([off[:, :3], rigid.from_vector(off[:, 3:])], axis=1))
+    label = modes.label[which]
+    density = np.full((len(modes.label), count), -np.inf)
+    for one in range(len(modes.label)):
+        mine = np.flatnonzero(label == modes.label[one])
+        away = _away(modes.pose[one], modes.factor[one], pose[mine]) / _WIDER
+        held = np.log(np.diagonal(modes.factor[one])).sum() - 3 * math.log(2 * math.pi * _WIDER)
+        density[one, mine] = log_share[one] + held - 0.5 * away
+    log_density = np.logaddexp.reduce(density, axis=0)
+    log_prior = -3 * math.log(2 * box) - math.log(8 * math.pi**2)
+    inside = np.abs(pose[:, :3]).max(axis=1) <= box
+    return label[inside], pose[inside], (log_prior - math.log(count) - log_density)[inside]
+
+
+def _away(mode: FloatArray, factor: FloatArray, pose: FloatArray) -> FloatArray:
+    """Give how many squared standard deviations poses (n, 7) are from a mode: (n,)."""
+    relative = rigid.compose(rigid.invert(mode), pose)
+    off = np.concatenate([relative[:, :3], rigid.to_vector(relative[:, 3:])], axis=1)
+    return np.asarray(((off @ factor) ** 2).sum(axis=1))
