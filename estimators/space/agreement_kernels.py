@@ -3,124 +3,19 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
-from numba import float64, int64, types, void
+from numba import float64, void
 from numba.extending import register_jitable
 
-from tactsim.core.compiling import INTS, REALS, REALS_2D, Ints, Reals, compiled
+from tactsim.core.compiling import REALS, REALS_2D, Reals, compiled
+from tactsim.estimators.space.pad_feel import ROOM, TOUCHING, WAYS, Room, Touching, room_for
 
-_WAYS = 5  # in which the pad may be displaced
 _TURNS = 2  # linearisations of a touch in the pad's displacement; the second begins where the first ends
 LOUD = 5.0  # by how much more than noise the sum of a reading must be for a contact
 AHEAD = 0.5  # mm beyond where a contact begins, up to which a surface is looked for
 _LEAST = 0.02  # of a touch's load: with less foreseen, nothing is foreseen
 _TAILS = 3.0  # of Cauchy's kind: the larger, the lighter
-
-
-class Touching(NamedTuple):
-    """How the pad feels, as it was learned from training touches.
-
-    ray: (rays, 3) mm, where rays leave the pad's unloaded surface, on a lattice with so many columns, `step` mm apart.
-    taxel: (taxels, 2) mm. start: (taxels + 1,), which, share: which rays a taxel reads, and how much of each.
-    stiffness: kPa/mm. soft: mm by which a contact begins early and ends late. deepest: mm that a surface is in the
-    layer at most. stroke: mm. noise: (taxels,) kPa, what a taxel reads beside the model. rough: mm, by how much the map
-    errs. aside: mm, by how much it, or the pad's place, errs along the pad, which counts where the surface slopes.
-    displaced: [mm, rad, rad, mm, mm], by how much the stated pose errs along z, about x and y, and along x and y.
-    swept: mm by which the map errs where the pad has passed. freedom: of Student's t. counts: the weight of a taxel.
-    trust: the weight of a touch. worst: about what log p falls to at most, where nothing explains a touch. full: kPa
-    summed over rays that carry a touch's load. stiffer, softer: by how much the logarithm of the stiffness that the
-    load asks for is off, above and below. split: by how much that of the part of the load that taxels read is off.
-    """
-
-    ray: Reals
-    taxel: Reals
-    start: Ints
-    which: Ints
-    share: Reals
-    stiffness: float
-    soft: float
-    deepest: float
-    stroke: float
-    noise: Reals
-    rough: float
-    aside: float
-    columns: int
-    step: float
-    displaced: Reals
-    swept: float
-    freedom: float
-    counts: float
-    trust: float
-    worst: float
-    full: float
-    stiffer: float
-    softer: float
-    split: float
-
-
-TOUCHING = types.NamedTuple(
-    (
-        REALS_2D,
-        REALS_2D,
-        INTS,
-        INTS,
-        REALS,
-        *[float64] * 4,
-        REALS,
-        float64,
-        float64,
-        int64,
-        float64,
-        REALS,
-        *[float64] * 9,
-    ),
-    Touching,
-)
-
-
-class Room(NamedTuple):
-    """Arrays that `agreement` works in, made once for many touches.
-
-    near: (rays,) the rays that may touch. into: (rays,) mm, how deep they are pressed; open_to: how that changes with
-    their depth; sloped: (rays, 2) how their depth changes along x and y; wrong: mm by which it errs. pressed, error:
-    (taxels,) mm and changes: (taxels, ways), the same of what taxels feel. matrix, vector: the normal equations of the
-    displacement. of_load, of_image: (ways,) how sums over rays and taxels change. best, change: (ways,). counted: (1,)
-    how much a touch counts, which is less the worse it agrees.
-    """
-
-    near: Ints
-    into: Reals
-    open_to: Reals
-    sloped: Reals
-    wrong: Reals
-    pressed: Reals
-    error: Reals
-    changes: Reals
-    matrix: Reals
-    vector: Reals
-    of_load: Reals
-    of_image: Reals
-    best: Reals
-    change: Reals
-    counted: Reals
-
-
-ROOM = types.NamedTuple(
-    (INTS, REALS, REALS, REALS_2D, REALS, REALS, REALS, REALS_2D, REALS_2D, *[REALS] * 6), Room
-)
-
-
-@register_jitable
-def room_for(touching: Touching) -> Room:
-    """Make room for touches by such a pad."""
-    rays, taxels = len(touching.ray), len(touching.taxel)
-    return Room(
-        np.empty(rays, np.int64), np.zeros(rays), np.zeros(rays), np.zeros((rays, 2)), np.zeros(rays),
-        np.empty(taxels), np.empty(taxels), np.empty((taxels, _WAYS)), np.empty((_WAYS, _WAYS)), np.empty(_WAYS),
-        np.empty(_WAYS), np.empty(_WAYS), np.empty(_WAYS), np.empty(_WAYS), np.empty(1),
-    )  # fmt: skip
 
 
 @register_jitable
@@ -193,7 +88,7 @@ def _feel_taxels(touching: Touching, room: Room) -> float:
         changes[t, 3], changes[t, 4] = along_x, along_y
         image += pressed
         if slope > 0:
-            for a in range(_WAYS):
+            for a in range(WAYS):
                 room.of_image[a] += changes[t, a]
     return image
 
@@ -205,9 +100,9 @@ def _add(room: Room, rest: float, variance: float) -> float:
     What is left is taken to a displacement of 0, because the prior stands there.
     """
     change, best = room.change, room.best
-    for a in range(_WAYS):
+    for a in range(WAYS):
         rest += change[a] * best[a]
-    for a in range(_WAYS):
+    for a in range(WAYS):
         by = change[a] / variance
         room.vector[a] += by * rest
         for b in range(a + 1):
@@ -219,7 +114,7 @@ def _add(room: Room, rest: float, variance: float) -> float:
 def _solve(room: Room) -> float:
     """Factor the matrix (Cholesky), divide the vector by the factor; returns the factor's determinant."""
     matrix, vector, determinant = room.matrix, room.vector, 1.0
-    for a in range(_WAYS):
+    for a in range(WAYS):
         for b in range(a + 1):
             value = matrix[a, b]
             for c in range(b):
@@ -265,7 +160,7 @@ def agreement(touching: Touching, depth: Reals, reading: Reals, room: Room) -> f
         image = _feel_taxels(touching, room)
         matrix[:] = 0.0
         vector[:] = 0.0
-        for a in range(_WAYS):
+        for a in range(WAYS):
             matrix[a, a] = 1 / touching.displaced[a] ** 2
         misfit, log_det, scale, scaled = 0.0, 0.0, stiffness, False
         if met:
@@ -276,14 +171,14 @@ def agreement(touching: Touching, depth: Reals, reading: Reals, room: Room) -> f
             scale = total / image
             # The load, beside that of a layer as stiff as it usually is.
             rest = math.log(usual / load)
-            for a in range(_WAYS):
+            for a in range(WAYS):
                 change[a] = room.of_load[a] / load if loaded else 0.0
             variance = touching.stiffer**2 + rest * rest / _TAILS if rest > 0 else touching.softer**2
             misfit += _add(room, rest, counts * variance)
             log_det += math.log(variance) / counts
             # The part of it that taxels read.
             rest = math.log(total / touching.full * load / image)
-            for a in range(_WAYS):
+            for a in range(WAYS):
                 change[a] = (room.of_image[a] / image if scaled else 0.0) - change[a]
             variance = touching.split**2 + noise / total**2 + rest * rest / _TAILS
             misfit += _add(room, rest, counts * variance)
@@ -298,25 +193,25 @@ def agreement(touching: Touching, depth: Reals, reading: Reals, room: Room) -> f
                 product = 1.0
             if room.changes[t, 0] > 0:
                 dimmer = room.pressed[t] / image if scaled else 0.0
-                for a in range(_WAYS):
+                for a in range(WAYS):
                     change[a] = scale * (room.changes[t, a] - dimmer * room.of_image[a])
                 misfit += _add(room, rest, variance)
             else:
                 misfit += rest * rest / variance
         log_det += math.log(product)
         determinant = _solve(room)
-        for a in range(_WAYS):
+        for a in range(WAYS):
             determinant *= touching.displaced[a]
             misfit -= vector[a] * vector[a]
         if near == 0:  # no displacement changes anything
             break
         if turn + 1 < _TURNS:
-            for a in range(_WAYS - 1, -1, -1):
+            for a in range(WAYS - 1, -1, -1):
                 value = vector[a]
-                for c in range(a + 1, _WAYS):
+                for c in range(a + 1, WAYS):
                     value -= matrix[c, a] * best[c]
                 best[a] = value / matrix[a, a]
-            for a in range(_WAYS):
+            for a in range(WAYS):
                 limit = 3 * touching.displaced[a]
                 best[a] = min(max(best[a], -limit), limit)
     log_det += 2 * math.log(determinant)
@@ -335,29 +230,29 @@ def pull(touching: Touching, room: Room, information: Reals, towards: Reals) -> 
     inverse, and towards (ways,), the information times the displacement.
     """
     factor, solved = room.matrix, room.change
-    for column in range(_WAYS):
-        for a in range(_WAYS):
+    for column in range(WAYS):
+        for a in range(WAYS):
             value = 1.0 if a == column else 0.0
             for c in range(a):
                 value -= factor[a, c] * solved[c]
             solved[a] = value / factor[a, a]
-        for a in range(_WAYS - 1, -1, -1):
+        for a in range(WAYS - 1, -1, -1):
             value = solved[a]
-            for c in range(a + 1, _WAYS):
+            for c in range(a + 1, WAYS):
                 value -= factor[c, a] * solved[c]
             solved[a] = value / factor[a, a]
         by = 1 / touching.displaced[column] ** 2
-        for a in range(_WAYS):
+        for a in range(WAYS):
             information[a, column] = -solved[a] * by / touching.displaced[a] ** 2
         information[column, column] += by
-    for a in range(_WAYS - 1, -1, -1):
+    for a in range(WAYS - 1, -1, -1):
         value = room.vector[a]
-        for c in range(a + 1, _WAYS):
+        for c in range(a + 1, WAYS):
             value -= factor[c, a] * solved[c]
         solved[a] = value / factor[a, a]
-    for a in range(_WAYS):
+    for a in range(WAYS):
         towards[a] = room.counted[0] * solved[a] / touching.displaced[a] ** 2
-        for b in range(_WAYS):
+        for b in range(WAYS):
             information[a, b] *= room.counted[0]
 
 

@@ -9,19 +9,11 @@ from numba import int64, void
 from numba.extending import register_jitable
 
 from tactsim.core.compiling import REALS, REALS_2D, REALS_3D, Reals, compiled
-from tactsim.estimators.space.agreement_kernels import (
-    AHEAD,
-    LOUD,
-    TOUCHING,
-    Touching,
-    agreement,
-    pull,
-    room_for,
-)
+from tactsim.estimators.space.agreement_kernels import AHEAD, LOUD, agreement, pull
 from tactsim.estimators.space.feeling_kernels import HOPELESS, bounded, feel, intrusion, sensor_in_object
+from tactsim.estimators.space.pad_feel import TOUCHING, WAYS, Touching, room_for
 from tactsim.estimators.space.voxels import VOXELS, Voxels
 
-_WAYS = 5  # in which a touch asks for another place of the pad: along z, about x and y, along x and y
 _FAR = 2.5  # mm up to which a surface is looked for that a touch has met
 _VAGUE = 1.0  # mm by which such a surface may be off
 _HELD = 3.0, 0.3  # mm and rad: the standard deviation of a step, if touches say nothing
@@ -32,7 +24,7 @@ _SHORTER = 0.4  # times as long is the next step from where one has ended worse
 @register_jitable
 def _displaced(place: Reals, turn: Reals, ways: Reals) -> None:
     """Write how a pad is displaced, in its own frame, when the object moves in its own: (ways, 6)."""
-    for a in range(_WAYS):
+    for a in range(WAYS):
         axis = (2, 0, 1, 0, 1)[a]
         x, y, z = turn[0, axis], turn[1, axis], turn[2, axis]
         if a == 1 or a == 2:
@@ -97,7 +89,7 @@ def climb(
     """
     place, turn, depth = np.empty(3), np.empty((3, 3)), np.empty(len(touching.ray))
     room, ahead = room_for(touching), touching.soft + AHEAD
-    asked, towards, ways = np.empty((_WAYS, _WAYS)), np.empty(_WAYS), np.empty((_WAYS, 6))
+    asked, towards, ways = np.empty((WAYS, WAYS)), np.empty(WAYS), np.empty((WAYS, 6))
     matrix, step, best_step, pose = np.empty((6, 6)), np.empty(6), np.empty(6), np.empty(7)
     for n in range(len(object_in_robot)):
         best, pace = -np.inf, 1.0
@@ -131,10 +123,10 @@ def climb(
                     continue
                 _displaced(place, turn, ways)
                 for i in range(6):
-                    for a in range(_WAYS):
+                    for a in range(WAYS):
                         step[i] += ways[a, i] * towards[a]
                         by = 0.0
-                        for b in range(_WAYS):
+                        for b in range(WAYS):
                             by += ways[b, i] * asked[b, a]
                         for j in range(6):
                             matrix[i, j] += by * ways[a, j]

@@ -9,7 +9,8 @@ from numba import float64, int64, void
 from numba.extending import register_jitable
 
 from tactsim.core.compiling import REALS, REALS_2D, REALS_3D, Reals, compiled
-from tactsim.estimators.space.agreement_kernels import AHEAD, TOUCHING, Touching, agreement, room_for
+from tactsim.estimators.space.agreement_kernels import AHEAD, agreement
+from tactsim.estimators.space.pad_feel import TOUCHING, Touching, room_for
 from tactsim.estimators.space.voxels import VOXELS, Voxels, distance_at, first_hit
 
 HOPELESS = 2.0  # mm that an object reaches into what the pad has swept; then no ray is looked at

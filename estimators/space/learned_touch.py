@@ -9,9 +9,10 @@ from scipy.optimize import minimize
 
 from tactsim.core import rigid
 from tactsim.core.poses import FloatArray
-from tactsim.estimators.space.agreement_kernels import AHEAD, Touching, agreements
+from tactsim.estimators.space.agreement_kernels import AHEAD, agreements
 from tactsim.estimators.space.climbing_kernels import climb
 from tactsim.estimators.space.learning import Touches, depths, learn_surface
+from tactsim.estimators.space.pad_feel import Touching
 from tactsim.estimators.space.rays import Rays
 
 _LEFT_OUT = 5  # one in so many touches is left out to be foreseen
@@ -20,6 +21,7 @@ _SOFT = 0.5  # mm
 _SURPRISE = 0.01  # share of the touches that nothing explains
 _FREEDOM = 4.0
 _COUNTS = 0.25  # neighbours share errors of the map and of the pad's place: four count as one
+_FINEST = 1e-3  # mm, rad or kPa of a width: readings without noise ask for none
 _FEWER_TRIES, _TRIES = 150, 400  # of widths, for a stiffness that is tried, and at last
 _GROUP, _STEPS = 12, 7  # touches that are left out together, and steps in which they climb
 _STIFFNESSES = np.geomspace(10, 1000, 9)  # kPa/mm that are tried first
@@ -134,7 +136,7 @@ def _widths(start: Touching, depth: FloatArray, readings: FloatArray, tries: int
     log_p = np.empty(len(depth))
 
     def with_widths(logs: FloatArray) -> Touching:
-        noise, rough, aside, shift, tilt, slip, stiffer, softer, split = np.exp(logs)
+        noise, rough, aside, shift, tilt, slip, stiffer, softer, split = np.maximum(np.exp(logs), _FINEST)
         return start._replace(
             noise=np.full(len(start.taxel), noise),
             rough=float(rough),

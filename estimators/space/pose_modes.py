@@ -59,9 +59,9 @@ def find_modes(field: SpaceField, label: NDArray[np.int64], pose: FloatArray, bo
     log_mass = log_p - np.log(np.diagonal(factor, axis1=1, axis2=2)).sum(axis=1)
     log_mass[np.abs(pose[:, :3]).max(axis=1) > box] = -np.inf
     order = np.argsort(-log_mass, kind="stable")
-    order = order[log_mass[order] > log_mass[order[0]] - _FORGOTTEN]
+    order = order[log_mass[order] > -np.inf]
     kept: list[int] = []
-    left = order
+    left = order[log_mass[order] > log_mass[order[:1]] - _FORGOTTEN]
     while len(left) and len(kept) < _MOST:
         one = int(left[0])
         kept.append(one)
@@ -73,7 +73,12 @@ def find_modes(field: SpaceField, label: NDArray[np.int64], pose: FloatArray, bo
 def draw(
     modes: Modes, count: int, box: float, rng: np.random.Generator
 ) -> tuple[NDArray[np.int64], FloatArray, FloatArray]:
-    """Draw `count` poses about modes: labels, poses (n, 7), logs (n,) of how much of the prior each stands for."""
+    """Draw `count` poses about modes: labels, poses (n, 7), logs (n,) of how much of the prior each stands for.
+
+    n is at most `count`: poses outside of the prior are left out. It is 0 where there are no modes.
+    """
+    if not len(modes.label):
+        return np.empty(0, dtype=np.int64), np.empty((0, 7)), np.empty(0)
     log_share = _FLATTER * modes.log_mass
     log_share = log_share - log_share.max()
     log_share -= math.log(np.exp(log_share).sum())

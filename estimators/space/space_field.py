@@ -11,11 +11,11 @@ from tactsim.core import InputError, rigid
 from tactsim.core.poses import FloatArray
 from tactsim.core.space_scan import SpaceScan
 from tactsim.estimators.estimator import Options
-from tactsim.estimators.space.agreement_kernels import Touching
 from tactsim.estimators.space.climbing_kernels import climb
 from tactsim.estimators.space.feeling_kernels import add_log_p, foresee_touches
 from tactsim.estimators.space.learned_touch import corners_of, learn_touching
 from tactsim.estimators.space.learning import Chart, Touches, learn_surface
+from tactsim.estimators.space.pad_feel import Touching
 from tactsim.estimators.space.rays import Rays, rays_over
 from tactsim.estimators.space.surface import Surface
 

@@ -61,6 +61,13 @@ def test_a_mode_outside_of_the_prior_is_none():
     assert inside.label.tolist() == [0]  # the other is 6 mm off
 
 
+def test_where_no_mode_is_nothing_is_drawn():
+    nothing = find_modes(Gaussians(), np.array([0, 1]), TRUE, 1.0)
+    label, pose, held = draw(nothing, 10, 1.0, np.random.default_rng(0))
+    assert len(label) == len(pose) == len(held) == 0
+    assert evidence(held) == -np.inf
+
+
 def test_what_is_drawn_holds_the_mass_of_the_modes(modes):
     label, pose, held = draw(modes, 4000, BOX, np.random.default_rng(1))
     field = Gaussians()
