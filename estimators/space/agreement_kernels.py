@@ -128,6 +128,16 @@ def _solve(room: Room) -> float:
     return determinant
 
 
+@register_jitable
+def _back(factor: Reals, vector: Reals, solved: Reals) -> None:
+    """Divide a vector by the transposed factor, into `solved`."""
+    for a in range(WAYS - 1, -1, -1):
+        value = vector[a]
+        for c in range(a + 1, WAYS):
+            value -= factor[c, a] * solved[c]
+        solved[a] = value / factor[a, a]
+
+
 @compiled(float64(TOUCHING, REALS, REALS, ROOM), called_from_python=False)
 def agreement(touching: Touching, depth: Reals, reading: Reals, room: Room) -> float:
     """Give log p(reading | depths at the rays): Student's t, the pad's displacement integrated out.
@@ -206,11 +216,7 @@ def agreement(touching: Touching, depth: Reals, reading: Reals, room: Room) -> f
         if near == 0:  # no displacement changes anything
             break
         if turn + 1 < _TURNS:
-            for a in range(WAYS - 1, -1, -1):
-                value = vector[a]
-                for c in range(a + 1, WAYS):
-                    value -= matrix[c, a] * best[c]
-                best[a] = value / matrix[a, a]
+            _back(matrix, vector, best)
             for a in range(WAYS):
                 limit = 3 * touching.displaced[a]
                 best[a] = min(max(best[a], -limit), limit)
@@ -236,20 +242,12 @@ def pull(touching: Touching, room: Room, information: Reals, towards: Reals) -> 
             for c in range(a):
                 value -= factor[a, c] * solved[c]
             solved[a] = value / factor[a, a]
-        for a in range(WAYS - 1, -1, -1):
-            value = solved[a]
-            for c in range(a + 1, WAYS):
-                value -= factor[c, a] * solved[c]
-            solved[a] = value / factor[a, a]
+        _back(factor, solved, solved)
         by = 1 / touching.displaced[column] ** 2
         for a in range(WAYS):
             information[a, column] = -solved[a] * by / touching.displaced[a] ** 2
         information[column, column] += by
-    for a in range(WAYS - 1, -1, -1):
-        value = room.vector[a]
-        for c in range(a + 1, WAYS):
-            value -= factor[c, a] * solved[c]
-        solved[a] = value / factor[a, a]
+    _back(factor, room.vector, solved)
     for a in range(WAYS):
         towards[a] = room.counted[0] * solved[a] / touching.displaced[a] ** 2
         for b in range(WAYS):
