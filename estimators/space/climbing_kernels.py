@@ -12,6 +12,7 @@ from tactsim.core.compiling import REALS, REALS_2D, REALS_3D, Reals, compiled
 from tactsim.estimators.space.agreement_kernels import AHEAD, LOUD, agreement, pull
 from tactsim.estimators.space.feeling_kernels import HOPELESS, bounded, feel, intrusion, sensor_in_object
 from tactsim.estimators.space.pad_feel import TOUCHING, WAYS, Touching, room_for
+from tactsim.estimators.space.pose_steps import advance, shortened, solve
 from tactsim.estimators.space.voxels import VOXELS, Voxels
 
 _FAR = 2.5  # mm up to which a surface is looked for that a touch has met
@@ -35,44 +36,6 @@ def _displaced(place: Reals, turn: Reals, ways: Reals) -> None:
             ways[a, 3] = place[2] * y - place[1] * z
             ways[a, 4] = place[0] * z - place[2] * x
             ways[a, 5] = place[1] * x - place[0] * y
-
-
-@register_jitable
-def _solve(matrix: Reals, vector: Reals) -> None:
-    """Solve six equations by Cholesky's factor; both are overwritten, the vector by what is found."""
-    for i in range(6):
-        for j in range(i + 1):
-            value = matrix[i, j]
-            for k in range(j):
-                value -= matrix[i, k] * matrix[j, k]
-            matrix[i, j] = math.sqrt(max(value, 1e-12)) if i == j else value / matrix[j, j]
-        value = vector[i]
-        for k in range(i):
-            value -= matrix[i, k] * vector[k]
-        vector[i] = value / matrix[i, i]
-    for i in range(5, -1, -1):
-        value = vector[i]
-        for k in range(i + 1, 6):
-            value -= matrix[k, i] * vector[k]
-        vector[i] = value / matrix[i, i]
-
-
-@register_jitable
-def _advance(pose: Reals, step: Reals, pace: float) -> None:
-    """Move a pose (7,) by a part of a step (6,) in its own frame, which is no longer than `_LONGEST`."""
-    shift = math.sqrt(step[0] ** 2 + step[1] ** 2 + step[2] ** 2)
-    angle = math.sqrt(step[3] ** 2 + step[4] ** 2 + step[5] ** 2)
-    by = pace * min(1.0, _LONGEST[0] / max(shift, 1e-9), _LONGEST[1] / max(angle, 1e-9))
-    w, x, y, z = pose[3], pose[4], pose[5], pose[6]
-    p, q, r = by * step[0], by * step[1], by * step[2]
-    tx, ty, tz = 2 * (y * r - z * q), 2 * (z * p - x * r), 2 * (x * q - y * p)
-    pose[0] += p + w * tx + y * tz - z * ty
-    pose[1] += q + w * ty + z * tx - x * tz
-    pose[2] += r + w * tz + x * ty - y * tx
-    a, b, c = 0.5 * by * step[3], 0.5 * by * step[4], 0.5 * by * step[5]
-    pose[3], pose[4] = w - x * a - y * b - z * c, x + w * a + y * c - z * b
-    pose[5], pose[6] = y + w * b + z * a - x * c, z + w * c + x * b - y * a
-    pose[3:] /= math.sqrt(pose[3] ** 2 + pose[4] ** 2 + pose[5] ** 2 + pose[6] ** 2)
 
 
 @compiled(void(VOXELS, TOUCHING, REALS_2D, REALS_2D, REALS_2D, REALS_2D, int64, REALS_3D, REALS))
@@ -133,10 +96,10 @@ def climb(
             if total > best:
                 best, pace = total, 1.0
                 object_in_robot[n], information[n], log_p[n] = pose, matrix, total
-                _solve(matrix, step)
+                solve(matrix, step)
                 best_step[:] = step
             else:
                 pace *= _SHORTER
             if turns < steps:
                 pose[:] = object_in_robot[n]
-                _advance(pose, best_step, pace)
+                advance(pose, best_step, pace * shortened(best_step, *_LONGEST))

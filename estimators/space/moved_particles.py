@@ -22,6 +22,7 @@ _FAR = 0.6  # rad; neighbours turned further apart belong to different modes
 _TURNS = 0.002, 0.15  # rad: the least and the largest scale of a turn about a touched place
 _LEVER = 5.0  # mm for a rad, of the shift beside such a turn
 _JITTER = 0.02, 0.001  # mm and rad, so that copies can part
+_POWERS = np.geomspace(1, 0.02, 18)
 _BISECTIONS = 14
 _MOVES = 3  # after each resampling
 
@@ -45,19 +46,30 @@ class MovedParticles:
         return self.log_weight + (1 - self.power) * self.log_p
 
     def take_in(self, log_p: FloatArray) -> None:
-        """Add a touch's log p (n,), at power 0 for the time being."""
-        self.log_weight = self.log_weight - self.power * self.log_p
-        self.log_p, self.power = self.log_p + log_p, 0.0
+        """Add a touch's log p (n,)."""
+        self.log_weight = self.log_weight + self.power * log_p
+        self.log_p = self.log_p + log_p
 
-    def raise_power(self, survivors: float) -> None:
-        """Set the power as near 1 as leaves the share `survivors` of the particles effective."""
+    def lower_power(self, least: float) -> None:
+        """Set the power as near 1 as leaves at least so many particles effective.
+
+        If no power does, the one is taken that leaves the most.
+        """
+        start = self.log_weight - self.power * self.log_p
+        effective = np.array([Weights(start + power * self.log_p).ess for power in _POWERS])
+        enough = np.flatnonzero(effective >= least)
+        self.power = float(_POWERS[enough[0] if len(enough) else effective.argmax()])
+        self.log_weight = start + self.power * self.log_p
+
+    def raise_power(self, least: float) -> None:
+        """Raise the power as near to 1 as leaves at least so many particles effective."""
         start = self.log_weight - self.power * self.log_p
         power = 1.0
-        if Weights(start + self.log_p).ess < survivors * len(self.label):
+        if Weights(start + self.log_p).ess < least:
             low, high = self.power, 1.0
             for _ in range(_BISECTIONS):
                 middle = (low + high) / 2
-                enough = Weights(start + middle * self.log_p).ess >= survivors * len(self.label)
+                enough = Weights(start + middle * self.log_p).ess >= least
                 low, high = (middle, high) if enough else (low, middle)
             power = low
         self.log_weight, self.power = start + power * self.log_p, power
@@ -113,34 +125,35 @@ class MovedParticles:
 
     def settle(
         self, log_p: LogP, places: FloatArray, box: float, rng: np.random.Generator, count: int, rounds: int,
-        survivors: float,
+        least: float,
     ) -> int:  # fmt: skip
-        """Raise the power to 1 in at most `rounds` rounds, resampling and moving; tells how many it took."""
-        self.raise_power(survivors)
+        """Raise the power to 1 in at most `rounds` rounds; tells how many it took.
+
+        Each resamples to `count` particles, moves them, and leaves at least so many effective.
+        """
+        self.raise_power(least)
         for used in range(rounds):
             if self.power == 1.0:
                 return used
             self.resample(count, rng)
             for _ in range(_MOVES):
                 self.move(log_p, places, box, rng)
-            self.raise_power(survivors)
+            self.raise_power(least)
         return rounds
 
 
 def born(
-    label: NDArray[np.int64], pose: FloatArray, log_p: FloatArray, log_volume: FloatArray, survivors: float
+    label: NDArray[np.int64], pose: FloatArray, log_p: FloatArray, log_volume: FloatArray, least: float
 ) -> MovedParticles:
-    """Make particles of poses that stand for volumes (n,), with the largest power that leaves enough of them effective.
-
-    The volumes may differ widely: then no power does, and the one is taken that leaves the most.
-    """
-    powers = np.geomspace(1, 0.02, 18)
-    effective = np.array([Weights(log_volume + power * log_p).ess for power in powers])
-    enough = np.flatnonzero(effective >= survivors * len(label))
-    power = float(powers[enough[0] if len(enough) else effective.argmax()])
-    return MovedParticles(label, pose, log_p, log_volume + power * log_p, power)
+    """Make particles of poses that stand for volumes (n,), at the largest power that leaves enough effective."""
+    particles = MovedParticles(label, pose, log_p, log_volume + log_p, 1.0)
+    if len(label):
+        particles.lower_power(least)
+    return particles
 
 
 def evidence(log_weight: FloatArray) -> float:
     """Give log p(touches), all that weights (n,) stand for: -inf if there are none."""
-    return Weights(log_weight).log_mean + math.log(len(log_weight)) if len(log_weight) else -math.inf
+    if not log_weight.max(initial=-math.inf) > -math.inf:
+        return -math.inf
+    return Weights(log_weight).log_mean + math.log(len(log_weight))

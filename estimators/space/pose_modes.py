@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from tactsim.core import rigid
 from tactsim.core.poses import FloatArray
+from tactsim.estimators.space.mode_kernels import squares_away
 from tactsim.estimators.space.space_field import SpaceField
 
 _FIRST, _LATER = 2, 5  # steps of all candidates, and of those that are left
@@ -50,24 +51,36 @@ def find_modes(field: SpaceField, label: NDArray[np.int64], pose: FloatArray, bo
 
     box: mm, the prior's half side.
     """
-    pose, _, log_p = climbed(field, label, pose, _FIRST)
-    best = np.argsort(-log_p, kind="stable")
-    best = best[log_p[best] > log_p[best[0]] - 3 * _FORGOTTEN][:_CLIMBING]
-    label = label[best]
-    pose, information, log_p = climbed(field, label, pose[best], _LATER)
+    label, pose, *_ = _parted(label, *climbed(field, label, pose, _FIRST), box, 3 * _FORGOTTEN, _CLIMBING)
+    return Modes(*_parted(label, *climbed(field, label, pose, _LATER), box, _FORGOTTEN, _MOST))
+
+
+def _parted(
+    label: NDArray[np.int64],
+    pose: FloatArray,
+    information: FloatArray,
+    log_p: FloatArray,
+    box: float,
+    forgotten: float,
+    most: int,
+) -> tuple[NDArray[np.int64], FloatArray, FloatArray, FloatArray]:
+    """Keep at most so many of the poses (n, 7), and of those that are near each other the one that holds the most.
+
+    forgotten: nats below the best at which one does not count. Returns what `Modes` has, the best first.
+    """
     factor = np.asarray(np.linalg.cholesky(information), dtype=float)
     log_mass = log_p - np.log(np.diagonal(factor, axis1=1, axis2=2)).sum(axis=1)
     log_mass[np.abs(pose[:, :3]).max(axis=1) > box] = -np.inf
     order = np.argsort(-log_mass, kind="stable")
     order = order[log_mass[order] > -np.inf]
     kept: list[int] = []
-    left = order[log_mass[order] > log_mass[order[:1]] - _FORGOTTEN]
-    while len(left) and len(kept) < _MOST:
-        one = int(left[0])
-        kept.append(one)
-        away = _away(pose[one], factor[one], pose[left])
+    left = order[log_mass[order] > log_mass[order[:1]] - forgotten]
+    while len(left) and len(kept) < most:
+        one = left[:1]
+        kept.append(int(one[0]))
+        away = _away(pose[one], factor[one], pose[left])[0]
         left = left[(away > _APART) | (label[left] != label[one])]
-    return Modes(label[kept], pose[kept], factor[kept], log_mass[kept])
+    return label[kept], pose[kept], factor[kept], log_mass[kept]
 
 
 def draw(
@@ -91,12 +104,11 @@ def draw(
     at = modes.pose[which]
     pose = rigid.compose(at, np.concatenate([off[:, :3], rigid.from_vector(off[:, 3:])], axis=1))
     label = modes.label[which]
-    density = np.full((len(modes.label), count), -np.inf)
-    for one in range(len(modes.label)):
-        mine = np.flatnonzero(label == modes.label[one])
-        away = _away(modes.pose[one], modes.factor[one], pose[mine]) / _WIDER
-        held = np.log(np.diagonal(modes.factor[one])).sum() - 3 * math.log(2 * math.pi * _WIDER)
-        density[one, mine] = log_share[one] + held - 0.5 * away
+    away = _away(modes.pose, modes.factor, pose) / _WIDER
+    held = np.log(np.diagonal(modes.factor, axis1=1, axis2=2)).sum(axis=1) - 3 * math.log(
+        2 * math.pi * _WIDER
+    )
+    density = np.where(modes.label[:, None] == label, (log_share + held)[:, None] - 0.5 * away, -np.inf)
     log_density = np.logaddexp.reduce(density, axis=0)
     log_prior = -3 * math.log(2 * box) - math.log(8 * math.pi**2)
     inside = np.abs(pose[:, :3]).max(axis=1) <= box
@@ -104,7 +116,7 @@ def draw(
 
 
 def _away(mode: FloatArray, factor: FloatArray, pose: FloatArray) -> FloatArray:
-    """Give how many squared standard deviations poses (n, 7) are from a mode: (n,)."""
-    relative = rigid.compose(rigid.invert(mode), pose)
-    off = np.concatenate([relative[:, :3], rigid.to_vector(relative[:, 3:])], axis=1)
-    return np.asarray(((off @ factor) ** 2).sum(axis=1))
+    """Give how many squared standard deviations poses (n, 7) are from modes (k, 7): (k, n)."""
+    away = np.empty((len(mode), len(pose)))
+    squares_away(np.ascontiguousarray(mode), np.ascontiguousarray(factor), np.ascontiguousarray(pose), away)
+    return away

@@ -23,10 +23,8 @@ _NEAR = 2.0  # times that: what is so near to the surface may be the touched poi
 # A coarse cell that is so many nats below the best is forgotten; what is so many below the best of the cells that it is
 # compared with is not worked out to the end.
 _FORGOTTEN, _NEGLIGIBLE = 15.0, 18.0
-_KEPT_FIRST, _KEPT = (
-    100_000,
-    15_000,
-)  # coarse cells that are kept after the first contact, and after each later touch
+_LISTED, _KEPT = 50_000, 15_000  # coarse cells at the first contact, and after each later touch
+_STEPS = 5  # in which the middle of a coarse cell is moved to where touches agree
 _OBLIQUE = 0.25  # of the cosine between a pad's normal and a surface's that it can touch, at most
 
 
@@ -151,6 +149,27 @@ class PoseSearch:
         inside = log_held > -np.inf
         return pose_cells.label_of(cells[chosen][inside]), poses[inside], log_held[inside]
 
+    def seeds(self, count: int, kept: int, rng: np.random.Generator) -> tuple[NDArray[np.int64], FloatArray]:
+        """Draw `count` of the coarse cells, move the poses in their middles to where touches agree, and keep the best.
+
+        Returns labels (n,) and object_in_robot (n, 7) of at most `kept` poses, the best first. They stand for no share
+        of the belief; a search for its modes may begin at them.
+        """
+        mass = pose_cells.shared(self._scores + self._prior + self._held, self._cells)
+        chosen, _ = pose_cells.thinned(mass, count, rng.random())
+        label, poses, score = (
+            pose_cells.label_of(self._cells[chosen]),
+            self._poses[chosen],
+            np.zeros(len(chosen)),
+        )
+        for one in np.unique(label).tolist():
+            mine = np.flatnonzero(label == one)
+            moved, part = poses[mine], np.zeros(len(mine))
+            self._look(one, moved, self._coarse, 0, _STEPS, -np.inf, part)
+            poses[mine], score[mine] = moved, part
+        best = np.argsort(-score, kind="stable")[:kept]
+        return label[best], poses[best]
+
     def _list_coarse(self, sensor_in_robot: FloatArray) -> None:
         """List the coarse cells in which the surface faces the pad: their middles lie on the surface."""
         assert self.anchor is not None
@@ -172,10 +191,11 @@ class PoseSearch:
                 )
             )
         self._cells, self._poses = np.concatenate(cells), np.concatenate(poses)
-        self._scores = np.zeros(len(self._cells))
-        self._held, self._contacts = np.zeros(len(self._cells)), 0
         slack = self._slack(self._poses, self._coarse)
-        self._prior = pose_cells.log_prior(self._cells, self._poses, self._coarse, slack)
+        prior = pose_cells.log_prior(self._cells, self._poses, self._coarse, slack)
+        kept, self._held = pose_cells.thinned(pose_cells.shared(prior, self._cells), _LISTED)
+        self._cells, self._poses, self._prior = self._cells[kept], self._poses[kept], prior[kept]
+        self._scores = np.zeros(len(self._cells))
 
     def _screen_coarse(self, first: int) -> None:
         """Take touches from `first` on into the coarse cells, and keep those that can matter."""
@@ -187,9 +207,8 @@ class PoseSearch:
             score = self._screen(self._cells, self._poses, self._coarse, first, self._scores, -np.inf)
         mass = score + self._prior + self._held
         mass[mass < mass.max() - _FORGOTTEN] = -np.inf
-        self._contacts += 1
         kept, more = pose_cells.thinned(
-            pose_cells.shared(mass, self._cells), _KEPT if self._contacts > 1 else _KEPT_FIRST
+            pose_cells.shared(mass, self._cells), _LISTED if first == 0 else _KEPT
         )
         self._cells, self._poses, self._scores, self._prior, self._held = (
             self._cells[kept], self._poses[kept], score[kept], self._prior[kept], self._held[kept] + more
@@ -211,14 +230,29 @@ class PoseSearch:
         for label in np.unique(labels).tolist():
             mine = np.flatnonzero(labels == label)
             part = score[mine]
-            screen(
-                self._charts[label], self._points, self._lattice, self._reach[label],
-                np.ascontiguousarray(poses[mine]), first, len(self._points.sensor), self.anchor, sizes.turn,
-                sizes.shift, _WIDTH, least, part,
-            )  # fmt: skip
+            self._look(label, np.ascontiguousarray(poses[mine]), sizes, first, 0, least, part)
             score[mine] = part
-        self.screened += len(cells) * (len(self._points.sensor) - first)
         return np.where(score > least, score, -np.inf)
+
+    def _look(
+        self,
+        label: int,
+        poses: FloatArray,
+        sizes: CellSizes,
+        first: int,
+        steps: int,
+        least: float,
+        score: FloatArray,
+    ) -> None:
+        """Call `screen` for one object."""
+        assert self._points is not None
+        assert self.anchor is not None
+        last = len(self._points.sensor)
+        screen(
+            self._charts[label], self._points, self._lattice, self._reach[label], poses, first, last, self.anchor,
+            sizes.turn, sizes.shift, _WIDTH, steps, least, score,
+        )  # fmt: skip
+        self.screened += len(poses) * (last - first) * (steps + 1)
 
     def _slack(self, poses: FloatArray, sizes: CellSizes) -> float:
         """Give how far an object's origin may be from that of its cell's middle, mm."""

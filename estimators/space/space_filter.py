@@ -109,7 +109,7 @@ class SpaceFilter(Estimator):
         return Estimate(
             label=self.labels[best],
             probabilities=dict(zip(self.labels, chance.tolist(), strict=True)),
-            robot_in_object=rigid.invert(mean_around(poses, held.normalised, int(held.log.argmax()))),
+            robot_in_object=rigid.invert(mean_around(poses, held.normalised)),
             samples=PoseSamples(rigid.invert(poses), held.normalised),
         )
 

@@ -17,7 +17,8 @@ from tactsim.estimators.space.pose_search import PoseSearch
 from tactsim.estimators.space.space_filter import SpaceFilter, SpaceFilterOptions
 
 _LATER = 1.5  # times as many contacts as at the last search make another one due
-_SEEDS = 4  # one in so many particles is a seed of the next search's modes
+_SEEDS = 75  # particles that modes are sought from, beside the better ones of a search's seeds
+_KEPT = 300  # of these
 _BEFORE = 256  # poses of an object that stand for it until something is touched
 
 
@@ -25,10 +26,16 @@ class SpaceRefinedOptions(SpaceFilterOptions):
     """Options of the coarse-to-fine filter in space."""
 
     rotations: int = Field(
-        5, ge=2, le=8, description="coarse cells along each side of the four cubes of rotations"
+        4, ge=2, le=8, description="coarse cells along each side of the four cubes of rotations"
     )
-    voxel: float = Field(7.0, ge=1, le=20, description="side of a coarse cell, mm")
-    cells: int = Field(1200, ge=8, le=1_000_000, description="cells that are halved, each time")
+    voxel: float = Field(9.0, ge=1, le=20, description="side of a coarse cell, mm")
+    seeds: int = Field(
+        2000,
+        ge=8,
+        le=1_000_000,
+        description="coarse cells from whose middles poses are climbed to, at each search",
+    )
+    cells: int = Field(800, ge=8, le=1_000_000, description="cells that are halved, each time")
     halvings: int = Field(2, ge=0, le=5, description="how many times cells are halved in all six directions")
     searches: int = Field(
         5,
@@ -38,16 +45,18 @@ class SpaceRefinedOptions(SpaceFilterOptions):
     )
     particles: int = Field(300, ge=8, le=1_000_000, description="n_P, over all objects together")
     rounds: int = Field(10, ge=1, le=100, description="the most rounds of resampling and moving at a touch")
-    survivors: float = Field(0.5, gt=0, lt=1, description="share of the particles that must stay effective")
+    survivors: float = Field(0.2, gt=0, lt=1, description="share of the particles that must stay effective")
 
 
 class SpaceRefinedFilter(SpaceFilter):
-    """A coarse-to-fine search over all poses, whose cells become particles.
+    """A coarse-to-fine search over all poses, and particles about the modes that it finds.
 
-    After a contact `PoseSearch` halves the better of all cells. From the poses that it finds, and from some of the
-    particles so far, the modes of the belief are climbed to (`pose_modes`), and particles are drawn about them. These
-    are weighed by the likelihood of all touches, little by little where they miss it, and moved (`MovedParticles`).
-    After a touch for which no search is due the particles of the last one go on.
+    After a contact `PoseSearch` moves the middles of coarse cells to where touches agree. From the better ones, and
+    from some of the particles so far, the modes of the belief are climbed to (`pose_modes`), and particles are drawn
+    about them. These are weighed by the likelihood of all touches; where too few of them count they are weighed little
+    by little and moved (`MovedParticles`). A belief that is too wide for modes, as after a first contact, is held by
+    poses in cells that are halved, or by the particles of the touch before. After a touch for which no search is due
+    modes are climbed to from particles alone.
     """
 
     options_type = SpaceRefinedOptions
@@ -61,10 +70,11 @@ class SpaceRefinedFilter(SpaceFilter):
             self.field, self._distinct, self.reader, chosen.rotations, chosen.voxel, chosen.reach
         )
         self._evaluated = 0
+        self._least = chosen.survivors * chosen.particles
 
     def _reset(self, rng: np.random.Generator) -> None:
         self._search.reset()
-        self._rng, self._due = rng, 0.0
+        self._rng, self._due, self._open = rng, 0.0, True
         self._touched = np.empty((0, 3))
         count = _BEFORE * len(self._distinct)
         place = rng.uniform(-1, 1, (count, 3)) * self.options.reach
@@ -83,39 +93,33 @@ class SpaceRefinedFilter(SpaceFilter):
         old.take_in(self._log_p(old.label, old.pose, self.field.touches - len(readings)))
         contacts = len(self._touched)
         if not contacts:
-            old.raise_power(0.0)
             return
-        searched = len(met) > 0 and (contacts <= chosen.searches or contacts >= self._due)
-        if searched:
-            label, pose, log_held = self._search.find(chosen.cells, chosen.halvings, self._rng)
-            searched = len(label) > 0
-        if not searched:
-            self._settle(old)
-            return
-        self._due = _LATER * contacts
-        log_p = self._log_p(label, pose)
-        seeds = np.concatenate([label, old.label[::_SEEDS]]), np.concatenate([pose, old.pose[::_SEEDS]])
-        modes = find_modes(self.field, *seeds, chosen.reach)
-        drawn, at, drawn_held = draw(modes, chosen.particles, chosen.reach, self._rng)
-        drawn_p = self._log_p(drawn, at)
-        # Both stand for the whole belief. Modes lack a part of a wide one, cells one of a sharp one: what lacks a part
+        old.lower_power(self._least)
+        every = max(1, len(old.label) // _SEEDS)
+        label, pose = old.label[::every], old.pose[::every]
+        beliefs = [old]
+        due = len(met) > 0 and (contacts <= chosen.searches or contacts >= self._due)
+        if due:
+            self._due = _LATER * contacts
+            begun, there = self._search.seeds(chosen.seeds, _KEPT, self._rng)
+            label, pose = np.concatenate([label, begun]), np.concatenate([pose, there])
+            if self._open:
+                beliefs = [self._born(*self._search.find(chosen.cells, chosen.halvings, self._rng))]
+        modes = find_modes(self.field, label, pose, chosen.reach)
+        beliefs.append(self._born(*draw(modes, chosen.particles, chosen.reach, self._rng)))
+        # All stand for the whole belief. Modes lack a part of a wide one, cells one of a sharp one: what lacks a part
         # has less evidence.
-        if evidence(drawn_held + drawn_p) > evidence(log_held + log_p):
-            label, pose, log_p, log_held = drawn, at, drawn_p, drawn_held
-        self._particles = born(label, pose, log_p, log_held, chosen.survivors)
-        self._settle(self._particles)
-
-    def _settle(self, particles: MovedParticles) -> None:
-        chosen = self.options
-        particles.settle(
-            self._log_p,
-            self._touched,
-            chosen.reach,
-            self._rng,
-            chosen.particles,
-            chosen.rounds,
-            chosen.survivors,
+        held = [evidence(one.rest) for one in beliefs]
+        best = int(np.argmax(held))
+        self._open &= not (due and best > 0)
+        self._particles = beliefs[best] if held[best] > -np.inf else old
+        self._particles.settle(
+            self._log_p, self._touched, chosen.reach, self._rng, chosen.particles, chosen.rounds, self._least
         )
+
+    def _born(self, label: NDArray[np.int64], pose: FloatArray, log_held: FloatArray) -> MovedParticles:
+        """Make particles of poses (n, 7) that stand for so much of the prior (n,), logs."""
+        return born(label, pose, self._log_p(label, pose), log_held, self._least)
 
     def _log_p(self, label: NDArray[np.int64], pose: FloatArray, first: int = 0) -> FloatArray:
         """Sum log p of the touches from `first` on of objects (n,) at poses (n, 7)."""

@@ -96,6 +96,39 @@ def distance_at(voxels: Voxels, x: float, y: float, z: float) -> float:
     return (1 - u) * low + u * high
 
 
+@register_jitable
+def slope_at(voxels: Voxels, x: float, y: float, z: float, slope: Reals) -> None:
+    """Write how the signed distance changes along each axis (3,) at a place; 0 far from the surface."""
+    slope[:] = 0.0
+    per = 1 / voxels.cell
+    u, v, w = (x - voxels.corner[0]) * per, (y - voxels.corner[1]) * per, (z - voxels.corner[2]) * per
+    wide, deep, tall = voxels.block.shape
+    if not (0.0 <= u < wide * BLOCK and 0.0 <= v < deep * BLOCK and 0.0 <= w < tall * BLOCK):
+        du = max(u - wide * BLOCK, 0.0) + min(u, 0.0)
+        dv = max(v - deep * BLOCK, 0.0) + min(v, 0.0)
+        dw = max(w - tall * BLOCK, 0.0) + min(w, 0.0)
+        away = np.sqrt(du * du + dv * dv + dw * dw)
+        if away > 0:
+            slope[0], slope[1], slope[2] = du / away, dv / away, dw / away
+        return
+    i, j, k = np.uint32(u), np.uint32(v), np.uint32(w)
+    which = voxels.block[i >> _SHIFT, j >> _SHIFT, k >> _SHIFT]
+    if which < 0:
+        return
+    u, v, w = u - i, v - j, w - k
+    at = ((i & _INSIDE) * _SIDE + (j & _INSIDE)) * _SIDE + (k & _INSIDE)
+    nodes = voxels.nodes[np.uint32(which)]
+    a, b = nodes[at], nodes[at + _NEXT]
+    c, d = nodes[at + _SIDE], nodes[at + _SIDE + _NEXT]
+    at += _SIDE * _SIDE
+    e, f = nodes[at], nodes[at + _NEXT]
+    g, h = nodes[at + _SIDE], nodes[at + _SIDE + _NEXT]
+    ab, cd, ef, gh = a + w * (b - a), c + w * (d - c), e + w * (f - e), g + w * (h - g)
+    slope[0] = per * ((1 - v) * (ef - ab) + v * (gh - cd))
+    slope[1] = per * ((1 - u) * (cd - ab) + u * (gh - ef))
+    slope[2] = per * ((1 - u) * ((1 - v) * (b - a) + v * (d - c)) + u * ((1 - v) * (f - e) + v * (h - g)))
+
+
 @compiled(
     float64(VOXELS, float64, float64, float64, float64, float64, float64, float64, float64),
     called_from_python=False,

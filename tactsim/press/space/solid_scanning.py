@@ -43,7 +43,7 @@ def scan_solids(
         for split in SPLITS:
             draw = stream(options.seed, solid.name, split, "touches")
             starts = (
-                touch_grid(solid, options.points, options.turns, draw)
+                touch_grid(solid, options.points, options.turns, options.lean, draw)
                 if split == "train"
                 else random_starts(solid, options.tests, draw)
             )
@@ -97,12 +97,15 @@ def solids_of(options: SpaceOptions) -> list[models.Solid]:
     return solids
 
 
-def touch_grid(solid: models.Solid, points: int, turns: int, rng: np.random.Generator) -> FloatArray:
+def touch_grid(
+    solid: models.Solid, points: int, turns: int, lean: float, rng: np.random.Generator
+) -> FloatArray:
     """Choose where touches that teach an object start: (points * turns, 7) sensor_in_object, outside the object.
 
     The points lie even in area over the surface: each is the one farthest from those before, of many drawn evenly. The
-    pad aims at each along its inward normal, turned about it by `turns` even angles from one drawn at random. Where
-    something else of the object is in the way, that is touched.
+    pad aims at each along its inward normal, turned about it by `turns` even angles from one drawn at random. All but
+    the first of these touches lean: the pad is turned about the point by up to `lean` rad, to any side, so that edges
+    and corners are touched as well as faces. Where something else of the object is in the way, that is touched.
     """
     drawn, normals = solid.sample_surface(_CANDIDATES * points, rng)
     chosen = np.empty(points, dtype=np.intp)
@@ -115,7 +118,12 @@ def touch_grid(solid: models.Solid, points: int, turns: int, rng: np.random.Gene
     angles = (first[:, None] + 2 * math.pi * np.arange(turns) / turns).ravel()
     about_z = from_vector(np.stack([np.zeros_like(angles), np.zeros_like(angles), angles], axis=1))
     rotations = multiply(np.repeat(turn_from_z(-normals[chosen]), turns, axis=0), about_z)
-    return _starts(np.repeat(drawn[chosen], turns, axis=0), rotations, solid.radius)
+    # Even over the directions of a cone.
+    tilt = np.arccos(1 - rng.random(points * turns) * (1 - math.cos(lean)))
+    tilt[::turns] = 0.0
+    side = rng.uniform(0, 2 * math.pi, points * turns)
+    leaning = from_vector(np.stack([tilt * np.cos(side), tilt * np.sin(side), np.zeros_like(side)], axis=1))
+    return _starts(np.repeat(drawn[chosen], turns, axis=0), multiply(rotations, leaning), solid.radius)
 
 
 def random_starts(solid: models.Solid, count: int, rng: np.random.Generator) -> FloatArray:

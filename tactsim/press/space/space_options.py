@@ -33,6 +33,12 @@ class SpaceOptions(BaseModel):
     turns: int = Field(
         2, ge=1, le=360, description="training touches at each point, turned evenly about its normal"
     )
+    lean: float = Field(
+        1.0,
+        ge=0,
+        le=1.5,
+        description="rad, up to which all but the first training touch at a point lean to any side",
+    )
     tests: int = Field(64, ge=0, le=100_000, description="test touches of each object, from anywhere")
     stroke: float = Field(
         200.0, ge=1, le=1000, description="mm that the pad goes along its normal at most (assumed)"

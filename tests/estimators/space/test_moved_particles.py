@@ -27,8 +27,8 @@ def settled(seed, count=400):
         [TRUE[:3] + rng.uniform(-2, 2, (2 * count, 3)), rigid.multiply(rigid.from_vector(vector), TRUE[3:])],
         axis=1,
     )
-    particles = born(label, pose, log_p(label, pose), np.zeros(2 * count), 0.5)
-    particles.settle(log_p, TRUE[None, :3] + [0.0, 0.0, 5.0], 20.0, rng, 2 * count, 40, 0.5)
+    particles = born(label, pose, log_p(label, pose), np.zeros(2 * count), count)
+    particles.settle(log_p, TRUE[None, :3] + [0.0, 0.0, 5.0], 20.0, rng, 2 * count, 40, count)
     return particles
 
 
