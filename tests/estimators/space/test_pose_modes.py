@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from tactsim.core import rigid
+from tactsim.estimators.space.mode_kernels import squares_away
 from tactsim.estimators.space.moved_particles import evidence
 from tactsim.estimators.space.pose_modes import draw, find_modes
 
@@ -86,3 +87,20 @@ def test_what_is_drawn_spreads_as_the_belief_does(modes):
     off = np.concatenate([relative[:, :3], rigid.to_vector(relative[:, 3:])], axis=1)
     spread = np.sqrt(weight @ off**2 / weight.sum())
     np.testing.assert_allclose(spread, 1 / np.sqrt(np.diag(SHARP[0])), rtol=0.1)
+
+
+def test_how_far_poses_are_from_modes():
+    rng = np.random.default_rng(7)
+    pose = rigid.compose(
+        TRUE[0],
+        np.concatenate([rng.normal(0, 3, (50, 3)), rigid.from_vector(rng.normal(0, 1, (50, 3)))], axis=1),
+    )
+    pose[::2, 3:] *= -1  # the same rotations
+    root = rng.standard_normal((2, 6, 8))
+    factor = np.linalg.cholesky(root @ np.swapaxes(root, 1, 2))
+    away = np.empty((2, 50))
+    squares_away(TRUE, factor, pose, away)
+    for mode in range(2):
+        relative = rigid.compose(rigid.invert(TRUE[mode]), pose)
+        off = np.concatenate([relative[:, :3], rigid.to_vector(relative[:, 3:])], axis=1)
+        np.testing.assert_allclose(away[mode], ((off @ factor[mode]) ** 2).sum(axis=1))

@@ -53,7 +53,7 @@ def seen_by_rays(model, start, fine=0.25):
 def test_a_press_through_rays_reads_the_same(name):
     solid, pad = models.solid(name), Pad()
     model = scene(solid).compile()
-    starts = touch_grid(solid, 2, 1, np.random.default_rng(5))
+    starts = touch_grid(solid, 2, 1, 0.0, np.random.default_rng(5))
     found = SpacePress([solid], SpaceOptions()).touch(name, starts)
     for start, travel, reading in zip(starts, found.travel, found.readings, strict=True):
         gap, x, y = seen_by_rays(model, start)
@@ -73,7 +73,7 @@ def test_a_press_through_rays_reads_the_same(name):
 def test_a_pad_that_mujoco_presses_on_an_egg_reads_nearly_the_same():
     """An egg touches at one place, so the load of hard contacts stands within 0.2 mm of where a soft layer's does."""
     solid = models.solid("egg")
-    start = touch_grid(solid, 2, 1, np.random.default_rng(5))
+    start = touch_grid(solid, 2, 1, 0.0, np.random.default_rng(5))
     found = SpacePress([solid], SpaceOptions()).touch("egg", start)
     for near, expected in zip(advanced(start, found.travel - 4), found.readings, strict=True):
         spec = scene(solid)

@@ -56,7 +56,7 @@ def test_images_are_kept_where_they_are_asked_for():
 
 def test_the_grid_is_even_over_the_surface_and_looks_into_the_object():
     egg = models.solid("egg")
-    starts = touch_grid(egg, 100, 3, np.random.default_rng(0))
+    starts = touch_grid(egg, 100, 3, 0.0, np.random.default_rng(0))
     normal = rigid.turned(starts[:, 3:], np.array([0.0, 0, 1]))
     # Every point of the pad starts outside the sphere that holds the object.
     assert (-np.sum(starts[:, :3] * normal, axis=1) > egg.radius).all()
@@ -72,6 +72,26 @@ def test_the_grid_is_even_over_the_surface_and_looks_into_the_object():
     apart = cKDTree(found.true[:, :3]).query(found.true[:, :3], 2)[0][:, 1]
     assert apart.min() > 0.6 * even
     assert cKDTree(found.true[:, :3]).query(surface)[0].max() < 1.2 * even
+
+
+def test_all_but_the_first_touch_at_a_point_lean_within_a_cone():
+    egg, lean = models.solid("egg"), 1.0
+    facing, leaning = (touch_grid(egg, 200, 3, most, np.random.default_rng(0)) for most in (0.0, lean))
+    np.testing.assert_array_equal(leaning[::3], facing[::3])
+    normals = [rigid.turned(starts[:, 3:], np.array([0.0, 0, 1])) for starts in (facing, leaning)]
+    angle = np.arccos(np.clip(np.sum(normals[0] * normals[1], axis=1), -1, 1)).reshape(-1, 3)[:, 1:]
+    assert angle.max() <= lean + 1e-9
+    # Even over the cone's directions: half of them lie in the part of half its area.
+    middle = np.arccos((1 + np.cos(lean)) / 2)
+    assert np.mean(angle < middle) == pytest.approx(0.5, abs=3 * 0.5 / np.sqrt(angle.size))
+    # A leaning pad aims at the same point.
+    points = egg.sample_surface(20_000, np.random.default_rng(1))[0]
+    for starts, n in zip((facing, leaning), normals, strict=True):
+        along = np.sum((points[None, :, :] - starts[:20, None, :3]) * n[:20, None], axis=2)
+        beside = np.linalg.norm(
+            points[None] - starts[:20, None, :3] - along[..., None] * n[:20, None], axis=2
+        )
+        assert beside.min(axis=1).max() < 0.7
 
 
 def test_touches_from_anywhere_start_outside():
