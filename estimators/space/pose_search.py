@@ -23,7 +23,7 @@ _NEAR = 2.0  # times that: what is so near to the surface may be the touched poi
 # A coarse cell that is so many nats below the best is forgotten; what is so many below the best of the cells that it is
 # compared with is not worked out to the end.
 _FORGOTTEN, _NEGLIGIBLE = 15.0, 18.0
-_LISTED, _KEPT = 50_000, 15_000  # coarse cells at the first contact, and after each later touch
+_LISTED, _KEPT = 50_000, 10_000  # coarse cells at the first contact, and after each later touch
 _STEPS = 5  # in which the middle of a coarse cell is moved to where touches agree
 _OBLIQUE = 0.25  # of the cosine between a pad's normal and a surface's that it can touch, at most
 

@@ -51,15 +51,14 @@ TOUCH_POINTS = types.NamedTuple((REALS_2D, REALS_3D, INTS, REALS_3D, INTS, REALS
 @compiled(float64(float64, float64), called_from_python=False)
 def _penalty(square: float, variance: float) -> float:
     """Give the nats that a squared distance counts: half of it by its variance, bounded (Geman and McClure 1985)."""
-    half = 0.5 * square / variance
-    return half / (1 + half / _BOUND)
+    return square / (2 * variance + square / _BOUND)
 
 
 @register_jitable
 def _counted(square: float, variance: float) -> float:
     """Give the weight of a squared distance in least squares whose minimum is that of `_penalty`."""
-    soft = 1 + 0.5 * square / variance / _BOUND
-    return 1 / (variance * soft * soft)
+    wider = variance + 0.5 * square / _BOUND
+    return variance / (wider * wider)
 
 
 @register_jitable

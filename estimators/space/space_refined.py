@@ -30,7 +30,7 @@ class SpaceRefinedOptions(SpaceFilterOptions):
     )
     voxel: float = Field(9.0, ge=1, le=20, description="side of a coarse cell, mm")
     seeds: int = Field(
-        2000,
+        1500,
         ge=8,
         le=1_000_000,
         description="coarse cells from whose middles poses are climbed to, at each search",
@@ -95,10 +95,12 @@ class SpaceRefinedFilter(SpaceFilter):
         if not contacts:
             return
         old.lower_power(self._least)
+        due = len(met) > 0 and (contacts <= chosen.searches or contacts >= self._due)
+        if old.power == 1.0 and not due:
+            return
         every = max(1, len(old.label) // _SEEDS)
         label, pose = old.label[::every], old.pose[::every]
         beliefs = [old]
-        due = len(met) > 0 and (contacts <= chosen.searches or contacts >= self._due)
         if due:
             self._due = _LATER * contacts
             begun, there = self._search.seeds(chosen.seeds, _KEPT, self._rng)
