@@ -56,7 +56,7 @@ class SpaceRefinedFilter(SpaceFilter):
     about them. These are weighed by the likelihood of all touches; where too few of them count they are weighed little
     by little and moved (`MovedParticles`). A belief that is too wide for modes, as after a first contact, is held by
     poses in cells that are halved, or by the particles of the touch before. After a touch for which no search is due
-    modes are climbed to from particles alone.
+    the particles go on where enough of them count; else modes are climbed to from them alone.
     """
 
     options_type = SpaceRefinedOptions
