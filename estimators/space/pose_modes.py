@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from tactsim.core import rigid
 from tactsim.core.poses import FloatArray
-from tactsim.estimators.space.mode_kernels import squares_away
+from tactsim.estimators.space.away_kernels import squares_away
 from tactsim.estimators.space.space_field import SpaceField
 
 _FIRST, _LATER = 2, 5  # steps of all candidates, and of those that are left

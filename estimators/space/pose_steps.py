@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 
-from numba.extending import register_jitable
+from numba import float64, void
 
-from tactsim.core.compiling import Reals
+from tactsim.core.compiling import REALS, REALS_2D, Reals, compiled
 
 
-@register_jitable
+@compiled(void(REALS_2D, REALS), called_from_python=False)
 def solve(matrix: Reals, vector: Reals) -> None:
     """Solve six equations by Cholesky's factor; both are overwritten, the vector by what is found."""
     for i in range(6):
@@ -29,7 +29,7 @@ def solve(matrix: Reals, vector: Reals) -> None:
         vector[i] = value / matrix[i, i]
 
 
-@register_jitable
+@compiled(float64(REALS, float64, float64), called_from_python=False)
 def shortened(step: Reals, longest_shift: float, longest_turn: float) -> float:
     """Give the part of a step (6,), mm and rad, that is within both lengths: at most 1."""
     shift = math.sqrt(step[0] ** 2 + step[1] ** 2 + step[2] ** 2)
@@ -37,7 +37,7 @@ def shortened(step: Reals, longest_shift: float, longest_turn: float) -> float:
     return min(1.0, longest_shift / max(shift, 1e-9), longest_turn / max(angle, 1e-9))
 
 
-@register_jitable
+@compiled(void(REALS, REALS, float64), called_from_python=False)
 def advance(pose: Reals, step: Reals, by: float) -> None:
     """Move a pose (7,) by a part `by` of a step (6,) in its own frame: shift, mm, and turn, rad, to first order."""
     w, x, y, z = pose[3], pose[4], pose[5], pose[6]
@@ -52,7 +52,7 @@ def advance(pose: Reals, step: Reals, by: float) -> None:
     pose[3:] /= math.sqrt(pose[3] ** 2 + pose[4] ** 2 + pose[5] ** 2 + pose[6] ** 2)
 
 
-@register_jitable
+@compiled(void(REALS, REALS, REALS, REALS, float64), called_from_python=False)
 def advance_about(pose: Reals, anchor: Reals, center: Reals, step: Reals, by: float) -> None:
     """Move a pose (7,) by a part of a step (6,) that turns the object about its place `center` (3,), at `anchor` (3,).
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tactsim.core import rigid
-from tactsim.estimators.space.mode_kernels import squares_away
+from tactsim.estimators.space.away_kernels import squares_away
 from tactsim.estimators.space.moved_particles import evidence
 from tactsim.estimators.space.pose_modes import draw, find_modes
 
