@@ -162,11 +162,7 @@ class PoseSearch:
             self._poses[chosen],
             np.zeros(len(chosen)),
         )
-        for one in np.unique(label).tolist():
-            mine = np.flatnonzero(label == one)
-            moved, part = poses[mine], np.zeros(len(mine))
-            self._look(one, moved, self._coarse, 0, _STEPS, -np.inf, part)
-            poses[mine], score[mine] = moved, part
+        self._look(label, poses, self._coarse, 0, _STEPS, -np.inf, score)
         best = np.argsort(-score, kind="stable")[:kept]
         return label[best], poses[best]
 
@@ -226,17 +222,13 @@ class PoseSearch:
         """Add the touches from `first` on to scores (n,) of cells; -inf for those that fall to `least`."""
         assert self._points is not None
         assert self.anchor is not None
-        score, labels = score.copy(), pose_cells.label_of(cells)
-        for label in np.unique(labels).tolist():
-            mine = np.flatnonzero(labels == label)
-            part = score[mine]
-            self._look(label, np.ascontiguousarray(poses[mine]), sizes, first, 0, least, part)
-            score[mine] = part
+        score = score.copy()
+        self._look(pose_cells.label_of(cells), poses, sizes, first, 0, least, score)
         return np.where(score > least, score, -np.inf)
 
     def _look(
         self,
-        label: int,
+        label: NDArray[np.int64],
         poses: FloatArray,
         sizes: CellSizes,
         first: int,
@@ -244,14 +236,20 @@ class PoseSearch:
         least: float,
         score: FloatArray,
     ) -> None:
-        """Call `screen` for one object."""
+        """Call `screen` for poses (n, 7) of objects (n,): moves the poses by so many steps and adds to score (n,)."""
         assert self._points is not None
         assert self.anchor is not None
         last = len(self._points.sensor)
-        screen(
-            self._charts[label], self._points, self._lattice, self._reach[label], poses, first, last, self.anchor,
-            sizes.turn, sizes.shift, _WIDTH, steps, least, score,
-        )  # fmt: skip
+        for one in np.unique(label).tolist():
+            mine = np.flatnonzero(label == one)
+            moved, part = poses[mine], score[mine]
+            screen(
+                self._charts[one], self._points, self._lattice, self._reach[one], moved, first, last, self.anchor,
+                sizes.turn, sizes.shift, _WIDTH, steps, least, part,
+            )  # fmt: skip
+            score[mine] = part
+            if steps:
+                poses[mine] = moved
         self.screened += len(poses) * (last - first) * (steps + 1)
 
     def _slack(self, poses: FloatArray, sizes: CellSizes) -> float:
