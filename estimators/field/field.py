@@ -62,9 +62,9 @@ class LikelihoodField:
         Such letters are one hypothesis: no reading can tell them apart.
         """
         first: dict[bytes, int] = {}
-        values, outside = self.tables.values, self.tables.outside
+        nodes, outside = self.tables.nodes, self.tables.outside
         digests = [
-            hashlib.sha256(values[:, letter].tobytes() + outside[:, letter].tobytes()).digest()
+            hashlib.sha256(nodes[:, letter].tobytes() + outside[:, letter].tobytes()).digest()
             for letter in range(len(self.labels))
         ]
         return np.array([first.setdefault(digest, letter) for letter, digest in enumerate(digests)])
@@ -112,7 +112,7 @@ class LikelihoodField:
         """
         tables = self.tables if wide == tall == 1 else pooled(self.tables, wide, tall)
         place = np.concatenate([first - tables.origin, [wide * spacing[0], tall * spacing[1]]])
-        return slices_of(tables.values, place)
+        return slices_of(tables.nodes, tables.phases, place)
 
     def _make_room(self, count: int) -> None:
         terms = self.terms

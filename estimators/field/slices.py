@@ -35,8 +35,10 @@ _FAR = 1e9
 class Slices(NamedTuple):
     """Tables as bins, or blocks of bins, read them.
 
-    nodes: `Tables.values`, flat, with TALL rows of zeros before and after each plane and LANES zeros
-    after each row, so that a tile may hang over the edge. shape: that of `Tables.values`.
+    nodes: flat; those of the lattice that are one bin apart are neighbours, with TALL rows of zeros before and after
+    each plane and LANES zeros after each row, so that a tile may hang over the edge. shape: (tables, letters,
+    phases_y, phases_x, rows, columns) without these zeros: the lattice node [row * phases_y + phase_y,
+    column * phases_x + phase_x] is in that row and column of the plane of those phases.
     place: [x, y] of bin (0, 0) less that of node (0, 0), then the bins' spacing in x and y, mm.
     """
 
@@ -48,10 +50,15 @@ class Slices(NamedTuple):
 SLICES = types.NamedTuple((FLOATS, INTS, REALS), Slices)
 
 
-def slices_of(values: Floats, place: Reals) -> Slices:
-    """Frame `Tables.values` for the kernels; place as in `Slices`."""
-    frame = [(0, 0)] * 4 + [(TALL, TALL), (0, LANES)]
-    return Slices(np.pad(values, frame).reshape(-1), np.array(values.shape), place)
+def slices_of(nodes: Floats, phases: tuple[int, int], place: Reals) -> Slices:
+    """Lay out the nodes and phases of `Tables` for the kernels; place as in `Slices`."""
+    kinds, letters, rows, columns = nodes.shape
+    phases_y, phases_x = phases
+    shape = kinds, letters, phases_y, phases_x, rows // phases_y, columns // phases_x
+    framed = np.zeros((*shape[:4], shape[4] + 2 * TALL, shape[5] + LANES), dtype=np.float32)
+    split = nodes.reshape(kinds, letters, shape[4], phases_y, shape[5], phases_x)
+    framed[..., TALL:-TALL, :-LANES] = split.transpose(0, 1, 3, 5, 2, 4)
+    return Slices(framed.reshape(-1), np.array(shape), place)
 
 
 @compiled(

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,24 +20,19 @@ _MOST_NODES = 50_000_000  # of all letters: 400 MB a table while they are made
 class Tables:
     """Log-likelihood tables of all letters on one lattice, for the kernels.
 
-    values: (tables, letters, phases_y, phases_x, rows, columns) float32, contiguous, less the value
-    far away, so that they are 0 outside and at their rim. The lattice node [row * phases_y + phase_y,
-    column * phases_x + phase_x] lies at origin + step * [that column, that row]: nodes one bin apart
-    are neighbours in memory. origin, step: [x, y] mm. outside: (tables, letters) the value far away.
-    lowest, highest: (tables,) over all letters and places, far away included.
+    nodes: (tables, letters, rows, columns) float32, contiguous, less the value far away, so that they are 0 outside
+    and at their rim. The node [row, column] lies at origin + step * [column, row]. phases: (y, x) how many nodes fit
+    into the spacing of the states; rows and columns are multiples of it. origin, step: [x, y] mm. outside: (tables,
+    letters) the value far away. lowest, highest: (tables,) over all letters and places, far away included.
     """
 
-    values: NDArray[np.float32]
+    nodes: NDArray[np.float32]
+    phases: tuple[int, int]
     origin: FloatArray
     step: FloatArray
     outside: FloatArray
     lowest: FloatArray
     highest: FloatArray
-
-    @cached_property
-    def nodes(self) -> NDArray[np.float32]:
-        """Give the values in order of place, for states anywhere: (tables, letters, rows, columns)."""
-        return _by_place(self.values)
 
     @property
     def lattice(self) -> FloatArray:
@@ -70,17 +64,18 @@ def tabulate(
     axes = [low[i] + step[i] * np.arange(counts[i]) for i in (0, 1)]
     xy = np.stack(np.meshgrid(*axes), axis=-1)
     outside = np.stack([likelihood.log_tables(label, high + 1e6) for label in labels], axis=1)
-    values = np.empty((*outside.shape, *xy.shape[:2]), dtype=np.float32)
+    nodes = np.empty((*outside.shape, *xy.shape[:2]), dtype=np.float32)
     lowest, highest = outside.min(axis=1), outside.max(axis=1)
     for number, label in enumerate(labels):  # float64 for one letter at a time
         sampled = likelihood.log_tables(label, xy)
         if not (np.isfinite(sampled).all() and np.isfinite(outside[:, number]).all()):
             raise ValueError(f"likelihood {type(likelihood).__name__} gives a value that is not finite")
-        values[:, number] = sampled - outside[:, number, None, None]
+        nodes[:, number] = sampled - outside[:, number, None, None]
         lowest = np.minimum(lowest, sampled.min(axis=(1, 2)))
         highest = np.maximum(highest, sampled.max(axis=(1, 2)))
     return Tables(
-        values=_by_phase(values, phases[1], phases[0]),
+        nodes=nodes,
+        phases=(phases[1], phases[0]),
         origin=low,
         step=step,
         outside=outside,
@@ -95,8 +90,7 @@ def pooled(tables: Tables, wide: int, tall: int) -> Tables:
     Each node gets the largest value of the nodes that the bins of a block beginning there can take
     for it. So a block's sum, interpolated as if it were one bin, is not below that of any of its bins.
     """
-    phases_y, phases_x = tables.values.shape[2:4]
-    nodes = _by_place(tables.values)
+    (phases_y, phases_x), nodes = tables.phases, tables.nodes
     # Nodes a block spans, in y and x: it reaches the lattice from as far outside.
     spans = ((tall - 1) * phases_y + 1, (wide - 1) * phases_x + 1)
     for axis, (span, phases) in enumerate(zip(spans, (tall * phases_y, wide * phases_x), strict=True), 2):
@@ -106,7 +100,8 @@ def pooled(tables: Tables, wide: int, tall: int) -> Tables:
         nodes = _sliding_maximum(np.pad(nodes, frame), span, axis)
     return replace(
         tables,
-        values=_by_phase(nodes, tall * phases_y, wide * phases_x),
+        nodes=np.ascontiguousarray(nodes),
+        phases=(tall * phases_y, wide * phases_x),
         origin=tables.origin - np.array(spans[::-1]) * tables.step,
     )
 
@@ -121,16 +116,3 @@ def _sliding_maximum(values: NDArray[np.float32], span: int, axis: int) -> NDArr
         reached += step
     return np.moveaxis(values, -1, axis)
 
-
-def _by_phase(values: NDArray[np.float32], phases_y: int, phases_x: int) -> NDArray[np.float32]:
-    """Bring nodes that are one bin apart together: (..., rows, columns) to (..., py, px, rows, columns)."""
-    kinds, labels, rows, columns = values.shape
-    split = values.reshape(kinds, labels, rows // phases_y, phases_y, columns // phases_x, phases_x)
-    return np.ascontiguousarray(split.transpose(0, 1, 3, 5, 2, 4))
-
-
-def _by_place(values: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Undo `_by_phase`."""
-    kinds, letters, phases_y, phases_x, rows, columns = values.shape
-    nodes = values.transpose(0, 1, 4, 2, 5, 3)
-    return nodes.reshape(kinds, letters, rows * phases_y, columns * phases_x)

@@ -45,7 +45,7 @@ def _level(tables: Tables, side: int) -> Level:
 
     highest = lowest = tables.nodes
     low = []  # nodes that the lattice grows by before the first, in y and x
-    for axis, phases in zip((2, 3), tables.values.shape[2:4], strict=True):
+    for axis, phases in zip((2, 3), tables.phases, strict=True):
         span = (side - 1) * phases + 3
         frame = [(0, 0)] * 4
         frame[axis] = (span, 2)

@@ -61,16 +61,12 @@ def log_likelihood(chart, state, reading, sensor_in_robot, taxel_xy, gamma=0.1):
 
 def tabulated_log_likelihood(tables, letter, state, reading, sensor_in_robot, taxel_xy):
     """Eq. 7 for one reading at one T_R^O, with log p interpolated between the nodes of `Tables`."""
-    phases_y, phases_x, rows, columns = tables.values.shape[2:]
     total = 0.0
     in_object = place(state, place(sensor_in_robot, taxel_xy))
     for kind, (x, y) in zip(classify(reading), in_object, strict=True):
         if kind == UNKNOWN:
             continue
         table = 1 if kind == CONTACT else 0
-        nodes = (
-            tables.values[table, letter].transpose(2, 0, 3, 1).reshape(rows * phases_y, columns * phases_x)
-        )
-        value = interpolate(nodes.astype(float), tables.origin, tables.step, x, y, 0.0)
+        value = interpolate(tables.nodes[table, letter].astype(float), tables.origin, tables.step, x, y, 0.0)
         total += value + tables.outside[table, letter]
     return total

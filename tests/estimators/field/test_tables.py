@@ -27,20 +27,14 @@ class Bump(Likelihood):
         return np.stack([-1 - 0.1 * inside, -2 + 0.01 * inside * (1 + (label == "b"))])
 
 
-def plain(tables):
-    """Nodes in order of place: (tables, letters, rows, columns)."""
-    kinds, letters, py, px, rows, columns = tables.values.shape
-    return tables.values.transpose(0, 1, 4, 2, 5, 3).reshape(kinds, letters, rows * py, columns * px)
-
-
 @pytest.mark.parametrize(("spacing", "finest"), [((0.8, 0.8), 0.4), ((1.0, 0.3), 0.4), ((0.1, 2.0), 0.5)])
 def test_nodes_hold_the_likelihood_at_their_place(spacing, finest):
     likelihood = Bump(LikelihoodOptions())
     tables = tabulate(likelihood, "ab", spacing, finest)
-    phases = np.array(tables.values.shape[3:1:-1])
+    phases = np.array(tables.phases[::-1])
     assert tables.step * phases == pytest.approx(spacing)
     assert (tables.step <= finest + 1e-12).all()
-    nodes = plain(tables)
+    nodes = tables.nodes
     columns, rows = np.arange(nodes.shape[3]), np.arange(nodes.shape[2])
     xy = np.stack(
         np.meshgrid(tables.origin[0] + tables.step[0] * columns, tables.origin[1] + tables.step[1] * rows), -1
@@ -59,16 +53,16 @@ def test_nodes_hold_the_likelihood_at_their_place(spacing, finest):
 def test_pooled_nodes_are_the_maxima_over_a_block(wide, tall):
     tables = tabulate(Bump(LikelihoodOptions()), "ab", (0.8, 0.6), 0.4)
     blocks = pooled(tables, wide, tall)
-    py, px = tables.values.shape[2:4]
+    py, px = tables.phases
     span_y, span_x = (tall - 1) * py + 1, (wide - 1) * px + 1
     far = 2 * max(span_y, span_x) + 40
-    nodes = np.pad(plain(tables), ((0, 0), (0, 0), (far, far), (far, far)))
+    nodes = np.pad(tables.nodes, ((0, 0), (0, 0), (far, far), (far, far)))
     largest = sliding_window_view(nodes, (span_y, span_x), axis=(2, 3)).max(axis=(-2, -1))
     before = np.rint((tables.origin - blocks.origin) / tables.step).astype(int)
-    rows, columns = plain(blocks).shape[2:]
+    rows, columns = blocks.nodes.shape[2:]
     first_row, first_column = far - before[1], far - before[0]
     there = largest[:, :, first_row : first_row + rows, first_column : first_column + columns]
-    assert (plain(blocks) == there).all()
+    assert (blocks.nodes == there).all()
     # Beyond its rim the pooled lattice counts as 0, so nothing else may lie there.
     there[:] = 0
     assert not largest.any()

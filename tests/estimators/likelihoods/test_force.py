@@ -164,7 +164,7 @@ def test_finer_tables_say_nearly_the_same(scan):
     # Between nodes log p is interpolated; off the nodes the filters see this, per taxel.
     model = fitted(scan.where(label="E"))
     coarse, fine = (tabulate(model, "E", (cell, cell), cell) for cell in (0.4, 0.1))
-    coarse, fine = (one.values[:, 0, 0, 0] + one.outside[:, 0, None, None] for one in (coarse, fine))
+    coarse, fine = (one.nodes[:, 0] + one.outside[:, 0, None, None] for one in (coarse, fine))
     middle = (coarse[:, 1:, 1:] + coarse[:, :-1, :-1] + coarse[:, 1:, :-1] + coarse[:, :-1, 1:]) / 4
     rows, columns = middle.shape[1:]
     exact = fine[:, 2 : 4 * rows : 4, 2 : 4 * columns : 4]
