@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from datetime import datetime
 from pathlib import Path
 
@@ -15,14 +15,42 @@ RUNS = RESULTS / "runs"
 SWEEPS = RESULTS / "sweeps"
 
 
-def new_place(name: str) -> Path:
-    """Name a folder under results/runs that does not exist yet, by what is run and when."""
+@contextmanager
+def results_folder(out: Path | None, name: str) -> Iterator[Path]:
+    """Give the folder where results go: `out`, or one under results/runs, named by what is run and when.
+
+    One under results/runs is made at once and stays empty until the results are there, so that no run that began in the
+    same second takes its name. If they never come it vanishes again. Raises InputError if it cannot
+    be written or `out` holds something.
+    """
+    if out is not None:
+        check_new_folder(out)
+        yield out
+        return
+    made = [folder for folder in (RUNS, RESULTS) if not folder.exists()]
+    with _refusing(RUNS):
+        _check_writable(RUNS)
+        place = _new_place(name)
+    try:
+        yield place
+    finally:
+        with suppress(OSError):  # one that holds results stays
+            for folder in (place, *made):
+                folder.rmdir()
+
+
+def _new_place(name: str) -> Path:
+    """Make a folder under results/runs that did not exist yet."""
     stamp = f"{datetime.now():%Y-%m-%d-%H%M%S}"
-    place = RUNS / f"{name}-{stamp}"
-    number = 2
-    while place.exists():
-        place, number = RUNS / f"{name}-{stamp}-{number}", number + 1
-    return place
+    place, number = RUNS / f"{name}-{stamp}", 1
+    while True:
+        try:
+            place.mkdir(parents=True)
+        except FileExistsError:
+            number += 1
+            place = RUNS / f"{name}-{stamp}-{number}"
+        else:
+            return place
 
 
 def check_new_folder(path: Path) -> None:

@@ -66,7 +66,7 @@ def command(
 ) -> None:
     """Press the letters, learn their maps, recognise them in random places and score every reading."""
     from tactsim.bench.console import plain_console
-    from tactsim.bench.places import check_new_folder, new_place
+    from tactsim.bench.places import results_folder
     from tactsim.bench.results import to_json
     from tactsim.bench.runner import perform
     from tactsim.bench.terminal import print_places, print_run, progress_bars
@@ -92,23 +92,22 @@ def command(
         plain_console(stderr=True).print(
             f"a shorter look at task {words['task']}: fewer trials or readings than it has, so no result on it"
         )
-    folder = out or new_place(config.estimator)
-    check_new_folder(folder)
-    if port is not None:
-        from tactsim.bench.cli import pad_options as pads
+    with results_folder(out, config.estimator) as folder:
+        if port is not None:
+            from tactsim.bench.cli import pad_options as pads
 
-        if config.presses is None:
-            config = run_config(**words, presses=folder.with_name(f"{folder.name}.presses"))
-        described, correction = pads.load(device, calibration)
-        settings = guide.plan_settings(port, described, correction, frames, force, patience)
-        station = guide.station(port, described, correction, seen, plain_console(stderr=as_json))
-        if not _measured(config, station, settings):
-            return
-    with progress_bars() as progress:
-        run = perform(config, jobs=jobs, cache=cache, progress=progress)
-    if not as_json:
-        print_run(run)  # whether or not there is room for the files
-    run.save(folder)
+            if config.presses is None:
+                config = run_config(**words, presses=folder.with_name(f"{folder.name}.presses"))
+            described, correction = pads.load(device, calibration)
+            settings = guide.plan_settings(port, described, correction, frames, force, patience)
+            station = guide.station(port, described, correction, seen, plain_console(stderr=as_json))
+            if not _measured(config, station, settings):
+                return
+        with progress_bars() as progress:
+            run = perform(config, jobs=jobs, cache=cache, progress=progress)
+        if not as_json:
+            print_run(run)  # whether or not there is room for the files
+        run.save(folder)
     if as_json:
         typer.echo(to_json(run.as_json() | {"results": str(folder)}), nl=False)
     else:

@@ -43,7 +43,7 @@ def refuse_outside_space(**words: Any) -> None:
 
 def run_in_space(words: Words, *, jobs: int, out: Path | None, as_json: bool) -> None:
     """Do `bench run --task solids` with the words that were typed."""
-    from tactsim.bench.places import check_new_folder, new_place
+    from tactsim.bench.places import results_folder
     from tactsim.bench.results import to_json
     from tactsim.bench.space.space_config import SpaceConfig, space_config, space_words
     from tactsim.bench.space.space_runner import perform_in_space
@@ -51,13 +51,12 @@ def run_in_space(words: Words, *, jobs: int, out: Path | None, as_json: bool) ->
     from tactsim.bench.terminal import progress_bars
 
     config = space_config(**space_words(words, SpaceConfig, "run"))
-    folder = out or new_place(config.estimator)
-    check_new_folder(folder)
-    with progress_bars() as progress:
-        run = perform_in_space(config, jobs=jobs, progress=progress)
-    if not as_json:
-        print_space_run(run)
-    run.save(folder)
+    with results_folder(out, config.estimator) as folder:
+        with progress_bars() as progress:
+            run = perform_in_space(config, jobs=jobs, progress=progress)
+        if not as_json:
+            print_space_run(run)
+        run.save(folder)
     if as_json:
         typer.echo(to_json(run.as_json() | {"results": str(folder)}), nl=False)
     else:

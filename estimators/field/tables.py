@@ -115,4 +115,3 @@ def _sliding_maximum(values: NDArray[np.float32], span: int, axis: int) -> NDArr
         values = np.maximum(values[..., :-step], values[..., step:])
         reached += step
     return np.moveaxis(values, -1, axis)
-
