@@ -8,6 +8,7 @@ from datetime import UTC, datetime
 from time import perf_counter
 from typing import Any
 
+from tactsim.bench.about_estimator import about_estimator
 from tactsim.bench.agreement import eq3_agreement
 from tactsim.bench.bound.efficiency import bounds_of_trials
 from tactsim.bench.config import RunConfig, chosen_letters
@@ -257,26 +258,6 @@ def finished_run(
         times=times,
         bounds=bounds,
     )
-
-
-def about_estimator(estimator: Estimator) -> dict[str, Any]:
-    """Describe how an estimator is set up, so that a report can do without the estimator's plug-in.
-
-    options: all of them. settings: those that are not the defaults. budget: see `budget_of`.
-    """
-    return {
-        "description": estimator.describe(),
-        "options": estimator.options.model_dump(mode="json"),
-        "settings": estimator.options.model_dump(mode="json", exclude_defaults=True),
-        "budget": budget_of(estimator),
-    }
-
-
-def budget_of(estimator: Estimator) -> dict[str, Any] | None:
-    """Name the option that says how much an estimator may compute, and its value; None if it has none."""
-    if estimator.budget is None:
-        return None
-    return {"option": estimator.budget, "value": getattr(estimator.options, estimator.budget)}
 
 
 def _protocol_name(config: RunConfig, scan: Scan) -> str:

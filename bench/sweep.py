@@ -19,11 +19,12 @@ from pathlib import Path
 from typing import Any
 
 from tactsim.bench import results
+from tactsim.bench.about_estimator import budget_of
 from tactsim.bench.chunks import Chunk, Waiting, chunks_of, load_chunk, save_chunk
 from tactsim.bench.config import RunConfig
 from tactsim.bench.report.collect import sweep_order
 from tactsim.bench.run import Run
-from tactsim.bench.runner import Gathered, budget_of, finished_run, gather, plan_of
+from tactsim.bench.runner import Gathered, finished_run, gather, plan_of
 from tactsim.bench.trial_plan import TrialPlan, source_of_trials
 from tactsim.bench.trial_workers import run_chunk
 from tactsim.bench.trials import Progress, Trials, check_readings

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tactsim.bench import runner
+from tactsim.bench.about_estimator import about_estimator
 from tactsim.bench.bound.efficiency import bounds_of_trials
 from tactsim.bench.config import RunConfig, run_config
 from tactsim.bench.leaderboard.bundle import DONE, Bundle
@@ -249,12 +250,12 @@ def _alike_objects(one: Mapping[str, Properties], other: Mapping[str, Properties
 
 def _differing_options(run: Run, estimator: Estimator) -> str | None:
     """Compare how a method says that it is set up with what the run says; another version may have other options."""
-    for name, value in runner.about_estimator(estimator)["options"].items():
+    for name, value in about_estimator(estimator)["options"].items():
         if run.about["options"].get(name, value) != value:
             return (
                 f"option {name} is said to be {short(run.about['options'][name])}, and it is {short(value)}"
             )
-    budget = runner.about_estimator(estimator)["budget"]
+    budget = about_estimator(estimator)["budget"]
     if run.about["budget"] != budget:
         return f"the budget is said to be {short(run.about['budget'])}, and it is {short(budget)}"
     return None

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from tactsim.bench.about_estimator import about_estimator
 from tactsim.bench.machine import machine, peak_memory_mb, versions
-from tactsim.bench.runner import about_estimator, silent
+from tactsim.bench.runner import silent
 from tactsim.bench.space.space_config import SpaceConfig
 from tactsim.bench.space.space_plan import SpacePlan, fit_in_space, run_trials, solids_of, surface_of
 from tactsim.bench.space.space_run import Shape, SpaceRun

@@ -17,6 +17,7 @@ from made_up import make_run
 from small_runs import make_run_in
 
 from tactsim.bench import results, score
+from tactsim.bench.about_estimator import about_estimator
 from tactsim.bench.config import run_config
 from tactsim.bench.placement_error import Properties
 from tactsim.bench.report import recognition as replay
@@ -26,7 +27,6 @@ from tactsim.bench.report.pareto import frontier, points, recognition_seconds
 from tactsim.bench.report.picture import COLOURS, DARK_COLOURS, MARKERS, look
 from tactsim.bench.report.press_picture import images_shown
 from tactsim.bench.report.write import write_report
-from tactsim.bench.runner import about_estimator
 from tactsim.bench.trials import OneTrial, Trials
 from tactsim.core import Scan, invert
 from tactsim.core.errors import InputError

@@ -95,10 +95,17 @@ def test_cases_are_chosen_by_name_and_by_tag():
         chosen_cases(tags=["quik"])
 
 
-# Each fits every estimator many times: to few letters and budgets, and to faults. By default most of what they find is
-# found by tests/estimators/test_contract.py (one letter; any budget is an option of its estimator's own tests) and by
-# the case maps.without-information.
-LONG = ("filters.budget-of-one", "filters.trained-on-faults")
+# Each fits every estimator, or one many times: a minute for all of them. By default much of what they find is found by
+# tests/estimators/test_contract.py: one letter, readings without contrast, poses far away; and by test_pad_fit.py.
+LONG = (
+    "filters.budget-of-one",
+    "filters.trained-on-faults",
+    "filters.order-of-letters",
+    "filters.faulty-taxels",
+    "filters.after-nonsense",
+    "frames.angles-many-turns-away",
+    "maps.without-information",
+)
 
 
 @pytest.mark.parametrize(

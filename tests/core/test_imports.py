@@ -54,3 +54,7 @@ from tactsim.bench.cli.app import app
 app({[*words, "second"]!r}, standalone_mode=False)
 """
     assert imported(script) == {"matplotlib", "numba", "pydantic"}
+
+
+def test_a_confined_plug_ins_process_brings_no_compiler():
+    assert imported("import tactsim.bench.leaderboard.plug_in_process") == {"pydantic"}

@@ -22,8 +22,9 @@ from tactsim.bench.cli.app import app
 
 BENCH = Path(sys.executable).parent / "bench"
 RUN_PAGES = list(dict.fromkeys(b.page for b in BLOCKS if b.language in ("python", *SHELL) or b.file))
-# Whole sweeps, each of which starts processes: half a minute. README.md has one of them.
-SLOW = {"docs/results.md"}
+# Whole sweeps, each of which starts processes, many fits, recordings of a pad: half a minute each. README.md,
+# docs/first-run.md and docs/hardware.md have one or another of them.
+SLOW = {"docs/results.md", "docs/estimators.md", "docs/recordings.md"}
 
 # Files of the reader's own, which pages name without showing them: a drawing.
 OWN = {

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from tactsim.bench import runner
+from tactsim.bench.about_estimator import about_estimator
 from tactsim.bench.leaderboard.confined import Limits, NoScore
 from tactsim.bench.leaderboard.confined_trials import confined_processes, run_trials_confined
 from tactsim.bench.trial_workers import run_trials
@@ -67,8 +68,8 @@ def test_a_built_in_estimator_answers_the_same_behind_the_fence(words, gathered,
     behind, same_work, estimator = behind_fences(plan, tasks)
     assert differing(free, behind) == []
     assert work == same_work
-    about = runner.about_estimator(plan.make())
-    assert about == runner.about_estimator(estimator) | {"settings": estimator.settings}
+    about = about_estimator(plan.make())
+    assert about == about_estimator(estimator) | {"settings": estimator.settings}
     assert (behind.update_s > 0).all()
 
 
