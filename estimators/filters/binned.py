@@ -49,7 +49,7 @@ class BinnedBelief:
         letters = len(field.labels)
         self._field, self._grid = field, grid
         x, y, angle = self._axes = grid.centres
-        self._corners = np.ascontiguousarray((CORNERS * np.array(grid.spacing)[:, None]).T)
+        self._corners = CORNERS * np.array(grid.spacing)
         first, spacing = np.array([x[0], y[0]]), grid.spacing[:2]
         wide, tall = _block(grid)
         self._bins = field.slices(first, spacing)

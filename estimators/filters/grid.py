@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tactsim.core.errors import InputError
 from tactsim.core.poses import FloatArray
@@ -54,47 +53,6 @@ class StateGrid:
             f"{self.x} x {self.y} x {self.angle} = {self.bins:,} bins a letter, "
             f"each {dx:.3g} mm x {dy:.3g} mm x {math.degrees(da):.3g} deg"
         )
-
-
-@dataclass(frozen=True, eq=False)
-class Cells:
-    """Cells of different sizes: bins of a grid that were halved in x, y and angle, some more often than others.
-
-    times: (n,) how often. index: (n,) flat, into the (letters, angles, rows, columns) of the grid so halved.
-    """
-
-    grid: StateGrid
-    times: NDArray[np.int64]
-    index: NDArray[np.int64]
-
-    @property
-    def letter(self) -> NDArray[np.int64]:
-        """Give the number of each cell's letter (n,)."""
-        return self.index // (self.grid.bins << 3 * self.times)
-
-    @property
-    def size(self) -> FloatArray:
-        """Give each cell's size in x, y and angle (3, n), mm, mm, rad."""
-        return np.array(self.grid.spacing)[:, None] * 0.5**self.times
-
-    def bins(self) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
-        """Find the angle, row and column (n,) of the grid's bin in which each cell lies."""
-        angle, row, column = self._place()
-        return angle >> self.times, row >> self.times, column >> self.times
-
-    def states(self) -> FloatArray:
-        """Give T_R^O (3, n), mm, mm, rad, of the cells' centroids."""
-        angle, row, column = self._place()
-        half = np.array([[self.grid.reach], [self.grid.reach], [np.pi]])
-        return (np.stack([column, row, angle]) + 0.5) * self.size - half
-
-    def __getitem__(self, chosen: NDArray[np.intp]) -> Cells:
-        return Cells(self.grid, self.times[chosen], self.index[chosen])
-
-    def _place(self) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
-        rest, column = np.divmod(self.index, self.grid.x << self.times)
-        rest, row = np.divmod(rest, self.grid.y << self.times)
-        return rest % (self.grid.angle << self.times), row, column
 
 
 def state_grid(bins: int, split: str | None = None, reach: float = 10.0) -> StateGrid:

@@ -154,7 +154,7 @@ class Moving(Wrapper):
             parts.append((models[0, best], known.samples))
         if drawn is not None:
             state, weights, mode = drawn.heavy()
-            poses.append((models[1, best], mean_around(state, weights, mode)))
+            poses.append((models[1, best], mean_around(state, weights.relative, mode)))
             parts.append((models[1, best], pose_samples(state, weights)))
         pose = max(poses, key=lambda one: one[0])[1]
         return Estimate(

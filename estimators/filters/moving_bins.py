@@ -9,7 +9,8 @@ from tactsim.core.poses import FloatArray
 from tactsim.estimators.estimator import PoseSamples
 from tactsim.estimators.field.field import LikelihoodField
 from tactsim.estimators.filters.binned import BinnedBelief
-from tactsim.estimators.filters.grid import Cells, StateGrid
+from tactsim.estimators.filters.cells import Cells
+from tactsim.estimators.filters.grid import StateGrid
 from tactsim.estimators.filters.motion import EVIDENCE, Motion
 from tactsim.estimators.filters.states import pose_samples
 from tactsim.estimators.filters.weights import Weights
@@ -78,7 +79,7 @@ class MovingBins:
         log_p = self.log_belief()
         flat = np.flatnonzero(log_p[letter] >= log_p.max() - within)
         cells = Cells(self._grid, np.zeros(len(flat), dtype=np.int64), flat)
-        return pose_samples(cells.states(), Weights(log_p[letter].ravel()[flat]), cells.size)
+        return pose_samples(cells.states, Weights(log_p[letter].ravel()[flat]), cells.size)
 
     def log_belief(self) -> FloatArray:
         """Give the log-belief of all bins: (letters, angles, rows, columns)."""

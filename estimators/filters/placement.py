@@ -1,32 +1,85 @@
-"""Where the object is, from weighted states: the posterior mean around a mode."""
+"""Where the object is, from weighted states: the posterior mean around a mode, and samples of cells (compiled)."""
 
 from __future__ import annotations
 
-import numpy as np
+import math
 
-from tactsim.core import invert, wrap_angle
-from tactsim.core.poses import FloatArray
-from tactsim.estimators.filters.weights import Weights
+import numpy as np
+from numba import float64, int64, types
+
+from tactsim.core.compiling import REALS, REALS_2D, Reals, compiled
 
 # The mean is over states whose placement is at most this far from the mode's: mm, in the metric of the placement
 # error for a radius of gyration of 8 mm. Only the choice of the neighbourhood depends on that radius.
 _NEAR, _GYRATION = 1.0, 8.0
+# The mode's own weight may underflow beside a heavier state elsewhere.
+_TINY = float(np.finfo(float).tiny)
 
 
-def mean_around(state: FloatArray, weights: Weights, mode: int) -> FloatArray:
+@compiled(float64(float64), called_from_python=False)
+def _wrapped(angle: float) -> float:
+    """Fold an angle into [-pi, pi), as `core.wrap_angle` does."""
+    folded = (angle + math.pi) % (2 * math.pi) - math.pi
+    return folded if folded < math.pi else -math.pi
+
+
+@compiled(types.UniTuple(float64, 3)(float64, float64, float64), called_from_python=False)
+def _inverse(x: float, y: float, angle: float) -> tuple[float, float, float]:
+    """Invert a transform, as `core.invert` does."""
+    cos, sin = math.cos(angle), math.sin(angle)
+    return -cos * x - sin * y, sin * x - cos * y, _wrapped(-angle)
+
+
+@compiled(REALS(REALS_2D, REALS, int64))
+def mean_around(state: Reals, weight: Reals, mode: int) -> Reals:
     """Average the object's placement over the states near the one of index `mode`: robot_in_object (3,).
 
-    state: (3, n) T_R^O mm, mm, rad of one letter, with n weights. Placements, not states, are averaged,
+    state: (3, n) T_R^O mm, mm, rad of one letter. weight: (n,) of any unit. Placements, not states, are averaged,
     because a turn moves the state of the same placement. The angle's mean leaves out what is turned away,
     because a symmetric letter has copies that are as probable; the position's mean does not, because they
     say as much about where the letter is, and for an O all angles do.
     """
-    placed = invert(state.T)
-    best = placed[mode]
-    turn = wrap_angle(placed[:, 2] - best[2])
-    away = ((placed[:, :2] - best[:2]) ** 2).sum(axis=1)
-    # The mode's own weight may underflow beside a heavier state elsewhere.
-    weight = np.maximum(weights.relative, np.finfo(float).tiny)
-    here = np.where(away <= _NEAR**2, weight, 0.0)
-    alike = np.where(away + (_GYRATION * turn) ** 2 <= _NEAR**2, weight, 0.0)
-    return invert(np.append(here @ placed[:, :2] / here.sum(), best[2] + alike @ turn / alike.sum()))
+    at_x, at_y, at_angle = _inverse(state[0, mode], state[1, mode], state[2, mode])
+    here = here_x = here_y = alike = alike_turn = 0.0
+    for k in range(len(weight)):
+        x, y, angle = _inverse(state[0, k], state[1, k], state[2, k])
+        away = (x - at_x) ** 2 + (y - at_y) ** 2
+        if away <= _NEAR**2:
+            share, turn = max(weight[k], _TINY), _wrapped(angle - at_angle)
+            here += share
+            here_x += share * x
+            here_y += share * y
+            if away + (_GYRATION * turn) ** 2 <= _NEAR**2:
+                alike += share
+                alike_turn += share * turn
+    return np.array(_inverse(here_x / here, here_y / here, at_angle + alike_turn / alike))
+
+
+@compiled(types.Tuple((REALS_2D, REALS))(REALS_2D, REALS, REALS_2D, REALS_2D, float64))
+def samples_of_cells(
+    state: Reals, weight: Reals, size: Reals, corners: Reals, spread: float
+) -> tuple[Reals, Reals]:
+    """List poses that stand for cells: the middle of one that weighs at most `spread`, eight poses of another.
+
+    state, size: (3, n) the cells' middles and sizes, mm, mm, rad. weight: (n,). corners: (8, 3) where the poses of a
+    cell lie, in units of its size. Returns poses (m, 3) and weights (m,).
+    """
+    heavy = 0
+    for k in range(len(weight)):
+        heavy += weight[k] > spread
+    parts = len(corners)
+    light, part = 0, len(weight) - heavy
+    poses, share = np.empty((part + parts * heavy, 3)), np.empty(part + parts * heavy)
+    for k in range(len(weight)):
+        if weight[k] <= spread:
+            for axis in range(3):
+                poses[light, axis] = state[axis, k]
+            share[light] = weight[k]
+            light += 1
+        else:
+            for corner in corners:
+                for axis in range(3):
+                    poses[part, axis] = state[axis, k] + size[axis, k] * corner[axis]
+                share[part] = weight[k] / parts
+                part += 1
+    return poses, share

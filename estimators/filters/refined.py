@@ -4,20 +4,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
 from tactsim.core import Scan
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.estimator import Estimate, Options, PlaneBelief
 from tactsim.estimators.filters.binned import BinnedBelief, Certificate
-from tactsim.estimators.filters.grid import Cells
+from tactsim.estimators.filters.cells import Cells
 from tactsim.estimators.filters.grid_filter import GridFilter
-from tactsim.estimators.filters.halving import halve
+from tactsim.estimators.filters.halving import Limits, blank_halved, held, refine
 from tactsim.estimators.filters.placement import mean_around
 from tactsim.estimators.filters.states import WeightedStates, letter_mass, pose_samples, probabilities
 from tactsim.estimators.filters.trust import learn_trust
@@ -49,21 +47,6 @@ class RefinedOptions(OpenSetOptions):
     skip: bool = Field(
         True, description="replay only the new reading in cells halved before; the answer is the same"
     )
-
-
-@dataclass(frozen=True, eq=False)
-class _Halved:
-    """Cells that were halved once more, and their halves.
-
-    cell: (n,) ascending, half: (n, 8) flat indices into the grid of their size. log_p: (n, 8) log-beliefs.
-    """
-
-    cell: NDArray[np.int64]
-    half: NDArray[np.int64]
-    log_p: FloatArray
-
-
-_Leaves = tuple[NDArray[np.int64], FloatArray]  # cells of one size and their log-beliefs, (n,) each
 
 
 class RefinedFilter(GridFilter):
@@ -101,8 +84,11 @@ class RefinedFilter(GridFilter):
         self._coarse = BinnedBelief(self.field, self.grid)
         self._counts = np.array([self.grid.x, self.grid.y, self.grid.angle])
         self._size = np.array(self.grid.spacing)
-        every = np.arange(len(self.labels) * self.grid.bins)
-        self._prior: _Leaves = every, np.zeros(len(every))
+        self._limits = Limits(self.options.cells, _AT_LEAST, self.options.halvings, _ENOUGH)
+        self._before, self._halved = blank_halved(self._limits), blank_halved(self._limits)
+        every = len(self.labels) * self.grid.bins
+        # Where the cells of each size end (sizes,); the cells that were not halved, and their log-beliefs, (n,) each.
+        self._prior = np.array([every]), np.arange(every), np.zeros(every)
 
     def fit_with(self, maps: Mapping[str, OccupancyMap], scan: Scan) -> None:
         """Learn the measurement model, and how much a sequence of readings counts, given the maps."""
@@ -111,27 +97,22 @@ class RefinedFilter(GridFilter):
 
     def _reset(self, rng: np.random.Generator) -> None:
         self._coarse.reset()
-        self._halved: list[_Halved] = []
-        self._leaves = [self._prior]
+        self._halved.number[:] = 0
+        self._leaves = self._prior
 
     def _update(self) -> None:
         """Update the coarse bins (eq. 13), then split the best."""
         bins, _ = self._coarse.update()
-        self._evaluated += bins
-        before, self._halved, self._leaves = self._halved, [], []
         weight = self.trust(len(self.field))
         cell, log_p = self._coarse.best(self.options.cells, _NEGLIGIBLE / weight)
-        for times in range(self.options.halvings):
-            if times >= _AT_LEAST and len(log_p) and Weights(weight * log_p).ess > _ENOUGH:
-                break
-            chosen = _highest(log_p, self.options.cells)
-            rest = np.ones(len(cell), dtype=bool)
-            rest[chosen] = False
-            self._leaves.append((cell[rest], log_p[rest]))
-            halved = self._halve(times, np.sort(cell[chosen]), before[times] if times < len(before) else None)
-            self._halved.append(halved)
-            cell, log_p = halved.half.ravel(), halved.log_p.ravel()
-        self._leaves.append((cell, log_p))
+        self._before, self._halved = self._halved, self._before
+        end, left, left_log_p, evaluated, unreplayed = refine(
+            cell, log_p, self._limits, weight, self.options.skip, self.field.terms, len(self.field),
+            self.field.tables.nodes, self.field.tables.lattice, self._counts, self._size, self._before, self._halved,
+        )  # fmt: skip
+        self._leaves = end, left, left_log_p
+        self._evaluated += bins + evaluated
+        self._unreplayed += unreplayed
 
     def _estimate(self) -> Estimate:
         """Sum the belief of each letter (eq. 14); average the placement around the best letter's mode."""
@@ -142,13 +123,12 @@ class RefinedFilter(GridFilter):
         mine = np.flatnonzero(letter == best)
         mine = mine[log_weight[mine] > log_weight[mine].max() - _NEGLIGIBLE_IN_MEAN]
         log_p = log_weight[mine] + math.log(8) * cells.times[mine]
-        cells, weights = cells[mine], Weights(log_weight[mine])
-        state = cells.states()
+        cells, weights = Cells(self.grid, cells.times[mine], cells.index[mine]), Weights(log_weight[mine])
         return Estimate(
             label=self.labels[best],
             probabilities=probabilities(self.labels, mass),
-            robot_in_object=mean_around(state, weights, int(log_p.argmax())),
-            samples=pose_samples(state, weights, cells.size),
+            robot_in_object=mean_around(cells.states, weights.relative, int(log_p.argmax())),
+            samples=pose_samples(cells.states, weights, cells.size),
         )
 
     def certificate(self) -> Certificate:
@@ -158,7 +138,7 @@ class RefinedFilter(GridFilter):
     def weighted_states(self) -> WeightedStates:
         """Give the middles of the cells, large and small, that hold the belief."""
         cells, weights = self._belief_in_cells()
-        return WeightedStates(cells.letter, cells.states(), weights, cells.size)
+        return WeightedStates(cells.letter, cells.states, weights, cells.size)
 
     def log_evidence(self) -> FloatArray:
         """Sum what the cells of each letter hold; the prior of a letter's bins is 1 in all."""
@@ -182,41 +162,13 @@ class RefinedFilter(GridFilter):
         """Count evaluations, a bin or cell in a reading each, made and skipped since the estimator was made."""
         return {"likelihood_evaluations": self._evaluated, "skipped": {"replays": self._unreplayed}}
 
-    def _halve(self, times: int, cell: NDArray[np.int64], before: _Halved | None) -> _Halved:
-        """Evaluate the halves of cells (n,), themselves halved `times` before, over the whole history."""
-        halved = _Halved(cell, np.empty((len(cell), 8), dtype=np.int64), np.empty((len(cell), 8)))
-        new, last = np.arange(len(cell)), len(self.field) - 1
-        if before is not None and len(before.cell) and self.options.skip:
-            # What was halved at the last reading too needs only the new one.
-            place = np.minimum(np.searchsorted(before.cell, cell), len(before.cell) - 1)
-            known = before.cell[place] == cell
-            new, old = np.flatnonzero(~known), np.flatnonzero(known)
-            halved.log_p[old] = before.log_p[place[old]] + self._replay(times, halved, old, last)
-            self._unreplayed += 8 * len(old) * last
-        halved.log_p[new] = self._replay(times, halved, new, 0)
-        return halved
-
-    def _replay(self, times: int, halved: _Halved, which: NDArray[np.intp], first: int) -> FloatArray:
-        """Find the halves of n cells, and sum log p of the readings from `first` on: (n, 8)."""
-        state, letter = np.empty((3, 8 * len(which))), np.empty(8 * len(which), dtype=np.int64)
-        halve(halved.half, state, letter, halved.cell, which, self._counts << times, self._size / 2**times)
-        self._evaluated += len(letter) * (len(self.field) - first)
-        return self.field.log_p(letter, state, first).reshape(-1, 8)
-
     def _belief_in_cells(self) -> tuple[Cells, Weights]:
         """Give the cells that were not split and are not negligible, and what they hold."""
-        volume, trust = -math.log(8) * np.arange(len(self._leaves)), self.trust(len(self.field))
-        tops = [trust * log_p.max(initial=-math.inf) for _, log_p in self._leaves]
-        highest = self._highest = float((volume + tops).max())
-        times, index, log_weight = [], [], []
-        for depth, (cell, log_p) in enumerate(self._leaves):
-            held = trust * log_p + (volume[depth] - highest)
-            heavy = np.flatnonzero(held > -_NEGLIGIBLE)
-            times.append(np.full(len(heavy), depth))
-            index.append(cell[heavy])
-            log_weight.append(held[heavy])
-        cells = Cells(self.grid, np.concatenate(times), np.concatenate(index))
-        return cells, Weights(np.concatenate(log_weight))
+        end, cell, log_p = self._leaves
+        times, index, log_weight, self._highest = held(
+            end, cell, log_p, self.trust(len(self.field)), _NEGLIGIBLE
+        )
+        return Cells(self.grid, times, index), Weights(log_weight)
 
 
 class ForceMosaicOptions(RefinedOptions):
@@ -244,15 +196,3 @@ class GradedFilter(RefinedFilter):
     """The coarse-to-fine filter with a measurement model that does not mind the load and the response curve."""
 
     options_type: type[Options] = GradedOptions
-
-
-def _highest(values: FloatArray, count: int) -> NDArray[np.intp]:
-    """Give the indices of the `count` highest values (n,), or of all if there are fewer.
-
-    Values that are equal are all among them, or none is: of letters that look alike none may be preferred.
-    So there may be fewer than `count`.
-    """
-    if count >= len(values):
-        return np.arange(len(values))
-    next_one = len(values) - count - 1
-    return np.flatnonzero(values > np.partition(values, next_one)[next_one])

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.estimator import PlaneBelief, PoseSamples
+from tactsim.estimators.filters.placement import samples_of_cells
 from tactsim.estimators.filters.weights import Weights
 
 # Cells along a side of a picture of the belief, whatever `reach` is.
@@ -17,8 +18,8 @@ _MOST_CELLS = 200
 # A cell with more than this share of the belief stands for eight poses, in its corners' directions, one with less for
 # its middle: so a belief in few cells is not a belief in few points.
 SPREAD = 1e-3
-# The eight poses of a cell, in units of its size: as far from the middle as the cell's points are, rms.
-CORNERS = np.array([[i, j, k] for i in (-1, 1) for j in (-1, 1) for k in (-1, 1)]).T / np.sqrt(12)
+# The eight poses of a cell (8, 3), in units of its size: as far from the middle as the cell's points are, rms.
+CORNERS = np.array([[i, j, k] for i in (-1, 1) for j in (-1, 1) for k in (-1, 1)]) / np.sqrt(12)
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,10 +52,7 @@ def pose_samples(state: FloatArray, weights: Weights, size: FloatArray | None = 
     weight = weights.normalised
     if size is None:
         return PoseSamples(np.ascontiguousarray(state.T), weight)
-    heavy = weight > SPREAD
-    parts = state[:, heavy, None] + size[:, heavy, None] * CORNERS[:, None, :]
-    poses = np.concatenate([state[:, ~heavy], parts.reshape(3, -1)], axis=1)
-    return PoseSamples(poses.T, np.concatenate([weight[~heavy], np.repeat(weight[heavy] / 8, 8)]))
+    return PoseSamples(*samples_of_cells(state, weight, size, CORNERS, SPREAD))
 
 
 def letter_mass(letter: NDArray[np.int64], weights: Weights, letters: int) -> FloatArray:

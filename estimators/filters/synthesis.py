@@ -250,7 +250,8 @@ class Synthesis(Estimator):
             best = int(mass.argmax())
             mine = modes.some(np.flatnonzero(modes.letter == best))
             weights = Weights(mine.log_weight)
-            state = mean_around(mine.mean.T, weights, int(mine.log_weight.argmax()))
+            states = np.ascontiguousarray(mine.mean.T)
+            state = mean_around(states, weights.relative, int(mine.log_weight.argmax()))
             samples = self._drawn(mine, weights)
         p = (1 - _LOST) * mass / mass.sum() + _LOST / count
         return Estimate(

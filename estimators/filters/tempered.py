@@ -146,7 +146,7 @@ class TemperedFilter(MapFilter):
         return Estimate(
             label=self.labels[best],
             probabilities=probabilities(self.labels, evidence.relative),
-            robot_in_object=mean_around(one.state, one.rest, int(one.log_p.argmax())),
+            robot_in_object=mean_around(one.state, one.rest.relative, int(one.log_p.argmax())),
             samples=pose_samples(one.state, one.rest),
         )
 

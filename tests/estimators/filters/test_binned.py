@@ -7,7 +7,8 @@ from synthetic import make_scan, paper_poses
 
 from tactsim.estimators.field.field import LikelihoodField
 from tactsim.estimators.filters.binned import BinnedBelief
-from tactsim.estimators.filters.grid import Cells, StateGrid
+from tactsim.estimators.filters.cells import Cells
+from tactsim.estimators.filters.grid import StateGrid
 from tactsim.estimators.filters.states import pose_samples
 from tactsim.estimators.filters.weights import Weights
 from tactsim.estimators.likelihoods import likelihood
@@ -140,7 +141,7 @@ def test_the_summary_is_what_the_log_belief_of_all_bins_says(model, readings, ne
     letter = int(mass.argmax())
     flat = np.flatnonzero(log_p[letter] >= best - 15)
     cells = Cells(grid, np.zeros(len(flat), dtype=np.int64), flat)
-    expected = pose_samples(cells.states(), Weights(log_p[letter][flat]), cells.size)
+    expected = pose_samples(cells.states, Weights(log_p[letter][flat]), cells.size)
     order, other = (np.lexsort(poses.T.round(9)) for poses in (samples.poses, expected.poses))
     assert np.allclose(samples.poses[order], expected.poses[other], rtol=0, atol=1e-12)
     assert samples.weights[order] == pytest.approx(expected.weights[other], rel=1e-9)

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tactsim.core import InputError
-from tactsim.estimators.filters.grid import Cells, StateGrid, _mean_square, state_grid
+from tactsim.estimators.filters.grid import StateGrid, _mean_square, state_grid
 
 
 @pytest.mark.parametrize(("bins", "split"), [(100, (5, 5, 4)), (1000, (10, 10, 10)), (10_000, (25, 25, 16))])
@@ -73,21 +73,3 @@ def test_what_is_no_split_is_refused(split):
 def test_impossible_counts_are_refused(bins):
     with pytest.raises(InputError, match="bins"):
         state_grid(bins)
-
-
-def test_cells_lie_where_the_grid_divided_as_often_has_its_bins():
-    grid = StateGrid(3, 4, 5, reach=7.0)
-    for times in range(3):
-        fine = StateGrid(3 << times, 4 << times, 5 << times, reach=7.0)
-        index = np.arange(2 * fine.bins)
-        cells = Cells(grid, np.full(len(index), times), index)
-        letter, angle, row, column = np.unravel_index(index, (2, fine.angle, fine.y, fine.x))
-        x, y, theta = fine.centres
-        assert (cells.letter == letter).all()
-        assert cells.states() == pytest.approx(np.stack([x[column], y[row], theta[angle]]))
-        for inner, outer in zip((angle, row, column), cells.bins(), strict=True):
-            assert (inner >> times == outer).all()
-    mixed = Cells(grid, np.array([0, 2]), np.array([17, 3000]))
-    apart = [Cells(grid, np.array([times]), np.array([k])).states() for times, k in ((0, 17), (2, 3000))]
-    assert mixed.states() == pytest.approx(np.hstack(apart))
-    assert mixed[np.array([1])].states() == pytest.approx(apart[1])

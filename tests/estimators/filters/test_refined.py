@@ -9,7 +9,6 @@ from synthetic import fitted as shared
 from tactsim import estimators
 from tactsim.core import InputError, Scan
 from tactsim.estimators.filters.grid import StateGrid
-from tactsim.estimators.filters.refined import _highest
 from tactsim.press import ScanOptions, scan_letters
 
 COARSE = paper_poses(positions=3, angles=4)
@@ -252,12 +251,3 @@ def test_all_capitals_and_digits_are_told_apart():
     scan = scan_letters(ScanOptions(letters=letters), cache=False)[0]
     right, _ = scores(scan, fitted(scan), trials=14, last=6)
     assert right[:, 5].mean() >= 0.97
-
-
-def test_of_equal_cells_all_are_halved_or_none():
-    values = np.array([3.0, 1.0, 3.0, 5.0, 3.0, 0.0])
-    assert _highest(values, 1).tolist() == [3]
-    assert _highest(values, 2).tolist() == [3]
-    assert _highest(values, 4).tolist() == [0, 2, 3, 4]
-    assert _highest(values, 6).tolist() == _highest(values, 9).tolist() == [0, 1, 2, 3, 4, 5]
-    assert _highest(np.zeros(5), 3).tolist() == []
