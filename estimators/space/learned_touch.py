@@ -14,6 +14,7 @@ from tactsim.estimators.space.climbing_kernels import climb
 from tactsim.estimators.space.learning import Touches, depths, learn_surface
 from tactsim.estimators.space.pad_feel import Touching
 from tactsim.estimators.space.rays import Rays
+from tactsim.estimators.space.voxels import Voxels
 
 _LEFT_OUT = 5  # one in so many touches is left out to be foreseen
 _SHOWN = 3  # objects from which the stiffness is learned
@@ -26,6 +27,9 @@ _FEWER_TRIES, _TRIES = 150, 400  # of widths, for a stiffness that is tried, and
 _GROUP, _STEPS = 12, 7  # touches that are left out together, and steps in which they climb
 _STIFFNESSES = np.geomspace(10, 1000, 9)  # kPa/mm that are tried first
 _MOST_DEEP = 5.0  # mm
+
+# Of each object distances to its surface, and the touches that these were learned without.
+_LeftOut = list[tuple[Voxels, Touches]]
 
 
 def learn_touching(
@@ -41,19 +45,20 @@ def learn_touching(
 
     def tried(stiffness: float) -> float:
         start = _touching(points, rays, stiffness, _deepest(shown, stiffness), stroke, full)
-        return _widths(start, *_left_out(shown, start, rays, dense, cell), _FEWER_TRIES)[1]
+        return _widths(start, *_foreseen(_left_out(shown, start, dense, cell), start, rays), _FEWER_TRIES)[1]
 
     first = [tried(stiffness) for stiffness in _STIFFNESSES]
     fine = _STIFFNESSES[int(np.argmax(first))] * np.geomspace(0.75, 1 / 0.75, 5)
     stiffness = float(fine[np.argmax([tried(one) for one in fine])])
     everything = list(touches.values())
     start = _touching(points, rays, stiffness, _deepest(everything, stiffness), stroke, full)
-    depth, readings = _left_out(everything, start, rays, dense, cell)
+    left_out = _left_out(everything, start, dense, cell)
+    depth, readings = _foreseen(left_out, start, rays)
     touching, _ = _widths(start, depth, readings, _TRIES)
     log_p = np.empty(len(depth))
     agreements(touching, depth, readings, log_p)
     touching = touching._replace(worst=float(np.quantile(log_p, _SURPRISE)))
-    touching = touching._replace(trust=_trust(everything, touching, rays, dense, cell))
+    touching = touching._replace(trust=_trust(left_out, touching))
     area = dense.frame[2] ** 2 * dense.base.size / len(points)
     return touching, full * area / 1000
 
@@ -71,29 +76,29 @@ def _deepest(touches: list[Touches], stiffness: float) -> float:
     return min(max(1.5, 1.0 + highest / stiffness), _MOST_DEEP)
 
 
-def _left_out(
-    touches: list[Touches], start: Touching, rays: Rays, dense: Rays, cell: float
-) -> tuple[FloatArray, FloatArray]:
+def _left_out(touches: list[Touches], start: Touching, dense: Rays, cell: float) -> _LeftOut:
+    """Leave some touches of each object out, and learn distances to its surface from the others."""
+    divided = [_divided(mine) for mine in touches]
+    return [
+        (learn_surface(learned, dense, start.stiffness, cell, start.stroke).voxels, out)
+        for learned, out in divided
+    ]
+
+
+def _foreseen(left_out: _LeftOut, start: Touching, rays: Rays) -> tuple[FloatArray, FloatArray]:
     """Foresee touches left out: depths (n, rays) mm, and their readings (n, taxels) kPa."""
-    depth, readings = [], []
-    for mine in touches:
-        learned, out = _divided(mine)
-        chart = learn_surface(learned, dense, start.stiffness, cell, start.stroke)
-        depth.append(depths(chart.voxels, out, rays, start.deepest, start.soft + AHEAD))
-        readings.append(out.readings)
-    return np.concatenate(depth), np.ascontiguousarray(np.concatenate(readings))
+    depth = [depths(voxels, out, rays, start.deepest, start.soft + AHEAD) for voxels, out in left_out]
+    return np.concatenate(depth), np.ascontiguousarray(np.concatenate([out.readings for _, out in left_out]))
 
 
-def _trust(touches: list[Touches], touching: Touching, rays: Rays, dense: Rays, cell: float) -> float:
+def _trust(left_out: _LeftOut, touching: Touching) -> float:
     """Weigh touches so that groups of left-out ones are as sure of their poses as they are right, at most 1.
 
     The best pose near the true one exceeds it in log p, on average by half a nat for each of the pose's six numbers if
     the touches are weighed right (Wilks 1938): by 3.
     """
     excess = []
-    for mine in touches:
-        learned, out = _divided(mine)
-        voxels = learn_surface(learned, dense, touching.stiffness, cell, touching.stroke).voxels
+    for voxels, out in left_out:
         sensors = np.concatenate([out.places, rigid.quaternion(out.turns)], axis=1)
         for first in range(0, len(sensors) - _GROUP + 1, _GROUP):
             readings, at = out.readings[first : first + _GROUP], sensors[first : first + _GROUP]
