@@ -4,17 +4,15 @@ from __future__ import annotations
 
 from collections import Counter, OrderedDict
 from collections.abc import Callable
-from concurrent.futures import as_completed
+from functools import partial
 from itertools import groupby
 from typing import Any
 
-import numpy as np
-
+from tactsim.bench.in_chunks import done_in_chunks
 from tactsim.bench.placement_error import properties
 from tactsim.bench.trial_plan import TrialPlan
 from tactsim.bench.trials import OneTrial, Progress, Trials, run_trial
 from tactsim.bench.work_counts import flatten_work, unflatten_work
-from tactsim.core.workers import worker_processes
 from tactsim.estimators import Estimator
 
 
@@ -26,25 +24,11 @@ def run_trials(
     Returns the trials in the order of `tasks` and the estimators' work, summed. The results do not
     depend on `jobs`.
     """
-    progress("trials", 0, len(tasks))
     if jobs == 1 or len(tasks) == 1:
+        progress("trials", 0, len(tasks))
         return _run_here(plan, estimator, tasks, lambda done: progress("trials", done, len(tasks)))
-    plan = plan.portable()
-    chunks = np.array_split(np.arange(len(tasks)), min(len(tasks), 8 * jobs))
-    parts: list[Trials | None] = [None] * len(chunks)
-    work: Counter[str] = Counter()
-    done = 0
-    with worker_processes(jobs) as pool:
-        futures = {
-            pool.submit(run_chunk, plan, [tasks[i] for i in chunk]): place
-            for place, chunk in enumerate(chunks)
-        }
-        for future in as_completed(futures):
-            parts[futures[future]], part_work = future.result()
-            work.update(part_work)
-            done += len(chunks[futures[future]])
-            progress("trials", done, len(tasks))
-    return Trials.joined(part for part in parts if part is not None), unflatten_work(work)
+    parts, work = done_in_chunks(partial(run_chunk, plan.portable()), tasks, jobs=jobs, progress=progress)
+    return Trials.joined(parts), unflatten_work(work)
 
 
 def _run_here(

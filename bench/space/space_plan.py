@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from concurrent.futures import as_completed
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
+from tactsim.bench.in_chunks import done_in_chunks
 from tactsim.bench.space.pads import pads
 from tactsim.bench.space.space_config import SpaceConfig
 from tactsim.bench.space.space_trials import SpaceTask, SpaceTrials, run_trial
@@ -19,7 +19,6 @@ from tactsim.bench.trials import Progress
 from tactsim.bench.work_counts import flatten_work, unflatten_work
 from tactsim.core.seeds import stream
 from tactsim.core.space_scan import SpaceScan
-from tactsim.core.workers import worker_processes
 from tactsim.estimators import Estimator, create
 
 if TYPE_CHECKING:
@@ -99,22 +98,8 @@ def run_trials(
     if jobs == 1 or len(tasks) == 1:
         trials, work = plan.run(estimator, tasks, progress)
         return trials, unflatten_work(work)
-    chunks = np.array_split(np.arange(len(tasks)), min(len(tasks), 8 * jobs))
-    parts: list[SpaceTrials | None] = [None] * len(chunks)
-    total: Counter[str] = Counter()
-    done = 0
-    progress("trials", 0, len(tasks))
-    with worker_processes(jobs) as pool:
-        futures = {
-            pool.submit(_run_chunk, plan, [tasks[i] for i in chunk]): place
-            for place, chunk in enumerate(chunks)
-        }
-        for future in as_completed(futures):
-            parts[futures[future]], of_part = future.result()
-            total.update(of_part)
-            done += len(chunks[futures[future]])
-            progress("trials", done, len(tasks))
-    return SpaceTrials.joined(part for part in parts if part is not None), unflatten_work(total)
+    parts, total = done_in_chunks(partial(_run_chunk, plan), tasks, jobs=jobs, progress=progress)
+    return SpaceTrials.joined(parts), unflatten_work(total)
 
 
 _fitted: dict[str, tuple[SpacePlan, Estimator]] = {}  # of a worker process: the plan that it works on
