@@ -38,13 +38,10 @@ def certainty(estimate: Estimate, true: ArrayLike, of: Properties) -> Certainty:
     if estimate.samples is None:
         return Certainty(np.nan, np.nan)
     weights = estimate.samples.weights
-    # All in one array: this is done after every reading, and takes longer to begin than to do.
-    poses = np.concatenate([estimate.samples.poses, [estimate.robot_in_object, np.asarray(true)]])
-    other = np.full(len(poses) - 1, -2)  # from the samples to the estimate,
-    other[-1] = -1  # and from that to the truth
-    placed = placements(poses, of)
-    found = distance(placed[:, :-1], placed[:, other], of)
-    away, of_truth = found[:-1], found[-1]
+    placed = placements(estimate.samples.poses, of)
+    both = placements(np.stack([estimate.robot_in_object, np.asarray(true)]), of)
+    away = distance(placed, both[:, :1], of)
+    of_truth = distance(both[:, 0], both[:, 1], of)
     nearer = away < of_truth
     return Certainty(float(weights[nearer].sum() / weights.sum()), radius(away, weights, 0.9))
 
