@@ -6,7 +6,7 @@ import errno
 import sys
 from concurrent.futures import BrokenExecutor
 from importlib import import_module
-from typing import Any, NoReturn
+from typing import Annotated, Any, NoReturn
 
 import typer
 from typer.core import TyperCommand, TyperGroup
@@ -82,8 +82,29 @@ app = typer.Typer(
 )
 
 
+def _say_version(asked: bool) -> None:
+    """Print the versions that a result depends on, a line each, and end."""
+    if asked:
+        from tactsim.bench.machine import versions
+
+        found = versions()
+        for name in sorted(found, key=lambda name: name != "tactsim"):
+            typer.echo(f"{name} {found[name]}")
+        raise typer.Exit
+
+
 @app.callback()
-def _bench() -> None:
+def _bench(
+    version: Annotated[
+        bool,
+        typer.Option(
+            "--version",
+            callback=_say_version,
+            is_eager=True,
+            help="Print the versions of tactsim and its libraries.",
+        ),
+    ] = False,
+) -> None:
     """Compare ways to recognise an object by touch: press, map, recognise, score."""
 
 

@@ -14,6 +14,7 @@ from command_line import BENCH, Bench, refused
 
 from tactsim.bench.cli import run
 from tactsim.bench.cli.app import VERBS, load
+from tactsim.bench.machine import versions
 from tactsim.core import Scan
 
 SMALL = ["--trials", "1", "--readings", "4", "--bins", "1000"]
@@ -243,6 +244,12 @@ def test_an_interrupt_ends_with_130_one_line_and_no_results(tmp_path):
     assert "interrupted" in errors
     assert "Traceback" not in errors
     assert [path.name for path in tmp_path.iterdir()] == ["cache"]
+
+
+def test_the_version_is_said_with_those_of_the_libraries(here):
+    lines = dict(line.split() for line in here("--version").stdout.splitlines())
+    assert lines == versions()
+    assert next(iter(lines)) == "tactsim"
 
 
 @pytest.mark.parametrize("verb", VERBS)
