@@ -10,6 +10,7 @@ from numba import float64, int64, types, void
 from tactsim.core.compiling import INTS, REALS, REALS_2D, Ints, Reals, compiled
 from tactsim.estimators.field.vectors import LANES, TALL
 from tactsim.estimators.filters.branch_and_bound import BELIEF, Belief
+from tactsim.estimators.filters.placement import samples_of_cells
 
 
 @compiled(void(BELIEF, REALS, int64, float64, int64, REALS, INTS))
@@ -110,48 +111,35 @@ def room_for(belief: Belief, any_state: float, count: int, least: float, first: 
 
 @compiled(
     types.Tuple((REALS, INTS, REALS_2D, REALS))(
-        BELIEF, REALS, int64, float64, int64, float64, REALS, REALS, REALS, REALS_2D, float64
+        BELIEF, REALS, int64, float64, int64, float64, REALS, REALS, REALS, REALS, REALS_2D, float64
     )
 )
 def posterior(
     belief: Belief, any_state: Reals, count: int, margin: float, incumbent: int, within: float,
-    x: Reals, y: Reals, angle: Reals, corners: Reals, spread: float,
+    x: Reals, y: Reals, angle: Reals, spacing: Reals, corners: Reals, spread: float,
 ) -> tuple[Reals, Ints, Reals, Reals]:  # fmt: skip
     """Sum the belief of each letter and find its mode (`summarise`), and list the bins of the letter that holds most.
 
-    within: nats below the best bin up to which bins are listed. x, y (mm), angle (rad): the bins' centroids. A bin with
-    more than the share `spread` of the listed belief is listed as eight poses, `corners` (8, 3) away from its middle
-    (`pose_samples`). Returns mass and mode, (letters,) each, and poses (n, 3) and weights (n,), which sum to 1.
+    within: nats below the best bin up to which bins are listed. x, y (mm), angle (rad): the bins' centroids. spacing:
+    (3,) their size. corners, spread: as `samples_of_cells` takes them. Returns mass and mode, (letters,) each, and
+    poses (n, 3) and weights (n,), which sum to 1.
     """
     letters, rows, columns = len(belief.seen), belief.size[0], belief.size[1]
     mass, mode = np.empty(letters), np.empty(letters, dtype=np.int64)
     summarise(belief, any_state, count, margin, incumbent, mass, mode)
     letter = int(mass.argmax())
     least = belief.upper.reshape(belief.upper.size)[incumbent] + any_state[count] - within
-    size = room_for(belief, any_state[count], count, least, letter, letter + 1)
-    flat, weight = np.empty(size, dtype=np.int64), np.empty(size)
+    room = room_for(belief, any_state[count], count, least, letter, letter + 1)
+    flat, weight = np.empty(room, dtype=np.int64), np.empty(room)
     found = pick_letters(belief, any_state[count], count, least, letter, letter + 1, flat, weight)
     highest = weight[:found].max()
-    total = 0.0
+    state, size, total = np.empty((3, found)), np.empty((3, found)), 0.0
     for k in range(found):
         weight[k] = math.exp(weight[k] - highest)
         total += weight[k]
-    heavy = 0
-    for k in range(found):
-        weight[k] /= total
-        heavy += weight[k] > spread
-    poses, share = np.empty((found + 7 * heavy, 3)), np.empty(found + 7 * heavy)
-    light, part = 0, found - heavy
-    for k in range(found):
-        column, row = flat[k] % columns, flat[k] // columns % rows
-        turn = flat[k] // (columns * rows) % len(angle)
-        if weight[k] <= spread:
-            poses[light, 0], poses[light, 1], poses[light, 2] = x[column], y[row], angle[turn]
-            share[light] = weight[k]
-            light += 1
-        else:
-            for corner in corners:
-                poses[part, 0], poses[part, 1] = x[column] + corner[0], y[row] + corner[1]
-                poses[part, 2], share[part] = angle[turn] + corner[2], weight[k] / 8
-                part += 1
+        state[0, k], state[1, k] = x[flat[k] % columns], y[flat[k] // columns % rows]
+        state[2, k] = angle[flat[k] // (columns * rows) % len(angle)]
+    for axis in range(3):
+        size[axis] = spacing[axis]
+    poses, share = samples_of_cells(state, weight[:found] / total, size, corners, spread)
     return mass, mode, poses, share

@@ -49,7 +49,6 @@ class BinnedBelief:
         letters = len(field.labels)
         self._field, self._grid = field, grid
         x, y, angle = self._axes = grid.centres
-        self._corners = CORNERS * np.array(grid.spacing)
         first, spacing = np.array([x[0], y[0]]), grid.spacing[:2]
         wide, tall = _block(grid)
         self._bins = field.slices(first, spacing)
@@ -101,7 +100,7 @@ class BinnedBelief:
         """
         mass, mode, poses, weights = posterior(
             self._belief, self._field.terms.upper, len(self._field), self._margin, self._incumbent, within,
-            *self._axes, self._corners, SPREAD,
+            *self._axes, np.array(self._grid.spacing), CORNERS, SPREAD,
         )  # fmt: skip
         return mass, mode, PoseSamples(poses, weights)
 
