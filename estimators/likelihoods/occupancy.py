@@ -14,10 +14,10 @@ from tactsim.core import InputError, Scan, transform
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.likelihoods.classifier import CONTACT, NO_CONTACT, classify
 from tactsim.estimators.likelihoods.scale import threshold_of
+from tactsim.estimators.likelihoods.stamping_kernels import stamp
 
 _NOTHING = 1e-12  # a taxel is left out of cells whose log-odds it would change by less than this
 _MOST_CELLS = 50_000_000  # of all maps together: 400 MB
-_AT_ONCE = 200_000  # cells that are stamped in one piece: what a cache holds
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,13 +126,11 @@ def log_odds_of(
     xy: (..., 2) mm. classes: (...). sigma, peak: as for `learn_maps`.
     """
     evidence = np.zeros(chart.log_odds.shape)
-    stamp = (2 * _reach(sigma, chart.prior) / chart.cell + 2) ** 2
-    at_once = math.ceil(max(_AT_ONCE, evidence.size) / stamp)
-    low = np.rint(chart.origin / chart.cell)
+    low, reach = np.rint(chart.origin / chart.cell), _reach(sigma, chart.prior)
     for kind in (CONTACT, NO_CONTACT):
         touched = xy[classes == kind] / chart.cell - low
-        for first in range(0, len(touched), at_once):
-            _stamp(evidence, touched[first : first + at_once], kind, sigma / chart.cell, peak, chart.prior)
+        above, below = _ratios(kind, chart.prior)
+        stamp(evidence, touched, sigma / chart.cell, peak, reach / chart.cell, above, below)
     return evidence
 
 
@@ -141,39 +139,27 @@ def _reach(sigma: float, prior: float) -> float:
     return sigma * math.sqrt(-math.log(_NOTHING * min(prior, 1 - prior)) / 2)
 
 
-def _stamp(
-    evidence: FloatArray, centres: FloatArray, kind: int, sigma: float, peak: float, prior: float
-) -> None:
-    """Add the log-odds that taxels at `centres` (n, 2) give to the cells around them, all in cells."""
-    reach = math.ceil(_reach(sigma, prior))
-    around = np.arange(-reach + 1, reach + 1)
-    nearest = np.floor(centres).astype(np.intp)
-    rest = centres - nearest
-    spread = np.exp(-2 * ((around - rest[:, :, None]) / sigma) ** 2)
-    g = peak * spread[:, 1, :, None] * spread[:, 0, None, :]
-    added = taxel_log_odds(kind, g, prior)
-    row = (nearest[:, 1, None] + around)[:, :, None]
-    column = (nearest[:, 0, None] + around)[:, None, :]
-    flat = np.clip(row, 0, evidence.shape[0] - 1) * evidence.shape[1] + np.clip(
-        column, 0, evidence.shape[1] - 1
-    )
-    evidence += np.bincount(flat.ravel(), added.ravel(), minlength=evidence.size).reshape(evidence.shape)
-
-
 def point_spread(squared_distance: ArrayLike, sigma: float, peak: float) -> FloatArray:
     """Give G' of eq. 4, at squared distances (mm^2) from a taxel's centre."""
     return peak * np.exp(-2 / sigma**2 * np.asarray(squared_distance))
 
 
 def taxel_log_odds(kind: int, g: FloatArray, prior: float) -> FloatArray:
-    """Give the log-odds that a taxel In Contact or without adds to a cell where G' is `g`.
+    """Give the log-odds that a taxel In Contact or without adds to a cell where G' is `g` (eq. 5, 6).
+
+    An Unknown taxel leaves p(m), hence adds nothing.
+    """
+    above, below = _ratios(kind, prior)
+    return np.asarray(np.log((1 + above * g) / (1 + below * g)))
+
+
+def _ratios(kind: int, prior: float) -> tuple[float, float]:
+    """Give a and b of log (1 + a G') / (1 + b G'), what a taxel adds to a cell.
 
     Of eq. 5 and 6, with p = p(m): in contact, log (p + (1-p) G') / (p (1-G')); without contact,
-    log (1-p) (1-G') / (1 - p + p G'). An Unknown taxel leaves p(m), hence adds nothing.
+    log (1-p) (1-G') / (1 - p + p G').
     """
-    if kind == CONTACT:
-        return np.log((prior + (1 - prior) * g) / (prior * (1 - g)))
-    return np.log((1 - prior) * (1 - g) / (1 - prior + prior * g))
+    return ((1 - prior) / prior, -1.0) if kind == CONTACT else (-1.0, prior / (1 - prior))
 
 
 def log_odds(probability: float) -> float:
