@@ -24,6 +24,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from statistics import NormalDist
 
 import numpy as np
 
@@ -148,11 +149,9 @@ def _moves(centre: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     narrow region, and drawn independently they would make it seem narrower than it is. The second half are those of
     the first half the other way.
     """
-    from scipy.special import ndtri  # imported here: only a fit needs it
-
     spread = (np.arange(1, _MOVES // 2 + 1)[:, None] * _ROOT ** -np.arange(1.0, 5.0) + 0.5) % 1
     size = _LEAST * (_MOST / _LEAST) ** spread[:, 0]
-    direction = ndtri(spread[:, 1:])
+    direction = np.vectorize(NormalDist().inv_cdf)(spread[:, 1:])
     move = direction / np.linalg.norm(direction, axis=1, keepdims=True) * size[:, None]
     move, size = np.concatenate([move, -move]), np.tile(size, 2)
     turn = move[:, 2] / _GYRATION
@@ -190,13 +189,12 @@ def _sequences(log_p: FloatArray, count: int, rng: np.random.Generator) -> Float
 
     log_p: (readings, moves). In a mirrored reading every move is the other way.
     """
-    half = log_p.shape[1] // 2
-    sums = np.empty((_SEQUENCES, 2 * half))
+    plain, mirrored = np.zeros((2, _SEQUENCES, len(log_p)))
     for number in range(_SEQUENCES):
         drawn = rng.permutation(len(log_p))[:count]
-        mirrored = rng.random(len(drawn)) < 0.5
-        sums[number] = log_p[drawn[~mirrored]].sum(axis=0) + np.roll(log_p[drawn[mirrored]].sum(axis=0), half)
-    return sums
+        turned = rng.random(len(drawn)) < 0.5
+        plain[number, drawn[~turned]] = mirrored[number, drawn[turned]] = 1
+    return plain @ log_p + np.roll(mirrored @ log_p, log_p.shape[1] // 2, axis=1)
 
 
 def _held(log_p: FloatArray, shift: FloatArray, size: FloatArray) -> float:

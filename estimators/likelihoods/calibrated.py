@@ -114,12 +114,26 @@ def steepness(
     Log-odds are sums over the presses around a place, so a press at a new place meets larger ones than a press that is
     left out. places: (n, 2) mm, of left-out taxels, for each map. left_out: (n,) their log-odds without their position.
     """
-    from scipy.ndimage import gaussian_filter  # imported here: only a fit needs it
-
     whole = part = 0.0
     for chart, xy, odds in zip(maps, places, left_out, strict=True):
         prior = log_odds(chart.prior)
-        size = gaussian_filter(np.abs(chart.log_odds - prior), _AROUND / chart.cell, mode="constant")
+        size = _blurred(np.abs(chart.log_odds - prior), _AROUND / chart.cell)
         whole += float(replace(chart, log_odds=size, prior=0.5).log_odds_at(xy).sum())
         part += float(np.abs(odds - prior).sum())
     return whole / part if part else 1.0
+
+
+def _blurred(values: FloatArray, width: float) -> FloatArray:
+    """Average (rows, columns) around each cell, with weights of a normal distribution; outside lie zeros.
+
+    width: cells, its standard deviation. It ends at four of them. As `scipy.ndimage.gaussian_filter`, which takes
+    longer to import than all fits of a run.
+    """
+    reach = round(4 * width)
+    weight = np.exp(-0.5 * (np.arange(-reach, reach + 1) / width) ** 2)
+    weight /= weight.sum()
+    for _ in range(2):
+        count = len(values)
+        framed = np.pad(values, ((reach, reach), (0, 0)))
+        values = sum(weight[k] * framed[k : k + count] for k in range(2 * reach + 1)).T
+    return values

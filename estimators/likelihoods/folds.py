@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from tactsim.core import Scan, transform
 from tactsim.core.poses import FloatArray
+from tactsim.estimators.likelihoods.nearness_kernels import near_another_part
 
 # As many parts; each is predicted from the rest.
 FOLDS = 4
@@ -146,18 +147,14 @@ def touched_elsewhere(train: Scan, part: NDArray[np.intp]) -> NDArray[np.bool_]:
     The others are at the rim of what was felt. Left out, they are not interpolated, as readings within the trained
     range are, but extrapolated, and say nothing of how good the map is. part: (n,) as `folds` divides.
     """
-    from scipy.spatial import cKDTree  # imported here: only a fit needs it
-
     xy = transform(train.poses, train.taxel_xy)
-    near = np.zeros(train.readings.shape, dtype=bool)
+    near = np.empty(train.readings.shape, dtype=bool)
     for label in train.letters:
-        for number in range(FOLDS):
-            mine, rest = (
-                (train.labels == label) & (part == number),
-                (train.labels == label) & (part != number),
-            )
-            if mine.any() and rest.any():
-                tree = cKDTree(xy[rest].reshape(-1, 2), leafsize=32, compact_nodes=False, balanced_tree=False)
-                away, _ = tree.query(xy[mine].reshape(-1, 2), distance_upper_bound=_NEAR)
-                near[mine] = np.isfinite(away).reshape(-1, len(train.taxel_xy))
+        mine = train.labels == label
+        x, y = xy[mine].reshape(-1, 2).T
+        order = np.argsort(x)
+        of_taxel = np.repeat(part[mine], len(train.taxel_xy))
+        found = np.empty(len(x), dtype=bool)
+        found[order] = near_another_part(x[order], y[order], of_taxel[order], _NEAR)
+        near[mine] = found.reshape(-1, len(train.taxel_xy))
     return near

@@ -2,12 +2,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.ndimage import gaussian_filter
 from synthetic import draw_trial, make_scan, paper_poses
 
 from tactsim import estimators
 from tactsim.core import InputError, Scan, transform
 from tactsim.estimators.likelihoods import likelihood
-from tactsim.estimators.likelihoods.calibrated import steepness
+from tactsim.estimators.likelihoods.calibrated import _blurred, steepness
 from tactsim.estimators.likelihoods.class_table import calibrate, quantile_edges
 from tactsim.estimators.likelihoods.classifier import CONTACT, NO_CONTACT, UNKNOWN, classify
 from tactsim.estimators.likelihoods.folds import folds, touched_elsewhere
@@ -89,6 +90,13 @@ def test_maps_are_steeper_than_those_without_a_position_by_the_presses_that_thes
     places = np.random.default_rng(0).uniform(8, 12, (50, 2))
     assert steepness([whole], [places], [half.log_odds_at(places)]) == pytest.approx(2, rel=1e-6)
     assert steepness([whole], [places], [np.zeros(50)]) == 1
+
+
+@pytest.mark.parametrize("shape", [(130, 90), (7, 50), (3, 2)])
+def test_log_odds_are_averaged_as_scipy_averages(shape):
+    values = np.random.default_rng(0).random(shape)
+    for width in (3.75, 1.1, 0.4):
+        assert _blurred(values, width) == pytest.approx(gaussian_filter(values, width, mode="constant"))
 
 
 def told_and_seen(model, shift):
