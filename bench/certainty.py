@@ -14,7 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tactsim.bench.placement_error import Properties, distance, fold_angle, placements
+from tactsim.bench.placement_error import Properties, fold_angle, placement_error
+from tactsim.bench.placement_kernels import radius
 from tactsim.core import invert, transform
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.estimator import Estimate, PoseSamples
@@ -38,20 +39,9 @@ def certainty(estimate: Estimate, true: ArrayLike, of: Properties) -> Certainty:
     if estimate.samples is None:
         return Certainty(np.nan, np.nan)
     weights = estimate.samples.weights
-    placed = placements(estimate.samples.poses, of)
-    both = placements(np.stack([estimate.robot_in_object, np.asarray(true)]), of)
-    away = distance(placed, both[:, :1], of)
-    of_truth = distance(both[:, 0], both[:, 1], of)
-    nearer = away < of_truth
+    away = placement_error(estimate.samples.poses, estimate.robot_in_object, of)
+    nearer = away < placement_error(true, estimate.robot_in_object, of)
     return Certainty(float(weights[nearer].sum() / weights.sum()), radius(away, weights, 0.9))
-
-
-def radius(away: FloatArray, weights: FloatArray, share: float) -> float:
-    """Find the least distance within which samples, `away` (n,) mm with weights (n,), hold a share of the weight."""
-    order = np.argsort(away)
-    held = np.cumsum(weights[order])
-    # Rounding may leave the sum of all just below the share asked for.
-    return float(away[order[min(np.searchsorted(held, share * held[-1]), len(order) - 1)]])
 
 
 def covariance(samples: PoseSamples, estimated: ArrayLike, of: Properties) -> tuple[FloatArray, FloatArray]:

@@ -16,6 +16,7 @@ import tactsim.press
 def compile_kernels() -> None:
     """Import every module that has some: a kernel is compiled, or loaded from the cache, when it is imported."""
     logging.getLogger("tactsim.core.kernel_cache").setLevel(logging.ERROR)  # who calls this knows why
+    import_module("tactsim.bench.placement_kernels")
     for package in (tactsim.estimators, tactsim.press):
         for module in pkgutil.walk_packages(package.__path__, f"{package.__name__}."):
             import_module(module.name)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from pydantic import BaseModel, Field
 
+from tactsim.bench.placement_kernels import distances
 from tactsim.core import InputError, Scan, transform, wrap_angle
 from tactsim.core.checking import checked
 from tactsim.core.errors import short
@@ -80,34 +81,12 @@ def placement_error(estimated: ArrayLike, true: ArrayLike, of: Properties) -> Fl
     the object's points (the paper's ref. [24], Eqn. 4, in mm); dtheta is folded by the object's
     rotational symmetry (eq. 17-20, with the wrap that the printed mod lacks).
     """
-    return distance(placements(estimated, of), placements(true, of), of)
-
-
-def placements(robot_in_object: ArrayLike, of: Properties) -> FloatArray:
-    """Say where objects lie, T_O^R, for poses (..., 3) T_R^O.
-
-    Returns (5, ...): x, y mm of the centre of mass, cosine and sine of the angle, and the angle of T_R^O, rad.
-    """
-    pose = np.asarray(robot_in_object, dtype=float)
-    cos, sin = np.cos(pose[..., 2]), np.sin(pose[..., 2])
-    x, y = of.centre[0] - pose[..., 0], of.centre[1] - pose[..., 1]
-    return np.stack([cos * x + sin * y, cos * y - sin * x, cos, -sin, pose[..., 2]])
-
-
-def distance(estimated: FloatArray, true: FloatArray, of: Properties) -> FloatArray:
-    """Measure the distance between `placements` (5, ...), mm, as `placement_error` says; they broadcast."""
-    x, y, cos, sin, angle = estimated
-    true_x, true_y, true_cos, true_sin, true_angle = true
-    if of.symmetry == 0:
-        turned: FloatArray | float = 0.0
-    elif of.symmetry <= 2:
-        # 2 (1 - cos dtheta) is the squared chord, which needs no angle to be wrapped.
-        turned = (cos - true_cos) ** 2 + (sin - true_sin) ** 2
-        if of.symmetry == 2:
-            turned = np.minimum(turned, (cos + true_cos) ** 2 + (sin + true_sin) ** 2)
-    else:
-        turned = 2 * (1 - np.cos(fold_angle(true_angle - angle, of.symmetry)))
-    return np.asarray(np.sqrt((x - true_x) ** 2 + (y - true_y) ** 2 + of.inertia_over_mass * turned))
+    one, other = np.asarray(estimated, dtype=float), np.asarray(true, dtype=float)
+    if other.ndim > 1:
+        one, other = np.broadcast_arrays(one, other)
+    poses, others = (np.ascontiguousarray(rows.reshape(-1, 3)) for rows in (one, other))
+    away = distances(poses, others, of.symmetry, *of.centre, of.inertia_over_mass)
+    return away.reshape(one.shape[:-1])
 
 
 def fold_angle(angle: ArrayLike, symmetry: int) -> FloatArray:

@@ -122,13 +122,13 @@ class RefinedFilter(GridFilter):
         best = int(mass.argmax())
         mine = np.flatnonzero(letter == best)
         mine = mine[log_weight[mine] > log_weight[mine].max() - _NEGLIGIBLE_IN_MEAN]
-        log_p = log_weight[mine] + math.log(8) * cells.times[mine]
-        cells, weights = Cells(self.grid, cells.times[mine], cells.index[mine]), Weights(log_weight[mine])
+        weights, states, times = Weights(log_weight[mine]), cells.states.take(mine, axis=1), cells.times[mine]
+        densest = int((weights.log + math.log(8) * times).argmax())
         return Estimate(
             label=self.labels[best],
             probabilities=probabilities(self.labels, mass),
-            robot_in_object=mean_around(cells.states, weights.relative, int(log_p.argmax())),
-            samples=pose_samples(cells.states, weights, cells.size),
+            robot_in_object=mean_around(states, weights.relative, densest),
+            samples=pose_samples(states, weights, cells.size.take(mine, axis=1)),
         )
 
     def certificate(self) -> Certificate:

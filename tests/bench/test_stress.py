@@ -9,10 +9,11 @@ import pytest
 from typer.testing import CliRunner
 
 from tactsim.bench.cli.app import app
+from tactsim.bench.placement_kernels import distances
 from tactsim.bench.stress import TOPICS, cases, chosen_cases, run_case
 from tactsim.bench.stress.case import Worst, case, refused
 from tactsim.bench.stress.case_data import fit_once
-from tactsim.core import wrap_angle
+from tactsim.core import invert
 from tactsim.core.errors import InputError
 from tactsim.estimators.likelihoods.occupancy import sigmoid
 
@@ -125,19 +126,22 @@ def test_other_case(chosen):
 
 
 # For each a fault in the code under it: what is replaced, and by what.
-def not_inverted(pose, of):
+def not_inverted(estimated, true, symmetry, x, y, inertia):
     """Take where the robot is in the object for where the object is."""
-    x, y, angle = np.moveaxis(np.asarray(pose, dtype=float), -1, 0)
-    return np.stack([x, y, np.cos(angle), np.sin(angle), angle])
+    return distances(invert(estimated), invert(true), symmetry, x, y, inertia)
+
+
+def without_symmetry(estimated, true, symmetry, *of):
+    return distances(estimated, true, 1, *of)
 
 
 PLANTED = {
     "frames.wrap": ("tactsim.bench.stress.frames_cases.wrap_angle", lambda angle: np.asarray(angle)),
     "frames.symmetric-objects": (
-        "tactsim.bench.placement_error.fold_angle",
-        lambda angle, order: wrap_angle(angle),
+        "tactsim.bench.placement_error.distances",
+        without_symmetry,
     ),
-    "frames.error-at-the-seam": ("tactsim.bench.placement_error.placements", not_inverted),
+    "frames.error-at-the-seam": ("tactsim.bench.placement_error.distances", not_inverted),
     "maps.peak-near-one": ("tactsim.estimators.likelihoods.occupancy._NOTHING", 0.5),
     "likelihood.float32-tables": (
         "tactsim.estimators.likelihoods.paper.sigmoid",
