@@ -40,6 +40,17 @@ class Cloud:
     log_weight: FloatArray
     log_evidence: float
 
+    def joined(self, other: Cloud) -> Cloud:
+        """Put two clouds of a letter together, each with what its evidence makes of it."""
+        both = float(np.logaddexp(self.log_evidence, other.log_evidence))
+        parts = (self, other)
+        return Cloud(
+            np.concatenate([one.centre for one in parts]),
+            np.concatenate([one.spread for one in parts]),
+            np.concatenate([one.log_weight + one.log_evidence - both for one in parts]),
+            both,
+        )
+
 
 @dataclass(frozen=True, eq=False)
 class Drawn:

@@ -14,7 +14,8 @@ from tactsim.core.poses import FloatArray
 _RATIO = 0.06
 _SCALES = (0.15, 0.5, 1.5)  # mm, of the bank from which the motion is learned
 _JUMP, _JUMPS = 4.0, 0.02  # mm, standard deviation of a jump along an axis, and how often one comes
-_STILL = 0.9  # the prior probability that the object lies still throughout
+_STILL = 0.9  # the prior probability that the object lies still at first
+_BEGINS = 0.02  # how often an object that has lain still begins to move
 _SWITCH = 0.02  # how often the scale changes from one touch to the next
 # By what power a reading's likelihood counts when a filter that does not learn its own `trust` compares scales. Taxels
 # side by side err together, and a press is misplaced: a belief that may move follows such errors, and would be taken
@@ -29,7 +30,8 @@ class Motion:
 
     ratio: rad that count as 1 mm. variance: (scales,) mm^2 along each axis. prior: (scales,) their probabilities
     given that it moves. switch: probability that the scale is drawn anew. jump, jump_variance: probability and
-    mm^2. still: the prior probability that it lies still throughout; None if it is known to move.
+    mm^2. still: the prior probability that it lies still at first; None if it is known to move. begins: probability
+    that it begins to move before a touch.
     """
 
     ratio: float
@@ -39,6 +41,7 @@ class Motion:
     jump: float
     jump_variance: float
     still: float | None
+    begins: float = 0.0
 
     @property
     def around(self) -> float:
@@ -64,7 +67,7 @@ def parse_motion(text: str) -> Motion | None:
     if text == "auto":
         scales = np.array(_SCALES)
         even = np.full(len(scales), 1 / len(scales))
-        return Motion(_RATIO, scales**2, even, _SWITCH, _JUMPS, _JUMP**2, _STILL)
+        return Motion(_RATIO, scales**2, even, _SWITCH, _JUMPS, _JUMP**2, _STILL, _BEGINS)
     try:
         mm, rad = (float(word) for word in text.split(","))
     except ValueError:

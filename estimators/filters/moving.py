@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -27,6 +28,7 @@ from tactsim.estimators.filters.weights import Weights
 from tactsim.estimators.filters.wrapper import Wrapper
 
 _BROAD = 5  # at the second reading, when the belief is broad, so many times as many states are drawn
+_SETTING_OFF = 80  # centres of a letter's belief at rest, from which it may begin to move
 _FORGOTTEN = 30.0  # a letter this many nats below the best is not followed any more
 
 
@@ -39,7 +41,8 @@ class Moving(Wrapper):
     weights by the mixture of all rounds, Cornuet et al. 2012).
 
     How far the object moves is learned, if it is not given: each scale of a bank, from lying still on, has the
-    probability that the readings so far give it.
+    probability that the readings so far give it. An object at rest may begin to move before any touch, from where the
+    filter holds that it lies.
     """
 
     def __init__(self, filter: MapFilter, motion: Motion) -> None:
@@ -66,7 +69,8 @@ class Moving(Wrapper):
         if self._motion.still is None:
             self.filter.take(reading, sensor_in_robot)
         else:
-            self._rest += self._foretold(reading, sensor_in_robot)
+            self._set_off()
+            self._rest += math.log1p(-self._motion.begins) + self._foretold(reading, sensor_in_robot)
         self._past.append(self._clouds)
         self._clouds = list(self._clouds)
         count = DRAWN * (_BROAD if len(self._past) == 1 else 1)
@@ -82,27 +86,51 @@ class Moving(Wrapper):
 
     def _begin(self) -> None:
         """Take over what the filter holds: nothing has moved yet."""
+        self._clouds = self._held(_BROAD * CENTRES)
+        self._drawn = [
+            None
+            if cloud is None
+            else Drawn(self._motion.state(cloud.centre), *np.zeros((2, len(cloud.centre))))
+            for cloud in self._clouds
+        ]
+
+    def _set_off(self) -> None:
+        """Let the object begin to move from where the filter holds that it lies.
+
+        So the belief that moves need not find by itself, of single readings, what all readings together say.
+        """
+        still = self._motion.still
+        assert still is not None
+        log_share = self._rest + math.log(still / (1 - still)) + math.log(self._motion.begins)
+        followed = max(cloud.log_evidence for cloud in self._clouds if cloud is not None)
+        if log_share < followed - _FORGOTTEN:
+            return
+        for letter, begun in enumerate(self._held(_SETTING_OFF)):
+            if begun is None or begun.log_evidence + log_share < followed - _FORGOTTEN:
+                continue
+            begun, moving = replace(begun, log_evidence=begun.log_evidence + log_share), self._clouds[letter]
+            self._clouds[letter] = begun if moving is None else moving.joined(begun)
+
+    def _held(self, count: int) -> list[Cloud | None]:
+        """Make clouds of the filter's belief, of about `count` centres each; None of a letter that holds nothing."""
         belief, motion = self.filter.weighted_states(), self._motion
         mass = letter_mass(belief.letter, belief.weights, len(self.labels))
-        evidence = log(mass / mass.sum())
-        self._clouds, self._drawn = [], []
+        evidence, clouds = log(mass / mass.sum()), list[Cloud | None]()
         for letter in range(len(self.labels)):
             mine = np.flatnonzero(belief.letter == letter)
-            if not len(mine):
-                self._clouds.append(None)
-                self._drawn.append(None)
+            if not len(mine) or not mass[letter]:
+                clouds.append(None)
                 continue
-            weights = Weights(belief.weights.log[mine])
-            chosen = mine[weights.systematic(_BROAD * CENTRES, self._rng)]
+            chosen = mine[Weights(belief.weights.log[mine]).systematic(count, self._rng)]
             state = belief.state[:, chosen]
             size = belief.size[:, chosen] if belief.size is not None else np.zeros_like(state)
             state = state + self._rng.uniform(-0.5, 0.5, state.shape) * size
             spread = (size[0] * size[1] * size[2] / motion.ratio) ** (2 / 3) / 12
             share = np.log(motion.prior) - math.log(len(chosen))
-            self._clouds.append(
+            clouds.append(
                 Cloud(motion.placed(state), spread, np.tile(share, (len(chosen), 1)), float(evidence[letter]))
             )
-            self._drawn.append(Drawn(state, np.zeros(len(chosen)), np.zeros(len(chosen))))
+        return clouds
 
     @property
     def _located(self) -> bool:

@@ -12,6 +12,7 @@ from tactsim.bench.slip import Slip
 from tactsim.bench.stress import chosen_cases, run_case
 from tactsim.core import InputError, compose, invert
 from tactsim.estimators import create
+from tactsim.estimators.filters.clouds import Cloud
 from tactsim.estimators.filters.mixture import add_densities
 from tactsim.estimators.filters.motion import Motion, parse_motion
 from tactsim.estimators.filters.moving_bins import MovingBins, heat_kernel
@@ -110,7 +111,37 @@ def test_models_are_weighed_by_how_well_they_foretold_each_reading(two):
     for k in range(len(belief.letter)):
         log_p = moving.field.log_p(int(belief.letter[k]), belief.state[:, k : k + 1].copy(), 4)
         likelihood[k] = np.exp(moving.trust(3) * log_p[0])
-    assert moving._rest - before == pytest.approx(np.log(belief.weights.normalised @ likelihood), rel=1e-6)
+    foretold = np.log(belief.weights.normalised @ likelihood)
+    assert moving._rest - before == pytest.approx(np.log(1 - moving._motion.begins) + foretold, rel=1e-6)
+
+
+def test_a_moving_belief_that_is_lost_sets_off_again_from_where_the_object_lies(two):
+    readings, poses, true = sequence(two, "E", 8)
+    estimator = fitted("refined", two, bins=1000, motion="auto")
+    estimates(estimator, readings[:6], poses[:6])
+    moving = estimator.filter.filter
+    for cloud in moving._clouds:  # as if it had missed the place when it began
+        if cloud is not None:
+            cloud.centre[:] += [12.0, -9.0, 3.0]
+    for k in (6, 7):
+        estimator.update(readings[k], poses[k])
+    state, _, mode = moving._drawn[two.letters.index("E")].heavy()
+    assert np.hypot(*(invert(state[:, mode]) - invert(true[-1]))[:2]) < 1
+
+
+def test_clouds_that_are_joined_hold_what_both_held():
+    rng = np.random.default_rng(0)
+    clouds = []
+    for count, evidence in ((5, -2.0), (3, -3.5)):
+        weight = rng.dirichlet(np.ones(2 * count)).reshape(count, 2)
+        clouds.append(Cloud(rng.normal(size=(count, 3)), rng.random(count), np.log(weight), evidence))
+    both = clouds[0].joined(clouds[1])
+    assert both.log_evidence == pytest.approx(np.log(np.exp(-2.0) + np.exp(-3.5)))
+    assert np.exp(both.log_weight).sum() == pytest.approx(1)
+    held = [np.exp(one.log_weight + one.log_evidence) for one in clouds]
+    assert np.exp(both.log_weight + both.log_evidence) == pytest.approx(np.concatenate(held))
+    assert np.array_equal(both.centre, np.concatenate([one.centre for one in clouds]))
+    assert np.array_equal(both.spread, np.concatenate([one.spread for one in clouds]))
 
 
 def test_a_jump_is_found_again(small):
