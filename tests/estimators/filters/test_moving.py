@@ -122,7 +122,7 @@ def test_a_moving_belief_that_is_lost_sets_off_again_from_where_the_object_lies(
     moving = estimator.filter.filter
     for cloud in moving._clouds:  # as if it had missed the place when it began
         if cloud is not None:
-            cloud.centre[:] += [12.0, -9.0, 3.0]
+            cloud.centre[:] += [30.0, -20.0, 15.0]
     for k in (6, 7):
         estimator.update(readings[k], poses[k])
     state, _, mode = moving._drawn[two.letters.index("E")].heavy()
