@@ -9,10 +9,11 @@ all terms are added.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import float64, int64, types, void
+from numpy.typing import NDArray
 
 from tactsim.core.compiling import (
     FLOATS,
@@ -52,13 +53,23 @@ SLICES = types.NamedTuple((FLOATS, INTS, REALS), Slices)
 
 def slices_of(nodes: Floats, phases: tuple[int, int], place: Reals) -> Slices:
     """Lay out the nodes and phases of `Tables` for the kernels; place as in `Slices`."""
+    framed = laid_out(nodes, phases, 0)
+    rows, columns = framed.shape[4] - 2 * TALL, framed.shape[5] - LANES
+    return Slices(framed.reshape(-1), np.array([*framed.shape[:4], rows, columns]), place)
+
+
+def laid_out(nodes: NDArray[Any], phases: tuple[int, int], outside: float) -> NDArray[Any]:
+    """Lay out nodes (tables, letters, rows, columns) as `Slices` says, with another value than zero outside.
+
+    Returns (tables, letters, phases_y, phases_x, rows + 2 * TALL, columns + LANES).
+    """
     kinds, letters, rows, columns = nodes.shape
     phases_y, phases_x = phases
     shape = kinds, letters, phases_y, phases_x, rows // phases_y, columns // phases_x
-    framed = np.zeros((*shape[:4], shape[4] + 2 * TALL, shape[5] + LANES), dtype=np.float32)
+    framed = np.full((*shape[:4], shape[4] + 2 * TALL, shape[5] + LANES), outside, dtype=nodes.dtype)
     split = nodes.reshape(kinds, letters, shape[4], phases_y, shape[5], phases_x)
     framed[..., TALL:-TALL, :-LANES] = split.transpose(0, 1, 3, 5, 2, 4)
-    return Slices(framed.reshape(-1), np.array(shape), place)
+    return framed
 
 
 @compiled(

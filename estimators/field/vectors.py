@@ -75,3 +75,17 @@ def add_times(typing: Any, total: Any, factor: Any, values: Any) -> Any:
         return builder.call(function, [factors, values, total])
 
     return _LANES(_LANES, float32, _LANES), generate
+
+
+@intrinsic
+def load_bytes(typing: Any, array: Any, index: Any) -> Any:
+    """Read array[index : index + LANES] of a contiguous uint8 array, as float32."""
+
+    def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        array = context.make_array(signature.args[0])(context, builder, args[0])
+        kind = ir.VectorType(ir.IntType(8), LANES)
+        values = builder.load(builder.bitcast(builder.gep(array.data, [args[1]]), kind.as_pointer()), align=1)
+        # Through 32 bits with a sign, for which processors have an instruction.
+        return builder.sitofp(builder.zext(values, ir.VectorType(ir.IntType(32), LANES)), _VECTOR)
+
+    return _LANES(array, index), generate

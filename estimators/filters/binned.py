@@ -133,23 +133,6 @@ class BinnedBelief:
         rows, columns, tall, wide = self._belief.size
         return bound.repeat(tall, axis=2).repeat(wide, axis=3)[:, :, :rows, :columns]
 
-    def best(self, count: int, within: float) -> tuple[NDArray[np.int64], FloatArray]:
-        """List all bins less than `within` nats below the best, and in any case the best `count` and one more.
-
-        Returns flat indices into (letters, angles, rows, columns), and log-beliefs. No bin may have been
-        left alone.
-        """
-        readings = len(self._field)
-        any_state = float(self._field.terms.upper[readings])
-        # A block that is up to date has a bin as high as its bound: as many bins as blocks are not lower.
-        highest = self._belief.upper.ravel() + any_state
-        place = max(0, len(highest) - count - 1)
-        enough = np.partition(highest, place)[place] if place else -math.inf
-        least = min(enough, highest.max() - within) - _ROUNDING
-        flat, log_p = self._room
-        found = pick(self._belief, any_state, readings, least, flat, log_p)
-        return flat[:found].copy(), log_p[:found].copy()
-
     @cached_property
     def _room(self) -> tuple[NDArray[np.int64], FloatArray]:
         bins = len(self._field.labels) * self._grid.bins

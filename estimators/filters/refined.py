@@ -12,8 +12,9 @@ from pydantic import Field
 from tactsim.core import Scan
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.estimator import Estimate, Options, PlaneBelief
-from tactsim.estimators.filters.binned import BinnedBelief, Certificate
+from tactsim.estimators.filters.binned import Certificate
 from tactsim.estimators.filters.cells import Cells
+from tactsim.estimators.filters.coarse_bins import CoarseBins
 from tactsim.estimators.filters.grid_filter import GridFilter
 from tactsim.estimators.filters.halving import Limits, blank_halved, held, refine
 from tactsim.estimators.filters.placement import mean_around
@@ -45,7 +46,9 @@ class RefinedOptions(OpenSetOptions):
         6, ge=0, le=8, description="how many times cells are halved in x, y and angle, at most"
     )
     skip: bool = Field(
-        True, description="replay only the new reading in cells halved before; the answer is the same"
+        True,
+        description="leave coarse bins alone that cannot be among the best, and replay only the new reading in cells "
+        "halved before; the answer is the same",
     )
 
 
@@ -81,7 +84,7 @@ class RefinedFilter(GridFilter):
         )
 
     def _fit(self) -> None:
-        self._coarse = BinnedBelief(self.field, self.grid)
+        self._coarse = CoarseBins(self.field, self.grid, self.options.skip)
         self._counts = np.array([self.grid.x, self.grid.y, self.grid.angle])
         self._size = np.array(self.grid.spacing)
         self._limits = Limits(self.options.cells, _AT_LEAST, self.options.halvings, _ENOUGH)
@@ -102,16 +105,15 @@ class RefinedFilter(GridFilter):
 
     def _update(self) -> None:
         """Update the coarse bins (eq. 13), then split the best."""
-        bins, _ = self._coarse.update()
         weight = self.trust(len(self.field))
-        cell, log_p = self._coarse.best(self.options.cells, _NEGLIGIBLE / weight)
+        cell, log_p = self._coarse.take_in(self.options.cells, _NEGLIGIBLE / weight)
         self._before, self._halved = self._halved, self._before
         end, left, left_log_p, evaluated, unreplayed = refine(
             cell, log_p, self._limits, weight, self.options.skip, self.field.terms, len(self.field),
             self.field.tables.nodes, self.field.tables.lattice, self._counts, self._size, self._before, self._halved,
         )  # fmt: skip
         self._leaves = end, left, left_log_p
-        self._evaluated += bins + evaluated
+        self._evaluated += evaluated
         self._unreplayed += unreplayed
 
     def _estimate(self) -> Estimate:
@@ -132,7 +134,7 @@ class RefinedFilter(GridFilter):
         )
 
     def certificate(self) -> Certificate:
-        """Give the best of all coarse bins of all letters; none is left alone."""
+        """Give the best of all coarse bins of all letters, and how far above those that were left alone it is."""
         return self._coarse.certificate()
 
     def weighted_states(self) -> WeightedStates:
@@ -159,8 +161,15 @@ class RefinedFilter(GridFilter):
 
     @property
     def work(self) -> dict[str, Any]:
-        """Count evaluations, a bin or cell in a reading each, made and skipped since the estimator was made."""
-        return {"likelihood_evaluations": self._evaluated, "skipped": {"replays": self._unreplayed}}
+        """Count evaluations, a bin or cell in a reading each, made and skipped since the estimator was made.
+
+        bound_evaluations: of bins, made in order to skip bins.
+        """
+        return {
+            "likelihood_evaluations": self._coarse.evaluated + self._evaluated,
+            "bound_evaluations": self._coarse.bounded,
+            "skipped": {"bins": self._coarse.left_alone, "replays": self._unreplayed},
+        }
 
     def _belief_in_cells(self) -> tuple[Cells, Weights]:
         """Give the cells that were not split and are not negligible, and what they hold."""

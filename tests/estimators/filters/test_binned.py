@@ -99,24 +99,6 @@ def test_no_bin_is_above_its_upper_bound(model):
     assert left_alone > 0
 
 
-@pytest.mark.parametrize(("count", "within"), [(1, 0.0), (7, 0.0), (100, 3.0), (5000, 1.0)])
-def test_the_best_bins_are_listed_whole(model, count, within):
-    grid = StateGrid(20, 17, 6)
-    field = field_of(model, grid)
-    belief = BinnedBelief(field, grid)
-    rng = np.random.default_rng(0)
-    for _ in range(4):
-        field.append(model[0].evidence(model[1].readings[rng.integers(len(model[1]))]), rng.uniform(-8, 8, 3))
-        belief.update()
-    everything = belief.log_belief().ravel()
-    flat, log_p = belief.best(count, within)
-    assert len(set(flat.tolist())) == len(flat)
-    assert (log_p == everything[flat]).all()
-    wanted = np.argsort(-everything, kind="stable")[: count + 1]
-    assert np.isin(wanted, flat).all()
-    assert np.isin(np.flatnonzero(everything > everything.max() - within), flat).all()
-
-
 @pytest.mark.parametrize("negligible", [None, 1e-8])
 @pytest.mark.parametrize("readings", [0, 1, 2, 6])
 def test_the_summary_is_what_the_log_belief_of_all_bins_says(model, readings, negligible):

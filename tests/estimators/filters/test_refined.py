@@ -110,7 +110,7 @@ def test_a_cell_that_is_split_is_worth_the_mean_of_its_halves():
 @pytest.mark.parametrize(
     "options", [{}, {"cells": 20, "halvings": 5}, {"split": "5x7x9", "likelihood": "paper"}]
 )
-def test_keeping_what_was_replayed_changes_no_answer(small, options):
+def test_skipping_changes_no_answer(small, options):
     lazy, full = fitted(small, **options), fitted(small, **options, skip=False)
     for seed in range(3):
         rng = np.random.default_rng(seed)
@@ -125,10 +125,13 @@ def test_keeping_what_was_replayed_changes_no_answer(small, options):
             assert ours.label == whole.label
             assert ours.robot_in_object == pytest.approx(whole.robot_in_object, abs=1e-9)
             assert ours.probabilities == pytest.approx(whole.probabilities, abs=1e-9)
-    assert full.work["skipped"]["replays"] == 0
-    made_and_skipped = lazy.work["likelihood_evaluations"] + lazy.work["skipped"]["replays"]
-    assert made_and_skipped == full.work["likelihood_evaluations"]
-    assert lazy.work["skipped"]["replays"] > 0
+            assert lazy.certificate().robot_in_object.tolist() == full.certificate().robot_in_object.tolist()
+            assert lazy.certificate().lead > 0
+    assert full.work["skipped"] == {"bins": 0, "replays": 0}
+    assert full.work["bound_evaluations"] == 0
+    skipped = lazy.work["skipped"]
+    assert lazy.work["likelihood_evaluations"] + sum(skipped.values()) == full.work["likelihood_evaluations"]
+    assert min(skipped.values()) > 0
 
 
 @pytest.mark.parametrize("cells", [1, 7, 100])

@@ -1,0 +1,95 @@
+"""The coarse bins of a coarse-to-fine filter: the best of them after every reading, whichever letter's."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tactsim.core.poses import FloatArray
+from tactsim.estimators.field.field import LikelihoodField
+from tactsim.estimators.field.levels import levels_of
+from tactsim.estimators.field.vectors import LANES, TALL
+from tactsim.estimators.filters.binned import Certificate
+from tactsim.estimators.filters.coarse_kernels import Coarse, best_bins
+from tactsim.estimators.filters.grid import StateGrid
+
+# Nats; bins that are as near to the last one listed are listed too.
+_ROUNDING = 1e-6
+
+
+class CoarseBins:
+    """log p(letter, bin | readings) of the bins that may be among the best (paper, eq. 13), not normalised.
+
+    With `skip` the others wait: their upper bounds take in every reading, they themselves only when a bound comes
+    within what is asked for. What is listed is the same.
+
+    evaluated, left_alone: how many times a bin took in a reading, and how many times it need not. bounded: how many
+    times its bound did. listed: what `take_in` returned last.
+    """
+
+    def __init__(self, field: LikelihoodField, grid: StateGrid, skip: bool) -> None:
+        self._field, self._grid, self._skip = field, grid, skip
+        x, y, angle = grid.centres
+        self._slices = field.slices(np.array([x[0], y[0]]), grid.spacing[:2])
+        # Without skipping nothing is bounded.
+        nodes = (
+            field.tables.nodes
+            if skip
+            else np.zeros_like(field.tables.nodes, shape=(1, 1, *field.tables.phases))
+        )
+        self._levels = levels_of(nodes, field.tables.phases)
+        self._turns = np.column_stack([np.cos(angle), np.sin(angle)])
+        row = np.arange(-(-grid.y // TALL) * TALL).reshape(-1, 1, TALL, 1)
+        column = np.arange(-(-grid.x // LANES) * LANES).reshape(1, -1, 1, LANES)
+        inside = (row < grid.y) & (column < grid.x)
+        tiles = len(field.labels), grid.angle, *inside.shape[:2]
+        self._blank = np.where(inside, 0, -np.inf).reshape(*inside.shape[:2], -1)
+        self._coarse = Coarse(
+            log_p=np.zeros((*tiles, TALL * LANES)),
+            waiting=np.zeros((*tiles, TALL * LANES)),
+            seen=np.zeros(tiles, dtype=np.int64),
+            bound=np.zeros(tiles),
+            bins=inside.sum(axis=(2, 3)),
+            size=np.array([grid.y, grid.x]),
+        )
+        self.evaluated = self.left_alone = self.bounded = 0
+        self.reset()
+
+    def reset(self) -> None:
+        """Make all bins of all letters equally probable."""
+        self._coarse.log_p[:] = self._blank
+        self._coarse.waiting[:] = 0
+        self._coarse.seen[:] = 0
+        self._coarse.bound[:] = 0
+        self.listed = np.zeros(1, dtype=np.int64), np.zeros(1)
+
+    def take_in(self, keep: int, within: float) -> tuple[NDArray[np.int64], FloatArray]:
+        """Multiply the belief by the likelihood of the field's last reading (eq. 13), in logs.
+
+        Returns all bins at most `within` nats below the best, and in any case the best `keep` and one more: flat
+        indices into (letters, angles, rows, columns), and log-beliefs.
+        """
+        field = self._field
+        flat, log_p, evaluated = best_bins(
+            self._coarse, self._levels, self._slices, field.terms, self._turns, len(field), field.longest,
+            self._skip, keep, within, _ROUNDING,
+        )  # fmt: skip
+        every = len(field.labels) * self._grid.bins
+        self.evaluated += evaluated
+        self.left_alone += every - evaluated
+        self.bounded += every if self._skip else 0
+        self.listed = flat, log_p
+        return self.listed
+
+    def certificate(self) -> Certificate:
+        """Give the best bin, and how far below it the bins that were left alone are at least."""
+        flat, log_p = self.listed
+        shape = len(self._field.labels), self._grid.angle, self._grid.y, self._grid.x
+        letter, angle, row, column = np.unravel_index(flat[log_p.argmax()], shape)
+        x, y, theta = self._grid.centres
+        waits = self._coarse.seen != len(self._field)
+        others = float(self._coarse.bound[waits].max(initial=-math.inf))
+        middle = np.array([x[column], y[row], theta[angle]])
+        return Certificate(self._field.labels[letter], middle, float(log_p.max()) - others)

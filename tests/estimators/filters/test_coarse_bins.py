@@ -1,0 +1,144 @@
+"""The best coarse bins: that none is missed, that bounds hold, and that nothing beyond the tables is read."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from synthetic import make_scan, paper_poses
+
+from tactsim.estimators.field.field import LikelihoodField
+from tactsim.estimators.filters import coarse_bins
+from tactsim.estimators.filters.binned import BinnedBelief
+from tactsim.estimators.filters.coarse_bins import CoarseBins
+from tactsim.estimators.filters.grid import StateGrid
+from tactsim.estimators.likelihoods import likelihood
+from tactsim.estimators.likelihoods.occupancy import learn_maps
+from tactsim.estimators.options import LikelihoodOptions
+
+# Tables of three classes that count fully, and of pressures between which each reading interpolates.
+MODELS = ["calibrated", "force"]
+
+
+@pytest.fixture(scope="module", params=MODELS)
+def model(request):
+    scan = make_scan("EIL", poses=paper_poses(3, 4))
+    made = likelihood.create(LikelihoodOptions(likelihood=request.param))
+    made.fit(scan, learn_maps(scan))
+    return made, scan
+
+
+def field_of(model, grid):
+    made, scan = model
+    return LikelihoodField(made, scan.letters, scan.taxel_xy, grid.spacing[:2], 0.4)
+
+
+def tiled(values, grid):
+    """Bring (letters, angles, tile rows, tile columns, TALL * LANES) into (letters, angles, rows, columns)."""
+    letters, angles, rows, columns, _ = values.shape
+    bins = values.reshape(letters, angles, rows, columns, 4, 16).transpose(0, 1, 2, 4, 3, 5)
+    return bins.reshape(letters, angles, rows * 4, columns * 16)[:, :, : grid.y, : grid.x]
+
+
+@pytest.mark.parametrize("split", [(25, 25, 4), (12, 12, 10), (3, 5, 2), (33, 7, 3)])
+@pytest.mark.parametrize(("keep", "within"), [(1, 0.0), (7, 3.0), (100, 20.0), (10**6, 1.0)])
+def test_the_best_bins_are_those_of_all_bins(model, split, keep, within):
+    made, scan = model
+    grid = StateGrid(*split)
+    field = field_of(model, grid)
+    every, lazy = BinnedBelief(field, grid), [CoarseBins(field, grid, skip) for skip in (True, False)]
+    for seed in range(3):
+        rng = np.random.default_rng(seed)
+        field.reset()
+        for one in (every, *lazy):
+            one.reset()
+        for reading in rng.integers(len(scan), size=7):
+            # One touch in seven contradicts the others, and one is off the map.
+            field.append(
+                made.evidence(scan.readings[reading]), rng.uniform(-1, 1, 3) * rng.choice([9, 9, 60])
+            )
+            every.update()
+            everything = every.log_belief().ravel()
+            highest = np.sort(everything)[::-1]
+            least = min(highest[0] - within, highest[min(keep, len(highest) - 1)])
+            for one in lazy:
+                flat, log_p = one.take_in(keep, within)
+                assert np.array_equal(log_p, everything[flat])  # to the bit
+                assert len(set(flat.tolist())) == len(flat)
+                assert np.isin(np.flatnonzero(everything >= least), flat).all()
+                assert log_p.min() >= least - 2e-6
+    assert lazy[1].left_alone == lazy[1].bounded == 0
+    assert lazy[0].evaluated + lazy[0].left_alone == lazy[1].evaluated == every._grid.bins * 3 * 21
+
+
+@settings(deadline=None, max_examples=30)
+@given(st.integers(0, 2**32 - 1), st.sampled_from([9.0, 25.0, 60.0]))
+def test_no_bin_is_above_its_bound(model, seed, reach):
+    made, scan = model
+    grid = StateGrid(12, 13, 5)
+    field = field_of(model, grid)
+    every, lazy = BinnedBelief(field, grid), CoarseBins(field, grid, True)
+    rng = np.random.default_rng(seed)
+    for reading in rng.integers(len(scan), size=6):
+        field.append(made.evidence(scan.readings[reading]), rng.uniform(-reach, reach, 3))
+        every.update()
+        lazy.take_in(3, 1.0)
+        coarse, everything = lazy._coarse, every.log_belief()
+        assert (everything <= tiled(coarse.log_p + coarse.waiting, grid)).all()
+        known = np.broadcast_to((coarse.seen == len(field))[..., None], coarse.log_p.shape)
+        known = tiled(known, grid)
+        assert np.array_equal(tiled(coarse.log_p, grid)[known], everything[known])
+        assert lazy.certificate().lead > 0
+
+
+@pytest.mark.parametrize("split", [(25, 25, 4), (3, 5, 2), (1, 1, 1), (17, 33, 2)])
+def test_tiles_that_hang_over_the_tables_read_nothing_beyond_them(model, split, monkeypatch):
+    made, scan = model
+    grid = StateGrid(*split)
+    field = field_of(model, grid)
+
+    def amid(values, what):
+        around = np.full(3 * values.size, what, dtype=values.dtype)
+        inside = around[values.size : 2 * values.size]
+        inside[:] = values
+        return inside
+
+    plain = CoarseBins(field, grid, True)
+    framed = CoarseBins(field, grid, True)
+    framed._slices = plain._slices._replace(nodes=amid(plain._slices.nodes, np.nan))
+    lazy = [framed]
+    for what in (0, 255):
+        other = CoarseBins(field, grid, True)
+        other._levels = plain._levels._replace(level=amid(plain._levels.level, what))
+        lazy.append(other)
+    rng = np.random.default_rng(0)
+    for _ in range(10):
+        field.reset()
+        for one in (plain, *lazy):
+            one.reset()
+        # Anywhere from the middle of the map to far off it, so that every edge is hung over.
+        for reach in (10, 30, 60, 1e4, 1e9):
+            reading = scan.readings[rng.integers(len(scan))]
+            field.append(made.evidence(reading), rng.uniform(-reach, reach, 3))
+            expected = plain.take_in(20, 5.0)
+            for one in lazy:
+                found = one.take_in(20, 5.0)
+                assert np.array_equal(found[0], expected[0])
+                assert np.array_equal(found[1], expected[1])
+                assert not np.isnan(one._coarse.bound).any()
+
+
+def test_a_bound_that_is_too_low_is_noticed(model):
+    """The tests above can fail: with lower levels a bin comes to lie above its bound."""
+    made, scan = model
+    grid = StateGrid(12, 13, 5)
+    field = field_of(model, grid)
+    every, lazy = BinnedBelief(field, grid), CoarseBins(field, grid, True)
+    low = coarse_bins.levels_of(field.tables.nodes, field.tables.phases)
+    lazy._levels = low._replace(level=np.maximum(low.level, 60) - np.uint8(60))
+    above = False
+    for number in range(4):
+        field.append(made.evidence(scan.readings[5 * number]), np.array([1.0, 2.0, 0.3]))
+        every.update()
+        lazy.take_in(3, 1.0)
+        above |= (every.log_belief() > tiled(lazy._coarse.log_p + lazy._coarse.waiting, grid)).any()
+    assert above
