@@ -62,7 +62,6 @@ def test_cells_are_halved_as_in_plain_code(scan, options, skip):
         )  # which contradicts the first
         for reading, pose in (*zip(*trial[:2], strict=True), *zip(*other[:2], strict=True)):
             filter.update(reading, pose)
-            weight = filter.trust(len(filter.field))
             expected = plainly(filter, *filter._coarse.listed)
             end, cell, log_p = filter._leaves
             depths.add(len(end))
