@@ -79,7 +79,7 @@ class CoarseBins:
         every = len(field.labels) * self._grid.bins
         self.evaluated += evaluated
         self.left_alone += every - evaluated
-        self.bounded += every if self._skip else 0
+        self.bounded += every if self._skip and len(field) > 1 else 0
         self.listed = flat, log_p
         return self.listed
 

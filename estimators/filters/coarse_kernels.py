@@ -31,7 +31,7 @@ from tactsim.estimators.field.vectors import LANES, TALL
 from tactsim.estimators.filters.branch_and_bound import add_tile
 
 # So many tiles are looked at one by one, those with the highest bounds first, to find a bin that is nearly the best.
-_FIRST = 8
+_FIRST = 4
 # How far one operation in float32 may be off, relative to its result.
 _ROUNDING = 2.0**-23
 
@@ -246,7 +246,8 @@ def best_bins(
             terms, count - 1, slices, turns[angle, 0], turns[angle, 1], rows, columns,
             placed.offset[angle], placed.share[angle], placed.within[angle],
         )  # fmt: skip
-    if not skip:
+    # After one reading most bins are still as near to the best as is asked for: bounds would cost more than they save.
+    if not skip or count == 1:
         coarse.bound[:] = np.inf
         evaluated = catch_up(coarse, slices, terms, turns, placed, count, -np.inf)
         best = coarse.bound.max()
@@ -265,7 +266,7 @@ def best_bins(
         return flat, log_p, evaluated
     # Fewer than asked for are as near the best: what matters is the last of the best `keep` and one more. The tiles
     # with the highest bounds are looked at, more each time, until no other can hold one of these.
-    more = 1 + keep // (TALL * LANES)
+    more = 1 + keep // 3  # few of the best bins are neighbours
     while True:
         _, log_p = listed(coarse, count, -np.inf)
         last = len(log_p) - keep - 1
