@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.field.field import LikelihoodField
-from tactsim.estimators.field.levels import levels_of
+from tactsim.estimators.field.table_levels import levels_of
 from tactsim.estimators.field.vectors import LANES, TALL
 from tactsim.estimators.filters.binned import Certificate
 from tactsim.estimators.filters.coarse_kernels import Coarse, best_bins

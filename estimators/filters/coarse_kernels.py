@@ -24,8 +24,8 @@ from tactsim.core.compiling import (
     Reals,
     compiled,
 )
-from tactsim.estimators.field.levels import LEVELS, Levels, bound_tile
 from tactsim.estimators.field.slices import SLICES, Slices, place_terms, sum_tile
+from tactsim.estimators.field.table_levels import LEVELS, Levels, bound_tile
 from tactsim.estimators.field.terms import TERMS, Terms
 from tactsim.estimators.field.vectors import LANES, TALL
 from tactsim.estimators.filters.branch_and_bound import add_tile
