@@ -12,7 +12,7 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import float64, int64, types, void
+from numba import boolean, float64, int64, types, void
 from numpy.typing import NDArray
 
 from tactsim.core.compiling import (
@@ -115,6 +115,12 @@ def place_terms(
         share[i, 3] = factor * above_share * right_share
 
 
+@compiled(boolean(INTS, int64, int64), called_from_python=False)
+def beside(within: Ints, row: int, column: int) -> bool:
+    """Tell whether all of a tile that begins at a row and column lies outside `within` (4,), see `place_terms`."""
+    return column + LANES <= within[0] or column >= within[1] or row + TALL <= within[2] or row >= within[3]
+
+
 @compiled(
     void(FLOATS, SLICES, int64, int64, int64, int64, INTS_2D, FLOATS_2D, INTS_2D),
     called_from_python=False,
@@ -129,12 +135,7 @@ def sum_tile(
     move = letter * slices.shape[2] * slices.shape[3] * plane + row * width + column
     first = second = third = fourth = zeros()  # type: ignore[call-arg, var-annotated]
     for i in range(terms):
-        if (
-            column + LANES <= within[i, 0]
-            or column >= within[i, 1]
-            or row + TALL <= within[i, 2]
-            or row >= within[i, 3]
-        ):
+        if beside(within[i], row, column):
             continue
         for corner in range(4):
             weight, at = share[i, corner], offset[i, corner] + move

@@ -13,7 +13,7 @@ from numba import float64, int64, types, uint8
 from numpy.typing import NDArray
 
 from tactsim.core.compiling import FLOATS, INTS_2D, REALS, Floats, Ints, Reals, compiled
-from tactsim.estimators.field.slices import SLICES, Slices, laid_out
+from tactsim.estimators.field.slices import SLICES, Slices, beside, laid_out
 from tactsim.estimators.field.vectors import LANES, TALL, add_times, load_bytes, store, zeros
 
 _MOST = 255
@@ -69,12 +69,7 @@ def bound_tile(
     first = second = third = fourth = zeros()  # type: ignore[call-arg, var-annotated]
     least = 0.0
     for i in range(terms):
-        if (
-            column + LANES <= within[i, 0]
-            or column >= within[i, 1]
-            or row + TALL <= within[i, 2]
-            or row >= within[i, 3]
-        ):
+        if beside(within[i], row, column):
             continue
         at = offset[i, 0] + move
         first = add_times(first, factor[i], load_bytes(level, at))

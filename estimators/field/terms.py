@@ -11,7 +11,7 @@ from numba import float64, int64, types
 from tactsim.core.compiling import FLOATS, INTS, REALS, REALS_2D, Floats, Ints, Reals, compiled
 
 # How far one operation in float32 may be off, relative to its result.
-_ROUNDING = 2.0**-23
+ROUNDING = 2.0**-23
 
 
 class Terms(NamedTuple):
@@ -62,7 +62,7 @@ def record(
         for letter in range(outside.shape[1]):
             terms.constant[reading, letter] += factor * outside[kind, letter]
     # Each of the additions may be off by that share of what the sum can have reached.
-    terms.slack[reading] = slack * _ROUNDING * (len(table) + 4)
+    terms.slack[reading] = slack * ROUNDING * (len(table) + 4)
     terms.upper[reading + 1] = terms.upper[reading] + most + terms.slack[reading]
     terms.start[reading + 1] = begin + len(table)
     return True

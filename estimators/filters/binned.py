@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -36,6 +37,19 @@ class Certificate:
     label: str
     robot_in_object: FloatArray
     lead: float
+
+    @classmethod
+    def of(
+        cls, labels: Sequence[str], grid: StateGrid, flat: NDArray[np.int64], log_p: FloatArray, others: float
+    ) -> Certificate:
+        """Find the best of bins, flat indices (n,) into (letters, angles, rows, columns), with log-beliefs (n,).
+
+        others: the upper bound of every bin that was left alone.
+        """
+        shape, (x, y, theta) = (len(labels), grid.angle, grid.y, grid.x), grid.centres
+        letter, angle, row, column = np.unravel_index(flat[log_p.argmax()], shape)
+        middle = np.array([x[column], y[row], theta[angle]])
+        return cls(labels[letter], middle, float(log_p.max()) - others)
 
 
 class BinnedBelief:
@@ -110,12 +124,8 @@ class BinnedBelief:
         best = self._belief.upper.ravel()[self._incumbent] + any_state
         flat, log_p = self._room
         found = pick(self._belief, any_state, len(self._field), best - _ROUNDING, flat, log_p)
-        shape = len(waits), self._grid.angle, self._grid.y, self._grid.x
-        letter, angle, row, column = np.unravel_index(flat[log_p[:found].argmax()], shape)
-        x, y, theta = self._axes
         others = float(self._belief.upper[waits].max(initial=-math.inf)) + any_state
-        middle = np.array([x[column], y[row], theta[angle]])
-        return Certificate(self._field.labels[letter], middle, float(log_p[:found].max()) - others)
+        return Certificate.of(self._field.labels, self._grid, flat[:found], log_p[:found], others)
 
     def log_belief(self) -> FloatArray:
         """Give the log-belief of all bins: (letters, angles, rows, columns); of those left alone -inf."""
@@ -148,16 +158,22 @@ def _block(grid: StateGrid) -> tuple[int, int]:
     return wide, TALL * max(1, round(_BLOCK / dy / TALL))
 
 
+def bins_of_tiles(grid: StateGrid) -> NDArray[np.bool_]:
+    """Tell which places of the tiles of one angle are bins: (tile rows, tile columns, TALL * LANES)."""
+    rows, columns = -(-grid.y // TALL), -(-grid.x // LANES)
+    row = np.arange(rows * TALL).reshape(rows, 1, TALL, 1)
+    column = np.arange(columns * LANES).reshape(1, columns, 1, LANES)
+    return ((row < grid.y) & (column < grid.x)).reshape(rows, columns, -1)
+
+
 def _blank_belief(letters: int, grid: StateGrid, wide: int, tall: int) -> Belief:
     """Make room for the log-belief of all bins, in tiles, and for the upper bounds of its blocks."""
-    tiles = (-(-grid.y // TALL), -(-grid.x // LANES))
-    row = np.arange(tiles[0] * TALL).reshape(tiles[0], 1, TALL, 1)
-    column = np.arange(tiles[1] * LANES).reshape(1, tiles[1], 1, LANES)
-    edge = np.where((row < grid.y) & (column < grid.x), 0, -np.inf)
+    inside = bins_of_tiles(grid)
+    tiles = inside.shape[:2]
     blocks = (letters, grid.angle, -(-grid.y // tall), -(-grid.x // wide))
     return Belief(
         log_p=np.zeros((letters, grid.angle, *tiles, TALL * LANES)),
-        edge=edge.reshape(*tiles, TALL * LANES),
+        edge=np.where(inside, 0, -np.inf),
         upper=np.zeros(blocks),
         seen=np.zeros(blocks, dtype=np.int64),
         bounded=np.zeros(blocks, dtype=np.int64),

@@ -11,7 +11,7 @@ from tactsim.core.poses import FloatArray
 from tactsim.estimators.field.field import LikelihoodField
 from tactsim.estimators.field.table_levels import levels_of
 from tactsim.estimators.field.vectors import LANES, TALL
-from tactsim.estimators.filters.binned import Certificate
+from tactsim.estimators.filters.binned import Certificate, bins_of_tiles
 from tactsim.estimators.filters.coarse_kernels import Coarse, best_bins
 from tactsim.estimators.filters.grid import StateGrid
 
@@ -41,17 +41,15 @@ class CoarseBins:
         )
         self._levels = levels_of(nodes, field.tables.phases)
         self._turns = np.column_stack([np.cos(angle), np.sin(angle)])
-        row = np.arange(-(-grid.y // TALL) * TALL).reshape(-1, 1, TALL, 1)
-        column = np.arange(-(-grid.x // LANES) * LANES).reshape(1, -1, 1, LANES)
-        inside = (row < grid.y) & (column < grid.x)
+        inside = bins_of_tiles(grid)
         tiles = len(field.labels), grid.angle, *inside.shape[:2]
-        self._blank = np.where(inside, 0, -np.inf).reshape(*inside.shape[:2], -1)
+        self._blank = np.where(inside, 0, -np.inf)
         self._coarse = Coarse(
             log_p=np.zeros((*tiles, TALL * LANES)),
             waiting=np.zeros((*tiles, TALL * LANES)),
             seen=np.zeros(tiles, dtype=np.int64),
             bound=np.zeros(tiles),
-            bins=inside.sum(axis=(2, 3)),
+            bins=inside.sum(axis=2),
             size=np.array([grid.y, grid.x]),
         )
         self.evaluated = self.left_alone = self.bounded = 0
@@ -85,11 +83,6 @@ class CoarseBins:
 
     def certificate(self) -> Certificate:
         """Give the best bin, and how far below it the bins that were left alone are at least."""
-        flat, log_p = self.listed
-        shape = len(self._field.labels), self._grid.angle, self._grid.y, self._grid.x
-        letter, angle, row, column = np.unravel_index(flat[log_p.argmax()], shape)
-        x, y, theta = self._grid.centres
         waits = self._coarse.seen != len(self._field)
         others = float(self._coarse.bound[waits].max(initial=-math.inf))
-        middle = np.array([x[column], y[row], theta[angle]])
-        return Certificate(self._field.labels[letter], middle, float(log_p.max()) - others)
+        return Certificate.of(self._field.labels, self._grid, *self.listed, others)

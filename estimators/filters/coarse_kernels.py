@@ -26,14 +26,12 @@ from tactsim.core.compiling import (
 )
 from tactsim.estimators.field.slices import SLICES, Slices, place_terms, sum_tile
 from tactsim.estimators.field.table_levels import LEVELS, Levels, bound_tile
-from tactsim.estimators.field.terms import TERMS, Terms
+from tactsim.estimators.field.terms import ROUNDING, TERMS, Terms
 from tactsim.estimators.field.vectors import LANES, TALL
 from tactsim.estimators.filters.branch_and_bound import add_tile
 
 # So many tiles are looked at one by one, those with the highest bounds first, to find a bin that is nearly the best.
 _FIRST = 4
-# How far one operation in float32 may be off, relative to its result.
-_ROUNDING = 2.0**-23
 
 
 class Coarse(NamedTuple):
@@ -84,7 +82,7 @@ def bound_all(
         )
         most += 256.0 * factor[i]
     # Both the bound and the sum that it bounds are float32.
-    slack = terms.slack[count - 1] + (number + 2) * _ROUNDING * most
+    slack = terms.slack[count - 1] + (number + 2) * ROUNDING * most
     total = np.empty(TALL * LANES, dtype=np.float32)
     for letter in range(letters):
         constant = terms.constant[count - 1, letter] + slack
