@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.filters.mixture import add_densities
 from tactsim.estimators.filters.motion import Motion
-from tactsim.estimators.filters.weights import Weights
+from tactsim.estimators.filters.weights import Weights, highest_power
 
 CENTRES = 240  # of a letter's belief that is moved, and of each round of proposals
 DRAWN = 600  # states of a letter in a round
@@ -188,7 +188,7 @@ def advance(
     offered, rounds = count * moved.offered(density), []
     for number in range(_ROUNDS):
         base = log(density.sum(axis=1)) - np.log(offered + _TINY)
-        power = _next_power(base, of_place)
+        power = highest_power(base, of_place, _ENOUGH)
         if power == 1 and number > 0:
             break
         around = place[Weights(base + power * of_place).systematic(CENTRES // 3, rng)]
@@ -216,17 +216,6 @@ def log(values: ArrayLike) -> FloatArray:
     """Take natural logs; that of 0 is -inf."""
     with np.errstate(divide="ignore"):
         return np.asarray(np.log(values), dtype=float)
-
-
-def _next_power(base: FloatArray, log_p: FloatArray) -> float:
-    """Find the largest b up to 1, by bisection, that leaves enough states effective at weights of L^b."""
-    if Weights(base + log_p).ess >= _ENOUGH:
-        return 1.0
-    low, high = 0.0, 1.0
-    for _ in range(12):
-        middle = (low + high) / 2
-        low, high = (middle, high) if Weights(base + middle * log_p).ess >= _ENOUGH else (low, middle)
-    return low
 
 
 def _spacing(place: FloatArray, around: float) -> float:

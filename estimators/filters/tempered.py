@@ -22,7 +22,7 @@ from tactsim.estimators.filters.states import (
     probabilities,
     uniform_states,
 )
-from tactsim.estimators.filters.weights import Weights
+from tactsim.estimators.filters.weights import Weights, highest_power
 from tactsim.estimators.options import OpenSetOptions
 
 # A move is the difference of two other particles of the letter times one of these factors, drawn for each
@@ -30,7 +30,6 @@ from tactsim.estimators.options import OpenSetOptions
 _STRIDES = np.array([0.1, 0.5, 1.0])
 # A little noise is added, so that a population of copies can spread again: mm, mm, rad.
 _JITTER = np.array([[0.02], [0.02], [0.002]])
-_BISECTIONS = 20
 # The particles of a letter whose evidence is this many nats below the best letter's are weighed but not moved:
 # its probability is below exp(-60), and moving them could raise it only if the estimate of its evidence were
 # wrong by nearly as much.
@@ -182,12 +181,11 @@ class TemperedFilter(MapFilter):
 
     def _temper(self, one: _Population, start: FloatArray) -> bool:
         """Set b and its weights, from the log-weights at b = 0; tells whether b = 1 would thin the population out."""
-        tired = self._effective(start + one.log_p) < self.options.survivors
-        one.power = self._next_power(start, one.log_p) if tired else 1.0
+        one.power = highest_power(start, one.log_p, self.options.survivors * self._each)
         weights = Weights(start + one.power * one.log_p)
         one.log_evidence += weights.log_mean
         one.weights = Weights(weights.log - weights.log_mean)
-        return tired
+        return one.power < 1
 
     def _renew(self, letter: int) -> None:
         """Resample, move and raise b again, until b = 1 thins out no more or the rounds are used up."""
@@ -197,21 +195,6 @@ class TemperedFilter(MapFilter):
             self._move(letter)
             if not self._temper(one, one.untempered):
                 break
-
-    def _next_power(self, start: FloatArray, log_p: FloatArray) -> float:
-        """Find the largest b, by bisection, that leaves enough particles effective."""
-        low, high = 0.0, 1.0
-        for _ in range(_BISECTIONS):
-            middle = (low + high) / 2
-            if self._effective(start + middle * log_p) >= self.options.survivors:
-                low = middle
-            else:
-                high = middle
-        return low
-
-    def _effective(self, log_weight: FloatArray) -> float:
-        """Give the share of a population that is effective, 1 for equal weights."""
-        return Weights(log_weight).ess / self._each
 
     def _resample(self, one: _Population) -> None:
         """Draw a population anew from itself, systematically: equal weights afterwards."""

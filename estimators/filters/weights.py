@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 
 from tactsim.core.poses import FloatArray
 
+_BISECTIONS = 14  # of a power
+
 
 @dataclass(frozen=True, eq=False)
 class Weights:
@@ -49,3 +51,18 @@ class Weights:
         reached = np.cumsum(self.relative)
         ladder = (np.arange(count) + rng.random()) / count * reached[-1]
         return np.minimum(np.searchsorted(reached, ladder, side="right"), len(self) - 1)
+
+
+def highest_power(log_weight: FloatArray, log_p: FloatArray, least: float, low: float = 0.0) -> float:
+    """Find the largest power b from `low` to 1 with which weights times p^b leave so many states effective.
+
+    log_weight, log_p: (n,). least: effective sample size. By bisection; `low` if no power does.
+    """
+    if Weights(log_weight + log_p).ess >= least:
+        return 1.0
+    high = 1.0
+    for _ in range(_BISECTIONS):
+        middle = (low + high) / 2
+        enough = Weights(log_weight + middle * log_p).ess >= least
+        low, high = (middle, high) if enough else (low, middle)
+    return low

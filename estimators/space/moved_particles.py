@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from tactsim.core import rigid
 from tactsim.core.poses import FloatArray
-from tactsim.estimators.filters.weights import Weights
+from tactsim.estimators.filters.weights import Weights, highest_power
 
 # log p of the touches so far for labels (n,) and object_in_robot (n, 7).
 LogP = Callable[[NDArray[np.int64], FloatArray], FloatArray]
@@ -23,7 +23,6 @@ _TURNS = 0.002, 0.15  # rad: the least and the largest scale of a turn about a t
 _LEVER = 5.0  # mm for a rad, of the shift beside such a turn
 _JITTER = 0.02, 0.001  # mm and rad, so that copies can part
 _POWERS = np.geomspace(1, 0.02, 18)
-_BISECTIONS = 14
 _MOVES = 3  # after each resampling
 
 
@@ -64,14 +63,7 @@ class MovedParticles:
     def raise_power(self, least: float) -> None:
         """Raise the power as near to 1 as leaves at least so many particles effective."""
         start = self.log_weight - self.power * self.log_p
-        power = 1.0
-        if Weights(start + self.log_p).ess < least:
-            low, high = self.power, 1.0
-            for _ in range(_BISECTIONS):
-                middle = (low + high) / 2
-                enough = Weights(start + middle * self.log_p).ess >= least
-                low, high = (middle, high) if enough else (low, middle)
-            power = low
+        power = highest_power(start, self.log_p, least, self.power)
         self.log_weight, self.power = start + power * self.log_p, power
 
     def resample(self, count: int, rng: np.random.Generator) -> None:

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tactsim.estimators.filters.weights import Weights
+from tactsim.estimators.filters.weights import Weights, highest_power
 
 
 def of(weight):
@@ -53,3 +53,15 @@ def test_a_draw_that_rounds_up_to_the_whole_stays_within():
             return 1 - 2.0**-53
 
     assert of([1, 1]).systematic(10_000, Highest()).max() == 1
+
+
+@pytest.mark.parametrize("low", [0.0, 0.25])
+def test_the_highest_power_leaves_as_many_effective_as_asked_for(low):
+    """Of 3 states with p = 1 and 5 with q = p^b = exp(-8 b), (3 + 5 q)^2 / (3 + 5 q^2) are effective."""
+    start, log_p = np.full(8, -700.0), np.repeat([0.0, -8.0], [3, 5])
+    for power in (0.3, 0.5, 0.9):
+        q = math.exp(-8 * power)
+        least = (3 + 5 * q) ** 2 / (3 + 5 * q**2)
+        assert highest_power(start, log_p, least, low) == pytest.approx(power, abs=2**-14)
+    assert highest_power(start, log_p, 3.0, low) == 1
+    assert highest_power(start, log_p, 8.1, low) == low
