@@ -103,8 +103,8 @@ leaderboard: $(DEVELOP)  ## make the site of results/leaderboard, and fill the t
 	@$(BIN)/bench leaderboard results/leaderboard
 	@$(BIN)/python -m tactsim.bench.leaderboard.page_standings results/leaderboard docs/leaderboard.md
 
-references: $(DEVELOP)  ## how far every estimator is from the reference posteriors of docs/bound.md
-	@$(BIN)/python -m tactsim.bench.bound.references
+references: $(DEVELOP)  ## how far every estimator is from the reference posteriors: fill the table of docs/bound.md
+	@$(BIN)/python -m tactsim.bench.bound.page_references docs/bound.md
 
 release-check: $(PACKAGING)  ## what a release lacks; then build it into dist/, check it and install it
 	@$(BIN)/python tests/packaging/release_check.py

@@ -37,6 +37,7 @@ STAGES = {
     "sweep": "trials",
     "replay": "replaying",
     "bound": "bounding",
+    "references": "estimators",
 }
 ROWS = (1, 2, 3, 5, 7, 9, 10, 12, 15, 20, 25, 30, 40, 46, 50, 60, 80, 100, 150, 192)
 

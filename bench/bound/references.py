@@ -27,6 +27,7 @@ from rich.table import Table
 from tactsim.bench.bound.exact_bayes import ExactBayes, ExactBayesOptions
 from tactsim.bench.fitting import fit
 from tactsim.bench.placement_error import Properties, placement_error, properties
+from tactsim.bench.terminal import progress_bars
 from tactsim.bench.trials import draw_true_pose
 from tactsim.core import InputError, Scan
 from tactsim.core.files import write_bytes
@@ -177,6 +178,30 @@ def distances(estimator: Estimator, references: References) -> FloatArray:
     return result
 
 
+def distances_of(names: Sequence[str], references: References) -> dict[str, FloatArray]:
+    """Give the distances of estimators from the references, and show on standard error how far the work is."""
+    found: dict[str, FloatArray] = {}
+    with progress_bars() as progress:
+        for name in names:
+            progress("references", len(found), len(names))
+            found[name] = distances(create(name), references)
+    return found
+
+
+def recognisers() -> list[str]:
+    """Name the estimators that come with the package and recognise letters in the plane."""
+    return [name for name in BUILT_IN if not create(name).in_space]
+
+
+def means(of: FloatArray) -> FloatArray:
+    """Average distances (n, a, 3) over the objects that have one: (a, 3); NaN where none has."""
+    known = ~np.isnan(of)
+    count = known.sum(axis=0)
+    return np.divide(
+        np.where(known, of, 0).sum(axis=0), count, out=np.full(of.shape[1:], np.nan), where=count > 0
+    )
+
+
 def shipped() -> Path:
     """Give the place of the references that come with the package."""
     return Path(str(files("tactsim.bench") / "bound" / "references.npz"))
@@ -207,10 +232,7 @@ def table(found: Mapping[str, FloatArray]) -> Table:
         for what in (f"letter @{reading}", "pose mm", "belief mm"):
             result.add_column(what, justify="right")
     for name, of in found.items():
-        means = np.array(
-            [np.nan if np.isnan(row).all() else np.nanmean(row) for row in of.reshape(len(of), -1).T]
-        )
-        result.add_row(name, *("-" if np.isnan(mean) else f"{mean:.3f}" for mean in means))
+        result.add_row(name, *("-" if np.isnan(mean) else f"{mean:.3f}" for mean in means(of).ravel()))
     return result
 
 
@@ -225,9 +247,7 @@ def main(words: Sequence[str]) -> int:
         if asked.make:
             save(make(), shipped())
         references = load()
-        found = {}
-        for name in asked.estimators or [one for one in BUILT_IN if not create(one).in_space]:
-            found[name] = distances(create(name), references)
+        found = distances_of(asked.estimators or recognisers(), references)
     except InputError as error:
         print(f"references: {error}", file=sys.stderr)
         return 2

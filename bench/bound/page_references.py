@@ -1,0 +1,83 @@
+"""Fill the table of a page with distances from the references: `python -m tactsim.bench.bound.page_references PAGE`.
+
+The page says between two comments after which readings it wants them, and what stands between is replaced:
+
+    <!-- references: 1, 3, 10 -->
+    <!-- end of references -->
+"""
+
+from __future__ import annotations
+
+import re
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from tactsim.bench.bound.references import AT, distances_of, load, means, recognisers
+from tactsim.core import InputError
+from tactsim.core.documents import read_text
+from tactsim.core.files import write_text
+from tactsim.core.poses import FloatArray
+from tactsim.core.source_digest import git_commit
+
+REFERENCES = re.compile(
+    r"(<!-- references: (?P<after>[^>]*?) -->\n).*?(<!-- end of references -->)", re.DOTALL
+)
+_LARGEST_PAGE = 10_000_000  # bytes
+
+
+def readings_asked_for(text: str) -> list[int]:
+    """Find after which readings a page wants distances.
+
+    Raises InputError if it has not one table with an end, or names a number of readings that there is no reference of.
+    """
+    found = REFERENCES.findall(text)
+    if len(found) != 1 or text.count("<!-- references:") != 1:
+        raise InputError("the page lacks `<!-- references: 1, 3 -->` and `<!-- end of references -->`")
+    words = [word.strip() for word in found[0][1].split(",")]
+    for word in words:
+        if word not in map(str, AT):
+            raise InputError(
+                f"there is no reference after {word!r} readings, but after {', '.join(map(str, AT))}"
+            )
+    return [int(word) for word in words]
+
+
+def fill(text: str, found: Mapping[str, FloatArray]) -> str:
+    """Replace the table of a page by mean distances (readings of AT, 3) of estimators."""
+    after = readings_asked_for(text)
+    heads = [
+        "estimator",
+        *(f"letter @{n}" for n in after),
+        *(f"{what} @{n}, mm" for what in ("pose", "belief") for n in after),
+    ]
+    rows = [heads, ["---"] * len(heads)]
+    for name, mean in found.items():
+        of = mean[[AT.index(n) for n in after]]
+        rows.append([name, *("-" if np.isnan(value) else f"{value:.3f}" for value in of.T.ravel())])
+    lines = "".join(f"| {' | '.join(row)} |\n" for row in rows)
+    commit = (git_commit() or "unknown")[:12]
+    origin = f"*`make references`: {len(load().truth)} objects; commit {commit}.*"
+    return REFERENCES.sub(lambda match: f"{match[1]}{lines}\n{origin}\n{match[3]}", text)
+
+
+def main(words: Sequence[str]) -> int:
+    """Fill the page `words[0]`; returns the exit status."""
+    try:
+        if len(words) != 1:
+            raise InputError("give one page")
+        page = Path(words[0])
+        text = read_text(page, "page", _LARGEST_PAGE)
+        readings_asked_for(text)  # a wrong page is reported before the work
+        found = {name: means(of) for name, of in distances_of(recognisers(), load()).items()}
+        write_text(page, fill(text, found))
+    except InputError as error:
+        print(f"references: {error}", file=sys.stderr)
+        return 2
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
