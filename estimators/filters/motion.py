@@ -14,8 +14,10 @@ from tactsim.core.poses import FloatArray
 _RATIO = 0.06
 _SCALES = (0.15, 0.5, 1.5)  # mm, of the bank from which the motion is learned
 _JUMP, _JUMPS = 4.0, 0.02  # mm, standard deviation of a jump along an axis, and how often one comes
-_STILL = 0.9  # the prior probability that the object lies still at first
-_BEGINS = 0.005  # how often one that has lain still begins to move: in twenty touches, as often as at first
+# The prior probability that the object lies still at first. One misplaced press at an object at rest may speak for a
+# jump by some six nats; after a jump of 5 mm three touches mostly do so by more than ten. Odds of 200 part the two.
+_STILL = 0.995
+_BEGINS = (1 - _STILL) / 20  # how often one at rest begins to move: in twenty touches, as often as at first
 _SWITCH = 0.02  # how often the scale changes from one touch to the next
 # By what power a reading's likelihood counts when a filter that does not learn its own `trust` compares scales. Taxels
 # side by side err together, and a press is misplaced: a belief that may move follows such errors, and would be taken

@@ -69,8 +69,9 @@ class Moving(Wrapper):
         if self._motion.still is None:
             self.filter.take(reading, sensor_in_robot)
         else:
-            self._set_off()
-            self._rest += math.log1p(-self._motion.begins) + self._foretold(reading, sensor_in_robot)
+            belief = self.filter.weighted_states()
+            self._set_off(belief)
+            self._rest += math.log1p(-self._motion.begins) + self._foretold(belief, reading, sensor_in_robot)
         self._past.append(self._clouds)
         self._clouds = list(self._clouds)
         count = DRAWN * (_BROAD if len(self._past) == 1 else 1)
@@ -86,7 +87,7 @@ class Moving(Wrapper):
 
     def _begin(self) -> None:
         """Take over what the filter holds: nothing has moved yet."""
-        self._clouds = self._held(_BROAD * CENTRES)
+        self._clouds = self._held(self.filter.weighted_states(), _BROAD * CENTRES)
         self._drawn = [
             None
             if cloud is None
@@ -94,8 +95,8 @@ class Moving(Wrapper):
             for cloud in self._clouds
         ]
 
-    def _set_off(self) -> None:
-        """Let the object begin to move from where the filter holds that it lies.
+    def _set_off(self, belief: WeightedStates) -> None:
+        """Let the object begin to move from where the filter's belief holds that it lies.
 
         So the belief that moves need not find by itself, of single readings, what all readings together say.
         """
@@ -105,15 +106,15 @@ class Moving(Wrapper):
         followed = max(cloud.log_evidence for cloud in self._clouds if cloud is not None)
         if log_share < followed - _FORGOTTEN:
             return
-        for letter, begun in enumerate(self._held(_SETTING_OFF)):
+        for letter, begun in enumerate(self._held(belief, _SETTING_OFF)):
             if begun is None or begun.log_evidence + log_share < followed - _FORGOTTEN:
                 continue
             begun, moving = replace(begun, log_evidence=begun.log_evidence + log_share), self._clouds[letter]
             self._clouds[letter] = begun if moving is None else moving.joined(begun)
 
-    def _held(self, count: int) -> list[Cloud | None]:
+    def _held(self, belief: WeightedStates, count: int) -> list[Cloud | None]:
         """Make clouds of the filter's belief, of about `count` centres each; None of a letter that holds nothing."""
-        belief, motion = self.filter.weighted_states(), self._motion
+        motion = self._motion
         mass = letter_mass(belief.letter, belief.weights, len(self.labels))
         evidence, clouds = log(mass / mass.sum()), list[Cloud | None]()
         for letter in range(len(self.labels)):
@@ -153,14 +154,13 @@ class Moving(Wrapper):
         """Weigh placements (n, 3) by the last reading: (n,)."""
         return self._log_p(letter, self._motion.state(place), self._touches - 1)
 
-    def _foretold(self, reading: ArrayLike, sensor_in_robot: ArrayLike) -> float:
+    def _foretold(self, belief: WeightedStates, reading: ArrayLike, sensor_in_robot: ArrayLike) -> float:
         """Update the filter; returns the log-likelihood, as `_log_p`, of the reading in its belief before."""
-        expected = self.filter.weighted_states()
         self.filter.update(reading, sensor_in_robot)
-        log_p = np.log(expected.weights.normalised)
-        for letter in np.unique(expected.letter).tolist():
-            mine = np.flatnonzero(expected.letter == letter)
-            log_p[mine] += self._log_p(letter, expected.state.take(mine, axis=1), self._touches - 1)
+        log_p = np.log(belief.weights.normalised)
+        for letter in np.unique(belief.letter).tolist():
+            mine = np.flatnonzero(belief.letter == letter)
+            log_p[mine] += self._log_p(letter, belief.state.take(mine, axis=1), self._touches - 1)
         return float(np.logaddexp.reduce(log_p))
 
     def estimate(self) -> Estimate:

@@ -7,6 +7,7 @@ from numpy.typing import ArrayLike
 from tactsim.core.forward import ForwardModel
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.filters.moving import Moving
+from tactsim.estimators.filters.states import WeightedStates
 from tactsim.estimators.filters.synthesis import Synthesis
 
 
@@ -36,7 +37,7 @@ class MovingSynthesis(Moving):
     def _log_p(self, letter: int, state: FloatArray, touch: int) -> FloatArray:
         return self.filter.log_p(letter, state, touch)
 
-    def _foretold(self, reading: ArrayLike, sensor_in_robot: ArrayLike) -> float:
+    def _foretold(self, belief: WeightedStates, reading: ArrayLike, sensor_in_robot: ArrayLike) -> float:
         """Update the filter; returns how much its evidence grew, which its modes know without presses."""
         before = self.filter.log_evidence()
         self.filter.update(reading, sensor_in_robot)

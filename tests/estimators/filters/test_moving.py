@@ -129,6 +129,39 @@ def test_a_moving_belief_that_is_lost_sets_off_again_from_where_the_object_lies(
     assert np.hypot(*(invert(state[:, mode]) - invert(true[-1]))[:2]) < 1
 
 
+def test_what_begins_to_move_has_the_odds_with_which_that_begins(two):
+    """The odds of moving to rest, letter by letter, grow by what begins to move of what lies still."""
+    readings, poses, _ = sequence(two, "E", 3)
+    estimator = fitted("refined", two, bins=1000, motion="auto")
+    estimates(estimator, readings, poses)
+    moving = estimator.filter.filter
+    belief = moving.filter.weighted_states()
+    mass = np.bincount(belief.letter, belief.weights.normalised, minlength=len(two.letters))
+    odds = []
+    for again in (False, True):
+        if again:
+            moving._set_off(belief)
+        at_rest, followed = moving._models()
+        odds.append(followed / at_rest.sum())
+    assert odds[1] - odds[0] == pytest.approx(moving._motion.begins * mass, rel=1e-6)
+
+
+@pytest.mark.parametrize(("nats", "rests"), [(0.0, True), (4.5, True), (8.0, False)])
+def test_rest_is_given_up_for_a_belief_that_is_two_hundred_times_likelier(two, nats, rests):
+    """Belief at rest yields to evidence of log 199 = 5.3 nats and more."""
+    readings, poses, _ = sequence(two, "E", 3)
+    estimator = fitted("refined", two, bins=1000, motion="auto")
+    estimates(estimator, readings, poses)
+    moving = estimator.filter.filter
+    moving._rest = (
+        np.logaddexp.reduce([-np.inf if c is None else c.log_evidence for c in moving._clouds]) - nats
+    )
+    at_rest, followed = moving._models().sum(axis=1)
+    assert (at_rest > followed) == rests
+    held = moving.filter.estimate().robot_in_object
+    assert (estimator.estimate().robot_in_object.tobytes() == held.tobytes()) == rests
+
+
 def test_clouds_that_are_joined_hold_what_both_held():
     rng = np.random.default_rng(0)
     clouds = []
@@ -260,7 +293,8 @@ def test_the_option_says_what_moves():
     assert isinstance(given_one, Motion)
     assert (given_one.variance.tolist(), given_one.ratio, given_one.jump) == ([0.25], 0.06, 0)
     learned = parse_motion("auto")
-    assert learned.still == 0.9
+    assert learned.still is not None
+    assert 20 * learned.begins == pytest.approx(1 - learned.still)
     assert learned.prior.sum() == pytest.approx(1)
 
 
