@@ -1,5 +1,6 @@
 """The filters in space on solids known in closed form: contract, brute force, symmetry and mirror images."""
 
+from functools import cache
 from types import SimpleNamespace
 
 import numpy as np
@@ -21,7 +22,13 @@ PASSED = np.array(
     [[x, y, -z] for x in (-4.0, 4.0) for y in (-4.0, 4.0) for z in (5.0, 12.0)]
 )  # mm, the pad's way
 TAXELS = np.column_stack([toy.PAD.taxel_xy, np.zeros(36)])
-QUICK = {"rotations": 3, "voxel": 12.0, "cells": 60, "halvings": 3, "particles": 60, "rounds": 6}
+# The options that take time: how many poses are tried, and for how many contacts. Of four touches one has no search.
+QUICK = {
+    "rotations": 3, "voxel": 12.0, "cells": 60, "halvings": 3, "particles": 60, "rounds": 6,
+    "seeds": 150, "searches": 3,
+}  # fmt: skip
+# Enough to tell two objects apart; the brute-force test keeps the default seeds.
+FEW = {"seeds": 150, "cells": 150, "particles": 150}
 HOOK = (
     ((14.0, 4.0, 4.0), (0.0, 0.0, 0.0)),
     ((4.0, 9.0, 4.0), (10.0, 13.0, 0.0)),
@@ -34,6 +41,7 @@ def hook(side):
     return toy.Union(tuple(toy.Box(half, (side * x, y, z)) for half, (x, y, z) in HOOK))
 
 
+@cache
 def charted(solid, cell=0.8, reach=34.0):
     """Sample a solid's signed distances: voxels, and its surface."""
     axis = np.arange(-reach, reach + cell, cell)
@@ -172,7 +180,7 @@ def test_the_belief_is_that_of_brute_force(monkeypatch):
 
 
 def test_mirror_images_are_told_apart():
-    estimator = with_field(ToyField({"left": hook(1), "right": hook(-1)}, 0.5), cells=150, particles=150)
+    estimator = with_field(ToyField({"left": hook(1), "right": hook(-1)}, 0.5), **FEW)
     for seed, side in enumerate((1, -1)):
         _, readings, sensors = hidden(hook(side), 9, seed)
         assert after(estimator, readings, sensors).label == ("left" if side == 1 else "right")
@@ -205,7 +213,7 @@ def test_turning_the_world_turns_the_answer():
 
 def test_several_pads_at_once_say_what_they_say_one_after_another():
     field = ToyField({"tee": toy.SOLIDS["tee"], "hook": hook(1)}, 0.5)
-    estimator = with_field(field, cells=150, particles=150)
+    estimator = with_field(field, **FEW)
     _, readings, sensors = hidden(hook(1), 8, 3)
     estimator.reset(np.random.default_rng(0))
     for first in range(0, 8, 2):
