@@ -61,14 +61,10 @@ def test_the_linter_refuses_a_folder_s_bare_name(line):
 @pytest.mark.parametrize("path", [*SOURCES, *TESTS], ids=relative)
 def test_no_string_names_a_module_by_its_folder(path):
     """Find `import_module("models")` and programs in strings, which no linter looks into."""
-    names = "|".join(ROOMS)
+    names, name = "|".join(ROOMS), relative(path)
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-        where = f"{relative(path)}:{getattr(node, 'lineno', 0)}"
-        if (
-            isinstance(node, ast.Constant)
-            and isinstance(node.value, str)
-            and relative(path) not in OWN_FOLDERS
-        ):
+        where = f"{name}:{getattr(node, 'lineno', 0)}"
+        if isinstance(node, ast.Constant) and isinstance(node.value, str) and name not in OWN_FOLDERS:
             assert not re.search(rf"^\s*(from|import) ({names})\b", node.value, re.M), where
         if isinstance(node, ast.Call) and node.args and isinstance(node.args[0], ast.Constant):
             called = node.func.attr if isinstance(node.func, ast.Attribute) else getattr(node.func, "id", "")
