@@ -19,14 +19,14 @@ TURNS = np.radians(np.arange(0, 360, 5))
 def raster(letter, angle):
     """Sample a letter's footprint, turned by an angle, at the centres of the cells (even-odd rule)."""
     grid = (np.arange(CELLS) - CELLS / 2 + 0.5) * PITCH
-    x, y = np.meshgrid(grid, grid)
     cos, sin = math.cos(angle), math.sin(angle)
-    inside = np.zeros(x.shape, dtype=bool)
+    inside = np.zeros((CELLS, CELLS), dtype=bool)
     for contour in letter.contours:
         turned = contour @ np.array([[cos, sin], [-sin, cos]])
         for (ax, ay), (bx, by) in zip(turned, np.roll(turned, -1, axis=0), strict=True):
-            if ay != by:
-                inside ^= ((y > ay) != (y > by)) & (x < ax + (bx - ax) * (y - ay) / (by - ay))
+            rows = np.flatnonzero((grid > ay) != (grid > by))  # that the edge crosses: a few of all
+            if len(rows):
+                inside[rows] ^= grid < ax + (bx - ax) * (grid[rows, None] - ay) / (by - ay)
     return inside
 
 
