@@ -27,14 +27,22 @@ def read(source: str) -> tuple[str, list[RunConfig]]:
     Raises InputError if the file cannot be read, a key is unknown or a value is wrong.
     """
     path = Path(source)
-    suite = files("tactsim.bench") / "suites" / f"{source}.toml"
     if not path.exists() and source in suites():
-        table, name = parse_toml(suite.read_bytes(), f"suite {source}"), source
+        table, name = _suite(source), source
     elif path.suffix or path.exists():
         table, name = read_toml(path, "sweep"), path.stem
     else:
         raise unknown("suite or sweep file", source, suites())
     return name, expand(table, f"sweep {source}")
+
+
+def count_runs(suite: str) -> int:
+    """Count the runs of a suite that comes with the project, without making their configurations."""
+    return sum(len(_seeds(words)) for words in _combinations(_suite(suite), f"suite {suite}"))
+
+
+def _suite(name: str) -> dict[str, Any]:
+    return parse_toml((files("tactsim.bench") / "suites" / f"{name}.toml").read_bytes(), f"suite {name}")
 
 
 def suites() -> tuple[str, ...]:
@@ -53,6 +61,16 @@ def expand(table: Mapping[str, Any], what: str) -> list[RunConfig]:
 
     Raises InputError for an unknown key, a wrong value, no runs or more than 100,000.
     """
+    configs: dict[str, RunConfig] = {}
+    for words in _combinations(table, what):
+        for seed in _seeds(words):
+            config = run_config(**words, **seed)
+            configs.setdefault(config.digest, config)
+    return list(configs.values())
+
+
+def _combinations(table: Mapping[str, Any], what: str) -> Iterator[dict[str, Any]]:
+    """Give the words of every combination of every list. Raises InputError as `expand` does, but for wrong values."""
     strange = set(table) - {"run", "defaults"}
     if strange:
         raise unknown(f"table in {what}", strange.pop(), ("run", "defaults"))
@@ -61,15 +79,16 @@ def expand(table: Mapping[str, Any], what: str) -> list[RunConfig]:
         raise InputError(f"{what}: write [defaults] once and [[run]] for each group of runs")
     if not runs:
         raise InputError(f"{what} has no [[run]]")
-    configs: dict[str, RunConfig] = {}
+    total = 0
     for run in runs:
         axes = list(_axes({**defaults, **run}))
         empty = [".".join(key) for key, values in axes if not values]
         if empty:
             raise InputError(f"{what}: the list {empty[0]} is empty; give it a value or leave it out")
         count = int(np.prod([len(values) for _, values in axes], dtype=object)) if axes else 1
-        if count + len(configs) > 100_000:
+        if count + total > 100_000:
             raise InputError(f"{what} asks for {count:,} runs; the most is 100,000")
+        total += count
         for values in itertools.product(*(values for _, values in axes)):
             words: dict[str, Any] = {}
             for (key, _), value in zip(axes, values, strict=True):
@@ -77,16 +96,14 @@ def expand(table: Mapping[str, Any], what: str) -> list[RunConfig]:
                 for group in key[:-1]:
                     inner = inner.setdefault(group, {})
                 inner[key[-1]] = value
-            for config in _each_seed(words):
-                configs.setdefault(config.digest, config)
-    return list(configs.values())
+            yield words
 
 
-def _each_seed(words: Mapping[str, Any]) -> list[RunConfig]:
-    """Build a run, or one for each seed of the task that is named without a seed."""
+def _seeds(words: Mapping[str, Any]) -> list[dict[str, int]]:
+    """Give what is to be added to a combination: each seed of the task that is named without one, or else nothing."""
     if words.get("task") is None or "seed" in words:
-        return [run_config(**words)]
-    return [run_config(**words, seed=seed) for seed in task(str(words["task"])).seeds]
+        return [{}]
+    return [{"seed": seed} for seed in task(str(words["task"])).seeds]
 
 
 def _axes(

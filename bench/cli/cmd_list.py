@@ -152,9 +152,9 @@ def _metrics() -> list[Row]:
 
 
 def _suites() -> list[Row]:
-    from tactsim.bench.sweep_file import read, suites
+    from tactsim.bench.sweep_file import count_runs, suites
 
-    return [(suite, f"{len(read(suite)[1])} runs", "") for suite in suites()]
+    return [(suite, f"{count_runs(suite)} runs", "") for suite in suites()]
 
 
 def _formats() -> list[Row]:

@@ -108,6 +108,7 @@ def test_every_suite_can_be_read_and_names_known_estimators():
     for suite in sweep_file.suites():
         name, configs = sweep_file.read(suite)
         assert name == suite
+        assert sweep_file.count_runs(suite) == len(configs)
         for config in configs:
             create(config.estimator, **config.options)
 
