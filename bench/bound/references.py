@@ -182,9 +182,10 @@ def distances_of(names: Sequence[str], references: References) -> dict[str, Floa
     """Give the distances of estimators from the references, and show on standard error how far the work is."""
     found: dict[str, FloatArray] = {}
     with progress_bars() as progress:
+        progress("references", 0, len(names))
         for name in names:
-            progress("references", len(found), len(names))
             found[name] = distances(create(name), references)
+            progress("references", len(found), len(names))
     return found
 
 
