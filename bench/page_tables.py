@@ -14,14 +14,15 @@ replaced.
 
 from __future__ import annotations
 
-import re
 import sys
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from tactsim.bench.bound.efficiency import ENOUGH, determined
+from tactsim.bench.page_blocks import fill_blocks, fill_page, markdown_table
 from tactsim.bench.places import SWEEPS
 from tactsim.bench.pooled import Figure, Pooled, pool
 from tactsim.bench.report.collect import find
@@ -31,14 +32,10 @@ from tactsim.bench.run import Run
 from tactsim.bench.score import recoveries
 from tactsim.bench.trial_plan import source_of_trials
 from tactsim.core import InputError
-from tactsim.core.documents import read_text
 from tactsim.core.errors import unknown
-from tactsim.core.files import write_text
 
-TABLE = re.compile(r"(<!-- table: (?P<asked>[^>]*?) -->\n).*?(<!-- end of table -->)", re.DOTALL)
 # Of how many scans, of different seeds, a published figure is made at least: those of one scan share its maps.
 LEAST_SCANS = 5
-LARGEST_PAGE = 10_000_000  # bytes
 
 
 def fill(text: str, sweeps: Path) -> str:
@@ -47,21 +44,19 @@ def fill(text: str, sweeps: Path) -> str:
     Raises InputError for an unknown figure, a sweep that is not there, has not ended, has too few seeds or is of
     other source code, sweeps of different commits, or a table without an end.
     """
-    if text.count("<!-- table:") != len(TABLE.findall(text)):
-        raise InputError("a table has no `<!-- end of table -->`")
     pools: dict[str, list[Pooled]] = {}
 
-    def table(match: re.Match[str]) -> str:
-        sweep, *figures = (part.strip() for part in match["asked"].split(";"))
+    def table(asked: str) -> str:
+        sweep, *figures = (part.strip() for part in asked.split(";"))
         name, _, by = sweep.partition(" by ")
         if name not in pools:
             pools[name] = _pools(sweeps / name)
         by, _, methods = by.partition(":")
         shown = _of_methods(pools[name], [method.strip() for method in methods.split(",")] if methods else [])
         rows = _by_method(shown, figures) if by == "method" else _plain(shown, figures)
-        return f"{match[1]}{_markdown(rows)}\n{_origin(name, shown, figures)}\n{match[3]}"
+        return f"{markdown_table(rows)}\n{_origin(name, shown, figures)}\n"
 
-    filled = TABLE.sub(table, text)
+    filled = fill_blocks(text, "table", table)
     commits = {_commit(run) for of in pools.values() for one in of for run in one.runs}
     if len(commits) > 1:
         raise InputError(
@@ -251,17 +246,11 @@ def _heading(figure: str) -> str:
     return HEADINGS.get(name, name).format(at.replace(",", ", "))
 
 
-def _markdown(rows: Sequence[Sequence[str]]) -> str:
-    head, *body = ["| " + " | ".join(row) + " |\n" for row in rows]
-    return head + "|" + "---|" * len(rows[0]) + "\n" + "".join(body)
-
-
 def main(pages: Sequence[str]) -> int:
     """Fill the tables of these pages; returns the exit status."""
     try:
         for page in pages:
-            text = read_text(Path(page), "page", LARGEST_PAGE)
-            write_text(Path(page), fill(text, SWEEPS))
+            fill_page(Path(page), partial(fill, sweeps=SWEEPS))
     except InputError as error:
         print(f"tables: {error}", file=sys.stderr)
         return 2

@@ -8,7 +8,6 @@ The page says between two comments after which readings it wants them, and what 
 
 from __future__ import annotations
 
-import re
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -16,16 +15,10 @@ from pathlib import Path
 import numpy as np
 
 from tactsim.bench.bound.references import AT, distances_of, load, means, recognisers
+from tactsim.bench.page_blocks import asked_for, fill_blocks, fill_page, markdown_table
 from tactsim.core import InputError
-from tactsim.core.documents import read_text
-from tactsim.core.files import write_text
 from tactsim.core.poses import FloatArray
 from tactsim.core.source_digest import git_commit
-
-REFERENCES = re.compile(
-    r"(<!-- references: (?P<after>[^>]*?) -->\n).*?(<!-- end of references -->)", re.DOTALL
-)
-_LARGEST_PAGE = 10_000_000  # bytes
 
 
 def readings_asked_for(text: str) -> list[int]:
@@ -33,10 +26,10 @@ def readings_asked_for(text: str) -> list[int]:
 
     Raises InputError if it has not one table with an end, or names a number of readings that there is no reference of.
     """
-    found = REFERENCES.findall(text)
-    if len(found) != 1 or text.count("<!-- references:") != 1:
-        raise InputError("the page lacks `<!-- references: 1, 3 -->` and `<!-- end of references -->`")
-    words = [word.strip() for word in found[0][1].split(",")]
+    found = asked_for(text, "references")
+    if len(found) != 1:
+        raise InputError("the page lacks `<!-- references: 1, 3 -->`, or has several")
+    words = [word.strip() for word in found[0].split(",")]
     for word in words:
         if word not in map(str, AT):
             raise InputError(
@@ -53,14 +46,18 @@ def fill(text: str, found: Mapping[str, FloatArray]) -> str:
         *(f"letter @{n}" for n in after),
         *(f"{what} @{n}, mm" for what in ("pose", "belief") for n in after),
     ]
-    rows = [heads, ["---"] * len(heads)]
+    rows = [heads]
     for name, mean in found.items():
         of = mean[[AT.index(n) for n in after]]
         rows.append([name, *("-" if np.isnan(value) else f"{value:.3f}" for value in of.T.ravel())])
-    lines = "".join(f"| {' | '.join(row)} |\n" for row in rows)
     commit = (git_commit() or "unknown")[:12]
     origin = f"*`make references`: {len(load().truth)} objects; commit {commit}.*"
-    return REFERENCES.sub(lambda match: f"{match[1]}{lines}\n{origin}\n{match[3]}", text)
+    return fill_blocks(text, "references", lambda _: f"{markdown_table(rows)}\n{origin}\n")
+
+
+def _fill_anew(text: str) -> str:
+    readings_asked_for(text)  # a wrong page is reported before the work
+    return fill(text, {name: means(of) for name, of in distances_of(recognisers(), load()).items()})
 
 
 def main(words: Sequence[str]) -> int:
@@ -68,11 +65,7 @@ def main(words: Sequence[str]) -> int:
     try:
         if len(words) != 1:
             raise InputError("give one page")
-        page = Path(words[0])
-        text = read_text(page, "page", _LARGEST_PAGE)
-        readings_asked_for(text)  # a wrong page is reported before the work
-        found = {name: means(of) for name, of in distances_of(recognisers(), load()).items()}
-        write_text(page, fill(text, found))
+        fill_page(Path(words[0]), _fill_anew)
     except InputError as error:
         print(f"references: {error}", file=sys.stderr)
         return 2

@@ -12,33 +12,28 @@ from __future__ import annotations
 import re
 import sys
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 
 from tactsim.bench.leaderboard import paper_rows
 from tactsim.bench.leaderboard.figure_words import MISSING, heading, number, rank, text_of
 from tactsim.bench.leaderboard.standings import Entrant, Standings, read_folder
+from tactsim.bench.page_blocks import fill_blocks, fill_page, markdown_table
 from tactsim.bench.tasks import task
 from tactsim.core import InputError
-from tactsim.core.documents import read_text
-from tactsim.core.files import write_text
 
-STANDINGS = re.compile(r"(<!-- standings: (?P<task>[^>]*?) -->\n).*?(<!-- end of standings -->)", re.DOTALL)
 _SEEN = (1, 2, 3, 5, 10, 20)
-_LARGEST_PAGE = 10_000_000  # bytes
 
 
 def fill(text: str, standings: Sequence[Standings]) -> str:
     """Replace the standings in a page. Raises InputError for an unknown task, or one without an end."""
-    if text.count("<!-- standings:") != len(STANDINGS.findall(text)):
-        raise InputError("standings have no `<!-- end of standings -->`")
     found = {of.task: of for of in standings if of.known}
 
-    def table(match: re.Match[str]) -> str:
-        of = found.get(task(match["task"]).name)
-        filled = _table(of) if of is not None else "*No method has entered yet.*\n"
-        return f"{match[1]}{filled}{match[3]}"
+    def table(asked: str) -> str:
+        of = found.get(task(asked).name)
+        return _table(of) if of is not None else "*No method has entered yet.*\n"
 
-    return STANDINGS.sub(table, text)
+    return fill_blocks(text, "standings", table)
 
 
 def _table(of: Standings) -> str:
@@ -52,7 +47,7 @@ def _table(of: Standings) -> str:
         heading(last),
         "× bound",
     ]
-    rows = [[*heads, "ms a reading", "done again"], ["---"] * (len(heads) + 2)]
+    rows = [[*heads, "ms a reading", "done again"]]
     rows += [_row(of, one, seen, last) for one in of.ranked]
     if of.task == paper_rows.TASK:
         stated = [row for row in paper_rows.ROWS if row.accuracy_after(max(seen)) is not None]
@@ -60,8 +55,7 @@ def _table(of: Standings) -> str:
     rows += [
         [MISSING, _escaped(one.label), _escaped(f"no score: {one.status}"), *[""] * 5] for one in of.unranked
     ]
-    lines = "".join(f"| {' | '.join(row)} |\n" for row in rows)
-    return f"{lines}\n{_origin(of)}\n"
+    return f"{markdown_table(rows)}\n{_origin(of)}\n"
 
 
 def _row(of: Standings, one: Entrant, seen: Sequence[int], last: str) -> list[str]:
@@ -107,7 +101,7 @@ def main(words: Sequence[str]) -> int:
         found = read_folder(folder)
         for path, why in found.unreadable:
             raise InputError(f"{path}: {why}")
-        write_text(page, fill(read_text(page, "page", _LARGEST_PAGE), found.standings))
+        fill_page(page, partial(fill, standings=found.standings))
     except InputError as error:
         print(f"standings: {error}", file=sys.stderr)
         return 2

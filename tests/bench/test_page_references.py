@@ -1,10 +1,14 @@
 """Distances from the references in a page of the documentation, filled by the command that `make references` calls."""
 
+import re
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from tactsim.bench.bound.page_references import fill, main, readings_asked_for
-from tactsim.bench.bound.references import AT, means
+from tactsim.bench.bound.references import AT, means, recognisers
+from tactsim.bench.page_blocks import blocks
 from tactsim.core import InputError
 
 PAGE = """Before.
@@ -26,7 +30,7 @@ def test_a_page_gets_its_distances_and_keeps_its_words():
     assert "old" not in text
     assert [line for line in lines if line.startswith("|")] == [
         "| estimator | letter @1 | letter @10 | pose @1, mm | pose @10, mm | belief @1, mm | belief @10, mm |",
-        "| --- | --- | --- | --- | --- | --- | --- |",
+        "|---|---|---|---|---|---|---|",
         "| one | 0.000 | 12.000 | 1.000 | 13.000 | 2.000 | - |",
         "| two | 1.000 | 13.000 | 2.000 | 14.000 | 3.000 | - |",
     ]
@@ -43,7 +47,7 @@ def test_means_are_over_the_objects_that_have_a_distance():
     [
         ("no table", "the page lacks"),
         (PAGE + PAGE, "the page lacks"),
-        (PAGE.replace("end of", "and of"), "the page lacks"),
+        (PAGE.replace("end of", "and of"), "has no `<!-- end of references -->`"),
         (PAGE.replace("10", "11"), "after '11' readings, but after 1, 2, 3, 5, 10"),
     ],
 )
@@ -61,3 +65,11 @@ def test_a_page_that_is_not_there_is_named(tmp_path, capsys):
     assert main([str(tmp_path / "none.md")]) == 2
     assert "none.md" in capsys.readouterr().err
     assert main([]) == 2
+
+
+def test_the_documentation_has_a_row_for_every_estimator():
+    text = (Path(__file__).parents[2] / "docs" / "bound.md").read_text(encoding="utf-8")
+    (block,) = blocks("references").finditer(text)
+    rows = re.findall(r"^\| ([\w-]+) \| [\d.]+ \|", block[0], re.M)
+    assert rows == recognisers()
+    assert re.search(r"\*`make references`: 10 objects; commit [0-9a-f]{12}\.\*", block[0])

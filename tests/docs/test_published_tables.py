@@ -5,7 +5,8 @@ import re
 import pytest
 from pages import ROOT
 
-from tactsim.bench.page_tables import LEAST_SCANS, TABLE
+from tactsim.bench.page_blocks import blocks
+from tactsim.bench.page_tables import LEAST_SCANS
 from tactsim.bench.sweep_file import read, suites
 
 PAGES = [
@@ -18,7 +19,7 @@ PAGES = [
 ASKED = [
     (page, match["asked"], match[0])
     for page in PAGES
-    for match in TABLE.finditer((ROOT / page).read_text(encoding="utf-8"))
+    for match in blocks("table").finditer((ROOT / page).read_text(encoding="utf-8"))
 ]
 IDS = [f"{page}: {asked.split(';')[0]}" for page, asked, _ in ASKED]
 

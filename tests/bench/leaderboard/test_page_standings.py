@@ -7,7 +7,8 @@ import pytest
 from entered import entered
 
 from tactsim.bench.leaderboard.bundle import write_bundle
-from tactsim.bench.leaderboard.page_standings import STANDINGS, fill, main
+from tactsim.bench.leaderboard.page_standings import fill, main
+from tactsim.bench.page_blocks import asked_for
 from tactsim.bench.tasks import names
 from tactsim.core import InputError
 
@@ -77,4 +78,4 @@ def test_a_wrong_page_is_refused_in_one_line_and_stays(folder, tmp_path, capsys)
 
 def test_the_documentation_has_a_table_for_every_task():
     text = (DOCS / "leaderboard.md").read_text(encoding="utf-8")
-    assert sorted(match["task"] for match in STANDINGS.finditer(text)) == sorted(names())
+    assert sorted(asked_for(text, "standings")) == sorted(names())

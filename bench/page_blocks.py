@@ -1,0 +1,52 @@
+"""Blocks of a page that a command makes anew, each between two comments.
+
+The first says what is asked for:
+
+    <!-- table: SWEEP; right@5 -->
+    <!-- end of table -->
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from tactsim.core import InputError
+from tactsim.core.documents import read_text
+from tactsim.core.files import write_text
+
+_LARGEST_PAGE = 10_000_000  # bytes
+
+
+def blocks(kind: str) -> re.Pattern[str]:
+    """Find whole blocks of a kind; the group `asked` is what one asks for."""
+    return re.compile(rf"(<!-- {kind}: (?P<asked>[^>]*?) -->\n).*?(<!-- end of {kind} -->)", re.DOTALL)
+
+
+def asked_for(text: str, kind: str) -> list[str]:
+    """List what the blocks of a kind ask for. Raises InputError if one has no end."""
+    found = [match["asked"] for match in blocks(kind).finditer(text)]
+    if text.count(f"<!-- {kind}:") != len(found):
+        raise InputError(f"`<!-- {kind}: ... -->` has no `<!-- end of {kind} -->`")
+    return found
+
+
+def fill_blocks(text: str, kind: str, made: Callable[[str], str]) -> str:
+    """Replace the content of every block of a kind by what is made of what it asks for, whole lines.
+
+    Raises InputError if a block has no end.
+    """
+    asked_for(text, kind)
+    return blocks(kind).sub(lambda block: f"{block[1]}{made(block['asked'])}{block[3]}", text)
+
+
+def fill_page(page: Path, fill: Callable[[str], str]) -> None:
+    """Write a page anew with its text filled. Raises InputError if it cannot be read or written."""
+    write_text(page, fill(read_text(page, "page", _LARGEST_PAGE)))
+
+
+def markdown_table(rows: Sequence[Sequence[str]]) -> str:
+    """Lay out rows, of which the first are the heads, as a table of Markdown."""
+    head, *body = ["| " + " | ".join(row) + " |\n" for row in rows]
+    return head + "|" + "---|" * len(rows[0]) + "\n" + "".join(body)
