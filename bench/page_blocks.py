@@ -42,8 +42,13 @@ def fill_blocks(text: str, kind: str, made: Callable[[str], str]) -> str:
 
 
 def fill_page(page: Path, fill: Callable[[str], str]) -> None:
-    """Write a page anew with its text filled. Raises InputError if it cannot be read or written."""
-    write_text(page, fill(read_text(page, "page", _LARGEST_PAGE)))
+    """Write a page anew with its text filled. Raises InputError if it cannot be read, filled or written."""
+    text = read_text(page, "page", _LARGEST_PAGE)
+    try:
+        filled = fill(text)
+    except InputError as error:
+        raise InputError(f"{page}: {error}") from error
+    write_text(page, filled)
 
 
 def markdown_table(rows: Sequence[Sequence[str]]) -> str:

@@ -28,7 +28,7 @@ def readings_asked_for(text: str) -> list[int]:
     """
     found = asked_for(text, "references")
     if len(found) != 1:
-        raise InputError("the page lacks `<!-- references: 1, 3 -->`, or has several")
+        raise InputError("it lacks `<!-- references: 1, 3 -->`, or has several")
     words = [word.strip() for word in found[0].split(",")]
     for word in words:
         if word not in map(str, AT):

@@ -181,11 +181,12 @@ def distances(estimator: Estimator, references: References) -> FloatArray:
 def distances_of(names: Sequence[str], references: References) -> dict[str, FloatArray]:
     """Give the distances of estimators from the references, and show on standard error how far the work is."""
     found: dict[str, FloatArray] = {}
+    estimators = {name: create(name) for name in names}  # a wrong name is reported before the work
     with progress_bars() as progress:
-        progress("references", 0, len(names))
-        for name in names:
-            found[name] = distances(create(name), references)
-            progress("references", len(found), len(names))
+        progress("references", 0, len(estimators))
+        for name, estimator in estimators.items():
+            found[name] = distances(estimator, references)
+            progress("references", len(found), len(estimators))
     return found
 
 

@@ -45,8 +45,8 @@ def test_means_are_over_the_objects_that_have_a_distance():
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("no table", "the page lacks"),
-        (PAGE + PAGE, "the page lacks"),
+        ("no table", "it lacks"),
+        (PAGE + PAGE, "it lacks"),
         (PAGE.replace("end of", "and of"), "has no `<!-- end of references -->`"),
         (PAGE.replace("10", "11"), "after '11' readings, but after 1, 2, 3, 5, 10"),
     ],
@@ -57,7 +57,9 @@ def test_a_wrong_page_is_refused_before_the_work_and_stays(text, said, tmp_path,
     page = tmp_path / "page.md"
     page.write_text(text)
     assert main([str(page)]) == 2
-    assert said in capsys.readouterr().err
+    error = capsys.readouterr().err
+    assert error.startswith(f"references: {page}: ")
+    assert said in error
     assert page.read_text() == text
 
 

@@ -135,5 +135,5 @@ def test_a_table_without_an_end_is_refused_and_the_page_stays(folder):
     command = [sys.executable, "-m", "tactsim.bench.page_tables", "cut.md"]
     ended = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
     assert ended.returncode == 2
-    assert ended.stderr == "tables: `<!-- table: ... -->` has no `<!-- end of table -->`\n"
+    assert ended.stderr == "tables: cut.md: `<!-- table: ... -->` has no `<!-- end of table -->`\n"
     assert (folder / "cut.md").read_text() == "<!-- table: s; right@1 -->\nold\n"
