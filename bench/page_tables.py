@@ -22,6 +22,7 @@ from pathlib import Path
 import numpy as np
 
 from tactsim.bench.bound.efficiency import ENOUGH, determined
+from tactsim.bench.console import exit_status
 from tactsim.bench.page_blocks import fill_blocks, fill_page, markdown_table
 from tactsim.bench.places import SWEEPS
 from tactsim.bench.pooled import Figure, Pooled, pool
@@ -248,13 +249,12 @@ def _heading(figure: str) -> str:
 
 def main(pages: Sequence[str]) -> int:
     """Fill the tables of these pages; returns the exit status."""
-    try:
+
+    def work() -> None:
         for page in pages:
             fill_page(Path(page), partial(fill, sweeps=SWEEPS))
-    except InputError as error:
-        print(f"tables: {error}", file=sys.stderr)
-        return 2
-    return 0
+
+    return exit_status("tables", work)
 
 
 if __name__ == "__main__":

@@ -12,9 +12,8 @@ import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-import numpy as np
-
-from tactsim.bench.bound.references import AT, distances_of, load, means, recognisers
+from tactsim.bench.bound.references import AT, distances_of, load, means, recognisers, shown
+from tactsim.bench.console import exit_status
 from tactsim.bench.page_blocks import asked_for, fill_blocks, fill_page, markdown_table
 from tactsim.core import InputError
 from tactsim.core.poses import FloatArray
@@ -39,7 +38,7 @@ def readings_asked_for(text: str) -> list[int]:
 
 
 def fill(text: str, found: Mapping[str, FloatArray]) -> str:
-    """Replace the table of a page by mean distances (readings of AT, 3) of estimators."""
+    """Replace the table of a page by the means of estimators' distances (objects, readings of AT, 3)."""
     after = readings_asked_for(text)
     heads = [
         "estimator",
@@ -47,29 +46,28 @@ def fill(text: str, found: Mapping[str, FloatArray]) -> str:
         *(f"{what} @{n}, mm" for what in ("pose", "belief") for n in after),
     ]
     rows = [heads]
-    for name, mean in found.items():
-        of = mean[[AT.index(n) for n in after]]
-        rows.append([name, *("-" if np.isnan(value) else f"{value:.3f}" for value in of.T.ravel())])
+    for name, of in found.items():
+        rows.append([name, *shown(means(of)[[AT.index(n) for n in after]].T)])
+    objects = len(next(iter(found.values())))
     commit = (git_commit() or "unknown")[:12]
-    origin = f"*`make references`: {len(load().truth)} objects; commit {commit}.*"
+    origin = f"*`make references`: {objects} objects; commit {commit}.*"
     return fill_blocks(text, "references", lambda _: f"{markdown_table(rows)}\n{origin}\n")
 
 
 def _fill_anew(text: str) -> str:
     readings_asked_for(text)  # a wrong page is reported before the work
-    return fill(text, {name: means(of) for name, of in distances_of(recognisers(), load()).items()})
+    return fill(text, distances_of(recognisers(), load()))
 
 
 def main(words: Sequence[str]) -> int:
     """Fill the page `words[0]`; returns the exit status."""
-    try:
+
+    def work() -> None:
         if len(words) != 1:
             raise InputError("give one page")
         fill_page(Path(words[0]), _fill_anew)
-    except InputError as error:
-        print(f"references: {error}", file=sys.stderr)
-        return 2
-    return 0
+
+    return exit_status("references", work)
 
 
 if __name__ == "__main__":

@@ -33,7 +33,7 @@ from tactsim.core import InputError, Scan
 from tactsim.core.files import write_bytes
 from tactsim.core.poses import FloatArray, compose, invert
 from tactsim.core.seeds import stream
-from tactsim.estimators import Estimate, Estimator, create
+from tactsim.estimators import Estimate, Estimator, create, registry
 from tactsim.estimators.estimator import PoseSamples
 from tactsim.estimators.registry import BUILT_IN
 from tactsim.press import ScanOptions, forward_model, scan_letters
@@ -192,7 +192,7 @@ def distances_of(names: Sequence[str], references: References) -> dict[str, Floa
 
 def recognisers() -> list[str]:
     """Name the estimators that come with the package and recognise letters in the plane."""
-    return [name for name in BUILT_IN if not create(name).in_space]
+    return [name for name in BUILT_IN if not registry.load(name).in_space]
 
 
 def means(of: FloatArray) -> FloatArray:
@@ -202,6 +202,11 @@ def means(of: FloatArray) -> FloatArray:
     return np.divide(
         np.where(known, of, 0).sum(axis=0), count, out=np.full(of.shape[1:], np.nan), where=count > 0
     )
+
+
+def shown(mean: FloatArray) -> list[str]:
+    """Write mean distances of any shape for a table, one after the other."""
+    return ["-" if np.isnan(value) else f"{value:.3f}" for value in mean.ravel()]
 
 
 def shipped() -> Path:
@@ -234,7 +239,7 @@ def table(found: Mapping[str, FloatArray]) -> Table:
         for what in (f"letter @{reading}", "pose mm", "belief mm"):
             result.add_column(what, justify="right")
     for name, of in found.items():
-        result.add_row(name, *("-" if np.isnan(mean) else f"{mean:.3f}" for mean in means(of).ravel()))
+        result.add_row(name, *shown(means(of)))
     return result
 
 

@@ -13,6 +13,7 @@ from pathlib import Path
 import tomli_w
 from pydantic import BaseModel, ConfigDict
 
+from tactsim.bench.console import exit_status
 from tactsim.bench.leaderboard.standings import Standings, read_folder
 from tactsim.bench.places import RESULTS
 from tactsim.core import InputError
@@ -66,16 +67,15 @@ def write_best(best: Mapping[str, Best]) -> None:
 
 def main() -> int:
     """Renew the file from the bundles of results/leaderboard; returns the exit status."""
-    try:
+
+    def work() -> None:
         folder = read_folder(LEADERBOARD)
         if folder.unreadable:
             path, why = folder.unreadable[0]
             raise InputError(f"{path}: {why}")
         write_best(best_of(folder.standings))
-    except InputError as error:
-        print(f"best known: {error}", file=sys.stderr)
-        return 2
-    return 0
+
+    return exit_status("best known", work)
 
 
 if __name__ == "__main__":

@@ -15,6 +15,7 @@ from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 
+from tactsim.bench.console import exit_status
 from tactsim.bench.leaderboard import paper_rows
 from tactsim.bench.leaderboard.figure_words import MISSING, heading, number, rank, text_of
 from tactsim.bench.leaderboard.standings import Entrant, Standings, read_folder
@@ -96,16 +97,15 @@ def _escaped(text: str) -> str:
 
 def main(words: Sequence[str]) -> int:
     """Fill the page `words[1]` from the folder `words[0]`; returns the exit status."""
-    try:
-        folder, page = map(Path, words)
+    folder, page = map(Path, words)
+
+    def work() -> None:
         found = read_folder(folder)
         for path, why in found.unreadable:
             raise InputError(f"{path}: {why}")
         fill_page(page, partial(fill, standings=found.standings))
-    except InputError as error:
-        print(f"standings: {error}", file=sys.stderr)
-        return 2
-    return 0
+
+    return exit_status("standings", work)
 
 
 if __name__ == "__main__":

@@ -21,9 +21,9 @@ After.
 
 
 def test_a_page_gets_its_distances_and_keeps_its_words():
-    mean = np.arange(3.0 * len(AT)).reshape(len(AT), 3)
-    mean[-1, 2] = np.nan
-    text = fill(fill(PAGE, {"old": mean}), {"one": mean, "two": mean + 1})  # a filled page is filled again
+    of = np.tile(np.arange(3.0 * len(AT)).reshape(len(AT), 3), (10, 1, 1))
+    of[:, -1, 2] = np.nan
+    text = fill(fill(PAGE, {"old": of}), {"one": of, "two": of + 1})  # a filled page is filled again
     lines = text.splitlines()
     assert [lines[0], lines[-1]] == ["Before.", "After."]
     assert "what stood here" not in text
