@@ -7,10 +7,10 @@ import math
 import numpy as np
 from numba import float64, int64, types
 
-from tactsim.core.compiling import REALS, REALS_2D, Reals, compiled
+from tactsim.core.compiling import GIVEN_REALS, GIVEN_REALS_2D, REALS, Reals, compiled
 
 
-@compiled(types.UniTuple(float64, 4)(float64[:], float64, float64), called_from_python=False)
+@compiled(types.UniTuple(float64, 4)(GIVEN_REALS, float64, float64), called_from_python=False)
 def _placed(pose: Reals, centre_x: float, centre_y: float) -> tuple[float, float, float, float]:
     """Say where an object lies, T_O^R, for its pose T_R^O (3,): [x, y] of the centre, cosine and sine of the angle."""
     cos, sin = math.cos(pose[2]), math.sin(pose[2])
@@ -18,7 +18,7 @@ def _placed(pose: Reals, centre_x: float, centre_y: float) -> tuple[float, float
     return cos * x + sin * y, cos * y - sin * x, cos, -sin
 
 
-@compiled(REALS(REALS_2D, REALS_2D, int64, float64, float64, float64))
+@compiled(REALS(GIVEN_REALS_2D, GIVEN_REALS_2D, int64, float64, float64, float64))
 def distances(
     estimated: Reals, true: Reals, symmetry: int, centre_x: float, centre_y: float, inertia_over_mass: float
 ) -> Reals:
@@ -46,7 +46,7 @@ def distances(
     return away
 
 
-@compiled(float64(REALS, REALS, float64))
+@compiled(float64(REALS, GIVEN_REALS, float64))
 def radius(away: Reals, weights: Reals, share: float) -> float:
     """Find the least distance within which samples, `away` (n,) mm with weights (n,), hold a share of the weight."""
     left, weight = away.copy(), weights.copy()

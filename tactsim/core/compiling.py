@@ -9,7 +9,7 @@ from collections.abc import Callable
 from typing import Any, TypeVar
 
 import numpy as np
-from numba import float32, float64, int64, njit
+from numba import float32, float64, int64, njit, types
 from numpy.typing import NDArray
 
 from tactsim.core.kernel_cache import KernelCache
@@ -25,6 +25,8 @@ REALS, REALS_2D, REALS_3D = float64[::1], float64[:, ::1], float64[:, :, ::1]
 REALS_4D, REALS_5D = float64[:, :, :, ::1], float64[:, :, :, :, ::1]
 FLOATS, FLOATS_2D = float32[::1], float32[:, ::1]
 FLOATS_3D, FLOATS_4D = float32[:, :, ::1], float32[:, :, :, ::1]
+# Arrays of others that are only looked at: those that may not be written are taken too.
+GIVEN_REALS, GIVEN_REALS_2D = (types.Array(float64, dimensions, "C", readonly=True) for dimensions in (1, 2))
 
 
 def compiled(

@@ -41,3 +41,15 @@ def test_one_placement_for_all_and_one_for_each_are_measured_alike(seed, symmetr
     assert np.array_equal(placement_error(true, estimated, of), every) or symmetry > 2
     assert placement_error(true, estimated, of) == pytest.approx(every, abs=1e-9)
     assert placement_error(estimated[0, 0], true[0], of).shape == ()
+
+
+@pytest.mark.parametrize("count", [1, 4])
+def test_samples_that_may_not_be_written_are_measured_as_others_are(count):
+    of = Properties(symmetry=1, centre=(1.0, 2.0), inertia_over_mass=60.0)
+    poses, weights = np.random.default_rng(0).normal(size=(count, 3)), np.full(count, 1 / count)
+    away = placement_error(poses, poses[0], of)
+    held = radius(away, weights, 0.9)
+    for array in (poses, weights):
+        array.flags.writeable = False
+    assert placement_error(poses, poses[0], of).tolist() == away.tolist()
+    assert radius(away, weights, 0.9) == held

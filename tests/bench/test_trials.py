@@ -241,6 +241,21 @@ def test_counts_that_are_none_are_refused(counts):
         trials_of(broken, make_scan(), count=1)
 
 
+@pytest.mark.parametrize(
+    ("estimator", "size"),
+    [
+        *((name, "particles") for name in ("particle", "augmented-mcl", "tempered")),
+        *((name, "bins") for name in ("histogram", "refined")),
+    ],
+)
+def test_the_smallest_estimators_are_scored_too(estimator, size, tmp_path):
+    # With few particles only one is left of a letter: arrays of one row.
+    make_scan(letters="AO").save(tmp_path / "scan.npz")
+    words = {"scan": tmp_path / "scan.npz", "trials": 3, "readings": 10, size: 1}
+    run = tactsim.run(estimator=estimator, **words)
+    assert np.isfinite(run.trials.pose).all()
+
+
 def test_trials_are_joined_in_the_order_given():
     scan = make_scan()
     a, b = (trials_of(Witness(Options()), scan.of_letters(letter), count=2) for letter in "AE")
