@@ -14,9 +14,8 @@ of a map that was learned from N readings: the mean of n errs with the variance 
 A left-out reading errs too little if the map has other presses at its position, and too much if it has none: with the
 share h of the map that a position has, its variance is (1 - h) and 1 / (1 - h) times what it is by itself. So readings
 are left out in both ways. h is found from the two, and their geometric mean is the variance itself (compare HC2 of
-MacKinnon and White 1985). At a new place a map adds an error of its own. It is h of that variance if what differs
-between positions is unlike at all of them, and nothing if it changes so evenly that the map is right in between. Which
-of them holds cannot be seen in training readings; (1 + h)^(1/2), the middle, is taken.
+MacKinnon and White 1985). At a new place the map's own error is added, h of that variance: (1 + h) in all, as for every
+prediction of least squares.
 """
 
 from __future__ import annotations
@@ -31,19 +30,20 @@ import numpy as np
 from tactsim.core import Scan
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.field.field import LikelihoodField
+from tactsim.estimators.filters.trust_kernels import mostly_held, sums_of_readings
 from tactsim.estimators.likelihoods.folds import FOLDS, by_letter, folds, presses, touched_elsewhere
 from tactsim.estimators.likelihoods.likelihood import Likelihood
 from tactsim.estimators.likelihoods.sequence import SequenceLikelihood
 
 # Sequences of few and of many readings are tried, so many of each and of a letter, at poses off by so many moves.
-FEW, _MANY, _SEQUENCES, _MOVES = 3, 20, 120, 1024
+FEW, _MANY, _SEQUENCES, _MOVES = 3, 20, 120, 4096
 # What is learned is one number: more letters than these are not needed for it.
 _LETTERS = 6
 # mm, the least and the largest move; a turn is counted at a letter's radius of gyration, mm.
 _LEAST, _MOST, _GYRATION = 0.01, 4.0, 9.0
 _ROOT = 1.1673039782614187  # of x^5 = x + 1
 _SHARE = 0.9
-_LOWEST, _HIGHEST, _BISECTIONS = 0.02, 2.0, 10
+_LOWEST, _HIGHEST, _BISECTIONS = 0.02, 2.0, 8
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,8 @@ class Trust:
 
     own: how much too small the likelihood says the variance of the error of one reading is, as a factor. growth: how
     much more for e times as many readings: a narrow belief rests on finer features of the maps than a wide one.
-    shared: the variance of the error that all readings have in common, the map's, in the same unit.
+    shared: the variance of the error that all readings have in common, the map's, in the same unit: that of the mean of
+    its training readings. What grows is how maps err in detail, which is unlike from place to place and not shared.
     """
 
     own: float = 1.0
@@ -83,7 +84,7 @@ def learn_trust(likelihood: Likelihood, scan: Scan) -> Trust:
     )  # one number from both if there is no growth
     own = max(own, growth, 1 / _HIGHEST)  # with less, two readings would say less than one
     trained = len(train) / len(train.letters)
-    return Trust(own, growth, (own + growth * math.log(_MANY)) / trained)
+    return Trust(own, growth, own / trained)
 
 
 def images_count(likelihood: SequenceLikelihood, scan: Scan) -> float:
@@ -129,15 +130,21 @@ def _at_a_new_place(kept: float, gone: float) -> float:
     """
     kept = min(kept, gone)
     share = 1 - math.sqrt(kept / gone)
-    return math.sqrt(kept * gone) * math.sqrt(1 + share)
+    return math.sqrt(kept * gone) * (1 + share)
 
 
 def _weight(sums: FloatArray, shift: FloatArray, size: FloatArray) -> float:
-    """Find the weight with which regions of 90 % hold no move at all in 90 % of sequences, log p (sequences, moves)."""
+    """Find the weight with which regions of 90 % hold no move at all in 90 % of sequences, log p (sequences, moves).
+
+    Only shifts count, because a round letter's turn is unknown.
+    """
+    # As many moves are in each shell as in any other, though its volume grows with the cube of its size.
+    log_volume = 3 * np.log(size)
     low, high = _LOWEST, _HIGHEST
     for _ in range(_BISECTIONS):
         middle = math.sqrt(low * high)
-        low, high = (middle, high) if _held(middle * sums, shift, size) > _SHARE else (low, middle)
+        held = mostly_held(sums, middle, log_volume, shift, _SHARE)
+        low, high = (middle, high) if held else (low, middle)
     return math.sqrt(low * high)
 
 
@@ -157,7 +164,8 @@ def _moves(centre: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     turn = move[:, 2] / _GYRATION
     cos, sin, (x, y) = np.cos(turn), np.sin(turn), centre
     about = centre - np.column_stack([cos * x - sin * y, sin * x + cos * y])
-    return move[:, :2], size, np.column_stack([move[:, :2] + about, turn]).T
+    shift = move[:, :2].copy()
+    return shift, size, np.column_stack([shift + about, turn]).T
 
 
 def _left_out(
@@ -189,25 +197,5 @@ def _sequences(log_p: FloatArray, count: int, rng: np.random.Generator) -> Float
 
     log_p: (readings, moves). In a mirrored reading every move is the other way.
     """
-    plain, mirrored = np.zeros((2, _SEQUENCES, len(log_p)))
-    for number in range(_SEQUENCES):
-        drawn = rng.permutation(len(log_p))[:count]
-        turned = rng.random(len(drawn)) < 0.5
-        plain[number, drawn[~turned]] = mirrored[number, drawn[turned]] = 1
-    return plain @ log_p + np.roll(mirrored @ log_p, log_p.shape[1] // 2, axis=1)
-
-
-def _held(log_p: FloatArray, shift: FloatArray, size: FloatArray) -> float:
-    """Find in which share of sequences, log p (sequences, moves), the region of 90 % holds no move at all.
-
-    Only shifts count, because a round letter's turn is unknown.
-    """
-    # As many moves are in each shell as in any other, though its volume grows with the cube of its size.
-    weight = log_p + 3 * np.log(size)
-    weight -= weight.max(axis=1, keepdims=True)
-    np.exp(weight, out=weight)
-    total = weight.sum(axis=1)
-    mean = weight @ shift / total[:, None]
-    # A shift s is nearer to the mean m than no move at all is, |s - m| < |m|, if |s|^2 < 2 s m.
-    nearer = (shift**2).sum(axis=1) < mean @ (2 * shift.T)
-    return float(np.mean(np.einsum("sm,sm->s", weight, nearer) < _SHARE * total))
+    drawn = np.array([rng.permutation(len(log_p))[:count] for _ in range(_SEQUENCES)])
+    return sums_of_readings(log_p, drawn, rng.integers(2, size=drawn.shape))

@@ -26,20 +26,23 @@ def test_moves_turn_about_the_centre_and_have_the_sizes_that_are_said():
 LETTERS, READINGS = ("E", "I", "L", "O", "U"), 192
 
 
-def gaussian(rng, too_sure, spoil=lambda seen: seen, share=0.0):
+def gaussian(rng, too_sure, spoil=lambda seen: seen, share=0.0, sigma=(0.4, 0.4, 0.4)):
     """Make a stand-in for left-out readings: Gaussians about places drawn from them, log p times a factor.
 
     spoil: what is done to the places (letters, readings, 3) that are seen, in the unit of their deviation. share:
     what a position has of the map; with it there its presses err by so much less, and without it by so much more.
+    sigma: mm, the deviation along three axes that are turned at random.
     """
-    sigma = 0.4
+    axes = np.linalg.qr(rng.normal(size=(3, 3)))[0] * sigma
+    whiten = np.linalg.inv(axes)
 
     def left_out(likelihood, train, labels, states, whole_positions):
         shift, _, _ = trust._moves(np.zeros(2))
         place = np.column_stack([shift, trust._GYRATION * states[2]])
         error = 1 / (1 - share) if whole_positions else 1 - share
-        seen = spoil(rng.normal(size=(len(LETTERS), READINGS, 3))) * sigma * math.sqrt(error)
-        return [-too_sure * ((place[None] - one[:, None]) ** 2).sum(axis=2) / (2 * sigma**2) for one in seen]
+        seen = spoil(rng.normal(size=(len(LETTERS), READINGS, 3))) * math.sqrt(error)
+        whitened = place @ whiten.T
+        return [-too_sure * ((whitened[None] - one[:, None]) ** 2).sum(axis=2) / 2 for one in seen]
 
     return left_out
 
@@ -95,14 +98,14 @@ def test_a_gaussian_likelihood_that_is_too_sure_gets_the_weight_that_makes_up_fo
 
 @pytest.mark.parametrize("share", [0.2, 0.4])
 def test_what_presses_at_one_position_share_is_found_from_both_ways_of_leaving_out(monkeypatch, share):
-    # The error of a press by itself, and the middle of none and all of the map's own.
+    # The error of a press by itself, and of the map.
     found = learned_from(monkeypatch, gaussian(np.random.default_rng(1), 2.0, share=share))
-    assert found == pytest.approx(known(2.0 * math.sqrt(1 + share)), rel=0.15)
+    assert found == pytest.approx(known(2.0 * (1 + share)), rel=0.15)
 
 
 def test_a_position_that_is_in_the_map_never_makes_it_worse():
     assert trust._at_a_new_place(3.0, 2.0) == trust._at_a_new_place(2.0, 2.0) == 2.0
-    assert trust._at_a_new_place(1.0, 4.0) == pytest.approx(2 * math.sqrt(1.5))
+    assert trust._at_a_new_place(1.0, 4.0) == pytest.approx(2 * 1.5)
 
 
 @pytest.mark.parametrize("correlation", [-1 / READINGS, 0.3])
@@ -114,8 +117,11 @@ def test_what_left_out_readings_share_and_new_ones_do_not_changes_nothing(monkey
         common = np.random.default_rng(2).normal(size=(len(LETTERS), 1, 3))
         return math.sqrt(1 - correlation) * seen + math.sqrt(correlation) * common / np.abs(common)
 
-    found = learned_from(monkeypatch, gaussian(np.random.default_rng(1), 2.0, spoil))
-    assert found == pytest.approx(known(2.0), rel=0.2)
+    # Of one set of readings the last has a standard deviation of a tenth, and growth that is never negative adds to it.
+    found = [
+        learned_from(monkeypatch, gaussian(np.random.default_rng(seed), 2.0, spoil)) for seed in (1, 2, 3)
+    ]
+    assert np.mean(found, axis=0) == pytest.approx(known(2.0), rel=0.15)
 
 
 def test_one_letter_of_its_own_kind_does_not_decide_for_the_others(monkeypatch):
@@ -161,16 +167,10 @@ def test_a_likelihood_that_cannot_leave_readings_out_counts_fully():
     assert learn_trust(estimator.likelihood, scan)(20) == 1
 
 
-def test_the_share_of_sequences_whose_region_excludes_no_move_is_counted_as_defined():
-    rng = np.random.default_rng(3)
-    log_p, shift = rng.normal(scale=3, size=(40, 64)), rng.normal(size=(64, 2))
-    size = np.linalg.norm(shift, axis=1)
-    held = []
-    for of_sequence in log_p:
-        weight = np.exp(of_sequence) * size**3
-        weight /= weight.sum()
-        mean = weight @ shift
-        nearer = np.linalg.norm(shift - mean, axis=1) < np.linalg.norm(mean)
-        held.append(weight[nearer].sum() < 0.9)
-    assert 0 < np.mean(held) < 1
-    assert trust._held(log_p, shift, size) == np.mean(held)
+def test_a_belief_that_is_long_in_one_direction_gets_the_same_weight(monkeypatch):
+    # Few moves lie in it, and of too few, 1,024, it seems too sure by a quarter.
+    found = [
+        learned_from(monkeypatch, gaussian(np.random.default_rng(seed), 1.0, sigma=(0.1, 0.3, 0.1)))
+        for seed in (1, 2, 3)
+    ]
+    assert np.mean(found, axis=0) == pytest.approx(known(1.0), rel=0.12)

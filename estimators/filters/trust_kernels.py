@@ -1,0 +1,65 @@
+"""The inner loops of `trust`: sum the log-likelihoods of sequences, and ask how often a region holds no move at all."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import boolean, float64
+
+from tactsim.core.compiling import INTS_2D, REALS, REALS_2D, Ints, Reals, compiled
+
+# Nats below the largest; what has less adds nothing to a sum of doubles.
+_NOTHING = 50.0
+
+
+@compiled(REALS_2D(REALS_2D, INTS_2D, INTS_2D))
+def sums_of_readings(log_p: Reals, drawn: Ints, mirrored: Ints) -> Reals:
+    """Sum log p (readings, moves) over the readings that are drawn (sequences, count): (sequences, moves).
+
+    In a mirrored (sequences, count) reading, 1 and not 0, every move is the other way: moves come in two halves.
+    """
+    moves = log_p.shape[1]
+    half = moves // 2
+    sums = np.zeros((len(drawn), moves))
+    for sequence in range(len(drawn)):
+        for k in range(drawn.shape[1]):
+            of_reading, first = log_p[drawn[sequence, k]], half * mirrored[sequence, k]
+            for move in range(half):
+                sums[sequence, move] += of_reading[move + first]
+                sums[sequence, half + move] += of_reading[half + move - first]
+    return sums
+
+
+@compiled(boolean(REALS_2D, float64, REALS, REALS_2D, float64))
+def mostly_held(log_p: Reals, weight: float, log_volume: Reals, shift: Reals, share: float) -> bool:
+    """Tell whether in more than a share of sequences the region with that share of the belief holds no move at all.
+
+    log_p: (sequences, moves) of sequences, counted with a weight. log_volume: (moves,) of what a move stands for.
+    shift: (moves, 2) mm. A region is all shifts that are nearer to their mean than a distance.
+    """
+    sequences, belief = len(log_p), np.empty(len(log_volume))
+    left_out = 0
+    for of_sequence in log_p:
+        largest = -math.inf
+        for move in range(len(belief)):
+            belief[move] = weight * of_sequence[move] + log_volume[move]
+            largest = max(largest, belief[move])
+        total = mean_x = mean_y = 0.0
+        for move in range(len(belief)):
+            below = belief[move] - largest
+            belief[move] = math.exp(below) if below > -_NOTHING else 0.0
+            total += belief[move]
+            mean_x += belief[move] * shift[move, 0]
+            mean_y += belief[move] * shift[move, 1]
+        mean_x, mean_y, nearer = mean_x / total, mean_y / total, 0.0
+        for move in range(len(belief)):
+            # A shift s is nearer to the mean m than no move at all is, |s - m| < |m|, if |s|^2 < 2 s m.
+            x, y = shift[move, 0], shift[move, 1]
+            if x * (x - 2 * mean_x) + y * (y - 2 * mean_y) < 0:
+                nearer += belief[move]
+        if nearer >= share * total:
+            left_out += 1
+            if sequences - left_out <= share * sequences:
+                return False
+    return sequences - left_out > share * sequences
