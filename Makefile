@@ -32,7 +32,7 @@ MINUTES ?= 30
 # What `make mutants` is given, such as MUTANTS="--all tactsim/press/clip.py".
 MUTANTS ?=
 
-.PHONY: run test check docs setup lock test-slow test-formats soak mutants bench-check bench-baseline bench-rate profile tables leaderboard references release-check image clean help
+.PHONY: run test check docs setup lock test-slow test-formats soak mutants bench-check bench-baseline bench-rate profile tables leaderboard references stress release-check image clean help
 
 help:            ## list these commands
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 18
@@ -105,6 +105,9 @@ leaderboard: $(DEVELOP)  ## make the site of results/leaderboard, and fill the t
 
 references: $(DEVELOP)  ## how far every estimator is from the reference posteriors: fill the table of docs/bound.md
 	@$(BIN)/python -m tactsim.bench.bound.page_references docs/bound.md
+
+stress: $(DEVELOP)  ## do every stress case, some six minutes: fill the table of docs/stress.md
+	@$(BIN)/python -m tactsim.bench.stress.page_stress docs/stress.md
 
 release-check: $(PACKAGING)  ## what a release lacks; then build it into dist/, check it and install it
 	@$(BIN)/python tests/packaging/release_check.py

@@ -1,0 +1,72 @@
+"""Fill the table of a page with the worst that every case found: `python -m tactsim.bench.stress.page_stress PAGE`.
+
+What stands between two comments is replaced:
+
+    <!-- stress: all cases -->
+    <!-- end of stress -->
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from tactsim.bench.console import exit_status
+from tactsim.bench.machine import machine, versions
+from tactsim.bench.page_blocks import asked_for, fill_blocks, fill_page, markdown_table
+from tactsim.bench.stress import cases, run_cases
+from tactsim.bench.stress.case import Outcome
+from tactsim.bench.terminal import progress_bars
+from tactsim.core import InputError
+from tactsim.core.source_digest import git_commit
+
+_ALL = "all cases"
+
+
+def check(text: str) -> None:
+    """Raise InputError unless a page has one table with an end, and asks for all cases."""
+    found = asked_for(text, "stress")
+    if found != [_ALL]:
+        raise InputError(f"it lacks `<!-- stress: {_ALL} -->`, or has several")
+
+
+def fill(text: str, outcomes: Sequence[Outcome]) -> str:
+    """Replace the table of a page by outcomes. Raises InputError, naming a case, if one does not keep to its limit."""
+    check(text)
+    rows = [["case", "what is varied", "deviation", "worst", "limit"]]
+    for one in outcomes:
+        case = one.case
+        if not one.passed:
+            raise InputError(f"the case {case.name} fails at {one.at}: see `bench stress --case {case.name}`")
+        limit = f"at {'least' if case.at_least else 'most'} {case.limit:g}"
+        rows.append([case.name, case.varied, case.deviation, f"{one.worst:.2g}", limit])
+    minutes = sum(one.seconds for one in outcomes) / 60
+    known, on = versions(), machine()
+    libraries = f"Python {known['python']}, NumPy {known['numpy']}, MuJoCo {known['mujoco-core']}"
+    origin = (
+        f"*`make stress`: {len(outcomes)} cases in {minutes:.0f} minutes, none failed; {libraries}, {on['cores']} cores"
+        f" of {on['processor']}; commit {(git_commit() or 'unknown')[:12]}.*"
+    )
+    return fill_blocks(text, "stress", lambda _: f"{markdown_table(rows)}\n{origin}\n")
+
+
+def _fill_anew(text: str) -> str:
+    check(text)  # a wrong page is reported before the work
+    with progress_bars() as progress:
+        return fill(text, run_cases(cases(), progress))
+
+
+def main(words: Sequence[str]) -> int:
+    """Fill the page `words[0]`; returns the exit status."""
+
+    def work() -> None:
+        if len(words) != 1:
+            raise InputError("give one page")
+        fill_page(Path(words[0]), _fill_anew)
+
+    return exit_status("stress", work)
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
