@@ -57,3 +57,26 @@ def test_a_table_has_its_command_five_scans_and_intervals(page, asked, table):
 def test_make_tables_does_every_sweep_that_a_page_asks_for():
     done = set(re.search(r"^TABLES := (.*)$", (ROOT / "Makefile").read_text(), re.MULTILINE)[1].split())
     assert {asked.split(";")[0].partition(" by ")[0].strip() for _, asked, _ in ASKED} <= done
+
+
+def test_the_regions_that_are_counted_beneath_their_table_are_those_of_the_table():
+    text = (ROOT / "docs/method.md").read_text(encoding="utf-8")
+    (table,) = (table for page, asked, table in ASKED if page == "docs/method.md" and "coverage_90@" in asked)
+    rows = [
+        [cell.split(" / ") for cell in row.split(" | ")[1:]]
+        for row in re.findall(r"^\| (.* / .*) \|$", table, re.M)
+    ]
+    counted = re.search(
+        r"Of the (\d+) shares of `refined` (\d+) lie between \.87 and \.93, (\d+) below and (\d+) above; "
+        r"of those of `force-mosaic` (\d+), (\d+) and (\d+)\.",
+        " ".join(text.split()),
+    )
+    assert counted is not None
+    total, *said = map(int, counted.groups())
+    found = []
+    for method in (0, 1):
+        shares = [float(share) for row in rows for share in row[method]]
+        assert len(shares) == total
+        below, above = sum(share < 0.87 for share in shares), sum(share > 0.93 for share in shares)
+        found += [total - below - above, below, above]
+    assert said == found
