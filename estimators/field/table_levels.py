@@ -41,10 +41,10 @@ def levels_of(nodes: Floats, phases: tuple[int, int]) -> Levels:
         largest = table.astype(float)
         largest[..., :-1] = np.maximum(largest[..., :-1], largest[..., 1:])
         largest[..., :-1, :] = np.maximum(largest[..., :-1, :], largest[..., 1:, :])
-        lowest[number] = largest.min()  # 0 or less, for the rim is 0
-        step[number] = max(float(largest.max()) - lowest[number], np.finfo(np.float32).tiny) / _MOST
+        # Outside tables are 0. At the rim they may miss it by rounding, all values may be such traces.
+        lowest[number], highest = min(largest.min(), 0.0), max(float(largest.max()), 0.0)
+        step[number] = max(highest - lowest[number], np.finfo(np.float32).tiny) / _MOST
         level = np.ceil((largest - lowest[number]) / step[number])
-        # Outside all tables are 0.
         outside = min(_MOST, int(np.ceil(-lowest[number] / step[number])))
         levels.append(laid_out(np.minimum(level, _MOST).astype(np.uint8)[None], phases, outside))
     return Levels(np.concatenate(levels, axis=None), lowest, step)
