@@ -12,6 +12,7 @@ import re
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+from tactsim.bench.console import exit_status
 from tactsim.core import InputError
 from tactsim.core.documents import read_text
 from tactsim.core.files import write_text
@@ -49,6 +50,17 @@ def fill_page(page: Path, fill: Callable[[str], str]) -> None:
     except InputError as error:
         raise InputError(f"{page}: {error}") from error
     write_text(page, filled)
+
+
+def fill_one(command: str, words: Sequence[str], fill: Callable[[str], str]) -> int:
+    """Fill the one page that a command is given; returns its exit status, see `exit_status`."""
+
+    def work() -> None:
+        if len(words) != 1:
+            raise InputError("give one page")
+        fill_page(Path(words[0]), fill)
+
+    return exit_status(command, work)
 
 
 def markdown_table(rows: Sequence[Sequence[str]]) -> str:

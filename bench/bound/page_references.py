@@ -10,11 +10,9 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 
 from tactsim.bench.bound.references import AT, distances_of, load, means, recognisers, shown
-from tactsim.bench.console import exit_status
-from tactsim.bench.page_blocks import asked_for, fill_blocks, fill_page, markdown_table
+from tactsim.bench.page_blocks import asked_for, fill_blocks, fill_one, markdown_table
 from tactsim.core import InputError
 from tactsim.core.poses import FloatArray
 from tactsim.core.source_digest import git_commit
@@ -61,13 +59,7 @@ def _fill_anew(text: str) -> str:
 
 def main(words: Sequence[str]) -> int:
     """Fill the page `words[0]`; returns the exit status."""
-
-    def work() -> None:
-        if len(words) != 1:
-            raise InputError("give one page")
-        fill_page(Path(words[0]), _fill_anew)
-
-    return exit_status("references", work)
+    return fill_one("references", words, _fill_anew)
 
 
 if __name__ == "__main__":

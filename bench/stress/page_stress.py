@@ -10,11 +10,9 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
-from pathlib import Path
 
-from tactsim.bench.console import exit_status
 from tactsim.bench.machine import machine, versions
-from tactsim.bench.page_blocks import asked_for, fill_blocks, fill_page, markdown_table
+from tactsim.bench.page_blocks import asked_for, fill_blocks, fill_one, markdown_table
 from tactsim.bench.stress import cases, run_cases
 from tactsim.bench.stress.case import Outcome
 from tactsim.bench.terminal import progress_bars
@@ -59,13 +57,7 @@ def _fill_anew(text: str) -> str:
 
 def main(words: Sequence[str]) -> int:
     """Fill the page `words[0]`; returns the exit status."""
-
-    def work() -> None:
-        if len(words) != 1:
-            raise InputError("give one page")
-        fill_page(Path(words[0]), _fill_anew)
-
-    return exit_status("stress", work)
+    return fill_one("stress", words, _fill_anew)
 
 
 if __name__ == "__main__":
