@@ -248,7 +248,10 @@ def _solve(
             springs = starts[index].springs if index in starts else whole.springs[index]
             placed = _placed(stage, springs, problem.touches, index)
             stiffness = 1e3 * problem.stiffness[index]
-            start = starts.get(index) or _all_touch(placed, springs, force / stiffness, bending[index])
+            start = starts.get(index)
+            if start is None:
+                start = _all_touch(placed, springs, force / stiffness, bending[index])
+                depth[index] = start.depth / MM
             try:
                 proposed[row], turned[row] = _step(placed, start, stiffness, force)
             except UnsettledError as error:
@@ -260,6 +263,7 @@ def _solve(
             state = problem.at(trying, proposed, turned)
             worse = (state.energy > energy[trying]) & (state.missing > missing[trying] / 2)
             worse |= (np.abs(turned) > 1).any(axis=1)
+            worse |= state.bed.area_of_presses == 0  # so far off that no spring is left to step with
             balanced = state.missing <= problem.allowed
             resting = ~worse & balanced
             tipped = resting & (np.abs(turned) > MOST_TILT).any(axis=1)

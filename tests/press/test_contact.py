@@ -277,6 +277,17 @@ def test_a_letter_that_tips_over_is_refused():
         press_letter(models.letter("E"), [10.2, 0.0, 0.4], options)
 
 
+def test_a_step_that_leaves_the_pad_is_shortened():
+    """A corner touches and the wrist gives way: Newton's first step lifts the letter off every spring."""
+    pad = Pad(
+        rows=20, columns=20, unread_rows=0, unread_columns=0, seam=None, taxel_width=1.9, taxel_height=1.9
+    )
+    options = level_scan(pad=pad, press=level_press(force=0.0013, wrist_stiffness=2.96))
+    touches = Touches.of(models.letter("E"), np.array([[-11.87, -0.43, -0.31]]), (-0.048, 0.147))
+    load = balance.press(touches, options).settled().load
+    assert load.forces.sum() == pytest.approx(0.0013, rel=1e-5)
+
+
 def tilted_truth(letter, pose, load, tilt, force):
     """Stack the parts of the tilted face that lie deeper and deeper: the reading of a pressure linear in x and y."""
     bed = load.bed
