@@ -26,7 +26,8 @@ from tactsim.bench.stress.likelihood_cases import (
 )
 from tactsim.core import Scan, compose
 from tactsim.core.poses import FloatArray
-from tactsim.estimators import Estimator, load
+from tactsim.estimators import Estimator
+from tactsim.estimators.registry import load
 from tactsim.models import names
 
 LONG = 10_000
