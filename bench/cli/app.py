@@ -123,7 +123,7 @@ def run_app() -> NoReturn:
             FAILED,
         )
     except TyperException as error:
-        fail(error.format_message())
+        fail(error.format_message() + _settings(error))
     except (KeyboardInterrupt, Abort):
         end_interrupted()
     except BrokenPipeError:  # as in `bench list | head`, which stops reading
@@ -136,6 +136,15 @@ def run_app() -> NoReturn:
     if status == INTERRUPTED:
         end_interrupted()
     sys.exit(status if isinstance(status, int) else 0)
+
+
+def _settings(error: TyperException) -> str:
+    """Say how an estimator's options are given, where a verb that takes them does not know an option."""
+    context = getattr(error, "ctx", None)
+    if context is None or not hasattr(error, "option_name"):
+        return ""
+    takes = any("--set" in one.opts for one in context.command.params)
+    return ". An estimator's own options: --set NAME=VALUE" if takes else ""
 
 
 def fail(message: str, status: int = WRONG_INPUT) -> NoReturn:

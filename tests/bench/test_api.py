@@ -171,6 +171,8 @@ WRONG = {
     "a class": ({"estimator": Even}, "made with its options"),
     "options twice": ({"estimator": Even(Options()), "bins": 3}, "leave out bins"),
     "a word": ({"trails": 3}, "did you mean 'trials'"),
+    "an estimator's option": ({"halvings": 3}, "option of the estimator refined; give set="),
+    "another estimator's option": ({"estimator": "histogram", "halvings": 3}, "unknown option 'halvings'"),
     "trials": ({"trials": 0}, "trials"),
     "jobs": ({"jobs": 0}, "jobs is 0"),
     "no estimator": ({"estimator": None}, "estimator is None"),

@@ -157,6 +157,7 @@ BAD = {
     "letter": (["run", "--letters", "A?"], ["letter", "?"]),
     "estimator": (["run", "--estimator", "histogramm"], ["histogramm", "did you mean 'histogram'"]),
     "option": (["run", "--binz", "3"], ["--binz"]),
+    "an estimator's option": (["run", "--halvings", "3"], ["--halvings", "--set NAME=VALUE"]),
     "set": (["run", "--set", "bin=3"], ["bin", "did you mean 'bins'"]),
     "set without =": (["run", "--set", "bins"], ["key=value"]),
     "scan-set": (["run", "--scan-set", "press.forse=1"], ["press.forse", "did you mean 'press.force'"]),
