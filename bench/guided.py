@@ -70,6 +70,8 @@ def record(station: Station, plan: Plan, journal: Path, *, resume: bool, title: 
         if before.pad != station.device.pad:
             raise InputError(f"{journal} was recorded with another pad than {station.device.name!r}")
         plan, presses, first = before.plan, before.presses, before.readings
+    if not resume and journal.exists():
+        raise InputError(f"{journal} exists; name another file, or go on with its session by `--resume`")
     session = Session(plan, station.device.pad, presses)
     with Recorder(journal, append=resume) as recorder:
         recorder.segment(station.segment(plan), time.monotonic())

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager, suppress
 from datetime import datetime
 from pathlib import Path
@@ -63,26 +63,45 @@ def check_new_folder(path: Path) -> None:
             raise InputError(f"--out {path}: the folder holds something already; name a new one")
 
 
-def check_new_file(path: Path) -> None:
-    """Raise InputError unless a file can be written at `path`."""
-    with _refusing(path):
+def check_new_file(
+    path: Path, *others: Path | None, kinds: Collection[str] = (), option: str = "--out"
+) -> None:
+    """Raise InputError unless a file can be written at `path` and nothing that is wanted is lost by it.
+
+    others: what the command reads, or writes besides; the file may be none of them. kinds: suffixes of what is written,
+    such as ".npz"; a file with another one, a recording perhaps, is not replaced. option: what names the file.
+    """
+    with _refusing(path, option):
         if path.is_dir():
-            raise InputError(f"--out {path}: that is a folder; name a file in it")
-        _check_writable(path.parent)
+            raise InputError(f"{option} {path}: that is a folder; name a file in it")
+        _check_writable(path.parent, option)
+        if path.resolve() in [other.resolve() for other in others if other is not None]:
+            raise InputError(f"{option} {path}: the command reads or writes that besides; name another file")
+        if kinds and path.is_file() and path.suffix.lower() not in kinds:
+            raise InputError(
+                f"{option} {path}: a file stands there that is no {' or '.join(kinds)}; name another"
+            )
 
 
-def _check_writable(path: Path) -> None:
+def check_page(path: Path) -> None:
+    """Raise InputError unless `path` is called like a page and can be written."""
+    if path.suffix != ".html":
+        raise InputError(f"{path}: the report is a page; give a name that ends in .html")
+    check_new_file(path)
+
+
+def _check_writable(path: Path, option: str = "--out") -> None:
     standing = next(folder for folder in (path, *path.absolute().parents) if folder.exists())
     if not standing.is_dir():
-        raise InputError(f"--out {path}: {standing} is a file, no folder")
+        raise InputError(f"{option} {path}: {standing} is a file, no folder")
     if not os.access(standing, os.R_OK | os.W_OK | os.X_OK):
-        raise InputError(f"--out {path}: {standing} cannot be written; name another folder")
+        raise InputError(f"{option} {path}: {standing} cannot be written; name another folder")
 
 
 @contextmanager
-def _refusing(path: Path) -> Iterator[None]:
+def _refusing(path: Path, option: str = "--out") -> Iterator[None]:
     """Turn the system's error for an impossible path into an InputError."""
     try:
         yield
     except OSError as error:
-        raise InputError(f"--out {path}: {error.strerror or error}") from error
+        raise InputError(f"{option} {path}: {error.strerror or error}") from error

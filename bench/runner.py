@@ -20,12 +20,12 @@ from tactsim.bench.placement_error import properties
 from tactsim.bench.run import Run
 from tactsim.bench.trial_plan import TrialPlan, source_of_trials
 from tactsim.bench.trial_workers import run_trials
-from tactsim.bench.trials import OneTrial, Progress, Trials, check_readings
+from tactsim.bench.trials import OneTrial, Progress, Trials, check_labels, check_readings
 from tactsim.core import InputError, Scan
 from tactsim.core.errors import unknown
 from tactsim.core.scan import train_on
 from tactsim.core.source_digest import git_commit
-from tactsim.estimators import NONE, Estimator, Options, create
+from tactsim.estimators import Estimator, Options, create
 from tactsim.estimators.estimator import proposes_none
 from tactsim.estimators.likelihoods.occupancy import maps_of
 from tactsim.estimators.options import FilterOptions
@@ -144,8 +144,7 @@ def gather(
     letters = chosen_letters(config, scan.letters)
     if not letters:
         raise InputError(f"{config.scan or 'the scan'} holds no readings")
-    if NONE in letters:
-        raise InputError(f"a letter is called {NONE!r}, which means none of the known letters; rename it")
+    check_labels(letters)
     held_out = () if config.each_held_out else config.hold_out
     for letter in held_out:
         if letter not in letters:

@@ -116,6 +116,12 @@ def generator(seed: int, task: OneTrial, stream: int) -> np.random.Generator:
     return np.random.default_rng([seed, zlib.crc32(task.truth.encode()), task.trial, stream])
 
 
+def check_labels(labels: Iterable[str]) -> None:
+    """Raise InputError if a letter is called as an estimator says that it is none of them."""
+    if NONE in labels:
+        raise InputError(f"a letter is called {NONE!r}, which means none of the known letters; rename it")
+
+
 def check_readings(scan: Scan, letters: Iterable[str], readings: int, hold_out: Iterable[str] = ()) -> None:
     """Raise InputError unless every letter has `readings` test readings and, if not held out, training readings."""
     for letter in letters:

@@ -119,9 +119,7 @@ class Recorder:
             else:
                 self._put(_START.pack(MAGIC, VERSION))
         except FileExistsError:
-            raise InputError(
-                f"{self.path} exists; name another file, or go on with a session by `--resume`"
-            ) from None
+            raise InputError(f"{self.path} exists; name another file") from None
         except OSError as error:
             raise InputError(f"cannot write {self.path}: {error.strerror or error}") from error
 

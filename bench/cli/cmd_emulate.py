@@ -189,9 +189,10 @@ def _record(
     from tactsim.press.scanning import letters_of
     from tactsim.press.simulated_source import rising_table
 
-    for path in (out, marks):
-        if path is not None:
-            check_new_file(path)
+    read = (plan, *map(Path, options.shapes))
+    check_new_file(out, marks, *read)
+    if marks is not None:
+        check_new_file(marks, out, *read, kinds=(".csv",), option="--marks")
     if out.suffix not in (SUFFIX, ".csv") or (
         out.suffix == ".csv" and not isinstance(device.codec, CsvFormat)
     ):

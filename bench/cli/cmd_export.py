@@ -26,7 +26,10 @@ def command(
     from tactsim.core import InputError, Scan
 
     form = formats.find(to)
-    (check_new_file if form.suffixes else check_new_folder)(out)
+    if form.suffixes:
+        check_new_file(out, source, kinds=form.suffixes)
+    else:
+        check_new_folder(out)
     what = Run.load(source) if source.is_dir() else Scan.load(source)
     if licence is not None:
         if isinstance(what, Run):

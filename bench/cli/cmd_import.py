@@ -48,7 +48,7 @@ def command(
     from tactsim.bench.places import check_new_file
     from tactsim.core import InputError, Pad
 
-    check_new_file(out)
+    check_new_file(out, source, pad, kinds=(".npz",))
     if source.suffix.lower() in SUFFIXES:
         if pad is None or unit is None:
             raise InputError(f"{source}: arrays do not say their pad and unit; give --pad and --unit")

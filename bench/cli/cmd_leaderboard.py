@@ -24,8 +24,10 @@ def command(
     from tactsim.bench.leaderboard.site import check_out, write_site
     from tactsim.bench.leaderboard.standings import read_folder
     from tactsim.bench.terminal import progress_bars
-    from tactsim.core.errors import printable
+    from tactsim.core.errors import InputError, printable
 
+    if not folder.is_dir():
+        raise InputError(f"{folder}: there is no such folder; name one of bundles")
     target = out or folder / "site"
     check_out(target)
     with progress_bars() as progress:

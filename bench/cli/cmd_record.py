@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -9,6 +10,8 @@ import typer
 
 from tactsim.bench.cli import guide_options as guide
 from tactsim.bench.cli import pad_options as pads
+from tactsim.bench.cli.words import is_typed
+from tactsim.core.errors import InputError
 
 if TYPE_CHECKING:
     from tactsim.core.pad import Pad
@@ -18,6 +21,7 @@ if TYPE_CHECKING:
 
 
 def command(
+    context: typer.Context,
     port: pads.Port,
     out: Annotated[
         Path,
@@ -48,6 +52,9 @@ def command(
 ) -> None:
     """Record a pad: with --letter a guided session that makes a scan, else all it says."""
     guide.from_behind(seen)
+    _check_kind(context, guided=letter is not None)
+    if seconds is not None and not 0 < seconds < math.inf:
+        raise InputError(f"--seconds {seconds:g}: give a number above 0")
     _check_name(out, ".tactrec" if letter is None else ".npz")
     described, correction = pads.load(device, calibration)
     if letter is None:
@@ -134,10 +141,21 @@ def _record_all(
         raise silence
 
 
+def _check_kind(context: typer.Context, *, guided: bool) -> None:
+    """Refuse an option of the other kind of recording."""
+    if guided and is_typed(context, "seconds"):
+        raise InputError(
+            "--seconds is for a recording of all that a pad says; a session of --letter ends by itself"
+        )
+    for name in ("split", "resume", "poses", "frames", "force", "patience", "seen", "seed"):
+        if not guided and is_typed(context, name):
+            raise InputError(
+                f"--{name} is for a guided session; say what is pressed with --letter, or leave it out"
+            )
+
+
 def _check_name(out: Path, suffix: str) -> None:
     """Refuse a name by which what is written would be taken for something else."""
-    from tactsim.core.errors import InputError
-
     if out.suffix.lower() == suffix:
         return
     if suffix == ".npz":
@@ -153,7 +171,6 @@ def _poses(text: str, seed: int, pad: Pad, label: str) -> list[tuple[float, ...]
 
     from tactsim.bench.config import whole_number
     from tactsim.bench.measured import known_letter
-    from tactsim.core.errors import InputError
     from tactsim.press.scan_poses import grid_poses, random_poses, stage_for
 
     stage = stage_for(pad, known_letter(label))

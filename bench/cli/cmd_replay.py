@@ -72,15 +72,18 @@ def command(
     from tactsim.bench.console import plain_console
     from tactsim.bench.measured import taken_as_letters, with_letters, with_shapes
     from tactsim.bench.places import check_new_file
+    from tactsim.bench.trials import check_labels
     from tactsim.core.errors import InputError
     from tactsim.hardware.cutting import cut as cut_scan
     from tactsim.hardware.scans import read_intervals, scan_of_intervals, scan_of_sessions
     from tactsim.hardware.sources import open_source
     from tactsim.models import parse_letters
 
-    for path in (scan, csv):
-        if path is not None:
-            check_new_file(path)
+    read = (*recordings, marks, calibration, *(shapes or ()))
+    if scan is not None:
+        check_new_file(scan, csv, *read, kinds=(".npz",), option="--scan")
+    if csv is not None:
+        check_new_file(csv, scan, *read, kinds=(".csv",), option="--csv")
     if len(recordings) > 1 and (csv is not None or marks is not None):
         raise InputError("--csv and --marks take one recording at a time")
     if letters is not None and marks is None:
@@ -113,6 +116,7 @@ def command(
     else:
         with opened(recordings[0]) as source:
             made = scan_of_intervals(source, read_intervals(marks), wanted)
+    check_labels(made.letters)
     made = with_letters(made, parse_letters(letters) if letters else () if marks is not None else None)
     taken = taken_as_letters(made)
     made = with_shapes(made, shapes or ())

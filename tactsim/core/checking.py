@@ -46,8 +46,14 @@ def _bool_for_number(given: Any, taken: Any, place: str = "") -> str | None:
 
 def _first_fault(error: ValidationError, model: type[BaseModel]) -> str:
     """Describe the first fault in one line: where it is, what is wrong, and the value that was given."""
-    fault = error.errors(include_url=False)[0]
-    place = ".".join(map(str, fault["loc"]))
+    faults = error.errors(include_url=False)
+    fault, where = faults[0], faults[0]["loc"]
+    if where[-1:] == (
+        "str",
+    ):  # a text or something else: what the other kind says is nearer to what is wanted
+        where = where[:-1]
+        fault = next((other for other in faults[1:] if other["loc"][:-1] == where), fault)
+    place = ".".join(map(str, where))
     if fault["type"] == "extra_forbidden":
         return str(unknown("option", place, _options(model)))
     message = fault["msg"].removeprefix("Value error, ")

@@ -167,6 +167,13 @@ def test_a_large_array_is_cut_into_touches(here, tmp_path):
         (["record", "--port", "x", "--out", "a.npz", "--letter", "A", "--resume"], ["cannot read recording"]),
         (["record", "--port", "x", "--out", "a.csv"], ["FILE.tactrec", "bench replay FILE.tactrec --csv"]),
         (["record", "--port", "x", "--out", "a.tactrec", "--letter", "A"], ["names the scan, FILE.npz"]),
+        (
+            ["record", "--port", "x", "--out", "a.npz", "--letter", "A", "--seconds", "3"],
+            ["--seconds is for"],
+        ),
+        (["record", "--port", "x", "--out", "a.tactrec", "--seconds", "nan"], ["--seconds nan", "above 0"]),
+        (["record", "--port", "x", "--out", "a.tactrec", "--split", "test"], ["--split is for a guided"]),
+        (["record", "--port", "x", "--out", "a.tactrec", "--resume"], ["--resume is for a guided"]),
         (["replay", "nothing.tactrec"], ["cannot read recording nothing.tactrec"]),
         (["emulate", "--port", "com"], ["say pty, pty:LINK, tcp"]),
         (["emulate", "--port", "tcp:x"], ["tcp:[HOST:]PORT"]),
@@ -175,6 +182,46 @@ def test_a_large_array_is_cut_into_touches(here, tmp_path):
 )
 def test_mistakes_end_in_one_line(here, words, parts):
     refused(here(*words), *parts)
+
+
+MARKED = ["replay", "r.tactrec", "--marks", "m.csv"]
+
+
+@pytest.mark.parametrize(
+    ("words", "option"),
+    [
+        (["replay", "r.tactrec", "--csv", "r.tactrec"], "--csv"),
+        (["replay", "r.tactrec", "--csv", "held.npz"], "--csv"),
+        ([*MARKED, "--scan", "r.tactrec"], "--scan"),
+        ([*MARKED, "--scan", "./m.csv"], "--scan"),
+        ([*MARKED, "--scan", "new.npz", "--csv", "m.csv"], "--csv"),
+        ([*MARKED, "--scan", "new.npz", "--csv", "new.npz"], "--scan"),
+        (["emulate", "--plan", "m.csv", "--out", "m.csv"], "--out"),
+        (["emulate", "--plan", "m.csv", "--out", "n.tactrec", "--marks", "n.tactrec"], "--out"),
+        (["emulate", "--plan", "m.csv", "--out", "n.tactrec", "--marks", "m.csv"], "--marks"),
+        (["emulate", "--plan", "m.csv", "--out", "n.tactrec", "--marks", "r.tactrec"], "--marks"),
+        (["scan", "--letters", "A", "--out", "r.tactrec"], "--out"),
+        (["import", "held.npz", "--out", "held.npz"], "--out"),
+        (["fit", "held.npz", "--out", "held.npz"], "--out"),
+        (["submit", "letters-v1", "--estimator", "nearest", "--out", "held.npz"], "--out"),
+        (["tare", "--port", "x", "--out", "r.tactrec"], "--out"),
+    ],
+)
+def test_what_is_read_or_is_of_another_kind_is_never_replaced(here, tmp_path, words, option):
+    held = {name: name.encode() for name in ("r.tactrec", "m.csv", "held.npz")}
+    for name, content in held.items():
+        (tmp_path / name).write_bytes(content)
+    refused(here(*words), option, "name another")
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir() if path.is_file()} == held
+
+
+def test_a_mark_may_not_be_called_none(here, tmp_path):
+    right(here("record", "--port", "simulated:A", "--out", "r.tactrec", "--seconds", "1"))
+    (tmp_path / "m.csv").write_text(
+        "label,split,x_mm,y_mm,theta_rad,first_s,last_s\nnone,train,0,0,0,0.1,0.5\n"
+    )
+    refused(here(*MARKED, "--scan", "new.npz"), "'none'", "rename it")
+    assert not (tmp_path / "new.npz").exists()
 
 
 @pytest.mark.parametrize(
