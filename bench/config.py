@@ -375,7 +375,7 @@ def key_values(pairs: Iterable[str], option: str) -> dict[str, Any]:
     """Parse `key=value` words; dots nest: `press.force=3` gives {"press": {"force": "3"}}.
 
     Values stay text, for the configuration's own types to read; `none` stands for None.
-    Raises InputError if a word has no `=`, or one name is both a value and a group.
+    Raises InputError if a word has no `=`, or one name has two values or is both a value and a group.
     """
     result: dict[str, Any] = {}
     for pair in pairs:
@@ -390,5 +390,7 @@ def key_values(pairs: Iterable[str], option: str) -> dict[str, Any]:
                 raise InputError(f"{option} {pair!r}: {group!r} has a value already")
         if isinstance(inner.get(last), dict):
             raise InputError(f"{option} {pair!r}: {last!r} is a group of options")
+        if last in inner:
+            raise InputError(f"{option} {pair!r}: {key.strip()} is given twice")
         inner[last] = None if value.strip().lower() == "none" else value.strip()
     return result

@@ -84,10 +84,9 @@ def check_new_file(
 
 
 def check_page(path: Path) -> None:
-    """Raise InputError unless `path` is called like a page and can be written."""
-    if path.suffix != ".html":
+    """Raise InputError unless `path` is called like a page."""
+    if path.suffix != ".html" and not path.is_dir():
         raise InputError(f"{path}: the report is a page; give a name that ends in .html")
-    check_new_file(path)
 
 
 def _check_writable(path: Path, option: str = "--out") -> None:

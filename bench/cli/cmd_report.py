@@ -20,7 +20,7 @@ def command(
     ] = None,
 ) -> None:
     """Write one HTML page that opens without a network, and beside it every curve as CSV."""
-    from tactsim.bench.places import RESULTS, check_page
+    from tactsim.bench.places import RESULTS, check_new_file, check_page
     from tactsim.bench.report.write import write_report
     from tactsim.bench.space.space_page import write_space_report
     from tactsim.bench.space.space_results import is_in_space
@@ -32,6 +32,7 @@ def command(
             raise InputError(f"{folder}: there is no such folder; name folders of runs or of a sweep")
     target = out or (runs[0] if len(runs) == 1 else RESULTS) / "report.html"
     check_page(target)
+    check_new_file(target)
     in_space = [is_in_space(folder) for folder in runs]
     if any(in_space) and not all(in_space):
         raise InputError("a report is of runs in the plane or of runs with objects in space; make two")

@@ -339,6 +339,8 @@ def test_nothing_is_written_over(run, tmp_path):
     before = sorted(tmp_path.rglob("*"))
     with pytest.raises(InputError, match="it is a folder"):
         run.report(tmp_path / "run")
+    with pytest.raises(InputError, match=r"run\.txt: the report is a page"):
+        run.report(tmp_path / "run.txt")
     assert sorted(tmp_path.rglob("*")) == before
 
 

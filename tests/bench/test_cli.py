@@ -159,6 +159,7 @@ BAD = {
     "option": (["run", "--binz", "3"], ["--binz"]),
     "an estimator's option": (["run", "--halvings", "3"], ["--halvings", "--set NAME=VALUE"]),
     "set": (["run", "--set", "bin=3"], ["bin", "did you mean 'bins'"]),
+    "set twice": (["run", "--set", "gamma=0.3", "--set", "gamma=0.4"], ["gamma is given twice"]),
     "set without =": (["run", "--set", "bins"], ["key=value"]),
     "scan-set": (["run", "--scan-set", "press.forse=1"], ["press.forse", "did you mean 'press.force'"]),
     "a picture of another kind": (["bound", "--out", "b.jpg"], ["b.jpg", "FILE.png"]),
