@@ -48,9 +48,8 @@ def _first_fault(error: ValidationError, model: type[BaseModel]) -> str:
     """Describe the first fault in one line: where it is, what is wrong, and the value that was given."""
     faults = error.errors(include_url=False)
     fault, where = faults[0], faults[0]["loc"]
-    if where[-1:] == (
-        "str",
-    ):  # a text or something else: what the other kind says is nearer to what is wanted
+    if where[-1:] == ("str",):
+        # A text or something else was wanted: what is wrong with the latter is nearer to what was meant.
         where = where[:-1]
         fault = next((other for other in faults[1:] if other["loc"][:-1] == where), fault)
     place = ".".join(map(str, where))
