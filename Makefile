@@ -106,7 +106,7 @@ leaderboard: $(DEVELOP)  ## make the site of results/leaderboard, and fill the t
 references: $(DEVELOP)  ## how far every estimator is from the reference posteriors: fill the table of docs/bound.md
 	@$(BIN)/python -m tactsim.bench.bound.page_references docs/bound.md
 
-stress: $(DEVELOP)  ## do every stress case, 25 minutes or more: fill the table of docs/stress.md
+stress: $(DEVELOP)  ## do every stress case, 20 minutes: fill the table of docs/stress.md
 	@$(BIN)/python -m tactsim.bench.stress.page_stress docs/stress.md
 
 release-check: $(PACKAGING)  ## what a release lacks; then build it into dist/, check it and install it

@@ -82,5 +82,10 @@ def test_the_documentation_shows_a_run_of_every_case():
         (one.name, one.varied, one.deviation, f"at {'least' if one.at_least else 'most'} {one.limit:g}")
         for one in every
     ]
+    assert re.search(
+        rf"^\*`make stress`: {len(every)} cases in .*, none failed; .*; commit [0-9a-f]{{12}}\.\*$",
+        block[0],
+        re.M,
+    )
     for row, one in zip(shown, every, strict=True):
         assert float(row[3]) >= one.limit if one.at_least else float(row[3]) <= one.limit
