@@ -39,10 +39,12 @@ class Flag:
 
 def _letters(words: Any) -> Any:
     """Read letters from a text such as "AEIOU" or "A-Z0-9", or "none"; names in a list or an array stay as they are."""
-    if words is not None and not isinstance(words, str | Iterable):
+    if words is None:
+        return None
+    if not isinstance(words, Iterable):
         raise ValueError("give letters, as 'AEIOU' or a list")
     if not isinstance(words, str):
-        return words if words is None else tuple(words)
+        return tuple(words)
     if words.strip() == "none":
         return ()
     from tactsim.models import parse_letters

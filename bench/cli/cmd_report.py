@@ -21,6 +21,7 @@ def command(
 ) -> None:
     """Write one HTML page that opens without a network, and beside it every curve as CSV."""
     from tactsim.bench.places import RESULTS, check_new_file, check_page
+    from tactsim.bench.report.collect import check_folder
     from tactsim.bench.report.write import write_report
     from tactsim.bench.space.space_page import write_space_report
     from tactsim.bench.space.space_results import is_in_space
@@ -28,8 +29,7 @@ def command(
     from tactsim.core.errors import InputError, printable
 
     for folder in runs:
-        if not folder.is_dir():
-            raise InputError(f"{folder}: there is no such folder; name folders of runs or of a sweep")
+        check_folder(folder)
     target = out or (runs[0] if len(runs) == 1 else RESULTS) / "report.html"
     check_page(target)
     check_new_file(target)

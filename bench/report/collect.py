@@ -98,11 +98,16 @@ def find(paths: Iterable[Path]) -> tuple[list[Path], list[str]]:
     return list(found.values()), remarks
 
 
+def check_folder(path: Path) -> None:
+    """Raise InputError unless a folder stands at `path`, as of a run or a sweep."""
+    if not path.is_dir():
+        raise InputError(f"{path}: there is no such folder; name folders of runs or of a sweep")
+
+
 def _runs_of(path: Path) -> list[Path]:
     if (path / "run.json").is_file():
         return [path]
-    if not path.is_dir():
-        raise InputError(f"{path}: there is no such folder; name folders of runs or of a sweep")
+    check_folder(path)
     holder = path / "runs" if (path / "runs").is_dir() else path
     # A name with a dot in front is a run that is being written.
     inside = sorted(entry for entry in holder.iterdir() if entry.is_dir() and not entry.name.startswith("."))
