@@ -12,10 +12,11 @@ from tactsim.bench.slip import Slip
 from tactsim.bench.stress import chosen_cases, run_case
 from tactsim.core import InputError, compose, invert
 from tactsim.estimators import create
-from tactsim.estimators.filters.clouds import Cloud
+from tactsim.estimators.filters.clouds import Cloud, advance
 from tactsim.estimators.filters.mixture import add_densities
 from tactsim.estimators.filters.motion import Motion, parse_motion
 from tactsim.estimators.filters.moving_bins import MovingBins, heat_kernel
+from tactsim.estimators.filters.weights import Weights
 
 MAP_FILTERS = {
     "histogram": {"bins": 1000, "cell": 0.8},
@@ -175,6 +176,34 @@ def test_clouds_that_are_joined_hold_what_both_held():
     assert np.exp(both.log_weight + both.log_evidence) == pytest.approx(np.concatenate(held))
     assert np.array_equal(both.centre, np.concatenate([one.centre for one in clouds]))
     assert np.array_equal(both.spread, np.concatenate([one.spread for one in clouds]))
+
+
+def test_a_broad_belief_is_followed_to_a_place_between_its_centres():
+    """After a vague reading a sharp one: the evidence of both, and the place, of a Kalman filter."""
+    motion = Motion(0.06, np.array([0.1**2]), np.ones(1), 0.0, 0.0, 1.0, None)
+    errors = []
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        cloud = Cloud(
+            3 * rng.normal(size=(1200, 3)), np.full(1200, 0.1), np.full((1200, 1), -np.log(1200)), 0.0
+        )
+        mean, variance, evidence = np.zeros(3), 9.1, 0.0
+        for deviation, drawn in ((1.5, 3000), (0.1, 600)):
+            variance += 0.1**2
+            seen = mean + np.sqrt(variance) * rng.normal(size=3) / 2
+
+            def log_p(place, seen=seen, deviation=deviation):
+                return -0.5 * ((place - seen) ** 2).sum(axis=1) / deviation**2
+
+            cloud, states = advance(cloud, motion, log_p, drawn, rng)
+            both = variance + deviation**2
+            evidence += 1.5 * np.log(deviation**2 / both) - 0.5 * ((seen - mean) ** 2).sum() / both
+            mean, variance = mean + variance / both * (seen - mean), variance * deviation**2 / both
+        place = Weights(states.log_weight).normalised @ motion.placed(states.state)
+        errors.append([cloud.log_evidence - evidence, np.linalg.norm(place - mean)])
+    evidence_off, place_off = np.sqrt(np.mean(np.square(errors), axis=0))
+    assert evidence_off < 1.0
+    assert place_off < 0.05
 
 
 def test_a_jump_is_found_again(small):
