@@ -66,25 +66,25 @@ def command(
     world: Annotated[
         str, typer.Option(help="How the pad is pressed and what it reads: a world's name, or a file.")
     ] = "default",
-    hold: Annotated[float, typer.Option(min=0.01, help="Seconds that a press lasts.")] = 2.0,
-    lift: Annotated[float, typer.Option(min=0.01, help="Seconds between presses.")] = 0.5,
-    rate: Annotated[float, typer.Option(min=0.01, max=100_000, help="Frames a second.")] = 100.0,
+    hold: Annotated[float, shared.number("Seconds that a press lasts.", least=0.01)] = 2.0,
+    lift: Annotated[float, shared.number("Seconds between presses.", least=0.01)] = 0.5,
+    rate: Annotated[float, shared.number("Frames a second.", least=0.01, most=100_000)] = 100.0,
     scan_set: shared.ScanSet = None,
-    drop: Annotated[float, typer.Option(min=0, max=1, help="Probability that a byte is lost.")] = 0.0,
-    flip: Annotated[float, typer.Option(min=0, max=1, help="Probability that a byte is changed.")] = 0.0,
+    drop: Annotated[float, shared.number("Probability that a byte is lost.", least=0, most=1)] = 0.0,
+    flip: Annotated[float, shared.number("Probability that a byte is changed.", least=0, most=1)] = 0.0,
     torn: Annotated[
-        float, typer.Option(min=0, max=1, help="Probability that a frame breaks off in its middle.")
+        float, shared.number("Probability that a frame breaks off in its middle.", least=0, most=1)
     ] = 0.0,
     garbage: Annotated[
-        float, typer.Option(min=0, max=1, help="Probability of a burst of random bytes before a frame.")
+        float, shared.number("Probability of a burst of random bytes before a frame.", least=0, most=1)
     ] = 0.0,
-    drift: Annotated[float, typer.Option(help="kPa a second by which the zero moves.")] = 0.0,
+    drift: Annotated[float, shared.number("kPa a second by which the zero moves.")] = 0.0,
     disconnect: Annotated[
-        float, typer.Option(min=0, help="Seconds after which the line is cut, again and again; 0: never.")
+        float, shared.number("Seconds after which the line is cut, again and again; 0: never.", least=0)
     ] = 0.0,
     jitter: Annotated[
         float,
-        typer.Option(min=0, max=1, help="How unevenly frames come, as a share of the time between two."),
+        shared.number("How unevenly frames come, as a share of the time between two.", least=0, most=1),
     ] = 0.0,
     loaded: Annotated[
         list[str] | None,
@@ -109,8 +109,6 @@ def command(
     from tactsim.hardware.emulator.robot import Timing
     from tactsim.press.simulated_source import on_pad_of, sensing
 
-    if not np.isfinite([hold, lift, rate, drift, disconnect]).all():
-        raise InputError("--hold, --lift, --rate, --drift and --disconnect take finite numbers")
     described = load_device(device)
     if described.ports > 1:
         raise InputError(f"{described.name} has {described.ports} ports; only pads on one port are emulated")
@@ -151,12 +149,8 @@ def _of_taxels(words: list[str] | None, option: str, device: Device) -> dict[int
     found = {}
     for word in words or ():
         taxel, _, text = word.partition("=")
-        number = whole_number(taxel)
-        try:
-            value = float(text)
-        except ValueError:
-            value = float("nan")
-        if number is None or number >= device.pad.taxels or not abs(value) <= 1e9:
+        number, value = whole_number(taxel), shared.finite_number(text)
+        if number is None or number >= device.pad.taxels or value is None or abs(value) > 1e9:
             raise InputError(
                 f"{option} {word!r}: write TAXEL=KPA; the taxels are 0 to {device.pad.taxels - 1}"
             )

@@ -7,13 +7,14 @@ from typing import Annotated
 import typer
 
 from tactsim.bench.cli import pad_options as pads
+from tactsim.bench.cli import shared_options as shared
 
 
 def command(
     port: pads.Port,
     device: pads.DeviceName = "emulated",
     calibration: pads.CalibrationFile = None,
-    seconds: Annotated[float, typer.Option(min=0.1, help="How long to listen.")] = 2.0,
+    seconds: Annotated[float, shared.number("How long to listen.", least=0.1)] = 2.0,
     as_json: pads.AsJson = False,
 ) -> None:
     """Listen to a pad: show its rate, counters and mean reading, or the bytes that came if no reading did."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -10,6 +9,7 @@ import typer
 
 from tactsim.bench.cli import guide_options as guide
 from tactsim.bench.cli import pad_options as pads
+from tactsim.bench.cli import shared_options as shared
 from tactsim.bench.cli.words import is_typed
 from tactsim.core.errors import InputError
 
@@ -46,15 +46,13 @@ def command(
     seen: guide.Seen = "behind",
     seconds: Annotated[
         float | None,
-        typer.Option(help="Without --letter: for how long. Default: till Ctrl-C.", show_default=False),
+        shared.number("Without --letter: for how long. Default: till Ctrl-C.", least=0.1, show_default=False),
     ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of random poses.")] = 0,
 ) -> None:
     """Record a pad: with --letter a guided session that makes a scan, else all it says."""
     guide.from_behind(seen)
     _check_kind(context, guided=letter is not None)
-    if seconds is not None and not 0 < seconds < math.inf:
-        raise InputError(f"--seconds {seconds:g}: give a number above 0")
     _check_name(out, ".tactrec" if letter is None else ".npz")
     described, correction = pads.load(device, calibration)
     if letter is None:

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from tactsim.bench.cli import pad_options as pads
+from tactsim.bench.cli import shared_options as shared
 
 
 def command(
@@ -70,10 +71,7 @@ def command(
 def _pressure(text: str) -> float:
     from tactsim.core.errors import InputError
 
-    try:
-        pressure = float(text)
-    except ValueError:
-        pressure = 0.0
-    if not 0 < pressure < float("inf"):
+    pressure = shared.finite_number(text)
+    if pressure is None or pressure <= 0:
         raise InputError(f"--load {text!r}: give the pressure in kPa, or 'even' if it is not known")
     return pressure

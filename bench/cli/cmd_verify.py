@@ -15,7 +15,7 @@ def command(
     full: Annotated[bool, typer.Option("--full", help="Do all trials again.")] = False,
     share: Annotated[
         float,
-        typer.Option(min=0, max=1, help="The share of the trials that is done again, at least 20 trials."),
+        shared.number("The share of the trials that is done again, at least 20 trials.", least=0, most=1),
     ] = 0.05,
     seed: Annotated[
         int | None,

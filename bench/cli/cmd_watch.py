@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from typing import Annotated
 
-import typer
-
 from tactsim.bench.cli import guide_options as guiding
 from tactsim.bench.cli import pad_options as pads
+from tactsim.bench.cli import shared_options as shared
 
 
 def command(
@@ -19,8 +18,8 @@ def command(
     seen: guiding.Seen = "behind",
     seconds: Annotated[
         float | None,
-        typer.Option(
-            min=0, help="For how long. Default: till q, Ctrl-C or a recording's end.", show_default=False
+        shared.number(
+            "For how long. Default: till q, Ctrl-C or a recording's end.", least=0, show_default=False
         ),
     ] = None,
 ) -> None:

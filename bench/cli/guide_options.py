@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from tactsim.bench.cli import pad_options as pads
+from tactsim.bench.cli import shared_options as shared
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -23,8 +24,8 @@ Force = Annotated[
 ]
 Patience = Annotated[
     float | None,
-    typer.Option(
-        help="Seconds after which a press is taken as it is, for a machine that presses.",
+    shared.number(
+        "Seconds after which a press is taken as it is, for a machine that presses.",
         show_default=False,
         rich_help_panel=PANEL,
     ),
@@ -89,8 +90,7 @@ def station(
 def _force(text: str) -> tuple[float, float]:
     from tactsim.core.errors import InputError
 
-    try:
-        least, most = (float(word) for word in text.split(":"))
-    except ValueError:
-        raise InputError(f"--force {text!r}: write it as LEAST:MOST in N, like 0.5:5") from None
+    least, most = (shared.finite_number(word) for word in text.partition(":")[::2])
+    if least is None or most is None:
+        raise InputError(f"--force {text!r}: write it as LEAST:MOST in N, like 0.5:5")
     return least, most

@@ -1,10 +1,46 @@
-"""Options that several verbs share."""
+"""Options that several verbs share, and how a verb takes a number."""
 
 from __future__ import annotations
 
-from typing import Annotated
+import math
+from typing import Annotated, Any
 
 import typer
+
+from tactsim.core.errors import short
+
+
+def finite_number(text: str) -> float | None:
+    """Read a finite number; None if `text` is not one."""
+    try:
+        value = float(text)
+    except ValueError:
+        return None
+    return value if math.isfinite(value) else None
+
+
+def number(help: str, *, least: float | None = None, most: float | None = None, **words: Any) -> Any:
+    """Describe an option that takes a finite number, from `least` to `most` where they are given.
+
+    words: what else `typer.Option` takes. Its own bounds alone would let infinity pass, and say of NaN that it is
+    too small or too large.
+    """
+    among = (
+        "" if least is None else f" of at least {least:g}" if most is None else f" from {least:g} to {most:g}"
+    )
+
+    def read(typed: Any) -> float:
+        from pydantic_core import PydanticCustomError
+
+        value = finite_number(str(typed))
+        if value is None or (least is not None and value < least) or (most is not None and value > most):
+            raise PydanticCustomError(
+                "number", "give a finite number{among}, not {given}", {"among": among, "given": short(typed)}
+            )
+        return value
+
+    return typer.Option(parser=read, min=least, max=most, help=help, **words)
+
 
 ScanSet = Annotated[
     list[str] | None,

@@ -1,10 +1,13 @@
 """Odd words on the command line: each is one line and exit status 2, before any work is done."""
 
+import inspect
 import sys
+from importlib import import_module
 
 import pytest
+from command_line import refused
 
-from tactsim.bench.cli.app import run_app
+from tactsim.bench.cli.app import VERBS, run_app
 
 N = "9" * 30
 SIMULATED = ["--port", "simulated:A@0,0,0"]
@@ -60,3 +63,19 @@ def test_an_odd_word_is_refused_in_one_line(words, tmp_path, monkeypatch, capsys
     (line,) = (line for line in said.splitlines() if line.startswith("bench:"))
     assert "\x1b" not in line
     assert len(line) < 3000
+
+
+@pytest.mark.parametrize(
+    ("verb", "name"),
+    [
+        (verb, f"--{name}")
+        for verb in VERBS
+        for name, option in inspect.signature(
+            import_module(f"tactsim.bench.cli.cmd_{verb}").command, eval_str=True
+        ).parameters.items()
+        if "float" in str(option.annotation)
+    ],
+)
+def test_an_option_that_takes_a_number_says_so_of_what_is_none(here, verb, name):
+    for word in ("nan", "inf", "-inf", "many"):
+        refused(here(verb, name, word), name, "give a finite number", word)
