@@ -78,7 +78,7 @@ def _combinations(table: Mapping[str, Any], what: str) -> Iterator[dict[str, Any
     if not (isinstance(defaults, dict) and isinstance(runs, list) and all(isinstance(r, dict) for r in runs)):
         raise InputError(f"{what}: write [defaults] once and [[run]] for each group of runs")
     if not runs:
-        raise InputError(f"{what} has no [[run]]")
+        raise InputError(f"{what} has no [[run]]; write one for each group of runs")
     total = 0
     for run in runs:
         axes = list(_axes({**defaults, **run}))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
@@ -9,6 +10,8 @@ from pydantic import BaseModel, ValidationError
 from tactsim.core.errors import InputError, short, unknown
 
 Model = TypeVar("Model", bound=BaseModel)
+
+_MOST_NAMED = 10  # values that are missing
 
 
 def checked(model: type[Model], values: Any, where: str) -> Model:
@@ -47,6 +50,8 @@ def _bool_for_number(given: Any, taken: Any, place: str = "") -> str | None:
 def _first_fault(error: ValidationError, model: type[BaseModel]) -> str:
     """Describe the first fault in one line: where it is, what is wrong, and the value that was given."""
     faults = error.errors(include_url=False)
+    if faults[0]["type"] == "missing":
+        return _missing([one["loc"] for one in faults if one["type"] == "missing"], model)
     fault, where = faults[0], faults[0]["loc"]
     if where[-1:] == ("str",):
         # A text or something else was wanted: what is wrong with the latter is nearer to what was meant.
@@ -58,8 +63,16 @@ def _first_fault(error: ValidationError, model: type[BaseModel]) -> str:
     message = fault["msg"].removeprefix("Value error, ")
     if fault["type"] == "value_error" and not place:
         return message  # of several options together: it names them
-    given = "" if fault["type"] == "missing" else f", got {short(fault['input'])}"
-    return f"{place or 'options'}: {message}{given}"
+    return f"{place or 'options'}: {message}, got {short(fault['input'])}"
+
+
+def _missing(places: Sequence[tuple[int | str, ...]], model: type[BaseModel]) -> str:
+    """Name all that has to be given and is not, and say what it is."""
+    meant = {field.alias or name: field.description for name, field in model.model_fields.items()}
+    names = [".".join(map(str, place)) for place in places[:_MOST_NAMED]]
+    said = [f"{name} ({meant[name]})" if meant.get(name) else name for name in names]
+    more = f" and {len(places) - len(said)} more" if len(places) > len(said) else ""
+    return f"missing {'is' if len(places) == 1 else 'are'} {', '.join(said)}{more}"
 
 
 def _options(model: type[BaseModel], prefix: str = "") -> list[str]:

@@ -125,6 +125,29 @@ def test_a_strangers_text_is_made_harmless():
     assert len(str(unknown("thing", "x" * 10**6, ["a", "b"]))) < 200
 
 
+class Wanted(BaseModel):
+    size: float = Field(alias="is", description="mm")
+    inner: tuple[Inner, ...]
+    more: int = 0
+
+
+class Row(BaseModel):
+    cells: tuple[Wanted, ...] = ()
+
+
+@pytest.mark.parametrize(
+    ("model", "values", "said"),
+    [
+        (Wanted, {}, "f: missing are is (mm), inner"),
+        (Wanted, {"is": 2}, "f: missing is inner"),
+        (Row, {"cells": [{"is": 1}]}, "f: missing is cells.0.inner"),
+        (Row, {"cells": [{}] * 50}, "cells.4.is, cells.4.inner and 90 more"),
+    ],
+)
+def test_all_that_is_missing_is_named(model, values, said):
+    assert refusal(checked, model, values, "f").endswith(said)
+
+
 class Part(BaseModel):
     count: int = 0
     exact: bool = False

@@ -352,7 +352,7 @@ def test_a_recording_without_a_plan_is_no_session(tmp_path):
     [
         ({"number": 4, "what": "taken"}, "press 4 of a session with 4"),
         ({"number": 0, "what": "taken", "first": 5, "count": 6}, "come after it"),
-        ({"number": 0}, "what: Field required"),
+        ({"number": 0}, "missing is what"),
         ({"number": 0, "what": "taken", "count": 10**9}, "count"),
     ],
 )

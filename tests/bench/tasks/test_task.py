@@ -251,7 +251,7 @@ def test_the_paths_of_a_task_are_beside_its_file(own, tmp_path, monkeypatch):
         ("[3, 1, 4, 5, 9]", "[3, 1, 4, 5, 3]", "a seed is named twice"),
         ("[3, 1, 4, 5, 9]", "[3, 1, 4, 5, -1]", "seeds.4: .*greater than or equal to 0"),
         ("[3, 1, 4, 5, 9]", "[3, 2, 4, 5, true]", "seeds.4: a number is wanted"),
-        ('line = "Two letters."', "", "line: Field required"),
+        ('line = "Two letters."', "", "missing is line .what is asked, in one sentence."),
         ('line = "Two letters."', 'line = ""', "line"),
         ('line = "Two letters."', 'line = "x"\nname = "y"', "leave out name"),
         ('line = "Two letters."', 'line = "x"\nlines = "y"', "unknown option 'lines': did you mean 'line'"),
