@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from time import perf_counter
@@ -30,6 +30,7 @@ from tactsim.estimators.estimator import proposes_none
 from tactsim.estimators.likelihoods.occupancy import maps_of
 from tactsim.estimators.options import FilterOptions
 from tactsim.press import forward_model, scan_letters
+from tactsim.press.scanning import letters_of
 
 
 def silent(stage: str, done: int, total: int) -> None:
@@ -132,6 +133,7 @@ def gather(
         letters = chosen_letters(config, train_scan(config).letters)
         scan = measured_scan(config.presses, letters, config.trials, config.readings)
     elif scan is None:
+        _held_out(config, [letter.name for letter in letters_of(config.scan_options)])  # before the presses
         scan, work = scan_letters(
             config.scan_options,
             jobs=jobs,
@@ -145,14 +147,24 @@ def gather(
     if not letters:
         raise InputError(f"{config.scan or 'the scan'} holds no readings")
     check_labels(letters)
+    scan = scan.of_letters(letters).untrained(_held_out(config, letters))
+    return Gathered(scan, letters, work, perf_counter() - start)
+
+
+def _held_out(config: RunConfig, letters: Sequence[str]) -> tuple[str, ...]:
+    """Say which of the letters nothing is trained on in any trial. Raises InputError if they are not among them."""
     held_out = () if config.each_held_out else config.hold_out
     for letter in held_out:
+        if letter not in letters and len(letter) > 1 and set(letter) <= set(letters):
+            raise InputError(
+                f"--hold-out (in Python hold_out) {letter}: several letters have commas between them: "
+                f"{','.join(letter)}; one is left to train on"
+            )
         if letter not in letters:
             raise unknown("letter to hold out", letter, letters)
     if set(letters) <= set(held_out) or (config.each_held_out and len(letters) == 1):
         raise InputError("--hold-out (in Python hold_out) names every letter; leave one to train on")
-    scan = scan.of_letters(letters).untrained(held_out)
-    return Gathered(scan, letters, work, perf_counter() - start)
+    return held_out
 
 
 def train_scan(config: RunConfig) -> Scan:

@@ -196,6 +196,7 @@ BAD = {
     "no sweep": (["sweep", "nowhere"], ["nowhere", "paper"]),
     "held out": (["run", "--letters", "AE", "--hold-out", "Q"], ["hold out", "'Q'", "A, E"]),
     "all held out": (["run", "--letters", "AE", "--hold-out", "A,E"], ["--hold-out", "train"]),
+    "held out without commas": (["run", "--hold-out", "AEI"], ["--hold-out", "AEI", "commas", "A,E,I"]),
     "list": (["list", "weather"], ["weather", "estimators"]),
     "list of one": (["list", "estimators", "histogramm"], ["did you mean 'histogram'"]),
     "list of a letter": (["list", "letters", "A"], ["only an estimator"]),
