@@ -2,16 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from pydantic import BaseModel
 
+from tactsim.bench.config import RunConfig, flag_of
 from tactsim.bench.run import Run
 from tactsim.bench.score import all_right_from, errors, settled_95
 from tactsim.core import InputError
 from tactsim.core.poses import FloatArray
 
 DRAWS = 4000  # bootstrap resamples of the trials
+# What decides the trials of a run, in the order in which it is named.
+_OF_TRIALS = (
+    "task", "seed", "letters", "shapes", "trials", "readings", "test_poses", "explore", "hold_out", "scan",
+    "train_scan", "presses",
+)  # fmt: skip
 LEVEL = 0.975  # of each of the two gated intervals, so that both hold together at 95 %
 
 
@@ -88,19 +97,33 @@ def paired(name: str, base: FloatArray, new: FloatArray, rng: np.random.Generato
     return Difference(name, float(base.mean()), float(new.mean()), low, high, verdict=verdict)
 
 
+def what_to_align(
+    base: Mapping[str, Any], new: Mapping[str, Any], names: Iterable[str], model: type[BaseModel]
+) -> str:
+    """Say which options two runs must share and do not.
+
+    base, new: what was asked. names: the fields of `model` that count.
+    """
+    flags = [flag_of(name, model.model_fields[name]) for name in names if base.get(name) != new.get(name)]
+    if not flags:
+        return "their options are the same: do both again with one version of tactsim and the same readings"
+    return f"give both the same {', '.join(map(str, flags))}"
+
+
 def _check_same_trials(base: Run, new: Run) -> None:
+    before, after = (run.config | {"letters": run.about.get("letters")} for run in (base, new))
+    align = what_to_align(before, after, _OF_TRIALS, RunConfig)
     if base.about["protocol"] != new.about["protocol"]:
         raise InputError(
             f"the runs follow different protocols ({base.about['protocol']}; {new.about['protocol']}) "
-            "and cannot be compared"
+            f"and cannot be compared; {align}"
         )
     pairs = [(getattr(base.trials, name), getattr(new.trials, name)) for name in ("truth", "trial")]
     pairs.append((base.trials.true_pose[:, 0], new.trials.true_pose[:, 0]))
     if any(a.shape != b.shape or not np.array_equal(a, b) for a, b in pairs):
-        raise InputError(
-            "the runs do not have the same trials; give both the same --seed, --letters and --trials"
-        )
+        raise InputError(f"the runs do not have the same trials; {align}")
     if base.trials.reading.shape != new.trials.reading.shape:
-        raise InputError("the runs saw different numbers of readings; give both the same --readings")
+        raise InputError(f"the runs saw different numbers of readings; {align}")
     if not np.array_equal(base.trials.true_pose, new.trials.true_pose):
-        raise InputError("the objects do not move alike in both runs; give both the same --slip and --world")
+        align = what_to_align(before, after, ("slip", "world"), RunConfig)
+        raise InputError(f"the objects do not move alike in both runs; {align}")

@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
+from pydantic.fields import FieldInfo
 
 from tactsim.bench.slip import SLIPS, Slip
 from tactsim.core import InputError
@@ -35,6 +36,12 @@ class Flag:
     """The name of a field's option if it is not the field's own; None if the command line does not have it."""
 
     name: str | None
+
+
+def flag_of(name: str, field: FieldInfo) -> str | None:
+    """Name a field's option, such as --test-poses; None if the command line does not have it."""
+    flags = [mark.name for mark in field.metadata if isinstance(mark, Flag)]
+    return flags[0] if flags else f"--{name.replace('_', '-')}"
 
 
 def _letters(words: Any) -> Any:

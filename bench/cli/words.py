@@ -11,7 +11,7 @@ import typer
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-from tactsim.bench.config import Flag, key_values
+from tactsim.bench.config import flag_of, key_values
 
 Words = Mapping[str, Any]
 
@@ -23,7 +23,7 @@ def with_options_of(model: type[BaseModel]) -> Callable[[Callable[..., None]], C
     """
     # A model's own fields come before those that it inherits.
     names = sorted(model.model_fields, key=lambda name: name not in model.__annotations__)
-    fields = {name: model.model_fields[name] for name in names if _flag(name, model.model_fields[name])}
+    fields = {name: model.model_fields[name] for name in names if flag_of(name, model.model_fields[name])}
 
     def decorate(verb: Callable[..., None]) -> Callable[..., None]:
         def command(**typed: Any) -> None:
@@ -42,15 +42,9 @@ def with_options_of(model: type[BaseModel]) -> Callable[[Callable[..., None]], C
     return decorate
 
 
-def _flag(name: str, field: FieldInfo) -> str | None:
-    """Name a field's option, such as --test-poses; None if the command line does not have it."""
-    flags = [mark.name for mark in field.metadata if isinstance(mark, Flag)]
-    return flags[0] if flags else f"--{name.replace('_', '-')}"
-
-
 def _parameter(name: str, field: FieldInfo) -> inspect.Parameter:
     default = field.default if isinstance(field.default, str | int) else None
-    option = typer.Option(_flag(name, field), help=field.description, show_default=default is not None)
+    option = typer.Option(flag_of(name, field), help=field.description, show_default=default is not None)
     return inspect.Parameter(
         name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=Annotated[_typed(field), option]
     )
@@ -69,7 +63,7 @@ def _typed(field: FieldInfo) -> Any:
 def _read(name: str, field: FieldInfo, typed: Any) -> Any:
     """Turn a typed option into what the model takes; None if it was not typed."""
     if get_origin(field.annotation) is dict and typed is not None:
-        return key_values(typed, str(_flag(name, field)))
+        return key_values(typed, str(flag_of(name, field)))
     return typed
 
 

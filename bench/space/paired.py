@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from tactsim.bench.compare import Difference, mcnemar, paired
+from tactsim.bench.compare import Difference, mcnemar, paired, what_to_align
 from tactsim.bench.score import settled_by
+from tactsim.bench.space.space_config import SpaceConfig
 from tactsim.bench.space.space_run import SpaceRun
 from tactsim.bench.space.space_score import Scored
 from tactsim.core.errors import InputError
+
+_OF_TRIALS = ("seed", "objects", "shapes", "trials", "scan")  # what decides what is hidden, and where
 
 
 def compare_in_space(base: SpaceRun, new: SpaceRun) -> list[Difference]:
@@ -23,8 +26,8 @@ def compare_in_space(base: SpaceRun, new: SpaceRun) -> list[Difference]:
     for name in ("truth", "trial", "true_pose"):
         if not np.array_equal(getattr(base.trials, name), getattr(new.trials, name)):
             raise InputError(
-                "the runs did not hide the same objects at the same poses; give both the same --seed, --objects and "
-                "--trials"
+                "the runs did not hide the same objects at the same poses; "
+                + what_to_align(base.config, new.config, _OF_TRIALS, SpaceConfig)
             )
     rng = np.random.default_rng(0)
     touches = min(base.touches, new.touches)

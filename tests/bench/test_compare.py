@@ -98,3 +98,38 @@ def test_runs_of_other_trials_or_protocols_are_not_compared():
         compare(base, replace(base, trials=replace(base.trials, true_pose=slipped)))
     with pytest.raises(InputError, match="readings"):
         compare(base, run_with(0.9, 1.0, seed=0, r=5))
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        (
+            {
+                "seed": 1,
+                "trials": 3,
+                "readings": 9,
+                "shapes": ["a.stl"],
+                "test_poses": "same",
+                "scan": "a.npz",
+            },
+            "same trials; give both the same --seed, --shape, --trials, --readings, --test-poses, --scan",
+        ),
+        ({"estimator": "tempered", "bins": 5}, "same trials; their options are the same"),
+    ],
+)
+def test_every_option_is_named_that_makes_the_trials_others(changes, said):
+    base = run_with(0.9, 1.0, seed=0)
+    moved = replace(base.trials, true_pose=base.trials.true_pose + 1)
+    with pytest.raises(InputError) as refused:
+        compare(base, replace(base, trials=moved, config=base.config | changes))
+    assert said in str(refused.value)
+
+
+def test_letters_count_as_they_were_tried():
+    base = run_with(0.9, 1.0, seed=0)
+    tried = [{"protocol": "same", "letters": list(letters)} for letters in ("AE", "AEI")]
+    moved = replace(base.trials, true_pose=base.trials.true_pose + 1)
+    for letters, said in ((tried[0], "options are the same"), (tried[1], "the same --letters")):
+        new = replace(base, trials=moved, config=base.config | {"letters": ["A", "E"]}, about=letters)
+        with pytest.raises(InputError, match=said):
+            compare(replace(base, about=tried[0]), new)

@@ -36,5 +36,7 @@ def test_runs_of_other_lengths_are_compared_over_the_touches_of_both():
 
 
 def test_other_hidden_objects_are_refused():
-    with pytest.raises(InputError, match="same objects"):
-        compare_in_space(make_space_run(), make_space_run(seed=1))
+    base, new = make_space_run(), make_space_run(seed=1)
+    other = {"seed": 1, "objects": ["nut"], "scan": "a.npz"}
+    with pytest.raises(InputError, match=r"same objects.* --seed, --objects, --scan"):
+        compare_in_space(base, replace(new, config=base.config | other))
