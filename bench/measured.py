@@ -78,7 +78,11 @@ def with_letters(scan: Scan, letters: Collection[str] | None = None) -> Scan:
     """Add to the scan's `meta` what scores need to know of the labels that are letters of the catalogue.
 
     letters: which labels are; by default all that are called like one, as in guided sessions, which show its outline.
+    Raises InputError for one that no label names.
     """
+    for one in letters or ():
+        if one not in scan.letters:
+            raise InputError(f"no reading is of the letter {one!r}; the labels are {', '.join(scan.letters)}")
     called = set(names()) if letters is None else set(letters)
     objects = {label: object_facts(letter(label)) for label in scan.letters if label in called}
     return replace(scan, meta={**scan.meta, "objects": objects})

@@ -9,6 +9,7 @@ import typer
 
 from tactsim.bench.cli import pad_options as pads
 from tactsim.bench.cli import shared_options as shared
+from tactsim.bench.cli.words import refuse_typed
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
 
 
 def command(
+    context: typer.Context,
     port: Annotated[
         str,
         typer.Option(help="Where to serve: pty, pty:LINK (a name that stays), tcp or tcp:[HOST:]PORT."),
@@ -120,6 +122,8 @@ def command(
         raise InputError(
             "--plan says what is pressed, and --out where it is recorded; --letter and --follow do not"
         )
+    if letter is None:
+        refuse_typed(context, ("pose",), "is where a letter is pressed; say which one with --letter")
     words = {"world": world, "scan_set": key_values(scan_set or (), "--scan-set"), "seed": seed}
     options = on_pad_of(
         described, scan_options(**words, letters="none" if shapes else None, shapes=shapes or ())

@@ -8,9 +8,11 @@ from typing import Annotated
 import typer
 
 from tactsim.bench.cli import shared_options as shared
+from tactsim.bench.cli.words import refuse_typed
 
 
 def command(
+    context: typer.Context,
     source: Annotated[
         Path,
         typer.Argument(
@@ -52,13 +54,17 @@ def command(
     if source.suffix.lower() in SUFFIXES:
         if pad is None or unit is None:
             raise InputError(f"{source}: arrays do not say their pad and unit; give --pad and --unit")
-        names = {"readings": readings, "poses": poses, "labels": labels} | ({"split": split} if split else {})
-        scan = read_arrays(source, names, Pad.load(pad), unit)
+        called = {"readings": readings, "poses": poses, "labels": labels} | (
+            {"split": split} if split else {}
+        )
+        scan = read_arrays(source, called, Pad.load(pad), unit)
     else:
         if pad is not None or unit is not None:
             raise InputError(
                 f"{source} says its pad and unit itself; --pad and --unit are of .npz and .mat files"
             )
+        names = ("readings", "poses", "labels", "split")
+        refuse_typed(context, names, f"is of .npz and .mat files; {source} has names of its own")
         scan = formats.read(source)
     if licence is not None:
         scan = scan.licensed(licence)

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
 
 def command(
+    context: typer.Context,
     port: Annotated[
         list[str],
         typer.Option(
@@ -85,6 +86,7 @@ def command(
     from tactsim.estimators.estimator import proposes_none
     from tactsim.estimators.likelihoods.occupancy import maps_of
 
+    pads.refuse_without_page(context, web)
     if explore not in (None, "information", "random"):
         raise InputError(f"--explore {explore!r}: say information or random")
     from_behind = guiding.from_behind(seen)

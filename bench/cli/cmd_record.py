@@ -10,7 +10,7 @@ import typer
 from tactsim.bench.cli import guide_options as guide
 from tactsim.bench.cli import pad_options as pads
 from tactsim.bench.cli import shared_options as shared
-from tactsim.bench.cli.words import is_typed
+from tactsim.bench.cli.words import refuse_typed
 from tactsim.core.errors import InputError
 
 if TYPE_CHECKING:
@@ -52,7 +52,14 @@ def command(
 ) -> None:
     """Record a pad: with --letter a guided session that makes a scan, else all it says."""
     guide.from_behind(seen)
-    _check_kind(context, guided=letter is not None)
+    if letter is None:
+        names = ("split", "resume", "poses", "frames", "force", "patience", "seen", "seed")
+        refuse_typed(
+            context, names, "is for a guided session; say what is pressed with --letter, or leave it out"
+        )
+    else:
+        why = "is for a recording of all that a pad says; a session of --letter ends by itself"
+        refuse_typed(context, ("seconds",), why)
     _check_name(out, ".tactrec" if letter is None else ".npz")
     described, correction = pads.load(device, calibration)
     if letter is None:
@@ -137,19 +144,6 @@ def _record_all(
     console.print(f"{count:,} readings in {out}\n{pads.counters_line(counters)}")
     if silence is not None:
         raise silence
-
-
-def _check_kind(context: typer.Context, *, guided: bool) -> None:
-    """Refuse an option of the other kind of recording."""
-    if guided and is_typed(context, "seconds"):
-        raise InputError(
-            "--seconds is for a recording of all that a pad says; a session of --letter ends by itself"
-        )
-    for name in ("split", "resume", "poses", "frames", "force", "patience", "seen", "seed"):
-        if not guided and is_typed(context, name):
-            raise InputError(
-                f"--{name} is for a guided session; say what is pressed with --letter, or leave it out"
-            )
 
 
 def _check_name(out: Path, suffix: str) -> None:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from tactsim.bench.cli import pad_options as pads
+from tactsim.bench.cli.words import refuse_typed
 
 if TYPE_CHECKING:
     from tactsim.core import Scan
@@ -15,6 +16,7 @@ if TYPE_CHECKING:
 
 
 def command(
+    context: typer.Context,
     recordings: Annotated[
         list[Path], typer.Argument(help="Recordings (.tactrec), or one of the PPS tool (.csv).")
     ],
@@ -90,6 +92,8 @@ def command(
         raise InputError("--letters says what labels of --marks are; guided sessions are of letters by name")
     if shapes and marks is None:
         raise InputError("--shape says which shapes --marks names; guided sessions are of letters by name")
+    if cut is None:
+        refuse_typed(context, ("stride",), "says how far cuts are apart; say how large they are with --cut")
     if (marks is not None or cut is not None or moments is not None) and scan is None:
         raise InputError("--marks, --cut and --moments make a scan: name it with --scan")
     described, correction = pads.load(device, calibration)

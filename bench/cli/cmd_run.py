@@ -10,7 +10,7 @@ import typer
 from tactsim.bench.cli import guide_options as guide
 from tactsim.bench.cli import shared_options as shared
 from tactsim.bench.cli import space_verbs as space
-from tactsim.bench.cli.words import Words, is_typed, with_options_of
+from tactsim.bench.cli.words import Words, is_typed, refuse_typed, with_options_of
 from tactsim.bench.config import RunConfig, run_config
 from tactsim.bench.space.space_config import TASK
 
@@ -73,7 +73,8 @@ def command(
     from tactsim.core.errors import InputError
 
     if port is None:
-        _refuse_without_port(context)
+        names = ("device", "calibration", "frames", "force", "patience", "seen")
+        refuse_typed(context, names, "is for a pad; say where that is with --port, or leave it out")
     elif "task" in words:
         raise InputError("--port: a task has readings of its own; leave out --port or --task")
     words = {
@@ -116,15 +117,6 @@ def command(
             plain_console().print(
                 f"presses  {config.presses}; `bench run --presses` tries other estimators on them"
             )
-
-
-def _refuse_without_port(context: typer.Context) -> None:
-    """Raise InputError for an option that says how a pad is pressed where none is."""
-    from tactsim.core.errors import InputError
-
-    for name in ("device", "calibration", "frames", "force", "patience", "seen"):
-        if is_typed(context, name):
-            raise InputError(f"--{name} is for a pad; say where that is with --port, or leave it out")
 
 
 def _measured(config: RunConfig, station: Station, settings: dict[str, Any]) -> bool:

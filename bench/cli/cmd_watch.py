@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from typing import Annotated
 
+import typer
+
 from tactsim.bench.cli import guide_options as guiding
 from tactsim.bench.cli import pad_options as pads
 from tactsim.bench.cli import shared_options as shared
 
 
 def command(
+    context: typer.Context,
     port: pads.Port,
     device: pads.DeviceName = "emulated",
     calibration: pads.CalibrationFile = None,
@@ -32,6 +35,7 @@ def command(
     from tactsim.bench.watching.web import WebPage
     from tactsim.hardware.sources import open_source
 
+    pads.refuse_without_page(context, web)
     from_behind = guiding.from_behind(seen)
     described, correction = pads.load(device, calibration)
     console = plain_console()

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from tactsim.bench.cli.words import refuse_typed
+
 if TYPE_CHECKING:
     from tactsim.core.source import Source
     from tactsim.hardware.calibration import Calibration
@@ -33,6 +35,12 @@ WebPort = Annotated[
 AsJson = Annotated[
     bool, typer.Option("--json", help="Print one JSON object on standard output and nothing else there.")
 ]
+
+
+def refuse_without_page(context: typer.Context, web: bool) -> None:
+    """Raise InputError if the user typed the port of a page that is not asked for."""
+    if not web:
+        refuse_typed(context, ("web_port",), "is the port of the page that --web shows; give that, too")
 
 
 def load(name: str, calibration: Path | None = None) -> tuple[Device, Calibration | None]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Annotated, Any, get_origin
 
@@ -12,6 +12,7 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
 from tactsim.bench.config import flag_of, key_values
+from tactsim.core.errors import InputError
 
 Words = Mapping[str, Any]
 
@@ -71,6 +72,16 @@ def is_typed(context: typer.Context, name: str) -> bool:
     """Tell whether the user typed an option, rather than leave it at its default."""
     source = context.get_parameter_source(name)
     return source is not None and source.name != "DEFAULT"
+
+
+def refuse_typed(context: typer.Context, names: Iterable[str], why: str) -> None:
+    """Raise InputError for the first of these options that the user typed: it would mean nothing.
+
+    why: what it is for, as the end of a sentence that begins with the option.
+    """
+    for name in names:
+        if is_typed(context, name):
+            raise InputError(f"--{name.replace('_', '-')} {why}")
 
 
 def dotted(values: Mapping[str, Any], prefix: str = "") -> list[str]:

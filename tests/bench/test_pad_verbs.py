@@ -147,6 +147,7 @@ def test_a_large_array_is_cut_into_touches(here, tmp_path):
     shown = right(here(*words, "--letters", "A", "--scan", "letters.npz"))
     assert "A: placements count as those of the catalogue's letters" in shown
     assert Scan.load(tmp_path / "letters.npz").meta["objects"]["A"]["symmetry"] == 1
+    refused(here(*words, "--letters", "Q", "--scan", "q.npz"), "no reading is of the letter 'Q'", "are A")
     refused(
         here("replay", "array.csv", "--device", "array.toml", "--letters", "A"),
         "--letters says what labels of --marks",
@@ -175,10 +176,12 @@ def test_a_large_array_is_cut_into_touches(here, tmp_path):
         (["record", "--port", "x", "--out", "a.tactrec", "--seconds", "0"], ["--seconds", "of at least 0.1"]),
         (["record", "--port", "x", "--out", "a.tactrec", "--split", "test"], ["--split is for a guided"]),
         (["record", "--port", "x", "--out", "a.tactrec", "--resume"], ["--resume is for a guided"]),
+        (["replay", "r.tactrec", "--stride", "2"], ["--stride says", "--cut"]),
         (["replay", "nothing.tactrec"], ["cannot read recording nothing.tactrec"]),
         (["emulate", "--port", "com"], ["say pty, pty:LINK, tcp"]),
         (["emulate", "--port", "tcp:x"], ["tcp:[HOST:]PORT"]),
         (["emulate", "--letter", "?"], ["unknown letter"]),
+        (["emulate", "--pose", "1,2,3"], ["--pose is where", "--letter"]),
     ],
 )
 def test_mistakes_end_in_one_line(here, words, parts):

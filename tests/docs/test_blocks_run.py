@@ -160,7 +160,7 @@ def smaller(arguments):
         return [*arguments, "--rate", "200"]
     if verb in ("watch", "live"):
         few = ["--seconds", "0.5"] if verb == "watch" else ["--readings", "1"]
-        return [*arguments, *few, "--web-port", "0"]
+        return [*arguments, *few, *(["--web-port", "0"] if "--web" in rest else [])]
     if (
         verb == "tasks" and "--hash" in rest and not rest[0].endswith(".toml")
     ):  # tests/bench/tasks hashes whole scans

@@ -77,6 +77,7 @@ def test_arrays_are_imported_by_their_names(tmp_path, here):
         (["a.npz", *WORDS, "--poses", "readings"], "poses has shape"),
         (["a.npz", *WORDS, "--pad", "none.toml"], "none.toml"),
         (["b.h5", *WORDS], "says its pad and unit itself"),
+        (["b.h5", "--poses", "places", "--out", "scan.npz"], "--poses is of .npz and .mat files"),
     ],
 )
 def test_a_mistake_is_one_line(words, says, tmp_path, here):

@@ -137,6 +137,7 @@ def test_ctrl_c_ends_it_cleanly(bench, scan_file):
         (["--port", "simulated:?"], ["unknown letter"]),
         (["--port", "simulated:A@1,2"], ["x,y,theta"]),
         (["--port", "simulated:A", "--estimator", "refind"], ["unknown estimator 'refind'", "refined"]),
+        (["--port", "x", "--web-port", "80"], ["--web-port", "--web shows"]),
         (["--port", "simulated:A", "--explore", "blind"], ["information or random"]),
         (
             ["--port", "simulated:A", "--explore", "information", "--estimator", "nearest"],

@@ -95,6 +95,7 @@ def test_a_pad_that_says_nothing_right_is_an_error_at_the_end(bench):
     [
         (["--port", "/dev/nothing"], ["there is no such port"]),
         (["--port", "x", "--device", "emulatd"], ["unknown device 'emulatd'"]),
+        (["--port", "x", "--web-port", "80"], ["--web-port", "--web shows"]),
         (["--port", "simulated:A", "--seen", "above"], ["--seen 'above'", "behind or front"]),
         (["--port", "recording:nothing.tactrec"], ["cannot read recording nothing.tactrec"]),
     ],
