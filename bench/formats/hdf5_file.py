@@ -13,6 +13,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
+from tactsim.bench.formats.scan_document import is_of_a_run
 from tactsim.bench.results import to_json
 from tactsim.bench.run import Run
 from tactsim.core import InputError, Scan
@@ -21,6 +22,7 @@ from tactsim.core.files import open_regular
 from tactsim.core.npz import LARGEST
 
 _KIND, _VERSION = "tactsim scan", 1
+_OF_A_RUN = "run"  # the dataset that only a run has
 _NEEDED = {
     "readings": 2,
     "poses": 2,
@@ -87,7 +89,7 @@ def write_run(run: Run, stream: IO[bytes]) -> None:
         for name, values in run.columns().items():
             _add(file, name, values, _OF_TRIALS.get(name, ""), f"{name} of each trial and reading")
         about = np.array(to_json({"config": run.config, **run.about}))
-        _add(file, "run", about, "", "what was asked and what it was done with, JSON")
+        _add(file, _OF_A_RUN, about, "", "what was asked and what it was done with, JSON")
     stream.write(content.getbuffer())
 
 
@@ -95,6 +97,8 @@ def read_scan(path: Path) -> Scan:
     """Read a scan written by `write_scan`. Raises InputError for a file that is not whole, hostile or too large."""
     try:
         with open_regular(path) as stream, h5py.File(stream, "r") as file:
+            if _OF_A_RUN in file and "readings" not in file:
+                raise is_of_a_run()
             names = dict(_NEEDED)
             names |= _SEQUENCE if any(name in file for name in _SEQUENCE) else {}
             names |= {name: axes for name, axes in _OF_PRESSES.items() if name in file}

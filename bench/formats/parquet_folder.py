@@ -12,7 +12,7 @@ import pyarrow.parquet
 from numpy.typing import NDArray
 
 from tactsim.bench.formats.data_card import card_of_run, card_of_scan
-from tactsim.bench.formats.scan_document import document_of, loads_of, parts_of, presses_of
+from tactsim.bench.formats.scan_document import document_of, is_of_a_run, loads_of, parts_of, presses_of
 from tactsim.bench.results import to_json
 from tactsim.bench.run import Run
 from tactsim.core import InputError, Scan
@@ -22,6 +22,7 @@ from tactsim.core.npz import LARGEST
 from tactsim.core.scan import SPLITS, is_label
 
 _DOCUMENT = "scan.json"
+_OF_A_RUN = "run.json"
 _ROW_GROUP = 64 << 20  # bytes: what a reader of one row has to read
 _LONGEST_LABEL = 400  # bytes of 100 characters
 
@@ -42,12 +43,14 @@ def write_run(run: Run, folder: Path) -> None:
     (folder / "data").mkdir()
     columns = {name: pa.array(values.tolist()) for name, values in run.columns().items()}
     _write(pa.table(columns), _file(folder, "test"))
-    (folder / "run.json").write_text(to_json({"config": run.config, **run.about}), encoding="utf-8")
+    (folder / _OF_A_RUN).write_text(to_json({"config": run.config, **run.about}), encoding="utf-8")
     (folder / "README.md").write_text(card_of_run(run), encoding="utf-8")
 
 
 def read_scan(folder: Path) -> Scan:
     """Read a scan written by `write_scan`, its readings in their first order. Raises InputError if it is not whole."""
+    if (folder / _OF_A_RUN).exists() and not (folder / _DOCUMENT).exists():
+        raise is_of_a_run()
     document = read_json(folder / _DOCUMENT, "the scan's")
     taxel_xy, times, meta = parts_of(document)
     frames = None if times is None else len(times)

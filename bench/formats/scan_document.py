@@ -39,6 +39,13 @@ def parts_of(document: dict[str, Any]) -> tuple[FloatArray, FloatArray | None, d
     return taxel_xy, None if times is None else _numbers(times, "sequence_times", 1), meta
 
 
+def is_of_a_run() -> InputError:
+    """Build the error for an export of a run where one of a scan is wanted."""
+    return InputError(
+        "it holds the trials of a run, which keeps its estimates, not its readings; give an export of a scan"
+    )
+
+
 def loads_of(document: dict[str, Any]) -> FloatArray | None:
     """Read the loads of the presses, N, NaN where null stands; None if it has none. Raises InputError as above."""
     loads = document.get("loads")

@@ -160,6 +160,8 @@ def test_a_run_s_trials_are_the_same_in_every_format(run_folder, tmp_path, here)
     columns = Run.load(run_folder).columns()
     assert here("export", run_folder, "--to", "parquet", "--out", "trials").returncode == 0
     assert here("export", run_folder, "--to", "hdf5", "--out", "trials.h5").returncode == 0
+    for place in ("trials", "trials.h5", run_folder):
+        refused(here("import", place, "--out", "scan.npz"), "the trials of a run", "an export of a scan")
     table = pyarrow.parquet.read_table(tmp_path / "trials" / "data" / "test-00000-of-00001.parquet")
     assert table.column_names == list(columns)
     with h5py.File(tmp_path / "trials.h5") as file:
