@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager, suppress
 from datetime import datetime
 from pathlib import Path
+from tempfile import TemporaryFile
 
 from tactsim.core import InputError
 
@@ -29,7 +29,7 @@ def results_folder(out: Path | None, name: str) -> Iterator[Path]:
         return
     made = [folder for folder in (RUNS, RESULTS) if not folder.exists()]
     with _refusing(RUNS):
-        _check_writable(RUNS)
+        _check_writable(RUNS, RUNS)
         place = _new_place(name)
     try:
         yield place
@@ -53,28 +53,37 @@ def _new_place(name: str) -> Path:
             return place
 
 
-def check_new_folder(path: Path) -> None:
-    """Raise InputError unless a new folder can be made at `path`, or an empty one stands there."""
+def check_folder(path: Path) -> None:
+    """Raise InputError unless a folder that can be written is at `path`, or can be made there."""
     with _refusing(path):
         if path.exists() and not path.is_dir():
             raise InputError(f"--out {path}: that is a file; name a new folder")
-        _check_writable(path)
+        _check_writable(path, path)
+
+
+def check_new_folder(path: Path) -> None:
+    """Raise InputError unless a new folder can be made at `path`, or an empty one stands there."""
+    check_folder(path)
+    with _refusing(path):
         if path.is_dir() and any(path.iterdir()):
             raise InputError(f"--out {path}: the folder holds something already; name a new one")
 
 
 def check_new_file(
-    path: Path, *others: Path | None, kinds: Collection[str] = (), option: str = "--out"
+    path: Path, *others: Path | None, kinds: Collection[str] = (), called: str = "", option: str = "--out"
 ) -> None:
     """Raise InputError unless a file can be written at `path` and nothing that is wanted is lost by it.
 
     others: what the command reads, or writes besides; the file may be none of them. kinds: suffixes of what is written,
-    such as ".npz"; a file with another one, a recording perhaps, is not replaced. option: what names the file.
+    such as ".npz"; a file with another one, a recording perhaps, is not replaced. called: the suffix
+    that the name has to have. option: what names the file.
     """
     with _refusing(path, option):
+        if not path.suffix.lower().endswith(called):
+            raise InputError(f"{option} {path}: name it FILE{called}")
         if path.is_dir():
             raise InputError(f"{option} {path}: that is a folder; name a file in it")
-        _check_writable(path.parent, option)
+        _check_writable(path.parent, path, option)
         if path.resolve() in [other.resolve() for other in others if other is not None]:
             raise InputError(f"{option} {path}: the command reads or writes that besides; name another file")
         if kinds and path.is_file() and path.suffix.lower() not in kinds:
@@ -89,12 +98,16 @@ def check_page(path: Path) -> None:
         raise InputError(f"{path}: the report is a page; give a name that ends in .html")
 
 
-def _check_writable(path: Path, option: str = "--out") -> None:
-    standing = next(folder for folder in (path, *path.absolute().parents) if folder.exists())
+def _check_writable(folder: Path, path: Path, option: str = "--out") -> None:
+    """Raise InputError unless files can be made in the folder, or it can be made. path: what the user named."""
+    standing = next(one for one in (folder, *folder.absolute().parents) if one.exists())
     if not standing.is_dir():
         raise InputError(f"{option} {path}: {standing} is a file, no folder")
-    if not os.access(standing, os.R_OK | os.W_OK | os.X_OK):
-        raise InputError(f"{option} {path}: {standing} cannot be written; name another folder")
+    try:
+        with TemporaryFile(dir=standing):  # permissions alone do not tell: root has them all, also in /proc
+            pass
+    except OSError as error:
+        raise InputError(f"{option} {path}: {standing} cannot be written; name another folder") from error
 
 
 @contextmanager

@@ -43,13 +43,10 @@ def command(
     from tactsim.bench.places import check_new_file
     from tactsim.bench.results import to_json
     from tactsim.bench.terminal import print_bound, progress_bars
-    from tactsim.core.errors import InputError
     from tactsim.core.files import write_bytes
 
     if out is not None:
-        if out.suffix.lower() != ".png":
-            raise InputError(f"--out {out}: the picture is FILE.png")
-        check_new_file(out)
+        check_new_file(out, called=".png")
     given = {} if scan is None else {"scan": scan}
     moving = {} if slip is None else {"slip": key_values(slip, "--slip")}
     config = run_config(**words, **given, **moving, trials=trials, readings=readings)

@@ -37,11 +37,12 @@ def command(
     from tactsim.bench import sweep, sweep_file
     from tactsim.bench.console import plain_console
     from tactsim.bench.machine import cores
-    from tactsim.bench.places import SWEEPS
+    from tactsim.bench.places import SWEEPS, check_folder
     from tactsim.bench.terminal import print_sweep, progress_bars
 
     name, configs = sweep_file.read(source)
     folder = out or SWEEPS / name
+    check_folder(folder)
     with progress_bars() as progress:
         places = sweep.perform(
             configs,

@@ -32,11 +32,9 @@ def command(
     from tactsim.hardware.device import load_device
     from tactsim.press.scanning import letters_of
 
-    if out.suffix.lower() != ".pdf":
-        raise InputError(f"--out {out}: the sheets are FILE.pdf")
     if paper not in PAPERS:
         raise InputError(f"--paper {paper!r}: say {' or '.join(PAPERS)}")
-    check_new_file(out)
+    check_new_file(out, called=".pdf")
     sheets = Sheets(paper, load_device(device).pad, guide.from_behind(seen))
     pressed = letters_of(scan_options(letters=letters, shapes=shape or ()))
     write_bytes(out, as_pdf(draw_sheets(pressed, sheets)))

@@ -193,6 +193,13 @@ BAD = {
     ),
     "scan out is a folder": (["scan", "--out", "full"], ["full"]),
     "verb": (["rum"], ["rum"]),
+    "a sweep into a file": (["sweep", "quick", "--out", "file"], ["--out file", "is a file", "new folder"]),
+    "a sweep below a file": (["sweep", "quick", "--out", "file/x"], ["--out file/x", "no folder"]),
+    "a run into no disk": (["run", "--out", "/proc/x"], ["--out /proc/x", "cannot be written"]),
+    "a bundle into no disk": (
+        ["submit", "letters-v1", "--estimator", "nearest", "--out", "/proc/x.zip"],
+        ["--out /proc/x.zip", "cannot be written"],
+    ),
     "no sweep": (["sweep", "nowhere"], ["nowhere", "paper"]),
     "held out": (["run", "--letters", "AE", "--hold-out", "Q"], ["hold out", "'Q'", "A, E"]),
     "all held out": (["run", "--letters", "AE", "--hold-out", "A,E"], ["--hold-out", "train"]),
