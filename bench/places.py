@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager, suppress
 from datetime import datetime
 from pathlib import Path
 from tempfile import TemporaryFile
 
+from tactsim.bench.console import plain_console
 from tactsim.core import InputError
 
 RESULTS = Path("results")
@@ -51,6 +52,42 @@ def _new_place(name: str) -> Path:
             place = RUNS / f"{name}-{stamp}-{number}"
         else:
             return place
+
+
+def save_beside(save: Callable[[Path], Path], folder: Path) -> Path:
+    """Save a new folder as `folder`, or, if something took that name since it was checked, as folder-2, and say so.
+
+    save: writes a new folder whole or not at all, and returns its path. Returns the path that was written. Raises
+    InputError as `save` does for a reason other than the name.
+    """
+    place, number = folder, 1
+    while True:
+        try:
+            saved = save(place)
+        except InputError:
+            if not (place.is_file() or (place.is_dir() and any(place.iterdir()))):
+                raise
+        else:
+            if place != folder:
+                plain_console(stderr=True).print(f"{folder} was taken meanwhile; the results are in {place}")
+            return saved
+        number += 1
+        place = folder.with_name(f"{folder.name}-{number}")
+
+
+def save_and_show(save: Callable[[], Path], show: Callable[[Path | None], None]) -> None:
+    """Save results and show them, each also where the other fails: a full disk, a reader that is gone.
+
+    save: writes them and returns where. show: is given that, or None if they could not be written. Raises InputError
+    if they could not, and what `show` raises.
+    """
+    place = None
+    try:
+        place = save()
+    except InputError as error:
+        raise InputError(f"{error}; the results are in no file, only in what was printed") from error
+    finally:
+        show(place)
 
 
 def check_folder(path: Path) -> None:

@@ -40,7 +40,7 @@ def command(
 ) -> None:
     """Say how good an estimator can be: exact Bayes, and the Cramer-Rao bound of the error, by reading."""
     from tactsim.bench.bound.bound import find_bound
-    from tactsim.bench.places import check_new_file
+    from tactsim.bench.places import check_new_file, save_and_show
     from tactsim.bench.results import to_json
     from tactsim.bench.terminal import print_bound, progress_bars
     from tactsim.core.files import write_bytes
@@ -52,11 +52,22 @@ def command(
     config = run_config(**words, **given, **moving, trials=trials, readings=readings)
     with progress_bars() as progress:
         found = find_bound(config, jobs=jobs, cache=cache, progress=progress)
-    if out is not None:
-        write_bytes(out, found.plot().png())
-    if as_json:
-        typer.echo(to_json(found.as_json()), nl=False)
-    else:
+
+    def show(place: Path | None) -> None:
+        if as_json:
+            typer.echo(to_json(found.as_json()), nl=False)
+            return
         print_bound(found)
-        if out is not None:
-            typer.echo(f"picture  {out}")
+        if place is not None:
+            typer.echo(f"picture  {place}")
+
+    if out is None:
+        show(None)
+        return
+    picture = out
+
+    def save() -> Path:
+        write_bytes(picture, found.plot().png())
+        return picture
+
+    save_and_show(save, show)

@@ -104,34 +104,37 @@ def command(
     def opened(path: Path) -> Source:
         return open_source([f"recording:{path}"], described, correction)
 
-    for path in recordings:
-        with opened(path) as source:
-            for line in _contents(path, source):
-                console.print(line)
-    if csv is not None:
-        with opened(recordings[0]) as source:
-            _write_csv(source, csv)
-        console.print(f"readings in {csv}")
-    if scan is None:
-        return
-    made: Scan
-    if marks is None:
-        made = scan_of_sessions(recordings, wanted)
-    else:
-        with opened(recordings[0]) as source:
-            made = scan_of_intervals(source, read_intervals(marks), wanted)
-    check_labels(made.letters)
-    made = with_letters(made, parse_letters(letters) if letters else () if marks is not None else None)
-    taken = taken_as_letters(made)
-    made = with_shapes(made, shapes or ())
-    if window is not None:
-        made = cut_scan(made, *window, stride)
-    made.save(scan)
-    for line in (*taken, *_found(made)):
-        console.print(line)
-    console.print(
-        f"{len(made):,} readings of {' '.join(made.letters)}, {made.readings.shape[1]} taxels, in {scan}"
-    )
+    lines: list[str] = []
+    try:  # the files come first: nobody need read to its end what is said of them
+        for path in recordings:
+            with opened(path) as source:
+                lines += _contents(path, source)
+        if csv is not None:
+            with opened(recordings[0]) as source:
+                _write_csv(source, csv)
+            lines.append(f"readings in {csv}")
+        if scan is None:
+            return
+        made: Scan
+        if marks is None:
+            made = scan_of_sessions(recordings, wanted)
+        else:
+            with opened(recordings[0]) as source:
+                made = scan_of_intervals(source, read_intervals(marks), wanted)
+        check_labels(made.letters)
+        made = with_letters(made, parse_letters(letters) if letters else () if marks is not None else None)
+        taken = taken_as_letters(made)
+        made = with_shapes(made, shapes or ())
+        if window is not None:
+            made = cut_scan(made, *window, stride)
+        made.save(scan)
+        lines += (*taken, *_found(made))
+        lines.append(
+            f"{len(made):,} readings of {' '.join(made.letters)}, {made.readings.shape[1]} taxels, in {scan}"
+        )
+    finally:
+        for line in lines:
+            console.print(line)
 
 
 def _contents(path: Path, source: Source) -> list[str]:

@@ -66,7 +66,7 @@ def command(
 ) -> None:
     """Press the letters, learn their maps, recognise them in random places and score every reading."""
     from tactsim.bench.console import plain_console
-    from tactsim.bench.places import results_folder
+    from tactsim.bench.places import results_folder, save_and_show, save_beside
     from tactsim.bench.results import to_json
     from tactsim.bench.runner import perform
     from tactsim.bench.terminal import print_places, print_run, progress_bars
@@ -106,17 +106,20 @@ def command(
                 return
         with progress_bars() as progress:
             run = perform(config, jobs=jobs, cache=cache, progress=progress)
-        if not as_json:
-            print_run(run)  # whether or not there is room for the files
-        run.save(folder)
-    if as_json:
-        typer.echo(to_json(run.as_json() | {"results": str(folder)}), nl=False)
-    else:
-        print_places(run, folder)
-        if port is not None:
-            plain_console().print(
-                f"presses  {config.presses}; `bench run --presses` tries other estimators on them"
-            )
+
+        def show(place: Path | None) -> None:
+            if as_json:
+                typer.echo(to_json(run.as_json() | {"results": place and str(place)}), nl=False)
+                return
+            print_run(run)
+            if place is not None:
+                print_places(run, place)
+            if port is not None:
+                plain_console().print(
+                    f"presses  {config.presses}; `bench run --presses` tries other estimators on them"
+                )
+
+        save_and_show(lambda: save_beside(run.save, folder), show)
 
 
 def _measured(config: RunConfig, station: Station, settings: dict[str, Any]) -> bool:

@@ -46,7 +46,7 @@ def command(
     from tactsim.bench.console import plain_console
     from tactsim.bench.leaderboard.bundle import DONE, figures_of, write_bundle
     from tactsim.bench.leaderboard.submission import Method, submit
-    from tactsim.bench.places import check_new_file
+    from tactsim.bench.places import check_new_file, save_and_show
     from tactsim.bench.results import to_json
     from tactsim.bench.tasks import task as read_task
     from tactsim.bench.terminal import progress_bars
@@ -64,20 +64,28 @@ def command(
             rng=np.random.default_rng(),
             progress=progress,
         )
-    write_bundle(bundle, out)
     done = bundle.status == DONE
     scored = figures_of(bundle, read_task(task).scored) if done else {}
-    if output:
-        plain_console(stderr=True).print(output)
-    if as_json:
-        said = {"task": bundle.task, "method": bundle.method, "status": bundle.status, "figures": scored}
-        typer.echo(to_json(said | {"bundle": str(out)}), nl=False)
-    else:
+
+    def save() -> Path:
+        write_bundle(bundle, out)
+        return out
+
+    def show(place: Path | None) -> None:
+        if output:
+            plain_console(stderr=True).print(output)
+        if as_json:
+            said = {"task": bundle.task, "method": bundle.method, "status": bundle.status, "figures": scored}
+            typer.echo(to_json(said | {"bundle": place and str(place)}), nl=False)
+            return
         console = plain_console()
         console.print(f"{bundle.method} on {bundle.task}", style="bold")
         for figure, value in scored.items():
             console.print(f"{figure}  {'-' if value is None else f'{value:.4g}'}")
         console.print(f"status  {bundle.status}")
-        console.print(f"bundle  {out}")
+        if place is not None:
+            console.print(f"bundle  {place}")
+
+    save_and_show(save, show)
     if not done:
         raise typer.Exit(1)

@@ -50,9 +50,9 @@ def command(
     import tomli_w
 
     from tactsim.bench import validation
-    from tactsim.bench.cli.validation_report import show
+    from tactsim.bench.cli.validation_report import show as show_report
     from tactsim.bench.config import key_values
-    from tactsim.bench.places import check_new_folder
+    from tactsim.bench.places import check_new_folder, save_and_show, save_beside
     from tactsim.bench.terminal import progress_bars
     from tactsim.core import Scan
     from tactsim.core.files import new_folder
@@ -65,11 +65,21 @@ def command(
             options=key_values(settings or (), "--set"), trials=trials, seed=seed, ablate=ablate, progress=progress,
         )  # fmt: skip
     answer = validation.as_json(result)
-    if out is not None:
-        with new_folder(out) as folder:
+
+    def save(wanted: Path) -> Path:
+        with new_folder(wanted) as folder:
             (folder / "validation.json").write_text(json.dumps(answer, indent=1) + "\n", encoding="utf-8")
             (folder / "world.toml").write_bytes(tomli_w.dumps(result.parameters).encode())
-    if as_json:
-        typer.echo(json.dumps(answer))
+        return wanted
+
+    def show(place: Path | None) -> None:
+        if as_json:
+            typer.echo(json.dumps(answer))
+        else:
+            show_report(result, place, recorded)
+
+    if out is None:
+        show(None)
     else:
-        show(result, out, recorded)
+        wanted = out
+        save_and_show(lambda: save_beside(save, wanted), show)

@@ -50,6 +50,7 @@ def command(
     from tactsim.bench.leaderboard.record import Machine, Record, bundle_hash, write_record
     from tactsim.bench.leaderboard.verification import verify
     from tactsim.bench.machine import machine, versions
+    from tactsim.bench.places import save_and_show
     from tactsim.bench.terminal import progress_bars
     from tactsim.core.errors import InputError, printable
     from tactsim.core.source_digest import git_commit
@@ -70,14 +71,19 @@ def command(
             )
     except InputError as error:
         raise InputError(f"bundle {bundle}: {error}") from error
-    console = plain_console()
-    console.print(f"{read.method} on {read.task}", style="bold")
-    for note in verdict.notes:
-        console.print(f"note      {note}")
-    if verdict.again:
-        again = f"{verdict.again} of {verdict.trials} trials"
-        console.print(f"again     {again}" + ("" if full else f", chosen with --seed {chosen}"))
-    console.print(f"{'verified' if verdict.verified else 'NOT VERIFIED'}  {verdict.said}")
+
+    def show(place: Path | None) -> None:
+        console = plain_console()
+        console.print(f"{read.method} on {read.task}", style="bold")
+        for note in verdict.notes:
+            console.print(f"note      {note}")
+        if verdict.again:
+            again = f"{verdict.again} of {verdict.trials} trials"
+            console.print(f"again     {again}" + ("" if full else f", chosen with --seed {chosen}"))
+        console.print(f"{'verified' if verdict.verified else 'NOT VERIFIED'}  {verdict.said}")
+        if place is not None:
+            console.print(f"record    {place}")
+
     if record:
         made = Record(
             bundle=bundle_hash(bundle),
@@ -93,6 +99,8 @@ def command(
             commit=git_commit(),
             made=datetime.now(UTC).isoformat(timespec="seconds"),
         )
-        console.print(f"record    {write_record(made, bundle)}")
+        save_and_show(lambda: write_record(made, bundle), show)
+    else:
+        show(None)
     if not verdict.verified:
         raise typer.Exit(1)

@@ -43,7 +43,7 @@ def refuse_outside_space(**words: Any) -> None:
 
 def run_in_space(words: Words, *, jobs: int, out: Path | None, as_json: bool) -> None:
     """Do `bench run --task solids` with the words that were typed."""
-    from tactsim.bench.places import results_folder
+    from tactsim.bench.places import results_folder, save_and_show, save_beside
     from tactsim.bench.results import to_json
     from tactsim.bench.space.space_config import SpaceConfig, space_config, space_words
     from tactsim.bench.space.space_runner import perform_in_space
@@ -54,13 +54,16 @@ def run_in_space(words: Words, *, jobs: int, out: Path | None, as_json: bool) ->
     with results_folder(out, config.estimator) as folder:
         with progress_bars() as progress:
             run = perform_in_space(config, jobs=jobs, progress=progress)
-        if not as_json:
+
+        def show(place: Path | None) -> None:
+            if as_json:
+                typer.echo(to_json(run.as_json() | {"results": place and str(place)}), nl=False)
+                return
             print_space_run(run)
-        run.save(folder)
-    if as_json:
-        typer.echo(to_json(run.as_json() | {"results": str(folder)}), nl=False)
-    else:
-        typer.echo(f"results  {folder}\npicture  {folder / 'touches.png'}")
+            if place is not None:
+                typer.echo(f"results  {place}\npicture  {place / 'touches.png'}")
+
+        save_and_show(lambda: save_beside(run.save, folder), show)
 
 
 def scan_in_space(words: Words, *, out: Path) -> None:

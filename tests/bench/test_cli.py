@@ -12,10 +12,13 @@ import numpy as np
 import pytest
 from command_line import BENCH, Bench, refused
 
+from tactsim.bench import runner
 from tactsim.bench.cli import run
 from tactsim.bench.cli.app import VERBS, load
 from tactsim.bench.machine import versions
-from tactsim.core import Scan
+from tactsim.bench.run import Run
+from tactsim.bench.runner import perform
+from tactsim.core import InputError, Scan
 
 SMALL = ["--trials", "1", "--readings", "4", "--bins", "1000"]
 
@@ -279,6 +282,70 @@ def test_a_full_disk_behind_standard_output_is_one_line(bench):
         _, errors = process.communicate(timeout=120)
     assert (process.returncode, errors.count("\n")) == (2, 1)
     assert "standard output" in errors
+
+
+def full_disk():
+    return os.open("/dev/full", os.O_WRONLY)
+
+
+def reader_that_is_gone():
+    reading, writing = os.pipe()
+    os.close(reading)
+    return writing
+
+
+IN_SPACE = ["--task", "solids", "--objects", "bolt,nut", "--touches", "2"]
+IN_PLANE = ["--letters", "IO", "--readings", "3", "--estimator", "nearest"]
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="this system has no /dev/full")
+@pytest.mark.parametrize(
+    ("output", "status", "words"),
+    [(reader_that_is_gone, 1, IN_PLANE), (full_disk, 2, [*IN_PLANE, "--json"]), (full_disk, 2, IN_SPACE)],
+    ids=["gone", "full", "solids"],
+)
+def test_a_run_whose_output_nobody_takes_is_saved_all_the_same(bench, tmp_path, output, status, words):
+    taken = output()
+    process = subprocess.Popen(
+        [BENCH, "run", *words, "--trials", "1", "--out", "here"],
+        cwd=tmp_path, stdout=taken, stderr=subprocess.PIPE, text=True, env=bench.environment,
+    )  # fmt: skip
+    os.close(taken)
+    _, errors = process.communicate(timeout=240)
+    assert process.returncode == status, errors
+    assert "Traceback" not in errors
+    assert (tmp_path / "here" / "run.json").is_file()
+
+
+def test_a_run_whose_folder_another_one_took_is_saved_beside_it(here, monkeypatch, tmp_path):
+    def perform_and_be_late(*words, **more):
+        other = tmp_path / "same"
+        other.mkdir()
+        (other / "run.json").write_text("another run")
+        return perform(*words, **more)
+
+    monkeypatch.setattr(runner, "perform", perform_and_be_late)
+    result = here("run", *SMALL, "--letters", "IO", "--out", "same", "--json")
+    assert result.returncode == 0, result.stderr
+    assert "same was taken meanwhile; the results are in same-2" in result.stderr
+    assert json.loads(result.stdout)["results"] == "same-2"
+    assert (tmp_path / "same" / "run.json").read_text() == "another run"
+    assert (tmp_path / "same-2" / "trials.csv").is_file()
+
+
+@pytest.mark.parametrize("more", [[], ["--json"]], ids=["words", "json"])
+def test_a_run_that_cannot_be_saved_is_printed(here, monkeypatch, tmp_path, more):
+    def refuse(*words):
+        raise InputError("cannot write here: No space left on device")
+
+    monkeypatch.setattr(Run, "save", refuse)
+    result = here("run", *SMALL, "--letters", "IO", "--out", "here", *more)
+    refused(result, "No space left on device; the results are in no file, only in what was printed")
+    if more:
+        assert json.loads(result.stdout)["results"] is None
+    else:
+        assert "95 % interval" in result.stdout
+        assert "results  " not in result.stdout
 
 
 def test_an_interrupt_while_modules_are_imported_ends_alike(monkeypatch, capsys):
