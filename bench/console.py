@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Any
 
 from rich.console import Console
@@ -21,6 +23,26 @@ class _PlainConsole(Console):
 def plain_console(stderr: bool = False) -> Console:
     """Make a console that shows every str as it is written; only `style` and rich's own `Text` format it."""
     return _PlainConsole(stderr=stderr, markup=False, highlight=False, emoji=False)
+
+
+@contextmanager
+def kept_clear(wanted: bool) -> Iterator[None]:
+    """Lead what is written to standard output within the block to standard error, that of worker processes too.
+
+    So an estimator that prints does not spoil the JSON object that follows. wanted: whether to do so.
+    """
+    if not wanted or sys.stdout is None:
+        yield
+        return
+    sys.stdout.flush()
+    output = os.dup(1)
+    os.dup2(2, 1)
+    try:
+        yield
+    finally:
+        sys.stdout.flush()
+        os.dup2(output, 1)
+        os.close(output)
 
 
 def exit_status(command: str, work: Callable[[], None]) -> int:

@@ -65,7 +65,7 @@ def command(
     seen: guide.Seen = "behind",
 ) -> None:
     """Press the letters, learn their maps, recognise them in random places and score every reading."""
-    from tactsim.bench.console import plain_console
+    from tactsim.bench.console import kept_clear, plain_console
     from tactsim.bench.places import results_folder, save_and_show, save_beside
     from tactsim.bench.results import to_json
     from tactsim.bench.runner import perform
@@ -104,7 +104,7 @@ def command(
             station = guide.station(port, described, correction, seen, plain_console(stderr=as_json))
             if not _measured(config, station, settings):
                 return
-        with progress_bars() as progress:
+        with kept_clear(as_json), progress_bars() as progress:
             run = perform(config, jobs=jobs, cache=cache, progress=progress)
 
         def show(place: Path | None) -> None:

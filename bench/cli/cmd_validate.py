@@ -52,6 +52,7 @@ def command(
     from tactsim.bench import validation
     from tactsim.bench.cli.validation_report import show as show_report
     from tactsim.bench.config import key_values
+    from tactsim.bench.console import kept_clear
     from tactsim.bench.places import check_new_folder, save_and_show, save_beside
     from tactsim.bench.terminal import progress_bars
     from tactsim.core import Scan
@@ -59,7 +60,7 @@ def command(
 
     if out is not None:
         check_new_folder(out)
-    with progress_bars() as progress:
+    with kept_clear(as_json), progress_bars() as progress:
         result = validation.validate(
             Scan.load(simulated), Scan.load(recorded), estimators=estimator or ("refined", "histogram"),
             options=key_values(settings or (), "--set"), trials=trials, seed=seed, ablate=ablate, progress=progress,

@@ -43,6 +43,7 @@ def refuse_outside_space(**words: Any) -> None:
 
 def run_in_space(words: Words, *, jobs: int, out: Path | None, as_json: bool) -> None:
     """Do `bench run --task solids` with the words that were typed."""
+    from tactsim.bench.console import kept_clear
     from tactsim.bench.places import results_folder, save_and_show, save_beside
     from tactsim.bench.results import to_json
     from tactsim.bench.space.space_config import SpaceConfig, space_config, space_words
@@ -52,7 +53,7 @@ def run_in_space(words: Words, *, jobs: int, out: Path | None, as_json: bool) ->
 
     config = space_config(**space_words(words, SpaceConfig, "run"))
     with results_folder(out, config.estimator) as folder:
-        with progress_bars() as progress:
+        with kept_clear(as_json), progress_bars() as progress:
             run = perform_in_space(config, jobs=jobs, progress=progress)
 
         def show(place: Path | None) -> None:
