@@ -7,6 +7,7 @@ from collections.abc import Callable
 from tactsim.core import InputError, Scan
 from tactsim.core.forward import ForwardModel
 from tactsim.estimators import Estimator
+from tactsim.estimators.estimator import no_exit
 from tactsim.estimators.options import FilterOptions
 from tactsim.estimators.pad_fit import PadFit, fit_to_pad, is_wanted
 
@@ -17,15 +18,16 @@ def fit(estimator: Estimator, scan: Scan, forward: Callable[[Scan], ForwardModel
     Raises InputError if the estimator needs a forward model, and there is none, the scan does not say how it was
     pressed, or its readings are not in kPa.
     """
-    unit = scan.meta.get("unit", "kPa")
+    unit, name = scan.meta.get("unit", "kPa"), estimator.created_as or type(estimator).__name__
     if estimator.uses_forward_model and unit != "kPa":
         raise InputError(
-            f"the readings are in {unit}; {estimator.created_as or type(estimator).__name__} presses the letters "
+            f"the readings are in {unit}; {name} presses the letters "
             "itself, in kPa: convert the readings, or take an estimator that learns them, such as refined"
         )
-    if forward is not None and estimator.uses_forward_model:
-        estimator.bring(forward(scan))
-    estimator.fit(scan)
+    with no_exit(name):
+        if forward is not None and estimator.uses_forward_model:
+            estimator.bring(forward(scan))
+        estimator.fit(scan)
 
 
 def pad_fit_of(estimator: Estimator, scan: Scan) -> PadFit | None:

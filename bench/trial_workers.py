@@ -14,6 +14,7 @@ from tactsim.bench.trial_plan import TrialPlan
 from tactsim.bench.trials import OneTrial, Progress, Trials, run_trial
 from tactsim.bench.work_counts import flatten_work, unflatten_work
 from tactsim.estimators import Estimator
+from tactsim.estimators.estimator import no_exit
 
 
 def run_trials(
@@ -38,20 +39,21 @@ def _run_here(
     objects = properties(plan.scan)
     work: Counter[str] = Counter()
     parts = []
-    for truth, of_letter in groupby(tasks, key=lambda task: task.truth):
-        fitted, letters = plan.fitted_for(truth, estimator), plan.letters_known(truth)
-        before = Counter(flatten_work(fitted.work))
-        for task in of_letter:
-            parts.append(
-                run_trial(
-                    fitted, tests[truth], task, letters=letters,
-                    readings=plan.readings, seed=plan.seed, of=objects[truth], explore=plan.explore,
-                    slip=plan.slip, press=plan.press,
-                )
-            )  # fmt: skip
-            report(len(parts))
-        work.update(flatten_work(fitted.work))
-        work.subtract(before)
+    with no_exit(plan.estimator):
+        for truth, of_letter in groupby(tasks, key=lambda task: task.truth):
+            fitted, letters = plan.fitted_for(truth, estimator), plan.letters_known(truth)
+            before = Counter(flatten_work(fitted.work))
+            for task in of_letter:
+                parts.append(
+                    run_trial(
+                        fitted, tests[truth], task, letters=letters,
+                        readings=plan.readings, seed=plan.seed, of=objects[truth], explore=plan.explore,
+                        slip=plan.slip, press=plan.press,
+                    )
+                )  # fmt: skip
+                report(len(parts))
+            work.update(flatten_work(fitted.work))
+            work.subtract(before)
     return Trials.joined(parts), unflatten_work(work)
 
 

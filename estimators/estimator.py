@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import copy
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
@@ -166,6 +167,20 @@ class Estimator(ABC):
     def work(self) -> dict[str, Any]:
         """Count what was done since the estimator was made: `likelihood_evaluations` and `skipped` {reason: count}."""
         return {"likelihood_evaluations": 0, "skipped": {}}
+
+
+@contextmanager
+def no_exit(name: str) -> Iterator[None]:
+    """Run an estimator's code; if it would end the program, that is a failure of the estimator called `name`.
+
+    Raises RuntimeError where SystemExit was raised, whatever its status: 0 would pass for success.
+    """
+    try:
+        yield
+    except SystemExit as error:
+        raise RuntimeError(
+            f"the estimator {name} ended the program (SystemExit: {error.code}); it must answer or raise an error"
+        ) from error
 
 
 def check_estimate(estimate: Any, estimator: Estimator, letters: Sequence[str]) -> None:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, cast
 from tactsim.core.checking import checked
 from tactsim.core.errors import InputError, short
 from tactsim.core.plug_ins import Registry
-from tactsim.estimators.estimator import Estimator, Options
+from tactsim.estimators.estimator import Estimator, Options, no_exit
 from tactsim.estimators.options import FilterOptions
 
 if TYPE_CHECKING:
@@ -108,7 +108,8 @@ def create(name: str, **options: Any) -> Estimator:
         made: Estimator = wrapped(cast("type[MapFilter]", chosen), asked)
         made.created_as = name
         return made
-    made = chosen(asked)
+    with no_exit(name):
+        made = chosen(asked)
     if name == "synthesis":
         from tactsim.estimators.filters.wrapped import wrapped_synthesis
 

@@ -20,6 +20,7 @@ from tactsim.bench.work_counts import flatten_work, unflatten_work
 from tactsim.core.seeds import stream
 from tactsim.core.space_scan import SpaceScan
 from tactsim.estimators import Estimator, create
+from tactsim.estimators.estimator import no_exit
 
 if TYPE_CHECKING:
     from tactsim.models import Solid
@@ -56,23 +57,25 @@ class SpacePlan:
         labels = self.scan.objects
         before = Counter(flatten_work(estimator.work))
         parts = []
-        for done, task in enumerate(tasks):
-            progress("trials", done, len(tasks))
-            parts.append(
-                run_trial(
-                    estimator, press, task, self.surfaces[task.truth], labels=labels, touches=self.config.touches,
-                    seed=self.config.seed, explore=self.config.explore,
-                )
-            )  # fmt: skip
+        with no_exit(self.config.estimator):
+            for done, task in enumerate(tasks):
+                progress("trials", done, len(tasks))
+                parts.append(
+                    run_trial(
+                        estimator, press, task, self.surfaces[task.truth], labels=labels,
+                        touches=self.config.touches, seed=self.config.seed, explore=self.config.explore,
+                    )
+                )  # fmt: skip
+            work = Counter(flatten_work(estimator.work))
         progress("trials", len(tasks), len(tasks))
-        work = Counter(flatten_work(estimator.work))
         work.subtract(before)
         return SpaceTrials.joined(parts), dict(work)
 
 
 def fit_in_space(estimator: Estimator, scan: SpaceScan) -> None:
     """Fit an estimator of objects in space: its `fit` takes a `SpaceScan` where the others' take a `Scan`."""
-    cast("Any", estimator).fit(scan)
+    with no_exit(estimator.created_as or type(estimator).__name__):
+        cast("Any", estimator).fit(scan)
 
 
 def solids_of(config: SpaceConfig) -> list[Solid]:

@@ -1,7 +1,9 @@
 """Plug-ins that are broken in every way, installed as a user's are: a status in a list, or one sentence."""
 
 import json
+import os
 import sys
+import traceback
 from pathlib import Path
 
 import pytest
@@ -45,6 +47,16 @@ class Nothing(Guessing):
     def estimate(self): return None
 class Faulty(Guessing):
     def update(self, reading, sensor_in_robot): raise KeyError("a bug of the plug-in's")
+class Ending(Guessing):
+    def update(self, reading, sensor_in_robot): raise SystemExit
+class Unlearned(Guessing):
+    def fit(self, scan): raise SystemExit(3)
+class Unmade(Guessing):
+    def __init__(self, options): raise SystemExit("no licence")
+class Talking(Guessing):
+    def estimate(self):
+        print("hello")
+        return super().estimate()
 """,
     "described": """
 from tactsim.hardware.codecs.codec import CodecFormat
@@ -76,6 +88,7 @@ BROKEN = [
 ]  # fmt: skip
 ESTIMATORS = [*BROKEN, "wrong:Bare", "wrong:function", "halves:Unfinished", "halves:Whole"]
 WORKING = ["guessing:Guessing", "guessing:Nan", "guessing:Nothing", "guessing:Faulty"]
+WORKING += ["guessing:Ending", "guessing:Unlearned", "guessing:Unmade", "guessing:Talking"]
 CODECS = [*BROKEN, "wrong:Bare", "wrong:function", "described:Unfinished"]
 SOURCES = ["sources:nothing", "sources:bare", "sources:silent", "sources:short"]
 
@@ -98,7 +111,8 @@ def plugged(bench):
     lines += [f"bad{number} = {point}" for number, point in enumerate(CODECS)]
     (metadata / "METADATA").write_text("Metadata-Version: 2.1\nName: plugged\nVersion: 1.0\n")
     (metadata / "entry_points.txt").write_text("\n".join(lines) + "\n")
-    bench.environment |= {"PYTHONPATH": str(site), "COLUMNS": "400"}
+    before = os.environ.get("PYTHONPATH", "")
+    bench.environment |= {"PYTHONPATH": f"{site}{os.pathsep}{before}", "COLUMNS": "400"}
     return bench
 
 
@@ -131,7 +145,7 @@ RUN = ["run", "--trials", "1", "--readings", "2", "--out", "out"]
 def called_here(plugged, here, monkeypatch):
     """Call the command line in this process, where the package is installed too."""
     monkeypatch.setenv("COLUMNS", "400")
-    monkeypatch.syspath_prepend(plugged.environment["PYTHONPATH"])
+    monkeypatch.syspath_prepend(plugged.folder / "site")
     yield here
     for name in MODULES:
         sys.modules.pop(name, None)
@@ -150,6 +164,33 @@ def test_a_plug_in_that_answers_nonsense_is_named_in_one_line(plugged, called_he
     assert "guessing.py" in result.stderr, "an exception of its own keeps its traceback, for its author"
     assert not Path("out").exists()
     assert called_here(*RUN, "--scan", scan_file, "--estimator", "guessing").returncode == 0
+
+
+@pytest.mark.parametrize(
+    ("name", "jobs", "said"),
+    [("ending", 1, "None"), ("ending", 2, "None"), ("unlearned", 1, "3"), ("unmade", 1, "no licence")],
+)
+def test_a_plug_in_that_would_end_the_program_is_a_failure_with_its_place(
+    called_here, scan_file, name, jobs, said
+):
+    words = [*RUN, "--scan", scan_file, "--estimator", name, "--jobs", jobs]
+    with pytest.raises(
+        RuntimeError, match=f"estimator {name} ended the program .SystemExit: {said}"
+    ) as error:
+        called_here(*words)
+    shown = "".join(traceback.format_exception(error.value))
+    assert "guessing.py" in shown, "its author sees where"
+    assert not Path("out").exists()
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_what_a_plug_in_prints_is_not_among_the_json(plugged, scan_file, jobs):
+    words = [*RUN, "--scan", scan_file, "--estimator", "talking", "--json", "--jobs", jobs]
+    result = plugged(*words)
+    assert result.returncode == 0, result.stderr
+    assert json.loads(result.stdout)["estimator"] == "talking"
+    assert "hello" in result.stderr
+    assert "hello" in plugged(*words[:-3], "--out", "other").stdout
 
 
 def test_a_codec_that_is_broken_is_named_in_one_line(plugged):
