@@ -76,15 +76,31 @@ def as_paths(words: Any) -> Any:
 
 
 def nested(words: Any) -> Any:
-    """Let dots in names nest, as on the command line: {"press.force": 5} is {"press": {"force": 5}}."""
+    """Let dots in names nest, as on the command line: {"press.force": 5} is {"press": {"force": 5}}.
+
+    Raises ValueError, for pydantic, if one option has two values.
+    """
     if not isinstance(words, Mapping):
         return words
     result: dict[str, Any] = {}
     for name, value in words.items():
         for part in reversed(str(name).split(".")):
             value = {part: value}
+        twice = _in_both(result, value)
+        if twice:
+            raise ValueError(f"{twice} is given twice")
         result = merged(result, value)
     return result
+
+
+def _in_both(one: Mapping[str, Any], other: Mapping[str, Any]) -> str:
+    """Name an option that has a value in both of two nested tables, with dots; empty if there is none."""
+    for name in one.keys() & other.keys():
+        if not (isinstance(one[name], Mapping) and isinstance(other[name], Mapping)):
+            return name
+        if inner := _in_both(one[name], other[name]):
+            return f"{name}.{inner}"
+    return ""
 
 
 class ScanWords(BaseModel):

@@ -287,6 +287,11 @@ def test_the_face_takes_what_the_command_line_takes():
 
 
 WRONG_SCANS = {
+    "a force twice": (
+        {"scan_set": {"press": {"force": 2}, "press.force": 3}},
+        "scan_set: press.force is given twice",
+    ),
+    "a group as a value": ({"scan_set": {"press.force": 3, "press": 2}}, "scan_set: press is given twice"),
     "letters": ({"letters": 5}, "letters.*got 5"),
     "a small letter": ({"letters": "a"}, "did you mean 'A'"),
     "letters as a number": ({"letters": 5}, "letters: give letters, as 'AEIOU' or a list, got 5"),
