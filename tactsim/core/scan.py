@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactsim.core.documents import parse_json
-from tactsim.core.errors import InputError, short
+from tactsim.core.errors import InputError, short, unknown
 from tactsim.core.given_arrays import names_of, readings_a_press, splits_of
 from tactsim.core.npz import read_npz
 from tactsim.core.poses import FloatArray
@@ -203,9 +203,14 @@ class Scan:
         return digest_of(self.meta, {name: getattr(self, name) for name in self._arrays})
 
     def where(self, split: str | None = None, label: str | None = None) -> Scan:
-        """Select the readings of one split and/or one label, in their order."""
+        """Select the readings of one split and/or one label, in their order; none of a label that is not there.
+
+        Raises InputError for a split that is neither "train" nor "test".
+        """
         chosen = np.ones(len(self), dtype=bool)
         if split is not None:
+            if split not in SPLITS:
+                raise unknown("split", split, SPLITS)
             chosen &= self.split == split
         if label is not None:
             chosen &= self.labels == label

@@ -74,6 +74,12 @@ def test_selection_by_split_and_label_keeps_the_order(scan):
     assert scan.letters == ("A", "E")
 
 
+def test_a_split_that_no_scan_has_is_refused(scan):
+    with pytest.raises(InputError, match="unknown split 'tran': did you mean 'train'"):
+        scan.where("tran")
+    assert not len(scan.where("train", "Z"))
+
+
 def test_letters_are_selected_in_the_order_of_the_readings(scan):
     assert np.array_equal(scan.of_letters(["E"]).readings, scan.readings[[2, 3, 5]])
     assert np.array_equal(scan.of_letters(["E", "A"]).readings, scan.readings)
