@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from datetime import datetime
 from pathlib import Path
@@ -106,27 +106,23 @@ def check_new_folder(path: Path) -> None:
             raise InputError(f"--out {path}: the folder holds something already; name a new one")
 
 
-def check_new_file(
-    path: Path, *others: Path | None, kinds: Collection[str] = (), called: str = "", option: str = "--out"
-) -> None:
+def check_new_file(path: Path, *others: Path | None, picture: str = "", option: str = "--out") -> None:
     """Raise InputError unless a file can be written at `path` and nothing that is wanted is lost by it.
 
-    others: what the command reads, or writes besides; the file may be none of them. kinds: suffixes of what is written,
-    such as ".npz"; a file with another one, a recording perhaps, is not replaced. called: the suffix
-    that the name has to have. option: what names the file.
+    A file that exists may hold what somebody measured, and is not replaced. others: what the command reads, or writes
+    besides; the file may be none of them. picture: the suffix of a picture or page, which the name has to have; one
+    that exists is replaced, since it can be drawn again. option: what names the file.
     """
     with _refusing(path, option):
-        if not path.suffix.lower().endswith(called):
-            raise InputError(f"{option} {path}: name it FILE{called}")
         if path.is_dir():
             raise InputError(f"{option} {path}: that is a folder; name a file in it")
+        if not path.suffix.lower().endswith(picture):
+            raise InputError(f"{option} {path}: name it FILE{picture}")
         _check_writable(path.parent, path, option)
         if path.resolve() in [other.resolve() for other in others if other is not None]:
             raise InputError(f"{option} {path}: the command reads or writes that besides; name another file")
-        if kinds and path.is_file() and path.suffix.lower() not in kinds:
-            raise InputError(
-                f"{option} {path}: a file stands there that is no {' or '.join(kinds)}; name another"
-            )
+        if not picture and path.exists():
+            raise InputError(f"{option} {path} exists; name another file")
 
 
 def check_page(path: Path) -> None:

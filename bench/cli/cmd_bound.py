@@ -46,7 +46,7 @@ def command(
     from tactsim.core.files import write_bytes
 
     if out is not None:
-        check_new_file(out, called=".png")
+        check_new_file(out, picture=".png")
     given = {} if scan is None else {"scan": scan}
     moving = {} if slip is None else {"slip": key_values(slip, "--slip")}
     config = run_config(**words, **given, **moving, trials=trials, readings=readings)

@@ -190,7 +190,7 @@ def _record(
     read = (plan, *map(Path, options.shapes))
     check_new_file(out, marks, *read)
     if marks is not None:
-        check_new_file(marks, out, *read, kinds=(".csv",), option="--marks")
+        check_new_file(marks, out, *read, option="--marks")
     if out.suffix not in (SUFFIX, ".csv") or (
         out.suffix == ".csv" and not isinstance(device.codec, CsvFormat)
     ):

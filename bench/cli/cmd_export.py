@@ -27,7 +27,7 @@ def command(
 
     form = formats.find(to)
     if form.suffixes:
-        check_new_file(out, source, kinds=form.suffixes)
+        check_new_file(out, source)
     else:
         check_new_folder(out)
     what = Run.load(source) if source.is_dir() else Scan.load(source)

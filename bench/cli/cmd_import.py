@@ -50,7 +50,7 @@ def command(
     from tactsim.bench.places import check_new_file
     from tactsim.core import InputError, Pad
 
-    check_new_file(out, source, pad, kinds=(".npz",))
+    check_new_file(out, source, pad)
     if source.suffix.lower() in SUFFIXES:
         if pad is None or unit is None:
             raise InputError(f"{source}: arrays do not say their pad and unit; give --pad and --unit")

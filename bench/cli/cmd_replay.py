@@ -83,9 +83,9 @@ def command(
 
     read = (*recordings, marks, calibration, *(shapes or ()))
     if scan is not None:
-        check_new_file(scan, csv, *read, kinds=(".npz",), option="--scan")
+        check_new_file(scan, csv, *read, option="--scan")
     if csv is not None:
-        check_new_file(csv, scan, *read, kinds=(".csv",), option="--csv")
+        check_new_file(csv, scan, *read, option="--csv")
     if len(recordings) > 1 and (csv is not None or marks is not None):
         raise InputError("--csv and --marks take one recording at a time")
     if letters is not None and marks is None:

@@ -32,7 +32,7 @@ def command(
         check_folder(folder)
     target = out or (runs[0] if len(runs) == 1 else RESULTS) / "report.html"
     check_page(target)
-    check_new_file(target)
+    check_new_file(target, picture=".html")
     in_space = [is_in_space(folder) for folder in runs]
     if any(in_space) and not all(in_space):
         raise InputError("a report is of runs in the plane or of runs with objects in space; make two")

@@ -38,7 +38,7 @@ def command(
     from tactsim.hardware.calibration import take_tare, with_gain
     from tactsim.hardware.sources import open_source
 
-    check_new_file(out, kinds=(".toml",))
+    check_new_file(out)
     if (load is None) != (calibration is None):
         raise InputError("gains need both --load and --calibration, the tare that they are added to")
     pressure = None if load in (None, "even") else _pressure(str(load))

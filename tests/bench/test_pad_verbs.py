@@ -209,10 +209,21 @@ MARKED = ["replay", "r.tactrec", "--marks", "m.csv"]
         (["fit", "held.npz", "--out", "held.npz"], "--out"),
         (["submit", "letters-v1", "--estimator", "nearest", "--out", "held.npz"], "--out"),
         (["tare", "--port", "x", "--out", "r.tactrec"], "--out"),
+        (["tare", "--port", "x", "--out", "tare.toml"], "--out"),
+        (["fit", "held.npz", "--out", "tare.toml"], "--out"),
+        (["scan", "--letters", "A", "--out", "held.npz"], "--out"),
+        (["scan", "--task", "solids", "--out", "held.npz"], "--out"),
+        (["import", "x.h5", "--out", "held.npz"], "--out"),
+        (["export", "x.npz", "--to", "hdf5", "--out", "held.npz"], "--out"),
+        (["replay", "r.tactrec", "--scan", "held.npz"], "--scan"),
+        (["replay", "r.tactrec", "--csv", "m.csv"], "--csv"),
+        (["emulate", "--plan", "plan.csv", "--out", "m.csv"], "--out"),
+        (["emulate", "--plan", "plan.csv", "--out", "n.tactrec", "--marks", "m.csv"], "--marks"),
+        (["record", "--port", "x", "--letter", "A", "--out", "held.npz"], "--out"),
     ],
 )
-def test_what_is_read_or_is_of_another_kind_is_never_replaced(here, tmp_path, words, option):
-    held = {name: name.encode() for name in ("r.tactrec", "m.csv", "held.npz")}
+def test_what_is_there_already_is_never_replaced(here, tmp_path, words, option):
+    held = {name: name.encode() for name in ("r.tactrec", "m.csv", "held.npz", "tare.toml")}
     for name, content in held.items():
         (tmp_path / name).write_bytes(content)
     refused(here(*words), option, "name another")

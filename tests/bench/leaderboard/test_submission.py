@@ -69,6 +69,7 @@ def bundle_of(here, folder, plugged, submitted):
         key = (name, *words)
         path = folder / "bundle.zip"
         if key not in submitted:
+            path.unlink(missing_ok=True)
             result = here("submit", "small-v1.toml", "--estimator", name, *words, "--out", path)
             assert result.returncode == status, result.stderr
             submitted[key] = path.read_bytes()
@@ -307,10 +308,10 @@ def test_who_chooses_touches_may_and_who_does_not_gets_them_in_random_order(
     (folder / "chosen.toml").write_text(chosen.partition("hashes")[0] + f"hashes = [{hashes}]\n[words]"
                                         + chosen.partition("[words]")[2])  # fmt: skip
     for name, explore in (("choosy", "information"), ("guess", "blind")):
-        result = here("submit", "chosen.toml", "--estimator", name, "--out", "a.zip")
+        result = here("submit", "chosen.toml", "--estimator", name, "--out", f"{name}.zip")
         assert result.returncode == 0, result.stderr
-        assert {run.config["explore"] for run in read_bundle("a.zip").runs} == {explore}
-        verified(here("verify", "a.zip"))
+        assert {run.config["explore"] for run in read_bundle(f"{name}.zip").runs} == {explore}
+        verified(here("verify", f"{name}.zip"))
 
 
 def test_the_bound_refuses_an_honest_bundle_as_rarely_as_it_says(bundle_of):
