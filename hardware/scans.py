@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import hashlib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from importlib.metadata import version
@@ -16,6 +17,7 @@ from pydantic import BaseModel, Field, model_validator
 from tactsim.core.checking import checked
 from tactsim.core.documents import read_text
 from tactsim.core.errors import InputError
+from tactsim.core.files import opened
 from tactsim.core.pad import Pad
 from tactsim.core.poses import FloatArray
 from tactsim.core.scan import Scan
@@ -100,9 +102,17 @@ def scan_of_sessions(paths: Sequence[str | Path], moments: int | Literal["auto"]
 
     Taxels that one of the calibrations leaves out, and those that are wrong while the pad is idle, are left out
     everywhere. moments: how many of each training press, as `scan_of_intervals` has it.
-    Raises InputError if there is no press in them, their pads differ, or moments are wanted and none is found.
+    Raises InputError if there is no press in them, their pads differ, two are the same recording, or moments are wanted
+    and none is found.
     """
     sessions = [read_session(path) for path in paths]
+    first: dict[str, str | Path] = {}
+    for path in paths:
+        with opened(path) as stream:
+            content = hashlib.file_digest(stream, "sha256").hexdigest()
+        if content in first:
+            raise InputError(f"{path} is the same recording as {first[content]}; give each one once")
+        first[content] = path
     pad = sessions[0].pad
     kept = np.ones(pad.taxels, dtype=bool)
     for session in sessions:

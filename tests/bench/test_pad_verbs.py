@@ -71,6 +71,10 @@ def test_a_letter_is_recorded_from_tare_to_scan(bench, here, tmp_path):
     again = right(here("replay", "A.tactrec", "--scan", "again.npz", "--csv", "readings.csv"))
     assert "finished" in again
     assert "2 segments" in again
+    (tmp_path / "copy.tactrec").write_bytes((tmp_path / "A.tactrec").read_bytes())
+    for twin in ("A.tactrec", "./A.tactrec", "copy.tactrec"):
+        refused(here("replay", "A.tactrec", twin, "--scan", "twice.npz"), "same recording as A.tactrec")
+    assert not (tmp_path / "twice.npz").exists()
     assert Scan.load(tmp_path / "again.npz").digest == scan.digest
     assert (tmp_path / "readings.csv").read_text().startswith("s,host_s,device_s,index,taxel_0")
 
