@@ -107,6 +107,7 @@ class Recorder:
         Raises InputError if `path` cannot be written, exists (without `append`) or is no recording.
         """
         self.path = Path(path)
+        self._file, self._begun = -1, append  # a new one has begun with its first record
         whole = check_whole(self.path).whole_bytes if append else 0
         flags = os.O_WRONLY | (0 if append else os.O_CREAT | os.O_EXCL)
         try:
@@ -121,6 +122,8 @@ class Recorder:
         except FileExistsError:
             raise InputError(f"{self.path} exists; name another file") from None
         except OSError as error:
+            if self._file >= 0 and not append:
+                self.discard()
             raise InputError(f"cannot write {self.path}: {error.strerror or error}") from error
 
     def segment(self, content: Mapping[str, Any], time: float) -> None:
@@ -186,13 +189,19 @@ class Recorder:
         self.write(kind, 0, time, json.dumps(content, allow_nan=False).encode())
 
     def write(self, kind: Kind, link: int, time: float, payload: bytes) -> None:
-        """Append one record of any kind. Raises InputError if it is too large or cannot be written."""
+        """Append one record of any kind.
+
+        Raises InputError if it is too large or cannot be written; a recording whose first record cannot is removed.
+        """
         if len(payload) > LARGEST_PAYLOAD:
             raise InputError(f"a record of {len(payload):,} bytes; at most {LARGEST_PAYLOAD:,} are allowed")
         body = _HEADER.pack(kind, link, 0, len(payload), time) + payload
         try:
             self._put(body + _CRC.pack(zlib.crc32(body)))
+            self._begun = True
         except OSError as error:
+            if not self._begun:
+                self.discard()
             raise InputError(f"cannot write {self.path}: {error.strerror or error}") from error
 
     def _put(self, content: bytes) -> None:

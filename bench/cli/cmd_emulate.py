@@ -211,9 +211,13 @@ def _record(
             record(emulated, seconds, lambda data, _: stream.write(data), faults, rng)
     else:
         recorder = Recorder(out)
-        recorder.segment(pads.segment(device, [f"emulated:{plan}"], None), 0.0)
-        record(emulated, seconds, lambda data, time: recorder.received(0, data, time), faults, rng)
-        recorder.end({}, seconds)
+        try:
+            recorder.segment(pads.segment(device, [f"emulated:{plan}"], None), 0.0)
+            record(emulated, seconds, lambda data, time: recorder.received(0, data, time), faults, rng)
+            recorder.end({}, seconds)
+        except BaseException:  # half of what the plan says is of no use
+            recorder.discard()
+            raise
     if marks is not None:
         write_marks(timing.intervals(presses), marks)
     plain_console().print(f"{len(presses):,} presses in {seconds:,.1f} s, in {out}")

@@ -61,6 +61,23 @@ def test_a_scan_that_does_not_fit_leaves_nothing(bench, scan_file, shared_cache)
     assert lines[-1] == "out.npz"
 
 
+def test_a_recording_on_a_full_disk_leaves_its_name_free(bench):
+    result = on_small_disk(
+        bench,
+        """
+        cat /dev/zero > disk/filler 2> /dev/null || true
+        if $BENCH record --port simulated:A --seconds 1 --out disk/a.tactrec; then exit 9; else echo status $?; fi
+        ls -A disk
+        rm disk/filler
+        mount -o remount,size=20m disk
+        $BENCH record --port simulated:A --seconds 1 --out disk/a.tactrec > /dev/null && ls -A disk
+        """,
+        size="64k",
+    )
+    assert result.stdout.split() == ["status", "2", "filler", "a.tactrec"]
+    assert "No space left" in result.stderr
+
+
 def test_a_run_that_does_not_fit_leaves_no_folder(bench, scan_file):
     result = on_small_disk(
         bench,
