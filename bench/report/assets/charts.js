@@ -32,7 +32,7 @@ function scale(kind, low, high, from, to) {
   return (value) => from + ((f(value) - a) / (b - a || 1)) * (to - from);
 }
 
-function ticksOf(kind, low, high, most) {
+function ticksOf(kind, low, high, most, least = 0) {
   if (kind === "log" && high > 3 * low) {
     for (const steps of [[1, 2, 3, 5, 7], [1, 2, 5], [1, 3], [1]]) {
       const ticks = [];
@@ -47,7 +47,7 @@ function ticksOf(kind, low, high, most) {
   }
   const rough = (high - low) / Math.max(1, most);
   const power = 10 ** Math.floor(Math.log10(rough));
-  const step = power * [1, 2, 5, 10].find((factor) => factor * power >= rough);
+  const step = Math.max(least, power * [1, 2, 5, 10].find((factor) => factor * power >= rough));
   const ticks = [];
   for (let tick = Math.ceil(low / step - 1e-9) * step; tick <= high + 1e-9 * step; tick += step) {
     ticks.push(Number(tick.toPrecision(10)));
@@ -67,7 +67,7 @@ function frame(svg, width, height, x, y) {
     axis.append(s("line", { class: "grid", x1: margin.left, x2: width - margin.right, y1: at, y2: at }));
     axis.append(s("text", { x: margin.left - 7, y: at + 4, "text-anchor": "end" }, (y.format || plain)(tick)));
   }
-  for (const tick of x.ticks || ticksOf(x.kind, x.low, x.high, Math.floor(width / 62))) {
+  for (const tick of x.ticks || ticksOf(x.kind, x.low, x.high, Math.floor(width / 62), x.leastStep)) {
     const at = sx(tick);
     axis.append(s("line", { class: "tick", x1: at, x2: at, y1: height - margin.bottom, y2: height - margin.bottom + 4 }));
     axis.append(s("text", { x: at, y: height - margin.bottom + 17, "text-anchor": "middle" }, plain(tick)));
@@ -115,7 +115,7 @@ function curves(spec, onReading) {
     svg.setAttribute("height", height);
     svg.setAttribute("viewBox", `0 0 ${width} ${height}`);
     const last = Math.max(2, ...spec.series.map((one) => one.values.length));
-    scales = frame(svg, width, height, { kind: "linear", low: 1, high: last, name: spec.xName || "readings seen" }, spec.y);
+    scales = frame(svg, width, height, { kind: "linear", low: 1, high: last, leastStep: 1, name: spec.xName || "readings seen" }, spec.y);
     const { inside, sx, sy, margin } = scales;
     const kept = (value) => (value === null ? null : clamp(value, spec.y.low, spec.y.high));
     if (spec.y.ideal) inside.append(s("path", { class: "ideal", d: `M${sx(1)} ${sy(spec.y.ideal)}H${sx(last)}` }));

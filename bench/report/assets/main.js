@@ -105,18 +105,9 @@ function readingsSection(task) {
     scrolling("Values at the chosen reading", table));
 }
 
-// How sure the methods are, and how rightly: regions of the place, and the letter's probability.
+// How sure the methods are, and how rightly: regions of the place, and the letter's probability. Methods without
+// samples have no regions.
 function certaintySection(task) {
-  const last = Math.max(...task.runs.map((run) => run.readings));
-  const sure = task.runs.filter((run) => run.coverage90.some((value) => value !== null));
-  const held = (run) => ({ method: run.method, dash: run.dash, values: run.coverage90 });
-  const control = slider("How sure at reading", last, Math.min(10, last), update);
-  const left = sure.length && curves({
-    title: "Share of 90 % regions that hold the truth", alt: "Coverage of the 90 % regions against readings seen",
-    y: { kind: "linear", low: 0, high: 1, ideal: 0.9 }, series: sure.map(held),
-  }, (k) => {
-    if (String(k) !== control.input.value) control.set(k);
-  });
   const right = reliability({
     title: "Share right against the probability stated", alt: "Reliability diagram of the letter's probability.",
     points: task.runs.flatMap((run) => run.reliability.map((bin) => ({
@@ -124,10 +115,24 @@ function certaintySection(task) {
       text: `${run.label}: ${bin.count} estimates stated with ${fixed(bin.p, 3)} on average, of which ${fixed(bin.right, 3)} are right`,
     }))),
   });
+  const marked = "all readings of all trials; the larger a mark, the more estimates it stands for.";
+  const title = "How sure, and how rightly";
+  const sure = task.runs.filter((run) => run.coverage90.some((value) => value !== null));
+  if (!sure.length) return section(title, h("div", { class: "two" }, right), h("p", { class: "hint" }, `Dashed: as it should be. Marks: ${marked}`));
+
+  const last = Math.max(...task.runs.map((run) => run.readings));
+  const held = (run) => ({ method: run.method, dash: run.dash, values: run.coverage90 });
+  const control = slider("How sure at reading", last, Math.min(10, last), update);
+  const left = curves({
+    title: "Share of 90 % regions that hold the truth", alt: "Coverage of the 90 % regions against readings seen",
+    y: { kind: "linear", low: 0, high: 1, ideal: 0.9 }, series: sure.map(held),
+  }, (k) => {
+    if (String(k) !== control.input.value) control.set(k);
+  });
   const values = h("tbody");
   const heads = ["run", "90 % regions that hold the truth", "50 % regions", "90 % within, mm", "error, mm"];
   function update(reading) {
-    if (left) left.show(sure.map(held), reading);
+    left.show(sure.map(held), reading);
     const k = reading - 1;
     values.replaceChildren(...task.runs.map((run) =>
       h("tr", {}, h("th", { scope: "row" }, swatch(run.method), run.label),
@@ -135,10 +140,10 @@ function certaintySection(task) {
         h("td", {}, fixed(run.sharpness[k], 2)), h("td", {}, fixed(run.error[k], 2)))));
   }
   update(Math.min(10, last));
-  return section("How sure, and how rightly",
+  return section(title,
     h("p", { class: "lead" }, "A region is all placements within a distance of the estimate that hold together 90 % of the belief. Its radius is the error that the method itself expects not to exceed in nine of ten trials."),
-    h("div", { class: "two" }, left && left.box, right),
-    h("p", { class: "hint" }, "Dashed: as it should be. Left: over the trials whose letter is right. Right: all readings of all trials; the larger a mark, the more estimates it stands for."),
+    h("div", { class: "two" }, left.box, right),
+    h("p", { class: "hint" }, `Dashed: as it should be. Left: over the trials whose letter is right. Right: ${marked}`),
     h("div", { class: "controls" }, control.field),
     scrolling("How sure at the chosen reading", h("table", { class: "values" },
       h("thead", {}, h("tr", {}, heads.map((text) => h("th", { scope: "col" }, text)))), values)));
@@ -156,7 +161,7 @@ function paretoSection(task, methods) {
   const never = points.some((point) => point.settled === null);
   const settled = points.map((point) => point.settled ?? late);
   const common = (point) => ({ method: point.of.method, x: point.ms, budget: point.of.budget, text: words(point) });
-  const left = errors.length && scatter({
+  const left = errors.length > 0 && scatter({
     title: `Placement error after ${task.readings} readings, mm`, alt: "Computing time against placement error.", xName,
     y: { kind: "log", low: Math.min(...errors) / 1.15, high: Math.max(...errors) * 1.15 },
     points: placed.map((point) => ({ ...common(point), y: point.error, low: point.low, high: point.high, frontier: point.errorFrontier })),
