@@ -73,9 +73,11 @@ const mirror = button("Seen from behind", "m", () => {
 find("buttons").append(freezeButton, button("Tare", "t", () => command("tare")), mirror);
 document.addEventListener("keydown", (event) => {
   if (event.key === " " && event.target.closest("button, summary")) return; // it presses that one
-  if (event.ctrlKey || event.metaKey || event.altKey || event.repeat) return;
+  if (event.ctrlKey || event.metaKey || event.altKey) return;
   const pressed = document.querySelector(`button[aria-keyshortcuts="${CSS.escape(event.key)}"]`);
-  if (pressed) pressed.click();
+  if (!pressed) return;
+  event.preventDefault(); // or space scrolls the page
+  if (!event.repeat) pressed.click();
 });
 
 // Edges of the taxel in mm, left, right, low, high, as they are seen.

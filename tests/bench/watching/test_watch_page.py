@@ -101,7 +101,7 @@ def test_nothing_scrolls_sideways(opened, source, width, scheme):
 
 
 def test_a_key_on_a_button_does_one_thing(context, source, device):
-    """Space presses the button that has the focus, and a click does not give it the focus."""
+    """Space presses the button that has the focus, and a click does not give it the focus; the page stays in place."""
     asked = []
     commands = dict.fromkeys(("take", "redo", "skip", "begin"), lambda: None)
     about = {"live": {"letters": [], "outlines": {}, "commands": list(commands)}}
@@ -113,6 +113,7 @@ def test_a_key_on_a_button_does_one_thing(context, source, device):
             reader, 0, from_behind=True, about=about, commands=commands, more=lambda sent: {"live": LIVE}
         ) as web,
     ):
+        page.set_viewport_size({"width": 390, "height": 300})
         page.goto(web.url)
         page.wait_for_selector("html[data-ready]")
 
@@ -125,7 +126,10 @@ def test_a_key_on_a_button_does_one_thing(context, source, device):
             assert asked == [wanted, "redo"]
 
         do(lambda: page.get_by_role("button", name="New object").click(), "begin")
+        page.evaluate("window.scrollTo(0, 0)")
         do(lambda: page.keyboard.press(" "), "take")
+        page.wait_for_timeout(300)  # scrolling takes a moment
+        assert page.evaluate("[scrollY, document.body.scrollHeight > 600]") == [0, True]
         page.get_by_role("button", name="Skip").focus()
         do(lambda: page.keyboard.press(" "), "skip")
         page.close()
