@@ -9,15 +9,43 @@ from contextlib import contextmanager
 from typing import Any
 
 from rich.console import Console
+from rich.measure import Measurement
+from rich.table import Table
 from rich.text import Text
 
 from tactsim.core.errors import InputError, printable
+
+_UNBOUNDED = 10_000  # characters of a line, more than any table needs
 
 
 class _PlainConsole(Console):
     def render_str(self, text: str, **options: Any) -> Text:
         """Render any str, a table's cells included, with unprintable characters escaped."""
         return super().render_str(printable(text), **options)
+
+    def print(self, *objects: Any, **options: Any) -> None:
+        """Print; where a table's figures and words have no room, its lines run over the edge: none is cut."""
+        for table in objects:
+            if isinstance(table, Table):
+                _keep_whole(table, self.width)
+                least = Measurement.get(self, self.options.update(width=_UNBOUNDED), table).minimum
+                if least > self.width:
+                    table.width = least
+                    options["crop"] = False
+        super().print(*objects, **options)
+
+
+def _keep_whole(table: Table, width: int) -> None:
+    """Give every column of a table the room that its figures need, or its longest word that is no wider than all."""
+    for column in table.columns:
+        head, *cells = (str(cell) for cell in (column.header, *column.cells))
+        if column.justify != "right":
+            longest = max((len(word) for line in (head, *cells) for word in line.split()), default=0)
+            column.min_width = min(longest, width)
+            continue
+        # An interval stays in one line; a heading may take several.
+        column.min_width = max(map(len, (*head.split(), *cells)), default=0)
+        column.no_wrap = len(head) <= column.min_width
 
 
 def plain_console(stderr: bool = False) -> Console:
