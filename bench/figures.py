@@ -35,7 +35,7 @@ def readings_figure(run: Run) -> Picture:
     summary = run.summary
     number = np.arange(1, len(summary["accuracy"]) + 1)
     title = [
-        f"{run.config['estimator']}, {run.about['description']}",
+        ", ".join(filter(None, (run.config["estimator"], run.about["description"]))),
         f"{len(run.trials.truth)} trials, {run.about['protocol']}",
     ]
     lines = [part for line in title for part in textwrap.wrap(line, 110)]
@@ -74,7 +74,7 @@ def readings_figure(run: Run) -> Picture:
         label="95 % interval of the mean",
     )  # fmt: skip
     right.plot(number, error, color=ORANGE, lw=1.8, label="where the letter is right")
-    if run.bounds is not None:
+    if np.isfinite(run.bound_mm).any():
         right.plot(number, run.bound_mm, color="black", lw=1, ls=(0, (5, 3)), label="Cramer-Rao bound")
     right.plot(number, error_all, color=GREY, lw=1, ls="--", label="over all trials")
     if np.isnan(error_all).all():  # no trial of a letter that is known: a logarithmic axis needs bounds

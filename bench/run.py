@@ -258,8 +258,9 @@ class Run:
 
     @property
     def _asked(self) -> str:
+        how = f" ({self.about['description']})" if self.about["description"] else ""
         return (
-            f"{self.estimator} ({self.about['description']}), {len(self.trials.truth)} trials of "
+            f"{self.estimator}{how}, {len(self.trials.truth)} trials of "
             f"{self.readings} readings over {' '.join(self.letters)}, {self.protocol}"
         )
 

@@ -71,9 +71,9 @@ def print_run(run: Run) -> None:
     """Print the table over the reading count, the headline figures and the times."""
     console = plain_console()
     config, about, summary = run.config, run.about, run.summary
-    console.print(config["estimator"], style="bold", end=" ")
+    console.print(config["estimator"], style="bold", end="")
     console.print(
-        f"{about['description']}\n"
+        f"{' ' if about['description'] else ''}{about['description']}\n"
         f"{f'task {run.task}; ' if run.task else ''}"
         f"{' '.join(about['letters'])}: {config['trials']} trials each, {about['protocol']}, seed {config['seed']}"
     )
@@ -165,9 +165,11 @@ def headlines(run: Run) -> list[str]:
     """Say in a few lines when the letters were right, how exact, how fast and with how much work."""
     summary, seconds, work = run.summary, run.times["seconds"], run.work
     readings, trials = run.trials.label.shape[1], len(run.trials.truth)
+    last = f"reading {readings}"
     lines = [
-        f"every trial right from reading {_or_never(summary['all_right_from'], readings)}; 95 % settled by "
-        f"{_or_never(summary['settled_95'], readings)}, half by {_or_never(summary['settled_50'], readings)} "
+        f"every trial right{when(' from reading', summary['all_right_from'], last)}; 95 % settled"
+        f"{when(' by', summary['settled_95'], last)}, half"
+        f"{when(' by', summary['settled_50'], last)} "
         f"({trials} trials)"
     ]
     if summary["error_mm"][-1] is not None:
@@ -286,5 +288,6 @@ def _number(value: float | None, digits: int) -> str:
     return "-" if value is None else f"{value:.{digits}f}"
 
 
-def _or_never(reading: int | None, readings: int) -> str:
-    return str(reading) if reading is not None else f"later than {readings}"
+def when(word: str, number: int | None, last: str) -> str:
+    """Say after a word from which reading or touch on something holds, or that it does not hold by the last."""
+    return f"{word} {number}" if number is not None else f": not yet by {last}"

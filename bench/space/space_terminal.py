@@ -6,7 +6,7 @@ from rich.table import Table
 
 from tactsim.bench.console import plain_console
 from tactsim.bench.space.space_run import SpaceRun
-from tactsim.bench.terminal import work_line
+from tactsim.bench.terminal import when, work_line
 
 _ROWS = (1, 2, 3, 4, 5, 6, 8, 10, 12, 15, 20, 30, 40, 60, 100)
 
@@ -14,9 +14,10 @@ _ROWS = (1, 2, 3, 4, 5, 6, 8, 10, 12, 15, 20, 30, 40, 60, 100)
 def print_space_run(run: SpaceRun) -> None:
     """Print the table over the touches, the headline figures and the times."""
     console, config, summary = plain_console(), run.config, run.summary
-    console.print(config["estimator"], style="bold", end=" ")
+    console.print(config["estimator"], style="bold", end="")
     console.print(
-        f"{run.about['description']}\n{' '.join(run.about['objects'])}: {len(run.trials.truth)} trials, "
+        f"{' ' if run.about['description'] else ''}{run.about['description']}\n"
+        f"{' '.join(run.about['objects'])}: {len(run.trials.truth)} trials, "
         f"{run.about['protocol']}, seed {config['seed']}"
     )
     table = Table(box=None, pad_edge=False)
@@ -43,13 +44,11 @@ def headlines(run: SpaceRun) -> list[str]:
     """Say in a few lines when the objects were right, what was hard, how fast and with how much work."""
     summary, seconds = run.summary, run.times["seconds"]
 
-    def by(share: str) -> str:
-        return str(summary[share]) if summary[share] is not None else f"later than {run.touches}"
-
+    last = f"touch {run.touches}"
     hard = sorted(summary["by_object"].items(), key=lambda item: item[1]["accuracy"])[:3]
     return [
-        f"every trial right from touch {by('all_right_from')}; 95 % settled by {by('settled_95')}, half by "
-        f"{by('settled_50')}",
+        f"every trial right{when(' from touch', summary['all_right_from'], last)}; 95 % settled"
+        f"{when(' by', summary['settled_95'], last)}, half{when(' by', summary['settled_50'], last)}",
         f"lowest accuracy at touch {run.touches}: "
         + ", ".join(f"{label} {values['accuracy']:.2f}" for label, values in hard),
         f"{100 * sum(summary['met']) / run.touches:.0f} % of the touches met the object",

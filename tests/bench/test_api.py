@@ -13,8 +13,10 @@ from made_up import make_run
 
 import tactsim
 from tactsim.bench.config import RunConfig, ScanWords, run_config, scan_options
+from tactsim.bench.figures import readings_figure
 from tactsim.bench.results import to_json
 from tactsim.bench.runner import perform
+from tactsim.bench.terminal import headlines
 from tactsim.core import InputError
 from tactsim.estimators import Options
 
@@ -56,6 +58,18 @@ def test_readings_that_are_given_give_what_pressed_ones_give(scan, run):
     assert run.protocol == pressed.protocol == "test poses random, random order"
     assert scan.letters == ("A", "E")
     assert np.array_equal(scan.readings, tactsim.scan(letters=["A", "E"]).readings)
+
+
+def test_a_short_run_without_options_is_told_as_it_is(scan):
+    """An estimator without options leaves no empty brackets, and what is not drawn is not in the key."""
+    short = tactsim.run(scan, estimator="nearest", trials=1, readings=1, seed=3)
+    assert repr(short).startswith("<Run of nearest, 2 trials of 1 readings")
+    figure = readings_figure(short)
+    assert figure.get_suptitle().startswith("nearest\n2 trials, ")
+    key = [text.get_text() for text in figure.axes[1].get_legend().get_texts()]
+    assert np.isnan(short.bound_mm).all()
+    assert "Cramer-Rao bound" not in key
+    assert headlines(short)[0].startswith("every trial right: not yet by reading 1; 95 % settled: not yet")
 
 
 def test_a_runs_configuration_does_it_again():

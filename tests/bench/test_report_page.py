@@ -98,7 +98,9 @@ def test_how_sure_is_drawn_beside_how_often_right(open_page, path):
 
 def test_without_regions_only_the_probability_is_drawn(open_page, unsampled_path):
     sure = open_page(unsampled_path).get_by_role("region", name="How sure, and how rightly")
-    assert sure.locator(".two").evaluate("(two) => [...two.childNodes].map((one) => one.nodeName)") == ["FIGURE"]
+    assert sure.locator(".two").evaluate("(two) => [...two.childNodes].map((one) => one.nodeName)") == [
+        "FIGURE"
+    ]
     assert sure.locator("figcaption").all_inner_texts() == ["Share right against the probability stated"]
     sure.locator("svg path.mark").first.wait_for()
     assert sure.locator("table, input").count() == 0

@@ -153,7 +153,7 @@ function paretoSection(task, methods) {
   const points = task.pareto.map((point) => ({ ...point, of: task.runs[point.run], ms: 1e3 * point.seconds }));
   const xName = "processor time of a recognition, ms";
   const words = (point) =>
-    `${point.of.label}: ${plain(point.ms)} ms; error ${fixed(point.error, 2)} mm; 95 % settled by ${point.settled ?? `later than ${task.readings}`}`;
+    `${point.of.label}: ${plain(point.ms)} ms; error ${fixed(point.error, 2)} mm; 95 % settled${point.settled ? ` by ${point.settled}` : `: not yet by reading ${task.readings}`}`;
   const placed = points.filter((point) => point.error !== null);
   const errors = placed.flatMap((point) => [point.error, point.low, point.high]).filter((value) => value > 0);
   const late = task.readings * 1.35;
