@@ -295,6 +295,10 @@ class Scan:
         try:
             arrays = read_npz(path, (*_ARRAYS, "meta"), _SEQUENCE + _OF_PRESSES)
         except InputError as error:
+            if "'taxel_xy'" in str(error) and read_npz(path, (), ("taxel_points",)):
+                raise InputError(
+                    f"scan {path}: it holds objects in space, which only `bench run --task solids` takes"
+                ) from None
             raise InputError(f"scan {path}: {error}; make one with `bench scan --out FILE`") from error
         try:
             return cls(meta=_meta(arrays.pop("meta")), **arrays)

@@ -11,6 +11,7 @@ import pytest
 
 from tactsim.core.errors import InputError
 from tactsim.core.rigid import random_rotations
+from tactsim.core.scan import Scan
 from tactsim.core.space_scan import SpaceScan
 
 
@@ -73,3 +74,11 @@ def test_refuses_a_file_that_is_none(tmp_path: Path) -> None:
     (tmp_path / "scan.npz").write_bytes(b"PK no")
     with pytest.raises(InputError, match="not a whole"):
         SpaceScan.load(tmp_path / "scan.npz")
+
+
+def test_is_not_taken_for_readings_of_letters(scan: SpaceScan, tmp_path: Path) -> None:
+    scan.save(tmp_path / "scan.npz")
+    with pytest.raises(
+        InputError, match=r"scan\.npz: it holds objects in space, which only `bench run --task sol"
+    ):
+        Scan.load(tmp_path / "scan.npz")

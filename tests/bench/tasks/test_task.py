@@ -202,7 +202,9 @@ def test_touches_that_may_be_chosen_may_be_taken_blindly():
 def test_an_unknown_task_is_refused_with_those_there_are(name):
     with pytest.raises(InputError, match=r"unknown task .*known are FILE\.toml, active-v1"):
         task(name)
-    with pytest.raises(InputError, match=r"^task 'solids' is of objects in space.*: bench run --task solids$"):
+    with pytest.raises(
+        InputError, match=r"^task 'solids' is of objects in space.*: bench run --task solids$"
+    ):
         task("solids")
     with pytest.raises(InputError, match="unknown task"):
         run_config(task=name)
