@@ -161,7 +161,9 @@ def task(name: str) -> Task:
         table = parse_toml((files("tactsim.bench") / "tasks" / f"{name}.toml").read_bytes(), f"task {name}")
         return _checked(table, name)
     if name == "solids":
-        raise InputError("task 'solids' is of objects in space; the command line runs it: bench run --task solids")
+        raise InputError(
+            "task 'solids' is of objects in space; the command line runs it: bench run --task solids"
+        )
     path = Path(name)
     if path.suffix != ".toml":
         raise unknown("task", name, [*names(), "FILE.toml"])
