@@ -71,8 +71,8 @@ def command(
 
     import numpy as np
 
-    from tactsim.bench.config import key_values
     from tactsim.bench.console import plain_console
+    from tactsim.bench.settings import key_values
     from tactsim.bench.terminal import progress_bars
     from tactsim.bench.watching.live_screen import live
     from tactsim.bench.watching.pad_view import PadReader

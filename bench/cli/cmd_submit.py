@@ -42,12 +42,12 @@ def command(
     """Do all runs of a task with a method, and write one file that others can check; exit status 1 without a score."""
     import numpy as np
 
-    from tactsim.bench.config import key_values
     from tactsim.bench.console import plain_console
     from tactsim.bench.leaderboard.bundle import DONE, figures_of, write_bundle
     from tactsim.bench.leaderboard.submission import Method, submit
     from tactsim.bench.places import check_new_file, save_and_show
     from tactsim.bench.results import to_json
+    from tactsim.bench.settings import key_values
     from tactsim.bench.tasks import task as read_task
     from tactsim.bench.terminal import progress_bars
 

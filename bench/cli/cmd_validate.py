@@ -51,9 +51,9 @@ def command(
 
     from tactsim.bench import validation
     from tactsim.bench.cli.validation_report import show as show_report
-    from tactsim.bench.config import key_values
     from tactsim.bench.console import kept_clear
     from tactsim.bench.places import check_new_folder, save_and_show, save_beside
+    from tactsim.bench.settings import key_values
     from tactsim.bench.terminal import progress_bars
     from tactsim.core import Scan
     from tactsim.core.files import new_folder

@@ -11,7 +11,8 @@ import typer
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-from tactsim.bench.config import flag_of, key_values
+from tactsim.bench.config import flag_of
+from tactsim.bench.settings import key_values
 from tactsim.core.errors import InputError
 
 Words = Mapping[str, Any]

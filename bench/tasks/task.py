@@ -10,8 +10,9 @@ from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field, field_validator
 
-from tactsim.bench.config import RunConfig, merged, run_config, whole_number
+from tactsim.bench.config import RunConfig, run_config
 from tactsim.bench.score import CURVES, HEADLINES
+from tactsim.bench.settings import merged, whole_number
 from tactsim.core import InputError
 from tactsim.core.checking import checked
 from tactsim.core.documents import parse_toml, read_toml
