@@ -38,7 +38,7 @@ def key_values(pairs: Iterable[str], option: str) -> dict[str, Any]:
 def nested(words: Any) -> Any:
     """Let dots in names nest, as on the command line: {"press.force": 5} is {"press": {"force": 5}}.
 
-    Raises ValueError, for pydantic, if one option has two values.
+    Raises InputError if one option has two values.
     """
     if not isinstance(words, Mapping):
         return words
@@ -48,7 +48,7 @@ def nested(words: Any) -> Any:
             value = {part: value}
         twice = _in_both(result, value)
         if twice:
-            raise ValueError(f"{twice} is given twice")
+            raise InputError(f"{twice} is given twice")
         result = merged(result, value)
     return result
 

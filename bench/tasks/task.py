@@ -12,7 +12,7 @@ from pydantic import BaseModel, ConfigDict, Field, field_validator
 
 from tactsim.bench.config import RunConfig, run_config
 from tactsim.bench.score import CURVES, HEADLINES
-from tactsim.bench.settings import merged, whole_number
+from tactsim.bench.settings import merged, nested, whole_number
 from tactsim.core import InputError
 from tactsim.core.checking import checked
 from tactsim.core.documents import parse_toml, read_toml
@@ -107,6 +107,7 @@ class Task(BaseModel):
         Raises InputError for an option that contradicts the task.
         """
         asked = {name: value for name, value in words.items() if name != "task"}
+        asked |= {name: nested(asked[name]) for name in ("scan_set", "slip") if name in asked}
         for name in ("scan", "train_scan", "presses", "given"):  # before what goes with readings of one's own
             if asked.get(name) is not None and name not in self.words:
                 raise InputError(

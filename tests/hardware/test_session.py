@@ -336,7 +336,7 @@ def test_a_session_cut_off_in_a_press_loses_that_press_only(tmp_path, pad):
 
 def test_sessions_of_two_letters_make_one_scan(tmp_path, pad):
     record(tmp_path / "a", pad, [400])
-    record(tmp_path / "b", pad, [400])
+    record(tmp_path / "b", pad, [401])  # a copy would be refused
     assert len(scan_of_sessions([tmp_path / "a", tmp_path / "b"])) == 8
 
 
