@@ -56,9 +56,19 @@ def plan_settings(
     force: str,
     patience: float | None,
 ) -> dict[str, Any]:
-    """Give the fields of a session's plan that options and pad decide; a simulated hand has its own."""
+    """Give the fields of a session's plan that options and pad decide; a simulated hand has its own.
+
+    Raises InputError for another simulated pad: a session would wait without end for its letter to be lifted.
+    """
     from tactsim.bench import simulated_hand
     from tactsim.bench.touch_level import touch_above
+    from tactsim.core.errors import InputError
+
+    if ports != [simulated_hand.PLACE] and any(port.startswith("simulated:") for port in ports):
+        raise InputError(
+            f"--port {' '.join(ports)}: a letter that lies on the simulated pad is never lifted, so no press begins; "
+            f"say {simulated_hand.PLACE}"
+        )
 
     least, most = _force(force)
     noise = 0.0 if calibration is None else max(calibration.noise)

@@ -93,6 +93,7 @@ def test_a_run_outlives_a_pad_that_is_lost(bench, scan_file, tmp_path):
         (["--port", "pad", "--train-scan", "no.npz"], ["no.npz: No such file"]),
         (["--port", "pad", "--train-scan", "two.npz"], ["cannot open pad", "no such port"]),
         (["--port", "pad", "--train-scan", "two.npz", "--device", "singletact-5x5"], ["another pad"]),
+        (["--port", "simulated:A@0,0,0.3", "--train-scan", "two.npz"], ["never lifted", "simulated:hand"]),
         (["--port", "pad", "--train-scan", "two.npz", "--scan", "two.npz"], ["leave one out"]),
         (["--port", "pad", "--train-scan", "two.npz", "--set", "x=1"], ["x"]),
         (["--port", "pad", "--train-scan", "two.npz", "--world", "rough"], ["come from", "leave it out"]),

@@ -166,6 +166,7 @@ def test_a_large_array_is_cut_into_touches(here, tmp_path):
         (["probe", "--port", "x", "--device", "no.toml"], ["cannot read device file no.toml"]),
         (["tare", "--port", "simulated:A", "--out", "t.toml"], ["something touches the pad"]),
         (["tare", "--port", "x", "--out", "t.toml", "--load", "5"], ["gains need both"]),
+        (["record", "--port", "simulated:A", "--out", "a.npz", "--letter", "A"], ["never lifted", ":hand"]),
         (["record", "--port", "x", "--out", "a.npz", "--letter", "A", "--force", "3"], ["LEAST:MOST"]),
         (["record", "--port", "x", "--out", "a.npz", "--letter", "A", "--force", "1:inf"], ["LEAST:MOST"]),
         (["record", "--port", "x", "--out", "a.npz", "--letter", "A", "--force", "3:2"], ["must be below"]),
@@ -348,12 +349,13 @@ def _size(folder):
 
 def test_without_a_terminal_a_session_says_each_trouble_once(bench, tmp_path):
     """Nobody lifts the letter, so it still touches: every reading of it is another number, and the same trouble."""
-    process = bench.start(
-        "record", "--port", "simulated:A", "--letter", "A", "--out", "A.npz", "--poses", "random:2"
-    )
-    time.sleep(8.0)
-    process.send_signal(signal.SIGINT)
-    output, _ = process.communicate(timeout=30)
+    with emulated(bench, "--port", "tcp", "--letter", "A", "--hold", "600", "--lift", "0.01") as name:
+        process = bench.start(
+            "record", "--port", name, "--letter", "A", "--out", "A.npz", "--poses", "random:2"
+        )
+        time.sleep(8.0)
+        process.send_signal(signal.SIGINT)
+        output, _ = process.communicate(timeout=30)
     assert "still reads" in output
     assert len(output.splitlines()) < 8
     assert (tmp_path / "A.tactrec").stat().st_size < 2_000_000
