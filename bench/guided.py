@@ -53,8 +53,12 @@ class Sitting:
     counters: dict[str, int]
 
 
-def record(station: Station, plan: Plan, journal: Path, *, resume: bool, title: str = "") -> Sitting:
+def record(
+    station: Station, plan: Plan, journal: Path, *, resume: bool, title: str = "", notice: str = ""
+) -> Sitting:
     """Record the presses of a plan, or with `resume` those that `journal` does not have yet.
+
+    notice: is said once the pad is open.
 
     Raises InputError if the journal is of another session or pad, exists (without `resume`), or the pad cannot be
     opened.
@@ -76,6 +80,8 @@ def record(station: Station, plan: Plan, journal: Path, *, resume: bool, title: 
     with Recorder(journal, append=resume) as recorder:
         recorder.segment(station.segment(plan), time.monotonic())
         with _open(station, session, recorder, new=not resume) as source:
+            if notice:
+                station.console.print(notice)
             screen = Screen(
                 session, source.taxel_xy, shape(plan.label), station.from_behind, station.console, title
             )

@@ -36,13 +36,15 @@ def measure(station: Station, wanted: Wanted, folder: Path, settings: Mapping[st
     pad = station.device.pad
     # Wrong settings come to light before anything is pressed.
     plans = [_plan(letter, trial, wanted, settings, pad) for letter, trial in trials]
+    notice = f"presses are kept in {folder}"
     for number, ((letter, trial), plan) in enumerate(zip(trials, plans, strict=True), start=1):
         path = recording_of(folder, letter, trial)
         begun = path.exists()
         if begun and _taken(path, plan) >= wanted.readings:
             continue
         title = f"trial {number} of {len(trials)}: "
-        sitting = record_presses(station, plan, path, resume=begun, title=title)
+        sitting = record_presses(station, plan, path, resume=begun, title=title, notice=notice)
+        notice = ""
         if not sitting.done:
             return False
         if _taken(path, plan) < wanted.readings:

@@ -34,6 +34,7 @@ def test_trials_are_measured_stopped_gone_on_with_and_scored(bench, here, scan_f
     session.send_signal(signal.SIGINT)
     output, errors = session.communicate(timeout=30)
     assert session.returncode == 0, errors
+    assert output.count("presses are kept in") == 1
     assert "of 12 presses are measured; the same command" in output
     assert not (tmp_path / "friday").exists()
     kept = scan_of_sessions([tmp_path / "friday.presses" / "I-1.tactrec"])
@@ -105,7 +106,9 @@ def test_a_run_outlives_a_pad_that_is_lost(bench, scan_file, tmp_path):
 )
 def test_mistakes_end_in_one_line(here, scan_file, tmp_path, words, parts):
     (tmp_path / "two.npz").write_bytes(scan_file.read_bytes())
-    refused(here("run", *words, "--out", "r"), *parts)
+    done = here("run", *words, "--out", "r")
+    refused(done, *parts)
+    assert "kept" not in done.stdout
     assert not (tmp_path / "r").exists()
     assert not list(tmp_path.glob("r.presses/*"))
 
