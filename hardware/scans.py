@@ -239,11 +239,17 @@ def read_intervals(path: str | Path) -> list[Interval]:
 
 
 def csv_rows(text: str, path: str | Path) -> Iterator[tuple[str, dict[str, str]]]:
-    """Read CSV with a line of names: where each line stands, and its words by name. Raises InputError."""
+    """Read CSV with a line of names: where each line stands, and its words by name. Raises InputError.
+
+    A spreadsheet may have saved it with a byte order mark, semicolons and decimal commas.
+    """
     lines = text.removeprefix("\ufeff").splitlines()
+    semicolons = ";" in "".join(lines[:1])
     try:
-        for number, row in enumerate(csv.DictReader(lines), start=2):
-            yield f"{path}, line {number}", _words(row)
+        rows = csv.DictReader(lines, delimiter=";" if semicolons else ",")
+        for number, row in enumerate(rows, start=2):
+            words = _words(row)
+            yield f"{path}, line {number}", _with_points(words) if semicolons else words
     except csv.Error as error:
         raise InputError(f"{path} is no table (CSV): {error}") from error
 
@@ -252,6 +258,14 @@ def _words(row: dict[Any, Any]) -> dict[str, str]:
     """Strip the words of a line; one that is missing or too many is left for the check to name."""
     extra = {"more columns than the title": ""} if None in row else {}
     return {name.strip(): value.strip() for name, value in row.items() if name and value} | extra
+
+
+def _with_points(words: dict[str, str]) -> dict[str, str]:
+    """Write decimal commas as points, unless the line has points, too: which of the two is decimal cannot be told."""
+    numbers = {name: word for name, word in words.items() if name not in ("label", "split")}
+    if any("." in word for word in numbers.values()):
+        return words
+    return words | {name: word.replace(",", ".") for name, word in numbers.items()}
 
 
 def scan_of_intervals(

@@ -51,12 +51,24 @@ def test_marks_count_on_the_hosts_clock_where_the_device_has_none(tmp_path):
         ("label,split,x_mm,y_mm,theta_rad,first_s,last_s\nA,train,nan,0,0,0,1\n", "line 2: x_mm"),
         ("label,split,x_mm,y_mm,theta_rad,first_s,last_s\nA,train,0,0,0,0\n", "line 2: missing is last_s"),
         ("label,split,x_mm,y_mm,theta_rad,first_s,last_s\nA,train,0,0,0,0,1,2\n", "line 2: .*more columns"),
+        ("label;split;x_mm;y_mm;theta_rad;first_s;last_s\nA;train;1.000,5;0;0;0;1\n", "line 2: x_mm"),
     ],
 )
 def test_marks_that_make_no_sense_are_refused_with_their_line(tmp_path, content, message):
     (tmp_path / "marks.csv").write_text(content)
     with pytest.raises(InputError, match=message):
         read_intervals(tmp_path / "marks.csv")
+
+
+@pytest.mark.parametrize("mark", ["", "\ufeff"])
+def test_marks_that_a_spreadsheet_saved_again_are_the_same(tmp_path, mark):
+    (tmp_path / "marks.csv").write_text(MARKS)
+    saved = mark + MARKS.replace(",", ";").replace(".", ",")
+    (tmp_path / "saved.csv").write_text(saved.replace("A;", '"A;1,5";'), encoding="utf-8")
+    first, second = read_intervals(tmp_path / "saved.csv")
+    wanted = read_intervals(tmp_path / "marks.csv")
+    assert [first.model_copy(update={"label": "A"}), second] == wanted
+    assert first.label == "A;1,5"
 
 
 def test_an_interval_without_readings_is_refused(tmp_path):
