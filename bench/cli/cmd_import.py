@@ -48,12 +48,20 @@ def command(
     from tactsim.bench.console import plain_console
     from tactsim.bench.formats.arrays_file import SUFFIXES, read_arrays
     from tactsim.bench.places import check_new_file
-    from tactsim.core import InputError, Pad
+    from tactsim.core import InputError, Pad, Scan
 
     check_new_file(out, source, pad)
     if source.suffix.lower() in SUFFIXES:
         if pad is None or unit is None:
-            raise InputError(f"{source}: arrays do not say their pad and unit; give --pad and --unit")
+            try:
+                Scan.load(source)
+            except InputError:
+                raise InputError(
+                    f"{source}: arrays do not say their pad and unit; give --pad and --unit"
+                ) from None
+            raise InputError(
+                f"{source} is a scan already; use it as it is, as in `bench run --scan {source}`"
+            )
         called = {"readings": readings, "poses": poses, "labels": labels} | (
             {"split": split} if split else {}
         )

@@ -75,8 +75,13 @@ def find(name: str) -> Format:
 
 
 def guess(path: str | Path) -> Format:
-    """Tell by its name in which of the formats that can be read a file is. Raises InputError if none fits."""
+    """Tell by its name in which of the formats that can be read a file is; a folder of lerobot by what it holds.
+
+    Raises InputError if none fits.
+    """
     place = Path(path)
+    if (place / "meta" / "info.json").is_file():
+        return FORMATS["lerobot"]
     for one in FORMATS.values():
         if one.reads and (place.suffix.lower() in one.suffixes or (place.is_dir() and not one.suffixes)):
             return one
@@ -125,7 +130,8 @@ def read(path: str | Path, name: str | None = None) -> Scan:
     if not form.reads:
         others = ", ".join(one.name for one in FORMATS.values() if one.reads)
         raise InputError(
-            f"{form.name} keeps 32 bits of each reading, so no scan comes back from it; read {others}"
+            f"{path}: {form.name} keeps 32 bits of each reading, so no scan comes back from it; export the scan to one "
+            f"of {others}"
         )
     module = form.load()
     try:

@@ -71,6 +71,7 @@ def test_arrays_are_imported_by_their_names(tmp_path, here):
     ("words", "says"),
     [
         (["a.npz", "--out", "scan.npz"], "give --pad and --unit"),
+        (["ours.npz", "--out", "scan.npz"], "ours.npz is a scan already"),
         (["a.npz", "--readings", "reading", *WORDS], "it has no array 'reading'"),
         (["a.mat", "--readings", "reading", *WORDS], "it has no array 'reading'; it has 'readings', "),
         (["a.npz", *WORDS, "--unit", "psi"], "known are kPa"),
@@ -83,6 +84,7 @@ def test_arrays_are_imported_by_their_names(tmp_path, here):
 def test_a_mistake_is_one_line(words, says, tmp_path, here):
     save(tmp_path / "a.npz")
     save(tmp_path / "a.mat")
+    Scan.from_arrays(READINGS, POSES, list("ABAB"), pad=PAD, unit="N").save(tmp_path / "ours.npz")
     refused(here("import", *words), says)
     assert not (tmp_path / "scan.npz").exists()
 

@@ -147,8 +147,11 @@ def test_formats_of_presses_say_which_take_a_run(run_folder, here):
 
 def test_no_scan_comes_back_from_lerobot(tmp_path, rng):
     formats.write(make_scan(rng), tmp_path / "dataset", "lerobot")
-    with pytest.raises(InputError, match="32 bits of each reading"):
-        formats.read(tmp_path / "dataset", "lerobot")
+    for name in ("lerobot", None):
+        with pytest.raises(
+            InputError, match=r"dataset: lerobot keeps 32 bits of each reading.*parquet, mcap, hdf5"
+        ):
+            formats.read(tmp_path / "dataset", name)
 
 
 def test_a_run_s_trials_are_the_same_in_every_format(run_folder, tmp_path, here):
