@@ -7,7 +7,7 @@ from collections.abc import Callable
 from tactsim.core import InputError, Scan
 from tactsim.core.forward import ForwardModel
 from tactsim.estimators import Estimator
-from tactsim.estimators.estimator import no_exit
+from tactsim.estimators.estimator import name_of, no_exit
 from tactsim.estimators.options import FilterOptions
 from tactsim.estimators.pad_fit import PadFit, fit_to_pad, is_wanted
 
@@ -18,7 +18,7 @@ def fit(estimator: Estimator, scan: Scan, forward: Callable[[Scan], ForwardModel
     Raises InputError if the estimator needs a forward model, and there is none, the scan does not say how it was
     pressed, or its readings are not in kPa.
     """
-    unit, name = scan.meta.get("unit", "kPa"), estimator.created_as or type(estimator).__name__
+    unit, name = scan.meta.get("unit", "kPa"), name_of(estimator)
     if estimator.uses_forward_model and unit != "kPa":
         raise InputError(
             f"the readings are in {unit}; {name} presses the letters "

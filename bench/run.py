@@ -130,6 +130,12 @@ class Run:
         return self.config["estimator"]
 
     @property
+    def described(self) -> str:
+        """The estimator's name, and in brackets how it was set up if it says so."""
+        how = self.about["description"]
+        return f"{self.estimator} ({how})" if how else self.estimator
+
+    @property
     def options(self) -> dict[str, Any]:
         """All options of the estimator, those that were not given included."""
         return self.about["options"]
@@ -258,9 +264,8 @@ class Run:
 
     @property
     def _asked(self) -> str:
-        how = f" ({self.about['description']})" if self.about["description"] else ""
         return (
-            f"{self.estimator}{how}, {len(self.trials.truth)} trials of "
+            f"{self.described}, {len(self.trials.truth)} trials of "
             f"{self.readings} readings over {' '.join(self.letters)}, {self.protocol}"
         )
 

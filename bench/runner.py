@@ -26,7 +26,7 @@ from tactsim.core.errors import unknown
 from tactsim.core.scan import train_on
 from tactsim.core.source_digest import git_commit
 from tactsim.estimators import Estimator, Options, create
-from tactsim.estimators.estimator import proposes_none
+from tactsim.estimators.estimator import name_of, proposes_none
 from tactsim.estimators.likelihoods.occupancy import maps_of
 from tactsim.estimators.options import FilterOptions
 from tactsim.press import forward_model, scan_letters
@@ -98,7 +98,7 @@ def perform(
 def _with_estimator(config: RunConfig, estimator: Estimator) -> RunConfig:
     """Name an estimator, by its class if it is not registered, and its options. Raises InputError if it has none."""
     kind = type(estimator)
-    name = estimator.created_as or kind.__name__
+    name = name_of(estimator)
     if not isinstance(getattr(estimator, "options", None), Options):
         raise InputError(
             f"the estimator {name} has no options; its __init__ must call super().__init__(options)"

@@ -8,6 +8,7 @@ from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from rich.console import Console
 from rich.progress import (
     BarColumn,
     MofNCompleteColumn,
@@ -29,6 +30,7 @@ from tactsim.bench.trials import Progress as Report
 
 if TYPE_CHECKING:
     from tactsim.bench.bound.bound import Bound
+    from tactsim.bench.space.space_run import SpaceRun
 
 STAGES = {
     "press": "pressing",
@@ -71,9 +73,8 @@ def print_run(run: Run) -> None:
     """Print the table over the reading count, the headline figures and the times."""
     console = plain_console()
     config, about, summary = run.config, run.about, run.summary
-    console.print(config["estimator"], style="bold", end="")
+    print_method(console, run)
     console.print(
-        f"{' ' if about['description'] else ''}{about['description']}\n"
         f"{f'task {run.task}; ' if run.task else ''}"
         f"{' '.join(about['letters'])}: {config['trials']} trials each, {about['protocol']}, seed {config['seed']}"
     )
@@ -286,6 +287,14 @@ def print_bound(found: Bound) -> None:
 
 def _number(value: float | None, digits: int) -> str:
     return "-" if value is None else f"{value:.{digits}f}"
+
+
+def print_method(console: Console, run: Run | SpaceRun) -> None:
+    """Print the line of the estimator's name, and of how it was set up if it says so."""
+    how = run.about["description"]
+    console.print(run.config["estimator"], style="bold", end=" " if how else "\n")
+    if how:
+        console.print(how)
 
 
 def when(word: str, number: int | None, last: str) -> str:

@@ -109,7 +109,7 @@ class Estimator(ABC):
         """Give the forward model. Raises InputError if none was brought."""
         if self._forward is None:
             raise InputError(
-                f"estimator {self.created_as or type(self).__name__} presses the letters itself; give it what presses: "
+                f"estimator {name_of(self)} presses the letters itself; give it what presses: "
                 "estimator.bring(tactsim.press.forward_model(scan)) before fit"
             )
         return self._forward
@@ -167,6 +167,11 @@ class Estimator(ABC):
     def work(self) -> dict[str, Any]:
         """Count what was done since the estimator was made: `likelihood_evaluations` and `skipped` {reason: count}."""
         return {"likelihood_evaluations": 0, "skipped": {}}
+
+
+def name_of(estimator: Estimator) -> str:
+    """Name an estimator for a message: as it was created, or by its class if it is not registered."""
+    return estimator.created_as or type(estimator).__name__
 
 
 @contextmanager

@@ -10,6 +10,7 @@ import typer
 from tactsim.bench.cli import guide_options as guide
 from tactsim.bench.cli import shared_options as shared
 from tactsim.bench.cli import space_verbs as space
+from tactsim.bench.cli.outcome import save_and_print
 from tactsim.bench.cli.words import Words, is_typed, refuse_typed, with_options_of
 from tactsim.bench.config import RunConfig, run_config
 from tactsim.bench.space.space_config import TASK
@@ -66,8 +67,7 @@ def command(
 ) -> None:
     """Press the letters, learn their maps, recognise them in random places and score every reading."""
     from tactsim.bench.console import kept_clear, plain_console
-    from tactsim.bench.places import results_folder, save_and_show, save_beside
-    from tactsim.bench.results import to_json
+    from tactsim.bench.places import results_folder
     from tactsim.bench.runner import perform
     from tactsim.bench.terminal import print_places, print_run, progress_bars
     from tactsim.core.errors import InputError
@@ -108,9 +108,6 @@ def command(
             run = perform(config, jobs=jobs, cache=cache, progress=progress)
 
         def show(place: Path | None) -> None:
-            if as_json:
-                typer.echo(to_json(run.as_json() | {"results": place and str(place)}), nl=False)
-                return
             print_run(run)
             if place is not None:
                 print_places(run, place)
@@ -119,7 +116,7 @@ def command(
                     f"presses  {config.presses}; `bench run --presses` tries other estimators on them"
                 )
 
-        save_and_show(lambda: save_beside(run.save, folder), show)
+        save_and_print(run, folder, as_json=as_json, show=show)
 
 
 def _measured(config: RunConfig, station: Station, settings: dict[str, Any]) -> bool:

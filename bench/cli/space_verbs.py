@@ -7,6 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
+from tactsim.bench.cli.outcome import save_and_print
 from tactsim.bench.cli.words import Words
 
 PANEL = "Objects in space (--task solids)"
@@ -44,8 +45,7 @@ def refuse_outside_space(**words: Any) -> None:
 def run_in_space(words: Words, *, jobs: int, out: Path | None, as_json: bool) -> None:
     """Do `bench run --task solids` with the words that were typed."""
     from tactsim.bench.console import kept_clear
-    from tactsim.bench.places import results_folder, save_and_show, save_beside
-    from tactsim.bench.results import to_json
+    from tactsim.bench.places import results_folder
     from tactsim.bench.space.space_config import SpaceConfig, space_config, space_words
     from tactsim.bench.space.space_runner import perform_in_space
     from tactsim.bench.space.space_terminal import print_space_run
@@ -57,14 +57,11 @@ def run_in_space(words: Words, *, jobs: int, out: Path | None, as_json: bool) ->
             run = perform_in_space(config, jobs=jobs, progress=progress)
 
         def show(place: Path | None) -> None:
-            if as_json:
-                typer.echo(to_json(run.as_json() | {"results": place and str(place)}), nl=False)
-                return
             print_space_run(run)
             if place is not None:
                 typer.echo(f"results  {place}\npicture  {place / 'touches.png'}")
 
-        save_and_show(lambda: save_beside(run.save, folder), show)
+        save_and_print(run, folder, as_json=as_json, show=show)
 
 
 def scan_in_space(words: Words, *, out: Path) -> None:

@@ -87,9 +87,8 @@ def card_of_scan(scan: Scan) -> str:
 def card_of_run(run: Run) -> str:
     """Write the card of a run's trials in Parquet."""
     rows = run.trials.label.size
-    how = f" ({run.about['description']})" if run.about["description"] else ""
     text = [
-        f"What the estimator {run.estimator}{how} said after each reading of "
+        f"What the estimator {run.described} said after each reading of "
         f"{len(run.trials.truth):,} trials of {run.readings} readings: one row a trial and reading.",
         "`truth`, `label`: the true and the estimated object. `x`, `y`, `theta`: the estimated robot_in_object, mm, "
         "mm, rad; `true_x` and so on: the true one. `p_truth`, `p_label`: the probabilities given to the right and to "

@@ -6,7 +6,7 @@ from rich.table import Table
 
 from tactsim.bench.console import plain_console
 from tactsim.bench.space.space_run import SpaceRun
-from tactsim.bench.terminal import when, work_line
+from tactsim.bench.terminal import print_method, when, work_line
 
 _ROWS = (1, 2, 3, 4, 5, 6, 8, 10, 12, 15, 20, 30, 40, 60, 100)
 
@@ -14,9 +14,8 @@ _ROWS = (1, 2, 3, 4, 5, 6, 8, 10, 12, 15, 20, 30, 40, 60, 100)
 def print_space_run(run: SpaceRun) -> None:
     """Print the table over the touches, the headline figures and the times."""
     console, config, summary = plain_console(), run.config, run.summary
-    console.print(config["estimator"], style="bold", end="")
+    print_method(console, run)
     console.print(
-        f"{' ' if run.about['description'] else ''}{run.about['description']}\n"
         f"{' '.join(run.about['objects'])}: {len(run.trials.truth)} trials, "
         f"{run.about['protocol']}, seed {config['seed']}"
     )

@@ -15,7 +15,7 @@ from tactsim.core.finite import finite
 from tactsim.core.poses import FloatArray
 from tactsim.core.rigid import checked_poses
 from tactsim.core.space_scan import SpaceScan
-from tactsim.estimators.estimator import Estimate, Estimator, PoseSamples, check_order
+from tactsim.estimators.estimator import Estimate, Estimator, PoseSamples, check_order, name_of
 from tactsim.estimators.filters.weights import Weights
 from tactsim.estimators.space.se3_states import mean_around
 from tactsim.estimators.space.space_field import SpaceField, SpaceMapOptions
@@ -59,7 +59,7 @@ class SpaceFilter(Estimator):
         """
         if not isinstance(scan, SpaceScan):
             raise InputError(
-                f"estimator {self.created_as or type(self).__name__} works in space; give it a scan of objects "
+                f"estimator {name_of(self)} works in space; give it a scan of objects "
                 "in space, as `bench scan --task solids` makes"
             )
         self.fit_field(SpaceField.learn(scan, self.options), scan.taxel_points)
