@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from numba import float32, int32, int64, uint32, uint64, void
 
@@ -17,6 +15,7 @@ from tactsim.core.compiling import (
     Reals,
     compiled,
 )
+from tactsim.estimators.field.series import cos_sin
 from tactsim.estimators.field.terms import TERMS, Terms
 
 # States that are looked up together, so that the arithmetic of their places is done in vectors.
@@ -51,7 +50,7 @@ def replay(
     for begin in range(0, len(log_p), _BATCH):
         count = min(_BATCH, len(log_p) - begin)
         for k in range(count):
-            cos, sin = math.cos(state[2, begin + k]), math.sin(state[2, begin + k])
+            cos, sin = cos_sin(state[2, begin + k])
             cos_x[k], sin_x[k], cos_y[k], sin_y[k] = (
                 cos / lattice[2], sin / lattice[2], cos / lattice[3], sin / lattice[3],
             )  # fmt: skip

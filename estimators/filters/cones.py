@@ -20,8 +20,8 @@ from tactsim.core.compiling import (
     Reals,
     compiled,
 )
+from tactsim.estimators.field.bits import bits_of
 from tactsim.estimators.field.vectors import LANES, add_times, load, store
-from tactsim.estimators.filters.xoshiro import bits_of
 
 # The grid on which the paper evaluates the density of eq. 11: mm, mm, rad.
 PARZEN_STEP = np.array([0.5, 0.5, 0.04 * np.pi])
@@ -74,7 +74,7 @@ def heaviest(chosen: Ints, box: Reals, state: Reals, weight: Reals, share: float
     """
     held, total, left_out, count = np.zeros(_BUCKETS), 0.0, 0.0, 0
     for i in range(len(weight)):
-        bucket = min(uint64(_BUCKETS - 1), uint64(2046) - (bits_of(weight[i]) >> uint64(51)))  # type: ignore[call-arg]
+        bucket = min(uint64(_BUCKETS - 1), uint64(2046) - (bits_of(weight[i]) >> uint64(51)))
         held[bucket] += weight[i]
     for one in held:
         total += one
@@ -84,7 +84,7 @@ def heaviest(chosen: Ints, box: Reals, state: Reals, weight: Reals, share: float
         lightest -= uint64(1)
     for i in range(len(weight)):
         chosen[count] = i
-        bucket = min(uint64(_BUCKETS - 1), uint64(2046) - (bits_of(weight[i]) >> uint64(51)))  # type: ignore[call-arg]
+        bucket = min(uint64(_BUCKETS - 1), uint64(2046) - (bits_of(weight[i]) >> uint64(51)))
         count += bucket <= lightest
     left = low = np.inf
     right = high = -np.inf

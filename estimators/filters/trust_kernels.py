@@ -8,9 +8,10 @@ import numpy as np
 from numba import boolean, float64
 
 from tactsim.core.compiling import INTS_2D, REALS, REALS_2D, Ints, Reals, compiled
+from tactsim.estimators.field.series import small_exp
 
-# Nats below the largest; what has less adds nothing to a sum of doubles.
-_NOTHING = 50.0
+# Nats below the largest; what has less counts as so much, which adds nothing to a sum of doubles.
+_LEAST = 50.0
 
 
 @compiled(REALS_2D(REALS_2D, INTS_2D, INTS_2D))
@@ -31,7 +32,7 @@ def sums_of_readings(log_p: Reals, drawn: Ints, mirrored: Ints) -> Reals:
     return sums
 
 
-@compiled(boolean(REALS_2D, float64, REALS, REALS_2D, float64))
+@compiled(boolean(REALS_2D, float64, REALS, REALS_2D, float64), ordered=False)
 def mostly_held(log_p: Reals, weight: float, log_volume: Reals, shift: Reals, share: float) -> bool:
     """Tell whether in more than a share of sequences the region with that share of the belief holds no move at all.
 
@@ -45,10 +46,10 @@ def mostly_held(log_p: Reals, weight: float, log_volume: Reals, shift: Reals, sh
         for move in range(len(belief)):
             belief[move] = weight * of_sequence[move] + log_volume[move]
             largest = max(largest, belief[move])
+        for move in range(len(belief)):
+            belief[move] = small_exp(max(belief[move] - largest, -_LEAST))
         total = mean_x = mean_y = 0.0
         for move in range(len(belief)):
-            below = belief[move] - largest
-            belief[move] = math.exp(below) if below > -_NOTHING else 0.0
             total += belief[move]
             mean_x += belief[move] * shift[move, 0]
             mean_y += belief[move] * shift[move, 1]
@@ -56,8 +57,8 @@ def mostly_held(log_p: Reals, weight: float, log_volume: Reals, shift: Reals, sh
         for move in range(len(belief)):
             # A shift s is nearer to the mean m than no move at all is, |s - m| < |m|, if |s|^2 < 2 s m.
             x, y = shift[move, 0], shift[move, 1]
-            if x * (x - 2 * mean_x) + y * (y - 2 * mean_y) < 0:
-                nearer += belief[move]
+            near = x * (x - 2 * mean_x) + y * (y - 2 * mean_y) < 0
+            nearer += belief[move] if near else 0.0
         if nearer >= share * total:
             left_out += 1
             if sequences - left_out <= share * sequences:

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
-from llvmlite import ir
 from numba import int64, types, uint64, void
-from numba.extending import intrinsic
 from numpy.typing import NDArray
 
 from tactsim.core.compiling import REALS, Reals, compiled
+from tactsim.estimators.field.bits import bits_of, real_of
+from tactsim.estimators.field.series import small_cosine, small_sine
 
 Words = NDArray[np.uint64]
 WORDS = types.uint64[::1]
@@ -23,26 +22,6 @@ _LN_2 = math.log(2)
 def seeded(rng: np.random.Generator) -> Words:
     """Draw the state of all lanes (4 * LANES,): 256 random bits for each, so that no two meet in practice."""
     return rng.integers(0, 2**64, size=4 * LANES, dtype=np.uint64)
-
-
-@intrinsic
-def bits_of(typing: Any, real: Any) -> Any:
-    """Read the 64 bits of a float64."""
-
-    def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        return builder.bitcast(args[0], ir.IntType(64))
-
-    return types.uint64(types.float64), generate
-
-
-@intrinsic
-def real_of(typing: Any, bits: Any) -> Any:
-    """Read 64 bits as a float64."""
-
-    def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        return builder.bitcast(args[0], ir.DoubleType())
-
-    return types.float64(types.uint64), generate
 
 
 @compiled(void(WORDS, WORDS))
@@ -75,7 +54,7 @@ def exponentials(words: Words, out: Reals) -> None:
     no vectors of math.log.
     """
     for i in range(uint64(len(out))):
-        uniform = 2.0 - real_of((words[i] >> uint64(12)) | uint64(0x3FF0000000000000))  # type: ignore[call-arg]
+        uniform = 2.0 - real_of((words[i] >> uint64(12)) | uint64(0x3FF0000000000000))
         bits: np.uint64 = bits_of(uniform)
         # u = m * 2^power with m in [sqrt(1/2), sqrt(2)); the power is turned into a float by its place in 1.5 * 2^52.
         power = uint64(int64(bits - uint64(0x3FE6A09E667F3BCD)) >> int64(52))
@@ -105,24 +84,9 @@ def normals(words: Words, out: Reals) -> None:
     exponentials(words, out[: len(out) // 2])
     for i in range(half):
         radius, bits = math.sqrt(2.0 * out[i]), words[i + half]
-        angle = (real_of((bits >> uint64(12)) | uint64(0x3FF0000000000000)) - 1.5) * (math.pi / 2)  # type: ignore[call-arg]
-        z = angle * angle
-        sine = 1 / 6227020800
-        sine = sine * z - 1 / 39916800
-        sine = sine * z + 1 / 362880
-        sine = sine * z - 1 / 5040
-        sine = sine * z + 1 / 120
-        sine = sine * z - 1 / 6
-        sine = sine * z * angle + angle
-        cosine = -1 / 87178291200
-        cosine = cosine * z + 1 / 479001600
-        cosine = cosine * z - 1 / 3628800
-        cosine = cosine * z + 1 / 40320
-        cosine = cosine * z - 1 / 720
-        cosine = cosine * z + 1 / 24
-        cosine = cosine * z - 1 / 2
-        cosine = cosine * z + 1.0
-        cosine = real_of(bits_of(cosine) ^ ((bits & uint64(2)) << uint64(62)))
+        angle = (real_of((bits >> uint64(12)) | uint64(0x3FF0000000000000)) - 1.5) * (math.pi / 2)
+        sine = small_sine(angle)
+        cosine = real_of(bits_of(small_cosine(angle)) ^ ((bits & uint64(2)) << uint64(62)))
         quarter = (bits & uint64(1)) != 0
         out[i] = radius * (sine if quarter else cosine)
         out[i + half] = radius * (cosine if quarter else sine)
