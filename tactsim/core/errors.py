@@ -46,10 +46,15 @@ def printable(text: str) -> str:
     )
 
 
-def unknown(what: str, name: str, known: Iterable[str]) -> InputError:
-    """Build the error for an unknown name; it suggests the closest known name, if one is close."""
-    names = sorted(known)
-    close = [one for one in names if one.lower() == name.lower()]
-    close = close or difflib.get_close_matches(name[:_LONGEST], names, n=1)
+def unknown(what: str, name: Any, known: Iterable[str]) -> InputError:
+    """Build the error for an unknown name; it suggests the closest known name, if one is close.
+
+    name: whatever was given; it may be no text at all. known: each is named once, however often it is given.
+    """
+    names = sorted(set(known))
+    close: list[str] = []
+    if isinstance(name, str):
+        close = [one for one in names if one.lower() == name.lower()]
+        close = close or difflib.get_close_matches(name[:_LONGEST], names, n=1)
     hint = f"did you mean {close[0]!r}? " if close else ""
     return InputError(f"unknown {what} {short(name)}: {hint}known are {', '.join(names)}")

@@ -125,6 +125,11 @@ def test_a_strangers_text_is_made_harmless():
     assert len(str(unknown("thing", "x" * 10**6, ["a", "b"]))) < 200
 
 
+def test_what_is_no_name_is_unknown_too_and_what_is_known_is_named_once():
+    for given in (None, 3, ["a"]):
+        assert str(unknown("thing", given, ["b", "a", "b"])) == f"unknown thing {given!r}: known are a, b"
+
+
 class Wanted(BaseModel):
     size: float = Field(alias="is", description="mm")
     inner: tuple[Inner, ...]
