@@ -159,6 +159,8 @@ def task(name: str) -> Task:
     A file's paths (scan, train_scan, presses, shapes, a world's file) are relative to the file.
     Raises InputError for an unknown name, a file that cannot be read, and for what is no whole task.
     """
+    if not isinstance(name, str | Path):
+        raise unknown("task", name, [*names(), "FILE.toml"])
     if name in names():
         table = parse_toml((files("tactsim.bench") / "tasks" / f"{name}.toml").read_bytes(), f"task {name}")
         return _checked(table, name)

@@ -8,10 +8,12 @@ from typing import Any
 
 import gymnasium
 import numpy as np
+from gymnasium.error import ResetNeeded
 from numpy.typing import NDArray
 
 from tactsim.core import InputError
 from tactsim.core.checking import checked
+from tactsim.core.errors import short
 from tactsim.core.poses import FloatArray
 from tactsim.env.hidden_objects import Hidden, touch
 from tactsim.env.reward import Reward, entropy
@@ -41,7 +43,10 @@ class SubEnvironments:
         slip: Mapping[str, Any] | None = None,
         scan_seed: int | None = None,
         fast: bool = False,
+        render_mode: str | None = None,
     ) -> None:
+        if render_mode is not None:
+            raise InputError(f"render_mode {short(render_mode)}: an environment draws nothing; leave it out")
         words = {"right": right, "wrong": wrong, "touch_cost": touch_cost, "information": information}
         self.reward = checked(Reward, words, "environment")
         if belief is None and information:
@@ -50,6 +55,10 @@ class SubEnvironments:
             )
         if belief is None and belief_options:
             raise InputError("belief_options are those of an estimator; name it, such as belief='refined'")
+        if not _by_name({} if belief_options is None else belief_options):
+            raise InputError(
+                f"belief_options {short(belief_options)}: give values by name, such as {{'bins': 500}}"
+            )
         self.world: World = world(task, scan_seed, slip or {}, fast)
         self.labels = self.world.labels
         self.beliefs: list[Estimator] = []
@@ -124,7 +133,7 @@ class SubEnvironments:
         self._seen["place"][index] = within(self.observation_space, "place", estimate.robot_in_object)
 
     def answer(self, index: int) -> str:
-        """Name the right label of an object that is hidden."""
+        """Name the right label of an object that is hidden. Raises ResetNeeded if none is."""
         return self.world.answer(self._of(index).letter)
 
     def truth(self, index: int) -> dict[str, Any]:
@@ -133,5 +142,10 @@ class SubEnvironments:
 
     def _of(self, index: int) -> Hidden:
         hidden = self.hidden[index]
-        assert hidden is not None, "reset was not called"
+        if hidden is None:
+            raise ResetNeeded("no object was hidden yet; call reset")
         return hidden
+
+
+def _by_name(options: Any) -> bool:
+    return isinstance(options, Mapping) and all(isinstance(name, str) for name in options)

@@ -33,7 +33,8 @@ class TouchEnv(gymnasium.Env):
     task: a name of `tactsim.bench.tasks`. belief: a registered estimator, fitted to the training readings, whose belief
     is observed. belief_options: of that estimator. right, wrong, touch_cost, information: see `Reward`. slip: how the
     object moves between touches, changes to what the task says (`bench list slip`). scan_seed: the task's seed whose
-    pad and training readings are used, by default the first. fast: press by the forward model.
+    pad and training readings are used, by default the first. fast: press by the forward model. render_mode:
+    None, as nothing is drawn.
 
     Raises InputError for a wrong option.
     """
@@ -53,10 +54,11 @@ class TouchEnv(gymnasium.Env):
         slip: Mapping[str, Any] | None = None,
         scan_seed: int | None = None,
         fast: bool = False,
+        render_mode: str | None = None,
     ) -> None:
         self._objects = SubEnvironments(
             1, task, belief=belief, belief_options=belief_options, right=right, wrong=wrong, touch_cost=touch_cost,
-            information=information, slip=slip, scan_seed=scan_seed, fast=fast,
+            information=information, slip=slip, scan_seed=scan_seed, fast=fast, render_mode=render_mode,
         )  # fmt: skip
         self.action_space = self._objects.action_space
         self.observation_space = self._objects.observation_space
@@ -124,7 +126,10 @@ class TouchEnv(gymnasium.Env):
 
     @property
     def answer(self) -> str:
-        """The right label of the object that is hidden: to score a policy, which must not look at it."""
+        """The right label of the object that is hidden: to score a policy, which must not look at it.
+
+        Raises ResetNeeded before the first `reset`.
+        """
         return self._objects.answer(0)
 
     def touch(self, sensor_in_robot: ArrayLike) -> Floats:

@@ -50,7 +50,7 @@ def touch_action(sensor_in_robot: ArrayLike, labels: Sequence[str], reach: float
 
 def say_action(label: str, labels: Sequence[str]) -> Floats:
     """Make the action that stops and says a label. Raises InputError if it is none of `labels`."""
-    if label not in labels:
+    if not isinstance(label, str) or label not in labels:
         raise unknown("label", label, labels)
     action = np.zeros(_STOP + 1 + len(labels), dtype=np.float32)
     action[_STOP], action[_STOP + 1 + list(labels).index(label)] = 1.0, 1.0

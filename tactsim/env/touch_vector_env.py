@@ -43,8 +43,12 @@ class TouchVectorEnv(gymnasium.vector.VectorEnv):
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         **options: Any,
     ) -> None:
-        if not (isinstance(num_envs, int) and num_envs >= 1):
+        if not _counts(num_envs):
             raise InputError(f"num_envs {short(num_envs)}: give a whole number from 1")
+        if not (max_episode_steps is None or _counts(max_episode_steps)):
+            raise InputError(
+                f"max_episode_steps {short(max_episode_steps)}: give a whole number from 1, or None for no end"
+            )
         try:
             self._mode = AutoresetMode(autoreset_mode)
         except ValueError:
@@ -157,3 +161,7 @@ class TouchVectorEnv(gymnasium.vector.VectorEnv):
     def scan(self) -> Scan:
         """The training readings, which a policy may learn from; they are pressed when they are first asked for."""
         return self._objects.world.scan
+
+
+def _counts(number: Any) -> bool:
+    return isinstance(number, int) and not isinstance(number, bool) and number >= 1

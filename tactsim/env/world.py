@@ -6,6 +6,7 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache, partial
+from numbers import Integral
 from typing import Any
 
 import numpy as np
@@ -63,8 +64,7 @@ class World:
 
     def __init__(self, task: Task, scan_seed: int, slip: Slip, fast: bool) -> None:
         if scan_seed not in task.seeds:
-            seeds = ", ".join(map(str, task.seeds))
-            raise InputError(f"scan_seed {short(scan_seed)}: task {task.name} has the seeds {seeds}")
+            raise _no_seed(scan_seed, task)
         config = task.configs("nearest")[task.seeds.index(scan_seed)]
         if not config.pressed:
             raise InputError(f"task {task.name} has readings from a file; an environment needs a press")
@@ -161,10 +161,21 @@ def world(name: str, scan_seed: int | None, slip: Mapping[str, Any], fast: bool)
     """Give the world of a task, the same object to all that ask for the same: environments share what it learned.
 
     scan_seed: None for the task's first. slip: changes to how the task's objects move.
-    Raises InputError as `task` and `World` do, and for a wrong name or value in slip.
+    Raises InputError as `task` and `World` do, and for a wrong name or value in slip or fast.
     """
     try:
         said = json.dumps(dict(slip), sort_keys=True)
     except (TypeError, ValueError):
         raise InputError(f"slip {short(slip)}: give numbers by name, such as {{'walk_mm': 0.5}}") from None
-    return _world(name, task(name).seeds[0] if scan_seed is None else scan_seed, said, bool(fast))
+    if not isinstance(fast, bool):
+        raise InputError(f"fast {short(fast)}: give True or False")
+    asked = task(name)
+    seed = asked.seeds[0] if scan_seed is None else scan_seed
+    if isinstance(seed, bool) or not isinstance(seed, Integral):
+        raise _no_seed(seed, asked)
+    return _world(name, int(seed), said, fast)
+
+
+def _no_seed(given: Any, asked: Task) -> InputError:
+    seeds = ", ".join(map(str, asked.seeds))
+    return InputError(f"scan_seed {short(given)}: task {asked.name} has the seeds {seeds}")

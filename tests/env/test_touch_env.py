@@ -313,6 +313,14 @@ def test_a_pose_or_a_label_that_is_none_makes_no_action():
             env.touch(pose)
     with pytest.raises(InputError, match="unknown label 'a': did you mean 'A'"):
         env.say("a")
+    for label in (None, 3, ["A"]):
+        with pytest.raises(InputError, match=r"unknown label .*: known are A, E"):
+            env.say(label)
+
+
+def test_nothing_is_the_right_answer_before_a_reset():
+    with pytest.raises(ResetNeeded, match="call reset"):
+        _ = make(fast=True).answer
 
 
 @pytest.mark.parametrize(
@@ -328,6 +336,13 @@ def test_a_pose_or_a_label_that_is_none_makes_no_action():
         ({"slip": {"walk": 1}}, "walk"),
         ({"slip": {"walk_mm": -1}}, "walk_mm"),
         ({"slip": {"walk_mm": object()}}, "slip"),
+        ({"belief": "histogram", "belief_options": [1]}, r"belief_options \[1\]: give values by name"),
+        ({"belief": "histogram", "belief_options": {1: 2}}, "belief_options .*: give values by name"),
+        ({"render_mode": "human"}, "render_mode 'human': an environment draws nothing"),
+        ({"fast": "no"}, "fast 'no': give True or False"),
+        ({"scan_seed": [1]}, r"scan_seed \[1\]: task letters-offgrid-v1 has the seeds 0, 1, 2, 3, 4"),
+        ({"scan_seed": True}, "scan_seed True: task"),
+        ({"task": None}, "unknown task None: known are FILE.toml, active-v1"),
         ({"task": "letters-offgrid-v9"}, "unknown task"),
     ],
 )
