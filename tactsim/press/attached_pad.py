@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from numbers import Real
 
 import mujoco
 import numpy as np
@@ -38,6 +39,10 @@ class AttachedPad:
         Raises InputError if the model has no such geom, if the geom has no face there, or if the pad is larger
         than the face.
         """
+        if not isinstance(model, mujoco.MjModel):
+            raise InputError(
+                f"a pad is bound to a compiled mujoco.MjModel, got {short(type(model).__name__)}"
+            )
         # A model that was attached to another one with a prefix renames its geoms.
         name = self.geom.name if isinstance(self.geom, mujoco.MjsGeom) else self.name
         geom = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, name)
@@ -76,12 +81,14 @@ def attach(
     stiffness: kPa/mm of the layer on the surface (assumed). psf_sigma: mm, standard deviation of the point
     spread (assumed), 0 for none.
 
-    Raises InputError if there is no such geom, if it cannot touch anything, or if a number makes no sense.
+    Raises InputError if there is no such geom, if it cannot touch anything, or if pad or a number is none.
     """
     pad = Pad() if pad is None else pad
-    if not stiffness > 0 or not np.isfinite(stiffness):
+    if not isinstance(pad, Pad):
+        raise InputError(f"pad is {short(pad)}; give a tactsim.Pad, and of a file Pad.load(file)")
+    if not _is_number(stiffness) or not 0 < stiffness < np.inf:
         raise InputError(f"stiffness is {short(stiffness)}; it is a number of kPa/mm above 0")
-    if not (psf_sigma == 0 or 0.3 <= psf_sigma < np.inf):
+    if not _is_number(psf_sigma) or not (psf_sigma == 0 or 0.3 <= psf_sigma < np.inf):
         raise InputError(f"psf_sigma is {short(psf_sigma)}; it is 0 or at least 0.3 mm")
     found, name, kind = _find(spec, geom)
     if normal is None:
@@ -91,6 +98,10 @@ def attach(
     if not direction.any():
         raise InputError("normal is (0, 0, 0); it is the direction in which the pad looks")
     return AttachedPad(found, name, pad, direction, _vector(at, 2, "at"), stiffness, psf_sigma)
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, Real) and not isinstance(value, bool)
 
 
 def _vector(values: Sequence[float], size: int, what: str) -> FloatArray:
@@ -123,8 +134,10 @@ def _find(
         if named is None:
             names = [one.name for one in [*spec.geoms, *spec.bodies] if one.name]
             raise unknown("geom or body", geom, names)
-    else:
+    elif isinstance(geom, mujoco.MjsGeom | mujoco.MjsBody):
         named = geom
+    else:
+        raise InputError(f"geom is {short(geom)}; give a geom or a body of the spec, or the name of one")
     if isinstance(named, mujoco.MjsBody):
         named = _only_geom(spec, named)
     if not named.name:

@@ -424,7 +424,11 @@ def test_a_pad_is_found_in_a_model_that_its_own_was_attached_to():
         ("box", {"normal": (0, 1)}, "normal has shape (2,); it is 3 numbers"),
         ("box", {"at": (0, np.nan)}, "at"),
         ("box", {"stiffness": -1.0}, "stiffness is -1.0; it is a number of kPa/mm above 0"),
+        ("box", {"stiffness": "x"}, "stiffness is 'x'; it is a number of kPa/mm above 0"),
         ("box", {"psf_sigma": 0.1}, "psf_sigma is 0.1; it is 0 or at least 0.3 mm"),
+        ("box", {"psf_sigma": None}, "psf_sigma is None; it is 0 or at least 0.3 mm"),
+        ("box", {"pad": "pad.toml"}, "pad is 'pad.toml'; give a tactsim.Pad, and of a file Pad.load(file)"),
+        (3, {}, "geom is 3; give a geom or a body of the spec, or the name of one"),
         ("plain", {"at": (1, 0)}, "geom 'plain_pad0' is round: turn the pad's normal instead of giving `at`"),
     ],
 )
@@ -441,10 +445,19 @@ def test_a_model_without_the_geom_is_one_line():
     attached = tactsim.press.attach(spec, "box")
     with pytest.raises(InputError, match="the model has no geom 'box': compile it from the spec"):
         attached.bind(mujoco.MjSpec().compile())
+    with pytest.raises(InputError, match=r"a pad is bound to a compiled mujoco\.MjModel, got 'MjSpec'"):
+        attached.bind(spec)
     with pytest.raises(InputError, match=r"a pad is attached to a mujoco\.MjSpec or an MjModel, got 'str'"):
         tactsim.press.attach("hand.xml", "box")
     with pytest.raises(InputError, match="unknown geom 'bix': did you mean 'box'"):
         tactsim.press.attach(spec.compile(), "bix")
+
+
+def test_what_is_known_is_named_once():
+    spec = mujoco.MjSpec.from_string("""<mujoco><worldbody><body name="tip"><geom name="tip" size=".01"/></body>
+        </worldbody></mujoco>""")
+    with pytest.raises(InputError, match=r"unknown geom or body 'palm': known are tip, world$"):
+        tactsim.press.attach(spec, "palm")
 
 
 def test_a_height_field_is_refused_when_it_touches():
