@@ -17,6 +17,7 @@ from tactsim.bench.tasks import task
 from tactsim.bench.trials import Progress
 from tactsim.core import InputError, Scan
 from tactsim.core.errors import short
+from tactsim.core.scan import train_on
 from tactsim.estimators import Estimator
 from tactsim.press import scan_letters
 
@@ -77,6 +78,7 @@ def scan(
 def run(
     scan: Scan | str | Path | None = None,
     *,
+    train_scan: Scan | str | Path | None = None,
     estimator: str | Estimator = "refined",
     jobs: int = 1,
     cache: bool = True,
@@ -85,10 +87,11 @@ def run(
 ) -> Run:
     """Fit an estimator, let it recognise letters in random places, score every reading, and return the run.
 
-    scan: a Scan, or the file that holds one; without it letters are pressed. estimator: a registered name, or
+    scan: a Scan, or the file that holds one; without it letters are pressed. train_scan: the same, to train on instead
+    of the scan's own training readings; a Scan only if `scan` is a Scan, too. estimator: a registered name, or
     an `Estimator` of your own, made with its options. words: the options of `bench run` with underscores: bins,
-    particles, set (a table), letters, hold_out, trials, readings, explore, slip, seed, train_scan, presses, and, if no
-    scan is given, shapes, test_poses, world, noise and scan_set; or a task, which says all but the estimator's own.
+    particles, set (a table), letters, hold_out, trials, readings, explore, slip, seed, presses, and, if no scan is
+    given, shapes, test_poses, world, noise and scan_set; or a task, which says all but the estimator's own.
     jobs: processes; the trials do not depend on their number. cache: whether readings may be read from the cache and
     kept there. progress: show bars.
 
@@ -103,6 +106,14 @@ def run(
             f"estimator is {short(estimator)}; give a registered name or an Estimator, made with its options"
         )
     given = scan if isinstance(scan, Scan) else None
+    if isinstance(train_scan, Scan):
+        if given is None:
+            raise InputError(
+                "train_scan is a Scan, so scan has to be one, too; or give the file that train_scan was saved to"
+            )
+        given = train_on(train_scan, given)
+    elif train_scan is not None:
+        words["train_scan"] = train_scan
     digest = words.pop("given", None)
     if digest is not None and (given is None or given.digest != digest):
         raise InputError("the run was on readings that were given in Python; give the same again, as `scan`")

@@ -343,6 +343,23 @@ def test_a_run_on_given_readings_is_not_done_again_on_others(run):
         tactsim.run(**run.config | {"scan": tactsim.scan("AE", seed=1)})
 
 
+def test_scans_to_train_on_are_taken_as_scans_and_as_files(scan, tmp_path):
+    other = tactsim.scan("AE", seed=1)
+    run = tactsim.run(scan, train_scan=other, **WORDS)
+    for name, one in (("test", scan), ("train", other)):
+        one.save(tmp_path / f"{name}.npz")
+    files = {"scan": tmp_path / "test.npz", "train_scan": tmp_path / "train.npz"}
+    assert run.summary == tactsim.run(**files, **WORDS).summary
+    assert run.summary == tactsim.run(scan, train_scan=str(files["train_scan"]), **WORDS).summary
+    again = run.config | {"scan": scan, "train_scan": other}
+    assert tactsim.run(**again).summary == run.summary
+    with pytest.raises(InputError, match="give the same again"):
+        tactsim.run(**run.config | {"scan": scan})
+    for tested in ({}, {"scan": files["scan"]}):
+        with pytest.raises(InputError, match="train_scan is a Scan, so scan has to be one, too"):
+            tactsim.run(**tested, train_scan=other, **WORDS)
+
+
 def test_an_estimator_made_by_name_is_known_by_it(run, scan):
     rest = {name: value for name, value in WORDS.items() if name not in ("estimator", "bins")}
     made = tactsim.run(scan, estimator=tactsim.create("histogram", bins=1000), **rest)
