@@ -13,6 +13,8 @@ def flatten_work(work: Mapping[str, Any]) -> dict[str, int]:
     """Turn {"presses": 3, "skipped": {"cached": 1}} into {"presses": 3, "skipped.cached": 1}."""
     try:
         flat = {name: int(count) for name, count in work.items() if name != "skipped"}
+        if not all(isinstance(name, str) for name in flat):
+            raise TypeError("counts have names")
         return flat | {f"skipped.{name}": int(count) for name, count in work.get("skipped", {}).items()}
     except (AttributeError, TypeError, ValueError, OverflowError) as error:
         raise InputError(

@@ -43,10 +43,10 @@ class PoseSamples:
 class Estimate:
     """What an estimator holds to be true after the readings so far.
 
-    label: the most probable letter (eq. 9, 14), or NONE. probabilities: p(letter), summing to 1, with NONE
-    among them if the estimator considers that. robot_in_object: [x, y, theta] mm, rad: the most probable
-    T_R^O within the most probable letter; in space (7,), see `core.rigid`. samples: the belief about the pose of that
-    letter, from which covariance and regions are computed; None if the estimator does not say how sure it is of it.
+    label: the most probable letter (eq. 9, 14), any of them if several are, or NONE. probabilities: p(letter), summing
+    to 1, with NONE among them if the estimator considers that. robot_in_object: [x, y, theta] mm, rad: the most
+    probable T_R^O within the most probable letter; in space (7,), see `core.rigid`. samples: the belief about the pose
+    of that letter, from which covariance and regions are computed; None if the estimator does not say how sure it is.
     """
 
     label: str
@@ -165,7 +165,10 @@ class Estimator(ABC):
 
     @property
     def work(self) -> dict[str, Any]:
-        """Count what was done since the estimator was made: `likelihood_evaluations` and `skipped` {reason: count}."""
+        """Count what was done since the estimator was made: `likelihood_evaluations` and `skipped` {reason: count}.
+
+        Counts of other names may stand beside them.
+        """
         return {"likelihood_evaluations": 0, "skipped": {}}
 
 
@@ -191,7 +194,8 @@ def no_exit(name: str) -> Iterator[None]:
 def check_estimate(estimate: Any, estimator: Estimator, letters: Sequence[str]) -> None:
     """Raise InputError that names the estimator's class unless it made an estimate over some of `letters`.
 
-    Probabilities are finite, not negative and sum to 1 within 1e-6; the pose is finite.
+    Probabilities are finite, not negative and sum to 1 within 1e-6; no letter is more probable, by 1e-6, than the one
+    that is named, unless that is NONE; the pose is finite.
     """
     fault = _fault_of_estimate(estimate, letters, getattr(estimator, "in_space", False))
     if fault is not None:
@@ -209,16 +213,21 @@ def _fault_of_estimate(estimate: Any, letters: Sequence[str], in_space: bool) ->
         return f"names {short(strange[0])}, which is no letter that it was fitted to"
     if estimate.label not in estimate.probabilities:
         return f"gives its own letter {estimate.label} no probability"
+    length, kind = (7, "[x, y, z, qw, qx, qy, qz]") if in_space else (3, "[x, y, theta]")
+    if estimate.robot_in_object is None:
+        return f"has no pose: robot_in_object is None, and no finite {kind}"
     try:
         p = np.array(list(estimate.probabilities.values()), dtype=float)
+        own = float(estimate.probabilities[estimate.label])
         pose = np.asarray(estimate.robot_in_object, dtype=float)
     except (TypeError, ValueError, OverflowError):
         return "holds what is no number"
     if not (p.ndim == 1 and (p >= 0).all() and abs(p.sum() - 1) <= 1e-6):  # false for NaN too
         return f"has probabilities {short(p.tolist())}, which are negative or do not sum to 1"
-    length = 7 if in_space else 3
+    if estimate.label != NONE and own < p.max() - 1e-6:
+        best = list(estimate.probabilities)[int(p.argmax())]
+        return f"names {estimate.label} (p = {own:.4g}), and {best} is more probable (p = {p.max():.4g})"
     if pose.shape != (length,) or not (np.abs(pose) <= LARGEST).all():
-        kind = "[x, y, z, qw, qx, qy, qz]" if in_space else "[x, y, theta]"
         return f"has the pose {short(pose.tolist())}, which is no finite {kind}"
     if in_space and abs(np.linalg.norm(pose[3:]) - 1) > 1e-6:
         return f"has the quaternion {short(pose[3:].tolist())}, which is not of length 1"

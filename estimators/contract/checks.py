@@ -227,12 +227,13 @@ def a_pose_far_away_is_taken(case: Case) -> None:
 
 def work_is_counted(case: Case) -> None:
     """Count work as JSON; a count grows if the estimator counts at all, and none is negative."""
-    before = case.learned.work["likelihood_evaluations"]
+    before, done = dict(case.learned.work), "likelihood_evaluations"
+    _hold({done, "skipped"} <= set(before), f"work lacks one of its two counts: {before}")
     answers(case.learned, *case.trial())
     work = case.learned.work
     _hold(json.loads(json.dumps(work)) == work, f"work is no JSON: {work}")
     if type(case.learned).work is not Estimator.work:
-        _hold(work["likelihood_evaluations"] > before, "likelihood_evaluations did not grow")
+        _hold(work[done] > before[done], f"{done} did not grow")
     _hold(all(count >= 0 for count in work["skipped"].values()), f"a count is negative: {work['skipped']}")
 
 
@@ -319,10 +320,9 @@ def letters_that_are_one_share_its_probability(case: Case) -> None:
     estimator.fit(three)
     for seed in (0, 1):
         for _, probabilities, _ in answers(estimator, *case.trial(count=6), seed):
-            even = set(probabilities) == set("ABC") and all(
-                abs(p - 1 / 3) < 1e-9 for p in probabilities.values()
-            )
-            _hold(even, f"three labels of the same readings: {probabilities}")
+            even = all(abs(p - 1 / 3) < 1e-9 for p in probabilities.values())
+            said = f"three labels of the same readings: {probabilities}"
+            _hold(set(probabilities) == set("ABC") and even, said)
 
 
 CHECKS: tuple[Callable[[Case], Any], ...] = (

@@ -19,7 +19,8 @@ from tactsim.env.hidden_objects import Hidden, touch
 from tactsim.env.reward import Reward, entropy
 from tactsim.env.touch_spaces import action_space, checked_actions, decoded, observation_space, within
 from tactsim.env.world import World, world
-from tactsim.estimators import Estimator
+from tactsim.estimators import NONE, Estimator
+from tactsim.estimators.estimator import check_estimate
 
 
 class SubEnvironments:
@@ -125,8 +126,9 @@ class SubEnvironments:
         return self.reward.information * (before - self._entropy[rows]) - self.reward.touch_cost
 
     def _believe(self, index: int) -> None:
-        """Note what an estimator believes now."""
+        """Note what an estimator believes now. Raises InputError that names it if its answer is no estimate."""
         estimate = self.beliefs[index].estimate()
+        check_estimate(estimate, self.beliefs[index], (*self.labels, NONE))
         probabilities = np.array([estimate.probabilities.get(label, 0.0) for label in self.labels])
         self._entropy[index] = entropy(probabilities)
         self._seen["probabilities"][index] = within(self.observation_space, "probabilities", probabilities)

@@ -233,7 +233,9 @@ def test_a_proposal_that_is_none_names_the_estimator(proposal):
         )  # fmt: skip
 
 
-@pytest.mark.parametrize("counts", [3, [], {"likelihood_evaluations": "many"}, {"skipped": 3}, {"a": np.nan}])
+@pytest.mark.parametrize(
+    "counts", [3, [], {"likelihood_evaluations": "many"}, {"skipped": 3}, {"a": np.nan}, {1: 2}]
+)
 def test_counts_that_are_none_are_refused(counts):
     broken = Broken(Options())
     broken.answer, broken.counts = Estimate("A", EVEN, np.zeros(3)), counts

@@ -1,6 +1,7 @@
 """One environment: Gymnasium's own checker, what is observed, rewarded and told, and what is refused."""
 
 import copy
+import dataclasses
 import subprocess
 import sys
 import warnings
@@ -110,6 +111,16 @@ def test_the_belief_is_that_of_an_estimator_which_is_given_the_observations():
         after = -(p[p > 0] * np.log(p[p > 0])).sum()
         assert reward == pytest.approx(0.5 * (before - after) - 0.1, abs=1e-9)
         before = after
+
+
+def test_a_belief_that_is_none_names_its_estimator():
+    env = make(belief="histogram", fast=True)
+    env.reset(seed=0)
+    estimator = env._objects.beliefs[0]
+    one = estimator.estimate()
+    estimator.estimate = lambda: dataclasses.replace(one, robot_in_object=None)
+    with pytest.raises(InputError, match=r"is broken: its estimate has no pose: robot_in_object is None"):
+        env.step(env.touch(POSES[0]))
 
 
 def test_the_training_readings_are_all_that_there_is_of_the_scan():

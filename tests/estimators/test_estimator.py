@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tactsim.core import InputError
-from tactsim.estimators import Estimate
+from tactsim.estimators import NONE, Estimate
 from tactsim.estimators.estimator import check_candidates, check_estimate
 
 LETTERS = ("E", "I")
@@ -16,6 +16,10 @@ POSE = np.array([1.0, -2.0, 0.3])
 )
 def test_an_estimate_is_let_through(p):
     check_estimate(Estimate("E", p, POSE), None, LETTERS)
+
+
+def test_none_may_be_said_though_a_letter_is_more_probable():
+    check_estimate(Estimate(NONE, {"E": 0.75, NONE: 0.25}, POSE), None, (*LETTERS, NONE))
 
 
 class Lookalike:
@@ -35,6 +39,14 @@ class Lookalike:
         (Estimate("E", {"E": 0.5, "I": 0.4}, POSE), "negative or do not sum to 1"),
         (Estimate("E", {"E": np.nan}, POSE), "negative or do not sum to 1"),
         (Estimate("E", {"E": "much"}, POSE), "no number"),
+        (
+            Estimate("E", {"E": 0.25, "I": 0.75}, POSE),
+            r"names E \(p = 0.25\), and I is more probable \(p = 0.75\)",
+        ),
+        (
+            Estimate("E", {"E": 1.0}, None),
+            r"has no pose: robot_in_object is None, and no finite \[x, y, theta\]",
+        ),
         (Estimate("E", {"E": 1.0}, POSE[:2]), "no finite"),
         (Estimate("E", {"E": 1.0}, [0.0, np.nan, 0.0]), "no finite"),
         (Estimate("E", {"E": 1.0}, [0.0, 1e300, 0.0]), "no finite"),

@@ -99,6 +99,15 @@ class Forgetful(Sound):
         return Estimate(one.label, {one.label: 1.0}, one.robot_in_object)
 
 
+class Contrary(Sound):
+    """Names the letter that it holds to be the least probable."""
+
+    def estimate(self):
+        one = super().estimate()
+        least = min(one.probabilities, key=one.probabilities.get)
+        return Estimate(least, one.probabilities, one.robot_in_object)
+
+
 class TakesNan(Sound):
     def update(self, reading, sensor_in_robot):
         super().update(np.nan_to_num(reading), sensor_in_robot)
@@ -199,6 +208,12 @@ class CountsNothing(Sound):
         return {"likelihood_evaluations": 0, "skipped": {}}
 
 
+class CountsOtherThings(Sound):
+    @property
+    def work(self):
+        return {"a": 1}
+
+
 class ProposesAnything(Sound):
     def propose(self, candidates):
         return len(candidates)
@@ -267,6 +282,7 @@ BROKEN = [
     (Undescribed, contract.options_are_described),
     (Unnormalised, contract.estimates_are_probabilities_and_poses),
     (Forgetful, contract.estimates_are_probabilities_and_poses),
+    (Contrary, contract.estimates_are_probabilities_and_poses),
     (TakesNan, contract.a_bad_reading_is_refused_and_leaves_no_trace),
     (ChecksTooLate, contract.a_bad_reading_is_refused_and_leaves_no_trace),
     (Secretive, contract.the_same_seed_gives_the_same_answer),
@@ -279,6 +295,7 @@ BROKEN = [
     (Underflows, contract.readings_without_contrast_are_taken),
     (Reaches, contract.a_pose_far_away_is_taken),
     (CountsNothing, contract.work_is_counted),
+    (CountsOtherThings, contract.work_is_counted),
     (ProposesAnything, contract.a_proposal_is_a_candidate),
     (Peeks, contract.readings_to_test_with_teach_nothing),
     (SixBySix, contract.any_pad_will_do_and_a_new_fit_replaces_the_old),
