@@ -24,15 +24,36 @@ def check_statements(meta: Mapping[str, Any]) -> None:
         raise InputError(
             f"scan: the unit of the readings is {short(unit)}; known are {', '.join(UNITS)}, so convert them first"
         )
-    if licence is not None and not (
-        isinstance(licence, str) and licence.isprintable() and 0 < len(licence) <= _LONGEST_LICENCE
-    ):
+    if licence is not None and not _may_name_a_licence(licence):
         raise InputError(
             f"scan: the licence is {short(licence)}; give its SPDX name, like {OWN_LICENCE}, in at most "
             f"{_LONGEST_LICENCE} printable characters"
         )
     if isinstance(meta.get("train"), Mapping):
         check_statements(meta["train"])
+
+
+def _may_name_a_licence(licence: object) -> bool:
+    return isinstance(licence, str) and licence.isprintable() and 0 < len(licence) <= _LONGEST_LICENCE
+
+
+def spdx_name(licence: str) -> str:
+    """Return a licence that is stated now, or an expression of several, in the letters that SPDX writes it in.
+
+    Raises InputError for a name that is not on SPDX's list and does not begin with LicenseRef-. What a file states is
+    not asked for this: readings under an odd name can still be read.
+    """
+    from packaging.licenses import InvalidLicenseExpression, canonicalize_license_expression
+
+    try:
+        if _may_name_a_licence(licence):
+            return str(canonicalize_license_expression(licence))
+    except InvalidLicenseExpression:
+        pass
+    raise InputError(
+        f"licence {short(licence)} is no SPDX name; give one of spdx.org/licenses, like {OWN_LICENCE}, or "
+        "LicenseRef-NAME for terms of your own"
+    )
 
 
 def statements(meta: Mapping[str, Any]) -> dict[str, Any]:

@@ -18,7 +18,7 @@ from tactsim.core.errors import InputError, short, unknown
 from tactsim.core.given_arrays import names_of, readings_a_press, splits_of
 from tactsim.core.npz import read_npz
 from tactsim.core.poses import FloatArray
-from tactsim.core.provenance import check_statements, statements
+from tactsim.core.provenance import check_statements, spdx_name, statements
 from tactsim.core.scan_arrays import (
     as_loads,
     as_names,
@@ -169,7 +169,7 @@ class Scan:
 
         pad = Pad() if pad is None else pad
         values = readings_a_press(readings, pad)
-        stated = {"unit": unit} if licence is None else {"unit": unit, "licence": licence}
+        stated = {"unit": unit} if licence is None else {"unit": unit, "licence": spdx_name(licence)}
         made = {"source": "imported", "versions": {"tactsim": version("tactsim")}}
         meta = {**made, "pad": pad.model_dump(mode="json"), **stated}
         return cls(
@@ -248,7 +248,11 @@ class Scan:
         )  # fmt: skip
 
     def licensed(self, licence: str) -> Scan:
-        """State the licence of the readings, by its SPDX name. Raises InputError if they state another one."""
+        """State the licence of the readings, by its SPDX name.
+
+        Raises InputError if it is no such name, or if they state another one.
+        """
+        licence = spdx_name(licence)
         stated = self.meta.get("licence")
         if stated not in (None, licence):
             raise InputError(

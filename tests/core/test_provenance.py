@@ -37,6 +37,36 @@ def test_an_unknown_unit_is_one_line(unit):
     assert "\n" not in str(refused.value)
 
 
+@pytest.mark.parametrize(
+    "licence", ["", "bogus", "CC-BY", "x" * 101, "MIT\n", 3, "MIT and more", "(MIT", "LicenseRef- x"]
+)
+def test_a_licence_that_is_stated_is_on_the_list_of_spdx(licence):
+    with pytest.raises(InputError, match="is no SPDX name; give one of") as caught:
+        scan_with({}).licensed(licence)
+    assert "\n" not in str(caught.value)
+    with pytest.raises(InputError, match="is no SPDX name"):
+        Scan.from_arrays(np.zeros((1, 36)), np.zeros((1, 3)), ["A"], licence=licence)
+
+
+@pytest.mark.parametrize(
+    ("stated", "written"),
+    [
+        ("cc0-1.0", "CC0-1.0"),
+        ("MIT OR apache-2.0", "MIT OR Apache-2.0"),
+        ("LicenseRef-ours", "LicenseRef-ours"),
+    ],
+)
+def test_a_licence_is_written_as_spdx_writes_it(stated, written):
+    scan = scan_with({}).licensed(stated)
+    assert scan.about["licence"] == written
+    assert scan.licensed(stated).about["licence"] == written
+
+
+def test_a_scan_under_an_odd_licence_is_still_read(tmp_path):
+    scan_with({"licence": "as is"}).save(tmp_path / "scan.npz")
+    assert Scan.load(tmp_path / "scan.npz").about["licence"] == "as is"
+
+
 @pytest.mark.parametrize("licence", ["", 3, "x" * 101, "MIT\n", ["MIT"]])
 def test_a_licence_is_a_short_name(licence):
     with pytest.raises(InputError, match=r"the licence is .* SPDX name"):

@@ -89,6 +89,7 @@ def test_a_folder_that_holds_something_is_refused(name, tmp_path, here, rng):
         (["--to", "hdf5", "--out", "."], "that is a folder"),
         (["--to", "parquet", "--out", "scan.npz"], "that is a file"),
         (["--to", "mcap", "--out", "x.mcap", "--licence", ""], "SPDX"),
+        (["--to", "mcap", "--out", "x.mcap", "--licence", "bogus"], "licence 'bogus' is no SPDX name"),
     ],
 )
 def test_a_mistake_is_one_line(words, says, tmp_path, here, rng):
