@@ -125,6 +125,12 @@ def command(
         )
     if letter is None:
         refuse_typed(context, ("pose",), "is where a letter is pressed; say which one with --letter")
+    if letter is None and follow is None and plan is None:
+        refuse_typed(
+            context,
+            ("hold", "lift"),
+            "times presses, and nothing is pressed; say what with --letter, --follow or --plan",
+        )
     words = {"world": world, "scan_set": key_values(scan_set or (), "--scan-set"), "seed": seed}
     options = on_pad_of(
         described, scan_options(**words, letters="none" if shapes else None, shapes=shapes or ())

@@ -187,6 +187,8 @@ def test_a_large_array_is_cut_into_touches(here, tmp_path):
         (["emulate", "--port", "tcp:x"], ["tcp:[HOST:]PORT"]),
         (["emulate", "--letter", "?"], ["unknown letter"]),
         (["emulate", "--pose", "1,2,3"], ["--pose is where", "--letter"]),
+        (["emulate", "--hold", "3"], ["--hold times presses, and nothing is pressed", "--letter"]),
+        (["emulate", "--lift", "1"], ["--lift times presses, and nothing is pressed", "--plan"]),
     ],
 )
 def test_mistakes_end_in_one_line(here, words, parts):
