@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from tactsim.estimators import Estimator
+from tactsim.estimators.estimator import name_of, no_exit
 
 
 def about_estimator(estimator: Estimator) -> dict[str, Any]:
@@ -12,8 +13,10 @@ def about_estimator(estimator: Estimator) -> dict[str, Any]:
 
     options: all of them. settings: those that are not the defaults. budget: see `budget_of`.
     """
+    with no_exit(name_of(estimator)):
+        description = estimator.describe()
     return {
-        "description": estimator.describe(),
+        "description": description,
         "options": estimator.options.model_dump(mode="json"),
         "settings": estimator.options.model_dump(mode="json", exclude_defaults=True),
         "budget": budget_of(estimator),

@@ -12,7 +12,7 @@ from tactsim.bench.fitting import fit
 from tactsim.core import InputError, Scan, compose
 from tactsim.core.poses import FloatArray
 from tactsim.estimators import NONE, Estimate, Estimator
-from tactsim.estimators.estimator import check_estimate
+from tactsim.estimators.estimator import check_estimate, name_of, no_exit
 from tactsim.press import forward_model
 
 _REHEARSED = 3  # touches before the first: what an estimator prepares only when it is needed is then ready
@@ -56,7 +56,10 @@ NOTHING = Belief()
 
 
 class Recogniser:
-    """Let a fitted estimator take touches one by one, take the last one back, and choose the next."""
+    """Let a fitted estimator take touches one by one, take the last one back, and choose the next.
+
+    An estimator that would end the program is a RuntimeError: in a thread it would end nothing but the recognising.
+    """
 
     def __init__(self, estimator: Estimator, letters: Sequence[str], seed: int) -> None:
         self.letters = tuple(letters)
@@ -85,7 +88,7 @@ class Recogniser:
 
     def take(self, touch: Touch) -> Belief:
         """Take in a touch. Raises InputError that names the estimator if its answer is no estimate."""
-        self._estimator.update(touch.pressures, touch.sensor_in_robot)
+        self._update(touch)
         estimate = self._estimate()
         delay = time.monotonic() - touch.came
         before = self.belief
@@ -98,7 +101,7 @@ class Recogniser:
         longest = self.belief.longest_delay
         self._reset()
         for touch in kept:
-            self._estimator.update(touch.pressures, touch.sensor_in_robot)
+            self._update(touch)
         self.belief = Belief(kept, self._estimate() if kept else None, None, longest)
         return self.belief
 
@@ -114,20 +117,27 @@ class Recogniser:
 
         Raises InputError if the estimator proposes no touches, or something that is none of them.
         """
-        chosen = self._estimator.propose(candidates)
+        with no_exit(name_of(self._estimator)):
+            chosen = self._estimator.propose(candidates)
         if not (isinstance(chosen, int | np.integer) and 0 <= chosen < len(candidates)):
             raise InputError(
                 f"the estimator {type(self._estimator).__name__} is broken: it proposed {chosen!r}"
             )
         return int(chosen)
 
+    def _update(self, touch: Touch) -> None:
+        with no_exit(name_of(self._estimator)):
+            self._estimator.update(touch.pressures, touch.sensor_in_robot)
+
     def _estimate(self) -> Estimate:
-        estimate = self._estimator.estimate()
+        with no_exit(name_of(self._estimator)):
+            estimate = self._estimator.estimate()
         check_estimate(estimate, self._estimator, (*self.letters, NONE))
         return estimate
 
     def _reset(self) -> None:
-        self._estimator.reset(np.random.default_rng([self._seed, self._round]))
+        with no_exit(name_of(self._estimator)):
+            self._estimator.reset(np.random.default_rng([self._seed, self._round]))
 
 
 def on_taxels(train: Scan, taxel_xy: FloatArray, name: str) -> Scan:

@@ -20,7 +20,7 @@ from tactsim.env.reward import Reward, entropy
 from tactsim.env.touch_spaces import action_space, checked_actions, decoded, observation_space, within
 from tactsim.env.world import World, world
 from tactsim.estimators import NONE, Estimator
-from tactsim.estimators.estimator import check_estimate
+from tactsim.estimators.estimator import check_estimate, name_of, no_exit
 
 
 class SubEnvironments:
@@ -90,7 +90,8 @@ class SubEnvironments:
         for values in self._seen.values():
             values[index] = 0
         if self.beliefs:
-            self.beliefs[index].reset(own)
+            with no_exit(name_of(self.beliefs[index])):
+                self.beliefs[index].reset(own)
             self._believe(index)
 
     def step(self, rows: Sequence[int], actions: Any) -> tuple[FloatArray, NDArray[np.bool_]]:
@@ -121,13 +122,15 @@ class SubEnvironments:
             return np.full(len(rows), -self.reward.touch_cost)
         before = self._entropy[rows]
         for row in np.asarray(rows)[rests].tolist():
-            self.beliefs[row].update(self._seen["reading"][row], self._seen["pose"][row])
+            with no_exit(name_of(self.beliefs[row])):
+                self.beliefs[row].update(self._seen["reading"][row], self._seen["pose"][row])
             self._believe(row)
         return self.reward.information * (before - self._entropy[rows]) - self.reward.touch_cost
 
     def _believe(self, index: int) -> None:
         """Note what an estimator believes now. Raises InputError that names it if its answer is no estimate."""
-        estimate = self.beliefs[index].estimate()
+        with no_exit(name_of(self.beliefs[index])):
+            estimate = self.beliefs[index].estimate()
         check_estimate(estimate, self.beliefs[index], (*self.labels, NONE))
         probabilities = np.array([estimate.probabilities.get(label, 0.0) for label in self.labels])
         self._entropy[index] = entropy(probabilities)

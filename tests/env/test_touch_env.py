@@ -123,6 +123,20 @@ def test_a_belief_that_is_none_names_its_estimator():
         env.step(env.touch(POSES[0]))
 
 
+@pytest.mark.parametrize("verb", ["reset", "update", "estimate"])
+def test_an_estimator_that_would_end_the_program_is_a_failure(verb):
+    env = make(belief="histogram", fast=True)
+    env.reset(seed=0)
+
+    def end(*_):
+        raise SystemExit(0)
+
+    setattr(env._objects.beliefs[0], verb, end)
+    with pytest.raises(RuntimeError, match="the estimator histogram ended the program"):
+        env.step(env.touch(POSES[0]))
+        env.reset()
+
+
 def test_the_training_readings_are_all_that_there_is_of_the_scan():
     scan = make("tactsim/open-set-v1").scan
     assert set(scan.split) == {"train"}

@@ -49,6 +49,8 @@ class Faulty(Guessing):
     def update(self, reading, sensor_in_robot): raise KeyError("a bug of the plug-in's")
 class Ending(Guessing):
     def update(self, reading, sensor_in_robot): raise SystemExit
+class Wordless(Guessing):
+    def describe(self): raise SystemExit(0)
 class Unlearned(Guessing):
     def fit(self, scan): raise SystemExit(3)
 class Unmade(Guessing):
@@ -87,7 +89,7 @@ BROKEN = [
     "wrong:Thing",
 ]  # fmt: skip
 ESTIMATORS = [*BROKEN, "wrong:Bare", "wrong:function", "halves:Unfinished", "halves:Whole"]
-WORKING = ["guessing:Guessing", "guessing:Nan", "guessing:Nothing", "guessing:Faulty"]
+WORKING = ["guessing:Guessing", "guessing:Wordless", "guessing:Nan", "guessing:Nothing", "guessing:Faulty"]
 WORKING += ["guessing:Ending", "guessing:Unlearned", "guessing:Unmade", "guessing:Talking"]
 CODECS = [*BROKEN, "wrong:Bare", "wrong:function", "described:Unfinished"]
 SOURCES = ["sources:nothing", "sources:bare", "sources:silent", "sources:short"]
@@ -168,7 +170,13 @@ def test_a_plug_in_that_answers_nonsense_is_named_in_one_line(plugged, called_he
 
 @pytest.mark.parametrize(
     ("name", "jobs", "said"),
-    [("ending", 1, "None"), ("ending", 2, "None"), ("unlearned", 1, "3"), ("unmade", 1, "no licence")],
+    [
+        ("ending", 1, "None"),
+        ("ending", 2, "None"),
+        ("unlearned", 1, "3"),
+        ("unmade", 1, "no licence"),
+        ("wordless", 1, "0"),
+    ],
 )
 def test_a_plug_in_that_would_end_the_program_is_a_failure_with_its_place(
     called_here, scan_file, name, jobs, said
@@ -181,6 +189,12 @@ def test_a_plug_in_that_would_end_the_program_is_a_failure_with_its_place(
     shown = "".join(traceback.format_exception(error.value))
     assert "guessing.py" in shown, "its author sees where"
     assert not Path("out").exists()
+
+
+def test_a_plug_in_that_would_end_the_program_is_a_failure_while_somebody_presses(called_here, scan_file):
+    words = ["live", "--port", "simulated:I", "--train-scan", scan_file, "--readings", "1"]
+    with pytest.raises(RuntimeError, match=r"estimator ending ended the program .SystemExit: None"):
+        called_here(*words, "--estimator", "ending")
 
 
 @pytest.mark.parametrize("jobs", [1, 2])

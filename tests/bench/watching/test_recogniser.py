@@ -71,6 +71,22 @@ def test_an_estimator_that_cannot_propose_is_refused_before_the_first_touch(scan
         Recogniser.fitted(create("nearest"), train, 0, train.poses)
 
 
+@pytest.mark.parametrize("verb", ["reset", "update", "estimate", "propose"])
+def test_an_estimator_that_would_end_the_program_is_a_failure(scan, verb):
+    """In the thread that recognises nobody would hear of it."""
+    train = on_taxels(scan, scan.taxel_xy, "x")
+    recogniser = Recogniser.fitted(create("histogram", bins=1000), train, 0)
+
+    def end(*_):
+        raise SystemExit(0)
+
+    setattr(recogniser._estimator, verb, end)
+    with pytest.raises(RuntimeError, match="the estimator histogram ended the program"):
+        recogniser.take(touches(scan, 1)[0])
+        recogniser.choose(train.poses)
+        recogniser.begin_anew()
+
+
 def test_training_readings_follow_the_pad_s_taxels(scan):
     order = [5, 0, 17]
     train = on_taxels(scan, scan.taxel_xy[order], "x")
