@@ -22,6 +22,14 @@ _HEADERS = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.r
 _ENCRYPTED = 1  # bit of a member's flags
 
 
+class MissingArrayError(InputError):
+    """An array that was asked for is not in the file. there: the names of those that are."""
+
+    def __init__(self, name: str, there: Iterable[str]) -> None:
+        super().__init__(f"it has no array {name!r}")
+        self.there = frozenset(there)
+
+
 def read_npz(
     source: str | Path | BytesIO, names: Iterable[str], optional: Iterable[str] = ()
 ) -> dict[str, NDArray[Any]]:
@@ -30,7 +38,7 @@ def read_npz(
     An `optional` array that is not there is left out.
 
     A claimed size is checked before memory is allocated. Raises InputError if the file is not a whole .npz,
-    lacks an array or holds one of another kind. The message does not name the path.
+    lacks an array, which is a MissingArrayError, or holds one of another kind. The message does not name the path.
     """
     with nullcontext(source) if isinstance(source, BytesIO) else opened(source) as stream:
         try:
@@ -53,7 +61,7 @@ def _members(
     for name in names:
         info = known.get(f"{name}.npy")
         if info is None:
-            raise InputError(f"it has no array {name!r}")
+            raise MissingArrayError(name, (one.removesuffix(".npy") for one in known))
         if info.flag_bits & _ENCRYPTED or info.compress_type not in (
             zipfile.ZIP_STORED,
             zipfile.ZIP_DEFLATED,

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from tactsim.core.documents import parse_json
 from tactsim.core.errors import InputError, short, unknown
 from tactsim.core.given_arrays import names_of, readings_a_press, splits_of
-from tactsim.core.npz import read_npz
+from tactsim.core.npz import MissingArrayError, read_npz
 from tactsim.core.poses import FloatArray
 from tactsim.core.provenance import check_statements, spdx_name, statements
 from tactsim.core.scan_arrays import (
@@ -299,7 +299,7 @@ class Scan:
         try:
             arrays = read_npz(path, (*_ARRAYS, "meta"), _SEQUENCE + _OF_PRESSES)
         except InputError as error:
-            if "'taxel_xy'" in str(error) and read_npz(path, (), ("taxel_points",)):
+            if isinstance(error, MissingArrayError) and "taxel_points" in error.there:
                 raise InputError(
                     f"scan {path}: it holds objects in space, which only `bench run --task solids` takes"
                 ) from None

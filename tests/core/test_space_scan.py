@@ -82,3 +82,19 @@ def test_is_not_taken_for_readings_of_letters(scan: SpaceScan, tmp_path: Path) -
         InputError, match=r"scan\.npz: it holds objects in space, which only `bench run --task sol"
     ):
         Scan.load(tmp_path / "scan.npz")
+
+
+def test_is_not_taken_for_readings_of_letters_though_it_is_damaged(scan: SpaceScan, tmp_path: Path) -> None:
+    scan.save(tmp_path / "whole.npz")
+    with np.load(tmp_path / "whole.npz") as arrays:
+        np.savez(tmp_path / "scan.npz", **{name: arrays[name] for name in arrays if name != "poses"})
+    with pytest.raises(InputError, match="it holds objects in space"):
+        Scan.load(tmp_path / "scan.npz")
+
+
+def test_letters_without_their_taxels_are_not_taken_for_objects_in_space(tmp_path: Path) -> None:
+    np.savez(tmp_path / "taxel_xy.npz", readings=np.zeros((1, 1)))  # its name tells nothing
+    with pytest.raises(
+        InputError, match=r"taxel_xy\.npz: it has no array 'poses'; make one with `bench scan"
+    ):
+        Scan.load(tmp_path / "taxel_xy.npz")
