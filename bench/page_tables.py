@@ -34,6 +34,7 @@ from tactsim.bench.score import recoveries
 from tactsim.bench.trial_plan import source_of_trials
 from tactsim.core import InputError
 from tactsim.core.errors import unknown
+from tactsim.core.source_digest import short_commit
 
 # Of how many scans, of different seeds, a published figure is made at least: those of one scan share its maps.
 LEAST_SCANS = 5
@@ -92,7 +93,7 @@ def _several(count: int, what: str) -> str:
 
 
 def _commit(run: Run) -> str:
-    return str(run.about["commit"] or "unknown")[:12]
+    return short_commit(run.about["commit"])
 
 
 def _pools(folder: Path) -> list[Pooled]:

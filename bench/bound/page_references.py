@@ -15,7 +15,7 @@ from tactsim.bench.bound.references import AT, distances_of, load, means, recogn
 from tactsim.bench.page_blocks import asked_for, fill_blocks, fill_one, markdown_table
 from tactsim.core import InputError
 from tactsim.core.poses import FloatArray
-from tactsim.core.source_digest import git_commit
+from tactsim.core.source_digest import git_commit, short_commit
 
 
 def readings_asked_for(text: str) -> list[int]:
@@ -47,8 +47,7 @@ def fill(text: str, found: Mapping[str, FloatArray]) -> str:
     for name, of in found.items():
         rows.append([name, *shown(means(of)[[AT.index(n) for n in after]].T)])
     objects = len(next(iter(found.values())))
-    commit = (git_commit() or "unknown")[:12]
-    origin = f"*`make references`: {objects} objects; commit {commit}.*"
+    origin = f"*`make references`: {objects} objects; commit {short_commit(git_commit())}.*"
     return fill_blocks(text, "references", lambda _: f"{markdown_table(rows)}\n{origin}\n")
 
 

@@ -22,6 +22,7 @@ from tactsim.bench.leaderboard.standings import Entrant, Standings, read_folder
 from tactsim.bench.page_blocks import fill_blocks, fill_page, markdown_table
 from tactsim.bench.tasks import task
 from tactsim.core import InputError
+from tactsim.core.source_digest import short_commit
 
 _SEEN = (1, 2, 3, 5, 10, 20)
 
@@ -83,7 +84,7 @@ def _paper_row(row: paper_rows.PaperRow, of: Standings, seen: Sequence[int]) -> 
 def _origin(of: Standings) -> str:
     if not of.ranked:
         return "*No method has a score.*"
-    commits = sorted({(one.bundle.commit or "unknown")[:12] for one in of.ranked})
+    commits = sorted({short_commit(one.bundle.commit) for one in of.ranked})
     return (
         f"*`bench submit {of.task}`: {len(of.ranked[0].bundle.runs)} scans, {of.trials} trials for each figure; in "
         f"brackets 95 % intervals over scans and trials; commit {', '.join(commits)}.*"

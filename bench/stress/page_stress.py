@@ -17,7 +17,7 @@ from tactsim.bench.stress import cases, run_cases
 from tactsim.bench.stress.case import Outcome
 from tactsim.bench.terminal import progress_bars
 from tactsim.core import InputError
-from tactsim.core.source_digest import git_commit
+from tactsim.core.source_digest import git_commit, short_commit
 
 _ALL = "all cases"
 
@@ -44,7 +44,7 @@ def fill(text: str, outcomes: Sequence[Outcome]) -> str:
     libraries = f"Python {known['python']}, NumPy {known['numpy']}, MuJoCo {known['mujoco-core']}"
     origin = (
         f"*`make stress`: {len(outcomes)} cases in {minutes:.0f} minutes, none failed; {libraries}, {on['cores']} cores"
-        f" of {on['processor']}; commit {(git_commit() or 'unknown')[:12]}.*"
+        f" of {on['processor']}; commit {short_commit(git_commit())}.*"
     )
     return fill_blocks(text, "stress", lambda _: f"{markdown_table(rows)}\n{origin}\n")
 

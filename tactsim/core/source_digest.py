@@ -87,6 +87,11 @@ def git_commit() -> str | None:
     return described.stdout.strip() or None
 
 
+def short_commit(commit: str | None) -> str:
+    """Write a commit, as `git_commit` names it, in the 12 digits that a page shows; "unknown" where there is none."""
+    return (commit or "unknown")[:12]
+
+
 @dataclass(frozen=True)
 class _Import:
     """One imported name, as the syntax tree has it.

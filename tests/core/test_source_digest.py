@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 import tactsim
-from tactsim.core.source_digest import git_commit, source_digest, source_of
+from tactsim.core.source_digest import git_commit, short_commit, source_digest, source_of
 
 PRESS = "tactsim.press.engine"
 TRIALS = ("tactsim.bench.trial_workers", "tactsim.estimators.filters.histogram")
@@ -133,3 +133,8 @@ print(source_digest.source_digest("tactsim.press.engine"), len(parsed))
     assert found() == (first, count)
     monkeypatch.setenv("TACTSIM_CACHE_DIR", str(kept / "below a file"))
     assert found() == (first, count)
+
+
+def test_a_page_shows_a_commit_in_twelve_digits_or_that_it_is_unknown():
+    assert short_commit("0123456789abcdef-changed") == "0123456789ab"
+    assert short_commit(None) == "unknown"
