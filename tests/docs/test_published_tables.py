@@ -68,13 +68,13 @@ def test_the_regions_that_are_counted_beneath_their_table_are_those_of_the_table
     ]
     counted = re.search(
         r"Of the (\d+) shares of `refined` (\d+) lie between \.87 and \.93, (\d+) below and (\d+) above; "
-        r"of those of `force-mosaic` (\d+), (\d+) and (\d+)\.",
+        r"of those of `force-mosaic` (\d+), (\d+) and (\d+); of those of `graded` (\d+), (\d+) and (\d+)\.",
         " ".join(text.split()),
     )
     assert counted is not None
     total, *said = map(int, counted.groups())
     found = []
-    for method in (0, 1):
+    for method in range(3):
         shares = [float(share) for row in rows for share in row[method]]
         assert len(shares) == total
         below, above = sum(share < 0.87 for share in shares), sum(share > 0.93 for share in shares)
