@@ -24,6 +24,10 @@ class Cells:
     times: NDArray[np.int64]
     index: NDArray[np.int64]
 
+    def of(self, chosen: NDArray[np.intp]) -> Cells:
+        """Keep some cells."""
+        return Cells(self.grid, self.times[chosen], self.index[chosen])
+
     @property
     def letter(self) -> NDArray[np.int64]:
         """Give the number of each cell's letter (n,)."""

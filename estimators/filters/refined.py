@@ -124,13 +124,13 @@ class RefinedFilter(GridFilter):
         best = int(mass.argmax())
         mine = np.flatnonzero(letter == best)
         mine = mine[log_weight[mine] > log_weight[mine].max() - _NEGLIGIBLE_IN_MEAN]
-        weights, states, times = Weights(log_weight[mine]), cells.states.take(mine, axis=1), cells.times[mine]
-        densest = int((weights.log + math.log(8) * times).argmax())
+        weights, states, some = Weights(log_weight[mine]), cells.states.take(mine, axis=1), cells.of(mine)
+        densest = int((weights.log + math.log(8) * some.times).argmax())
         return Estimate(
             label=self.labels[best],
             probabilities=probabilities(self.labels, mass),
             robot_in_object=mean_around(states, weights.relative, densest),
-            samples=pose_samples(states, weights, cells.size.take(mine, axis=1)),
+            samples=pose_samples(states, weights, some.size),
         )
 
     def certificate(self) -> Certificate:

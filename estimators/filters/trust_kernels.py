@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numba import boolean, float64
 
-from tactsim.core.compiling import INTS_2D, REALS, REALS_2D, Ints, Reals, compiled
+from tactsim.core.compiling import INTS, INTS_2D, REALS, REALS_2D, Ints, Reals, compiled
 from tactsim.estimators.field.series import small_exp
 
 # Nats below the largest; what has less counts as so much, which adds nothing to a sum of doubles.
@@ -32,16 +32,21 @@ def sums_of_readings(log_p: Reals, drawn: Ints, mirrored: Ints) -> Reals:
     return sums
 
 
-@compiled(boolean(REALS_2D, float64, REALS, REALS_2D, float64), ordered=False)
-def mostly_held(log_p: Reals, weight: float, log_volume: Reals, shift: Reals, share: float) -> bool:
+@compiled(boolean(REALS_2D, INTS, float64, REALS, REALS_2D, float64), ordered=False)
+def mostly_held(
+    log_p: Reals, order: Ints, weight: float, log_volume: Reals, shift: Reals, share: float
+) -> bool:
     """Tell whether in more than a share of sequences the region with that share of the belief holds no move at all.
 
-    log_p: (sequences, moves) of sequences, counted with a weight. log_volume: (moves,) of what a move stands for.
-    shift: (moves, 2) mm. A region is all shifts that are nearer to their mean than a distance.
+    log_p: (sequences, moves) of sequences, counted with a weight. order: (sequences,) in which they are looked at;
+    those whose region leaves no move out come to its front, because they do so with another weight too, and few of
+    them decide. log_volume: (moves,) of what a move stands for. shift: (moves, 2) mm. A region is all shifts that are
+    nearer to their mean than a distance.
     """
     sequences, belief = len(log_p), np.empty(len(log_volume))
     left_out = 0
-    for of_sequence in log_p:
+    for looked_at in range(sequences):
+        of_sequence = log_p[order[looked_at]]
         largest = -math.inf
         for move in range(len(belief)):
             belief[move] = weight * of_sequence[move] + log_volume[move]
@@ -60,6 +65,7 @@ def mostly_held(log_p: Reals, weight: float, log_volume: Reals, shift: Reals, sh
             near = x * (x - 2 * mean_x) + y * (y - 2 * mean_y) < 0
             nearer += belief[move] if near else 0.0
         if nearer >= share * total:
+            order[left_out], order[looked_at] = order[looked_at], order[left_out]
             left_out += 1
             if sequences - left_out <= share * sequences:
                 return False

@@ -18,10 +18,13 @@ def test_sequences_whose_region_excludes_no_move_are_counted_as_defined(seed):
         mean = belief @ shift
         nearer = np.linalg.norm(shift - mean, axis=1) < np.linalg.norm(mean)
         shares.append(belief[nearer].sum())
-    answers = []
+    answers, order = [], rng.permutation(40)
     for share in np.linspace(0.05, 0.95, 19):
         answers.append(np.mean(np.array(shares) < share) > share)
-        assert mostly_held(log_p, weight, log_volume, shift, share) == answers[-1]
+        # In any order, and in the one that the share before has left.
+        assert mostly_held(log_p, order, weight, log_volume, shift, share) == answers[-1]
+        assert mostly_held(log_p, np.arange(40), weight, log_volume, shift, share) == answers[-1]
+        assert sorted(order) == list(range(40))
     assert 0 < np.mean(answers) < 1
 
 
@@ -31,14 +34,17 @@ def test_as_many_as_the_share_are_not_more_than_it():
     shift = np.array([[0.0, 0.0], [1.0, 0.0]])
     for count in range(11):
         log_p = np.array([held] * count + [left_out] * (10 - count))
-        assert mostly_held(log_p, 1.0, np.zeros(2), shift, 0.5) == (count > 5)
+        assert mostly_held(log_p, np.arange(10), 1.0, np.zeros(2), shift, 0.5) == (count > 5)
 
 
 def test_what_all_moves_have_in_common_changes_nothing():
     rng = np.random.default_rng(4)
     log_p, shift = rng.normal(scale=200, size=(40, 64)), rng.normal(size=(64, 2))
     for share in np.linspace(0.05, 0.95, 19):
-        found = [mostly_held(log_p + offset, 1.0, np.zeros(64), shift, share) for offset in (0.0, -1e5)]
+        found = [
+            mostly_held(log_p + offset, np.arange(40), 1.0, np.zeros(64), shift, share)
+            for offset in (0.0, -1e5)
+        ]
         assert found[0] == found[1]
 
 
