@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from tactsim.estimators import Estimator
-from tactsim.estimators.estimator import name_of, no_exit
+from tactsim.estimators.estimator import no_exit
 
 
 def about_estimator(estimator: Estimator) -> dict[str, Any]:
@@ -13,7 +13,7 @@ def about_estimator(estimator: Estimator) -> dict[str, Any]:
 
     options: all of them. settings: those that are not the defaults. budget: see `budget_of`.
     """
-    with no_exit(name_of(estimator)):
+    with no_exit(estimator):
         description = estimator.describe()
     return {
         "description": description,

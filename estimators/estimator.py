@@ -178,17 +178,29 @@ def name_of(estimator: Estimator) -> str:
 
 
 @contextmanager
-def no_exit(name: str) -> Iterator[None]:
-    """Run an estimator's code; if it would end the program, that is a failure of the estimator called `name`.
+def no_exit(estimator: Estimator | str) -> Iterator[None]:
+    """Run the code of an estimator, or of one called so; if it would end the program, that is a failure of it.
 
     Raises RuntimeError where SystemExit was raised, whatever its status: 0 would pass for success.
     """
     try:
         yield
     except SystemExit as error:
+        name = estimator if isinstance(estimator, str) else name_of(estimator)
         raise RuntimeError(
             f"the estimator {name} ended the program (SystemExit: {error.code}); it must answer or raise an error"
         ) from error
+
+
+def checked_estimate(estimator: Estimator, letters: Sequence[str]) -> Estimate:
+    """Ask an estimator for its estimate over some of `letters` or NONE.
+
+    Raises InputError that names its class if the answer is none, RuntimeError if it would end the program.
+    """
+    with no_exit(estimator):
+        estimate = estimator.estimate()
+    check_estimate(estimate, estimator, (*letters, NONE))
+    return estimate
 
 
 def check_estimate(estimate: Any, estimator: Estimator, letters: Sequence[str]) -> None:

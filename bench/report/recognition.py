@@ -23,7 +23,7 @@ from tactsim.core.checking import checked
 from tactsim.core.errors import InputError
 from tactsim.core.poses import FloatArray
 from tactsim.estimators import Estimate, Estimator, PlaneBelief
-from tactsim.estimators.estimator import name_of, no_exit
+from tactsim.estimators.estimator import no_exit
 from tactsim.estimators.likelihoods.occupancy import OccupancyMap, maps_of
 from tactsim.press import ScanOptions, scan_letters
 
@@ -187,7 +187,7 @@ def _recognise(entry: Entry, estimator: Estimator, plan: TrialPlan, task: OneTri
             beliefs.append(belief)
 
     estimator = plan.fitted_for(task.truth, estimator)
-    with no_exit(name_of(estimator)):
+    with no_exit(estimator):
         trial = run_trial(
             estimator, test, task, letters=plan.letters_known(task.truth), readings=entry.readings,
             seed=plan.seed, of=entry.run.objects[task.truth], explore=plan.explore, press=plan.press,

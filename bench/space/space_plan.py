@@ -20,7 +20,7 @@ from tactsim.bench.work_counts import flatten_work, unflatten_work
 from tactsim.core.seeds import stream
 from tactsim.core.space_scan import SpaceScan
 from tactsim.estimators import Estimator, create
-from tactsim.estimators.estimator import name_of, no_exit
+from tactsim.estimators.estimator import no_exit
 
 if TYPE_CHECKING:
     from tactsim.models import Solid
@@ -74,7 +74,7 @@ class SpacePlan:
 
 def fit_in_space(estimator: Estimator, scan: SpaceScan) -> None:
     """Fit an estimator of objects in space: its `fit` takes a `SpaceScan` where the others' take a `Scan`."""
-    with no_exit(name_of(estimator)):
+    with no_exit(estimator):
         cast("Any", estimator).fit(scan)
 
 

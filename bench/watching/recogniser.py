@@ -11,8 +11,8 @@ import numpy as np
 from tactsim.bench.fitting import fit
 from tactsim.core import InputError, Scan, compose
 from tactsim.core.poses import FloatArray
-from tactsim.estimators import NONE, Estimate, Estimator
-from tactsim.estimators.estimator import check_estimate, name_of, no_exit
+from tactsim.estimators import Estimate, Estimator
+from tactsim.estimators.estimator import checked_estimate, no_exit
 from tactsim.press import forward_model
 
 _REHEARSED = 3  # touches before the first: what an estimator prepares only when it is needed is then ready
@@ -117,7 +117,7 @@ class Recogniser:
 
         Raises InputError if the estimator proposes no touches, or something that is none of them.
         """
-        with no_exit(name_of(self._estimator)):
+        with no_exit(self._estimator):
             chosen = self._estimator.propose(candidates)
         if not (isinstance(chosen, int | np.integer) and 0 <= chosen < len(candidates)):
             raise InputError(
@@ -126,17 +126,14 @@ class Recogniser:
         return int(chosen)
 
     def _update(self, touch: Touch) -> None:
-        with no_exit(name_of(self._estimator)):
+        with no_exit(self._estimator):
             self._estimator.update(touch.pressures, touch.sensor_in_robot)
 
     def _estimate(self) -> Estimate:
-        with no_exit(name_of(self._estimator)):
-            estimate = self._estimator.estimate()
-        check_estimate(estimate, self._estimator, (*self.letters, NONE))
-        return estimate
+        return checked_estimate(self._estimator, self.letters)
 
     def _reset(self) -> None:
-        with no_exit(name_of(self._estimator)):
+        with no_exit(self._estimator):
             self._estimator.reset(np.random.default_rng([self._seed, self._round]))
 
 

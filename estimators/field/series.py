@@ -1,10 +1,11 @@
-"""Cosine, sine and exponential as series, of which compilers make vectors as they do not of math.cos (compiled)."""
+"""Cosine, sine, exponential and logarithm as series, of which compilers make vectors, as not of math.cos (compiled)."""
 
 from __future__ import annotations
 
 import math
 
-from numba import float64, types, uint64
+import numpy as np
+from numba import float64, int64, types, uint64
 
 from tactsim.core.compiling import compiled
 from tactsim.estimators.field.bits import bits_of, real_of
@@ -58,7 +59,7 @@ def cos_sin(angle: float) -> tuple[float, float]:
     odd = (turned & uint64(1)) != 0  # of the whole number of quarters: then cosine and sine change places
     cosine, sine = (near_0, near_1) if odd else (near_1, near_0)
     return (
-        real_of(bits_of(cosine) ^ ((turned + uint64(1) & uint64(2)) << uint64(62))),
+        real_of(bits_of(cosine) ^ (((turned + uint64(1)) & uint64(2)) << uint64(62))),
         real_of(bits_of(sine) ^ ((turned & uint64(2)) << uint64(62))),
     )
 
@@ -85,3 +86,24 @@ def small_exp(exponent: float) -> float:
     series = series * rest + 1.0
     # The exponent of a number near 1 is 1023, in the bits from number 52 on.
     return series * real_of((bits_of(shifted) + uint64(1023)) << uint64(52))
+
+
+@compiled(float64(float64), called_from_python=False, ordered=False)
+def logarithm(number: float) -> float:
+    """Give the natural logarithm of a normal number above 0, right to 1e-15: of 2 artanh s the series to s^17."""
+    bits: np.uint64 = bits_of(number)
+    # The number is m * 2^power with m in [sqrt(1/2), sqrt(2)); the power is turned into a float by its place.
+    power = uint64(int64(bits - uint64(0x3FE6A09E667F3BCD)) >> int64(52))
+    m = real_of(bits - (power << uint64(52)))
+    s = (m - 1.0) / (m + 1.0)
+    z = s * s
+    series = 2 / 17
+    series = series * z + 2 / 15
+    series = series * z + 2 / 13
+    series = series * z + 2 / 11
+    series = series * z + 2 / 9
+    series = series * z + 2 / 7
+    series = series * z + 2 / 5
+    series = series * z + 2 / 3
+    series = series * z + 2.0
+    return (real_of(power + bits_of(_ROUNDS)) - _ROUNDS) * math.log(2) + s * series

@@ -5,18 +5,17 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import int64, types, uint64, void
+from numba import types, uint64, void
 from numpy.typing import NDArray
 
 from tactsim.core.compiling import REALS, Reals, compiled
 from tactsim.estimators.field.bits import bits_of, real_of
-from tactsim.estimators.field.series import small_cosine, small_sine
+from tactsim.estimators.field.series import logarithm, small_cosine, small_sine
 
 Words = NDArray[np.uint64]
 WORDS = types.uint64[::1]
 
 LANES = 16  # generators: two vectors of eight, so that one's latency is the other's time
-_LN_2 = math.log(2)
 
 
 def seeded(rng: np.random.Generator) -> Words:
@@ -50,27 +49,11 @@ def fill_words(state: Words, words: Words) -> None:
 def exponentials(words: Words, out: Reals) -> None:
     """Turn random words into exponential numbers of mean 1: -ln u, with u in (0, 1] from a word's upper 52 bits.
 
-    words: as many as out, or more. The logarithm is the series of 2 artanh s to s^17, right to 1e-15; compilers know
-    no vectors of math.log.
+    words: as many as out, or more.
     """
     for i in range(uint64(len(out))):
         uniform = 2.0 - real_of((words[i] >> uint64(12)) | uint64(0x3FF0000000000000))
-        bits: np.uint64 = bits_of(uniform)
-        # u = m * 2^power with m in [sqrt(1/2), sqrt(2)); the power is turned into a float by its place in 1.5 * 2^52.
-        power = uint64(int64(bits - uint64(0x3FE6A09E667F3BCD)) >> int64(52))
-        m = real_of(bits - (power << uint64(52)))
-        s = (m - 1.0) / (m + 1.0)
-        z = s * s
-        series = 2 / 17
-        series = series * z + 2 / 15
-        series = series * z + 2 / 13
-        series = series * z + 2 / 11
-        series = series * z + 2 / 9
-        series = series * z + 2 / 7
-        series = series * z + 2 / 5
-        series = series * z + 2 / 3
-        series = series * z + 2.0
-        out[i] = -((real_of(power + uint64(0x4338000000000000)) - 6755399441055744.0) * _LN_2 + s * series)
+        out[i] = -logarithm(uniform)
 
 
 @compiled(void(WORDS, REALS), ordered=False)

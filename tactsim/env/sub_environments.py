@@ -19,8 +19,8 @@ from tactsim.env.hidden_objects import Hidden, touch
 from tactsim.env.reward import Reward, entropy
 from tactsim.env.touch_spaces import action_space, checked_actions, decoded, observation_space, within
 from tactsim.env.world import World, world
-from tactsim.estimators import NONE, Estimator
-from tactsim.estimators.estimator import check_estimate, name_of, no_exit
+from tactsim.estimators import Estimator
+from tactsim.estimators.estimator import checked_estimate, no_exit
 
 
 class SubEnvironments:
@@ -90,7 +90,7 @@ class SubEnvironments:
         for values in self._seen.values():
             values[index] = 0
         if self.beliefs:
-            with no_exit(name_of(self.beliefs[index])):
+            with no_exit(self.beliefs[index]):
                 self.beliefs[index].reset(own)
             self._believe(index)
 
@@ -122,16 +122,14 @@ class SubEnvironments:
             return np.full(len(rows), -self.reward.touch_cost)
         before = self._entropy[rows]
         for row in np.asarray(rows)[rests].tolist():
-            with no_exit(name_of(self.beliefs[row])):
+            with no_exit(self.beliefs[row]):
                 self.beliefs[row].update(self._seen["reading"][row], self._seen["pose"][row])
             self._believe(row)
         return self.reward.information * (before - self._entropy[rows]) - self.reward.touch_cost
 
     def _believe(self, index: int) -> None:
         """Note what an estimator believes now. Raises InputError that names it if its answer is no estimate."""
-        with no_exit(name_of(self.beliefs[index])):
-            estimate = self.beliefs[index].estimate()
-        check_estimate(estimate, self.beliefs[index], (*self.labels, NONE))
+        estimate = checked_estimate(self.beliefs[index], self.labels)
         probabilities = np.array([estimate.probabilities.get(label, 0.0) for label in self.labels])
         self._entropy[index] = entropy(probabilities)
         self._seen["probabilities"][index] = within(self.observation_space, "probabilities", probabilities)

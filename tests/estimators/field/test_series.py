@@ -1,10 +1,10 @@
-"""Cosine, sine and exponential as series, against NumPy's; and that loops of them are the same one by one."""
+"""Cosine, sine, exponential and logarithm as series, against NumPy's; and that loops of them are the same one by one."""
 
 import numpy as np
 import pytest
 from numba import njit
 
-from tactsim.estimators.field.series import cos_sin, small_cosine, small_exp, small_sine
+from tactsim.estimators.field.series import cos_sin, logarithm, small_cosine, small_exp, small_sine
 
 
 @njit
@@ -17,6 +17,12 @@ def turned(angle, cosine, sine):
 def each(exponent, power, angle, cosine, sine):
     for k in range(len(exponent)):
         power[k], cosine[k], sine[k] = small_exp(exponent[k]), small_cosine(angle[k]), small_sine(angle[k])
+
+
+@njit
+def logarithms(number, log):
+    for k in range(len(number)):
+        log[k] = logarithm(number[k])
 
 
 def cosine_and_sine(angle):
@@ -53,3 +59,11 @@ def test_powers_and_small_angles_are_those_of_numpy():
     assert np.abs(power / np.exp(exponent) - 1).max() < 1e-15
     assert power[20_000] == 1.0
     assert np.abs([cosine - np.cos(angle), sine - np.sin(angle)]).max() < 3e-15
+
+
+def test_logarithms_are_those_of_numpy():
+    number = np.concatenate([np.exp(np.random.default_rng(0).uniform(-700, 700, 20_000)), [1.0, 2.0, 0.5]])
+    log = np.empty_like(number)
+    logarithms(number, log)
+    assert np.allclose(log, np.log(number), rtol=1e-15, atol=1e-15)
+    assert log[20_000] == 0.0

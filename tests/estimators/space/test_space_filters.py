@@ -198,7 +198,7 @@ def test_a_symmetric_object_is_not_punished_for_it():
 
 
 def test_turning_the_world_turns_the_answer():
-    estimator = with_field(ToyField({"tee": toy.SOLIDS["tee"], "hook": hook(1)}, 0.5), **FEW)
+    estimator = with_field(ToyField({"tee": toy.SOLIDS["tee"], "hook": hook(1)}, 0.5), particles=600)
     true, readings, sensors = hidden(hook(1), 9, 3)
     world = np.concatenate([[2.0, -1.0, 3.0], rigid.random_rotations(1, np.random.default_rng(4))[0]])
     for frame in (rigid.IDENTITY, world):
@@ -209,10 +209,9 @@ def test_turning_the_world_turns_the_answer():
             found = rigid.invert(estimate.robot_in_object)
             away.append(np.linalg.norm(found[:3] - there[:3]))
             fits.append(np.subtract(*estimator.field.log_p(1, np.stack([found, there]))))
-        # With so few particles one draw in fifteen is lost, and one in four lies a little beside the best fit.
-        assert np.median(away) < 1.5
-        # It fits the touches as well as the true pose does.
-        assert max(fits) > -1
+        assert max(away) < 1.5
+        # It fits the touches as well as the true pose does. About one draw in twelve is a little beside the best fit.
+        assert np.median(fits) > -1
 
 
 def test_several_pads_at_once_say_what_they_say_one_after_another():
