@@ -1,4 +1,4 @@
-"""Cosine, sine, exponential and logarithm as series, against NumPy's, and that loops of them are the same one by one."""
+"""Cosine, sine, exponential and logarithm as series, against those of NumPy; and that loops of them are no others."""
 
 import numpy as np
 import pytest
