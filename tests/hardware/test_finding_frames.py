@@ -116,9 +116,7 @@ def test_without_one_nothing_that_is_lost_or_added_between_two_marks_does(kind, 
     form = device.codec.build()
     frames = [form.encode(numbers(values, 0)) for values in sent]
     arrived = [bytearray(frame) for frame in frames]
-    first = (
-        len(mark) if kind.startswith("header") else 0
-    )  # where the values begin, which may look like a mark
+    first = len(mark) if kind.startswith("header") else 0  # where the values begin; they may look like a mark
     for frame, (loses, lost, added) in zip(arrived, losses, strict=False):
         if loses:
             for at in sorted(lost, reverse=True):
