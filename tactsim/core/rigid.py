@@ -78,8 +78,17 @@ def turned(quaternion: ArrayLike, vectors: ArrayLike) -> FloatArray:
     """Turn vectors (..., 3) by unit quaternions (..., 4); both broadcast."""
     quaternion, vectors = np.asarray(quaternion, dtype=float), np.asarray(vectors, dtype=float)
     w, axis = quaternion[..., :1], quaternion[..., 1:]
-    twice = 2 * np.cross(axis, vectors)
-    return np.asarray(vectors + w * twice + np.cross(axis, twice), dtype=float)
+    twice = 2 * _cross(axis, vectors)
+    return vectors + w * twice + _cross(axis, twice)
+
+
+def _cross(left: FloatArray, right: FloatArray) -> FloatArray:
+    """Multiply vectors (..., 3) crosswise, as `np.cross` to the bit; of few vectors in less than half its time."""
+    product = np.empty(np.broadcast_shapes(left.shape, right.shape))
+    for x, y, z in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        product[..., x] = left[..., y] * right[..., z]
+        product[..., x] -= left[..., z] * right[..., y]
+    return product
 
 
 def compose(outer: ArrayLike, inner: ArrayLike) -> FloatArray:
