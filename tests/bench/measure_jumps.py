@@ -31,6 +31,7 @@ from tactsim.press import forward_model
 READINGS, WITHIN, LENGTH, COPIES = 20, 3, 5.0, 4
 STATES, LATER = 20_000, 3_000  # drawn at the touch after the jump, and at those after it
 AT_REST = 1e-4  # mm^2; a density needs a width
+WAYS = ("told when and how far", "told when", "motion=auto")
 
 
 def jump_of(true_pose, centre):
@@ -136,16 +137,10 @@ def main(seeds):
             ]
             counts += [1, *again]
         total += counts
-        jumps, everything, when, auto = counts
-        print(
-            f"seed {seed}: {jumps} jumps; found again: told when and how far {everything}, told when {when}, ",
-            end="",
-        )
-        print(f"motion=auto {auto}", flush=True)
-    jumps, everything, when, auto = total[0], *total[1:] / total[0]
-    print(
-        f"all: {jumps} jumps; told when and how far {everything:.3f}, told when {when:.3f}, motion=auto {auto:.3f}"
-    )
+        each = ", ".join(f"{way} {count}" for way, count in zip(WAYS, counts[1:], strict=True))
+        print(f"seed {seed}: {counts[0]} jumps; found again: {each}", flush=True)
+    each = ", ".join(f"{way} {share:.3f}" for way, share in zip(WAYS, total[1:] / total[0], strict=True))
+    print(f"all: {total[0]} jumps; {each}")
 
 
 if __name__ == "__main__":
