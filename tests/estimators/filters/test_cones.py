@@ -51,6 +51,25 @@ def test_a_grid_bounds_the_sum_of_cones_node_by_node(rho):
     assert over.max() < weight[chosen].sum() * (PARZEN_STEP[2] / 8 / rho + 128**-0.5)
 
 
+@pytest.mark.parametrize("rho", [0.3, 1.0, 3.0])
+def test_cones_that_share_a_cell_are_added_one_by_one(rho):
+    # More of them than are added in one go, among others, and each with a weight of its own.
+    state, weight = random_states(700, seed=3)
+    state[:, 0] = 0.05, 3.05, 0.02
+    state[:, 100:500] = state[:, :1]
+    corner, size = np.array([-12, -6]), 32
+    bounds = np.zeros((3, size, size, TURN + 1 + window(rho)[2]), dtype=np.float32)
+    for bound, chosen in zip(
+        bounds, (np.arange(700), np.arange(500, 700), np.zeros(1, dtype=int)), strict=True
+    ):
+        add_cones(bound, state, weight, chosen, corner, rho, cone_profiles(rho))
+    alone = sum(weight[100:500]) / weight[0] * bounds[2]
+    early = np.zeros_like(bounds[0])
+    add_cones(early, state, weight, np.arange(100), corner, rho, cone_profiles(rho))
+    assert alone.max() > 100
+    assert bounds[0] == pytest.approx(alone + bounds[1] + early, rel=1e-4, abs=1e-4)
+
+
 @pytest.mark.parametrize("rho", [0.4, 1.0, 3.0])
 def test_cones_are_summed_around_the_circle_at_single_nodes(rho):
     state, weight = random_states(50, seed=1)
