@@ -29,6 +29,25 @@ def test_spacings_are_sorted_uniform_numbers():
     assert chosen.tolist() == [0, 1, 1, 2, 2, 3, 3, 4, 4]
 
 
+@pytest.mark.parametrize("weights", [1, 2, 15, 1000])
+@pytest.mark.parametrize("draws", [1, 7, 16, 40, 1500])
+def test_draws_are_those_of_a_search_in_running_sums(weights, draws):
+    rng = np.random.default_rng(weights + draws)
+    for kind in range(4):
+        weight, spacing = rng.random(weights) ** 20, rng.standard_exponential(draws + 3)
+        if kind == 1:  # sums that are equal, which no rounding hides
+            weight, spacing = np.full(weights, 2.0**-3), np.full(draws + 3, 2.0**-3)
+        elif kind == 2:  # nothing at either end
+            weight = np.where(np.abs(np.arange(weights) - weights // 2) < 3, weight, 0.0)
+        elif kind == 3:  # all in one, now and then the last
+            weight = np.where(np.arange(weights) == rng.integers(max(0, weights - 2), weights), 1.0, 0.0)
+        chosen = np.empty(draws, dtype=np.int64)
+        draw(chosen, weight, spacing)
+        filled, reached = np.cumsum(weight), np.cumsum(spacing[: draws + 1])
+        wanted = np.searchsorted(filled, reached[:-1] * (filled[-1] / reached[-1]), side="right")
+        assert chosen.tolist() == np.minimum(wanted, weights - 1).tolist()
+
+
 def test_draws_are_independent_of_each_other():
     # Two equal halves of n draws: the count of the first is binomial, not as even as systematic resampling makes it.
     rng = np.random.default_rng(4)
