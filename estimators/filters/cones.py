@@ -247,16 +247,21 @@ def sum_cones(density: Reals, node: Reals, state: Reals, weight: Reals, rho: flo
 
     density: (nodes,) is overwritten. node: (3, nodes), with angles in [0, 2 pi), state: (3, states) mm, mm, rad.
     """
-    left, right = node[0].min() - rho, node[0].max() + rho
-    low, high = node[1].min() - rho, node[1].max() + rho
-    near, count = np.empty(len(weight), dtype=np.int64), uint64(0)
-    for i in range(len(weight)):
+    # No cone reaches a node from outside a circle around all nodes, made larger by rho and by what rounding may do.
+    middle_x, middle_y = (node[0].min() + node[0].max()) / 2, (node[1].min() + node[1].max()) / 2
+    away = 0.0
+    for m in range(node.shape[1]):
+        away = max(away, (node[0, m] - middle_x) ** 2 + (node[1, m] - middle_y) ** 2)
+    away = (math.sqrt(away) + rho) ** 2 * (1 + 1e-9)
+    near, count = np.empty(len(weight), dtype=np.int32), uint64(0)
+    for i in range(uint64(len(weight))):
         near[count] = i
-        x, y = state[0, i], state[1, i]
-        count += uint64((x > left) & (x < right) & (y > low) & (y < high))
+        x, y = state[0, i] - middle_x, state[1, i] - middle_y
+        count += uint64(x * x + y * y < away)
     density[:] = 0
     circle, per_rho = 2 * math.pi, 1 / rho
-    for i in near[:count]:
+    for one_near in near[:count]:
+        i = uint64(one_near)
         x, y, one = state[0, i], state[1, i], weight[i]
         angle = state[2, i] - circle * math.floor(state[2, i] / circle)
         for m in range(uint64(len(density))):
