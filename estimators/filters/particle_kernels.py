@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import float64, int64, uint64, void
+from numba import float64, uint64, void
 
 from tactsim.core.compiling import INTS, REALS, REALS_2D, Ints, Reals, compiled
 from tactsim.estimators.filters.xoshiro import WORDS, Words, fill_words, normals
@@ -24,18 +24,20 @@ def move(
     """
     words, normal = np.empty(3 * _BATCH, dtype=np.uint64), np.empty(3 * _BATCH)
     sigma_x, sigma_y, sigma_angle = noise[0], noise[1], noise[2]
-    for begin in range(0, len(letter), _BATCH):
-        count = min(_BATCH, len(letter) - begin)
+    from_x, from_y, from_angle = from_state[0], from_state[1], from_state[2]
+    to_x, to_y, to_angle = state[0], state[1], state[2]
+    for begin in range(uint64(0), uint64(len(letter)), uint64(_BATCH)):
         fill_words(random, words)
         normals(words, normal)
-        for k in range(uint64(count)):
-            i, one = begin + int64(k), uint64(chosen[begin + int64(k)])
+        for k in range(min(uint64(_BATCH), uint64(len(letter)) - begin)):
+            i = begin + k
+            one = uint64(chosen[i])
             letter[i] = from_letter[one]
-            x = from_state[0, one] + sigma_x * normal[k]
-            y = from_state[1, one] + sigma_y * normal[k + uint64(_BATCH)]
-            state[0, i] = min(max(x, -reach), reach)
-            state[1, i] = min(max(y, -reach), reach)
-            state[2, i] = from_state[2, one] + sigma_angle * normal[k + uint64(2 * _BATCH)]
+            x = from_x[one] + sigma_x * normal[k]
+            y = from_y[one] + sigma_y * normal[k + uint64(_BATCH)]
+            to_x[i] = min(max(x, -reach), reach)
+            to_y[i] = min(max(y, -reach), reach)
+            to_angle[i] = from_angle[one] + sigma_angle * normal[k + uint64(2 * _BATCH)]
 
 
 @compiled(void(REALS, REALS, INTS))
