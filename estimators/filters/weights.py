@@ -25,7 +25,8 @@ class Weights:
     @cached_property
     def relative(self) -> FloatArray:
         """Give the weights (n,) in the unit of the heaviest, which is 1: they cannot all be 0."""
-        return np.exp(self.log - self.log.max())
+        below = self.log - self.log.max()
+        return np.exp(below, out=below)
 
     @property
     def normalised(self) -> FloatArray:
