@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 from numba import types, uint64, void
@@ -11,11 +12,10 @@ from numpy.typing import NDArray
 from tactsim.core.compiling import REALS, Reals, compiled
 from tactsim.estimators.field.bits import bits_of, real_of
 from tactsim.estimators.field.series import logarithm, small_cosine, small_sine
+from tactsim.estimators.filters.word_vectors import LANES, load_words, next_words, store_words
 
 Words = NDArray[np.uint64]
 WORDS = types.uint64[::1]
-
-LANES = 16  # generators: two vectors of eight, so that one's latency is the other's time
 
 
 def seeded(rng: np.random.Generator) -> Words:
@@ -29,20 +29,17 @@ def fill_words(state: Words, words: Words) -> None:
 
     state: as from `seeded`, is moved on. Word i comes from lane i % LANES.
     """
-    second, third, fourth = uint64(LANES), uint64(2 * LANES), uint64(3 * LANES)
+    s0: Any = load_words(state, 0)  # type: ignore[call-arg]
+    s1: Any = load_words(state, LANES)
+    s2: Any = load_words(state, 2 * LANES)
+    s3: Any = load_words(state, 3 * LANES)
     for i in range(uint64(len(words) // LANES)):
-        begin = uint64(i * second)
-        for k in range(uint64(LANES)):
-            s0, s1, s2, s3 = state[k], state[k + second], state[k + third], state[k + fourth]
-            total = s0 + s3
-            words[begin + k] = ((total << uint64(23)) | (total >> uint64(41))) + s0
-            shifted = s1 << uint64(17)
-            s2 ^= s0
-            s3 ^= s1
-            s1 ^= s2
-            s0 ^= s3
-            state[k], state[k + second], state[k + third] = s0, s1, s2 ^ shifted
-            state[k + fourth] = (s3 << uint64(45)) | (s3 >> uint64(19))
+        drawn, s0, s1, s2, s3 = next_words(s0, s1, s2, s3)
+        store_words(words, i * uint64(LANES), drawn)
+    store_words(state, 0, s0)
+    store_words(state, LANES, s1)
+    store_words(state, 2 * LANES, s2)
+    store_words(state, 3 * LANES, s3)
 
 
 @compiled(void(WORDS, REALS), ordered=False)
