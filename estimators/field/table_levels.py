@@ -1,28 +1,47 @@
-"""Upper bounds of what a bin reads in tables, in a byte instead of four numbers, and their sums for tiles (compiled).
+"""Upper bounds of what a bin reads in tables, in six bits instead of four numbers, and their sums for tiles (compiled).
 
 A bin reads four neighbouring nodes and interpolates. The largest of the four bounds that; it is kept as the lowest
-value of its table and a number of steps, rounded up. A tile's bound moves a sixteenth of the memory that its sum does.
+value of its table and a number of steps, rounded up. Where all terms weigh the same, a tile's bound is a sum of whole
+numbers: four bytes are added up before one can overflow.
 """
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import float64, int64, types, uint8
+from numba import float32, float64, int64, types, uint8, void
 from numpy.typing import NDArray
 
-from tactsim.core.compiling import FLOATS, INTS_2D, REALS, Floats, Ints, Reals, compiled
+from tactsim.core.compiling import FLOATS, INTS, INTS_2D, REALS, Floats, Ints, Reals, compiled
 from tactsim.estimators.field.slices import SLICES, Slices, beside, laid_out
-from tactsim.estimators.field.vectors import LANES, TALL, add_times, load_bytes, store, zeros
+from tactsim.estimators.field.terms import TERMS, Terms
+from tactsim.estimators.field.vectors import (
+    LANES,
+    TALL,
+    add_bytes,
+    add_times,
+    add_widened,
+    add_words,
+    highest_lane,
+    load,
+    load_bytes,
+    no_bytes,
+    no_words,
+    rounded_up,
+    store,
+    zeros,
+)
 
-_MOST = 255
+# The highest level; so many levels that a byte holds their sum, and so many of these sums that 16 bits hold theirs.
+HIGHEST, _BYTES, _WORDS = 63, 4, 256
 
 
 class Levels(NamedTuple):
-    """Upper bounds of tables: lowest + step * level of the table, at the flat index of the lower left of four nodes.
+    """Upper bounds of tables: lowest of the table + step * level, at the flat index of the lower left of four nodes.
 
-    level: flat, uint8, laid out as `Slices.nodes`. lowest, step: (tables,) nats.
+    level: flat, uint8, laid out as `Slices.nodes`. lowest: (tables,) nats. step: (1,) nats, the same for all tables.
     """
 
     level: NDArray[np.uint8]
@@ -33,52 +52,142 @@ class Levels(NamedTuple):
 LEVELS = types.NamedTuple((uint8[::1], REALS, REALS), Levels)
 
 
+class Looked(NamedTuple):
+    """Where the tiles of all angles look up the bounds of one reading.
+
+    at: (tiles, most) flat index of the level of the tile's first bin for the first letter. term: (tiles, most) number
+    of the term. number: (tiles,) how many of these. lowest: (tiles,) nats, the sum of their tables' lowest values
+    times their weights.
+    """
+
+    at: Ints
+    term: Ints
+    number: Ints
+    lowest: Reals
+
+
+LOOKED = types.NamedTuple((INTS_2D, INTS_2D, INTS, REALS), Looked)
+
+
 def levels_of(nodes: Floats, phases: tuple[int, int]) -> Levels:
     """Bound the nodes (tables, letters, rows, columns) of `Tables`, 0 at their rim, laid out with `phases`."""
-    lowest, step = np.empty((2, len(nodes)))
-    levels = []
-    for number, table in enumerate(nodes):  # one by one: they may be many
-        largest = table.astype(float)
+    # Outside tables are 0. At the rim they may miss it by rounding, all values may be such traces.
+    lowest = np.array([min(float(table.min()), 0.0) for table in nodes])
+    highest = np.array([max(float(table.max()), 0.0) for table in nodes])
+    step = max(float((highest - lowest).max()), float(np.finfo(np.float32).tiny)) / HIGHEST
+    rows, columns = nodes.shape[2] // phases[0] + 2 * TALL, nodes.shape[3] // phases[1] + LANES
+    framed = np.empty((*nodes.shape[:2], *phases, rows, columns), dtype=np.uint8)
+    for kind, table in enumerate(nodes):  # one by one: they may be many
+        low, largest = lowest[kind], table.astype(float)
         largest[..., :-1] = np.maximum(largest[..., :-1], largest[..., 1:])
         largest[..., :-1, :] = np.maximum(largest[..., :-1, :], largest[..., 1:, :])
-        # Outside tables are 0. At the rim they may miss it by rounding, all values may be such traces.
-        lowest[number], highest = min(largest.min(), 0.0), max(float(largest.max()), 0.0)
-        step[number] = max(highest - lowest[number], np.finfo(np.float32).tiny) / _MOST
-        level = np.ceil((largest - lowest[number]) / step[number])
-        outside = min(_MOST, int(np.ceil(-lowest[number] / step[number])))
-        levels.append(laid_out(np.minimum(level, _MOST).astype(np.uint8)[None], phases, outside))
-    return Levels(np.concatenate(levels, axis=None), lowest, step)
+        level = np.minimum(np.ceil((largest - low) / step), HIGHEST).astype(np.uint8)
+        outside = min(HIGHEST, math.ceil(-low / step))
+        framed[kind] = laid_out(level[None], phases, outside)[0]
+    return Levels(framed.reshape(-1), lowest, np.array([step]))
 
 
 @compiled(
-    float64(FLOATS, LEVELS, SLICES, int64, int64, int64, int64, INTS_2D, FLOATS, REALS, INTS_2D),
+    void(LOOKED, LEVELS, SLICES, TERMS, int64, int64, int64, int64, INTS_2D, INTS_2D),
     called_from_python=False,
 )
-def bound_tile(
-    total: Floats, levels: Levels, slices: Slices, terms: int, letter: int, row: int, column: int,
-    offset: Ints, factor: Floats, lowest: Reals, within: Ints,
-) -> float:  # fmt: skip
-    """Bound the sum of the placed terms for the tile that begins at a row and column.
+def look_up(
+    looked: Looked, levels: Levels, slices: Slices, terms: Terms, reading: int, first: int, rows: int, columns: int,
+    offset: Ints, within: Ints,
+) -> None:  # fmt: skip
+    """Find where the tiles of one angle look up the bounds of a reading.
 
-    offset, within: as `place_terms` places them. factor, lowest: (terms,) a term's weight times the step and the lowest
-    value of its table. Returns a number that total (4 * 16,), which is filled, is to be added to.
+    first: number of the angle's first tile; it has rows x columns of them. offset, within: as `place_terms` places the
+    terms.
     """
-    level, width = levels.level, slices.shape[5] + LANES
-    plane = (slices.shape[4] + 2 * TALL) * width
-    move = letter * slices.shape[2] * slices.shape[3] * plane + row * width + column
+    begin, number = terms.start[reading], terms.start[reading + 1] - terms.start[reading]
+    width = slices.shape[5] + LANES
+    for row in range(rows):
+        for column in range(columns):
+            tile, found, lowest = first + row * columns + column, 0, 0.0
+            for i in range(number):
+                if not beside(within[i], row * TALL, column * LANES):
+                    looked.at[tile, found] = offset[i, 0] + row * TALL * width + column * LANES
+                    looked.term[tile, found] = begin + i
+                    lowest += terms.weight[begin + i] * levels.lowest[terms.kind[begin + i]]
+                    found += 1
+            looked.number[tile], looked.lowest[tile] = found, lowest
+
+
+@compiled(float64(FLOATS, LEVELS, INTS, int64, int64, float32, float32), called_from_python=False)
+def raise_alike(
+    bound: Floats, levels: Levels, at: Ints, move: int, width: int, weight: float, constant: float
+) -> float:
+    """Add constant + the sum of levels, which all have one weight, to the bounds of a tile's bins (4 * 16,).
+
+    at: (n,) flat indices, all moved on by `move`. width: from a row of the tile to the next. weight: nats a level.
+    Returns the highest bound; bounds are rounded up.
+    """
+    level, number = levels.level, len(at)
     first = second = third = fourth = zeros()  # type: ignore[call-arg, var-annotated]
-    least = 0.0
-    for i in range(terms):
-        if beside(within[i], row, column):
-            continue
-        at = offset[i, 0] + move
-        first = add_times(first, factor[i], load_bytes(level, at))
-        second = add_times(second, factor[i], load_bytes(level, at + width))
-        third = add_times(third, factor[i], load_bytes(level, at + 2 * width))
-        fourth = add_times(fourth, factor[i], load_bytes(level, at + 3 * width))
-        least += lowest[i]
-    store(total, 0, first)
-    store(total, LANES, second)
-    store(total, 2 * LANES, third)
-    store(total, 3 * LANES, fourth)
-    return least
+    for begin in range(0, number, _BYTES * _WORDS):
+        end = min(number, begin + _BYTES * _WORDS)
+        fours = begin + (end - begin) // _BYTES * _BYTES
+        words_1 = words_2 = words_3 = words_4 = no_words()
+        for i in range(begin, fours, _BYTES):
+            bytes_1 = bytes_2 = bytes_3 = bytes_4 = no_bytes()
+            for j in range(_BYTES):
+                place = at[i + j] + move
+                bytes_1 = add_bytes(bytes_1, level, place)
+                bytes_2 = add_bytes(bytes_2, level, place + width)
+                bytes_3 = add_bytes(bytes_3, level, place + 2 * width)
+                bytes_4 = add_bytes(bytes_4, level, place + 3 * width)
+            words_1, words_2 = add_widened(words_1, bytes_1), add_widened(words_2, bytes_2)
+            words_3, words_4 = add_widened(words_3, bytes_3), add_widened(words_4, bytes_4)
+        bytes_1 = bytes_2 = bytes_3 = bytes_4 = no_bytes()
+        for i in range(fours, end):
+            place = at[i] + move
+            bytes_1 = add_bytes(bytes_1, level, place)
+            bytes_2 = add_bytes(bytes_2, level, place + width)
+            bytes_3 = add_bytes(bytes_3, level, place + 2 * width)
+            bytes_4 = add_bytes(bytes_4, level, place + 3 * width)
+        first = add_words(first, add_widened(words_1, bytes_1))
+        second = add_words(second, add_widened(words_2, bytes_2))
+        third = add_words(third, add_widened(words_3, bytes_3))
+        fourth = add_words(fourth, add_widened(words_4, bytes_4))
+    first = rounded_up(add_times(load(bound, 0), weight, first), constant)
+    second = rounded_up(add_times(load(bound, LANES), weight, second), constant)
+    third = rounded_up(add_times(load(bound, 2 * LANES), weight, third), constant)
+    fourth = rounded_up(add_times(load(bound, 3 * LANES), weight, fourth), constant)
+    store(bound, 0, first)
+    store(bound, LANES, second)
+    store(bound, 2 * LANES, third)
+    store(bound, 3 * LANES, fourth)
+    return float64(highest_lane(first, second, third, fourth))
+
+
+@compiled(float64(FLOATS, LEVELS, INTS, int64, int64, FLOATS, INTS, float32), called_from_python=False)
+def raise_weighted(
+    bound: Floats,
+    levels: Levels,
+    at: Ints,
+    move: int,
+    width: int,
+    weight: Floats,
+    term: Ints,
+    constant: float,
+) -> float:
+    """Do what `raise_alike` does, with the weight (terms,) of each level's term (n,)."""
+    level = levels.level
+    first = second = third = fourth = zeros()  # type: ignore[call-arg, var-annotated]
+    for i in range(len(at)):
+        place, factor = at[i] + move, float32(levels.step[0] * weight[term[i]])
+        first = add_times(first, factor, load_bytes(level, place))
+        second = add_times(second, factor, load_bytes(level, place + width))
+        third = add_times(third, factor, load_bytes(level, place + 2 * width))
+        fourth = add_times(fourth, factor, load_bytes(level, place + 3 * width))
+    once = float32(1)
+    first = rounded_up(add_times(load(bound, 0), once, first), constant)
+    second = rounded_up(add_times(load(bound, LANES), once, second), constant)
+    third = rounded_up(add_times(load(bound, 2 * LANES), once, third), constant)
+    fourth = rounded_up(add_times(load(bound, 3 * LANES), once, fourth), constant)
+    store(bound, 0, first)
+    store(bound, LANES, second)
+    store(bound, 2 * LANES, third)
+    store(bound, 3 * LANES, fourth)
+    return float64(highest_lane(first, second, third, fourth))

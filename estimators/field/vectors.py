@@ -1,4 +1,7 @@
-"""Vectors of 16 float32 for compiled code. Numba has none, and finds too few by itself in loops over short slices."""
+"""Vectors of 16 numbers for compiled code: float32, bytes, and whole numbers of 16 bits.
+
+Numba has none, and finds too few by itself in loops over short slices.
+"""
 
 from __future__ import annotations
 
@@ -10,32 +13,35 @@ from numba.core import cgutils
 from numba.extending import intrinsic, models, register_model
 
 TALL, LANES = 4, 16  # a tile: rows, and bins of a row
-_VECTOR = ir.VectorType(ir.FloatType(), LANES)
 
 
-class _Lanes(types.Type):
-    def __init__(self) -> None:
-        super().__init__(name=f"Lanes{LANES}")
+class _Vector(types.Type):
+    """A vector of LANES numbers of one kind."""
+
+    def __init__(self, name: str, number: ir.Type) -> None:
+        self.vector = ir.VectorType(number, LANES)
+        super().__init__(name=f"{name}{LANES}")
 
 
-@register_model(_Lanes)
-class _LanesModel(models.PrimitiveModel):
+@register_model(_Vector)
+class _VectorModel(models.PrimitiveModel):
     def __init__(self, manager: Any, kind: Any) -> None:
-        super().__init__(manager, kind, _VECTOR)
+        super().__init__(manager, kind, kind.vector)
 
 
-_LANES = _Lanes()
+_LANES = _Vector("Lanes", ir.FloatType())
+_BYTES, _WORDS = _Vector("Bytes", ir.IntType(8)), _Vector("Words", ir.IntType(16))
 
 
 def _address(context: Any, builder: Any, signature: Any, args: Any) -> Any:
     array = context.make_array(signature.args[0])(context, builder, args[0])
-    return builder.bitcast(builder.gep(array.data, [args[1]]), _VECTOR.as_pointer())
+    return builder.bitcast(builder.gep(array.data, [args[1]]), _LANES.vector.as_pointer())
 
 
 @intrinsic
 def zeros(typing: Any) -> Any:
     """Make a vector of zeros."""
-    return _LANES(), lambda context, builder, signature, args: ir.Constant(_VECTOR, [0.0] * LANES)
+    return _LANES(), lambda context, builder, signature, args: ir.Constant(_LANES.vector, [0.0] * LANES)
 
 
 @intrinsic
@@ -59,22 +65,83 @@ def store(typing: Any, array: Any, index: Any, values: Any) -> Any:
     return types.void(array, index, values), generate
 
 
+def _everywhere(builder: Any, number: Any) -> Any:
+    """Make a vector whose lanes are all one float32."""
+    undefined = ir.Constant(_LANES.vector, ir.Undefined)
+    one = builder.insert_element(undefined, number, ir.Constant(ir.IntType(32), 0))
+    return builder.shuffle_vector(
+        one, undefined, ir.Constant(ir.VectorType(ir.IntType(32), LANES), [0] * LANES)
+    )
+
+
 @intrinsic
 def add_times(typing: Any, total: Any, factor: Any, values: Any) -> Any:
     """Return total + factor * values, with one rounding where the machine can."""
 
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         total, factor, values = args
-        first = ir.Constant(ir.IntType(32), 0)
-        one = builder.insert_element(ir.Constant(_VECTOR, ir.Undefined), factor, first)
-        everywhere = ir.Constant(ir.VectorType(ir.IntType(32), LANES), [0] * LANES)
-        factors = builder.shuffle_vector(one, ir.Constant(_VECTOR, ir.Undefined), everywhere)
         function = cgutils.get_or_insert_function(
-            builder.module, ir.FunctionType(_VECTOR, [_VECTOR] * 3), f"llvm.fmuladd.v{LANES}f32"
+            builder.module, ir.FunctionType(_LANES.vector, [_LANES.vector] * 3), f"llvm.fmuladd.v{LANES}f32"
         )
-        return builder.call(function, [factors, values, total])
+        return builder.call(function, [_everywhere(builder, factor), values, total])
 
     return _LANES(_LANES, float32, _LANES), generate
+
+
+@intrinsic
+def rounded_up(typing: Any, values: Any, constant: Any) -> Any:
+    """Return values + constant, not less than the exact sums: up to four roundings more, of float32."""
+
+    def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        total = builder.fadd(args[0], _everywhere(builder, args[1]))
+        zero, less, more = (
+            ir.Constant(_LANES.vector, [number] * LANES) for number in (0.0, 1 - 2.0**-22, 1 + 2.0**-22)
+        )
+        negative = builder.fcmp_ordered("<", total, zero)
+        return builder.fmul(total, builder.select(negative, less, more))
+
+    return _LANES(_LANES, float32), generate
+
+
+@intrinsic
+def highest_lane(typing: Any, first: Any, second: Any, third: Any, fourth: Any) -> Any:
+    """Return the highest number in four vectors, none of which is NaN."""
+
+    def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        def higher(one: Any, other: Any) -> Any:
+            return builder.select(builder.fcmp_ordered(">", one, other), one, other)
+
+        most = higher(higher(args[0], args[1]), higher(args[2], args[3]))
+        lanes = LANES
+        while lanes > 1:
+            lanes //= 2
+            kind = ir.VectorType(ir.IntType(32), lanes)
+            halves = [
+                builder.shuffle_vector(most, most, ir.Constant(kind, list(range(begin, begin + lanes))))
+                for begin in (0, lanes)
+            ]
+            most = higher(*halves)
+        return builder.extract_element(most, ir.Constant(ir.IntType(32), 0))
+
+    return float32(*[_LANES] * 4), generate
+
+
+@intrinsic
+def no_bytes(typing: Any) -> Any:
+    """Make a vector of zeros, of bytes."""
+    return _BYTES(), lambda context, builder, signature, args: ir.Constant(_BYTES.vector, [0] * LANES)
+
+
+@intrinsic
+def add_bytes(typing: Any, total: Any, array: Any, index: Any) -> Any:
+    """Return total + array[index : index + LANES] of a contiguous uint8 array, as bytes: sums up to 255."""
+
+    def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        array = context.make_array(signature.args[1])(context, builder, args[1])
+        address = builder.bitcast(builder.gep(array.data, [args[2]]), _BYTES.vector.as_pointer())
+        return builder.add(args[0], builder.load(address, align=1))
+
+    return _BYTES(_BYTES, array, index), generate
 
 
 @intrinsic
@@ -83,9 +150,38 @@ def load_bytes(typing: Any, array: Any, index: Any) -> Any:
 
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         array = context.make_array(signature.args[0])(context, builder, args[0])
-        kind = ir.VectorType(ir.IntType(8), LANES)
-        values = builder.load(builder.bitcast(builder.gep(array.data, [args[1]]), kind.as_pointer()), align=1)
+        values = builder.load(
+            builder.bitcast(builder.gep(array.data, [args[1]]), _BYTES.vector.as_pointer()), align=1
+        )
         # Through 32 bits with a sign, for which processors have an instruction.
-        return builder.sitofp(builder.zext(values, ir.VectorType(ir.IntType(32), LANES)), _VECTOR)
+        return builder.sitofp(builder.zext(values, ir.VectorType(ir.IntType(32), LANES)), _LANES.vector)
 
     return _LANES(array, index), generate
+
+
+@intrinsic
+def no_words(typing: Any) -> Any:
+    """Make a vector of zeros, of 16 bits."""
+    return _WORDS(), lambda context, builder, signature, args: ir.Constant(_WORDS.vector, [0] * LANES)
+
+
+@intrinsic
+def add_widened(typing: Any, total: Any, values: Any) -> Any:
+    """Return total + values, bytes, as numbers of 16 bits: sums up to 65,535."""
+
+    def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        return builder.add(args[0], builder.zext(args[1], _WORDS.vector))
+
+    return _WORDS(_WORDS, _BYTES), generate
+
+
+@intrinsic
+def add_words(typing: Any, total: Any, values: Any) -> Any:
+    """Return total + values, numbers of 16 bits, as float32."""
+
+    def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        # Through 32 bits with a sign, for which processors have an instruction.
+        wide = builder.zext(args[1], ir.VectorType(ir.IntType(32), LANES))
+        return builder.fadd(args[0], builder.sitofp(wide, _LANES.vector))
+
+    return _LANES(_LANES, _WORDS), generate

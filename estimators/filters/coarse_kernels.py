@@ -8,10 +8,11 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import boolean, float64, int64, types, void
+from numba import boolean, float32, float64, int64, types, uint64, void
 
 from tactsim.core.compiling import (
-    FLOATS_3D,
+    FLOATS,
+    FLOATS_4D,
     INTS,
     INTS_2D,
     INTS_4D,
@@ -25,44 +26,83 @@ from tactsim.core.compiling import (
     compiled,
 )
 from tactsim.estimators.field.slices import SLICES, Slices, place_terms, sum_tile
-from tactsim.estimators.field.table_levels import LEVELS, Levels, bound_tile
+from tactsim.estimators.field.table_levels import (
+    HIGHEST,
+    LEVELS,
+    Levels,
+    Looked,
+    look_up,
+    raise_alike,
+    raise_weighted,
+)
 from tactsim.estimators.field.terms import ROUNDING, TERMS, Terms
 from tactsim.estimators.field.vectors import LANES, TALL
 from tactsim.estimators.filters.branch_and_bound import add_tile
 
-# So many tiles are looked at one by one, those with the highest bounds first, to find a bin that is nearly the best.
-_FIRST = 4
+# So many of the best bins lie in one tile, about; and how many times as many tiles are looked at each time.
+_NEIGHBOURS, _MORE = 3, 4
+# By these a bound of either sign is raised by more than one operation in float32 rounds.
+_LESS, _GREATER = np.float32(1 - 2 * ROUNDING), np.float32(1 + 2 * ROUNDING)
 
 
 class Coarse(NamedTuple):
     """The log-belief of all bins in tiles (letters, angles, tile rows, tile columns), some of which wait.
 
     log_p: (..., TALL * LANES), a bin's log-belief after the first `seen` readings; -inf where a tile hangs over the
-    grid. waiting: likewise, a bound of what the readings since then add. seen: (...). bound: (...) not below any bin of
-    the tile; its highest bin if it does not wait. bins: (tile rows, tile columns) how many bins a tile holds. size:
-    rows and columns of bins.
+    grid. upper: likewise, float32, not below what a bin's log-belief is after all readings. seen: (...). bound: (...)
+    the highest `upper` of a tile that waits; the highest bin of one that does not. bins: (tile rows, tile columns) how
+    many bins a tile holds. size: rows and columns of bins.
     """
 
     log_p: Reals
-    waiting: Reals
+    upper: Floats
     seen: Ints
     bound: Reals
     bins: Ints
     size: Ints
 
 
-COARSE = types.NamedTuple((REALS_5D, REALS_5D, INTS_4D, REALS_4D, INTS_2D, INTS), Coarse)
+COARSE = types.NamedTuple((REALS_5D, float32[:, :, :, :, ::1], INTS_4D, REALS_4D, INTS_2D, INTS), Coarse)
 
 
 class Placed(NamedTuple):
-    """The terms of one reading as `place_terms` places them for every angle: (angles, terms, 4) each."""
+    """The terms of the last readings as `place_terms` places them for every angle: (slots, angles, terms, 4) each.
+
+    Reading r is in the slot r modulo their number, less the last slot. That one is for older readings, one at a time.
+    """
 
     offset: Ints
     share: Floats
     within: Ints
 
 
-PLACED = types.NamedTuple((int64[:, :, ::1], FLOATS_3D, int64[:, :, ::1]), Placed)
+PLACED = types.NamedTuple((INTS_4D, FLOATS_4D, INTS_4D), Placed)
+
+
+@compiled(void(PLACED, int64, TERMS, int64, SLICES, REALS_2D, int64, COARSE), called_from_python=False)
+def place(
+    placed: Placed,
+    slot: int,
+    terms: Terms,
+    reading: int,
+    slices: Slices,
+    turns: Reals,
+    angle: int,
+    coarse: Coarse,
+) -> None:
+    """Place the terms of a reading for one angle, in a slot."""
+    place_terms(
+        terms, reading, slices, turns[angle, 0], turns[angle, 1], coarse.size[0], coarse.size[1],
+        placed.offset[slot, angle], placed.share[slot, angle], placed.within[slot, angle],
+    )  # fmt: skip
+
+
+@compiled(void(FLOATS, REALS), called_from_python=False, ordered=False)
+def set_bounds(upper: Floats, log_p: Reals) -> None:
+    """Set the bounds of a tile (TALL * LANES,) to the bins' log-beliefs, rounded up."""
+    for k in range(uint64(TALL * LANES)):
+        known = float32(log_p[k])
+        upper[k] = known * (_LESS if known < 0 else _GREATER)
 
 
 @compiled(void(COARSE, LEVELS, SLICES, TERMS, PLACED, int64), called_from_python=False)
@@ -70,97 +110,84 @@ def bound_all(
     coarse: Coarse, levels: Levels, slices: Slices, terms: Terms, placed: Placed, count: int
 ) -> None:
     """Let the upper bounds of all bins take in reading number `count`."""
-    letters, angles, tile_rows, tile_columns = coarse.seen.shape
-    begin, number = terms.start[count - 1], terms.start[count] - terms.start[count - 1]
-    factor, lowest = np.empty(number, dtype=np.float32), np.empty(number)
-    most = 0.0
-    for i in range(number):
-        kind = terms.kind[begin + i]
-        factor[i], lowest[i] = (
-            terms.weight[begin + i] * levels.step[kind],
-            terms.weight[begin + i] * levels.lowest[kind],
-        )
-        most += 256.0 * factor[i]
-    # Both the bound and the sum that it bounds are float32.
-    slack = terms.slack[count - 1] + (number + 2) * ROUNDING * most
-    total = np.empty(TALL * LANES, dtype=np.float32)
+    letters, angles, rows, columns = coarse.seen.shape
+    tiles, longest, slot = (
+        angles * rows * columns, placed.offset.shape[2], (count - 1) % (len(placed.offset) - 1),
+    )  # fmt: skip
+    looked = Looked(
+        np.empty((tiles, longest), dtype=np.int64),
+        np.empty((tiles, longest), dtype=np.int64),
+        np.empty(tiles, dtype=np.int64),
+        np.empty(tiles),
+    )
+    for angle in range(angles):
+        look_up(
+            looked, levels, slices, terms, count - 1, angle * rows * columns, rows, columns,
+            placed.offset[slot, angle], placed.within[slot, angle],
+        )  # fmt: skip
+    weights = terms.weight[terms.start[count - 1] : terms.start[count]]
+    heaviest, lightest = np.float32(0), np.float32(np.inf)
+    for weight in weights:
+        heaviest, lightest = max(heaviest, weight), min(lightest, weight)
+    factor = levels.step[0] * heaviest
+    # What float32 may lose of the sum of levels.
+    slack = terms.slack[count - 1] + (len(weights) + 4) * ROUNDING * len(weights) * HIGHEST * factor
+    width = slices.shape[5] + LANES
+    nodes = slices.shape[2] * slices.shape[3] * (slices.shape[4] + 2 * TALL) * width
     for letter in range(letters):
-        constant = terms.constant[count - 1, letter] + slack
-        for angle in range(angles):
-            for i in range(tile_rows):
-                for j in range(tile_columns):
-                    added = constant + bound_tile(
-                        total, levels, slices, number, letter, i * TALL, j * LANES,
-                        placed.offset[angle], factor, lowest, placed.within[angle],
-                    )  # fmt: skip
-                    log_p, waiting = coarse.log_p[letter, angle, i, j], coarse.waiting[letter, angle, i, j]
-                    highest = -np.inf
-                    for k in range(TALL * LANES):
-                        waiting[k] += added + total[k]
-                        highest = max(highest, log_p[k] + waiting[k])
-                    coarse.bound[letter, angle, i, j] = highest
+        upper = coarse.upper[letter].reshape(tiles, TALL * LANES)
+        bound = coarse.bound[letter].reshape(tiles)
+        for tile in range(tiles):
+            constant = terms.constant[count - 1, letter] + looked.lowest[tile]
+            constant += slack + 4 * ROUNDING * abs(constant)
+            at, move = looked.at[tile, : looked.number[tile]], letter * nodes
+            if heaviest == lightest:
+                bound[tile] = raise_alike(upper[tile], levels, at, move, width, factor, constant)
+            else:
+                bound[tile] = raise_weighted(
+                    upper[tile], levels, at, move, width, terms.weight, looked.term[tile], constant
+                )
 
 
 @compiled(
-    int64(COARSE, SLICES, TERMS, REALS_2D, PLACED, int64, float64),
+    int64(COARSE, SLICES, TERMS, REALS_2D, PLACED, int64, int64, float64),
     called_from_python=False,
 )
 def catch_up(
-    coarse: Coarse, slices: Slices, terms: Terms, turns: Reals, placed: Placed, count: int, least: float
-) -> int:
-    """Bring the tiles up to date whose bound is at least `least`; returns how many times a bin took in a reading."""
+    coarse: Coarse, slices: Slices, terms: Terms, turns: Reals, placed: Placed, oldest: int, count: int, least: float
+) -> int:  # fmt: skip
+    """Bring the tiles up to date whose bound is at least `least`; returns how many times a bin took in a reading.
+
+    oldest: the first reading that is in its slot. All that a letter's tiles wait for is done before the next letter, so
+    that its tables are read while they are in the cache.
+    """
     letters, angles, tile_rows, tile_columns = coarse.seen.shape
-    rows, columns, evaluated = coarse.size[0], coarse.size[1], 0
+    slots, evaluated = len(placed.offset) - 1, 0
     total, peak = np.empty(TALL * LANES, dtype=np.float32), np.empty(LANES)
-    offset, within = np.empty_like(placed.offset[0]), np.empty_like(placed.within[0])
-    share = np.empty_like(placed.share[0])
-    # First the readings before the last, each placed once for all tiles of an angle that wait for it.
-    for angle in range(angles):
-        reading = count - 1
-        for letter in range(letters):
-            for i in range(tile_rows):
-                for j in range(tile_columns):
-                    if coarse.bound[letter, angle, i, j] >= least:
-                        reading = min(reading, coarse.seen[letter, angle, i, j])
-        while reading < count - 1:
-            place_terms(
-                terms, reading, slices, turns[angle, 0], turns[angle, 1], rows, columns, offset, share, within
-            )
-            number = terms.start[reading + 1] - terms.start[reading]
-            for letter in range(letters):
-                for i in range(tile_rows):
-                    for j in range(tile_columns):
-                        if (
-                            coarse.bound[letter, angle, i, j] >= least
-                            and coarse.seen[letter, angle, i, j] == reading
-                        ):
-                            sum_tile(
-                                total, slices, number, letter, i * TALL, j * LANES, offset, share, within
-                            )
-                            here = coarse.log_p[letter, angle, i, j]
-                            constant = terms.constant[reading, letter]
-                            add_tile(here, here, total, constant, 0, LANES, peak)
-                            coarse.seen[letter, angle, i, j] += 1
-                            evaluated += coarse.bins[i, j]
-            reading += 1
-    number = terms.start[count] - terms.start[count - 1]
     for letter in range(letters):
         for angle in range(angles):
             for i in range(tile_rows):
                 for j in range(tile_columns):
-                    if coarse.bound[letter, angle, i, j] < least or coarse.seen[letter, angle, i, j] == count:
+                    first = coarse.seen[letter, angle, i, j]
+                    if first == count or coarse.bound[letter, angle, i, j] < least:
                         continue
-                    sum_tile(
-                        total, slices, number, letter, i * TALL, j * LANES,
-                        placed.offset[angle], placed.share[angle], placed.within[angle],
-                    )  # fmt: skip
                     here = coarse.log_p[letter, angle, i, j]
-                    peak[:] = -np.inf
-                    add_tile(here, here, total, terms.constant[count - 1, letter], 0, LANES, peak)
+                    for reading in range(first, count):
+                        slot = reading % slots
+                        if reading < oldest:
+                            slot = slots
+                            place(placed, slot, terms, reading, slices, turns, angle, coarse)
+                        sum_tile(
+                            total, slices, terms.start[reading + 1] - terms.start[reading], letter,
+                            i * TALL, j * LANES,
+                            placed.offset[slot, angle], placed.share[slot, angle], placed.within[slot, angle],
+                        )  # fmt: skip
+                        peak[:] = -np.inf
+                        add_tile(here, here, total, terms.constant[reading, letter], 0, LANES, peak)
+                    set_bounds(coarse.upper[letter, angle, i, j], here)
                     coarse.seen[letter, angle, i, j] = count
-                    coarse.waiting[letter, angle, i, j] = 0
                     coarse.bound[letter, angle, i, j] = peak.max()
-                    evaluated += coarse.bins[i, j]
+                    evaluated += coarse.bins[i, j] * (count - first)
     return evaluated
 
 
@@ -218,62 +245,63 @@ def listed(coarse: Coarse, count: int, least: float) -> tuple[Ints, Reals]:
 
 
 @compiled(
+    types.Tuple((float64, INTS, REALS))(COARSE, int64, int64, float64, float64), called_from_python=False
+)
+def least_wanted(
+    coarse: Coarse, count: int, keep: int, within: float, rounding: float
+) -> tuple[float, Ints, Reals]:
+    """Say what a bin must have to be listed, as far as the bins that are up to date tell, and list those near the best.
+
+    Arguments as for `best_bins`. Returns the least log-belief, and the bins at most `within` below the best: flat
+    indices and log-beliefs. If these are not more than `keep`, what is wanted is the last of the best `keep` and one
+    more.
+    """
+    best, _ = highest_bounds(coarse, count)
+    least = best - within - rounding
+    flat, log_p = listed(coarse, count, least)
+    if len(log_p) <= keep:
+        _, every = listed(coarse, count, -np.inf)
+        last = len(every) - keep - 1
+        least = np.partition(every, last)[last] - rounding if last >= 0 else -np.inf
+    return least, flat, log_p
+
+
+@compiled(
     types.Tuple((INTS, REALS, int64))(
-        COARSE, LEVELS, SLICES, TERMS, REALS_2D, int64, int64, boolean, int64, float64, float64
+        COARSE, LEVELS, SLICES, TERMS, REALS_2D, PLACED, int64, int64, int64, boolean, int64, float64, float64
     )
 )
 def best_bins(
-    coarse: Coarse, levels: Levels, slices: Slices, terms: Terms, turns: Reals, count: int, longest: int,
-    skip: bool, keep: int, within: float, rounding: float,
+    coarse: Coarse, levels: Levels, slices: Slices, terms: Terms, turns: Reals, placed: Placed, oldest: int,
+    first: int, count: int, skip: bool, keep: int, within: float, rounding: float,
 ) -> tuple[Ints, Reals, int]:  # fmt: skip
-    """Take in reading number `count`, and list the bins that matter.
+    """Take in readings number first + 1, ..., `count`, and list the bins that matter.
 
-    turns: (angles, 2) cos and sin. longest: terms of the longest reading. skip: whether tiles may wait. Listed are all
-    bins at most `within` nats below the best, and in any case the best `keep` and one more; up to `rounding` nats
-    further, for the sake of equal ones. Returns flat indices and log-beliefs, and how many times a bin took in a
-    reading.
+    turns: (angles, 2) cos and sin. oldest: the first reading that is in its slot of `placed`, or is now put there.
+    skip: whether tiles may wait. Listed are all bins at most `within` nats below the best, and in any case the best
+    `keep` and one more; up to `rounding` nats further, for the sake of equal ones. Returns flat indices and
+    log-beliefs, and how many times a bin took in a reading.
     """
-    angles, rows, columns = len(turns), coarse.size[0], coarse.size[1]
-    placed = Placed(
-        np.empty((angles, longest, 4), dtype=np.int64),
-        np.empty((angles, longest, 4), dtype=np.float32),
-        np.empty((angles, longest, 4), dtype=np.int64),
-    )
-    for angle in range(angles):
-        place_terms(
-            terms, count - 1, slices, turns[angle, 0], turns[angle, 1], rows, columns,
-            placed.offset[angle], placed.share[angle], placed.within[angle],
-        )  # fmt: skip
     # After one reading most bins are still as near to the best as is asked for: bounds would cost more than they save.
-    if not skip or count == 1:
+    bounded = skip and count > 1
+    for reading in range(first, count):
+        for angle in range(len(turns)):
+            place(placed, reading % (len(placed.offset) - 1), terms, reading, slices, turns, angle, coarse)
+        if bounded:
+            bound_all(coarse, levels, slices, terms, placed, reading + 1)
+    evaluated, more = 0, 1 + keep // _NEIGHBOURS
+    if not bounded:
         coarse.bound[:] = np.inf
-        evaluated = catch_up(coarse, slices, terms, turns, placed, count, -np.inf)
-        best = coarse.bound.max()
-    else:
-        bound_all(coarse, levels, slices, terms, placed, count)
-        evaluated, best, waits = 0, -np.inf, coarse.bound.max()
-        for _ in range(_FIRST):
-            if waits <= best:
-                break
-            evaluated += catch_up(coarse, slices, terms, turns, placed, count, waits)
-            best, waits = highest_bounds(coarse, count)
-        evaluated += catch_up(coarse, slices, terms, turns, placed, count, best - within - rounding)
-        best, waits = highest_bounds(coarse, count)
-    flat, log_p = listed(coarse, count, best - within - rounding)
-    if len(log_p) > keep:
-        return flat, log_p, evaluated
-    # Fewer than asked for are as near the best: what matters is the last of the best `keep` and one more. The tiles
-    # with the highest bounds are looked at, more each time, until no other can hold one of these.
-    more = 1 + keep // 3  # few of the best bins are neighbours
+        evaluated += catch_up(coarse, slices, terms, turns, placed, oldest, count, -np.inf)
     while True:
-        _, log_p = listed(coarse, count, -np.inf)
-        last = len(log_p) - keep - 1
-        least = np.partition(log_p, last)[last] - rounding if last >= 0 else -np.inf
+        least, flat, log_p = least_wanted(coarse, count, keep, within, rounding)
         _, waits = highest_bounds(coarse, count)
         if waits == -np.inf or waits < least:
-            flat, log_p = listed(coarse, count, least)
-            return flat, log_p, evaluated
-        evaluated += catch_up(
-            coarse, slices, terms, turns, placed, count, max(least, bound_of_highest(coarse, count, more))
-        )
-        more *= 2
+            return (
+                (flat, log_p, evaluated) if len(log_p) > keep else (*listed(coarse, count, least), evaluated)
+            )
+        # Until enough are known, more and more of the tiles with the highest bounds are looked at.
+        if len(log_p) <= keep:
+            least = max(least, bound_of_highest(coarse, count, more))
+        evaluated += catch_up(coarse, slices, terms, turns, placed, oldest, count, least)
+        more *= _MORE

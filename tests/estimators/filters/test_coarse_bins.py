@@ -12,6 +12,7 @@ from tactsim.estimators.filters.binned import BinnedBelief
 from tactsim.estimators.filters.coarse_bins import CoarseBins
 from tactsim.estimators.filters.grid import StateGrid
 from tactsim.estimators.likelihoods import likelihood
+from tactsim.estimators.likelihoods.likelihood import Evidence
 from tactsim.estimators.likelihoods.occupancy import learn_maps
 from tactsim.estimators.options import LikelihoodOptions
 
@@ -83,7 +84,7 @@ def test_no_bin_is_above_its_bound(model, seed, reach):
         every.update()
         lazy.take_in(3, 1.0)
         coarse, everything = lazy._coarse, every.log_belief()
-        assert (everything <= tiled(coarse.log_p + coarse.waiting, grid)).all()
+        assert (everything <= tiled(coarse.upper, grid)).all()
         known = np.broadcast_to((coarse.seen == len(field))[..., None], coarse.log_p.shape)
         known = tiled(known, grid)
         assert np.array_equal(tiled(coarse.log_p, grid)[known], everything[known])
@@ -106,7 +107,7 @@ def test_tiles_that_hang_over_the_tables_read_nothing_beyond_them(model, split, 
     framed = CoarseBins(field, grid, True)
     framed._slices = plain._slices._replace(nodes=amid(plain._slices.nodes, np.nan))
     lazy = [framed]
-    for what in (0, 255):
+    for what in (0, 63):
         other = CoarseBins(field, grid, True)
         other._levels = plain._levels._replace(level=amid(plain._levels.level, what))
         lazy.append(other)
@@ -134,11 +135,56 @@ def test_a_bound_that_is_too_low_is_noticed(model):
     field = field_of(model, grid)
     every, lazy = BinnedBelief(field, grid), CoarseBins(field, grid, True)
     low = coarse_bins.levels_of(field.tables.nodes, field.tables.phases)
-    lazy._levels = low._replace(level=np.maximum(low.level, 60) - np.uint8(60))
+    lazy._levels = low._replace(level=np.maximum(low.level, 15) - np.uint8(15))
     above = False
     for number in range(4):
         field.append(made.evidence(scan.readings[5 * number]), np.array([1.0, 2.0, 0.3]))
         every.update()
         lazy.take_in(3, 1.0)
-        above |= (every.log_belief() > tiled(lazy._coarse.log_p + lazy._coarse.waiting, grid)).any()
+        above |= (every.log_belief() > tiled(lazy._coarse.upper, grid)).any()
     assert above
+
+
+@pytest.mark.parametrize("kept", [1, 10 * 36 * 3, 2**17])
+def test_the_best_bins_are_the_same_however_many_readings_stay_placed(model, kept, monkeypatch):
+    """A tile that waits longer than readings stay placed has them placed anew; several may be new at once."""
+    made, scan = model
+    monkeypatch.setattr(coarse_bins, "_PLACED", kept)
+    grid = StateGrid(12, 13, 10)
+    field = field_of(model, grid)
+    every, lazy = BinnedBelief(field, grid), CoarseBins(field, grid, True)
+    rng = np.random.default_rng(4)
+    nothing = Evidence(
+        np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.float32)
+    )
+    for _ in range(2):
+        field.reset()
+        every.reset()
+        lazy.reset()
+        for number, reading in enumerate(rng.integers(len(scan), size=24)):
+            evidence = nothing if number in (0, 9) else made.evidence(scan.readings[reading])
+            # From the ninth on all touches agree. The first say little, so that much may lead for a while.
+            one = evidence if number > 8 else evidence.of_taxels(np.arange(36) < 3 * number)
+            field.append(one, scan.poses[reading].copy() if number > 8 else rng.uniform(-9, 9, 3))
+            every.update()
+            if number % 5 == 2:
+                continue
+            flat, log_p = lazy.take_in(30, 2.0)
+            everything = every.log_belief().ravel()
+            assert np.array_equal(log_p, everything[flat])
+            assert np.isin(np.flatnonzero(everything >= np.sort(everything)[-31]), flat).all()
+            assert (every.log_belief() <= tiled(lazy._coarse.upper, grid)).all()
+
+
+def test_more_terms_than_sixteen_bits_hold_the_levels_of_are_bounded(model):
+    grid = StateGrid(12, 13, 5)
+    field = field_of(model, grid)
+    every, lazy = BinnedBelief(field, grid), CoarseBins(field, grid, True)
+    highest = int(np.argmax(field.tables.highest))
+    for terms in (1, 5, 1024, 1025, 3001):
+        table, taxel = np.full(terms, highest), np.arange(terms) % 36
+        field.append(Evidence(table, taxel, np.ones(terms, dtype=np.float32)), np.array([1.0, 2.0, 0.3]))
+        every.update()
+        lazy.take_in(3, 1.0)
+        everything, bound = every.log_belief(), tiled(lazy._coarse.upper, grid)
+        assert (everything <= bound).all()
