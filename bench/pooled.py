@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
@@ -68,10 +68,10 @@ class Pooled:
         known = [run.bounds for run in self.runs if run.bounds is not None]
         return np.concatenate(known) if len(known) == len(self.runs) else None
 
-    @cached_property
+    @property
     def counts(self) -> FloatArray:
         """Give how often each bootstrap draw has each trial, (draws, n)."""
-        return resampled([len(run.trials.truth) for run in self.runs], np.random.default_rng(0))
+        return _counts_of(tuple(len(run.trials.truth) for run in self.runs))
 
     def mean(self, values: ArrayLike, of: ArrayLike | None = None) -> Figure:
         """Average values (n,) of the trials, of those only that `of` (n,) marks."""
@@ -126,6 +126,14 @@ def resampled(sizes: Sequence[int], rng: np.random.Generator, draws: int = DRAWS
             for times, size in zip(runs.T, sizes, strict=True)
         ]
     ).astype(float)
+
+
+@lru_cache(maxsize=4)
+def _counts_of(sizes: tuple[int, ...]) -> FloatArray:
+    """Draw for runs of these sizes, the same for all methods, as they are drawn from one seed."""
+    counts = resampled(sizes, np.random.default_rng(0))
+    counts.setflags(write=False)
+    return counts
 
 
 def pool(runs: Iterable[Run]) -> list[Pooled]:

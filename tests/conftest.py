@@ -12,6 +12,11 @@ from processor_time import ProcessorTime
 
 from tactsim.bench.cli.app import run_app
 
+# Some hundred processes import the same files. Where the environment forbids to keep what Python compiled of them, each
+# process compiles all of it again.
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+sys.dont_write_bytecode = False
+
 # A busy machine fails no test.
 settings.register_profile("no-deadline", deadline=None)
 settings.load_profile("no-deadline")

@@ -140,10 +140,11 @@ def _weight(sums: FloatArray, shift: FloatArray, size: FloatArray) -> float:
     """
     # As many moves are in each shell as in any other, though its volume grows with the cube of its size.
     log_volume = 3 * np.log(size)
+    along = np.ascontiguousarray(shift.T)
     low, high, order = _LOWEST, _HIGHEST, np.arange(len(sums))
     for _ in range(_BISECTIONS):
         middle = math.sqrt(low * high)
-        held = mostly_held(sums, order, middle, log_volume, shift, _SHARE)
+        held = mostly_held(sums, order, middle, log_volume, along, _SHARE)
         low, high = (middle, high) if held else (low, middle)
     return math.sqrt(low * high)
 

@@ -30,20 +30,26 @@ GIVEN_REALS, GIVEN_REALS_2D = (types.Array(float64, dimensions, "C", readonly=Tr
 
 
 def compiled(
-    signature: Any, *, ordered: bool = True, called_from_python: bool = True
+    signature: Any, *, ordered: bool = True, summed_in_order: bool = True, called_from_python: bool = True
 ) -> Callable[[_Function], _Function]:
     """Compile a function for one signature, or load what an earlier run has compiled.
 
     Of IEEE arithmetic only this is given up: a * b + c may be one instruction; with ordered=False
-    also NaN and the sign of zero, for loops that take a maximum. A function that only other compiled
+    also NaN and the sign of zero, for loops that take a maximum; with summed_in_order=False also the order
+    in which numbers are added, for loops whose sums are only compared. A function that only other compiled
     ones call takes half as long to compile.
 
     What was compiled is used again while the function's file and all files of its package that it
     imports, directly or not, are unchanged. A file with compiled functions therefore imports only such files.
     """
+    given_up = {"contract"}
+    if not ordered:
+        given_up |= {"nnan", "nsz"}
+    if not summed_in_order:
+        given_up |= {"reassoc"}
     choices: dict[str, Any] = {
         "error_model": "numpy",
-        "fastmath": {"contract"} if ordered else {"contract", "nnan", "nsz"},
+        "fastmath": given_up,
         "no_cfunc_wrapper": True,
         "no_cpython_wrapper": not called_from_python,
     }

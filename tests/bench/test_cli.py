@@ -294,7 +294,7 @@ def reader_that_is_gone():
     return writing
 
 
-IN_SPACE = ["--task", "solids", "--objects", "bolt,nut", "--touches", "2"]
+IN_SPACE = ["--task", "solids", "--objects", "bolt,nut", "--touches", "2", "--scan-set", "points=12"]
 IN_PLANE = ["--letters", "IO", "--readings", "3", "--estimator", "nearest"]
 
 

@@ -329,11 +329,11 @@ def test_a_recording_that_failed_does_not_stand_in_its_own_way(bench, here, tmp_
 def test_a_recording_goes_on_when_the_pad_comes_back(bench, here, tmp_path):
     """The pad is away for longer than the deadline of 1 s."""
     with emulated(bench, "--port", "pty:pad"):
-        process = bench.start("record", "--port", "pad", "--out", "a.tactrec", "--seconds", "8")
+        process = bench.start("record", "--port", "pad", "--out", "a.tactrec", "--seconds", "6")
         until = time.monotonic() + 30
         while time.monotonic() < until and _size(tmp_path) < 5000:
             time.sleep(0.02)
-    time.sleep(2.0)
+    time.sleep(1.5)
     before = _size(tmp_path)
     with emulated(bench, "--port", "pty:pad"):
         output, errors = process.communicate(timeout=60)
@@ -351,15 +351,19 @@ def _size(folder):
 
 def test_without_a_terminal_a_session_says_each_trouble_once(bench, tmp_path):
     """Nobody lifts the letter, so it still touches: every reading of it is another number, and the same trouble."""
+    bench.environment["PYTHONUNBUFFERED"] = "1"
     with emulated(bench, "--port", "tcp", "--letter", "A", "--hold", "600", "--lift", "0.01") as name:
         process = bench.start(
             "record", "--port", name, "--letter", "A", "--out", "A.npz", "--poses", "random:2"
         )
-        time.sleep(8.0)
+        said = [process.stdout.readline()]
+        while "still reads" not in said[-1]:
+            assert said[-1], "it has ended"
+            said.append(process.stdout.readline())
+        time.sleep(2.0)  # a hundred readings more
         process.send_signal(signal.SIGINT)
-        output, _ = process.communicate(timeout=30)
-    assert "still reads" in output
-    assert len(output.splitlines()) < 8
+        rest, _ = process.communicate(timeout=30)
+    assert len(said) + len(rest.splitlines()) < 8
     assert (tmp_path / "A.tactrec").stat().st_size < 2_000_000
 
 

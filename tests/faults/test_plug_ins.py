@@ -204,7 +204,10 @@ def test_what_a_plug_in_prints_is_not_among_the_json(plugged, scan_file, jobs):
     assert result.returncode == 0, result.stderr
     assert json.loads(result.stdout)["estimator"] == "talking"
     assert "hello" in result.stderr
-    assert "hello" in plugged(*words[:-3], "--out", "other").stdout
+
+
+def test_what_a_plug_in_prints_is_printed_among_words(called_here, scan_file):
+    assert "hello" in called_here(*RUN, "--scan", scan_file, "--estimator", "talking").stdout
 
 
 def test_a_codec_that_is_broken_is_named_in_one_line(plugged):

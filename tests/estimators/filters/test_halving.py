@@ -16,7 +16,7 @@ LETTERS = "EIL"
 
 @pytest.fixture(scope="module")
 def scan():
-    return make_scan(LETTERS, poses=paper_poses(positions=4, angles=12))
+    return make_scan(LETTERS, poses=paper_poses(positions=4, angles=6))
 
 
 def halves(grid, times, cell):

@@ -18,12 +18,12 @@ def test_sequences_whose_region_excludes_no_move_are_counted_as_defined(seed):
         mean = belief @ shift
         nearer = np.linalg.norm(shift - mean, axis=1) < np.linalg.norm(mean)
         shares.append(belief[nearer].sum())
-    answers, order = [], rng.permutation(40)
+    answers, order, along = [], rng.permutation(40), np.ascontiguousarray(shift.T)
     for share in np.linspace(0.05, 0.95, 19):
         answers.append(np.mean(np.array(shares) < share) > share)
         # In any order, and in the one that the share before has left.
-        assert mostly_held(log_p, order, weight, log_volume, shift, share) == answers[-1]
-        assert mostly_held(log_p, np.arange(40), weight, log_volume, shift, share) == answers[-1]
+        assert mostly_held(log_p, order, weight, log_volume, along, share) == answers[-1]
+        assert mostly_held(log_p, np.arange(40), weight, log_volume, along, share) == answers[-1]
         assert sorted(order) == list(range(40))
     assert 0 < np.mean(answers) < 1
 
@@ -31,7 +31,7 @@ def test_sequences_whose_region_excludes_no_move_are_counted_as_defined(seed):
 def test_as_many_as_the_share_are_not_more_than_it():
     # One move; with it nowhere near the mean, and at it, nothing or all of the belief is nearer than no move at all.
     held, left_out = np.array([0.0, -100.0]), np.array([-100.0, 0.0])
-    shift = np.array([[0.0, 0.0], [1.0, 0.0]])
+    shift = np.array([[0.0, 1.0], [0.0, 0.0]])
     for count in range(11):
         log_p = np.array([held] * count + [left_out] * (10 - count))
         assert mostly_held(log_p, np.arange(10), 1.0, np.zeros(2), shift, 0.5) == (count > 5)
@@ -39,7 +39,7 @@ def test_as_many_as_the_share_are_not_more_than_it():
 
 def test_what_all_moves_have_in_common_changes_nothing():
     rng = np.random.default_rng(4)
-    log_p, shift = rng.normal(scale=200, size=(40, 64)), rng.normal(size=(64, 2))
+    log_p, shift = rng.normal(scale=200, size=(40, 64)), rng.normal(size=(2, 64))
     for share in np.linspace(0.05, 0.95, 19):
         found = [
             mostly_held(log_p + offset, np.arange(40), 1.0, np.zeros(64), shift, share)

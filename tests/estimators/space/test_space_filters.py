@@ -200,6 +200,7 @@ def test_a_symmetric_object_is_not_punished_for_it():
 def test_turning_the_world_turns_the_answer():
     estimator = with_field(ToyField({"tee": toy.SOLIDS["tee"], "hook": hook(1)}, 0.5), particles=600)
     true, readings, sensors = hidden(hook(1), 9, 3)
+    readings, sensors = readings[None], sensors[None]  # all pads at once: one search
     world = np.concatenate([[2.0, -1.0, 3.0], rigid.random_rotations(1, np.random.default_rng(4))[0]])
     for frame in (rigid.IDENTITY, world):
         there, away, fits = rigid.compose(frame, true), [], []
