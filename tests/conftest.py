@@ -4,6 +4,7 @@ import gc
 import os
 import subprocess
 import sys
+import tempfile
 
 import pytest
 from command_line import Bench
@@ -12,10 +13,12 @@ from processor_time import ProcessorTime
 
 from tactsim.bench.cli.app import run_app
 
-# Some hundred processes import the same files. Where the environment forbids to keep what Python compiled of them, each
-# process compiles all of it again.
-os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
-sys.dont_write_bytecode = False
+# Some hundred processes import the same files. Where what Python compiled of them may not be kept beside them, it is kept
+# elsewhere while the tests run, since otherwise each process compiles all of it again.
+if os.environ.pop("PYTHONDONTWRITEBYTECODE", None):
+    _BYTECODE = tempfile.TemporaryDirectory(prefix="tactsim-bytecode-")
+    os.environ["PYTHONPYCACHEPREFIX"] = sys.pycache_prefix = _BYTECODE.name
+    sys.dont_write_bytecode = False
 
 # A busy machine fails no test.
 settings.register_profile("no-deadline", deadline=None)
