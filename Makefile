@@ -41,7 +41,7 @@ run: $(READY)    ## set up, then press, map, recognise and score five letters
 	@$(BIN)/bench run --estimator histogram --bins 10000
 
 test: $(DEVELOP)   ## set up, then run the tests
-	@OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist loadfile
+	@OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n 3 --dist loadfile
 
 check: $(DEVELOP)  ## lint, types and import directions
 	@$(BIN)/ruff check .

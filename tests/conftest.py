@@ -13,7 +13,7 @@ from processor_time import ProcessorTime
 
 from tactsim.bench.cli.app import run_app
 
-# Some hundred processes import the same files. Where what Python compiled of them may not be kept beside them, it is kept
+# Some hundred processes import the same files. Where what Python compiled of them may not stay beside them, it is kept
 # elsewhere while the tests run, since otherwise each process compiles all of it again.
 if os.environ.pop("PYTHONDONTWRITEBYTECODE", None):
     _BYTECODE = tempfile.TemporaryDirectory(prefix="tactsim-bytecode-")
