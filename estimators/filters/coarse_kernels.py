@@ -81,15 +81,8 @@ PLACED = types.NamedTuple((INTS_4D, FLOATS_4D, INTS_4D), Placed)
 
 @compiled(void(PLACED, int64, TERMS, int64, SLICES, REALS_2D, int64, COARSE), called_from_python=False)
 def place(
-    placed: Placed,
-    slot: int,
-    terms: Terms,
-    reading: int,
-    slices: Slices,
-    turns: Reals,
-    angle: int,
-    coarse: Coarse,
-) -> None:
+    placed: Placed, slot: int, terms: Terms, reading: int, slices: Slices, turns: Reals, angle: int, coarse: Coarse
+) -> None:  # fmt: skip
     """Place the terms of a reading for one angle, in a slot."""
     place_terms(
         terms, reading, slices, turns[angle, 0], turns[angle, 1], coarse.size[0], coarse.size[1],
@@ -111,9 +104,8 @@ def bound_all(
 ) -> None:
     """Let the upper bounds of all bins take in reading number `count`."""
     letters, angles, rows, columns = coarse.seen.shape
-    tiles, longest, slot = (
-        angles * rows * columns, placed.offset.shape[2], (count - 1) % (len(placed.offset) - 1),
-    )  # fmt: skip
+    tiles, longest = angles * rows * columns, placed.offset.shape[2]
+    slot = (count - 1) % (len(placed.offset) - 1)
     looked = Looked(
         np.empty((tiles, longest), dtype=np.int64),
         np.empty((tiles, longest), dtype=np.int64),
