@@ -15,33 +15,37 @@ from numba.extending import intrinsic, models, register_model
 TALL, LANES = 4, 16  # a tile: rows, and bins of a row
 
 
-class _Vector(types.Type):
-    """A vector of LANES numbers of one kind."""
+class Registers(types.Type):
+    """What stays in registers, as one LLVM type: `held`."""
 
-    def __init__(self, name: str, number: ir.Type) -> None:
-        self.vector = ir.VectorType(number, LANES)
-        super().__init__(name=f"{name}{LANES}")
+    def __init__(self, name: str, held: ir.Type) -> None:
+        self.held = held
+        super().__init__(name=name)
 
 
-@register_model(_Vector)
-class _VectorModel(models.PrimitiveModel):
+@register_model(Registers)
+class _RegistersModel(models.PrimitiveModel):
     def __init__(self, manager: Any, kind: Any) -> None:
-        super().__init__(manager, kind, kind.vector)
+        super().__init__(manager, kind, kind.held)
 
 
-_LANES = _Vector("Lanes", ir.FloatType())
-_BYTES, _WORDS = _Vector("Bytes", ir.IntType(8)), _Vector("Words", ir.IntType(16))
+def _vector(name: str, number: ir.Type) -> Registers:
+    return Registers(f"{name}{LANES}", ir.VectorType(number, LANES))
+
+
+_LANES = _vector("Lanes", ir.FloatType())
+_BYTES, _WORDS = _vector("Bytes", ir.IntType(8)), _vector("Words", ir.IntType(16))
 
 
 def _address(context: Any, builder: Any, signature: Any, args: Any) -> Any:
     array = context.make_array(signature.args[0])(context, builder, args[0])
-    return builder.bitcast(builder.gep(array.data, [args[1]]), _LANES.vector.as_pointer())
+    return builder.bitcast(builder.gep(array.data, [args[1]]), _LANES.held.as_pointer())
 
 
 @intrinsic
 def zeros(typing: Any) -> Any:
     """Make a vector of zeros."""
-    return _LANES(), lambda context, builder, signature, args: ir.Constant(_LANES.vector, [0.0] * LANES)
+    return _LANES(), lambda context, builder, signature, args: ir.Constant(_LANES.held, [0.0] * LANES)
 
 
 @intrinsic
@@ -67,7 +71,7 @@ def store(typing: Any, array: Any, index: Any, values: Any) -> Any:
 
 def _everywhere(builder: Any, number: Any) -> Any:
     """Make a vector whose lanes are all one float32."""
-    undefined = ir.Constant(_LANES.vector, ir.Undefined)
+    undefined = ir.Constant(_LANES.held, ir.Undefined)
     one = builder.insert_element(undefined, number, ir.Constant(ir.IntType(32), 0))
     return builder.shuffle_vector(
         one, undefined, ir.Constant(ir.VectorType(ir.IntType(32), LANES), [0] * LANES)
@@ -81,7 +85,7 @@ def add_times(typing: Any, total: Any, factor: Any, values: Any) -> Any:
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         total, factor, values = args
         function = cgutils.get_or_insert_function(
-            builder.module, ir.FunctionType(_LANES.vector, [_LANES.vector] * 3), f"llvm.fmuladd.v{LANES}f32"
+            builder.module, ir.FunctionType(_LANES.held, [_LANES.held] * 3), f"llvm.fmuladd.v{LANES}f32"
         )
         return builder.call(function, [_everywhere(builder, factor), values, total])
 
@@ -95,7 +99,7 @@ def rounded_up(typing: Any, values: Any, constant: Any) -> Any:
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         total = builder.fadd(args[0], _everywhere(builder, args[1]))
         zero, less, more = (
-            ir.Constant(_LANES.vector, [number] * LANES) for number in (0.0, 1 - 2.0**-22, 1 + 2.0**-22)
+            ir.Constant(_LANES.held, [number] * LANES) for number in (0.0, 1 - 2.0**-22, 1 + 2.0**-22)
         )
         negative = builder.fcmp_ordered("<", total, zero)
         return builder.fmul(total, builder.select(negative, less, more))
@@ -129,7 +133,7 @@ def highest_lane(typing: Any, first: Any, second: Any, third: Any, fourth: Any) 
 @intrinsic
 def no_bytes(typing: Any) -> Any:
     """Make a vector of zeros, of bytes."""
-    return _BYTES(), lambda context, builder, signature, args: ir.Constant(_BYTES.vector, [0] * LANES)
+    return _BYTES(), lambda context, builder, signature, args: ir.Constant(_BYTES.held, [0] * LANES)
 
 
 @intrinsic
@@ -138,7 +142,7 @@ def add_bytes(typing: Any, total: Any, array: Any, index: Any) -> Any:
 
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         array = context.make_array(signature.args[1])(context, builder, args[1])
-        address = builder.bitcast(builder.gep(array.data, [args[2]]), _BYTES.vector.as_pointer())
+        address = builder.bitcast(builder.gep(array.data, [args[2]]), _BYTES.held.as_pointer())
         return builder.add(args[0], builder.load(address, align=1))
 
     return _BYTES(_BYTES, array, index), generate
@@ -151,10 +155,10 @@ def load_bytes(typing: Any, array: Any, index: Any) -> Any:
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         array = context.make_array(signature.args[0])(context, builder, args[0])
         values = builder.load(
-            builder.bitcast(builder.gep(array.data, [args[1]]), _BYTES.vector.as_pointer()), align=1
+            builder.bitcast(builder.gep(array.data, [args[1]]), _BYTES.held.as_pointer()), align=1
         )
         # Through 32 bits with a sign, for which processors have an instruction.
-        return builder.sitofp(builder.zext(values, ir.VectorType(ir.IntType(32), LANES)), _LANES.vector)
+        return builder.sitofp(builder.zext(values, ir.VectorType(ir.IntType(32), LANES)), _LANES.held)
 
     return _LANES(array, index), generate
 
@@ -162,7 +166,7 @@ def load_bytes(typing: Any, array: Any, index: Any) -> Any:
 @intrinsic
 def no_words(typing: Any) -> Any:
     """Make a vector of zeros, of 16 bits."""
-    return _WORDS(), lambda context, builder, signature, args: ir.Constant(_WORDS.vector, [0] * LANES)
+    return _WORDS(), lambda context, builder, signature, args: ir.Constant(_WORDS.held, [0] * LANES)
 
 
 @intrinsic
@@ -170,7 +174,7 @@ def add_widened(typing: Any, total: Any, values: Any) -> Any:
     """Return total + values, bytes, as numbers of 16 bits: sums up to 65,535."""
 
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        return builder.add(args[0], builder.zext(args[1], _WORDS.vector))
+        return builder.add(args[0], builder.zext(args[1], _WORDS.held))
 
     return _WORDS(_WORDS, _BYTES), generate
 
@@ -182,6 +186,6 @@ def add_words(typing: Any, total: Any, values: Any) -> Any:
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         # Through 32 bits with a sign, for which processors have an instruction.
         wide = builder.zext(args[1], ir.VectorType(ir.IntType(32), LANES))
-        return builder.fadd(args[0], builder.sitofp(wide, _LANES.vector))
+        return builder.fadd(args[0], builder.sitofp(wide, _LANES.held))
 
     return _LANES(_LANES, _WORDS), generate

@@ -7,9 +7,9 @@ from typing import Any
 from llvmlite import ir
 from numba import float32, int32, types, uint64
 from numba.core import cgutils
-from numba.extending import intrinsic, models, register_model
+from numba.extending import intrinsic
 
-from tactsim.estimators.field.vectors import LANES
+from tactsim.estimators.field.vectors import LANES, Registers
 
 SIDE = 4  # columns of a block along x, and along y: as many altogether as LANES
 _REAL, _WHOLE, _INDEX = ir.FloatType(), ir.IntType(32), ir.IntType(64)
@@ -19,18 +19,7 @@ _BLOCK = ir.ArrayType(_REALS, LANES)  # of each column LANES nodes, row by row
 _ROUNDING = 1e-4
 
 
-class _Block(types.Type):
-    def __init__(self) -> None:
-        super().__init__(name=f"Block{SIDE}x{SIDE}x{LANES}")
-
-
-@register_model(_Block)
-class _BlockModel(models.PrimitiveModel):
-    def __init__(self, manager: Any, kind: Any) -> None:
-        super().__init__(manager, kind, _BLOCK)
-
-
-_KIND = _Block()
+_KIND = Registers(f"Block{SIDE}x{SIDE}x{LANES}", _BLOCK)
 
 
 def _address(context: Any, builder: Any, kind: Any, array: Any, index: Any, vector: Any) -> Any:

@@ -6,25 +6,16 @@ from typing import Any
 
 from llvmlite import ir
 from numba import types
-from numba.extending import intrinsic, models, register_model
+from numba.extending import intrinsic
+
+from tactsim.estimators.field.vectors import Registers
 
 LANES = 16  # generators: two vectors of eight, so that one's latency is the other's time
 _WORD = ir.IntType(64)
 _WORDS = ir.VectorType(_WORD, LANES)
 
 
-class _Words(types.Type):
-    def __init__(self) -> None:
-        super().__init__(name=f"Words{LANES}")
-
-
-@register_model(_Words)
-class _WordsModel(models.PrimitiveModel):
-    def __init__(self, manager: Any, kind: Any) -> None:
-        super().__init__(manager, kind, _WORDS)
-
-
-_KIND = _Words()
+_KIND = Registers(f"Generators{LANES}", _WORDS)
 
 
 def _address(context: Any, builder: Any, kind: Any, array: Any, index: Any) -> Any:
