@@ -22,7 +22,7 @@ from tactsim.bench.slip import SLIPS, Slip
 from tactsim.core import InputError
 from tactsim.core.checking import checked
 from tactsim.core.documents import read_toml
-from tactsim.core.errors import unknown
+from tactsim.core.errors import short, unknown
 
 if TYPE_CHECKING:
     from tactsim.press import ScanOptions
@@ -236,7 +236,12 @@ class RunConfig(ScanWords):
     @cached_property
     def moving(self) -> Slip:
         """Resolve how the object moves: as the world says, changed by `slip`. Raises InputError for a wrong value."""
-        return checked(Slip, merged(_world(self.world).get("slip", {}), self.slip), "slip")
+        stated = _world(self.world).get("slip", {})
+        if not isinstance(stated, Mapping):
+            raise InputError(
+                f"world {self.world}: slip is {short(stated)}; write a table, such as slip.walk_mm = 0.5"
+            )
+        return checked(Slip, merged(stated, self.slip), "slip")
 
     @property
     def each_held_out(self) -> bool:

@@ -124,6 +124,15 @@ def test_a_world_file_may_name_a_motion(tmp_path):
     assert config.moving == Slip(walk_mm=1)
 
 
+@pytest.mark.parametrize("stated", ["1", "[1]", "'walk'"])
+def test_a_motion_in_a_world_file_that_is_no_table_is_refused_in_one_line(tmp_path, stated):
+    (tmp_path / "loose.toml").write_text(f"slip = {stated}\n")
+    for slip in ({}, {"walk_mm": 1}):
+        with pytest.raises(InputError, match=r"loose\.toml: slip is .*; write a table") as error:
+            run_config(world=str(tmp_path / "loose.toml"), slip=slip)
+        assert "\n" not in str(error.value)
+
+
 def test_a_jump_counts_as_recovered_by_the_first_estimate_that_is_near_and_right():
     objects = {"A": Properties(1, (0.0, 0.0), 60.0)}
 
