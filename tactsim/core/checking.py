@@ -59,11 +59,26 @@ def _first_fault(error: ValidationError, model: type[BaseModel]) -> str:
         fault = next((other for other in faults[1:] if other["loc"][:-1] == where), fault)
     place = ".".join(map(str, where))
     if fault["type"] == "extra_forbidden":
-        return str(unknown("option", place, _options(model)))
+        return str(unknown("option", _whole_name(place, fault["input"]), _options(model)))
+    if fault["type"] == "model_type" and (inner := _below(place, model)):
+        return f"{place} is a group of options, got {short(fault['input'])}; give one of {', '.join(inner)}"
     message = fault["msg"].removeprefix("Value error, ")
     if fault["type"] == "value_error" and not place:
         return message  # of several options together: it names them
     return f"{place or 'options'}: {message}, got {short(fault['input'])}"
+
+
+def _whole_name(place: str, given: Any) -> str:
+    """Name the first option in an unknown group, which is nearer to a known option than the group's name alone."""
+    while isinstance(given, dict) and given:
+        name, given = next(iter(given.items()))
+        place = f"{place}.{name}"
+    return place
+
+
+def _below(place: str, model: type[BaseModel]) -> list[str]:
+    """List the options of a group by dotted names; none if `place` is no group, as within a list."""
+    return [name for name in _options(model) if name.startswith(f"{place}.")]
 
 
 def _missing(places: Sequence[tuple[int | str, ...]], model: type[BaseModel]) -> str:

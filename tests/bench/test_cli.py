@@ -165,6 +165,11 @@ BAD = {
     "set twice": (["run", "--set", "gamma=0.3", "--set", "gamma=0.4"], ["gamma is given twice"]),
     "set without =": (["run", "--set", "bins"], ["key=value"]),
     "scan-set": (["run", "--scan-set", "press.forse=1"], ["press.forse", "did you mean 'press.force'"]),
+    "a group misspelt": (
+        ["run", "--scan-set", "presss.force=1"],
+        ["presss.force", "did you mean 'press.force'"],
+    ),
+    "a value for a group": (["run", "--scan-set", "press=5"], ["press is a group", "'5'", "press.force"]),
     "a picture of another kind": (["bound", "--out", "b.jpg"], ["b.jpg", "FILE.png"]),
     "a report of a file": (["report", "file"], ["file: there is no such folder"]),
     "a leaderboard of a file": (["leaderboard", "file"], ["file: there is no such folder"]),
