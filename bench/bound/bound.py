@@ -9,7 +9,7 @@ import numpy as np
 
 from tactsim.bench.bound.efficiency import bound_curves, determined_below_mm
 from tactsim.bench.bound.exact_bayes import ExactBayes
-from tactsim.bench.bound.scan_information import scan_information
+from tactsim.bench.bound.scan_information import check_motion, scan_information
 from tactsim.bench.config import RunConfig
 from tactsim.bench.figures import BLUE, GREY, ORANGE, Picture
 from tactsim.bench.run import Run
@@ -95,6 +95,7 @@ def find_bound(config: RunConfig, *, jobs: int = 1, cache: bool = True, progress
     Raises InputError if the readings do not say how they were pressed, or if the bound does not know the sensor or how
     the object moves.
     """
+    check_motion(config.moving)  # before the work, not after it
     no_bayes = ""
     try:
         if not config.moving.still:

@@ -54,10 +54,7 @@ class ScanInformation:
         moved, a random walk at most; the bound knows of it, and the error is that of the place at the last touch.
         Raises InputError for another motion.
         """
-        if slip.jump_mm or slip.jump_rad or slip.drift_mm or slip.drift_rad:
-            raise InputError(
-                "the bound knows objects that lie still or walk at random, without jump or drift"
-            )
+        check_motion(slip)
         information = getattr(self, of)
         result = np.empty(trials.reading.shape)
         for letter in np.unique(trials.truth).tolist():
@@ -69,6 +66,12 @@ class ScanInformation:
         if slip.still:  # readings of other poses do not add up
             result[np.ptp(trials.true_pose, axis=1).any(axis=1)] = np.inf
         return result
+
+
+def check_motion(slip: Slip) -> None:
+    """Raise InputError if the bound does not know how the objects moved."""
+    if slip.jump_mm or slip.jump_rad or slip.drift_mm or slip.drift_rad:
+        raise InputError("the bound knows objects that lie still or walk at random, without jump or drift")
 
 
 def stated_options(scan: Scan) -> ScanOptions:

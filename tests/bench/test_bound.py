@@ -14,7 +14,9 @@ from scipy.stats import norm
 import tactsim
 from tactsim import models
 from tactsim.bench.bound import cramer_rao, pose_information, response
+from tactsim.bench.bound.bound import find_bound
 from tactsim.bench.bound.scan_information import scan_information
+from tactsim.bench.config import run_config
 from tactsim.bench.placement_error import Properties
 from tactsim.bench.score import errors
 from tactsim.core import InputError, compose
@@ -239,3 +241,12 @@ def test_a_run_on_a_walk_has_its_bound_beside_it_and_other_motions_have_none(her
     drift = tactsim.run(**words, slip={"drift_mm": 0.1})
     assert drift.bounds is None
     assert "drift" in drift.about["no_bound"]
+
+
+def test_a_motion_without_a_bound_is_refused_before_any_work():
+    def progress(*told):
+        raise AssertionError(f"work was begun: {told}")
+
+    config = run_config(letters="I", trials=1, readings=2, slip={"jump_mm": 5})
+    with pytest.raises(InputError, match="without jump or drift"):
+        find_bound(config, progress=progress)
