@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from matplotlib.ticker import MaxNLocator
 
 from tactsim.bench.bound.efficiency import bound_curves, determined_below_mm
 from tactsim.bench.bound.exact_bayes import ExactBayes
@@ -78,6 +79,7 @@ class Bound:
         right.set(yscale="log", ylabel="placement error, mm")
         for axes in (left, right):
             axes.set(xlim=(1, max(2, self.run.readings)), xlabel="readings seen")
+            axes.xaxis.set_major_locator(MaxNLocator(integer=True))  # there are no half readings
             if axes.has_data():
                 axes.legend(frameon=False)
             axes.grid(which="both", lw=0.3, alpha=0.6, color=GREY)

@@ -250,3 +250,10 @@ def test_a_motion_without_a_bound_is_refused_before_any_work():
     config = run_config(letters="I", trials=1, readings=2, slip={"jump_mm": 5})
     with pytest.raises(InputError, match="without jump or drift"):
         find_bound(config, progress=progress)
+
+
+def test_the_picture_of_a_bound_has_no_half_readings():
+    figure = find_bound(run_config(letters="I", trials=1, readings=3)).plot()
+    for axes in figure.axes:
+        ticks = axes.get_xticks()
+        assert (ticks == np.round(ticks)).all()
