@@ -56,6 +56,8 @@ def command(
             try:
                 Scan.load(source)
             except InputError:
+                if not source.exists():
+                    raise InputError(f"cannot read {source}: there is no such file") from None
                 raise InputError(
                     f"{source}: arrays do not say their pad and unit; give --pad and --unit"
                 ) from None

@@ -71,6 +71,7 @@ def test_arrays_are_imported_by_their_names(tmp_path, here):
     ("words", "says"),
     [
         (["a.npz", "--out", "scan.npz"], "give --pad and --unit"),
+        (["none.npz", "--out", "scan.npz"], "cannot read none.npz: there is no such file"),
         (["ours.npz", "--out", "scan.npz"], "ours.npz is a scan already"),
         (["a.npz", "--readings", "reading", *WORDS], "it has no array 'reading'"),
         (["a.mat", "--readings", "reading", *WORDS], "it has no array 'reading'; it has 'readings', "),
