@@ -25,12 +25,10 @@ from tactsim.estimators.field.vectors import (
     add_widened,
     add_words,
     highest_lane,
-    load,
     load_bytes,
     no_bytes,
     no_words,
-    rounded_up,
-    store,
+    raised,
     zeros,
 )
 
@@ -150,14 +148,10 @@ def raise_alike(
         second = add_words(second, add_widened(words_2, bytes_2))
         third = add_words(third, add_widened(words_3, bytes_3))
         fourth = add_words(fourth, add_widened(words_4, bytes_4))
-    first = rounded_up(add_times(load(bound, 0), weight, first), constant)
-    second = rounded_up(add_times(load(bound, LANES), weight, second), constant)
-    third = rounded_up(add_times(load(bound, 2 * LANES), weight, third), constant)
-    fourth = rounded_up(add_times(load(bound, 3 * LANES), weight, fourth), constant)
-    store(bound, 0, first)
-    store(bound, LANES, second)
-    store(bound, 2 * LANES, third)
-    store(bound, 3 * LANES, fourth)
+    first = raised(bound, 0, weight, first, constant)
+    second = raised(bound, LANES, weight, second, constant)
+    third = raised(bound, 2 * LANES, weight, third, constant)
+    fourth = raised(bound, 3 * LANES, weight, fourth, constant)
     return float64(highest_lane(first, second, third, fourth))
 
 
@@ -182,12 +176,8 @@ def raise_weighted(
         third = add_times(third, factor, load_bytes(level, place + 2 * width))
         fourth = add_times(fourth, factor, load_bytes(level, place + 3 * width))
     once = float32(1)
-    first = rounded_up(add_times(load(bound, 0), once, first), constant)
-    second = rounded_up(add_times(load(bound, LANES), once, second), constant)
-    third = rounded_up(add_times(load(bound, 2 * LANES), once, third), constant)
-    fourth = rounded_up(add_times(load(bound, 3 * LANES), once, fourth), constant)
-    store(bound, 0, first)
-    store(bound, LANES, second)
-    store(bound, 2 * LANES, third)
-    store(bound, 3 * LANES, fourth)
+    first = raised(bound, 0, once, first, constant)
+    second = raised(bound, LANES, once, second, constant)
+    third = raised(bound, 2 * LANES, once, third, constant)
+    fourth = raised(bound, 3 * LANES, once, fourth, constant)
     return float64(highest_lane(first, second, third, fourth))

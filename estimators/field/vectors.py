@@ -37,9 +37,17 @@ _LANES = _vector("Lanes", ir.FloatType())
 _BYTES, _WORDS = _vector("Bytes", ir.IntType(8)), _vector("Words", ir.IntType(16))
 
 
-def _address(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-    array = context.make_array(signature.args[0])(context, builder, args[0])
-    return builder.bitcast(builder.gep(array.data, [args[1]]), _LANES.held.as_pointer())
+def address(context: Any, builder: Any, kind: Any, array: Any, index: Any, vector: Any) -> Any:
+    """Point at array[index] of a contiguous array of a Numba type, as at a vector of an LLVM type."""
+    data = context.make_array(kind)(context, builder, array).data
+    return builder.bitcast(builder.gep(data, [index]), vector.as_pointer())
+
+
+def everywhere(builder: Any, number: Any, vector: Any) -> Any:
+    """Make a vector of an LLVM type with LANES lanes, which are all one number."""
+    empty, whole = ir.Constant(vector, ir.Undefined), ir.IntType(32)
+    one = builder.insert_element(empty, number, ir.Constant(whole, 0))
+    return builder.shuffle_vector(one, empty, ir.Constant(ir.VectorType(whole, LANES), [0] * LANES))
 
 
 @intrinsic
@@ -53,7 +61,8 @@ def load(typing: Any, array: Any, index: Any) -> Any:
     """Read array[index : index + LANES] of a contiguous float32 array."""
 
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        return builder.load(_address(context, builder, signature, args), align=4)
+        array, index = args
+        return builder.load(address(context, builder, signature.args[0], array, index, _LANES.held), align=4)
 
     return _LANES(array, index), generate
 
@@ -63,19 +72,19 @@ def store(typing: Any, array: Any, index: Any, values: Any) -> Any:
     """Write array[index : index + LANES] of a contiguous float32 array."""
 
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        builder.store(args[2], _address(context, builder, signature, args), align=4)
+        array, index, values = args
+        there = address(context, builder, signature.args[0], array, index, _LANES.held)
+        builder.store(values, there, align=4)
         return context.get_dummy_value()
 
     return types.void(array, index, values), generate
 
 
-def _everywhere(builder: Any, number: Any) -> Any:
-    """Make a vector whose lanes are all one float32."""
-    undefined = ir.Constant(_LANES.held, ir.Undefined)
-    one = builder.insert_element(undefined, number, ir.Constant(ir.IntType(32), 0))
-    return builder.shuffle_vector(
-        one, undefined, ir.Constant(ir.VectorType(ir.IntType(32), LANES), [0] * LANES)
+def _plus_times(builder: Any, total: Any, factor: Any, values: Any) -> Any:
+    function = cgutils.get_or_insert_function(
+        builder.module, ir.FunctionType(_LANES.held, [_LANES.held] * 3), f"llvm.fmuladd.v{LANES}f32"
     )
+    return builder.call(function, [everywhere(builder, factor, _LANES.held), values, total])
 
 
 @intrinsic
@@ -83,28 +92,32 @@ def add_times(typing: Any, total: Any, factor: Any, values: Any) -> Any:
     """Return total + factor * values, with one rounding where the machine can."""
 
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        total, factor, values = args
-        function = cgutils.get_or_insert_function(
-            builder.module, ir.FunctionType(_LANES.held, [_LANES.held] * 3), f"llvm.fmuladd.v{LANES}f32"
-        )
-        return builder.call(function, [_everywhere(builder, factor), values, total])
+        return _plus_times(builder, *args)
 
     return _LANES(_LANES, float32, _LANES), generate
 
 
 @intrinsic
-def rounded_up(typing: Any, values: Any, constant: Any) -> Any:
-    """Return values + constant, not less than the exact sums: up to four roundings more, of float32."""
+def raised(typing: Any, array: Any, index: Any, factor: Any, values: Any, constant: Any) -> Any:
+    """Add factor * values + constant to array[index : index + LANES], float32, and return what it becomes.
+
+    That is made larger by 2^-22 of it, four times what one addition in float32 may round.
+    """
 
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        total = builder.fadd(args[0], _everywhere(builder, args[1]))
+        array, index, factor, values, constant = args
+        there = address(context, builder, signature.args[0], array, index, _LANES.held)
+        total = _plus_times(builder, builder.load(there, align=4), factor, values)
+        total = builder.fadd(total, everywhere(builder, constant, _LANES.held))
         zero, less, more = (
             ir.Constant(_LANES.held, [number] * LANES) for number in (0.0, 1 - 2.0**-22, 1 + 2.0**-22)
         )
         negative = builder.fcmp_ordered("<", total, zero)
-        return builder.fmul(total, builder.select(negative, less, more))
+        total = builder.fmul(total, builder.select(negative, less, more))
+        builder.store(total, there, align=4)
+        return total
 
-    return _LANES(_LANES, float32), generate
+    return _LANES(array, index, float32, _LANES, float32), generate
 
 
 @intrinsic
@@ -141,9 +154,9 @@ def add_bytes(typing: Any, total: Any, array: Any, index: Any) -> Any:
     """Return total + array[index : index + LANES] of a contiguous uint8 array, as bytes: sums up to 255."""
 
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        array = context.make_array(signature.args[1])(context, builder, args[1])
-        address = builder.bitcast(builder.gep(array.data, [args[2]]), _BYTES.held.as_pointer())
-        return builder.add(args[0], builder.load(address, align=1))
+        total, array, index = args
+        there = address(context, builder, signature.args[1], array, index, _BYTES.held)
+        return builder.add(total, builder.load(there, align=1))
 
     return _BYTES(_BYTES, array, index), generate
 
@@ -153,9 +166,9 @@ def load_bytes(typing: Any, array: Any, index: Any) -> Any:
     """Read array[index : index + LANES] of a contiguous uint8 array, as float32."""
 
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        array = context.make_array(signature.args[0])(context, builder, args[0])
+        array, index = args
         values = builder.load(
-            builder.bitcast(builder.gep(array.data, [args[1]]), _BYTES.held.as_pointer()), align=1
+            address(context, builder, signature.args[0], array, index, _BYTES.held), align=1
         )
         # Through 32 bits with a sign, for which processors have an instruction.
         return builder.sitofp(builder.zext(values, ir.VectorType(ir.IntType(32), LANES)), _LANES.held)

@@ -237,28 +237,6 @@ def listed(coarse: Coarse, count: int, least: float) -> tuple[Ints, Reals]:
 
 
 @compiled(
-    types.Tuple((float64, INTS, REALS))(COARSE, int64, int64, float64, float64), called_from_python=False
-)
-def least_wanted(
-    coarse: Coarse, count: int, keep: int, within: float, rounding: float
-) -> tuple[float, Ints, Reals]:
-    """Say what a bin must have to be listed, as far as the bins that are up to date tell, and list those near the best.
-
-    Arguments as for `best_bins`. Returns the least log-belief, and the bins at most `within` below the best: flat
-    indices and log-beliefs. If these are not more than `keep`, what is wanted is the last of the best `keep` and one
-    more.
-    """
-    best, _ = highest_bounds(coarse, count)
-    least = best - within - rounding
-    flat, log_p = listed(coarse, count, least)
-    if len(log_p) <= keep:
-        _, every = listed(coarse, count, -np.inf)
-        last = len(every) - keep - 1
-        least = np.partition(every, last)[last] - rounding if last >= 0 else -np.inf
-    return least, flat, log_p
-
-
-@compiled(
     types.Tuple((INTS, REALS, int64))(
         COARSE, LEVELS, SLICES, TERMS, REALS_2D, PLACED, int64, int64, int64, boolean, int64, float64, float64
     )
@@ -286,14 +264,21 @@ def best_bins(
         coarse.bound[:] = np.inf
         evaluated += catch_up(coarse, slices, terms, turns, placed, oldest, count, -np.inf)
     while True:
-        least, flat, log_p = least_wanted(coarse, count, keep, within, rounding)
-        _, waits = highest_bounds(coarse, count)
+        best, waits = highest_bounds(coarse, count)
+        least = best - within - rounding
+        flat, log_p = listed(coarse, count, least)
+        enough = len(log_p) > keep
+        if not enough:
+            # Fewer than asked for are as near the best: what matters is the last of the best `keep` and one more.
+            _, every = listed(coarse, count, -np.inf)
+            last = len(every) - keep - 1
+            least = np.partition(every, last)[last] - rounding if last >= 0 else -np.inf
         if waits == -np.inf or waits < least:
-            return (
-                (flat, log_p, evaluated) if len(log_p) > keep else (*listed(coarse, count, least), evaluated)
-            )
+            if not enough:
+                flat, log_p = listed(coarse, count, least)
+            return flat, log_p, evaluated
         # Until enough are known, more and more of the tiles with the highest bounds are looked at.
-        if len(log_p) <= keep:
+        if not enough:
             least = max(least, bound_of_highest(coarse, count, more))
         evaluated += catch_up(coarse, slices, terms, turns, placed, oldest, count, least)
         more *= _MORE

@@ -9,7 +9,7 @@ from numba import float32, int32, types, uint64
 from numba.core import cgutils
 from numba.extending import intrinsic
 
-from tactsim.estimators.field.vectors import LANES, Registers
+from tactsim.estimators.field.vectors import LANES, Registers, address, everywhere
 
 SIDE = 4  # columns of a block along x, and along y: as many altogether as LANES
 _REAL, _WHOLE, _INDEX = ir.FloatType(), ir.IntType(32), ir.IntType(64)
@@ -18,19 +18,7 @@ _BLOCK = ir.ArrayType(_REALS, LANES)  # of each column LANES nodes, row by row
 # Taken from a square of up to 256 in float32, so that rounding never moves a node away from a cone.
 _ROUNDING = 1e-4
 
-
 _KIND = Registers(f"Block{SIDE}x{SIDE}x{LANES}", _BLOCK)
-
-
-def _address(context: Any, builder: Any, kind: Any, array: Any, index: Any, vector: Any) -> Any:
-    data = context.make_array(kind)(context, builder, array).data
-    return builder.bitcast(builder.gep(data, [index]), vector.as_pointer())
-
-
-def _everywhere(builder: Any, value: Any, vector: Any) -> Any:
-    empty = ir.Constant(vector, ir.Undefined)
-    one = builder.insert_element(empty, value, ir.Constant(_WHOLE, 0))
-    return builder.shuffle_vector(one, empty, ir.Constant(_WHOLES, [0] * LANES))
 
 
 @intrinsic
@@ -53,16 +41,16 @@ def write_entries(
         entries, at, x, y, squares, last, stride, first = args
         columns = ir.Constant(_REALS, [float(k % SIDE) for k in range(LANES)])
         rows = ir.Constant(_REALS, [float(k // SIDE) for k in range(LANES)])
-        x = builder.fadd(_everywhere(builder, x, _REALS), columns)
-        y = builder.fadd(_everywhere(builder, y, _REALS), rows)
+        x = builder.fadd(everywhere(builder, x, _REALS), columns)
+        y = builder.fadd(everywhere(builder, y, _REALS), rows)
         square = builder.fadd(builder.fmul(x, x), builder.fmul(y, y))
-        square = builder.fmul(square, _everywhere(builder, squares, _REALS))
+        square = builder.fmul(square, everywhere(builder, squares, _REALS))
         square = builder.fsub(square, ir.Constant(_REALS, [_ROUNDING] * LANES))
-        last = _everywhere(builder, last, _REALS)
+        last = everywhere(builder, last, _REALS)
         square = builder.select(builder.fcmp_ordered("<", square, last), square, last)
-        entry = builder.mul(builder.fptosi(square, _WHOLES), _everywhere(builder, stride, _WHOLES))
-        entry = builder.add(entry, _everywhere(builder, first, _WHOLES))
-        builder.store(entry, _address(context, builder, signature.args[0], entries, at, _WHOLES), align=4)
+        entry = builder.mul(builder.fptosi(square, _WHOLES), everywhere(builder, stride, _WHOLES))
+        entry = builder.add(entry, everywhere(builder, first, _WHOLES))
+        builder.store(entry, address(context, builder, signature.args[0], entries, at, _WHOLES), align=4)
         return context.get_dummy_value()
 
     return types.void(entries, uint64, float32, float32, float32, float32, int32, int32), generate
@@ -74,7 +62,7 @@ def plus_cone(typing: Any, block: Any, height: Any, profiles: Any, entries: Any,
 
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         block, height, profiles, entries, at = args
-        heights = _everywhere(builder, height, _REALS)
+        heights = everywhere(builder, height, _REALS)
         function = cgutils.get_or_insert_function(
             builder.module, ir.FunctionType(_REALS, [_REALS] * 3), f"llvm.fmuladd.v{LANES}f32"
         )
@@ -82,7 +70,7 @@ def plus_cone(typing: Any, block: Any, height: Any, profiles: Any, entries: Any,
         for k in range(LANES):
             entry = builder.load(builder.gep(there, [builder.add(at, ir.Constant(_INDEX, k))]))
             entry = builder.zext(entry, _INDEX)
-            place = _address(context, builder, signature.args[2], profiles, entry, _REALS)
+            place = address(context, builder, signature.args[2], profiles, entry, _REALS)
             column = builder.extract_value(block, k)
             total = builder.call(function, [heights, builder.load(place, align=4), column])
             block = builder.insert_value(block, total, k)
@@ -100,7 +88,7 @@ def add_block(typing: Any, nodes: Any, first: Any, per_column: Any, per_row: Any
         for k in range(LANES):
             row, column = (ir.Constant(_INDEX, part) for part in divmod(k, SIDE))
             away = builder.add(builder.mul(row, per_row), builder.mul(column, per_column))
-            there = _address(context, builder, signature.args[0], nodes, builder.add(first, away), _REALS)
+            there = address(context, builder, signature.args[0], nodes, builder.add(first, away), _REALS)
             total = builder.fadd(builder.load(there, align=4), builder.extract_value(block, k))
             builder.store(total, there, align=4)
         return context.get_dummy_value()

@@ -8,19 +8,13 @@ from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
 
-from tactsim.estimators.field.vectors import Registers
+from tactsim.estimators.field.vectors import Registers, address
 
 LANES = 16  # generators: two vectors of eight, so that one's latency is the other's time
 _WORD = ir.IntType(64)
 _WORDS = ir.VectorType(_WORD, LANES)
 
-
 _KIND = Registers(f"Generators{LANES}", _WORDS)
-
-
-def _address(context: Any, builder: Any, kind: Any, array: Any, index: Any) -> Any:
-    data = context.make_array(kind)(context, builder, array).data
-    return builder.bitcast(builder.gep(data, [index]), _WORDS.as_pointer())
 
 
 @intrinsic
@@ -28,7 +22,8 @@ def load_words(typing: Any, array: Any, index: Any) -> Any:
     """Read array[index : index + LANES] of a contiguous uint64 array."""
 
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        return builder.load(_address(context, builder, signature.args[0], *args), align=8)
+        array, index = args
+        return builder.load(address(context, builder, signature.args[0], array, index, _WORDS), align=8)
 
     return _KIND(array, types.uint64), generate
 
@@ -39,7 +34,7 @@ def store_words(typing: Any, array: Any, index: Any, words: Any) -> Any:
 
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         array, index, words = args
-        builder.store(words, _address(context, builder, signature.args[0], array, index), align=8)
+        builder.store(words, address(context, builder, signature.args[0], array, index, _WORDS), align=8)
         return context.get_dummy_value()
 
     return types.void(array, types.uint64, _KIND), generate
