@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import float32, int32, int64, uint32, uint64, void
+from numba import float32, int32, int64, uint64, void
 
 from tactsim.core.compiling import (
     FLOATS_4D,
@@ -15,8 +15,10 @@ from tactsim.core.compiling import (
     Reals,
     compiled,
 )
+from tactsim.estimators.field.between_nodes import add_between, find_nodes
 from tactsim.estimators.field.series import cos_sin
 from tactsim.estimators.field.terms import TERMS, Terms
+from tactsim.estimators.field.vectors import LANES
 
 # States that are looked up together, so that the arithmetic of their places is done in vectors.
 _BATCH = 128
@@ -37,49 +39,39 @@ def replay(
     _, letters, rows, columns = nodes.shape
     flat, plane = nodes.reshape(nodes.size), rows * columns
     # Places are in float32, twice as many to a vector: the nodes of a letter are some hundred, not thousands, apart.
-    cos_x, sin_x = np.empty(_BATCH, dtype=np.float32), np.empty(_BATCH, dtype=np.float32)
+    cos_x, minus_sin_x = np.empty(_BATCH, dtype=np.float32), np.empty(_BATCH, dtype=np.float32)
     cos_y, sin_y = np.empty(_BATCH, dtype=np.float32), np.empty(_BATCH, dtype=np.float32)
     x, y = np.empty(_BATCH, dtype=np.float32), np.empty(_BATCH, dtype=np.float32)
     right, above = np.empty(_BATCH, dtype=np.float32), np.empty(_BATCH, dtype=np.float32)
-    base, at = np.empty(_BATCH, dtype=np.int32), np.empty(_BATCH, dtype=np.int32)
+    # The last vector of a batch may reach beyond its states: what is looked up there must exist.
+    base, at = np.zeros(_BATCH, dtype=np.int32), np.empty(_BATCH, dtype=np.int32)
     total = np.empty(_BATCH, dtype=np.float32)
     # Beyond the rim everything is as at the rim: places are moved there instead of being left out.
-    nowhere, last_column, last_row = float32(0), float32(columns - 1), float32(rows - 1)
-    width, most_left, most_below = int32(columns), int32(columns - 2), int32(rows - 2)
-    one, row_above = uint64(1), uint64(columns)
+    last_column, last_row, next_node, next_row = int32(columns - 1), int32(rows - 1), int32(1), int32(columns)
+    zero, side_by_side, row = uint64(0), uint64(LANES), uint64(columns)
     for begin in range(0, len(log_p), _BATCH):
         count = min(_BATCH, len(log_p) - begin)
         for k in range(count):
             cos, sin = cos_sin(state[2, begin + k])
-            cos_x[k], sin_x[k], cos_y[k], sin_y[k] = (
-                cos / lattice[2], sin / lattice[2], cos / lattice[3], sin / lattice[3],
-            )  # fmt: skip
+            cos_x[k], minus_sin_x[k] = cos / lattice[2], -sin / lattice[2]
+            sin_y[k], cos_y[k] = sin / lattice[3], cos / lattice[3]
             x[k] = (state[0, begin + k] - lattice[0]) / lattice[2]
             y[k] = (state[1, begin + k] - lattice[1]) / lattice[3]
             base[k] = letter[begin + k] * plane
         for reading in range(first, last):
-            total[:count] = 0
+            total[:] = 0
             for i in range(start[reading], start[reading + 1]):
                 factor, tables = weight[i], uint64(kind[i] * letters * plane)
-                # Two loops, because places are computed in vectors and values are not loaded in vectors. A taxel's
-                # terms follow each other and share its places.
+                # A taxel's terms follow each other and share its places.
                 if i == start[reading] or xy[i, 0] != xy[i - 1, 0] or xy[i, 1] != xy[i - 1, 1]:
                     there_x, there_y = float32(xy[i, 0]), float32(xy[i, 1])
-                    for k in range(uint64(count)):
-                        u = x[k] + cos_x[k] * there_x - sin_x[k] * there_y
-                        v = y[k] + sin_y[k] * there_x + cos_y[k] * there_y
-                        u, v = min(max(u, nowhere), last_column), min(max(v, nowhere), last_row)
-                        # NaN is at no node: it must not be looked up outside.
-                        column = min(max(int32(u), int32(0)), most_left)
-                        row = min(max(int32(v), int32(0)), most_below)
-                        right[k], above[k] = u - float32(column), v - float32(row)
-                        at[k] = base[k] + row * width + column
-                for k in range(uint64(count)):
-                    corner = tables + uint64(uint32(at[k]))
-                    below_left, below_right = flat[corner], flat[corner + one]
-                    above_left, above_right = flat[corner + row_above], flat[corner + row_above + one]
-                    lower = below_left + right[k] * (below_right - below_left)
-                    upper = above_left + right[k] * (above_right - above_left)
-                    total[k] += factor * (lower + above[k] * (upper - lower))
+                    at[:] = base
+                    for k in range(zero, uint64(count), side_by_side):
+                        find_nodes(  # type: ignore[call-arg]
+                            at, right, x, cos_x, minus_sin_x, k, there_x, there_y, last_column, next_node
+                        )
+                        find_nodes(at, above, y, sin_y, cos_y, k, there_x, there_y, last_row, next_row)
+                for k in range(zero, uint64(count), side_by_side):
+                    add_between(total, k, flat, tables, at, row, right, above, factor)  # type: ignore[call-arg]
             for k in range(count):
                 log_p[begin + k] += constant[reading, letter[begin + k]] + total[k]

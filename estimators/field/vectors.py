@@ -13,6 +13,8 @@ from numba.core import cgutils
 from numba.extending import intrinsic, models, register_model
 
 TALL, LANES = 4, 16  # a tile: rows, and bins of a row
+# A vector of float32, and one of whole numbers of 32 bits.
+REALS, WHOLES = ir.VectorType(ir.FloatType(), LANES), ir.VectorType(ir.IntType(32), LANES)
 
 
 class Registers(types.Type):
@@ -50,6 +52,14 @@ def everywhere(builder: Any, number: Any, vector: Any) -> Any:
     return builder.shuffle_vector(one, empty, ir.Constant(ir.VectorType(whole, LANES), [0] * LANES))
 
 
+def plus_product(builder: Any, total: Any, one: Any, other: Any) -> Any:
+    """Make total + one * other of vectors of float32, with one rounding where the machine can."""
+    function = cgutils.get_or_insert_function(
+        builder.module, ir.FunctionType(REALS, [REALS] * 3), f"llvm.fmuladd.v{LANES}f32"
+    )
+    return builder.call(function, [one, other, total])
+
+
 @intrinsic
 def zeros(typing: Any) -> Any:
     """Make a vector of zeros."""
@@ -80,19 +90,13 @@ def store(typing: Any, array: Any, index: Any, values: Any) -> Any:
     return types.void(array, index, values), generate
 
 
-def _plus_times(builder: Any, total: Any, factor: Any, values: Any) -> Any:
-    function = cgutils.get_or_insert_function(
-        builder.module, ir.FunctionType(_LANES.held, [_LANES.held] * 3), f"llvm.fmuladd.v{LANES}f32"
-    )
-    return builder.call(function, [everywhere(builder, factor, _LANES.held), values, total])
-
-
 @intrinsic
 def add_times(typing: Any, total: Any, factor: Any, values: Any) -> Any:
     """Return total + factor * values, with one rounding where the machine can."""
 
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        return _plus_times(builder, *args)
+        total, factor, values = args
+        return plus_product(builder, total, everywhere(builder, factor, REALS), values)
 
     return _LANES(_LANES, float32, _LANES), generate
 
@@ -107,7 +111,9 @@ def raised(typing: Any, array: Any, index: Any, factor: Any, values: Any, consta
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         array, index, factor, values, constant = args
         there = address(context, builder, signature.args[0], array, index, _LANES.held)
-        total = _plus_times(builder, builder.load(there, align=4), factor, values)
+        total = plus_product(
+            builder, builder.load(there, align=4), everywhere(builder, factor, REALS), values
+        )
         total = builder.fadd(total, everywhere(builder, constant, _LANES.held))
         zero, less, more = (
             ir.Constant(_LANES.held, [number] * LANES) for number in (0.0, 1 - 2.0**-22, 1 + 2.0**-22)

@@ -6,15 +6,21 @@ from typing import Any
 
 from llvmlite import ir
 from numba import float32, int32, types, uint64
-from numba.core import cgutils
 from numba.extending import intrinsic
 
-from tactsim.estimators.field.vectors import LANES, Registers, address, everywhere
+from tactsim.estimators.field.vectors import (
+    LANES,
+    REALS,
+    WHOLES,
+    Registers,
+    address,
+    everywhere,
+    plus_product,
+)
 
 SIDE = 4  # columns of a block along x, and along y: as many altogether as LANES
-_REAL, _WHOLE, _INDEX = ir.FloatType(), ir.IntType(32), ir.IntType(64)
-_REALS, _WHOLES = ir.VectorType(_REAL, LANES), ir.VectorType(_WHOLE, LANES)
-_BLOCK = ir.ArrayType(_REALS, LANES)  # of each column LANES nodes, row by row
+_INDEX = ir.IntType(64)
+_BLOCK = ir.ArrayType(REALS, LANES)  # of each column LANES nodes, row by row
 # Taken from a square of up to 256 in float32, so that rounding never moves a node away from a cone.
 _ROUNDING = 1e-4
 
@@ -39,18 +45,18 @@ def write_entries(
 
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         entries, at, x, y, squares, last, stride, first = args
-        columns = ir.Constant(_REALS, [float(k % SIDE) for k in range(LANES)])
-        rows = ir.Constant(_REALS, [float(k // SIDE) for k in range(LANES)])
-        x = builder.fadd(everywhere(builder, x, _REALS), columns)
-        y = builder.fadd(everywhere(builder, y, _REALS), rows)
+        columns = ir.Constant(REALS, [float(k % SIDE) for k in range(LANES)])
+        rows = ir.Constant(REALS, [float(k // SIDE) for k in range(LANES)])
+        x = builder.fadd(everywhere(builder, x, REALS), columns)
+        y = builder.fadd(everywhere(builder, y, REALS), rows)
         square = builder.fadd(builder.fmul(x, x), builder.fmul(y, y))
-        square = builder.fmul(square, everywhere(builder, squares, _REALS))
-        square = builder.fsub(square, ir.Constant(_REALS, [_ROUNDING] * LANES))
-        last = everywhere(builder, last, _REALS)
+        square = builder.fmul(square, everywhere(builder, squares, REALS))
+        square = builder.fsub(square, ir.Constant(REALS, [_ROUNDING] * LANES))
+        last = everywhere(builder, last, REALS)
         square = builder.select(builder.fcmp_ordered("<", square, last), square, last)
-        entry = builder.mul(builder.fptosi(square, _WHOLES), everywhere(builder, stride, _WHOLES))
-        entry = builder.add(entry, everywhere(builder, first, _WHOLES))
-        builder.store(entry, address(context, builder, signature.args[0], entries, at, _WHOLES), align=4)
+        entry = builder.mul(builder.fptosi(square, WHOLES), everywhere(builder, stride, WHOLES))
+        entry = builder.add(entry, everywhere(builder, first, WHOLES))
+        builder.store(entry, address(context, builder, signature.args[0], entries, at, WHOLES), align=4)
         return context.get_dummy_value()
 
     return types.void(entries, uint64, float32, float32, float32, float32, int32, int32), generate
@@ -62,17 +68,14 @@ def plus_cone(typing: Any, block: Any, height: Any, profiles: Any, entries: Any,
 
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         block, height, profiles, entries, at = args
-        heights = everywhere(builder, height, _REALS)
-        function = cgutils.get_or_insert_function(
-            builder.module, ir.FunctionType(_REALS, [_REALS] * 3), f"llvm.fmuladd.v{LANES}f32"
-        )
+        heights = everywhere(builder, height, REALS)
         there = context.make_array(signature.args[3])(context, builder, entries).data
         for k in range(LANES):
             entry = builder.load(builder.gep(there, [builder.add(at, ir.Constant(_INDEX, k))]))
             entry = builder.zext(entry, _INDEX)
-            place = address(context, builder, signature.args[2], profiles, entry, _REALS)
+            place = address(context, builder, signature.args[2], profiles, entry, REALS)
             column = builder.extract_value(block, k)
-            total = builder.call(function, [heights, builder.load(place, align=4), column])
+            total = plus_product(builder, column, heights, builder.load(place, align=4))
             block = builder.insert_value(block, total, k)
         return block
 
@@ -88,7 +91,7 @@ def add_block(typing: Any, nodes: Any, first: Any, per_column: Any, per_row: Any
         for k in range(LANES):
             row, column = (ir.Constant(_INDEX, part) for part in divmod(k, SIDE))
             away = builder.add(builder.mul(row, per_row), builder.mul(column, per_column))
-            there = address(context, builder, signature.args[0], nodes, builder.add(first, away), _REALS)
+            there = address(context, builder, signature.args[0], nodes, builder.add(first, away), REALS)
             total = builder.fadd(builder.load(there, align=4), builder.extract_value(block, k))
             builder.store(total, there, align=4)
         return context.get_dummy_value()
