@@ -66,8 +66,10 @@ def _outlines(content: bytes) -> Iterator[tuple[list[FloatArray], bool]]:
         raise InputError(f"not an SVG drawing: {error}") from error
     except Exception as error:
         # A parser may raise anything on untrusted bytes; to the user every exception means the same.
-        reason = " ".join(f"{type(error).__name__}: {error}".split())
-        raise InputError(f"not a drawing that can be read: {reason}") from error
+        raise InputError(
+            "not a drawing that can be read: an outline, a length (a plain number) or a transform in it is cut off "
+            "or wrong; save it again as plain SVG"
+        ) from error
 
 
 def _flattened(content: bytes) -> Iterator[tuple[list[FloatArray], bool]]:

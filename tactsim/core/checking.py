@@ -13,6 +13,27 @@ Model = TypeVar("Model", bound=BaseModel)
 
 _MOST_NAMED = 10  # values that are missing
 
+# What would be right, by the kind of fault; pydantic's own words speak of Python's types.
+_WANTED = {
+    **dict.fromkeys(("int_type", "int_parsing", "int_parsing_size", "int_from_float"), "give a whole number"),
+    **dict.fromkeys(("float_type", "float_parsing"), "give a number"),
+    "finite_number": "give a finite number",
+    "greater_than_equal": "give a number of at least {ge}",
+    "greater_than": "give a number above {gt}",
+    "less_than_equal": "give a number of at most {le}",
+    "less_than": "give a number below {lt}",
+    "literal_error": "give {expected}",
+    **dict.fromkeys(("bool_type", "bool_parsing"), "say true or false"),
+    "string_type": "give a text",
+    "string_too_short": "give a text of at least {min_length} characters",
+    "string_too_long": "give a text of at most {max_length} characters",
+    "path_type": "give the path of a file or folder",
+    **dict.fromkeys(("tuple_type", "list_type"), "give a list"),
+    "too_short": "give a list of at least {min_length}",
+    "too_long": "give a list of at most {max_length}",
+    **dict.fromkeys(("dict_type", "model_type"), "give a table of names and values"),
+}
+
 
 def checked(model: type[Model], values: Any, where: str) -> Model:
     """Check values that a user typed or a file held, and return them as `model`.
@@ -63,9 +84,16 @@ def _first_fault(error: ValidationError, model: type[BaseModel]) -> str:
     if fault["type"] == "model_type" and (inner := _below(place, model)):
         return f"{place} is a group of options, got {short(fault['input'])}; give one of {', '.join(inner)}"
     message = fault["msg"].removeprefix("Value error, ")
+    if (wanted := _WANTED.get(fault["type"])) is not None:
+        message = wanted.format(**{name: _plain(bound) for name, bound in fault.get("ctx", {}).items()})
     if fault["type"] == "value_error" and not place:
         return message  # of several options together: it names them
     return f"{place or 'options'}: {message}, got {short(fault['input'])}"
+
+
+def _plain(bound: Any) -> str:
+    """Write a bound as one would type it: 0 and not 0.0."""
+    return f"{bound:g}" if isinstance(bound, float) else str(bound)
 
 
 def _whole_name(place: str, given: Any) -> str:

@@ -309,7 +309,7 @@ WRONG_SCANS = {
     "letters": ({"letters": 5}, "letters.*got 5"),
     "a small letter": ({"letters": "a"}, "did you mean 'A'"),
     "letters as a number": ({"letters": 5}, "letters: give letters, as 'AEIOU' or a list, got 5"),
-    "noise": ({"noise": float("nan")}, "noise: Input should be a finite number, got nan"),
+    "noise": ({"noise": float("nan")}, "noise: give a finite number, got nan"),
     "jobs": ({"letters": "A", "jobs": 0}, "jobs is 0"),
     "jobs as text": ({"letters": "A", "jobs": "2"}, "jobs is '2'"),
 }

@@ -1,6 +1,9 @@
+import math
 import os
 import subprocess
 import sys
+from pathlib import Path
+from typing import Literal
 
 import pytest
 from pydantic import BaseModel, ConfigDict, Field
@@ -98,13 +101,32 @@ class Inner(BaseModel):
 
 class Outer(BaseModel):
     a: Inner = Inner()
+    c: float = Field(1.0, gt=0, allow_inf_nan=False)
+    d: Literal["one", "two"] = "one"
+    e: tuple[str, ...] = Field(("x",), min_length=1)
+    g: Path = Path()
+    h: dict[str, int] = {}
+    k: bool = True
 
 
 @pytest.mark.parametrize(
     ("values", "said"),
     [
-        ({"a": {"b": -1}}, "f: a.b: Input should be greater than or equal to 0, got -1"),
-        ({"a": {"c": 1}}, "unknown option 'a.c': did you mean 'a.b'? known are a.b"),
+        ({"a": {"b": -1}}, "f: a.b: give a number of at least 0, got -1"),
+        ({"a": {"b": 10}}, "f: a.b: give a number of at most 9, got 10"),
+        ({"a": {"b": "many"}}, "f: a.b: give a whole number, got 'many'"),
+        ({"a": {"b": 1.5}}, "f: a.b: give a whole number, got 1.5"),
+        ({"c": -0.5}, "f: c: give a number above 0, got -0.5"),
+        ({"c": math.inf}, "f: c: give a finite number, got inf"),
+        ({"c": "x"}, "f: c: give a number, got 'x'"),
+        ({"d": 5}, "f: d: give 'one' or 'two', got 5"),
+        ({"e": "no"}, "f: e: give a list, got 'no'"),
+        ({"e": [1]}, "f: e.0: give a text, got 1"),
+        ({"e": ()}, "f: e: give a list of at least 1, got ()"),
+        ({"g": 5}, "f: g: give the path of a file or folder, got 5"),
+        ({"h": 5}, "f: h: give a table of names and values, got 5"),
+        ({"k": "perhaps"}, "f: k: say true or false, got 'perhaps'"),
+        ({"a": {"c": 1}}, "unknown option 'a.c': did you mean 'a.b'? known are a.b, c, d"),
         ({"a": {"b": 16**5000}}, "f: a.b"),
         ({"a": {"b": "x" * 10**6}}, "f: a.b"),
         ({"a": {"y" * 10**6: 1}}, "unknown option"),

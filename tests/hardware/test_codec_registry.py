@@ -97,7 +97,7 @@ def test_an_installed_codec_is_listed_and_reads_a_port(knocking, tmp_path):
 
 def test_a_wrong_key_of_an_installed_codec_is_named_in_one_line(knocking):
     knocking.write_text(DEVICE.replace("step_kpa = 0.5", "step_kpa = -1"))
-    with pytest.raises(InputError, match=r"knocking.toml: codec.step_kpa: .* greater than 0, got -1"):
+    with pytest.raises(InputError, match=r"knocking.toml: codec.step_kpa: .* above 0, got -1"):
         load_device(knocking)
     knocking.write_text(DEVICE.replace("step_kpa = 0.5", "stepp = 1"))
     with pytest.raises(InputError, match=r"codec.step"):

@@ -400,6 +400,7 @@ def test_lengths_of_drawings(tmp_path, head, side):
         ("", "no filled outline"),
         ('<path d=""/>', "covers 0 mm"),
         ('<path d="M 0 0 L banana 5 5 Z"/>', "cannot|can be read"),
+        ('<path d="M 0 0 L 5"/>', "cut off or wrong; save it again as plain SVG"),
         ('<rect width="nan" height="20"/>', "can be read"),
         ('<rect width="20mm" height="20"/>', "can be read"),
         ('<rect width="1e308" height="20"/>', "from the drawing's origin"),

@@ -251,9 +251,9 @@ def test_the_paths_of_a_task_are_beside_its_file(own, tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ("[3, 1, 4, 5, 9]", "[3, 1]", "seeds: .*at least 5 items"),
+        ("[3, 1, 4, 5, 9]", "[3, 1]", "seeds: .*at least 5"),
         ("[3, 1, 4, 5, 9]", "[3, 1, 4, 5, 3]", "a seed is named twice"),
-        ("[3, 1, 4, 5, 9]", "[3, 1, 4, 5, -1]", "seeds.4: .*greater than or equal to 0"),
+        ("[3, 1, 4, 5, 9]", "[3, 1, 4, 5, -1]", "seeds.4: .*at least 0"),
         ("[3, 1, 4, 5, 9]", "[3, 2, 4, 5, true]", "seeds.4: a number is wanted"),
         ('line = "Two letters."', "", "missing is line .what is asked, in one sentence."),
         ('line = "Two letters."', 'line = ""', "line"),
