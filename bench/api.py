@@ -105,6 +105,9 @@ def run(
         raise InputError(
             f"estimator is {short(estimator)}; give a registered name or an Estimator, made with its options"
         )
+    for name, readings in (("scan", scan), ("train_scan", train_scan)):
+        if not isinstance(readings, Scan | str | Path | None):
+            raise InputError(f"{name} is {short(readings)}; give a Scan, or the path of a file that holds one")
     given = scan if isinstance(scan, Scan) else None
     if isinstance(train_scan, Scan):
         if given is None:
@@ -138,7 +141,7 @@ def run(
 
 
 def _check_jobs(jobs: int) -> None:
-    if not isinstance(jobs, int) or jobs < 1:
+    if not isinstance(jobs, int) or isinstance(jobs, bool) or jobs < 1:
         raise InputError(f"jobs is {short(jobs)}; give a number of processes, 1 or more")
 
 

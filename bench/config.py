@@ -61,8 +61,22 @@ def _letters(words: Any) -> Any:
 
 def _names(words: Any) -> Any:
     """Read names from a text such as "A,E", sorted and without repeats; a list of names likewise."""
-    names = words.replace(",", " ").split() if isinstance(words, str) else words
-    return tuple(sorted(set(names))) if isinstance(names, list | tuple) else names or ()
+    names = words.replace(",", " ").split() if isinstance(words, str) else words or ()
+    if not (isinstance(names, list | tuple) and all(isinstance(name, str) for name in names)):
+        raise ValueError("give letters, as 'A,E' or a list of names")
+    return tuple(sorted(set(names)))
+
+
+def _noise(words: Any) -> Any:
+    """Refuse a text that is neither a number nor "off"; what number is allowed, the sensor's options say."""
+    try:
+        _ = words == "off" or words is None or float(words)
+    except (TypeError, ValueError):
+        raise ValueError("give the standard deviation in kPa, or 'off'") from None
+    return words
+
+
+Noise = Annotated[str | float | None, BeforeValidator(_noise)]
 
 
 def _held_out(words: Any) -> Any:
@@ -93,7 +107,7 @@ class ScanWords(BaseModel):
         "classes), handheld (loads, tilt, response), ideal, slip (the object moves between touches), or a file of "
         "`bench validate`.",
     )
-    noise: str | float | None = Field(
+    noise: Noise = Field(
         None,
         description="Sensor noise, sd in kPa; 'off': no noise, resolution, saturation, placement error or tilt.",
     )
@@ -207,7 +221,8 @@ class RunConfig(ScanWords):
             raise ValueError("presses and scan both say what is tested; leave one out")
         if self.presses is not None and self.train_scan is None:
             raise ValueError(
-                "presses of a pad are for testing; name what is trained on: train_scan (`bench record`, `bench scan`)"
+                "presses of a pad are for testing; name what is trained on with --train-scan (in Python train_scan), "
+                "a file of `bench record` or `bench scan`"
             )
         return self
 

@@ -75,8 +75,8 @@ def command(
     if port is None:
         names = ("device", "calibration", "frames", "force", "patience", "seen")
         refuse_typed(context, names, "is for a pad; say where that is with --port, or leave it out")
-    elif "task" in words:
-        raise InputError("--port: a task has readings of its own; leave out --port or --task")
+    elif other := next((name for name in ("task", "scan") if name in words), None):
+        raise InputError(f"--port: a {other} has readings of its own; leave out --port or --{other}")
     words = {
         name: value for name, value in words.items() if is_typed(context, name)
     }  # a task says the others

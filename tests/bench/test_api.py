@@ -315,6 +315,25 @@ WRONG_SCANS = {
 }
 
 
+WRONG_RUNS = {
+    "a scan": ({"scan": 5}, "scan is 5; give a Scan, or the path"),
+    "a training scan": ({"train_scan": 5}, "train_scan is 5; give a Scan, or the path"),
+    "held out": ({"hold_out": 5}, "hold_out: give letters, as 'A,E' or a list of names, got 5"),
+    "held out, mixed": ({"hold_out": ["A", 5]}, "hold_out: give letters"),
+    "set": ({"set": 5}, "set: give a table of names and values, got 5"),
+    "noise": ({"noise": "none"}, "noise: give the standard deviation in kPa, or 'off', got 'none'"),
+    "jobs": ({"jobs": True}, "jobs is True"),
+}
+
+
+@pytest.mark.parametrize("case", WRONG_RUNS)
+def test_wrong_words_of_a_run_are_refused_in_one_line(case):
+    words, said = WRONG_RUNS[case]
+    with pytest.raises(InputError, match=said) as caught:
+        tactsim.run(**words)
+    assert "\n" not in str(caught.value)
+
+
 @pytest.mark.parametrize("case", WRONG_SCANS)
 def test_wrong_words_of_a_scan_are_refused_in_one_line(case):
     words, said = WRONG_SCANS[case]

@@ -180,6 +180,8 @@ BAD = {
     "negative readings": (["run", "--readings", "-1"], ["readings"]),
     "seed": (["run", "--seed", "-1"], ["seed"]),
     "noise": (["run", "--noise", "loud"], ["noise", "loud"]),
+    "no noise": (["run", "--noise", "none"], ["noise", "'none'", "kPa, or 'off'"]),
+    "no noise in space": (["run", "--task", "solids", "--noise", "none"], ["noise", "'none'", "or 'off'"]),
     "nan": (["run", "--noise", "nan"], ["noise", "nan"]),
     "world": (["run", "--world", "mars"], ["mars", "paper-like"]),
     "poses": (["run", "--test-poses", "else"], ["test_poses", "else"]),

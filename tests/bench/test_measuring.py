@@ -90,12 +90,12 @@ def test_a_run_outlives_a_pad_that_is_lost(bench, scan_file, tmp_path):
 @pytest.mark.parametrize(
     ("words", "parts"),
     [
-        (["--port", "pad"], ["train_scan", "bench record"]),
+        (["--port", "pad"], ["--train-scan", "bench record"]),
         (["--port", "pad", "--train-scan", "no.npz"], ["no.npz: No such file"]),
         (["--port", "pad", "--train-scan", "two.npz"], ["cannot open pad", "no such port"]),
         (["--port", "pad", "--train-scan", "two.npz", "--device", "singletact-5x5"], ["another pad"]),
         (["--port", "simulated:A@0,0,0.3", "--train-scan", "two.npz"], ["never lifted", "simulated:hand"]),
-        (["--port", "pad", "--train-scan", "two.npz", "--scan", "two.npz"], ["leave one out"]),
+        (["--port", "pad", "--train-scan", "two.npz", "--scan", "two.npz"], ["leave out --port or --scan"]),
         (["--port", "pad", "--train-scan", "two.npz", "--set", "x=1"], ["x"]),
         (["--port", "pad", "--train-scan", "two.npz", "--world", "rough"], ["come from", "leave it out"]),
         (["--port", "pad", "--train-scan", "two.npz", "--seen", "above"], ["say behind or front"]),
