@@ -58,7 +58,8 @@ def scan(
     letters: such as "AEIOU", "A-Z0-9" or a list of names. words: the options of `bench scan` with underscores:
     shapes, test_poses, world, noise, scan_set (a table) and seed. jobs: processes; the readings do not depend
     on their number. cache: whether readings may be read from the cache and kept there. sequence: whether the
-    images of every press on its way to rest are kept, which takes full dynamics. progress: show a bar.
+    images of every press on its way to rest are kept, which takes full dynamics. progress: show a bar. A world's
+    slip is in no reading: `run` moves the object.
 
     Raises InputError for a letter, shape or option that does not exist, and if a press does not settle.
     """

@@ -22,7 +22,7 @@ from tactsim.bench.slip import SLIPS, Slip
 from tactsim.core import InputError
 from tactsim.core.checking import checked
 from tactsim.core.documents import read_toml
-from tactsim.core.errors import short, unknown
+from tactsim.core.errors import unknown
 
 if TYPE_CHECKING:
     from tactsim.press import ScanOptions
@@ -251,11 +251,7 @@ class RunConfig(ScanWords):
     @cached_property
     def moving(self) -> Slip:
         """Resolve how the object moves: as the world says, changed by `slip`. Raises InputError for a wrong value."""
-        stated = _world(self.world).get("slip", {})
-        if not isinstance(stated, Mapping):
-            raise InputError(
-                f"world {self.world}: slip is {short(stated)}; write a table, such as slip.walk_mm = 0.5"
-            )
+        stated = slip_of_world(self.world).model_dump(exclude_unset=True)
         return checked(Slip, merged(stated, self.slip), "slip")
 
     @property
@@ -355,12 +351,29 @@ def scan_options(**words: Any) -> ScanOptions:
     return checked(ScanWords, words, "scan").scan_options
 
 
+def slip_of_world(name: str) -> Slip:
+    """Say how the object moves in a world. Raises InputError for an unknown world, and for a wrong file."""
+    return Slip(**_world(name).get("slip", {}))
+
+
 def _world(name: str) -> Mapping[str, Any]:
-    """Get the options of a ready-made world, or of a TOML file as `bench validate` writes."""
-    from tactsim.press import WORLDS
+    """Get the options of a ready-made world, or of a TOML file as `bench validate` writes.
+
+    A file is checked by itself: what else a run says may replace a wrong value, and would be blamed for one that stays.
+    """
+    from tactsim.press import WORLDS, ScanOptions
 
     if name.endswith(".toml"):
-        return read_toml(name, "world")
+        where, values = f"world {name}", read_toml(name, "world")
+        for own in ("seed", "test_poses"):
+            if own in values:
+                raise InputError(
+                    f"{where}: {own} is no option of a world; leave it out, and give --{own.replace('_', '-')} "
+                    f"(in Python {own})"
+                )
+        checked(Slip, values.get("slip", {}), f"{where}: slip")
+        checked(ScanOptions, {key: value for key, value in values.items() if key != "slip"}, where)
+        return values
     worlds = WORLDS | SLIPS
     if name not in worlds:
         raise unknown("world", name, [*worlds, "FILE.toml"])

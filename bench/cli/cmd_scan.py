@@ -9,8 +9,8 @@ import typer
 
 from tactsim.bench.cli import shared_options as shared
 from tactsim.bench.cli import space_verbs as space
-from tactsim.bench.cli.words import Words, is_typed, with_options_of
-from tactsim.bench.config import ScanWords, scan_options
+from tactsim.bench.cli.words import Words, dotted, is_typed, with_options_of
+from tactsim.bench.config import ScanWords, scan_options, slip_of_world
 
 
 @with_options_of(ScanWords)
@@ -68,6 +68,10 @@ def command(
             f"settled {median:.0f} ms after touch (median; longest {longest:.0f} ms), overshoot at most "
             f"{100 * work['overshoot']:.1f} %"
         )
+    slip = slip_of_world(words.get("world", "default"))
+    if not slip.still:
+        given = " ".join(f"--slip {word}" for word in dotted(slip.model_dump(exclude_defaults=True)))
+        lines.append(f"the world's slip is in no reading: `bench run --scan {out} {given}` moves the object")
     if scan.sequence_times is not None:
         lines.append(f"{len(scan.sequence_times):,} images of each press, {scan.sequence_times[-1]:.3f} s")
     plain_console().print("\n".join(lines))

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from command_line import refused
 from test_score import make_trials
 from test_trials import PLAIN, Witness, make_scan
 
@@ -128,9 +129,34 @@ def test_a_world_file_may_name_a_motion(tmp_path):
 def test_a_motion_in_a_world_file_that_is_no_table_is_refused_in_one_line(tmp_path, stated):
     (tmp_path / "loose.toml").write_text(f"slip = {stated}\n")
     for slip in ({}, {"walk_mm": 1}):
-        with pytest.raises(InputError, match=r"loose\.toml: slip is .*; write a table") as error:
+        with pytest.raises(InputError, match=r"loose\.toml: slip: .*give a table") as error:
             run_config(world=str(tmp_path / "loose.toml"), slip=slip)
         assert "\n" not in str(error.value)
+
+
+def test_a_scan_says_that_a_worlds_slip_is_in_no_reading(here, tmp_path):
+    (tmp_path / "loose.toml").write_text("[slip]\njump_mm = 3\n")
+    said = here("scan", "--letters", "I", "--world", "loose.toml", "--out", "i.npz").stdout
+    assert "slip is in no reading: `bench run --scan i.npz --slip jump_mm=3.0`" in said
+    assert "slip" not in here("scan", "--letters", "I", "--out", "still.npz").stdout
+
+
+WRONG_WORLDS = {
+    "a word for a number": ("press.force = 'much'", "press.force: give a number, got 'much'"),
+    "a list that noise would replace": ("sensor = [1]", "sensor is a group of options"),
+    "an unknown option": ("presss.force = 1", "did you mean 'press.force'"),
+    "a seed": ("seed = -3", "seed is no option of a world; leave it out, and give --seed"),
+    "poses": ("test_poses = 'same'", "test_poses is no option of a world; leave it out, and give --test-poses"),
+    "a slip": ("slip.walk_mm = -1", "slip: walk_mm: give a number of at least 0, got -1"),
+}
+
+
+@pytest.mark.parametrize("case", WRONG_WORLDS)
+@pytest.mark.parametrize("verb", [["run"], ["run", "--noise", "3"], ["scan", "--out", "x.npz"], ["bound"]])
+def test_a_wrong_world_file_is_named_and_not_replaced(here, tmp_path, case, verb):
+    content, said = WRONG_WORLDS[case]
+    (tmp_path / "w.toml").write_text(content)
+    refused(here(*verb, "--world", "w.toml"), "world w.toml: ", said)
 
 
 def test_a_jump_counts_as_recovered_by_the_first_estimate_that_is_near_and_right():
