@@ -20,7 +20,7 @@ from tactsim.bench.placement_error import properties
 from tactsim.bench.run import Run
 from tactsim.bench.trial_plan import TrialPlan, source_of_trials
 from tactsim.bench.trial_workers import run_trials
-from tactsim.bench.trials import OneTrial, Progress, Trials, check_labels, check_readings
+from tactsim.bench.trials import OneTrial, Progress, Trials, check_count, check_labels, check_readings
 from tactsim.core import InputError, Scan
 from tactsim.core.errors import unknown
 from tactsim.core.scan import train_on
@@ -30,6 +30,7 @@ from tactsim.estimators.estimator import name_of, proposes_none
 from tactsim.estimators.likelihoods.occupancy import maps_of
 from tactsim.estimators.options import FilterOptions
 from tactsim.press import forward_model, scan_letters
+from tactsim.press.scan_poses import PAPER, stage_for
 from tactsim.press.scanning import letters_of
 
 
@@ -69,10 +70,7 @@ def perform(
         fitted = create(config.estimator, **config.options)  # a wrong option is reported before the work
     else:
         config, fitted = _with_estimator(config, estimator), estimator
-    if fitted.in_space:
-        raise InputError(f"estimator {config.estimator} recognises objects in space; add --task solids")
-    if config.explore == "information" and not fitted.proposes:
-        raise proposes_none(config.estimator)
+    check_estimator(config, fitted)
     gathered = gather(config, scan=scan, jobs=jobs, cache=cache, progress=progress)
     check_readings(gathered.scan, gathered.letters, config.readings, config.hold_out)
     plan = plan_of(config, gathered.scan, estimator)
@@ -93,6 +91,28 @@ def perform(
         config, gathered, trials, work, estimator=estimator, seconds=seconds, jobs=jobs, fitted=fitted
     )
     return replace(run, plan=plan, maps=maps_of(fitted))
+
+
+def check_estimator(config: RunConfig, estimator: Estimator) -> None:
+    """Raise InputError for an estimator that is not for runs in the plane, or cannot choose touches and should."""
+    if estimator.in_space:
+        raise InputError(f"estimator {config.estimator} recognises objects in space; add --task solids")
+    if config.explore == "information" and not estimator.proposes:
+        raise proposes_none(config.estimator)
+
+
+def check_presses(config: RunConfig) -> None:
+    """Raise InputError before the presses for letters to hold out that are not pressed, and for too many readings.
+
+    Readings that are not pressed are left to `check_readings`, once they are loaded.
+    """
+    if not config.pressed:
+        return
+    letters = letters_of(config.scan_options)
+    _held_out(config, [letter.name for letter in letters])
+    for letter in letters if config.readings > PAPER.poses else ():
+        stage = PAPER if config.on_demand else stage_for(config.scan_options.pad, letter)
+        check_count(letter.name, stage.poses, config.readings)
 
 
 def _with_estimator(config: RunConfig, estimator: Estimator) -> RunConfig:
@@ -133,7 +153,7 @@ def gather(
         letters = chosen_letters(config, train_scan(config).letters)
         scan = measured_scan(config.presses, letters, config.trials, config.readings)
     elif scan is None:
-        _held_out(config, [letter.name for letter in letters_of(config.scan_options)])  # before the presses
+        check_presses(config)
         scan, work = scan_letters(
             config.scan_options,
             jobs=jobs,

@@ -11,10 +11,12 @@ from typing import Any
 import numpy as np
 
 from tactsim.bench.config import RunConfig, run_config
+from tactsim.bench.runner import check_estimator, check_presses
 from tactsim.bench.tasks import task
 from tactsim.core import InputError
 from tactsim.core.documents import parse_toml, read_toml
 from tactsim.core.errors import unknown
+from tactsim.estimators import create
 
 
 def read(source: str) -> tuple[str, list[RunConfig]]:
@@ -38,7 +40,7 @@ def read(source: str) -> tuple[str, list[RunConfig]]:
 
 def count_runs(suite: str) -> int:
     """Count the runs of a suite that comes with the project, without making their configurations."""
-    return sum(len(_seeds(words)) for words in _combinations(_suite(suite), f"suite {suite}"))
+    return sum(len(_seeds(words)) for _, words in _combinations(_suite(suite), f"suite {suite}"))
 
 
 def _suite(name: str) -> dict[str, Any]:
@@ -59,18 +61,30 @@ def suites() -> tuple[str, ...]:
 def expand(table: Mapping[str, Any], what: str) -> list[RunConfig]:
     """Turn a sweep's tables into its runs: every combination of every list, without repeats.
 
-    Raises InputError for an unknown key, a wrong value, no runs or more than 100,000.
+    Raises InputError for an unknown key, a wrong value, no runs or more than 100,000, and, with the number of the
+    [[run]], for what `runner` refuses before the work.
     """
     configs: dict[str, RunConfig] = {}
-    for words in _combinations(table, what):
-        for seed in _seeds(words):
-            config = run_config(**words, **seed)
-            configs.setdefault(config.digest, config)
+    sources: set[tuple[str, int]] = set()
+    for where, words in _combinations(table, what):
+        try:
+            for seed in _seeds(words):
+                config = run_config(**words, **seed)
+                check_estimator(config, create(config.estimator, **config.options))
+                if (asked := (config.source, config.readings)) not in sources:
+                    check_presses(config)
+                    sources.add(asked)
+                configs.setdefault(config.digest, config)
+        except InputError as error:
+            raise InputError(f"{where}: {error}") from error
     return list(configs.values())
 
 
-def _combinations(table: Mapping[str, Any], what: str) -> Iterator[dict[str, Any]]:
-    """Give the words of every combination of every list. Raises InputError as `expand` does, but for wrong values."""
+def _combinations(table: Mapping[str, Any], what: str) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Give where each combination of every list stands, and its words.
+
+    Raises InputError as `expand` does, but for wrong values.
+    """
     strange = set(table) - {"run", "defaults"}
     if strange:
         raise unknown(f"table in {what}", strange.pop(), ("run", "defaults"))
@@ -80,14 +94,15 @@ def _combinations(table: Mapping[str, Any], what: str) -> Iterator[dict[str, Any
     if not runs:
         raise InputError(f"{what} has no [[run]]; write one for each group of runs")
     total = 0
-    for run in runs:
+    for number, run in enumerate(runs, start=1):
+        where = f"{what}, [[run]] {number}"
         axes = list(_axes({**defaults, **run}))
         empty = [".".join(key) for key, values in axes if not values]
         if empty:
-            raise InputError(f"{what}: the list {empty[0]} is empty; give it a value or leave it out")
+            raise InputError(f"{where}: the list {empty[0]} is empty; give it a value or leave it out")
         count = int(np.prod([len(values) for _, values in axes], dtype=object)) if axes else 1
         if count + total > 100_000:
-            raise InputError(f"{what} asks for {count:,} runs; the most is 100,000")
+            raise InputError(f"{where} asks for {count:,} runs; the most is 100,000")
         total += count
         for values in itertools.product(*(values for _, values in axes)):
             words: dict[str, Any] = {}
@@ -96,7 +111,7 @@ def _combinations(table: Mapping[str, Any], what: str) -> Iterator[dict[str, Any
                 for group in key[:-1]:
                     inner = inner.setdefault(group, {})
                 inner[key[-1]] = value
-            yield words
+            yield where, words
 
 
 def _seeds(words: Mapping[str, Any]) -> list[dict[str, int]]:

@@ -132,12 +132,16 @@ def check_readings(scan: Scan, letters: Iterable[str], readings: int, hold_out: 
                     f"the scan has no {split} readings of letter {letter!r}{here}; record them (`bench record --split "
                     f"{split}`), or take them from another scan (`bench run --scan TEST --train-scan TRAIN`)"
                 )
-        count = len(scan.where("test", letter))
-        if readings > count:
-            raise InputError(
-                f"{readings} readings a trial: letter {letter!r} has {count} test readings, drawn without "
-                f"replacement; ask for at most {count}"
-            )
+        check_count(letter, len(scan.where("test", letter)), readings)
+
+
+def check_count(letter: str, count: int, readings: int) -> None:
+    """Raise InputError if a letter has fewer test readings, `count`, than a trial takes."""
+    if readings > count:
+        raise InputError(
+            f"{readings} readings a trial: letter {letter!r} has {count} test readings, drawn without "
+            f"replacement; ask for at most {count}"
+        )
 
 
 def run_trial(

@@ -236,6 +236,14 @@ def test_wrong_input_is_one_line_and_exit_status_2(here, tmp_path, case):
     assert sorted(tmp_path.rglob("*")) == before
 
 
+@pytest.mark.parametrize(
+    "words", [["run"], ["run", "--explore", "blind"], ["run", "--scan-set", "pad.columns=8"], ["bound"]]
+)
+def test_more_readings_than_are_pressed_are_refused_before_the_press(here, own_cache, words):
+    refused(here(*words, "--readings", "500", "--letters", "IO"), "500 readings", "'I' has", "at most")
+    assert not list(own_cache.iterdir())
+
+
 @pytest.mark.skipif(os.geteuid() == 0, reason="root may write everywhere")
 def test_a_folder_that_cannot_be_written_is_refused(bench, tmp_path):
     (tmp_path / "locked").mkdir(mode=0o500)
