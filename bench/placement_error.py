@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
@@ -49,16 +50,35 @@ def properties(scan: Scan) -> dict[str, Properties]:
 
     If the scan does not state them, the pressures of the training readings, at the places where they were
     felt, stand for the mass, and no symmetry is assumed. The paper estimates the properties from its maps.
+    Raises InputError as `stated_properties` does.
     """
+    known = stated_properties(scan)
+    return {
+        label: known.get(label) or _felt(scan.where("train", label), scan.where(label=label))
+        for label in scan.letters
+    }
+
+
+def stated_properties(scan: Scan) -> dict[str, Properties]:
+    """Take the properties of those objects of which the scan states them. Raises InputError if they make no sense."""
     known = scan.meta.get("objects", {})
     if not isinstance(known, dict):
         raise InputError(f"scan: meta.objects must be a table, got {short(known)}")
     return {
         label: Properties.stated(known[label], f"scan: meta.objects.{label}")
-        if label in known
-        else _felt(scan.where("train", label), scan.where(label=label))
         for label in scan.letters
+        if label in known
     }
+
+
+def load_scan(path: str | Path) -> Scan:
+    """Load a scan for trials: one whose objects can be scored. Raises InputError that names the file."""
+    scan = Scan.load(path)
+    try:
+        stated_properties(scan)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from error
+    return scan
 
 
 def _felt(train: Scan, all_readings: Scan) -> Properties:

@@ -16,7 +16,7 @@ from tactsim.bench.copies import notes_on
 from tactsim.bench.fitting import fit, pad_fit_of
 from tactsim.bench.machine import machine, peak_memory_mb, versions
 from tactsim.bench.offered_touches import Press
-from tactsim.bench.placement_error import properties
+from tactsim.bench.placement_error import load_scan, properties, stated_properties
 from tactsim.bench.run import Run
 from tactsim.bench.trial_plan import TrialPlan, source_of_trials
 from tactsim.bench.trial_workers import run_trials
@@ -145,14 +145,16 @@ def gather(
         )
     start = perf_counter()
     work: dict[str, Any] = {"presses": 0, "skipped": {}}
-    if scan is None and config.scan is not None:
-        scan = Scan.load(config.scan)
-    elif scan is None and config.presses is not None:
+    if scan is not None:
+        stated_properties(scan)
+    elif config.scan is not None:
+        scan = load_scan(config.scan)
+    elif config.presses is not None:
         from tactsim.bench.measured import measured_scan
 
         letters = chosen_letters(config, train_scan(config).letters)
         scan = measured_scan(config.presses, letters, config.trials, config.readings)
-    elif scan is None:
+    else:
         check_presses(config)
         scan, work = scan_letters(
             config.scan_options,
@@ -191,7 +193,7 @@ def train_scan(config: RunConfig) -> Scan:
     """Load the training readings that a run takes from a file of their own. Raises InputError if it has none."""
     if config.train_scan is None:
         raise InputError("a run on a pad's presses takes its training readings from --train-scan")
-    return Scan.load(config.train_scan)
+    return load_scan(config.train_scan)
 
 
 def plan_of(config: RunConfig, scan: Scan, given: Estimator | None = None) -> TrialPlan:

@@ -136,11 +136,11 @@ def command(
 
 def _training(path: Path | None, device: Device, progress: Progress) -> Scan:
     """Load the training readings, or press them."""
-    from tactsim.core import Scan
+    from tactsim.bench.placement_error import load_scan
     from tactsim.press import ScanOptions, scan_letters
     from tactsim.press.simulated_source import on_pad_of
 
     if path is not None:
-        return Scan.load(path)
+        return load_scan(path)
     options = on_pad_of(device, ScanOptions())
     return scan_letters(options, progress=lambda done, total: progress("press", done, total))[0]

@@ -52,17 +52,17 @@ def command(
     from tactsim.bench import validation
     from tactsim.bench.cli.validation_report import show as show_report
     from tactsim.bench.console import kept_clear
+    from tactsim.bench.placement_error import load_scan
     from tactsim.bench.places import check_new_folder, save_and_show, save_beside
     from tactsim.bench.settings import key_values
     from tactsim.bench.terminal import progress_bars
-    from tactsim.core import Scan
     from tactsim.core.files import new_folder
 
     if out is not None:
         check_new_folder(out)
     with kept_clear(as_json), progress_bars() as progress:
         result = validation.validate(
-            Scan.load(simulated), Scan.load(recorded), estimators=estimator or ("refined", "histogram"),
+            load_scan(simulated), load_scan(recorded), estimators=estimator or ("refined", "histogram"),
             options=key_values(settings or (), "--set"), trials=trials, seed=seed, ablate=ablate, progress=progress,
         )  # fmt: skip
     answer = validation.as_json(result)

@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -248,6 +249,29 @@ def test_more_readings_than_are_pressed_are_refused_before_the_press(here, own_c
 def test_a_folder_that_cannot_be_written_is_refused(bench, tmp_path):
     (tmp_path / "locked").mkdir(mode=0o500)
     refused(bench("run", "--out", "locked/run"), "locked")
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["run", "--scan", "bad.npz"],
+        ["run", "--scan", "two.npz", "--train-scan", "bad.npz"],
+        ["bound", "--scan", "bad.npz"],
+        ["live", "--port", "simulated:I@0,0,0", "--train-scan", "bad.npz"],
+        ["validate", "--simulated", "two.npz", "--recorded", "bad.npz"],
+    ],
+    ids=lambda words: words[0],
+)
+def test_a_scan_whose_objects_make_no_sense_is_refused_by_its_name_before_the_work(
+    here, tmp_path, scan_file, words
+):
+    scan = Scan.load(scan_file)
+    scan.save(tmp_path / "two.npz")
+    objects = {**scan.meta["objects"], "O": {"symmetry": 0, "centre": [0, 0], "inertia_over_mass": -1}}
+    replace(scan, meta={**scan.meta, "objects": objects}).save(tmp_path / "bad.npz")
+    result = here(*words)
+    refused(result, "bad.npz: scan: meta.objects.O: inertia_over_mass: give a number above 0, got -1")
+    assert "mapping" not in result.stderr
 
 
 def test_scan_files_that_are_not_whole_are_refused(here, tmp_path, scan_file):
