@@ -108,7 +108,9 @@ def run(
         )
     for name, readings in (("scan", scan), ("train_scan", train_scan)):
         if not isinstance(readings, Scan | str | Path | None):
-            raise InputError(f"{name} is {short(readings)}; give a Scan, or the path of a file that holds one")
+            raise InputError(
+                f"{name} is {short(readings)}; give a Scan, or the path of a file that holds one"
+            )
     given = scan if isinstance(scan, Scan) else None
     if isinstance(train_scan, Scan):
         if given is None:

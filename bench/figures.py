@@ -11,6 +11,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, MaxNLocator, NullLocator
 
+from tactsim.bench.counted import counted
 from tactsim.bench.run import Run
 from tactsim.core import InputError
 
@@ -36,7 +37,7 @@ def readings_figure(run: Run) -> Picture:
     number = np.arange(1, len(summary["accuracy"]) + 1)
     title = [
         ", ".join(filter(None, (run.config["estimator"], run.about["description"]))),
-        f"{len(run.trials.truth)} trials, {run.about['protocol']}",
+        f"{counted(len(run.trials.truth), 'trial')}, {run.about['protocol']}",
     ]
     lines = [part for line in title for part in textwrap.wrap(line, 110)]
     figure = Picture(figsize=(9, 3.8))

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from tactsim.bench import score
 from tactsim.bench.bound.efficiency import bound_curves
+from tactsim.bench.counted import counted
 from tactsim.bench.score import Metric, Properties, summarise
 from tactsim.bench.trial_plan import TrialPlan
 from tactsim.bench.trials import Trials
@@ -265,8 +266,8 @@ class Run:
     @property
     def _asked(self) -> str:
         return (
-            f"{self.described}, {len(self.trials.truth)} trials of "
-            f"{self.readings} readings over {' '.join(self.letters)}, {self.protocol}"
+            f"{self.described}, {counted(len(self.trials.truth), 'trial')} of "
+            f"{counted(self.readings, 'reading')} over {' '.join(self.letters)}, {self.protocol}"
         )
 
     @property

@@ -21,6 +21,7 @@ from rich.progress import (
 from rich.table import Table
 
 from tactsim.bench.console import plain_console
+from tactsim.bench.counted import counted
 from tactsim.bench.page_tables import cell
 from tactsim.bench.pooled import Pooled, pool
 from tactsim.bench.report.collect import collect
@@ -76,7 +77,8 @@ def print_run(run: Run) -> None:
     print_method(console, run)
     console.print(
         f"{f'task {run.task}; ' if run.task else ''}"
-        f"{' '.join(about['letters'])}: {config['trials']} trials each, {about['protocol']}, seed {config['seed']}"
+        f"{' '.join(about['letters'])}: {counted(config['trials'], 'trial')} each, {about['protocol']}, "
+        f"seed {config['seed']}"
     )
     console.print(_table(summary, run.against_bound, run.readings))
     for line in about.get("notes", []):
@@ -171,7 +173,7 @@ def headlines(run: Run) -> list[str]:
         f"every trial right{when(' from reading', summary['all_right_from'], last)}; 95 % settled"
         f"{when(' by', summary['settled_95'], last)}, half"
         f"{when(' by', summary['settled_50'], last)} "
-        f"({trials} trials)"
+        f"({counted(trials, 'trial')})"
     ]
     if summary["error_mm"][-1] is not None:
         lines.append(
@@ -224,11 +226,15 @@ def work_line(work: Mapping[str, Any]) -> str:
     """Write counts of work, and of what was skipped by reason, as one line."""
 
     def listed(counts: Mapping[str, Any]) -> str:
-        return ", ".join(f"{name.replace('_', ' ')} {count:,}" for name, count in counts.items() if count)
+        return ", ".join(
+            f"{'from the cache' if name == 'cached' else name.replace('_', ' ')} {count:,}"
+            for name, count in counts.items()
+            if count
+        )
 
     done = listed({name: count for name, count in work.items() if isinstance(count, int)})
     skipped = listed(work["skipped"])
-    return (done or "none") + (f"; skipped: {skipped}" if skipped else "")
+    return (done or "nothing new") + (f"; skipped: {skipped}" if skipped else "")
 
 
 def _table(summary: Mapping[str, Any], against_bound: Mapping[str, Any], readings: int) -> Table:
@@ -259,7 +265,8 @@ def print_bound(found: Bound) -> None:
     console, values = plain_console(), found.as_json()
     console.print("the best possible", style="bold", end="; ")
     console.print(
-        f"{' '.join(values['letters'])}: {values['trials']} trials each, {values['protocol']}, seed {values['seed']}"
+        f"{' '.join(values['letters'])}: {counted(values['trials'], 'trial')} each, {values['protocol']}, "
+        f"seed {values['seed']}"
     )
     table = Table(box=None, pad_edge=False)
     for heading in ("readings", "right", "error mm", "bound mm", "determined", "of classes mm", "determined"):

@@ -12,6 +12,7 @@ from tactsim.bench.bound.efficiency import bound_curves, determined_below_mm
 from tactsim.bench.bound.exact_bayes import ExactBayes
 from tactsim.bench.bound.scan_information import check_motion, scan_information
 from tactsim.bench.config import RunConfig
+from tactsim.bench.counted import counted
 from tactsim.bench.figures import BLUE, GREY, ORANGE, Picture
 from tactsim.bench.run import Run
 from tactsim.bench.runner import perform, silent
@@ -84,7 +85,7 @@ class Bound:
                 axes.legend(frameon=False)
             axes.grid(which="both", lw=0.3, alpha=0.6, color=GREY)
             axes.spines[["top", "right"]].set_visible(False)
-        title = f"The best possible: {len(self.run.trials.truth)} trials, {self.run.protocol}"
+        title = f"The best possible: {counted(len(self.run.trials.truth), 'trial')}, {self.run.protocol}"
         figure.suptitle(title, fontsize=10, parse_math=False)
         return figure
 

@@ -60,7 +60,7 @@ def command(
     scan.save(out)
     lines = [
         f"{len(scan):,} readings of {' '.join(scan.letters)}, {scan.readings.shape[1]} taxels, in {out}",
-        work_line(work),
+        f"work  {work_line(work)}",
     ]
     if "settle_time" in work:
         median, longest = (1e3 * work["settle_time"][name] for name in ("median", "longest"))

@@ -78,5 +78,5 @@ def scan_in_space(words: Words, *, out: Path) -> None:
     scan.save(out)
     typer.echo(
         f"{len(scan):,} touches of {' '.join(scan.objects)}, {scan.readings.shape[1]} taxels, in {out}\n"
-        f"{work_line(work)}"
+        f"work  {work_line(work)}"
     )

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from tactsim.bench.counted import counted
 from tactsim.bench.report.collect import Entry, Group
 from tactsim.bench.report.curves import confusion_counts, error_band, reliability
 from tactsim.bench.report.outlines import outline, taxel_size
@@ -63,7 +64,7 @@ def page(groups: Sequence[Group], replayed: Sequence[Replayed], remarks: Sequenc
         f"{_ASSETS}page.html",
         [_ASSETS + name for name in _SCRIPTS],
         [f"{_ASSETS}page.css"],
-        title=f"tactsim: {len(entries)} run{'s' if len(entries) > 1 else ''}",
+        title=f"tactsim: {counted(len(entries), 'run')}",
         data=data,
         arrays=arrays.text(),
     )

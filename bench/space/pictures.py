@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.ticker import MaxNLocator
 
+from tactsim.bench.counted import counted
 from tactsim.bench.figures import BLUE, GREY, ORANGE, Picture
 from tactsim.bench.space.space_run import SpaceRun
 from tactsim.core.poses import FloatArray
@@ -39,8 +40,8 @@ def touches_figure(run: SpaceRun) -> Picture:
         axes.spines[["top", "right"]].set_visible(False)
     right.set_ylim(0, 1.02)
     figure.suptitle(
-        f"{run.config['estimator']}: {len(run.trials.truth)} trials over {len(run.about['objects'])} objects, "
-        f"{run.about['protocol']}; bands: 95 %",
+        f"{run.config['estimator']}: {counted(len(run.trials.truth), 'trial')} over "
+        f"{counted(len(run.about['objects']), 'object')}, {run.about['protocol']}; bands: 95 %",
         fontsize=10,
         parse_math=False,
     )

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from tactsim.bench.counted import counted
 from tactsim.bench.report.page import Arrays
 from tactsim.bench.space.space_replay import Replayed, replay
 from tactsim.bench.space.space_results import load
@@ -66,7 +67,7 @@ def page(
         (float(np.linalg.norm(shape.vertices, axis=1).max()) for shape in shapes.values()), default=30.0
     )
     data = {
-        "facts": f"{len(runs)} run{'s' if len(runs) > 1 else ''} · {first.about['protocol']} · "
+        "facts": f"{counted(len(runs), 'run')} · {first.about['protocol']} · "
         f"{first.about['machine']['processor']}",
         "versions": ", ".join(f"{name} {number}" for name, number in sorted(first.about["versions"].items())),
         "remarks": list(remarks),
@@ -90,7 +91,7 @@ def page(
         f"{_REPORT}page.html",
         [f"{_REPORT}base.js", f"{_REPORT}charts.js", f"{_SPACE}scene.js", f"{_SPACE}space.js"],
         [f"{_REPORT}page.css", f"{_SPACE}space.css"],
-        title=f"tactsim: objects in space, {len(runs)} run{'s' if len(runs) > 1 else ''}",
+        title=f"tactsim: objects in space, {counted(len(runs), 'run')}",
         data=data,
         arrays=arrays.text(),
     )
@@ -104,7 +105,7 @@ def _run(name: str, run: SpaceRun) -> dict[str, Any]:
         wrong.pop(label, None)
         objects[label] = {**values, "taken": ", ".join(f"{other} {n}" for other, n in wrong.most_common(3))}
     return {
-        "label": f"{run.config['estimator']} ({name}), {len(trials.truth)} trials",
+        "label": f"{run.config['estimator']} ({name}), {counted(len(trials.truth), 'trial')}",
         **{key: summary[of] for key, of in _CURVES.items()},
         "settled": summary["settled_95"],
         "seconds": run.times["seconds"]["recognition"],

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tactsim.bench.counted import counted
 from tactsim.bench.space.space_plan import SpacePlan
 from tactsim.bench.space.space_score import summarise
 from tactsim.bench.space.space_trials import SpaceTrials
@@ -92,7 +93,7 @@ class SpaceRun:
         summary = self.summary
         error = summary["error_mm"][-1]
         return (
-            f"<SpaceRun of {self.config['estimator']}, {len(self.trials.truth)} trials of "
+            f"<SpaceRun of {self.config['estimator']}, {counted(len(self.trials.truth), 'trial')} of "
             f"{self.touches} touches over {' '.join(self.about['objects'])}: accuracy {summary['accuracy'][-1]:.3f}"
             + ("" if error is None else f", surface distance {error:.2f} mm")
             + ">"

@@ -5,6 +5,7 @@ from __future__ import annotations
 from rich.table import Table
 
 from tactsim.bench.console import plain_console
+from tactsim.bench.counted import counted
 from tactsim.bench.space.space_run import SpaceRun
 from tactsim.bench.terminal import print_method, when, work_line
 
@@ -16,7 +17,7 @@ def print_space_run(run: SpaceRun) -> None:
     console, config, summary = plain_console(), run.config, run.summary
     print_method(console, run)
     console.print(
-        f"{' '.join(run.about['objects'])}: {len(run.trials.truth)} trials, "
+        f"{' '.join(run.about['objects'])}: {counted(len(run.trials.truth), 'trial')}, "
         f"{run.about['protocol']}, seed {config['seed']}"
     )
     table = Table(box=None, pad_edge=False)

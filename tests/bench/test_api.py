@@ -63,7 +63,7 @@ def test_readings_that_are_given_give_what_pressed_ones_give(scan, run):
 def test_a_short_run_without_options_is_told_as_it_is(scan):
     """An estimator without options leaves no empty brackets, and what is not drawn is not in the key."""
     short = tactsim.run(scan, estimator="nearest", trials=1, readings=1, seed=3)
-    assert repr(short).startswith("<Run of nearest, 2 trials of 1 readings")
+    assert repr(short).startswith("<Run of nearest, 2 trials of 1 reading over")
     figure = readings_figure(short)
     assert figure.get_suptitle().startswith("nearest\n2 trials, ")
     key = [text.get_text() for text in figure.axes[1].get_legend().get_texts()]

@@ -76,6 +76,17 @@ def test_a_scan_is_written_and_run_from_its_file(here, scan_file):
         assert json.loads(pressed.stdout)[key] == json.loads(result.stdout)[key]
 
 
+def test_one_trial_is_counted_as_one_and_readings_from_the_cache_are_said_to_be(here):
+    here("scan", "--letters", "I", "--out", "first.npz")
+    said = here("scan", "--letters", "I", "--out", "again.npz").stdout
+    assert "work  nothing new; skipped: from the cache 384" in said
+    words = ["run", "--estimator", "nearest", "--letters", "I", "--readings", "1", "--trials"]
+    for trials, counted in ((1, "1 trial"), (2, "2 trials")):
+        said = here(*words, trials).stdout
+        assert f"I: {counted} each, " in said
+        assert f"({counted})" in said
+
+
 def test_a_letter_held_out_is_tried_as_none_and_marks_the_protocol(here, tmp_path):
     words = [
         "--letters",

@@ -146,7 +146,10 @@ WRONG_WORLDS = {
     "a list that noise would replace": ("sensor = [1]", "sensor is a group of options"),
     "an unknown option": ("presss.force = 1", "did you mean 'press.force'"),
     "a seed": ("seed = -3", "seed is no option of a world; leave it out, and give --seed"),
-    "poses": ("test_poses = 'same'", "test_poses is no option of a world; leave it out, and give --test-poses"),
+    "poses": (
+        "test_poses = 'same'",
+        "test_poses is no option of a world; leave it out, and give --test-poses",
+    ),
     "a slip": ("slip.walk_mm = -1", "slip: walk_mm: give a number of at least 0, got -1"),
 }
 

@@ -135,7 +135,7 @@ def test_a_cache_on_a_full_or_read_only_disk_is_done_without(bench):
         mount -o remount,rw disk
         $BENCH scan --letters I --out kept.npz > /dev/null && ls disk/*.readings | wc -l
         mount -o remount,ro disk
-        $BENCH scan --letters I --out again.npz | grep -c "cached 384"
+        $BENCH scan --letters I --out again.npz | grep -c "from the cache 384"
         """,
         size="20k",
     )
