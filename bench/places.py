@@ -106,18 +106,20 @@ def check_new_folder(path: Path) -> None:
             raise InputError(f"--out {path}: the folder holds something already; name a new one")
 
 
-def check_new_file(path: Path, *others: Path | None, picture: str = "", option: str = "--out") -> None:
+def check_new_file(
+    path: Path, *others: Path | None, suffix: str = "", picture: str = "", option: str = "--out"
+) -> None:
     """Raise InputError unless a file can be written at `path` and nothing that is wanted is lost by it.
 
     A file that exists may hold what somebody measured, and is not replaced. others: what the command reads, or writes
-    besides; the file may be none of them. picture: the suffix of a picture or page, which the name has to have; one
+    besides; the file may be none of them. suffix: how the name has to end. picture: the same of a picture or page; one
     that exists is replaced, since it can be drawn again. option: what names the file.
     """
     with _refusing(path, option):
         if path.is_dir():
             raise InputError(f"{option} {path}: that is a folder; name a file in it")
-        if not path.suffix.lower().endswith(picture):
-            raise InputError(f"{option} {path}: name it FILE{picture}")
+        if not path.suffix.lower().endswith(ending := picture or suffix):
+            raise InputError(f"{option} {path}: name it FILE{ending}")
         _check_writable(path.parent, path, option)
         if path.resolve() in [other.resolve() for other in others if other is not None]:
             raise InputError(f"{option} {path}: the command reads or writes that besides; name another file")

@@ -59,7 +59,7 @@ def command(
     if not isinstance(made.options, FilterOptions):
         raise InputError(f"--estimator {estimator}: it learns no maps, so there is nothing to choose for it")
     if out is not None:
-        check_new_file(out, scan)
+        check_new_file(out, scan, suffix=".toml")
     readings = Scan.load(scan)
     train = readings.where("train")
     train = train if len(train) else readings

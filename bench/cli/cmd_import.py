@@ -50,7 +50,7 @@ def command(
     from tactsim.bench.places import check_new_file
     from tactsim.core import InputError, Pad, Scan
 
-    check_new_file(out, source, pad)
+    check_new_file(out, source, pad, suffix=".npz")
     if source.suffix.lower() in SUFFIXES:
         if pad is None or unit is None:
             try:

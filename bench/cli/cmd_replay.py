@@ -83,7 +83,7 @@ def command(
 
     read = (*recordings, marks, calibration, *(shapes or ()))
     if scan is not None:
-        check_new_file(scan, csv, *read, option="--scan")
+        check_new_file(scan, csv, *read, suffix=".npz", option="--scan")
     if csv is not None:
         check_new_file(csv, scan, *read, option="--csv")
     if len(recordings) > 1 and (csv is not None or marks is not None):

@@ -47,7 +47,7 @@ def command(
         space.scan_in_space(typed | {"task": task}, out=out)
         return
     space.refuse_outside_space(objects=objects)
-    check_new_file(out)
+    check_new_file(out, suffix=".npz")
     options = scan_options(**words)
     with progress_bars() as progress:
         scan, work = scan_letters(

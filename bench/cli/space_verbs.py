@@ -71,7 +71,7 @@ def scan_in_space(words: Words, *, out: Path) -> None:
     from tactsim.bench.terminal import progress_bars, work_line
     from tactsim.press.space import scan_solids
 
-    check_new_file(out)
+    check_new_file(out, suffix=".npz")
     options = scan_words(**space_words(words, SpaceWords, "scan")).scan_options
     with progress_bars() as progress:
         scan, work = scan_solids(options, progress=lambda done, total: progress("press", done, total))

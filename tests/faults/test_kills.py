@@ -73,7 +73,7 @@ def check_sweep(out):
 
 
 COMMANDS = {
-    "scan": (["scan", "--letters", "IO", "--out", "out"], check_scan),
+    "scan": (["scan", "--letters", "IO", "--out", "out.npz"], check_scan),
     "run": (
         ["run", "--scan", "two.npz", "--trials", "4", "--readings", "4",
          "--estimator", "histogram", "--bins", "100", "--out", "out"],
@@ -87,7 +87,7 @@ def kill_again_and_again(bench, scan_file, name, kills, seed):
     words, check = COMMANDS[name]
     shutil.copy(scan_file, bench.folder / "two.npz")
     (bench.folder / "s.toml").write_text(sweep_of("two.npz", trials=30))
-    out, kept = bench.folder / "out", bench.folder / "kept"
+    out, kept = bench.folder / words[words.index("--out") + 1], bench.folder / "kept"
     start = time.monotonic()
     assert bench(*words, "--no-cache").returncode == 0
     duration = time.monotonic() - start
