@@ -250,12 +250,10 @@ class Run:
     def report(self, path: str | Path) -> Path:
         """Write one HTML page about this run, and its curves as CSV beside it; returns the page's path.
 
-        Raises InputError if it is not called so or cannot be written.
+        Raises InputError if it is not called so, cannot be written or would replace what is no report.
         """
-        from tactsim.bench.places import check_page
         from tactsim.bench.report.write import write_pages
 
-        check_page(Path(path))
         write_pages([(Path(self.estimator), self)], Path(path))
         return Path(path)
 

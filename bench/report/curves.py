@@ -17,32 +17,35 @@ from tactsim.bench.report.recognition import Replayed
 from tactsim.bench.score import Z_95
 from tactsim.bench.trials import Trials
 
-Table = tuple[Sequence[str], Iterable[Sequence[Any]]]
-
 _WHO = ("protocol", "task", "run", "folder")
 
 
+# The columns of NAME.csv.
+COLUMNS: dict[str, Sequence[str]] = {
+    "readings": (
+        *_WHO, "reading", "accuracy", "accuracy_low", "accuracy_high", "error_mm", "error_low_mm", "error_high_mm",
+        "error_all_mm", "coverage_50", "coverage_90", "sharpness_mm", "bound_mm", "error_over_bound",
+    ),
+    "reliability": (*_WHO, "probability", "right", "estimates"),
+    "pareto": (
+        *_WHO, "method", "budget_option", "budget", "readings", "seconds_per_recognition",
+        "error_mm", "error_low_mm", "error_high_mm", "settled_95", "error_frontier", "settled_frontier",
+    ),
+    "confusion": (*_WHO, "reading", "truth", "label", "trials"),
+    "recognition": ("run", "truth", "trial", "reading", "letter", "probability", "label", "error_mm"),
+}  # fmt: skip
+
+
 def tables(groups: Sequence[Group], replayed: Sequence[Replayed]) -> dict[str, str]:
-    """Write what a report plots: {name: content of NAME.csv}."""
-    made: dict[str, Table] = {
-        "readings": (
-            (*_WHO, "reading", "accuracy", "accuracy_low", "accuracy_high",
-             "error_mm", "error_low_mm", "error_high_mm", "error_all_mm",
-             "coverage_50", "coverage_90", "sharpness_mm", "bound_mm", "error_over_bound"), _readings(groups),
-        ),
-        "reliability": ((*_WHO, "probability", "right", "estimates"), _reliability(groups)),
-        "pareto": (
-            (*_WHO, "method", "budget_option", "budget", "readings", "seconds_per_recognition",
-             "error_mm", "error_low_mm", "error_high_mm", "settled_95", "error_frontier", "settled_frontier"),
-            _pareto(groups),
-        ),
-        "confusion": ((*_WHO, "reading", "truth", "label", "trials"), _confusion(groups)),
-        "recognition": (
-            ("run", "truth", "trial", "reading", "letter", "probability", "label", "error_mm"),
-            _recognition(replayed),
-        ),
-    }  # fmt: skip
-    return {name: _csv(*table) for name, table in made.items()}
+    """Write what a report plots: {name: content of NAME.csv}, one for each of COLUMNS."""
+    rows = {
+        "readings": _readings(groups),
+        "reliability": _reliability(groups),
+        "pareto": _pareto(groups),
+        "confusion": _confusion(groups),
+        "recognition": _recognition(replayed),
+    }
+    return {name: _csv(columns, rows[name]) for name, columns in COLUMNS.items()}
 
 
 def error_band(summary: Mapping[str, Any]) -> tuple[list[float | None], list[float | None]]:

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tactsim.bench.counted import counted
+from tactsim.bench.places import REPORT_TITLE
 from tactsim.bench.report.collect import Entry, Group
 from tactsim.bench.report.curves import confusion_counts, error_band, reliability
 from tactsim.bench.report.outlines import outline, taxel_size
@@ -64,7 +65,7 @@ def page(groups: Sequence[Group], replayed: Sequence[Replayed], remarks: Sequenc
         f"{_ASSETS}page.html",
         [_ASSETS + name for name in _SCRIPTS],
         [f"{_ASSETS}page.css"],
-        title=f"tactsim: {counted(len(entries), 'run')}",
+        title=f"{REPORT_TITLE}{counted(len(entries), 'run')}",
         data=data,
         arrays=arrays.text(),
     )

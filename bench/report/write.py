@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
+from tactsim.bench.places import check_page, is_report
 from tactsim.bench.report.collect import collect, find
-from tactsim.bench.report.curves import tables
+from tactsim.bench.report.curves import COLUMNS, tables
 from tactsim.bench.report.page import page
 from tactsim.bench.report.pareto import has_curves
 from tactsim.bench.report.recognition import replay_all
@@ -15,7 +16,9 @@ from tactsim.bench.run import Run
 from tactsim.bench.runner import silent
 from tactsim.bench.trials import Progress
 from tactsim.core import InputError
-from tactsim.core.files import write_text
+from tactsim.core.files import opened, write_text
+
+_KINDS = ("png", "svg")
 
 
 def write_report(
@@ -36,27 +39,29 @@ def write_pages(
 
     Returns all files written, the page first, and remarks on what is missing, `remarks` first; the page has
     them too. Beside FILE.html stand FILE-readings.csv and so on; for report.html plain readings.csv.
-    Raises InputError if `out` cannot be written.
+    What an older report left there is replaced. Raises InputError if `out` cannot be written, or if something else
+    stands where a file of the report would.
     """
     if out.is_dir():
         raise InputError(f"cannot write {out}: it is a folder; name a file in it")
     groups = collect(runs)
+    prefix = "" if out.stem == "report" else f"{out.stem}-"
+    with_curves = [group for group in groups if has_curves(group)]
+    _check_beside(out, prefix, len(with_curves))
     replayed, failed = replay_all(groups, progress=progress)
     remarks = [*remarks]
     remarks += [f"no trial of {label} could be done again: {why}" for label, why in failed.items()]
-    prefix = "" if out.stem == "report" else f"{out.stem}-"
     written = [out]
     for name, content in tables(groups, replayed).items():
         written.append(out.with_name(f"{prefix}{name}.csv"))
         write_text(written[-1], content)
-    with_curves = [group for group in groups if has_curves(group)]
     for number, group in enumerate(with_curves, start=1):
         from tactsim.bench.report.picture import pareto_figure, readings_figure, save
 
         for name, draw in (("pareto", pareto_figure), ("readings", readings_figure)):
             figure = draw(group)
-            for kind in ("png", "svg"):
-                place = out.with_name(f"{prefix}{name}{'' if number == 1 else f'-{number}'}.{kind}")
+            for kind in _KINDS:
+                place = out.with_name(f"{prefix}{_numbered(name, number)}.{kind}")
                 save(figure, place)
                 written.append(place)
     moving = next((one.scan for one in replayed if one.scan.sequence is not None), None)
@@ -64,8 +69,40 @@ def write_pages(
         from tactsim.bench.report.picture import save
         from tactsim.bench.report.press_picture import press_figure
 
-        for kind in ("png", "svg"):
+        for kind in _KINDS:
             written.append(out.with_name(f"{prefix}press.{kind}"))
             save(press_figure(moving), written[-1])
     write_text(out, page(groups, replayed, remarks))
     return written, remarks
+
+
+def _numbered(name: str, number: int) -> str:
+    """Name a picture of the section of this number, from 1."""
+    return name if number == 1 else f"{name}-{number}"
+
+
+def _check_beside(out: Path, prefix: str, sections: int) -> None:
+    """Raise InputError if a file stands where one of a report would be, and no report stands there.
+
+    A report that was killed has its curves, whose columns are known, and no page yet.
+    """
+    check_page(out)
+    if is_report(out) or _has_columns(out.with_name(f"{prefix}readings.csv"), COLUMNS["readings"]):
+        return
+    pictures = [_numbered(name, k) for k in range(1, sections + 1) for name in ("pareto", "readings")]
+    names = [f"{name}.csv" for name in COLUMNS]
+    names += [f"{name}.{kind}" for name in (*pictures, "press") for kind in _KINDS]
+    for place in (out.with_name(f"{prefix}{name}") for name in names):
+        if place.exists():
+            raise InputError(
+                f"{place} is of no report and would be replaced; move it, or name another page, which names the rest"
+            )
+
+
+def _has_columns(path: Path, columns: Sequence[str]) -> bool:
+    """Tell whether a table with these columns stands at `path`."""
+    if not path.is_file():
+        return False
+    title = f"{','.join(columns)}\n".encode()
+    with opened(path) as stream:
+        return stream.read(len(title)) == title

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from tactsim.bench.counted import counted
+from tactsim.bench.places import REPORT_TITLE
 from tactsim.bench.report.page import Arrays
 from tactsim.bench.space.space_replay import Replayed, replay
 from tactsim.bench.space.space_results import load
@@ -91,7 +92,7 @@ def page(
         f"{_REPORT}page.html",
         [f"{_REPORT}base.js", f"{_REPORT}charts.js", f"{_SPACE}scene.js", f"{_SPACE}space.js"],
         [f"{_REPORT}page.css", f"{_SPACE}space.css"],
-        title=f"tactsim: objects in space, {counted(len(runs), 'run')}",
+        title=f"{REPORT_TITLE}objects in space, {counted(len(runs), 'run')}",
         data=data,
         arrays=arrays.text(),
     )

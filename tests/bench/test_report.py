@@ -66,6 +66,26 @@ def test_the_files_stand_beside_the_page(report):
     }  # fmt: skip
 
 
+FOREIGN = {"report.html": "<title>My notes</title>", "readings.csv": "time,kPa\n0,1\n", "pareto.svg": "<svg/>"}
+
+
+@pytest.mark.parametrize("name", FOREIGN)
+def test_a_report_replaces_nothing_that_is_of_no_report(runs, tmp_path, name):
+    (tmp_path / name).write_text(FOREIGN[name])
+    with pytest.raises(InputError, match=f"{name}.* is (of )?no report") as caught:
+        write_report([runs.small, runs.large], tmp_path / "report.html")
+    assert "\n" not in str(caught.value)
+    assert [(path.name, path.read_text()) for path in tmp_path.iterdir()] == [(name, FOREIGN[name])]
+
+
+def test_a_report_replaces_an_older_one_and_one_that_was_killed_before_its_page(runs, tmp_path):
+    page = tmp_path / "r.html"
+    written, _ = write_report([runs.small], page)
+    assert write_report([runs.small], page)[0] == written
+    page.unlink()
+    assert write_report([runs.small], page)[0] == written
+
+
 def test_a_report_of_another_name_leaves_the_first_ones_files_alone(runs, report, tmp_path):
     written, _ = write_report([runs.small], tmp_path / "other.html")
     assert {path.name for path in written} == {
