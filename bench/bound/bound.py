@@ -68,7 +68,7 @@ class Bound:
         left, right = figure.subplots(1, 2)
         if not self.no_bayes:
             low, high = summary["accuracy_low"], summary["accuracy_high"]
-            left.fill_between(seen, low, high, color=BLUE, alpha=0.2, lw=0)
+            left.fill_between(seen, low, high, color=BLUE, alpha=0.2, lw=0, label="95 % interval")
             left.plot(seen, summary["accuracy"], color=BLUE, lw=1.8, label="exact Bayes")
             right.plot(seen, self.run.error_mm, color=BLUE, lw=1.8, label="exact Bayes")
         left.set(ylim=(0, 1.02), ylabel="share of trials right")

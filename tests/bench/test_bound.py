@@ -252,8 +252,10 @@ def test_a_motion_without_a_bound_is_refused_before_any_work():
         find_bound(config, progress=progress)
 
 
-def test_the_picture_of_a_bound_has_no_half_readings():
+def test_the_picture_of_a_bound_has_no_half_readings_and_says_what_all_in_it_is():
     figure = find_bound(run_config(letters="I", trials=1, readings=3)).plot()
     for axes in figure.axes:
         ticks = axes.get_xticks()
         assert (ticks == np.round(ticks)).all()
+        key = [text.get_text() for text in axes.get_legend().get_texts()]
+        assert len(key) == len(axes.lines) + len(axes.collections)
