@@ -127,10 +127,8 @@ class Moving(Wrapper):
             size = belief.size[:, chosen] if belief.size is not None else np.zeros_like(state)
             state = state + self._rng.uniform(-0.5, 0.5, state.shape) * size
             spread = (size[0] * size[1] * size[2] / motion.ratio) ** (2 / 3) / 12
-            share = np.log(motion.prior) - math.log(len(chosen))
-            clouds.append(
-                Cloud(motion.placed(state), spread, np.tile(share, (len(chosen), 1)), float(evidence[letter]))
-            )
+            share = np.full(len(chosen), -math.log(len(chosen)))
+            clouds.append(Cloud.of(motion, state, spread, share, float(evidence[letter])))
         return clouds
 
     @property
