@@ -9,8 +9,8 @@ thirty times as many as that does. Beside them stands `synthesis` with motion=au
 counts as found again as in `score.recoveries`.
 """
 
+import argparse
 import os
-import sys
 from dataclasses import replace
 
 os.environ["OPENBLAS_NUM_THREADS"] = "1"
@@ -82,9 +82,7 @@ def told_when(synthesis, belief, jumped, rng):
         mine = belief.letter == one
         log_weight = belief.weights.log[mine]
         mass = float(np.logaddexp.reduce(log_weight))
-        clouds[one] = Cloud(
-            auto.placed(belief.state[:, mine]), np.zeros(mine.sum()), (log_weight - mass)[:, None], mass
-        )
+        clouds[one] = Cloud.of(jumps, belief.state[:, mine], np.zeros(mine.sum()), log_weight - mass, mass)
     said = []
     for touch in range(jumped, jumped + WITHIN):
         motion, count = (jumps, STATES) if touch == jumped else (rests, LATER)
@@ -143,5 +141,19 @@ def main(seeds):
     print(f"all: {total[0]} jumps; {each}")
 
 
+def at_least_one(word):
+    """Read a count of 1 or more."""
+    if not word.isdecimal() or int(word) < 1:
+        raise argparse.ArgumentTypeError(f"give a whole number of at least 1, not {word!r}")
+    return int(word)
+
+
+def asked(words=None):
+    """Read the command line."""
+    parser = argparse.ArgumentParser(prog="measure_jumps.py", description=__doc__.partition("\n")[0])
+    parser.add_argument("seeds", nargs="?", type=at_least_one, default=5, help="how many scans (5)")
+    return parser.parse_args(words)
+
+
 if __name__ == "__main__":
-    main(int(sys.argv[1]) if len(sys.argv) > 1 else 5)
+    main(asked().seeds)
