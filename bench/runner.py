@@ -145,6 +145,7 @@ def gather(
         )
     start = perf_counter()
     work: dict[str, Any] = {"presses": 0, "skipped": {}}
+    train = None if config.train_scan is None else train_scan(config)  # before the presses
     if scan is not None:
         stated_properties(scan)
     elif config.scan is not None:
@@ -152,7 +153,8 @@ def gather(
     elif config.presses is not None:
         from tactsim.bench.measured import measured_scan
 
-        letters = chosen_letters(config, train_scan(config).letters)
+        assert train is not None  # as a configuration with presses has it
+        letters = chosen_letters(config, train.letters)
         scan = measured_scan(config.presses, letters, config.trials, config.readings)
     else:
         check_presses(config)
@@ -163,8 +165,8 @@ def gather(
             sequence=config.sequences,
             progress=lambda done, total: progress("press", done, total),
         )
-    if config.train_scan is not None:
-        scan = train_on(train_scan(config), scan)
+    if train is not None:
+        scan = train_on(train, scan)
     letters = chosen_letters(config, scan.letters)
     if not letters:
         raise InputError(f"{config.scan or 'the scan'} holds no readings")

@@ -13,7 +13,7 @@ from typer.core import TyperCommand, TyperGroup
 from typer.exceptions import Abort, TyperException
 
 from tactsim.bench.cli import INTERRUPTED, end_interrupted
-from tactsim.core.errors import InputError, printable
+from tactsim.core.errors import InputError, printable, short
 
 FAILED, WRONG_INPUT = 1, 2
 
@@ -123,7 +123,7 @@ def run_app() -> NoReturn:
             FAILED,
         )
     except TyperException as error:
-        fail(error.format_message() + _settings(error))
+        fail(_in_plain_words(error) + _settings(error))
     except (KeyboardInterrupt, Abort):
         end_interrupted()
     except BrokenPipeError:  # as in `bench list | head`, which stops reading
@@ -136,6 +136,19 @@ def run_app() -> NoReturn:
     if status == INTERRUPTED:
         end_interrupted()
     sys.exit(status if isinstance(status, int) else 0)
+
+
+def _in_plain_words(error: TyperException) -> str:
+    """Say which option is wrong, and in our words what would be right where the model of its type says it."""
+    from pydantic import ValidationError
+
+    from tactsim.core.checking import plain
+
+    if isinstance(error.__cause__, ValidationError):
+        fault = error.__cause__.errors()[0]
+        given = "" if fault["type"] == "number" else f", got {short(fault['input'])}"  # which `number` says
+        error.message = f"{plain(fault)}{given}"
+    return error.format_message()
 
 
 def _settings(error: TyperException) -> str:

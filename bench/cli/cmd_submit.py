@@ -51,7 +51,7 @@ def command(
     from tactsim.bench.tasks import task as read_task
     from tactsim.bench.terminal import progress_bars
 
-    check_new_file(out, Path(task))
+    check_new_file(out, Path(task), suffix=".zip")
     method = Method(estimator, key_values(options or [], "--set"))
     with progress_bars() as progress:
         bundle, output = submit(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
@@ -83,15 +83,21 @@ def _first_fault(error: ValidationError, model: type[BaseModel]) -> str:
         return str(unknown("option", _whole_name(place, fault["input"]), _options(model)))
     if fault["type"] == "model_type" and (inner := _below(place, model)):
         return f"{place} is a group of options, got {short(fault['input'])}; give one of {', '.join(inner)}"
-    message = fault["msg"].removeprefix("Value error, ")
-    if (wanted := _WANTED.get(fault["type"])) is not None:
-        message = wanted.format(**{name: _plain(bound) for name, bound in fault.get("ctx", {}).items()})
+    message = plain(fault)
     if fault["type"] == "value_error" and not place:
         return message  # of several options together: it names them
     return f"{place or 'options'}: {message}, got {short(fault['input'])}"
 
 
-def _plain(bound: Any) -> str:
+def plain(fault: Mapping[str, Any]) -> str:
+    """Say of one of pydantic's errors what would be right."""
+    wanted = _WANTED.get(fault["type"])
+    if wanted is None:
+        return str(fault["msg"]).removeprefix("Value error, ")
+    return wanted.format(**{name: _bound(value) for name, value in fault.get("ctx", {}).items()})
+
+
+def _bound(bound: Any) -> str:
     """Write a bound as one would type it: 0 and not 0.0."""
     return f"{bound:g}" if isinstance(bound, float) else str(bound)
 

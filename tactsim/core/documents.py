@@ -77,7 +77,7 @@ def _text(content: bytes, where: str) -> str:
     try:
         return content.decode("utf-8")
     except UnicodeDecodeError as error:
-        raise InputError(f"{where} is not text in UTF-8: {error}") from error
+        raise InputError(f"{where} is not text in UTF-8, from byte {error.start} on") from error
 
 
 def _check_bounds(document: Mapping[str, Any], where: str) -> None:

@@ -186,7 +186,12 @@ BAD = {
     "a report of a file": (["report", "file"], ["file: there is no such folder"]),
     "a leaderboard of a file": (["leaderboard", "file"], ["file: there is no such folder"]),
     "bins": (["run", "--bins", "0"], ["bins", "0"]),
-    "bins word": (["run", "--bins", "many"], ["--bins", "integer"]),
+    "bins word": (["run", "--bins", "many"], ["--bins", "give a whole number, got 'many'"]),
+    "no jobs": (["run", "--jobs", "0"], ["--jobs", "give a number of at least 1, got '0'"]),
+    "a bundle of another kind": (
+        ["submit", "letters-v1", "--estimator", "nearest", "--out", "b.txt"],
+        ["--out b.txt", "FILE.zip"],
+    ),
     "trials": (["run", "--trials", "0"], ["trials", "0"]),
     "readings": (["run", "--readings", "193"], ["193", "192"]),
     "negative readings": (["run", "--readings", "-1"], ["readings"]),
@@ -195,6 +200,7 @@ BAD = {
     "no noise": (["run", "--noise", "none"], ["noise", "'none'", "kPa, or 'off'"]),
     "no noise in space": (["run", "--task", "solids", "--noise", "none"], ["noise", "'none'", "or 'off'"]),
     "nan": (["run", "--noise", "nan"], ["noise", "nan"]),
+    "bytes for a text": (["sweep", "bytes.toml"], ["bytes.toml is not text in UTF-8, from byte 3 on"]),
     "world": (["run", "--world", "mars"], ["mars", "paper-like"]),
     "poses": (["run", "--test-poses", "else"], ["test_poses", "else"]),
     "no scan": (["run", "--scan", "nowhere.npz"], ["nowhere.npz"]),
@@ -245,6 +251,7 @@ BAD = {
 @pytest.mark.parametrize("case", BAD)
 def test_wrong_input_is_one_line_and_exit_status_2(here, tmp_path, case):
     (tmp_path / "file").write_text("")
+    (tmp_path / "bytes.toml").write_bytes(b"abc\xff")
     (tmp_path / "full").mkdir()
     (tmp_path / "full" / "something").write_text("")
     before = sorted(tmp_path.rglob("*"))
@@ -258,6 +265,11 @@ def test_wrong_input_is_one_line_and_exit_status_2(here, tmp_path, case):
 )
 def test_more_readings_than_are_pressed_are_refused_before_the_press(here, own_cache, words):
     refused(here(*words, "--readings", "500", "--letters", "IO"), "500 readings", "'I' has", "at most")
+    assert not list(own_cache.iterdir())
+
+
+def test_training_readings_that_are_missing_are_refused_before_the_press(here, own_cache):
+    refused(here("run", "--letters", "I", "--train-scan", "none.npz"), "none.npz", "No such file")
     assert not list(own_cache.iterdir())
 
 
