@@ -168,8 +168,10 @@ def gather(
     if train is not None:
         scan = train_on(train, scan)
     letters = chosen_letters(config, scan.letters)
-    if not letters:
+    if not scan.letters:
         raise InputError(f"{config.scan or 'the scan'} holds no readings")
+    if not letters:
+        raise InputError(f"letters names none to try; the scan has {', '.join(scan.letters)}")
     check_labels(letters)
     scan = scan.of_letters(letters).untrained(_held_out(config, letters))
     return Gathered(scan, letters, work, perf_counter() - start)

@@ -101,8 +101,10 @@ def dask_pool(address: str) -> Pool:
     """Make a pool of the workers of a Dask cluster at tcp://HOST:PORT.
 
     If a worker dies, its trials are sent to another. Entering the pool raises InputError if dask is not
-    installed or no scheduler answers.
+    installed or no scheduler answers. Raises InputError for what is no such address.
     """
+    if re.fullmatch(r"\w+://.+:\d+", address) is None:
+        raise InputError(f"--dask {address}: give the scheduler's address, such as tcp://localhost:8786")
 
     @contextmanager
     def enter() -> Iterator[Executor]:

@@ -211,7 +211,7 @@ class Interval(BaseModel):
     model_config = STRICT
 
     label: str = Field(min_length=1, max_length=100)
-    split: str = Field("train", pattern="^(train|test)$")
+    split: Literal["train", "test"] = "train"
     x_mm: float
     y_mm: float
     theta_rad: float

@@ -43,7 +43,7 @@ class Plan(BaseModel):
     model_config = STRICT
 
     label: str = Field(min_length=1, max_length=100)
-    split: str = Field("train", pattern="^(train|test)$")
+    split: Literal["train", "test"] = "train"
     poses: tuple[tuple[float, float, float], ...] = Field(min_length=1, max_length=100_000)
     enough: int | None = Field(None, ge=1, description="presses that end the session; None: all are wanted")
     frames: int = Field(20, ge=1, le=10_000, description="readings whose mean is a press")

@@ -197,7 +197,10 @@ def _checked(table: dict[str, Any], name: str) -> Task:
             f"task {name}: scored: {made.scored[0]} cannot rank, as methods are compared trial by trial; begin with "
             f"one of {', '.join(_RANKING)}"
         )
-    run_config(**made.words, trials=made.trials, readings=made.readings)
+    try:
+        run_config(**made.words, trials=made.trials, readings=made.readings)
+    except InputError as error:
+        raise InputError(f"task {name}: words: {error}") from error
     return made
 
 

@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from io import StringIO
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 from pydantic import BaseModel, Field
@@ -28,7 +29,7 @@ class Planned(BaseModel):
     model_config = STRICT
 
     label: str = Field(min_length=1, max_length=100)
-    split: str = Field("train", pattern="^(train|test)$")
+    split: Literal["train", "test"] = "train"
     x_mm: float
     y_mm: float
     theta_rad: float

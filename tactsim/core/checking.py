@@ -27,6 +27,7 @@ _WANTED = {
     "string_type": "give a text",
     "string_too_short": "give a text of at least {min_length} characters",
     "string_too_long": "give a text of at most {max_length} characters",
+    "string_pattern_mismatch": "give a text of the form {pattern}",
     "path_type": "give the path of a file or folder",
     **dict.fromkeys(("tuple_type", "list_type"), "give a list"),
     "too_short": "give a list of at least {min_length}",

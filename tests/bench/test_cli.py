@@ -234,6 +234,7 @@ BAD = {
         ["--out /proc/x.zip", "cannot be written"],
     ),
     "no sweep": (["sweep", "nowhere"], ["nowhere", "paper"]),
+    "no letters of a scan": (["run", "--scan", "io.npz", "--letters", ","], ["letters names none", "I, O"]),
     "held out": (["run", "--letters", "AE", "--hold-out", "Q"], ["hold out", "'Q'", "A, E"]),
     "all held out": (["run", "--letters", "AE", "--hold-out", "A,E"], ["--hold-out", "train"]),
     "held out without commas": (["run", "--hold-out", "AEI"], ["--hold-out", "AEI", "commas", "A,E,I"]),
@@ -249,9 +250,10 @@ BAD = {
 
 
 @pytest.mark.parametrize("case", BAD)
-def test_wrong_input_is_one_line_and_exit_status_2(here, tmp_path, case):
+def test_wrong_input_is_one_line_and_exit_status_2(here, tmp_path, scan_file, case):
     (tmp_path / "file").write_text("")
     (tmp_path / "bytes.toml").write_bytes(b"abc\xff")
+    (tmp_path / "io.npz").write_bytes(scan_file.read_bytes())
     (tmp_path / "full").mkdir()
     (tmp_path / "full" / "something").write_text("")
     before = sorted(tmp_path.rglob("*"))

@@ -66,7 +66,11 @@ def test_the_files_stand_beside_the_page(report):
     }  # fmt: skip
 
 
-FOREIGN = {"report.html": "<title>My notes</title>", "readings.csv": "time,kPa\n0,1\n", "pareto.svg": "<svg/>"}
+FOREIGN = {
+    "report.html": "<title>My notes</title>",
+    "readings.csv": "time,kPa\n0,1\n",
+    "pareto.svg": "<svg/>",
+}
 
 
 @pytest.mark.parametrize("name", FOREIGN)

@@ -47,7 +47,10 @@ def test_marks_count_on_the_hosts_clock_where_the_device_has_none(tmp_path):
         ("", "has no marks"),
         ("label,split\n", "has no marks"),
         ("label,split,x_mm,y_mm,theta_rad,first_s,last_s\nA,train,a,0,0,0,1\n", "line 2: x_mm"),
-        ("label,split,x_mm,y_mm,theta_rad,first_s,last_s\nA,dev,0,0,0,0,1\n", "line 2: split"),
+        (
+            "label,split,x_mm,y_mm,theta_rad,first_s,last_s\nA,dev,0,0,0,0,1\n",
+            "line 2: split: give 'train' or 'test', got 'dev'",
+        ),
         ("label,split,x_mm,y_mm,theta_rad,first_s,last_s\nA,train,nan,0,0,0,1\n", "line 2: x_mm"),
         ("label,split,x_mm,y_mm,theta_rad,first_s,last_s\nA,train,0,0,0,0\n", "line 2: missing is last_s"),
         ("label,split,x_mm,y_mm,theta_rad,first_s,last_s\nA,train,0,0,0,0,1,2\n", "line 2: .*more columns"),
