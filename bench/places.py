@@ -121,13 +121,13 @@ def check_new_file(
     with _refusing(path, option):
         if path.is_dir():
             raise InputError(f"{option} {path}: that is a folder; name a file in it")
-        if not path.suffix.lower().endswith(ending := picture or suffix):
-            raise InputError(f"{option} {path}: name it FILE{ending}")
         _check_writable(path.parent, path, option)
         if path.resolve() in [other.resolve() for other in others if other is not None]:
             raise InputError(f"{option} {path}: the command reads or writes that besides; name another file")
         if not picture and path.exists():
             raise InputError(f"{option} {path} exists; name another file")
+        if not path.suffix.lower().endswith(ending := picture or suffix):
+            raise InputError(f"{option} {path}: name it FILE{ending}")
 
 
 def check_page(path: Path) -> None:
