@@ -17,6 +17,7 @@ from tactsim.bench.trials import Progress
 from tactsim.core import Scan
 from tactsim.core.checking import checked
 from tactsim.core.poses import FloatArray
+from tactsim.estimators import create
 from tactsim.estimators.likelihoods.classifier import classify
 from tactsim.estimators.likelihoods.scale import threshold_of
 from tactsim.hardware.gain_fit import best_gain
@@ -94,8 +95,11 @@ def validate(
     The readings are compared at the recorded poses, which the simulated scan need not have. If the recording has
     training and test presses, the simulation is fitted to the training presses, and recognises the test presses.
     ablate: whether scans are made, and the first estimator trained, with one part of the fit more at a time.
-    Raises InputError if the recorded letters or taxels are not in the simulation.
+    Raises InputError if the recorded letters or taxels are not in the simulation, or for an estimator or option that
+    does not exist.
     """
+    for name in estimators:
+        create(name, **(options or {}))  # a wrong name or option is reported before the work
     apart = bool(len(recorded.where("train")) and len(recorded.where("test")))
     few = some_presses(recorded.where("train") if apart else recorded)
     presses = PressesAsRecorded(simulated, few)

@@ -312,6 +312,8 @@ def test_scans_that_cannot_be_compared_are_refused(here, tmp_path):
     refused(here(*words, "a.npz", "--recorded", "z.npz"), "'Z' was recorded but not simulated")
     refused(here(*words, "a.npz", "--recorded", "moved.npz"), "the pads differ")
     refused(here(*words, "z.npz", "--recorded", "a.npz"), "does not say how it was made")
+    # Before anything is compared, which takes long.
+    refused(here(*words, "a.npz", "--recorded", "moved.npz", "--estimator", "nix"), "unknown estimator 'nix'")
     refused(here("scan", "--out", "b.npz", "--world", "nothing.toml"), "cannot read world nothing.toml")
 
 

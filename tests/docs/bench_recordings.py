@@ -7,6 +7,7 @@ simulated one, with outlines that are off by 0.5 mm. loads: presses lighter than
 moment of each press and by four; the recordings are those of docs/recordings.md. TRIALS are those of each object.
 """
 
+import argparse
 import os
 import subprocess
 import sys
@@ -228,8 +229,12 @@ def bench(*words):
 
 
 if __name__ == "__main__":
-    table, count = {"fitted": fitted, "pads": pads, "loads": loads}[sys.argv[1]], sys.argv[2:] or [20]
+    tables = {"fitted": fitted, "pads": pads, "loads": loads}
+    options = argparse.ArgumentParser()
+    options.add_argument("table", choices=tables)
+    options.add_argument("trials", metavar="TRIALS", type=int, nargs="?", default=20, help="a whole number")
+    asked = options.parse_args()
     begin = time.process_time()
     with tempfile.TemporaryDirectory() as place:
-        table(int(count[0]), Path(place))
+        tables[asked.table](asked.trials, Path(place))
     print(f"{time.process_time() - begin:.0f} s of processor time, without that of recording")

@@ -7,7 +7,7 @@ goes on with thirty readings of the letter. `bench stress --case filters.after-n
 sequences for every filter that draws no random numbers; here are those that draw, and `refined` beside them.
 """
 
-import sys
+import argparse
 
 import numpy as np
 from synthetic import draw_trial
@@ -45,4 +45,6 @@ def main(trials: int) -> None:
 
 
 if __name__ == "__main__":
-    main(int(sys.argv[1]) if len(sys.argv) > 1 else 20)
+    options = argparse.ArgumentParser()
+    options.add_argument("trials", metavar="TRIALS", type=int, nargs="?", default=20, help="a whole number")
+    main(options.parse_args().trials)

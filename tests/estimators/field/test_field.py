@@ -80,7 +80,9 @@ def test_a_state_does_not_depend_on_those_beside_it(model, scan, states):
     field, _ = begun(model, scan, 2)
     rng = np.random.default_rng(0)
     letter, state = rng.integers(3, size=300), rng.uniform(-9, 9, (3, 300))
-    assert np.array_equal(field.log_p(letter[:states], state[:, :states]), field.log_p(letter, state)[:states])
+    assert np.array_equal(
+        field.log_p(letter[:states], state[:, :states]), field.log_p(letter, state)[:states]
+    )
 
 
 @pytest.mark.parametrize("wrong", [np.nan, np.inf, -np.inf])
