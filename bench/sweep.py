@@ -103,7 +103,7 @@ def dask_pool(address: str) -> Pool:
     If a worker dies, its trials are sent to another. Entering the pool raises InputError if dask is not
     installed or no scheduler answers. Raises InputError for what is no such address.
     """
-    if re.fullmatch(r"\w+://.+:\d+", address) is None:
+    if re.fullmatch(r"(\w+://)?[^/]+:\d+", address) is None:
         raise InputError(f"--dask {address}: give the scheduler's address, such as tcp://localhost:8786")
 
     @contextmanager
