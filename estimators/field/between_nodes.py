@@ -81,11 +81,11 @@ def add_between(
             )
 
         data = context.make_array(signature.args[2])(context, builder, nodes).data
-        four = ir.Constant(_WORDS, [2] * LANES)  # bytes of a node, as a shift
-        away = builder.shl(builder.zext(loaded(4, at, WHOLES), _WORDS), four)
+        bytes_of_node = ir.Constant(_WORDS, [2] * LANES)  # 4, as a shift
+        away = builder.shl(builder.zext(loaded(4, at, WHOLES), _WORDS), bytes_of_node)
         here = builder.ptrtoint(builder.gep(data, [begin]), _WORD)
         below = builder.add(away, everywhere(builder, here, _WORDS))
-        next_row = builder.shl(everywhere(builder, row, _WORDS), four)
+        next_row = builder.shl(everywhere(builder, row, _WORDS), bytes_of_node)
         right, above = loaded(6, right, REALS), loaded(7, above, REALS)
         lower = _between(builder, right, *_pairs(builder, below))
         upper = _between(builder, right, *_pairs(builder, builder.add(below, next_row)))
