@@ -56,10 +56,7 @@ def find_nodes(
         builder.store(builder.add(builder.load(there, align=4), away), there, align=4)
         return context.get_dummy_value()
 
-    return (
-        types.void(at, share, where, along, across, uint64, float32, float32, int32, int32),
-        generate,
-    )
+    return types.void(at, share, where, along, across, uint64, float32, float32, int32, int32), generate
 
 
 @intrinsic

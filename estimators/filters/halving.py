@@ -57,6 +57,15 @@ def blank_halved(limits: Limits) -> Halved:
     )
 
 
+@compiled(types.UniTuple(int64, 4)(int64, int64, int64, int64), called_from_python=False)
+def unravelled(index: int, columns: int, rows: int, angles: int) -> tuple[int, int, int, int]:
+    """Find letter, angle, row and column of a flat index into the (letters, angles, rows, columns) of a grid."""
+    rest, column = divmod(index, columns)
+    rest, row = divmod(rest, rows)
+    letter, angle = divmod(rest, angles)
+    return letter, angle, row, column
+
+
 @compiled(void(REALS_2D, INTS, INTS, INTS, INTS, REALS))
 def middles(state: Reals, letter: Ints, times: Ints, index: Ints, counts: Ints, spacing: Reals) -> None:
     """Find T_R^O in the middle of cells, and their letters; fills state (3, n) mm, mm, rad, and letter (n,).
@@ -67,9 +76,7 @@ def middles(state: Reals, letter: Ints, times: Ints, index: Ints, counts: Ints, 
     """
     for k in range(len(index)):
         columns, rows, angles = counts[0] << times[k], counts[1] << times[k], counts[2] << times[k]
-        rest, column = divmod(index[k], columns)
-        rest, row = divmod(rest, rows)
-        letter[k], angle = divmod(rest, angles)
+        letter[k], angle, row, column = unravelled(index[k], columns, rows, angles)
         size = 0.5 ** times[k]
         state[0, k] = (column + 0.5 - columns / 2) * size * spacing[0]
         state[1, k] = (row + 0.5 - rows / 2) * size * spacing[1]
@@ -84,9 +91,7 @@ def halve(half: Ints, cell: Ints, counts: Ints) -> None:
     """
     columns, rows, angles = 2 * counts[0], 2 * counts[1], 2 * counts[2]
     for i in range(len(cell)):
-        rest, column = divmod(cell[i], counts[0])
-        rest, row = divmod(rest, counts[1])
-        of, angle = divmod(rest, counts[2])
+        of, angle, row, column = unravelled(cell[i], counts[0], counts[1], counts[2])
         for part in range(8):
             x, y, turn = 2 * column + (part & 1), 2 * row + (part >> 1 & 1), 2 * angle + (part >> 2)
             half[8 * i + part] = ((of * angles + turn) * rows + y) * columns + x
@@ -104,9 +109,7 @@ def middles_of_halves(
     columns, rows, angles = counts[0] << times, counts[1] << times, counts[2] << times
     size = 0.5 ** (times + 1)
     for i in range(len(cell)):
-        rest, column = divmod(cell[i], columns)
-        rest, row = divmod(rest, rows)
-        of, angle = divmod(rest, angles)
+        of, angle, row, column = unravelled(cell[i], columns, rows, angles)
         for part in range(8):
             x, y, turn = 2 * column + (part & 1), 2 * row + (part >> 1 & 1), 2 * angle + (part >> 2)
             letter[8 * i + part] = of
