@@ -23,6 +23,7 @@ import numpy as np
 
 from tactsim.bench.bound.efficiency import ENOUGH, determined
 from tactsim.bench.console import exit_status
+from tactsim.bench.counted import counted
 from tactsim.bench.page_blocks import fill_blocks, fill_page, markdown_table
 from tactsim.bench.places import SWEEPS
 from tactsim.bench.pooled import Figure, Pooled, pool
@@ -78,18 +79,12 @@ def _of_methods(pools: Sequence[Pooled], methods: Sequence[str]) -> list[Pooled]
 def _origin(sweep: str, pools: Sequence[Pooled], figures: Sequence[str]) -> str:
     """Say beneath a table how it was made."""
     counts = sorted({len(of.trials.truth) for of in pools})
-    trials = (
-        f"{' or '.join(map(str, counts[:-1]))}{' or ' * (len(counts) > 1)}{_several(counts[-1], 'trial')}"
-    )
+    trials = f"{' or '.join(map(str, counts[:-1]))}{' or ' * (len(counts) > 1)}{counted(counts[-1], 'trial')}"
     intervals = "in brackets 95 % intervals over scans and trials; " * any("," not in one for one in figures)
     return (
-        f"*`bench sweep {sweep}`: {_several(len(pools[0].runs), 'scan')}, {trials} for each figure; "
+        f"*`bench sweep {sweep}`: {counted(len(pools[0].runs), 'scan')}, {trials} for each figure; "
         f"{intervals}commit {_commit(pools[0].runs[0])}.*"
     )
-
-
-def _several(count: int, what: str) -> str:
-    return f"{count} {what}{'s' * (count != 1)}"
 
 
 def _commit(run: Run) -> str:
@@ -107,7 +102,7 @@ def _pools(folder: Path) -> list[Pooled]:
     fewest = min(len(of.runs) for of in pools)
     if fewest < LEAST_SCANS:
         raise InputError(
-            f"{folder} has {_several(fewest, 'seed')}; a published figure takes {LEAST_SCANS} at least"
+            f"{folder} has {counted(fewest, 'seed')}; a published figure takes {LEAST_SCANS} at least"
         )
     return pools
 
@@ -179,8 +174,8 @@ def _error(one: Pooled, k: int) -> Figure:
 
 
 def _recovered(one: Pooled) -> Figure:
-    counted = [recoveries(run.trials, run.objects, 3) for run in one.runs]
-    jumps, found = (np.concatenate(column) for column in zip(*counted, strict=True))
+    of_runs = [recoveries(run.trials, run.objects, 3) for run in one.runs]
+    jumps, found = (np.concatenate(column) for column in zip(*of_runs, strict=True))
     return one.mean(found / np.maximum(jumps, 1), of=jumps > 0)
 
 
@@ -193,8 +188,8 @@ def _bound(one: Pooled, k: int) -> Figure:
 def _efficiency(one: Pooled, k: int) -> Figure:
     if one.bounds is None or determined(one.bounds[:, k], one.trials).mean() < ENOUGH:
         return Figure(None, None, None)
-    counted = one.trials.named[:, k] & determined(one.bounds[:, k], one.trials)
-    return one.ratio(one.errors[:, k] * counted, one.bounds[:, k] * counted)
+    chosen = one.trials.named[:, k] & determined(one.bounds[:, k], one.trials)
+    return one.ratio(one.errors[:, k] * chosen, one.bounds[:, k] * chosen)
 
 
 def _coverage(one: Pooled, k: int, share: float) -> Figure:

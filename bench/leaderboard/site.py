@@ -12,6 +12,7 @@ from typing import TypeVar
 from urllib.parse import quote
 from xml.etree.ElementTree import Element
 
+from tactsim.bench.counted import counted
 from tactsim.bench.leaderboard.index_page import index_page
 from tactsim.bench.leaderboard.markup import h, html
 from tactsim.bench.leaderboard.method_page import method_page
@@ -81,9 +82,7 @@ def _write(folder: Folder, inside: Path) -> None:
             for one in (*of.ranked, *of.unranked)
             if one.bundle.method == method
         ]
-        _page(
-            inside / name, method, f"{_several(len(entries), 'bundle')}", method_page(entries, pages, files)
-        )
+        _page(inside / name, method, f"{counted(len(entries), 'bundle')}", method_page(entries, pages, files))
     downloads = _list({"Every figure, as CSV": "figures.csv", "Every pair of methods, as CSV": "pairs.csv"})
     parts = index_page(folder, pages, links, downloads)
     _page(inside / "index.html", "tactsim leaderboard", _LEAD, parts)
@@ -153,7 +152,3 @@ def _list(offered: Mapping[str, str]) -> Element:
         {},
         *(h("li", {}, h("a", {"href": place, "download": ""}, words)) for words, place in offered.items()),
     )
-
-
-def _several(count: int, what: str) -> str:
-    return f"{count} {what}{'s' * (count != 1)}"
