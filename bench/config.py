@@ -69,8 +69,10 @@ def _names(words: Any) -> Any:
 
 def _noise(words: Any) -> Any:
     """Refuse a text that is neither a number nor "off"; what number is allowed, the sensor's options say."""
+    if words is None or words == "off":
+        return words
     try:
-        _ = words == "off" or words is None or float(words)
+        float(words)
     except (TypeError, ValueError):
         raise ValueError("give the standard deviation in kPa, or 'off'") from None
     return words

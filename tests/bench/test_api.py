@@ -194,15 +194,24 @@ WRONG = {
     "estimator": ({"estimator": "histogramm"}, "did you mean 'histogram'"),
     "letters": ({"letters": ["A", "Q"]}, "'Q'"),
     "readings": ({"readings": 193}, "at most 192"),
+    "a training scan": ({"train_scan": 5}, "train_scan is 5; give a Scan, or the path"),
+    "held out": ({"hold_out": 5}, "hold_out: give letters, as 'A,E' or a list of names, got 5"),
+    "held out, mixed": ({"hold_out": ["A", 5]}, "hold_out: give letters"),
+    "set": ({"set": 5}, "set: give a table of names and values, got 5"),
+    "jobs as a truth": ({"jobs": True}, "jobs is True"),
 }
+
+
+def refused_in_one_line(said, work, *readings, **words):
+    with pytest.raises(InputError, match=said) as caught:
+        work(*readings, **words)
+    assert "\n" not in str(caught.value)
 
 
 @pytest.mark.parametrize("case", WRONG)
 def test_wrong_words_are_refused_in_one_line(scan, case):
     words, said = WRONG[case]
-    with pytest.raises(InputError, match=said) as caught:
-        tactsim.run(scan, **words)
-    assert "\n" not in str(caught.value)
+    refused_in_one_line(said, tactsim.run, scan, **words)
 
 
 def test_an_estimator_without_options_is_refused(scan):
@@ -315,31 +324,16 @@ WRONG_SCANS = {
 }
 
 
-WRONG_RUNS = {
-    "a scan": ({"scan": 5}, "scan is 5; give a Scan, or the path"),
-    "a training scan": ({"train_scan": 5}, "train_scan is 5; give a Scan, or the path"),
-    "held out": ({"hold_out": 5}, "hold_out: give letters, as 'A,E' or a list of names, got 5"),
-    "held out, mixed": ({"hold_out": ["A", 5]}, "hold_out: give letters"),
-    "set": ({"set": 5}, "set: give a table of names and values, got 5"),
-    "noise": ({"noise": "none"}, "noise: give the standard deviation in kPa, or 'off', got 'none'"),
-    "jobs": ({"jobs": True}, "jobs is True"),
-}
-
-
-@pytest.mark.parametrize("case", WRONG_RUNS)
-def test_wrong_words_of_a_run_are_refused_in_one_line(case):
-    words, said = WRONG_RUNS[case]
-    with pytest.raises(InputError, match=said) as caught:
-        tactsim.run(**words)
-    assert "\n" not in str(caught.value)
-
-
 @pytest.mark.parametrize("case", WRONG_SCANS)
 def test_wrong_words_of_a_scan_are_refused_in_one_line(case):
     words, said = WRONG_SCANS[case]
-    with pytest.raises(InputError, match=said) as caught:
-        tactsim.scan(**words)
-    assert "\n" not in str(caught.value)
+    refused_in_one_line(said, tactsim.scan, **words)
+
+
+def test_wrong_words_of_a_run_that_presses_are_refused_in_one_line():
+    refused_in_one_line("scan is 5; give a Scan, or the path", tactsim.run, scan=5)
+    said = "noise: give the standard deviation in kPa, or 'off', got 'none'"
+    refused_in_one_line(said, tactsim.run, noise="none")
 
 
 def test_what_options_say_together_is_refused_without_repeating_them_all(scan):
