@@ -13,6 +13,10 @@ from tactsim.estimators.field.series import cos_sin
 # The mean is over states whose placement is at most this far from the mode's: mm, in the metric of the placement
 # error for a radius of gyration of 8 mm. Only the choice of the neighbourhood depends on that radius.
 _NEAR, _GYRATION = 1.0, 8.0
+# A belief is resolved along an axis if its variance in so many cells either way is this many squares of a cell's size:
+# a normal density then is no narrower than .35 of a cell, and the moments over the cells' middles are its own to some
+# per cent, in the mean of how it lies among them.
+_NEIGHBOURS, _RESOLVED = 3, 1 / 8
 # The mode's own weight may underflow beside a heavier state elsewhere.
 _TINY = float(np.finfo(float).tiny)
 
@@ -56,31 +60,69 @@ def mean_around(state: Reals, weight: Reals, mode: int) -> Reals:
     return np.array(_inverse(here_x / here, here_y / here, at_angle + alike_turn / alike))
 
 
+@compiled(REALS(REALS_2D, REALS, REALS_2D, int64), called_from_python=False)
+def _unresolved(state: Reals, weight: Reals, size: Reals, densest: int) -> Reals:
+    """Tell along which axes a belief is no wider than its cells are: (3,), 1 there and 0 elsewhere.
+
+    Looks at the cells of the densest one's size that are at most three cells from it along every axis. Arguments as for
+    `samples_of_cells`.
+    """
+    total, first, second = 0.0, np.zeros(3), np.zeros(3)
+    away = np.empty(3)
+    for k in range(len(weight)):
+        near = size[0, k] == size[0, densest]
+        for axis in range(3):
+            gap = state[axis, k] - state[axis, densest]
+            away[axis] = (_wrapped(gap) if axis == 2 else gap) / size[axis, k]
+            near = near and abs(away[axis]) < _NEIGHBOURS + 0.5
+        if near:
+            total += weight[k]
+            for axis in range(3):
+                first[axis] += weight[k] * away[axis]
+                second[axis] += weight[k] * away[axis] ** 2
+    found = np.empty(3)
+    for axis in range(3):
+        found[axis] = second[axis] / total - (first[axis] / total) ** 2 < _RESOLVED
+    return found
+
+
 @compiled(types.Tuple((REALS_2D, REALS))(REALS_2D, REALS, REALS_2D, REALS_2D, float64))
 def samples_of_cells(
     state: Reals, weight: Reals, size: Reals, corners: Reals, spread: float
 ) -> tuple[Reals, Reals]:
     """List poses that stand for cells: the middle of one that weighs at most `spread`, eight poses of another.
 
-    state, size: (3, n) the cells' middles and sizes, mm, mm, rad. weight: (n,). corners: (8, 3) where the poses of a
-    cell lie, in units of its size. Returns poses (m, 3) and weights (m,).
+    Cells as small as the densest one keep to their middle along an axis along which they resolve the belief: sums over
+    the middles are nearly exact there, and the width of the cells is no part of the belief's. state, size: (3, n) the
+    cells' middles and sizes, mm, mm, rad. weight: (n,). corners: (8, 3) where the poses of a cell lie, in units of its
+    size. Returns poses (m, 3) and weights (m,).
     """
-    heavy = 0
+    densest, highest = 0, 0.0
     for k in range(len(weight)):
-        heavy += weight[k] > spread
+        density = weight[k] / (size[0, k] * size[1, k] * size[2, k])
+        if density > highest:
+            densest, highest = k, density
+    blurred = _unresolved(state, weight, size, densest)
+    as_points = blurred.sum() == 0
+    one = np.empty(len(weight), dtype=np.bool_)
+    for k in range(len(weight)):
+        one[k] = weight[k] <= spread or (as_points and size[0, k] == size[0, densest])
+    heavy = len(weight) - one.sum()
     parts = len(corners)
     light, part = 0, len(weight) - heavy
     poses, share = np.empty((part + parts * heavy, 3)), np.empty(part + parts * heavy)
     for k in range(len(weight)):
-        if weight[k] <= spread:
+        if one[k]:
             for axis in range(3):
                 poses[light, axis] = state[axis, k]
             share[light] = weight[k]
             light += 1
         else:
+            smallest = size[0, k] == size[0, densest]
             for corner in corners:
                 for axis in range(3):
-                    poses[part, axis] = state[axis, k] + size[axis, k] * corner[axis]
+                    width = size[axis, k] * blurred[axis] if smallest else size[axis, k]
+                    poses[part, axis] = state[axis, k] + width * corner[axis]
                 share[part] = weight[k] / parts
                 part += 1
     return poses, share

@@ -16,7 +16,7 @@ from tactsim.estimators.filters.weights import Weights
 # Cells along a side of a picture of the belief, whatever `reach` is.
 _MOST_CELLS = 200
 # A cell with more than this share of the belief stands for eight poses, in its corners' directions, one with less for
-# its middle: so a belief in few cells is not a belief in few points.
+# its middle: so a belief in few cells is not a belief in few points. `samples_of_cells` says when it does not.
 SPREAD = 1e-3
 # The eight poses of a cell (8, 3), in units of its size: as far from the middle as the cell's points are, rms.
 CORNERS = np.array([[i, j, k] for i in (-1, 1) for j in (-1, 1) for k in (-1, 1)]) / np.sqrt(12)

@@ -2,6 +2,8 @@
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from tactsim.core import invert, wrap_angle
 from tactsim.estimators.filters.placement import mean_around, samples_of_cells
@@ -54,3 +56,67 @@ def test_light_cells_are_one_pose_and_heavy_ones_are_eight():
     assert poses[:2].tolist() == [[0, 3, 6], [2, 5, 8]]
     assert weight == pytest.approx([0.1, 0.1] + 8 * [0.1])
     assert poses[2:] == pytest.approx(np.array([1.0, 4, 7]) + np.array([2.0, 5, 8]) * corners)
+
+
+CELL_CORNERS = np.array([[i, j, k] for i in (-1, 1) for j in (-1, 1) for k in (-1, 1)]) / np.sqrt(12)
+
+
+def normal_cells(mean, deviation, size, spread=1e-3):
+    """Give `samples_of_cells` of a normal belief in cells that have a middle at [0, 0, 0]."""
+    index = np.stack(np.meshgrid(*3 * [np.arange(-12, 13)], indexing="ij")).reshape(3, -1)
+    state = index * np.array(size)[:, None]
+    log_p = -0.5 * (((state.T - mean) / deviation) ** 2).sum(axis=1)
+    held = log_p > log_p.max() - 20
+    weight = np.exp(log_p[held]) / np.exp(log_p[held]).sum()
+    state = np.ascontiguousarray(state[:, held])
+    sizes = np.repeat(np.array(size)[:, None], held.sum(), axis=1)
+    poses, weight = samples_of_cells(state, weight, sizes, CELL_CORNERS, spread)
+    return poses, weight, np.count_nonzero(held)
+
+
+@given(
+    st.tuples(*3 * [st.floats(-0.5, 0.5)]),
+    st.tuples(*3 * [st.floats(0.6, 2.5)]),
+    st.tuples(*3 * [st.floats(0.01, 0.2)]),
+)
+@settings(max_examples=50)
+def test_cells_that_resolve_a_belief_do_not_widen_it(mean, deviation, size):
+    mean, deviation = np.array(mean) * size, np.array(deviation) * size
+    poses, weight, cells = normal_cells(mean, deviation, size)
+    assert len(poses) == cells
+    found = weight @ poses
+    assert found == pytest.approx(mean, abs=0.02 * max(size))
+    assert weight @ (poses - found) ** 2 == pytest.approx(deviation**2, rel=0.03)
+
+
+def test_cells_as_wide_as_a_belief_along_one_axis_are_spread_along_it_alone():
+    size, deviation = np.array([0.1, 0.2, 0.05]), np.array([0.01, 0.2, 0.05])
+    poses, weight, _ = normal_cells(np.zeros(3), deviation, size)
+    variance = weight @ (poses - weight @ poses) ** 2
+    assert variance[0] == pytest.approx(size[0] ** 2 / 12, rel=0.01)
+    assert variance[1:] == pytest.approx(deviation[1:] ** 2, rel=0.01)
+
+
+def test_a_belief_at_half_a_turn_is_as_wide_as_at_none():
+    angle = np.pi - 0.05 + 0.1 * np.arange(-2, 3)
+    weight = np.exp(-0.5 * np.arange(-2, 3.0) ** 2)
+    weight /= weight.sum()
+    size = np.full((3, 5), 0.1)
+    found = []
+    for turn in (angle, (angle + np.pi) % (2 * np.pi) - np.pi, angle - np.pi):
+        poses, _ = samples_of_cells(np.stack([0 * turn, 0 * turn, turn]), weight, size, CELL_CORNERS, 1e-3)
+        found.append(len(poses))
+        assert set(poses[:, 2]) == set(turn)
+    assert found == 3 * [8 * 5]
+
+
+def test_regions_of_cells_hold_what_a_normal_belief_holds():
+    # Cells 2.5 deviations wide and less: a region of 90 % holds the truth in 90 % of beliefs, wherever among cells.
+    rng, held = np.random.default_rng(0), []
+    for deviation in np.repeat([0.4, 0.5, 0.7, 1.0, 1.5], 300):
+        mean, truth = rng.uniform(-0.5, 0.5, 3), rng.normal(size=3)
+        poses, weight, _ = normal_cells(mean, deviation, np.ones(3))
+        centre = weight @ poses
+        away, off = (np.linalg.norm(x - centre, axis=-1) for x in (poses, mean + deviation * truth))
+        held.append(weight[away < off].sum() <= 0.9)
+    assert np.mean(held) == pytest.approx(0.9, abs=3 * np.sqrt(0.9 * 0.1 / 1500))
