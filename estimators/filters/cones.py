@@ -34,13 +34,6 @@ PARZEN_STEP = np.array([0.5, 0.5, 0.04 * np.pi])
 TURN = 50  # of its nodes in a circle
 # Steps in which tabulated cones are known: of the squared distance in the plane, and of a node's fraction in angle.
 _SQUARES, _FRACTIONS = 128, 8
-# By how much a sum of cones in float32 may be off, relative to itself: thirty times what was seen.
-_ROUNDING = 1e-4
-# How far below the highest bound, relative to it, the nodes lie that are looked at first.
-_SLACK = 0.02
-_NOTHING = float(np.finfo(np.float32).tiny)  # below the bound of any node that a cone reaches
-# Nodes at once at which light states are added: more, and the grid with all states is the quicker way.
-_MANY = 256
 _BATCH = 128  # cones whose numbers stay in the cache
 _BUCKETS = 128  # of weights, two for each power of 2; the last holds all the rest
 
@@ -239,95 +232,3 @@ def fold(bound: Floats, highest: Floats, ahead: int) -> None:
             for k in range(uint64(ahead), uint64(ahead + TURN)):
                 most = max(most, circle[k])
             highest[row, column] = most
-
-
-@compiled(void(REALS, REALS_2D, REALS_2D, REALS, float64), ordered=False)
-def sum_cones(density: Reals, node: Reals, state: Reals, weight: Reals, rho: float) -> None:
-    """Sum the weighted cones (eq. 10, 11) of states at single nodes, around the circle.
-
-    density: (nodes,) is overwritten. node: (3, nodes), with angles in [0, 2 pi), state: (3, states) mm, mm, rad.
-    """
-    # No cone reaches a node from outside a circle around all nodes, made larger by rho and by what rounding may do.
-    middle_x, middle_y = (node[0].min() + node[0].max()) / 2, (node[1].min() + node[1].max()) / 2
-    away = 0.0
-    for m in range(node.shape[1]):
-        away = max(away, (node[0, m] - middle_x) ** 2 + (node[1, m] - middle_y) ** 2)
-    away = (math.sqrt(away) + rho) ** 2 * (1 + 1e-9)
-    near, count = np.empty(len(weight), dtype=np.int32), uint64(0)
-    for i in range(uint64(len(weight))):
-        near[count] = i
-        x, y = state[0, i] - middle_x, state[1, i] - middle_y
-        count += uint64(x * x + y * y < away)
-    density[:] = 0
-    circle, per_rho = 2 * math.pi, 1 / rho
-    for one_near in near[:count]:
-        i = uint64(one_near)
-        x, y, one = state[0, i], state[1, i], weight[i]
-        angle = state[2, i] - circle * math.floor(state[2, i] / circle)
-        for m in range(uint64(len(density))):
-            turn = abs(angle - node[2, m])
-            turn = min(turn, circle - turn)
-            square = (x - node[0, m]) ** 2 + (y - node[1, m]) ** 2 + turn * turn
-            density[m] += one * max(0.0, 1.0 - math.sqrt(square) * per_rho)
-
-
-@compiled(float64(INTS, REALS_2D, REALS, INTS, INTS, INTS, float64, FLOATS, float64, float64))
-def search_grid(
-    place: Ints, state: Reals, weight: Reals, chosen: Ints, corner: Ints, size: Ints, rho: float, profiles: Floats,
-    light: float, best: float,
-) -> float:  # fmt: skip
-    """Find the highest node of a grid, if it is higher than `best`, or as high and before `place`.
-
-    place: [row, column, angle] of the highest node so far, is overwritten. corner, size: as in `add_cones`, of the
-    [columns, rows]. light: the sum of the weights of states that are not chosen. Returns the height of `place`,
-    which is summed over all states; -1 if light states would have to be added at too many nodes.
-    """
-    ahead, lanes = math.ceil(rho / PARZEN_STEP[2]), len(profiles) // ((_SQUARES + 1) * _FRACTIONS)
-    bound = np.zeros((size[1], size[0], TURN + 1 + lanes), dtype=np.float32)
-    highest = np.empty((size[1], size[0]), dtype=np.float32)
-    add_cones(bound, state, weight, chosen, corner, rho, profiles)
-    fold(bound, highest, ahead)
-    # All nodes above `least` are looked at; how low that must be is known afterwards.
-    least = max(highest.max() * (1 - _SLACK), best) - light
-    while True:
-        least, count = max(least, _NOTHING), 0
-        for row in range(size[1]):
-            for column in range(size[0]):
-                if highest[row, column] >= least:
-                    for k in range(ahead, ahead + TURN):
-                        count += bound[row, column, k] >= least
-        if count > _MANY and light > 0:
-            return -1.0
-        if count == 0:
-            return best
-        padded = (count + 3) // 4 * 4  # vectors of 4 have no rest then
-        node, found, heights, count = (
-            np.zeros((3, padded)),
-            np.empty((3, count), np.int64),
-            np.empty(padded),
-            0,
-        )
-        for row in range(size[1]):
-            for column in range(size[0]):
-                if highest[row, column] >= least:
-                    for k in range(ahead, ahead + TURN):
-                        if bound[row, column, k] >= least:
-                            found[0, count], found[1, count] = corner[1] + row, corner[0] + column
-                            found[2, count] = k - ahead
-                            node[0, count] = found[1, count] * PARZEN_STEP[0]
-                            node[1, count] = found[0, count] * PARZEN_STEP[1]
-                            node[2, count] = found[2, count] * PARZEN_STEP[2]
-                            count += 1
-        for m in range(count, padded):
-            node[:, m] = node[:, 0]
-        sum_cones(heights, node, state, weight, rho)
-        for m in range(count):
-            row, column, k = found[0, m], found[1, m], found[2, m]
-            earlier = row < place[0] or (
-                row == place[0] and (column < place[1] or (column == place[1] and k < place[2]))
-            )
-            if heights[m] > best or (heights[m] == best and earlier):
-                best, place[0], place[1], place[2] = heights[m], row, column, k
-        if best * (1 - _ROUNDING) - light >= least or least <= _NOTHING:
-            return best
-        least = best * (1 - _ROUNDING) - light

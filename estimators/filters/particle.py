@@ -157,8 +157,13 @@ class ParticleFilter(MapFilter):
         mass = mass if self._distinct else shared(mass, alike)
         best = int(mass.argmax())
         mine = letter == alike[best]
-        if not mine.all():
-            state, weight = state.compress(mine, axis=1), weight[mine]
+        count = int(np.count_nonzero(mine))
+        if count < len(mine):
+            first = int(mine.argmax())
+            some = slice(first, first + count)
+            # They stand in the order of letters, but for random ones that were injected.
+            chosen = some if mine[some].all() else mine
+            state, weight = np.ascontiguousarray(state[:, chosen]), weight[chosen]
         mode, left_out = parzen_mode(state, weight, self.options.rho, self.options.skip)
         self._cones += left_out
         poses = state.T

@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactsim.core.poses import FloatArray
+from tactsim.estimators.filters.cone_search import search_grid
 from tactsim.estimators.filters.cones import (
     PARZEN_STEP,
     TURN,
     cone_profiles,
     heaviest,
-    search_grid,
     window,
 )
 
@@ -56,8 +56,11 @@ def _highest_node(
     chosen, box = np.empty(len(weight), dtype=np.int64), np.empty(4)
     count, light = heaviest(chosen, box, state, weight, share)
     best, place, profiles = light, np.zeros(3, dtype=np.int64), cone_profiles(rho)
-    for corner, size, mine in _tiles(state, chosen[:count], box, rho):
-        best = search_grid(place, state, weight, mine, corner, size, rho, profiles, light, best)
+    tiles = list(_tiles(state, chosen[:count], box, rho))
+    for corner, size, mine in tiles:
+        best = search_grid(
+            place, state, weight, mine, corner, size, rho, profiles, light, best, len(tiles) == 1
+        )
         if best < 0:
             return None, 0
     if best <= light:

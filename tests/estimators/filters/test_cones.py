@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from tactsim.core import wrap_angle
+from tactsim.estimators.filters.cone_search import lift_nearby, nearly_sum_cones, sum_cones
 from tactsim.estimators.filters.cones import (
     PARZEN_STEP,
     TURN,
@@ -13,7 +14,6 @@ from tactsim.estimators.filters.cones import (
     cone_profiles,
     fold,
     heaviest,
-    sum_cones,
     window,
 )
 
@@ -79,7 +79,29 @@ def test_cones_are_summed_around_the_circle_at_single_nodes(rho):
     sum_cones(density, np.ascontiguousarray(node.T), state, weight, rho)
     away = state.T[None] - node[:, None]
     away[..., 2] = wrap_angle(away[..., 2])
-    assert density == pytest.approx(np.maximum(0, 1 - np.linalg.norm(away, axis=-1) / rho) @ weight)
+    exact = np.maximum(0, 1 - np.linalg.norm(away, axis=-1) / rho) @ weight
+    assert density == pytest.approx(exact)
+    nearly = np.ones(20)
+    error = nearly_sum_cones(nearly, np.ascontiguousarray(node.T), state, weight, rho)
+    assert abs(nearly - exact).max() < error < 1e-3 * weight.sum()
+
+
+@pytest.mark.parametrize("rho", [0.05, 0.4, 1.0, 3.0])
+def test_states_that_are_not_chosen_lift_the_nodes_near_them(rho):
+    state, weight = random_states(40, seed=4)
+    state[:2, 0] = 100.0, -50.0
+    chosen, corner = np.arange(0, 40, 3), np.array([-12, -6])
+    lift, others = np.empty((26, 24)), np.setdiff1d(np.arange(40), np.arange(0, 40, 3))
+    light = weight[others].sum()
+    lift_nearby(lift, state, weight, chosen, corner, rho, light)
+    row, column = np.indices(lift.shape)
+    away = np.hypot(
+        (column[..., None] + corner[0]) * PARZEN_STEP[0] - state[0, others],
+        (row[..., None] + corner[1]) * PARZEN_STEP[1] - state[1, others],
+    )
+    assert (lift >= (away < rho) @ weight[others] * (1 - 1e-12)).all()
+    side = max(rho, 0.5)
+    assert (lift <= np.minimum(light, (away < 3 * side) @ weight[others]) * (1 + 1e-12)).all()
 
 
 @pytest.mark.parametrize("share", [0.0, 0.01, 0.3])
