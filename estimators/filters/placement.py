@@ -68,18 +68,19 @@ def _unresolved(state: Reals, weight: Reals, size: Reals, densest: int) -> Reals
     `samples_of_cells`.
     """
     total, first, second = 0.0, np.zeros(3), np.zeros(3)
-    away = np.empty(3)
+    away, reach = np.empty(3), _NEIGHBOURS + 0.5
     for k in range(len(weight)):
-        near = size[0, k] == size[0, densest]
-        for axis in range(3):
-            gap = state[axis, k] - state[axis, densest]
-            away[axis] = (_wrapped(gap) if axis == 2 else gap) / size[axis, k]
-            near = near and abs(away[axis]) < _NEIGHBOURS + 0.5
-        if near:
-            total += weight[k]
-            for axis in range(3):
-                first[axis] += weight[k] * away[axis]
-                second[axis] += weight[k] * away[axis] ** 2
+        if size[0, k] != size[0, densest]:
+            continue
+        away[0] = (state[0, k] - state[0, densest]) / size[0, k]
+        away[1] = (state[1, k] - state[1, densest]) / size[1, k]
+        if abs(away[0]) < reach and abs(away[1]) < reach:
+            away[2] = _wrapped(state[2, k] - state[2, densest]) / size[2, k]
+            if abs(away[2]) < reach:
+                total += weight[k]
+                for axis in range(3):
+                    first[axis] += weight[k] * away[axis]
+                    second[axis] += weight[k] * away[axis] ** 2
     found = np.empty(3)
     for axis in range(3):
         found[axis] = second[axis] / total - (first[axis] / total) ** 2 < _RESOLVED
