@@ -103,7 +103,8 @@ def command(
     """Present a simulated pad as a device that speaks its codec's bytes, or record one with --plan."""
     import numpy as np
 
-    from tactsim.bench.config import scan_options
+    from tactsim.bench.config import scan_options, slip_of_world
+    from tactsim.bench.console import plain_console
     from tactsim.bench.settings import key_values
     from tactsim.core.errors import InputError
     from tactsim.hardware.device import load_device
@@ -135,6 +136,8 @@ def command(
     options = on_pad_of(
         described, scan_options(**words, letters="none" if shapes else None, shapes=shapes or ())
     )
+    if not slip_of_world(world).still:
+        plain_console(stderr=True).print("the world's slip moves nothing here: what is pressed lies still")
     rng = np.random.default_rng(seed)
     faults = Faults(
         drop=drop, flip=flip, torn=torn, garbage=garbage, drift=drift, disconnect=disconnect,

@@ -187,6 +187,15 @@ def test_a_plan_needs_a_place_and_its_options_need_a_plan(here, own):
     refused(here("emulate", "--marks", "m.csv"), "belong to --plan")
 
 
+def test_that_nothing_slips_is_said_where_a_world_has_objects_that_do(own):
+    still = own()
+    Path("marks.csv").unlink()
+    moving = own("--world", "slip", out="slip.csv")
+    assert (still.returncode, moving.returncode) == (0, 0), still.stderr + moving.stderr
+    assert "slip" not in still.stderr
+    assert moving.stderr.count("the world's slip moves nothing here") == 1
+
+
 def test_the_timetable_is_that_of_the_presses(tmp_path):
     (tmp_path / "plan.csv").write_text(PLAN)
     timing = Timing(hold=1.0, lift=0.5, ramp=0.1)
