@@ -98,16 +98,10 @@ def samples_of_cells(
     cells' middles and sizes, mm, mm, rad. weight: (n,). corners: (8, 3) where the poses of a cell lie, in units of its
     size. Returns poses (m, 3) and weights (m,).
     """
-    densest, highest = 0, 0.0
-    for k in range(len(weight)):
-        density = weight[k] / (size[0, k] * size[1, k] * size[2, k])
-        if density > highest:
-            densest, highest = k, density
+    densest = (weight / (size[0] * size[1] * size[2])).argmax()
     blurred = _unresolved(state, weight, size, densest)
-    as_points = blurred.sum() == 0
-    one = np.empty(len(weight), dtype=np.bool_)
-    for k in range(len(weight)):
-        one[k] = weight[k] <= spread or (as_points and size[0, k] == size[0, densest])
+    smallest = size[0] == size[0, densest]
+    one = (weight <= spread) | (smallest & (blurred.sum() == 0))
     heavy = len(weight) - one.sum()
     parts = len(corners)
     light, part = 0, len(weight) - heavy
@@ -119,10 +113,9 @@ def samples_of_cells(
             share[light] = weight[k]
             light += 1
         else:
-            smallest = size[0, k] == size[0, densest]
             for corner in corners:
                 for axis in range(3):
-                    width = size[axis, k] * blurred[axis] if smallest else size[axis, k]
+                    width = size[axis, k] * blurred[axis] if smallest[k] else size[axis, k]
                     poses[part, axis] = state[axis, k] + width * corner[axis]
                 share[part] = weight[k] / parts
                 part += 1

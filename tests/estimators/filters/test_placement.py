@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 
 from tactsim.core import invert, wrap_angle
 from tactsim.estimators.filters.placement import mean_around, samples_of_cells
+from tactsim.estimators.filters.states import CORNERS, SPREAD
 
 
 def states(placed):
@@ -58,10 +59,7 @@ def test_light_cells_are_one_pose_and_heavy_ones_are_eight():
     assert poses[2:] == pytest.approx(np.array([1.0, 4, 7]) + np.array([2.0, 5, 8]) * corners)
 
 
-CELL_CORNERS = np.array([[i, j, k] for i in (-1, 1) for j in (-1, 1) for k in (-1, 1)]) / np.sqrt(12)
-
-
-def normal_cells(mean, deviation, size, spread=1e-3):
+def normal_cells(mean, deviation, size):
     """Give `samples_of_cells` of a normal belief in cells that have a middle at [0, 0, 0]."""
     index = np.stack(np.meshgrid(*3 * [np.arange(-12, 13)], indexing="ij")).reshape(3, -1)
     state = index * np.array(size)[:, None]
@@ -70,7 +68,7 @@ def normal_cells(mean, deviation, size, spread=1e-3):
     weight = np.exp(log_p[held]) / np.exp(log_p[held]).sum()
     state = np.ascontiguousarray(state[:, held])
     sizes = np.repeat(np.array(size)[:, None], held.sum(), axis=1)
-    poses, weight = samples_of_cells(state, weight, sizes, CELL_CORNERS, spread)
+    poses, weight = samples_of_cells(state, weight, sizes, CORNERS, SPREAD)
     return poses, weight, np.count_nonzero(held)
 
 
@@ -104,7 +102,7 @@ def test_a_belief_at_half_a_turn_is_as_wide_as_at_none():
     size = np.full((3, 5), 0.1)
     found = []
     for turn in (angle, (angle + np.pi) % (2 * np.pi) - np.pi, angle - np.pi):
-        poses, _ = samples_of_cells(np.stack([0 * turn, 0 * turn, turn]), weight, size, CELL_CORNERS, 1e-3)
+        poses, _ = samples_of_cells(np.stack([0 * turn, 0 * turn, turn]), weight, size, CORNERS, SPREAD)
         found.append(len(poses))
         assert set(poses[:, 2]) == set(turn)
     assert found == 3 * [8 * 5]
