@@ -41,13 +41,6 @@ class Mosaic:
             slope += share * (plane[..., 1:] ** 2).sum(axis=-1)
         return value, slope / self.cell**2
 
-    def with_gradient(self, xy: ArrayLike) -> tuple[FloatArray, FloatArray]:
-        """Interpolate bilinearly at points (..., 2) mm: the value, and its slopes (..., 2) along x and y in mm^-1."""
-        planes = np.zeros((*np.shape(xy)[:-1], 3))
-        for share, row, column, _ in self._around(xy):
-            planes += share[..., None] * self.plane[row, column]
-        return planes[..., 0], planes[..., 1:] / self.cell
-
     def without(self, xy: FloatArray, values: FloatArray, weight: FloatArray) -> FloatArray:
         """Interpolate at each taxel that the mosaic was learned from, as if it had been learned without that taxel.
 

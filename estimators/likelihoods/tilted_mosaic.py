@@ -22,6 +22,7 @@ from tactsim.core.poses import FloatArray
 from tactsim.estimators.likelihoods.folds import as_one, load_levels, positions
 from tactsim.estimators.likelihoods.mosaic import Grid, Mosaic, learn_mosaic
 from tactsim.estimators.likelihoods.occupancy import OccupancyMap
+from tactsim.estimators.likelihoods.plane_kernels import expand, fit_planes
 from tactsim.estimators.options import LikelihoodOptions
 
 # How often mosaics are learned from pressures, and these from the mosaics.
@@ -44,8 +45,6 @@ _ENOUGH = 100_000
 _STEPS, _WORTH = 6, 0.02
 # mm, mm, rad that one step may move at most.
 _STRIDE = np.array([0.5, 0.5, 0.06])
-# Passes in which the plane of a reading, and where it is below 0, are found.
-_PASSES = 3
 # Rounds in which variances are learned.
 _ROUNDS = 6
 # A taxel errs by at least this share of the typical pressure.
@@ -179,39 +178,25 @@ class TiltedMosaics:
         self, label: str, pose: FloatArray, readings: FloatArray, sensor_in_robot: FloatArray
     ) -> tuple[float, FloatArray, FloatArray]:
         """Give -log p of readings at a pose, less a constant, how fast it falls (3,) and its curvature (3, 3)."""
-        xy = transform(compose(pose, sensor_in_robot), self.taxel_xy)
-        cover, gradient = self.mosaics[label].with_gradient(xy)
-        fit = self._planes(readings, cover, (gradient**2).sum(axis=-1))
-        away = xy - pose[:2]
-        turn = gradient[..., 1] * away[..., 0] - gradient[..., 0] * away[..., 1]
-        moved = (self.gain * fit.pressure)[..., None] * np.concatenate([gradient, turn[..., None]], axis=-1)
-        weighed = moved / fit.variance[..., None]
-        along = np.einsum("nti,ntj->nij", weighed, fit.design)
-        fitted_along = np.linalg.solve(fit.normal, along.transpose(0, 2, 1))
-        curvature = np.einsum("nti,ntj->ij", weighed, moved) - np.einsum("nik,nkj->ij", along, fitted_along)
-        total = float(fit.misfit.sum() + np.log(fit.variance).sum() / 2)
-        return total, np.einsum("nti,nt->i", weighed, fit.error), curvature
+        slope, curvature, mosaic = np.empty(3), np.empty((3, 3)), self.mosaics[label]
+        total = expand(
+            pose, readings, sensor_in_robot, self.taxel_xy, mosaic.plane, mosaic.origin, mosaic.cell,
+            self.gain, self._plane, self.variance, self.prior, slope, curvature,
+        )  # fmt: skip
+        return total, slope, curvature
 
     def _planes(self, readings: FloatArray, cover: FloatArray, slope: FloatArray) -> _Planes:
         """Fit p, q and r to readings (n, taxels), given cover and its squared slope (n, taxels).
 
         Where the plane falls below 0 the pad has left the object: nothing is felt.
         """
-        pressure = np.broadcast_to(1.0, readings.shape)
-        variance = np.full(readings.shape, self.variance[0])
-        for _ in range(_PASSES):
-            design = (self.gain * cover * (pressure > 0))[..., None] * self._plane
-            weighed = design / variance[..., None]
-            normal = np.einsum("nti,ntj->nij", weighed, design) + np.diag(1 / self.prior**2)
-            target = np.einsum("nti,nt->ni", weighed, readings)
-            found = np.linalg.solve(normal, target[..., None])[..., 0]
-            misfit = ((readings**2 / variance).sum(axis=1) - (target * found).sum(axis=1)) / 2
-            before, pressure = variance, np.maximum(found @ self._plane.T, 0.0)
-            variance = (
-                _sources(self.gain * cover * pressure, (self.gain * pressure) ** 2 * slope) @ self.variance
-            )
-        error = readings - np.einsum("nti,ni->nt", design, found)
-        return _Planes(found, pressure, design, normal, before, error, misfit)
+        found, misfit = np.empty((len(readings), 3)), np.empty(len(readings))
+        pressure, variance, error = np.empty((3, *readings.shape))
+        fit_planes(
+            readings, cover, slope, self.gain, self._plane, self.variance, self.prior,
+            found, pressure, variance, error, misfit,
+        )  # fmt: skip
+        return _Planes(found, pressure, variance, error, misfit)
 
     def _cover(self, readings: FloatArray, pressure: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Tell what part of each taxel was covered under a pressure, and how much that counts: (n, taxels) all."""
@@ -271,14 +256,12 @@ class TiltedMosaics:
 class _Planes:
     """What was fitted to n readings.
 
-    found: (n, 3) p, q, r, kPa. pressure: (n, taxels) the plane, from 0. design: (n, taxels, 3) and normal: (n, 3, 3)
-    of the least squares. variance, error: (n, taxels). misfit: (n,) nats.
+    found: (n, 3) p, q, r, kPa. pressure: (n, taxels) the plane, from 0. variance, error: (n, taxels). misfit: (n,)
+    nats.
     """
 
     found: FloatArray
     pressure: FloatArray
-    design: FloatArray
-    normal: FloatArray
     variance: FloatArray
     error: FloatArray
     misfit: FloatArray

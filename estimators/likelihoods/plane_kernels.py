@@ -1,0 +1,179 @@
+"""The inner loops of tilted mosaics: planes of pressure fitted to readings, and how that changes with the pose."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import float64, int64, void
+
+from tactsim.core.compiling import (
+    GIVEN_REALS,
+    GIVEN_REALS_2D,
+    REALS,
+    REALS_2D,
+    REALS_3D,
+    Reals,
+    compiled,
+)
+
+# Passes in which the plane of a reading, and where it is below 0, are found.
+_PASSES = 3
+
+
+@compiled(void(REALS_2D, REALS), called_from_python=False)
+def _factorise(normal: Reals, prior: Reals) -> None:
+    """Add the prior's 1 / deviation^2 to a symmetric matrix (3, 3), and replace its lower part by Cholesky's factor."""
+    for a in range(3):
+        normal[a, a] += 1.0 / prior[a] ** 2
+        for b in range(a + 1):
+            total = normal[a, b]
+            for k in range(b):
+                total -= normal[a, k] * normal[b, k]
+            normal[a, b] = math.sqrt(total) if a == b else total / normal[b, b]
+
+
+@compiled(
+    float64(GIVEN_REALS, REALS, REALS, REALS, REALS_2D, REALS, REALS, REALS, REALS_2D, REALS, REALS, REALS),
+    called_from_python=False,
+)
+def _fit_plane(
+    reading: Reals, cover: Reals, slope: Reals, gain: Reals, plane: Reals, parts: Reals, prior: Reals,
+    found: Reals, factor: Reals, pressure: Reals, seen: Reals, variance: Reals,
+) -> float:  # fmt: skip
+    """Do for one reading what `fit_planes` does for all; returns its misfit, nats.
+
+    factor: (3, 3) becomes Cholesky's factor of the normal equations of the last pass. seen: (taxels,) what a pressure
+    of 1 kPa was taken to give in it.
+    """
+    misfit = 0.0
+    for number in range(_PASSES):
+        factor[:] = 0
+        found[:] = 0
+        squares = 0.0
+        for t in range(len(reading)):
+            seen[t], variance[t] = gain[t] * cover[t], parts[0]
+            if number > 0:
+                predicted, steep = seen[t] * pressure[t], gain[t] * pressure[t]
+                variance[t] += parts[1] * predicted * predicted + parts[2] * steep * steep * slope[t]
+                if pressure[t] == 0:
+                    seen[t] = 0
+            for a in range(3):
+                weighed = seen[t] * plane[t, a] / variance[t]
+                found[a] += weighed * reading[t]
+                for b in range(a + 1):
+                    factor[a, b] += weighed * seen[t] * plane[t, b]
+            squares += reading[t] * reading[t] / variance[t]
+        _factorise(factor, prior)
+        for a in range(3):
+            for k in range(a):
+                found[a] -= factor[a, k] * found[k]
+            found[a] /= factor[a, a]
+            squares -= found[a] * found[a]
+        misfit = squares / 2
+        for a in range(2, -1, -1):
+            for k in range(a + 1, 3):
+                found[a] -= factor[k, a] * found[k]
+            found[a] /= factor[a, a]
+        for t in range(len(reading)):
+            pressure[t] = max(found[0] * plane[t, 0] + found[1] * plane[t, 1] + found[2] * plane[t, 2], 0.0)
+    return misfit
+
+
+@compiled(
+    void(
+        GIVEN_REALS_2D, REALS_2D, REALS_2D, REALS, REALS_2D, REALS, REALS, REALS_2D, REALS_2D, REALS_2D, REALS_2D, REALS
+    )
+)  # fmt: skip
+def fit_planes(
+    reading: Reals, cover: Reals, slope: Reals, gain: Reals, plane: Reals, parts: Reals, prior: Reals,
+    found: Reals, pressure: Reals, variance: Reals, error: Reals, misfit: Reals,
+) -> None:  # fmt: skip
+    """Fit p, q and r to readings (n, taxels) kPa, given cover and its squared slope (n, taxels) mm^-2.
+
+    gain: (taxels,). plane: (taxels, 3) 1, u and v. parts: (3,) of a taxel's variance; prior: (3,) kPa, as in
+    `TiltedMosaics`. Where the plane falls below 0 the pad has left the object: nothing is felt.
+    Results: found (n, 3) kPa; pressure (n, taxels) the plane, from 0; variance (n, taxels) of the last pass and error
+    (n, taxels) in it; misfit (n,) nats.
+    """
+    factor, seen = np.empty((3, 3)), np.empty(len(gain))
+    for n in range(len(reading)):
+        misfit[n] = _fit_plane(
+            reading[n], cover[n], slope[n], gain, plane, parts, prior, found[n], factor, pressure[n], seen, variance[n]
+        )  # fmt: skip
+        for t in range(len(gain)):
+            under = found[n, 0] * plane[t, 0] + found[n, 1] * plane[t, 1] + found[n, 2] * plane[t, 2]
+            error[n, t] = reading[n, t] - seen[t] * under
+
+
+@compiled(
+    float64(
+        REALS, GIVEN_REALS_2D, GIVEN_REALS_2D, REALS_2D, REALS_3D, REALS, float64, REALS, REALS_2D, REALS, REALS,
+        REALS, REALS_2D
+    )
+)  # fmt: skip
+def expand(
+    pose: Reals, reading: Reals, sensor_in_robot: Reals, taxel_xy: Reals, mosaic: Reals, origin: Reals, cell: float,
+    gain: Reals, plane: Reals, parts: Reals, prior: Reals, slope: Reals, curvature: Reals,
+) -> float:  # fmt: skip
+    """Expand -log p of readings (n, taxels) kPa, less a constant, around a pose T_R^O (3,) of the object.
+
+    sensor_in_robot: (n, 3). taxel_xy: (taxels, 2) mm. mosaic: (rows, columns, 3), origin, cell: as in `Mosaic`. The
+    others are as in `fit_planes`. p, q and r are fitted along (variable projection, Golub and Pereyra 1973), and what
+    changes variances with the pose is left out. Returns the value at the pose; fills slope (3,), how fast it falls, and
+    curvature (3, 3), as Gauss and Newton have it.
+    """
+    taxels, rows, columns = len(gain), mosaic.shape[0], mosaic.shape[1]
+    cover, steep, gradient = np.empty(taxels), np.empty(taxels), np.empty((taxels, 3))
+    pressure, seen, variance = np.empty(taxels), np.empty(taxels), np.empty(taxels)
+    found, factor, along, moved = np.empty(3), np.empty((3, 3)), np.empty((3, 3)), np.empty(3)
+    slope[:] = 0
+    curvature[:] = 0
+    total, turned_x, turned_y = 0.0, math.cos(pose[2]), math.sin(pose[2])
+    for n in range(len(reading)):
+        x, y, angle = sensor_in_robot[n, 0], sensor_in_robot[n, 1], pose[2] + sensor_in_robot[n, 2]
+        # From the object's turning point, which is the robot's origin.
+        from_x, from_y = turned_x * x - turned_y * y, turned_y * x + turned_x * y
+        cos, sin = math.cos(angle), math.sin(angle)
+        for t in range(taxels):
+            away_x = from_x + cos * taxel_xy[t, 0] - sin * taxel_xy[t, 1]
+            away_y = from_y + sin * taxel_xy[t, 0] + cos * taxel_xy[t, 1]
+            u = min(max((pose[0] + away_x - origin[0]) / cell, 0.0), float64(columns - 1))
+            v = min(max((pose[1] + away_y - origin[1]) / cell, 0.0), float64(rows - 1))
+            column, row = min(int64(u), columns - 2), min(int64(v), rows - 2)
+            u, v = u - column, v - row
+            for a in range(3):
+                gradient[t, a] = (1 - v) * (
+                    (1 - u) * mosaic[row, column, a] + u * mosaic[row, column + 1, a]
+                ) + v * ((1 - u) * mosaic[row + 1, column, a] + u * mosaic[row + 1, column + 1, a])
+            cover[t] = gradient[t, 0]
+            by_x, by_y = gradient[t, 1] / cell, gradient[t, 2] / cell
+            steep[t] = by_x * by_x + by_y * by_y
+            gradient[t, 0], gradient[t, 1], gradient[t, 2] = by_x, by_y, by_y * away_x - by_x * away_y
+        total += _fit_plane(
+            reading[n], cover, steep, gain, plane, parts, prior, found, factor, pressure, seen, variance
+        )
+        along[:] = 0
+        for t in range(taxels):
+            total += math.log(variance[t]) / 2
+            error = reading[n, t] - seen[t] * (
+                found[0] * plane[t, 0] + found[1] * plane[t, 1] + found[2] * plane[t, 2]
+            )
+            for i in range(3):
+                moved[i] = gain[t] * pressure[t] * gradient[t, i]
+            for i in range(3):
+                weighed = moved[i] / variance[t]
+                slope[i] += weighed * error
+                for j in range(3):
+                    curvature[i, j] += weighed * moved[j]
+                    along[i, j] += weighed * seen[t] * plane[t, j]
+        for i in range(3):
+            for a in range(3):
+                for k in range(a):
+                    along[i, a] -= factor[a, k] * along[i, k]
+                along[i, a] /= factor[a, a]
+        for i in range(3):
+            for j in range(3):
+                for a in range(3):
+                    curvature[i, j] -= along[i, a] * along[j, a]
+    return total

@@ -1,0 +1,151 @@
+"""Planes of pressure fitted to readings: against matrices, one after another, and finite differences."""
+
+import numpy as np
+import pytest
+from synthetic import square_pad
+
+from tactsim.core import compose, transform
+from tactsim.estimators.likelihoods.plane_kernels import expand, fit_planes
+
+PAD = square_pad()
+PLANE = np.column_stack([np.ones(36), PAD / np.abs(PAD).max()])
+GAIN = np.linspace(0.7, 1.3, 36)
+CELL, ORIGIN = 0.8, np.array([-16.0, -14.0])
+
+
+def fitted(readings, cover, slope, parts, prior):
+    """Call the kernel: found, pressure, variance, error, misfit."""
+    found, misfit = np.empty((len(readings), 3)), np.empty(len(readings))
+    pressure, variance, error = np.empty((3, *readings.shape))
+    fit_planes(readings, cover, slope, GAIN, PLANE, parts, prior, found, pressure, variance, error, misfit)
+    return found, pressure, variance, error, misfit
+
+
+def by_matrices(reading, cover, slope, parts, prior):
+    """Fit one reading with whole covariances; also returns them, the last."""
+    pressure, variance = np.ones(36), np.full(36, parts[0])
+    for number in range(3):
+        if number:
+            variance = (
+                parts[0]
+                + parts[1] * (GAIN * cover * pressure) ** 2
+                + parts[2] * (GAIN * pressure) ** 2 * slope
+            )
+        design = (GAIN * cover * (pressure > 0))[:, None] * PLANE
+        whole = np.diag(variance) + design @ np.diag(prior**2) @ design.T
+        found = np.diag(prior**2) @ design.T @ np.linalg.solve(whole, reading)
+        pressure = np.maximum(PLANE @ found, 0)
+    misfit = reading @ np.linalg.solve(whole, reading) / 2
+    return found, pressure, variance, reading - design @ found, misfit, whole
+
+
+def drawn(seed, lean):
+    rng = np.random.default_rng(seed)
+    cover, slope = rng.uniform(-0.1, 1.1, (7, 36)), rng.uniform(0, 0.3, (7, 36))
+    under = 40 + lean * rng.uniform(-1, 1, (7, 2)) @ PLANE[:, 1:].T
+    readings = GAIN * cover * np.maximum(under, 0) + rng.normal(0, 2, (7, 36))
+    return readings, cover, slope, np.array([4.0, 0.01, 0.5]), np.array([50.0, 20.0, 20.0])
+
+
+@pytest.mark.parametrize("lean", [10, 60])
+def test_a_plane_is_what_whole_matrices_give(lean):
+    case = drawn(3, lean)
+    kernel = fitted(*case)
+    assert (kernel[1] == 0).any() == (lean == 60)  # a pad that leans far has left the object on one side
+    for n in range(7):
+        found, pressure, variance, error, misfit, _ = by_matrices(*(part[n] for part in case[:3]), *case[3:])
+        for mine, theirs in zip(
+            (one[n] for one in kernel), (found, pressure, variance, error, misfit), strict=True
+        ):
+            assert mine == pytest.approx(theirs, rel=1e-9, abs=1e-9)
+
+
+def test_a_reading_that_covers_nothing_has_no_plane():
+    found, pressure, _, error, misfit = fitted(
+        np.full((1, 36), 2.0), np.zeros((1, 36)), np.zeros((1, 36)), np.array([4.0, 0, 0]), np.full(3, 50.0)
+    )
+    assert not found.any()
+    assert not pressure.any()
+    assert (error == 2).all()
+    assert misfit == pytest.approx([36 / 2])
+
+
+def mosaic(seed=None):
+    """Make cover and its slopes per cell at the nodes: of one plane, or, with a seed, anything."""
+    rows, columns = 34, 40
+    if seed is not None:
+        return np.random.default_rng(seed).uniform(-0.2, 1, (rows, columns, 3))
+    x, y = np.meshgrid(np.arange(columns), np.arange(rows))
+    return np.stack([0.5 + 0.01 * x - 0.004 * y, np.full(x.shape, 0.01), np.full(x.shape, -0.004)], axis=-1)
+
+
+def looked_up(nodes, xy):
+    """Interpolate nodes bilinearly at one point, at the rim beyond them."""
+    last = np.array(nodes.shape[1::-1]) - 1
+    place = np.clip((xy - ORIGIN) / CELL, 0, last)
+    column, row = np.minimum(place.astype(int), last - 1)
+    u, v = place - (column, row)
+    low = (1 - u) * nodes[row, column] + u * nodes[row, column + 1]
+    high = (1 - u) * nodes[row + 1, column] + u * nodes[row + 1, column + 1]
+    return (1 - v) * low + v * high
+
+
+def expanded(pose, readings, poses, nodes, parts, prior):
+    slope, curvature = np.empty(3), np.empty((3, 3))
+    total = expand(
+        pose, readings, poses, PAD, nodes, ORIGIN, CELL, GAIN, PLANE, parts, prior, slope, curvature
+    )
+    return total, slope, curvature
+
+
+def touches(seed=5):
+    rng = np.random.default_rng(seed)
+    poses = np.column_stack([rng.uniform(-9, 9, (6, 2)), rng.uniform(-3, 3, 6)])
+    return rng.uniform(0, 60, (6, 36)), poses
+
+
+@pytest.mark.parametrize("pose", [(0.4, -0.7, 0.3), (6.0, 5.0, -2.0), (400.0, -300.0, 1.0)])
+def test_an_expansion_is_the_sum_of_what_whole_matrices_give(pose):
+    parts, prior, pose, nodes = (
+        np.array([4.0, 0.01, 0.5]),
+        np.array([50.0, 20.0, 20.0]),
+        np.array(pose),
+        mosaic(2),
+    )
+    readings, poses = touches()
+    total, slope, curvature = 0.0, np.zeros(3), np.zeros((3, 3))
+    for reading, xy in zip(readings, transform(compose(pose, poses), PAD), strict=True):
+        felt = np.array([looked_up(nodes, place) for place in xy])
+        gradient, away = felt[:, 1:] / CELL, xy - pose[:2]
+        _, pressure, variance, error, misfit, whole = by_matrices(
+            reading, felt[:, 0], (gradient**2).sum(axis=1), parts, prior
+        )
+        turn = gradient[:, 1] * away[:, 0] - gradient[:, 0] * away[:, 1]
+        moved = (GAIN * pressure)[:, None] * np.column_stack([gradient, turn])
+        total += misfit + np.log(variance).sum() / 2
+        slope += moved.T @ (error / variance)
+        curvature += moved.T @ np.linalg.solve(whole, moved)
+    mine = expanded(pose, readings, poses, nodes, parts, prior)
+    assert mine[0] == pytest.approx(total, rel=1e-9)
+    assert mine[1] == pytest.approx(slope, rel=1e-8, abs=1e-8 * np.abs(slope).max())
+    assert mine[2] == pytest.approx(curvature, rel=1e-8, abs=1e-8 * np.abs(curvature).max())
+
+
+def test_the_slope_is_how_fast_the_value_falls():
+    # Cover is one plane, all taxels lie on it, and variances do not depend on the pose: nothing is left out then.
+    parts, prior, pose, nodes = (
+        np.array([4.0, 0, 0]),
+        np.array([50.0, 20.0, 20.0]),
+        np.array([0.4, -0.7, 0.3]),
+        mosaic(),
+    )
+    rng, (_, poses) = np.random.default_rng(1), touches()
+    readings, poses = rng.uniform(20, 40, (6, 36)) * GAIN, poses * [0.5, 0.5, 1]
+    _, slope, _ = expanded(pose, readings, poses, nodes, parts, prior)
+    step = 1e-5
+    for axis in range(3):
+        ends = [
+            expanded(pose + sign * step * np.eye(3)[axis], readings, poses, nodes, parts, prior)[0]
+            for sign in (-1, 1)
+        ]
+        assert slope[axis] == pytest.approx(-(ends[1] - ends[0]) / (2 * step), rel=1e-5, abs=1e-5)
