@@ -94,6 +94,24 @@ def test_refined_beside_tempered(vowels, benchmark):
     benchmark.pedantic(recognise, (refined, rng, readings, poses), rounds=3)
 
 
+def test_none_of_these_beside_known_letters_alone(vowels, benchmark):
+    filters = [estimators.create("refined", unknown=unknown) for unknown in (0.0, 0.5)]
+    for filter in filters:
+        filter.fit(vowels)
+    plain, open_set = np.median(
+        [
+            [seconds(recognise, filter, rng, readings, poses) / READINGS for filter in filters]
+            for rng, readings, poses in trials(vowels, 10)
+        ],
+        axis=0,
+    )
+    benchmark.extra_info["ratio"] = open_set / plain
+    print(
+        f"\nrefined {1e3 * plain:.2f} ms a reading of {READINGS}; with unknown {open_set / plain:.2f} times as long"
+    )
+    benchmark.pedantic(recognise, (filters[1], *next(iter(trials(vowels, 1)))), rounds=3)
+
+
 def with_particles(gather, letters):
     """One step of the package `particles` (0.4): bootstrap filter on the same states and likelihood."""
     package = pytest.importorskip("particles")
