@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import float64, int64, void
+from numba import float64, void
 
 from tactsim.core.compiling import (
     GIVEN_REALS,
@@ -138,9 +138,11 @@ def expand(
         for t in range(taxels):
             away_x = from_x + cos * taxel_xy[t, 0] - sin * taxel_xy[t, 1]
             away_y = from_y + sin * taxel_xy[t, 0] + cos * taxel_xy[t, 1]
-            u = min(max((pose[0] + away_x - origin[0]) / cell, 0.0), float64(columns - 1))
-            v = min(max((pose[1] + away_y - origin[1]) / cell, 0.0), float64(rows - 1))
-            column, row = min(int64(u), columns - 2), min(int64(v), rows - 2)
+            u, v = (pose[0] + away_x - origin[0]) / cell, (pose[1] + away_y - origin[1]) / cell
+            # What is no number is at the rim, too: nothing is read beyond the nodes.
+            u = min(u, columns - 1.0) if u > 0 else 0.0
+            v = min(v, rows - 1.0) if v > 0 else 0.0
+            column, row = min(int(u), columns - 2), min(int(v), rows - 2)
             u, v = u - column, v - row
             for a in range(3):
                 gradient[t, a] = (1 - v) * (

@@ -131,6 +131,13 @@ def test_an_expansion_is_the_sum_of_what_whole_matrices_give(pose):
     assert mine[2] == pytest.approx(curvature, rel=1e-8, abs=1e-8 * np.abs(curvature).max())
 
 
+def test_a_pose_that_is_no_number_reads_nothing_beyond_the_nodes():
+    readings, poses = touches()
+    case = readings, poses, mosaic(2), np.array([4.0, 0.01, 0.5]), np.array([50.0, 20.0, 20.0])
+    at_the_rim = expanded(np.array([-1e4, -1e4, 0.0]), *case)[0]
+    assert expanded(np.array([np.nan, np.nan, 0.0]), *case)[0] == at_the_rim
+
+
 def test_the_slope_is_how_fast_the_value_falls():
     # Cover is one plane, all taxels lie on it, and variances do not depend on the pose: nothing is left out then.
     parts, prior, pose, nodes = (
