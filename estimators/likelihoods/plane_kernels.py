@@ -33,13 +33,24 @@ def _factorise(normal: Reals, prior: Reals) -> None:
             normal[a, b] = math.sqrt(total) if a == b else total / normal[b, b]
 
 
+@compiled(void(REALS, REALS_2D), called_from_python=False)
+def _divide(vector: Reals, factor: Reals) -> None:
+    """Divide a vector (3,) by a lower triangular matrix (3, 3), in place."""
+    for a in range(3):
+        for k in range(a):
+            vector[a] -= factor[a, k] * vector[k]
+        vector[a] /= factor[a, a]
+
+
 @compiled(
-    float64(GIVEN_REALS, REALS, REALS, REALS, REALS_2D, REALS, REALS, REALS, REALS_2D, REALS, REALS, REALS),
+    float64(
+        GIVEN_REALS, REALS, REALS, REALS, REALS_2D, REALS, REALS, REALS, REALS_2D, REALS, REALS, REALS, REALS
+    ),
     called_from_python=False,
 )
 def _fit_plane(
     reading: Reals, cover: Reals, slope: Reals, gain: Reals, plane: Reals, parts: Reals, prior: Reals,
-    found: Reals, factor: Reals, pressure: Reals, seen: Reals, variance: Reals,
+    found: Reals, factor: Reals, pressure: Reals, seen: Reals, variance: Reals, error: Reals,
 ) -> float:  # fmt: skip
     """Do for one reading what `fit_planes` does for all; returns its misfit, nats.
 
@@ -65,10 +76,8 @@ def _fit_plane(
                     factor[a, b] += weighed * seen[t] * plane[t, b]
             squares += reading[t] * reading[t] / variance[t]
         _factorise(factor, prior)
+        _divide(found, factor)
         for a in range(3):
-            for k in range(a):
-                found[a] -= factor[a, k] * found[k]
-            found[a] /= factor[a, a]
             squares -= found[a] * found[a]
         misfit = squares / 2
         for a in range(2, -1, -1):
@@ -76,7 +85,8 @@ def _fit_plane(
                 found[a] -= factor[k, a] * found[k]
             found[a] /= factor[a, a]
         for t in range(len(reading)):
-            pressure[t] = max(found[0] * plane[t, 0] + found[1] * plane[t, 1] + found[2] * plane[t, 2], 0.0)
+            under = found[0] * plane[t, 0] + found[1] * plane[t, 1] + found[2] * plane[t, 2]
+            pressure[t], error[t] = max(under, 0.0), reading[t] - seen[t] * under
     return misfit
 
 
@@ -99,11 +109,9 @@ def fit_planes(
     factor, seen = np.empty((3, 3)), np.empty(len(gain))
     for n in range(len(reading)):
         misfit[n] = _fit_plane(
-            reading[n], cover[n], slope[n], gain, plane, parts, prior, found[n], factor, pressure[n], seen, variance[n]
+            reading[n], cover[n], slope[n], gain, plane, parts, prior, found[n], factor, pressure[n], seen,
+            variance[n], error[n],
         )  # fmt: skip
-        for t in range(len(gain)):
-            under = found[n, 0] * plane[t, 0] + found[n, 1] * plane[t, 1] + found[n, 2] * plane[t, 2]
-            error[n, t] = reading[n, t] - seen[t] * under
 
 
 @compiled(
@@ -125,7 +133,8 @@ def expand(
     """
     taxels, rows, columns = len(gain), mosaic.shape[0], mosaic.shape[1]
     cover, steep, gradient = np.empty(taxels), np.empty(taxels), np.empty((taxels, 3))
-    pressure, seen, variance = np.empty(taxels), np.empty(taxels), np.empty(taxels)
+    pressure, seen = np.empty(taxels), np.empty(taxels)
+    variance, error = np.empty(taxels), np.empty(taxels)
     found, factor, along, moved = np.empty(3), np.empty((3, 3)), np.empty((3, 3)), np.empty(3)
     slope[:] = 0
     curvature[:] = 0
@@ -153,27 +162,33 @@ def expand(
             steep[t] = by_x * by_x + by_y * by_y
             gradient[t, 0], gradient[t, 1], gradient[t, 2] = by_x, by_y, by_y * away_x - by_x * away_y
         total += _fit_plane(
-            reading[n], cover, steep, gain, plane, parts, prior, found, factor, pressure, seen, variance
+            reading[n],
+            cover,
+            steep,
+            gain,
+            plane,
+            parts,
+            prior,
+            found,
+            factor,
+            pressure,
+            seen,
+            variance,
+            error,
         )
         along[:] = 0
         for t in range(taxels):
             total += math.log(variance[t]) / 2
-            error = reading[n, t] - seen[t] * (
-                found[0] * plane[t, 0] + found[1] * plane[t, 1] + found[2] * plane[t, 2]
-            )
             for i in range(3):
                 moved[i] = gain[t] * pressure[t] * gradient[t, i]
             for i in range(3):
                 weighed = moved[i] / variance[t]
-                slope[i] += weighed * error
+                slope[i] += weighed * error[t]
                 for j in range(3):
                     curvature[i, j] += weighed * moved[j]
                     along[i, j] += weighed * seen[t] * plane[t, j]
         for i in range(3):
-            for a in range(3):
-                for k in range(a):
-                    along[i, a] -= factor[a, k] * along[i, k]
-                along[i, a] /= factor[a, a]
+            _divide(along[i], factor)
         for i in range(3):
             for j in range(3):
                 for a in range(3):

@@ -11,6 +11,7 @@ PAD = square_pad()
 PLANE = np.column_stack([np.ones(36), PAD / np.abs(PAD).max()])
 GAIN = np.linspace(0.7, 1.3, 36)
 CELL, ORIGIN = 0.8, np.array([-16.0, -14.0])
+PARTS, PRIOR = np.array([4.0, 0.01, 0.5]), np.array([50.0, 20.0, 20.0])
 
 
 def fitted(readings, cover, slope, parts, prior):
@@ -44,7 +45,7 @@ def drawn(seed, lean):
     cover, slope = rng.uniform(-0.1, 1.1, (7, 36)), rng.uniform(0, 0.3, (7, 36))
     under = 40 + lean * rng.uniform(-1, 1, (7, 2)) @ PLANE[:, 1:].T
     readings = GAIN * cover * np.maximum(under, 0) + rng.normal(0, 2, (7, 36))
-    return readings, cover, slope, np.array([4.0, 0.01, 0.5]), np.array([50.0, 20.0, 20.0])
+    return readings, cover, slope, PARTS, PRIOR
 
 
 @pytest.mark.parametrize("lean", [10, 60])
@@ -106,26 +107,21 @@ def touches(seed=5):
 
 @pytest.mark.parametrize("pose", [(0.4, -0.7, 0.3), (6.0, 5.0, -2.0), (400.0, -300.0, 1.0)])
 def test_an_expansion_is_the_sum_of_what_whole_matrices_give(pose):
-    parts, prior, pose, nodes = (
-        np.array([4.0, 0.01, 0.5]),
-        np.array([50.0, 20.0, 20.0]),
-        np.array(pose),
-        mosaic(2),
-    )
+    pose, nodes = np.array(pose), mosaic(2)
     readings, poses = touches()
     total, slope, curvature = 0.0, np.zeros(3), np.zeros((3, 3))
     for reading, xy in zip(readings, transform(compose(pose, poses), PAD), strict=True):
         felt = np.array([looked_up(nodes, place) for place in xy])
         gradient, away = felt[:, 1:] / CELL, xy - pose[:2]
         _, pressure, variance, error, misfit, whole = by_matrices(
-            reading, felt[:, 0], (gradient**2).sum(axis=1), parts, prior
+            reading, felt[:, 0], (gradient**2).sum(axis=1), PARTS, PRIOR
         )
         turn = gradient[:, 1] * away[:, 0] - gradient[:, 0] * away[:, 1]
         moved = (GAIN * pressure)[:, None] * np.column_stack([gradient, turn])
         total += misfit + np.log(variance).sum() / 2
         slope += moved.T @ (error / variance)
         curvature += moved.T @ np.linalg.solve(whole, moved)
-    mine = expanded(pose, readings, poses, nodes, parts, prior)
+    mine = expanded(pose, readings, poses, nodes, PARTS, PRIOR)
     assert mine[0] == pytest.approx(total, rel=1e-9)
     assert mine[1] == pytest.approx(slope, rel=1e-8, abs=1e-8 * np.abs(slope).max())
     assert mine[2] == pytest.approx(curvature, rel=1e-8, abs=1e-8 * np.abs(curvature).max())
@@ -133,26 +129,21 @@ def test_an_expansion_is_the_sum_of_what_whole_matrices_give(pose):
 
 def test_a_pose_that_is_no_number_reads_nothing_beyond_the_nodes():
     readings, poses = touches()
-    case = readings, poses, mosaic(2), np.array([4.0, 0.01, 0.5]), np.array([50.0, 20.0, 20.0])
+    case = readings, poses, mosaic(2), PARTS, PRIOR
     at_the_rim = expanded(np.array([-1e4, -1e4, 0.0]), *case)[0]
     assert expanded(np.array([np.nan, np.nan, 0.0]), *case)[0] == at_the_rim
 
 
 def test_the_slope_is_how_fast_the_value_falls():
     # Cover is one plane, all taxels lie on it, and variances do not depend on the pose: nothing is left out then.
-    parts, prior, pose, nodes = (
-        np.array([4.0, 0, 0]),
-        np.array([50.0, 20.0, 20.0]),
-        np.array([0.4, -0.7, 0.3]),
-        mosaic(),
-    )
+    parts, pose, nodes = np.array([4.0, 0, 0]), np.array([0.4, -0.7, 0.3]), mosaic()
     rng, (_, poses) = np.random.default_rng(1), touches()
     readings, poses = rng.uniform(20, 40, (6, 36)) * GAIN, poses * [0.5, 0.5, 1]
-    _, slope, _ = expanded(pose, readings, poses, nodes, parts, prior)
+    _, slope, _ = expanded(pose, readings, poses, nodes, parts, PRIOR)
     step = 1e-5
     for axis in range(3):
         ends = [
-            expanded(pose + sign * step * np.eye(3)[axis], readings, poses, nodes, parts, prior)[0]
+            expanded(pose + sign * step * np.eye(3)[axis], readings, poses, nodes, parts, PRIOR)[0]
             for sign in (-1, 1)
         ]
         assert slope[axis] == pytest.approx(-(ends[1] - ends[0]) / (2 * step), rel=1e-5, abs=1e-5)
