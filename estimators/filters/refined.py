@@ -17,6 +17,7 @@ from tactsim.estimators.filters.cells import Cells
 from tactsim.estimators.filters.coarse_bins import CoarseBins
 from tactsim.estimators.filters.grid_filter import GridFilter
 from tactsim.estimators.filters.halving import Limits, blank_halved, held, refine
+from tactsim.estimators.filters.jackknife import influence_at
 from tactsim.estimators.filters.placement import mean_around
 from tactsim.estimators.filters.states import WeightedStates, letter_mass, pose_samples, probabilities
 from tactsim.estimators.filters.trust import learn_trust
@@ -29,6 +30,8 @@ from tactsim.estimators.options import OpenSetOptions
 _AT_LEAST, _ENOUGH = 3, 64.0
 # Cells this many nats below the heaviest are left out of sums; of means of poses, sooner.
 _NEGLIGIBLE, _NEGLIGIBLE_IN_MEAN = 30.0, 20.0
+# So many states of the belief, and readings, the last ones, say by how much readings disagree about the place.
+_STATES, _READINGS = 32, 64
 
 
 class RefinedOptions(OpenSetOptions):
@@ -61,8 +64,8 @@ class RefinedFilter(GridFilter):
     is the middle of the bin that holds the truth beside the truth itself.
 
     The log-likelihood of the readings is weighted by what left-out training readings say of how far a posterior may be
-    trusted (`trust`). Halving ends, after the third time, when the smallest cells are about as large as the belief is
-    wide.
+    trusted, and by how much the readings themselves disagree (`trust`). Halving ends, after the third time, when the
+    smallest cells are about as large as the belief is wide.
 
     The belief is what the leaves hold: a cell's likelihood is that of its middle, times its volume. So a
     cell that was split is worth the mean of its parts.
@@ -101,7 +104,7 @@ class RefinedFilter(GridFilter):
     def _reset(self, rng: np.random.Generator) -> None:
         self._coarse.reset()
         self._halved.number[:] = 0
-        self._leaves = self._prior
+        self._leaves, self._weight = self._prior, self.trust(0)
 
     def _update(self) -> None:
         """Update the coarse bins (eq. 13), then split the best."""
@@ -112,7 +115,8 @@ class RefinedFilter(GridFilter):
             cell, log_p, self._limits, weight, self.options.skip, self.field.terms, len(self.field),
             self.field.tables.nodes, self.field.tables.lattice, self._counts, self._size, self._before, self._halved,
         )  # fmt: skip
-        self._leaves = end, left, left_log_p
+        self._leaves, self._weight = (end, left, left_log_p), weight
+        self._weight = self.trust.given(len(self.field), self._influence())
         self._evaluated += evaluated
         self._unreplayed += unreplayed
 
@@ -171,12 +175,25 @@ class RefinedFilter(GridFilter):
             "skipped": {"bins": self._coarse.left_alone, "replays": self._unreplayed},
         }
 
+    def _influence(self) -> float:
+        """Find how far a reading moves the belief about the place of the best letter, for `Trust.given`."""
+        count = len(self.field)
+        if count < 2 or not self.trust.many:
+            return math.nan
+        cells, weights = self._belief_in_cells()
+        best = int(letter_mass(cells.letter, weights, len(self.labels)).argmax())
+        mine = np.flatnonzero(cells.letter == best)
+        reached = np.cumsum(weights.relative[mine])
+        some = np.searchsorted(reached, (np.arange(_STATES) + 0.5) / _STATES * reached[-1])
+        return influence_at(
+            cells.states.take(mine[some], axis=1), best, self.field.terms, max(0, count - _READINGS), count,
+            self.field.tables.nodes, self.field.tables.lattice,
+        )  # fmt: skip
+
     def _belief_in_cells(self) -> tuple[Cells, Weights]:
         """Give the cells that were not split and are not negligible, and what they hold."""
         end, cell, log_p = self._leaves
-        times, index, log_weight, self._highest = held(
-            end, cell, log_p, self.trust(len(self.field)), _NEGLIGIBLE
-        )
+        times, index, log_weight, self._highest = held(end, cell, log_p, self._weight, _NEGLIGIBLE)
         return Cells(self.grid, times, index), Weights(log_weight)
 
 

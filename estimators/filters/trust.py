@@ -16,6 +16,11 @@ share h of the map that a position has, its variance is (1 - h) and 1 / (1 - h) 
 are left out in both ways. h is found from the two, and their geometric mean is the variance itself (compare HC2 of
 MacKinnon and White 1985). At a new place the map's own error is added, h of that variance: (1 + h) in all, as for every
 prediction of least squares.
+
+How much readings err is learned from those of training. Readings of a trial may err more, under a load that was not
+trained, or less, between positions that lie well. They tell so themselves, by how far they disagree about the place:
+the infinitesimal jackknife (`jackknife`). With few readings they tell little. So the weight is that of training,
+corrected like a variance whose prior is worth a number of readings.
 """
 
 from __future__ import annotations
@@ -26,10 +31,12 @@ from dataclasses import dataclass
 from statistics import NormalDist
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tactsim.core import Scan
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.field.field import LikelihoodField
+from tactsim.estimators.filters.jackknife import influence_in_sequences
 from tactsim.estimators.filters.trust_kernels import mostly_held, sums_of_readings
 from tactsim.estimators.likelihoods.folds import FOLDS, by_letter, folds, presses, touched_elsewhere
 from tactsim.estimators.likelihoods.likelihood import Likelihood
@@ -44,6 +51,8 @@ _LEAST, _MOST, _GYRATION = 0.01, 4.0, 9.0
 _ROOT = 1.1673039782614187  # of x^5 = x + 1
 _SHARE = 0.9
 _LOWEST, _HIGHEST, _BISECTIONS = 0.02, 2.0, 8
+# What was learned of how much readings err counts as so many readings of a trial that tell it.
+_TRAINED = 20.0
 
 
 @dataclass(frozen=True)
@@ -54,16 +63,55 @@ class Trust:
     much more for e times as many readings: a narrow belief rests on finer features of the maps than a wide one.
     shared: the variance of the error that all readings have in common, the map's, in the same unit: that of the mean of
     its training readings. What grows is how maps err in detail, which is unlike from place to place and not shared.
+    few, many: what the jackknife finds of the variance of one reading's error in sequences of few and of many left-out
+    readings, as shares of what it is, 0 if it was not tried. In a belief of few readings each of them has a large part.
     """
 
     own: float = 1.0
     growth: float = 0.0
     shared: float = 0.0
+    few: float = 0.0
+    many: float = 0.0
 
     def __call__(self, readings: int) -> float:
         """Give the weight of a sequence of so many readings, of one at least."""
         count = max(readings, 1)
-        return 1 / (self.own + self.growth * math.log(count) + self.shared * count)
+        return 1 / (self._apart(count) + self.shared * count)
+
+    def given(self, readings: int, influence: float) -> float:
+        """Give the weight of a sequence that tells itself how much its readings err.
+
+        influence: of a reading, as `jackknife.influence` finds it in the belief with the weight of training; nan if it
+        finds none. With n readings the error's own variance becomes
+
+            (m + (n - 1) s) / (m + n - 1)
+
+        times that of training, where s is the ratio of what is found to what is expected, and m the readings that
+        training is worth.
+        """
+        if readings < 2 or math.isnan(influence) or not (self.few > 0 and self.many > 0):
+            return self(readings)
+        apart, others = self._apart(readings), readings - 1
+        found = _shown(self(readings), readings, influence) / self._seen(readings)
+        return 1 / ((_TRAINED * apart + others * found) / (_TRAINED + others) + self.shared * readings)
+
+    def _apart(self, readings: int) -> float:
+        """Give how much too small the likelihood says the variance is of the error that each reading has by itself."""
+        return self.own + self.growth * math.log(readings)
+
+    def _seen(self, readings: int) -> float:
+        """Give what share of it the jackknife finds: the more readings there are, the less it falls short."""
+        short = (self.many - self.few) / (1 / FEW - 1 / _MANY)
+        return self.few + short * (1 / FEW - 1 / max(readings, FEW))
+
+
+def _shown(weight: float, readings: int, influence: float) -> float:
+    """Find the variance of one reading's error that the jackknife shows, in units of what the likelihood says.
+
+    influence: of a reading in a belief with that weight. The squared moves of the mean, weight^2 times the influence,
+    sum to the mean's variance beside the belief's, readings / (readings - 1) of it because each reading is in the mean.
+    """
+    return weight * readings**2 / (readings - 1) * influence
 
 
 def learn_trust(likelihood: Likelihood, scan: Scan) -> Trust:
@@ -71,12 +119,14 @@ def learn_trust(likelihood: Likelihood, scan: Scan) -> Trust:
     train, rng = scan.where("train"), np.random.default_rng(0)
     labels = _some_labels(train)
     shift, size, states = _moves(train.poses[:, :2].mean(axis=0))
-    errors = []
+    errors, seen = [], []
     for whole_positions in (False, True):
         log_p = _left_out(likelihood, train, labels, states, whole_positions)
         if log_p is None:
             return Trust()
-        errors.append([_typical(log_p, count, shift, size, rng) for count in (FEW, _MANY)])
+        found = [_typical(log_p, count, shift, size, rng) for count in (FEW, _MANY)]
+        errors.append([one.error for one in found])
+        seen.append([one.seen for one in found])
     few, many = (_at_a_new_place(*both) for both in zip(*errors, strict=True))
     growth = max(0.0, (many - few) / math.log(_MANY / FEW))
     own = (
@@ -84,7 +134,7 @@ def learn_trust(likelihood: Likelihood, scan: Scan) -> Trust:
     )  # one number from both if there is no growth
     own = max(own, growth, 1 / _HIGHEST)  # with less, two readings would say less than one
     trained = len(train) / len(train.letters)
-    return Trust(own, growth, own / trained)
+    return Trust(own, growth, own / trained, *np.mean(seen, axis=0).tolist())
 
 
 def images_count(likelihood: SequenceLikelihood, scan: Scan) -> float:
@@ -103,7 +153,7 @@ def images_count(likelihood: SequenceLikelihood, scan: Scan) -> float:
         log_p = _left_out(model, touches, labels, states, True)
         if log_p is None:
             return 1 / len(likelihood.shares)
-        found.append(_typical(log_p, FEW, shift, size, np.random.default_rng(0)))
+        found.append(_typical(log_p, FEW, shift, size, np.random.default_rng(0)).error)
     return found[1] / found[0]
 
 
@@ -112,15 +162,32 @@ def _some_labels(train: Scan) -> list[str]:
     return sorted(train.letters)[:: math.ceil(len(train.letters) / _LETTERS)]
 
 
+@dataclass(frozen=True)
+class _Typical:
+    """What left-out readings say of an error. error: 1 / weight. seen: the share of it that the jackknife finds."""
+
+    error: float
+    seen: float
+
+
 def _typical(
     log_p: Sequence[FloatArray], count: int, shift: FloatArray, size: FloatArray, rng: np.random.Generator
-) -> float:
-    """Find 1 / the weight of sequences of so many readings: the mean of the letters but the least and the greatest.
+) -> _Typical:
+    """Learn from sequences of so many readings: the means of the letters but the least and the greatest.
 
     The turn of a round letter is free, and only small turns are tried.
     """
-    found = sorted(1 / _weight(_sequences(one, count, rng), shift, size) for one in log_p)
-    return float(np.mean(found[1:-1] if len(found) > 2 else found))
+    found = []
+    # As many moves are in each shell as in any other, though its volume grows with the cube of its size.
+    log_volume, along = 3 * np.log(size), np.ascontiguousarray(shift.T)
+    for one in log_p:
+        drawn, mirrored = _sequences(len(one), count, rng)
+        weight = _weight(sums_of_readings(one, drawn, mirrored), log_volume, along)
+        moved = influence_in_sequences(one, drawn, mirrored, weight, log_volume, along)
+        readings = drawn.shape[1]
+        found.append((1 / weight, weight * _shown(weight, readings, moved) if readings > 1 else 0.0))
+    error, seen = np.sort(found, axis=0)[1:-1].mean(axis=0) if len(found) > 2 else np.mean(found, axis=0)
+    return _Typical(float(error), float(seen))
 
 
 def _at_a_new_place(kept: float, gone: float) -> float:
@@ -133,14 +200,12 @@ def _at_a_new_place(kept: float, gone: float) -> float:
     return math.sqrt(kept * gone) * (1 + share)
 
 
-def _weight(sums: FloatArray, shift: FloatArray, size: FloatArray) -> float:
+def _weight(sums: FloatArray, log_volume: FloatArray, along: FloatArray) -> float:
     """Find the weight with which regions of 90 % hold no move at all in 90 % of sequences, log p (sequences, moves).
 
-    Only shifts count, because a round letter's turn is unknown.
+    log_volume: (moves,) of what a move stands for. along: (2, moves) mm; only shifts count, because a round letter's
+    turn is unknown.
     """
-    # As many moves are in each shell as in any other, though its volume grows with the cube of its size.
-    log_volume = 3 * np.log(size)
-    along = np.ascontiguousarray(shift.T)
     low, high, order = _LOWEST, _HIGHEST, np.arange(len(sums))
     for _ in range(_BISECTIONS):
         middle = math.sqrt(low * high)
@@ -193,10 +258,12 @@ def _left_out(
     return [np.array(some) for some in found.values()]
 
 
-def _sequences(log_p: FloatArray, count: int, rng: np.random.Generator) -> FloatArray:
-    """Draw `count` readings of a letter, or all, mirror half of them and sum their log p: (sequences, moves).
+def _sequences(
+    readings: int, count: int, rng: np.random.Generator
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Draw sequences of `count` of a letter's readings, or of all, and half of the readings to be mirrored.
 
-    log_p: (readings, moves). In a mirrored reading every move is the other way.
+    Returns the readings' numbers, and 1 for those that are mirrored, (sequences, count) both.
     """
-    drawn = np.array([rng.permutation(len(log_p))[:count] for _ in range(_SEQUENCES)])
-    return sums_of_readings(log_p, drawn, rng.integers(2, size=drawn.shape))
+    drawn = np.array([rng.permutation(readings)[:count] for _ in range(_SEQUENCES)])
+    return drawn, rng.integers(2, size=drawn.shape)

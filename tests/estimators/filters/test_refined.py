@@ -9,6 +9,7 @@ from synthetic import fitted as shared
 from tactsim import estimators
 from tactsim.core import InputError, Scan
 from tactsim.estimators.filters.grid import StateGrid
+from tactsim.estimators.filters.refined import RefinedFilter, RefinedOptions
 from tactsim.press import ScanOptions, scan_letters
 
 COARSE = paper_poses(positions=3, angles=4)
@@ -254,3 +255,19 @@ def test_all_capitals_and_digits_are_told_apart():
     scan = scan_letters(ScanOptions(letters=letters), cache=False)[0]
     right, _ = scores(scan, fitted(scan), trials=14, last=6)
     assert right[:, 5].mean() >= 0.97
+
+
+def test_readings_that_disagree_about_the_place_count_less_than_readings_that_agree(small):
+    # Every press is misplaced by a millimetre more than those of training were.
+    estimator, rng = RefinedFilter(RefinedOptions(bins=2000)), np.random.default_rng(5)
+    estimator.fit(small)
+    ratio = {}
+    for misplaced in (0.0, 1.0):
+        said = []
+        for letter in LETTERS:
+            readings, poses, _ = draw_trial(small, letter, 16, rng)
+            poses = poses + rng.normal(size=poses.shape) * [misplaced, misplaced, 0.0]
+            updated(estimator, readings, poses)
+            said.append(estimator._weight / estimator.trust(len(readings)))
+        ratio[misplaced] = np.mean(said)
+    assert ratio[1.0] < 0.8 < ratio[0.0] < 1.5

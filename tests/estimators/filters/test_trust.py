@@ -174,3 +174,54 @@ def test_a_belief_that_is_long_in_one_direction_gets_the_same_weight(monkeypatch
         for seed in (1, 2, 3)
     ]
     assert np.mean(found, axis=0) == pytest.approx(known(1.0), rel=0.12)
+
+
+def expected_influence(learned, readings):
+    """Give the influence of readings that err as those of training do."""
+    shown = learned._seen(readings) * learned._apart(readings)
+    return shown * (readings - 1) / (learned(readings) * readings**2)
+
+
+LEARNED = trust.Trust(own=1.5, growth=0.2, shared=0.01, few=0.7, many=0.9)
+
+
+@given(st.integers(1, 500))
+def test_readings_that_err_as_those_of_training_count_as_they_do(readings):
+    assert LEARNED.given(readings, expected_influence(LEARNED, readings)) == pytest.approx(LEARNED(readings))
+
+
+@given(st.integers(2, 500), st.floats(0, 10), st.floats(0.01, 10))
+def test_the_more_readings_disagree_the_less_they_count(readings, disagree, more):
+    usual = expected_influence(LEARNED, readings)
+    before = LEARNED.given(readings, disagree * usual)
+    assert before > LEARNED.given(readings, (disagree + more) * usual) > 0
+
+
+def test_what_readings_tell_of_themselves_counts_as_their_number_says():
+    # Of a variance whose prior is worth 20 readings; what all readings share is not seen and not changed.
+    for readings in (2, 5, 20, 200):
+        corrected = LEARNED.given(readings, 3 * expected_influence(LEARNED, readings))
+        apart = LEARNED._apart(readings) * (20 + 3 * (readings - 1)) / (20 + readings - 1)
+        assert 1 / corrected == pytest.approx(apart + LEARNED.shared * readings)
+
+
+@pytest.mark.parametrize("unknown", [math.nan, 5.0])
+def test_where_nothing_is_known_of_how_readings_disagree_the_weight_is_that_of_training(unknown):
+    learned = LEARNED if math.isnan(unknown) else trust.Trust(own=1.5, growth=0.2, shared=0.01)
+    assert [learned.given(n, unknown) for n in (1, 2, 9)] == [learned(n) for n in (1, 2, 9)]
+    assert LEARNED.given(1, 5.0) == LEARNED(1)
+
+
+@pytest.mark.parametrize("too_sure", [1.0, 3.0])
+def test_the_jackknife_sees_all_of_a_normal_error(monkeypatch, too_sure):
+    monkeypatch.setattr(trust, "_left_out", gaussian(np.random.default_rng(1), too_sure))
+    learned = learn_trust(None, SCAN)
+    assert (learned.few, learned.many) == pytest.approx((1, 1), rel=0.2)
+
+
+def test_one_reading_of_a_letter_tells_nothing_of_how_readings_disagree(monkeypatch):
+    whole = gaussian(np.random.default_rng(1), 2.0)
+    monkeypatch.setattr(trust, "_left_out", lambda *of: [one[:1] for one in whole(*of)])
+    learned = learn_trust(None, SCAN)
+    assert learned.few == learned.many == 0
+    assert learned.given(9, 5.0) == learned(9)

@@ -1,0 +1,108 @@
+"""By how much single readings move a belief about the place: the infinitesimal jackknife (compiled).
+
+If a reading counted a little more, the mean of the belief would move by the covariance of the place and the reading's
+log p, times the weight that log p has. Summed over the readings, the squares of these moves are the variance of the
+mean that the readings themselves show (Giordano and Broderick 2023, The Bayesian infinitesimal jackknife for variance).
+A belief that is as wide as it should be has that variance.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import float64, int64
+
+from tactsim.core.compiling import FLOATS_4D, INTS_2D, REALS, REALS_2D, Floats, Ints, Reals, compiled
+from tactsim.estimators.field.replay import replay
+from tactsim.estimators.field.series import cos_sin
+from tactsim.estimators.field.terms import TERMS, Terms
+
+# Moves with less than this of the belief of the likeliest, nats below it, are left out of a sequence's belief.
+_NEGLIGIBLE = 12.0
+
+
+@compiled(float64(REALS_2D, REALS, REALS_2D))
+def influence(log_p: Reals, weight: Reals, place: Reals) -> float:
+    """Average over readings the squared move of the mean, in units of the belief's variance; nan if it has none.
+
+    log_p: (readings, n) of states. weight: (n,) of the states in the belief, of any unit. place: (2, n) of the object,
+    mm. A move is per unit of the weight of log p. Its square is Mahalanobis' distance squared, half of it for an axis.
+    """
+    total = mean_x = mean_y = 0.0
+    for k in range(len(weight)):
+        total += weight[k]
+        mean_x += weight[k] * place[0, k]
+        mean_y += weight[k] * place[1, k]
+    mean_x, mean_y = mean_x / total, mean_y / total
+    x, y = np.empty(len(weight)), np.empty(len(weight))
+    xx = xy = yy = 0.0
+    for k in range(len(weight)):
+        away_x, away_y, share = place[0, k] - mean_x, place[1, k] - mean_y, weight[k] / total
+        x[k], y[k] = share * away_x, share * away_y
+        xx, xy, yy = xx + x[k] * away_x, xy + x[k] * away_y, yy + y[k] * away_y
+    determinant, squared = xx * yy - xy * xy, 0.0
+    if not determinant > 1e-12 * (xx + yy) ** 2:
+        return math.nan
+    for reading in range(len(log_p)):
+        along_x = along_y = 0.0
+        for k in range(len(weight)):
+            along_x += x[k] * log_p[reading, k]
+            along_y += y[k] * log_p[reading, k]
+        squared += (yy * along_x**2 - 2 * xy * along_x * along_y + xx * along_y**2) / determinant
+    return squared / (2 * len(log_p))
+
+
+@compiled(float64(REALS_2D, int64, TERMS, int64, int64, FLOATS_4D, REALS))
+def influence_at(
+    state: Reals, letter: int, terms: Terms, first: int, last: int, nodes: Floats, lattice: Reals
+) -> float:
+    """Compute `influence` of readings first, ..., last - 1 on a belief of equally probable states of one letter.
+
+    state: (3, n) T_R^O mm, mm, rad. Other arguments as for `replay`.
+    """
+    count = state.shape[1]
+    letters, weight = np.full(count, letter), np.ones(count)
+    log_p, place = np.zeros((last - first, count)), np.empty((2, count))
+    for k in range(count):
+        cos, sin = cos_sin(state[2, k])
+        place[0, k] = -cos * state[0, k] - sin * state[1, k]
+        place[1, k] = sin * state[0, k] - cos * state[1, k]
+    for reading in range(first, last):
+        replay(log_p[reading - first], state, letters, terms, reading, reading + 1, nodes, lattice)
+    return influence(log_p, weight, place)
+
+
+@compiled(float64(REALS_2D, INTS_2D, INTS_2D, float64, REALS, REALS_2D))
+def influence_in_sequences(
+    log_p: Reals, drawn: Ints, mirrored: Ints, weight: float, log_volume: Reals, shift: Reals
+) -> float:
+    """Average `influence` over sequences of readings drawn from log p (readings, moves).
+
+    drawn, mirrored: as `trust_kernels.sums_of_readings` takes them. weight: of log p. log_volume: (moves,) of what a
+    move stands for. shift: (2, moves) mm.
+    """
+    sequences, count = drawn.shape
+    moves = log_p.shape[1]
+    half, of_move = moves // 2, np.empty((count, moves))
+    belief, squared, counted = np.empty(moves), 0.0, 0
+    for sequence in range(sequences):
+        for k in range(count):
+            of_reading, first = log_p[drawn[sequence, k]], half * mirrored[sequence, k]
+            of_move[k, :half] = of_reading[first : first + half]
+            of_move[k, half:] = of_reading[half - first : moves - first]
+        highest = -math.inf
+        for move in range(moves):
+            belief[move] = weight * of_move[:, move].sum() + log_volume[move]
+            highest = max(highest, belief[move])
+        held = np.flatnonzero(belief > highest - _NEGLIGIBLE)
+        some, share, place = np.empty((count, len(held))), np.empty(len(held)), np.empty((2, len(held)))
+        for i in range(len(held)):
+            share[i] = math.exp(belief[held[i]] - highest)
+            place[0, i], place[1, i] = shift[0, held[i]], shift[1, held[i]]
+            for k in range(count):
+                some[k, i] = of_move[k, held[i]]
+        found = influence(some, share, place)
+        if not math.isnan(found):
+            squared, counted = squared + found, counted + 1
+    return squared / counted if counted else math.nan
