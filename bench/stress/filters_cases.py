@@ -27,6 +27,7 @@ from tactsim.bench.stress.likelihood_cases import (
 from tactsim.core import Scan, compose
 from tactsim.core.poses import FloatArray
 from tactsim.estimators import Estimator
+from tactsim.estimators.filters.jackknife import influence
 from tactsim.estimators.registry import load
 from tactsim.models import names
 
@@ -134,6 +135,35 @@ def no_drift(worst: Worst) -> None:
             p = one.estimate().probabilities
             exact = math.fsum(gain[chosen].tolist())
             worst.see(abs(math.log(p["A"] / p["E"]) - exact), f"{count:,} readings")
+
+
+@case(
+    "filters.readings-that-disagree",
+    varied="normal beliefs 1e-6 to 1e3 mm wide, up to 1,000 times as long; 2 to 200 readings; log p off by 1e6 nats",
+    deviation="variance that the jackknife shows, from that of the readings' places in closed form, relative",
+    limit=1e-4,
+    because="the states are a tenth of the width apart and end five widths away; 1e6 nats cancel to 1e-9",
+    quick=True,
+)
+def readings_that_disagree(worst: Worst) -> None:
+    """Tabulate the belief of readings whose log p are parabolas, and ask how much they disagree about the place."""
+    rng = np.random.default_rng(0)
+    steps = np.linspace(-5, 5, 101)
+    grid = np.stack([part.ravel() for part in np.meshgrid(steps, steps)])
+    weight, turn = np.exp(-(grid**2).sum(axis=0) / 2), np.array([[0.8, -0.6], [0.6, 0.8]])
+    for width in 10.0 ** np.arange(-6, 4):
+        for length in (1.0, 30.0, 1e3):
+            for count in (2, 20, 200):
+                # In units of one reading's error; the belief is narrower by the root of their number.
+                felt = rng.normal(size=(2, count))
+                mean = felt.mean(axis=1, keepdims=True)
+                away = grid[:, None, :] / math.sqrt(count) + (mean - felt)[:, :, None]
+                place = turn @ (np.array([[width], [width * length]]) * (grid + math.sqrt(count) * mean))
+                variance = ((felt - mean) ** 2).sum() / (2 * (count - 1))
+                for offset in (0.0, -1e6):
+                    found = influence(-(away**2).sum(axis=0) / 2 + offset, weight, place)
+                    at = f"{width:.0e} mm, {length:g} times as long, {count} readings, {offset:g} nats"
+                    worst.see(abs(count**2 / (count - 1) * found / variance - 1), at)
 
 
 @case(
