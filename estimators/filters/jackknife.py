@@ -73,35 +73,33 @@ def influence_at(
     return influence(log_p, weight, place)
 
 
-@compiled(float64(REALS_2D, INTS_2D, INTS_2D, float64, REALS, REALS_2D))
+@compiled(float64(REALS_2D, INTS_2D, INTS_2D, REALS_2D, float64, REALS, REALS_2D))
 def influence_in_sequences(
-    log_p: Reals, drawn: Ints, mirrored: Ints, weight: float, log_volume: Reals, shift: Reals
+    log_p: Reals, drawn: Ints, mirrored: Ints, sums: Reals, weight: float, log_volume: Reals, shift: Reals
 ) -> float:
     """Average `influence` over sequences of readings drawn from log p (readings, moves).
 
-    drawn, mirrored: as `trust_kernels.sums_of_readings` takes them. weight: of log p. log_volume: (moves,) of what a
-    move stands for. shift: (2, moves) mm.
+    drawn, mirrored, sums: what `trust_kernels.sums_of_readings` takes and gives. weight: of log p. log_volume: (moves,)
+    of what a move stands for. shift: (2, moves) mm.
     """
     sequences, count = drawn.shape
-    moves = log_p.shape[1]
-    half, of_move = moves // 2, np.empty((count, moves))
-    belief, squared, counted = np.empty(moves), 0.0, 0
+    half, belief = log_p.shape[1] // 2, np.empty(log_p.shape[1])
+    squared, counted = 0.0, 0
     for sequence in range(sequences):
-        for k in range(count):
-            of_reading, first = log_p[drawn[sequence, k]], half * mirrored[sequence, k]
-            of_move[k, :half] = of_reading[first : first + half]
-            of_move[k, half:] = of_reading[half - first : moves - first]
-        highest = -math.inf
-        for move in range(moves):
-            belief[move] = weight * of_move[:, move].sum() + log_volume[move]
-            highest = max(highest, belief[move])
+        for move in range(len(belief)):
+            belief[move] = weight * sums[sequence, move] + log_volume[move]
+        highest = belief.max()
         held = np.flatnonzero(belief > highest - _NEGLIGIBLE)
         some, share, place = np.empty((count, len(held))), np.empty(len(held)), np.empty((2, len(held)))
+        back = (held + half) % len(belief)
         for i in range(len(held)):
             share[i] = math.exp(belief[held[i]] - highest)
             place[0, i], place[1, i] = shift[0, held[i]], shift[1, held[i]]
-            for k in range(count):
-                some[k, i] = of_move[k, held[i]]
+        for k in range(count):
+            of_reading = log_p[drawn[sequence, k]]
+            at = back if mirrored[sequence, k] else held
+            for i in range(len(held)):
+                some[k, i] = of_reading[at[i]]
         found = influence(some, share, place)
         if not math.isnan(found):
             squared, counted = squared + found, counted + 1

@@ -182,8 +182,9 @@ def _typical(
     log_volume, along = 3 * np.log(size), np.ascontiguousarray(shift.T)
     for one in log_p:
         drawn, mirrored = _sequences(len(one), count, rng)
-        weight = _weight(sums_of_readings(one, drawn, mirrored), log_volume, along)
-        moved = influence_in_sequences(one, drawn, mirrored, weight, log_volume, along)
+        sums = sums_of_readings(one, drawn, mirrored)
+        weight = _weight(sums, log_volume, along)
+        moved = influence_in_sequences(one, drawn, mirrored, sums, weight, log_volume, along)
         readings = drawn.shape[1]
         found.append((1 / weight, weight * _shown(weight, readings, moved) if readings > 1 else 0.0))
     error, seen = np.sort(found, axis=0)[1:-1].mean(axis=0) if len(found) > 2 else np.mean(found, axis=0)

@@ -9,6 +9,7 @@ from synthetic import make_scan, paper_poses
 from tactsim.core import invert
 from tactsim.estimators import create
 from tactsim.estimators.filters.jackknife import influence, influence_at, influence_in_sequences
+from tactsim.estimators.filters.trust_kernels import sums_of_readings
 
 
 def by_definition(log_p, weight, place):
@@ -78,7 +79,8 @@ def test_in_sequences_it_is_the_mean_over_them_with_moves_the_other_way_in_mirro
         )
         belief = np.exp(weight * of_move.sum(axis=0) + log_volume)
         expected.append(by_definition(of_move, belief, shift))
-    found = influence_in_sequences(log_p, drawn, mirrored, weight, log_volume, shift)
+    sums = sums_of_readings(log_p, drawn, mirrored)
+    found = influence_in_sequences(log_p, drawn, mirrored, sums, weight, log_volume, shift)
     assert found == pytest.approx(np.mean(expected), rel=1e-4)  # moves with less than e^-12 are left out
     nowhere = np.zeros_like(shift)
-    assert math.isnan(influence_in_sequences(log_p, drawn, mirrored, weight, log_volume, nowhere))
+    assert math.isnan(influence_in_sequences(log_p, drawn, mirrored, sums, weight, log_volume, nowhere))
