@@ -15,8 +15,8 @@ from numba import float64, int64
 
 from tactsim.core.compiling import FLOATS_4D, INTS_2D, REALS, REALS_2D, Floats, Ints, Reals, compiled
 from tactsim.estimators.field.replay import replay
-from tactsim.estimators.field.series import cos_sin
 from tactsim.estimators.field.terms import TERMS, Terms
+from tactsim.estimators.filters.placement import inverse
 
 # Moves with less than this of the belief of the likeliest, nats below it, are left out of a sequence's belief.
 _NEGLIGIBLE = 12.0
@@ -65,9 +65,7 @@ def influence_at(
     letters, weight = np.full(count, letter), np.ones(count)
     log_p, place = np.zeros((last - first, count)), np.empty((2, count))
     for k in range(count):
-        cos, sin = cos_sin(state[2, k])
-        place[0, k] = -cos * state[0, k] - sin * state[1, k]
-        place[1, k] = sin * state[0, k] - cos * state[1, k]
+        place[0, k], place[1, k], _ = inverse(state[0, k], state[1, k], state[2, k])
     for reading in range(first, last):
         replay(log_p[reading - first], state, letters, terms, reading, reading + 1, nodes, lattice)
     return influence(log_p, weight, place)

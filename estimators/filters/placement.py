@@ -29,7 +29,7 @@ def _wrapped(angle: float) -> float:
 
 
 @compiled(types.UniTuple(float64, 3)(float64, float64, float64), called_from_python=False)
-def _inverse(x: float, y: float, angle: float) -> tuple[float, float, float]:
+def inverse(x: float, y: float, angle: float) -> tuple[float, float, float]:
     """Invert a transform, as `core.invert` does."""
     cos, sin = cos_sin(angle)
     return -cos * x - sin * y, sin * x - cos * y, _wrapped(-angle)
@@ -44,10 +44,10 @@ def mean_around(state: Reals, weight: Reals, mode: int) -> Reals:
     because a symmetric letter has copies that are as probable; the position's mean does not, because they
     say as much about where the letter is, and for an O all angles do.
     """
-    at_x, at_y, at_angle = _inverse(state[0, mode], state[1, mode], state[2, mode])
+    at_x, at_y, at_angle = inverse(state[0, mode], state[1, mode], state[2, mode])
     here = here_x = here_y = alike = alike_turn = 0.0
     for k in range(len(weight)):
-        x, y, angle = _inverse(state[0, k], state[1, k], state[2, k])
+        x, y, angle = inverse(state[0, k], state[1, k], state[2, k])
         away = (x - at_x) ** 2 + (y - at_y) ** 2
         if away <= _NEAR**2:
             share, turn = max(weight[k], _TINY), _wrapped(angle - at_angle)
@@ -57,7 +57,7 @@ def mean_around(state: Reals, weight: Reals, mode: int) -> Reals:
             if away + (_GYRATION * turn) ** 2 <= _NEAR**2:
                 alike += share
                 alike_turn += share * turn
-    return np.array(_inverse(here_x / here, here_y / here, at_angle + alike_turn / alike))
+    return np.array(inverse(here_x / here, here_y / here, at_angle + alike_turn / alike))
 
 
 @compiled(REALS(REALS_2D, REALS, REALS_2D, int64), called_from_python=False)

@@ -183,8 +183,7 @@ class RefinedFilter(GridFilter):
         cells, weights = self._belief_in_cells()
         best = int(letter_mass(cells.letter, weights, len(self.labels)).argmax())
         mine = np.flatnonzero(cells.letter == best)
-        reached = np.cumsum(weights.relative[mine])
-        some = np.searchsorted(reached, (np.arange(_STATES) + 0.5) / _STATES * reached[-1])
+        some = Weights(weights.log[mine]).spaced(_STATES, 0.5)
         return influence_at(
             cells.states.take(mine[some], axis=1), best, self.field.terms, max(0, count - _READINGS), count,
             self.field.tables.nodes, self.field.tables.lattice,

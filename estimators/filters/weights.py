@@ -49,8 +49,15 @@ class Weights:
 
         Systematic resampling (Kitagawa 1996): one random number, the least variance for its cost.
         """
+        return self.spaced(count, rng.random())
+
+    def spaced(self, count: int, first: float) -> NDArray[np.intp]:
+        """List the indices at which the sum of the weights reaches (k + first) / count of all, `count` ascending ones.
+
+        first: from 0 to 1.
+        """
         reached = np.cumsum(self.relative)
-        ladder = (np.arange(count) + rng.random()) / count * reached[-1]
+        ladder = (np.arange(count) + first) / count * reached[-1]
         return np.minimum(np.searchsorted(reached, ladder, side="right"), len(self) - 1)
 
 

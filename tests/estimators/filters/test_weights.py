@@ -65,3 +65,9 @@ def test_the_highest_power_leaves_as_many_effective_as_asked_for(low):
         assert highest_power(start, log_p, least, low) == pytest.approx(power, abs=2**-14)
     assert highest_power(start, log_p, 3.0, low) == 1
     assert highest_power(start, log_p, 8.1, low) == low
+
+
+def test_spaced_indices_are_where_the_sum_of_the_weights_reaches_their_shares():
+    weights = Weights(np.log([1.0, 2.0, 1.0, 4.0]))
+    assert weights.spaced(8, 0.5).tolist() == [0, 1, 1, 2, 3, 3, 3, 3]
+    assert weights.spaced(2, 0.5).tolist() == [1, 3]
