@@ -1,8 +1,8 @@
-"""Upper bounds of what a bin reads in tables, in six bits instead of four numbers, and their sums for tiles (compiled).
+"""Upper bounds of what a bin reads in tables, in one byte instead of four numbers, and their sums for tiles (compiled).
 
 A bin reads four neighbouring nodes and interpolates. The largest of the four bounds that; it is kept as the lowest
 value of its table and a number of steps, rounded up. Where all terms weigh the same, a tile's bound is a sum of whole
-numbers: four bytes are added up before one can overflow.
+numbers: 256 bytes are added up before 16 bits can overflow.
 """
 
 from __future__ import annotations
@@ -22,18 +22,16 @@ from tactsim.estimators.field.vectors import (
     TALL,
     add_bytes,
     add_times,
-    add_widened,
     add_words,
     highest_lane,
     load_bytes,
-    no_bytes,
     no_words,
     raised,
     zeros,
 )
 
-# The highest level; so many levels that a byte holds their sum, and so many of these sums that 16 bits hold theirs.
-HIGHEST, _BYTES, _WORDS = 63, 4, 256
+# The highest level, and so many levels that 16 bits hold their sum.
+HIGHEST, _WORDS = 255, 256
 
 
 class Levels(NamedTuple):
@@ -123,31 +121,16 @@ def raise_alike(
     """
     level, number = levels.level, len(at)
     first = second = third = fourth = zeros()  # type: ignore[call-arg, var-annotated]
-    for begin in range(0, number, _BYTES * _WORDS):
-        end = min(number, begin + _BYTES * _WORDS)
-        fours = begin + (end - begin) // _BYTES * _BYTES
+    for begin in range(0, number, _WORDS):
         words_1 = words_2 = words_3 = words_4 = no_words()
-        for i in range(begin, fours, _BYTES):
-            bytes_1 = bytes_2 = bytes_3 = bytes_4 = no_bytes()
-            for j in range(_BYTES):
-                place = at[i + j] + move
-                bytes_1 = add_bytes(bytes_1, level, place)
-                bytes_2 = add_bytes(bytes_2, level, place + width)
-                bytes_3 = add_bytes(bytes_3, level, place + 2 * width)
-                bytes_4 = add_bytes(bytes_4, level, place + 3 * width)
-            words_1, words_2 = add_widened(words_1, bytes_1), add_widened(words_2, bytes_2)
-            words_3, words_4 = add_widened(words_3, bytes_3), add_widened(words_4, bytes_4)
-        bytes_1 = bytes_2 = bytes_3 = bytes_4 = no_bytes()
-        for i in range(fours, end):
+        for i in range(begin, min(number, begin + _WORDS)):
             place = at[i] + move
-            bytes_1 = add_bytes(bytes_1, level, place)
-            bytes_2 = add_bytes(bytes_2, level, place + width)
-            bytes_3 = add_bytes(bytes_3, level, place + 2 * width)
-            bytes_4 = add_bytes(bytes_4, level, place + 3 * width)
-        first = add_words(first, add_widened(words_1, bytes_1))
-        second = add_words(second, add_widened(words_2, bytes_2))
-        third = add_words(third, add_widened(words_3, bytes_3))
-        fourth = add_words(fourth, add_widened(words_4, bytes_4))
+            words_1 = add_bytes(words_1, level, place)
+            words_2 = add_bytes(words_2, level, place + width)
+            words_3 = add_bytes(words_3, level, place + 2 * width)
+            words_4 = add_bytes(words_4, level, place + 3 * width)
+        first, second = add_words(first, words_1), add_words(second, words_2)
+        third, fourth = add_words(third, words_3), add_words(fourth, words_4)
     first = raised(bound, 0, weight, first, constant)
     second = raised(bound, LANES, weight, second, constant)
     third = raised(bound, 2 * LANES, weight, third, constant)

@@ -31,12 +31,9 @@ class _RegistersModel(models.PrimitiveModel):
         super().__init__(manager, kind, kind.held)
 
 
-def _vector(name: str, number: ir.Type) -> Registers:
-    return Registers(f"{name}{LANES}", ir.VectorType(number, LANES))
-
-
-_LANES = _vector("Lanes", ir.FloatType())
-_BYTES, _WORDS = _vector("Bytes", ir.IntType(8)), _vector("Words", ir.IntType(16))
+_BYTES = ir.VectorType(ir.IntType(8), LANES)
+_LANES = Registers(f"Lanes{LANES}", REALS)
+_WORDS = Registers(f"Words{LANES}", ir.VectorType(ir.IntType(16), LANES))
 
 
 def address(context: Any, builder: Any, kind: Any, array: Any, index: Any, vector: Any) -> Any:
@@ -150,32 +147,12 @@ def highest_lane(typing: Any, first: Any, second: Any, third: Any, fourth: Any) 
 
 
 @intrinsic
-def no_bytes(typing: Any) -> Any:
-    """Make a vector of zeros, of bytes."""
-    return _BYTES(), lambda context, builder, signature, args: ir.Constant(_BYTES.held, [0] * LANES)
-
-
-@intrinsic
-def add_bytes(typing: Any, total: Any, array: Any, index: Any) -> Any:
-    """Return total + array[index : index + LANES] of a contiguous uint8 array, as bytes: sums up to 255."""
-
-    def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        total, array, index = args
-        there = address(context, builder, signature.args[1], array, index, _BYTES.held)
-        return builder.add(total, builder.load(there, align=1))
-
-    return _BYTES(_BYTES, array, index), generate
-
-
-@intrinsic
 def load_bytes(typing: Any, array: Any, index: Any) -> Any:
     """Read array[index : index + LANES] of a contiguous uint8 array, as float32."""
 
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         array, index = args
-        values = builder.load(
-            address(context, builder, signature.args[0], array, index, _BYTES.held), align=1
-        )
+        values = builder.load(address(context, builder, signature.args[0], array, index, _BYTES), align=1)
         # Through 32 bits with a sign, for which processors have an instruction.
         return builder.sitofp(builder.zext(values, ir.VectorType(ir.IntType(32), LANES)), _LANES.held)
 
@@ -189,13 +166,15 @@ def no_words(typing: Any) -> Any:
 
 
 @intrinsic
-def add_widened(typing: Any, total: Any, values: Any) -> Any:
-    """Return total + values, bytes, as numbers of 16 bits: sums up to 65,535."""
+def add_bytes(typing: Any, total: Any, array: Any, index: Any) -> Any:
+    """Return total + array[index : index + LANES] of a contiguous uint8 array, in 16 bits: sums up to 65,535."""
 
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        return builder.add(args[0], builder.zext(args[1], _WORDS.held))
+        total, array, index = args
+        there = address(context, builder, signature.args[1], array, index, _BYTES)
+        return builder.add(total, builder.zext(builder.load(there, align=1), _WORDS.held))
 
-    return _WORDS(_WORDS, _BYTES), generate
+    return _WORDS(_WORDS, array, index), generate
 
 
 @intrinsic

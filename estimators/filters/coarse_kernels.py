@@ -39,8 +39,8 @@ from tactsim.estimators.field.terms import ROUNDING, TERMS, Terms
 from tactsim.estimators.field.vectors import LANES, TALL
 from tactsim.estimators.filters.branch_and_bound import add_tile
 
-# So many of the best bins lie in one tile, about; and how many times as many tiles are looked at each time.
-_NEIGHBOURS, _MORE = 3, 4
+# So many of the best bins lie in one tile, about, at most; and how many times as many tiles are looked at each time.
+_NEIGHBOURS, _MORE = 10, 2
 # By these a bound of either sign is raised by more than one operation in float32 rounds.
 _LESS, _GREATER = np.float32(1 - 2 * ROUNDING), np.float32(1 + 2 * ROUNDING)
 
@@ -141,17 +141,39 @@ def bound_all(
                 )
 
 
+@compiled(void(REALS, REALS), called_from_python=False)
+def keep_highest(kept: Reals, log_p: Reals) -> None:
+    """Put what is higher than the least of `kept` in its place, from log_p (bins,).
+
+    kept: (n,) the highest so far, a heap: [i] is not above [2 i + 1] and [2 i + 2].
+    """
+    for k in range(len(log_p)):
+        value, place = log_p[k], 0
+        if value <= kept[0]:
+            continue
+        while True:
+            below = 2 * place + 1
+            if below + 1 < len(kept) and kept[below + 1] < kept[below]:
+                below += 1
+            if below >= len(kept) or value <= kept[below]:
+                break
+            kept[place] = kept[below]
+            place = below
+        kept[place] = value
+
+
 @compiled(
-    int64(COARSE, SLICES, TERMS, REALS_2D, PLACED, int64, int64, float64),
+    int64(COARSE, SLICES, TERMS, REALS_2D, PLACED, int64, int64, float64, REALS),
     called_from_python=False,
 )
 def catch_up(
-    coarse: Coarse, slices: Slices, terms: Terms, turns: Reals, placed: Placed, oldest: int, count: int, least: float
+    coarse: Coarse, slices: Slices, terms: Terms, turns: Reals, placed: Placed, oldest: int, count: int,
+    least: float, kept: Reals,
 ) -> int:  # fmt: skip
     """Bring the tiles up to date whose bound is at least `least`; returns how many times a bin took in a reading.
 
-    oldest: the first reading that is in its slot. All that a letter's tiles wait for is done before the next letter, so
-    that its tables are read while they are in the cache.
+    oldest: the first reading that is in its slot. kept: see `keep_highest`. All that a letter's tiles wait for is done
+    before the next letter, so that its tables are read while they are in the cache.
     """
     letters, angles, tile_rows, tile_columns = coarse.seen.shape
     slots, evaluated = len(placed.offset) - 1, 0
@@ -179,6 +201,8 @@ def catch_up(
                     set_bounds(coarse.upper[letter, angle, i, j], here)
                     coarse.seen[letter, angle, i, j] = count
                     coarse.bound[letter, angle, i, j] = peak.max()
+                    if coarse.bound[letter, angle, i, j] > kept[0]:
+                        keep_highest(kept, here)
                     evaluated += coarse.bins[i, j] * (count - first)
     return evaluated
 
@@ -260,25 +284,26 @@ def best_bins(
         if bounded:
             bound_all(coarse, levels, slices, terms, placed, reading + 1)
     evaluated, more = 0, 1 + keep // _NEIGHBOURS
+    kept, seen = np.full(keep + 1, -np.inf), coarse.seen.reshape(coarse.seen.size)
+    known = coarse.log_p.reshape(len(seen), TALL * LANES)
+    for tile in range(len(seen)):  # none, if there are new readings
+        if seen[tile] == count:
+            keep_highest(kept, known[tile])
     if not bounded:
         coarse.bound[:] = np.inf
-        evaluated += catch_up(coarse, slices, terms, turns, placed, oldest, count, -np.inf)
+        evaluated += catch_up(coarse, slices, terms, turns, placed, oldest, count, -np.inf, kept)
     while True:
         best, waits = highest_bounds(coarse, count)
         least = best - within - rounding
-        flat, log_p = listed(coarse, count, least)
-        enough = len(log_p) > keep
+        enough = kept[0] >= least > -np.inf
         if not enough:
             # Fewer than asked for are as near the best: what matters is the last of the best `keep` and one more.
-            _, every = listed(coarse, count, -np.inf)
-            last = len(every) - keep - 1
-            least = np.partition(every, last)[last] - rounding if last >= 0 else -np.inf
+            least = kept[0] - rounding
         if waits == -np.inf or waits < least:
-            if not enough:
-                flat, log_p = listed(coarse, count, least)
+            flat, log_p = listed(coarse, count, least)
             return flat, log_p, evaluated
         # Until enough are known, more and more of the tiles with the highest bounds are looked at.
         if not enough:
             least = max(least, bound_of_highest(coarse, count, more))
-        evaluated += catch_up(coarse, slices, terms, turns, placed, oldest, count, least)
+        evaluated += catch_up(coarse, slices, terms, turns, placed, oldest, count, least, kept)
         more *= _MORE

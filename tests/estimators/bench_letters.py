@@ -1,8 +1,8 @@
 """How estimators grow with the number of letters.
 
-`python tests/estimators/bench_letters.py` prints for 5, 36 and 200 letters the processor time of a reading and of the
-fit, and the peak of memory. Each row is a process of its own. 5 and 36 are pressed; 200 are these and more, stretched
-and slanted.
+`python tests/estimators/bench_letters.py` prints for 5, 36 and 200 letters the processor time of a reading (the mean of
+a trial, of its first eight, and the first) and of the fit, and the peak of memory. Each row is a process of its own. 5
+and 36 are pressed; 200 are these and more, stretched and slanted.
 """
 
 import resource
@@ -23,7 +23,7 @@ from tactsim.estimators.likelihoods.mosaic import Grid, learn_mosaic
 ESTIMATORS = ("histogram", "refined", "force-mosaic")
 COUNTS = (5, 36, 200)
 GLYPHS = "AEIOUBCDFGHJKLMNPQRSTVWXYZ0123456789"
-READINGS, TRIALS = 8, 6
+READINGS, EARLY, TRIALS = 60, 8, 6
 
 
 def enlarged(scan, count):
@@ -62,7 +62,8 @@ def measure(name, path):
             estimator.estimate()
             spent[trial, touch] = time.process_time() - begin
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6
-    print(f"{1e3 * spent.mean():.2f} {1e3 * spent[:, 0].mean():.2f} {fitted:.1f} {peak:.2f}")
+    each, early, first = (1e3 * part.mean() for part in (spent, spent[:, :EARLY], spent[:, 0]))
+    print(f"{each:.2f} {early:.2f} {first:.2f} {fitted:.1f} {peak:.2f}")
 
 
 def main():
@@ -72,18 +73,22 @@ def main():
         scans = {5: tactsim.scan(letters=GLYPHS[:5], test_poses="random"), 36: pressed}
         scans[200] = enlarged(pressed, 200)
         print("asked: 36 letters at most 2 times 5; 200 letters at most 20 ms a reading and 1 GB")
-        print(f"{'estimator':14} letters  ms a reading  the first  fit s  peak GB  times 5 letters")
+        print(
+            f"{'estimator':14} letters  ms a reading of {READINGS}  of {EARLY}  the first  fit s  peak GB"
+            f"  times 5 letters: {READINGS}  {EARLY}"
+        )
         for name in ESTIMATORS:
-            least = None
+            of_five = None
             for count in COUNTS:
                 path = Path(folder) / f"{count}.npz"
                 scans[count].save(path)
                 done = subprocess.run(
                     [sys.executable, __file__, name, str(path)], stdout=subprocess.PIPE, text=True, check=True
                 )
-                each, first, fit, peak = map(float, done.stdout.split())
-                least = each if least is None else least
-                row = f"{each:13.2f} {first:10.2f} {fit:6.1f} {peak:8.2f} {each / least:16.1f}"
+                each, early, first, fit, peak = map(float, done.stdout.split())
+                of_five = of_five or (each, early)
+                row = f"{each:19.2f} {early:5.2f} {first:10.2f} {fit:6.1f} {peak:8.2f}"
+                row += f" {each / of_five[0]:20.1f} {early / of_five[1]:4.1f}"
                 print(f"{name:14} {count:7} {row}", flush=True)
 
 

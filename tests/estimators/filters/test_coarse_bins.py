@@ -139,7 +139,7 @@ def test_a_bound_that_is_too_low_is_noticed(model):
     field = field_of(model, grid)
     every, lazy = BinnedBelief(field, grid), CoarseBins(field, grid, True)
     low = coarse_bins.levels_of(field.tables.nodes, field.tables.phases)
-    lazy._levels = low._replace(level=np.maximum(low.level, 15) - np.uint8(15))
+    lazy._levels = low._replace(level=np.maximum(low.level, 60) - np.uint8(60))
     above = False
     for number in range(4):
         field.append(made.evidence(scan.readings[5 * number]), np.array([1.0, 2.0, 0.3]))
