@@ -29,10 +29,13 @@ SLOWED ?= 1
 # For how long `make soak` reads.
 MINUTES ?= 30
 
+# Anything, for `make test` to run what `make test-long` does, too.
+LONG ?=
+
 # What `make mutants` is given, such as MUTANTS="--all tactsim/press/clip.py".
 MUTANTS ?=
 
-.PHONY: run test check docs setup lock test-slow test-formats soak mutants bench-check bench-baseline bench-rate profile tables leaderboard references stress release-check image clean help
+.PHONY: run test test-long check docs setup lock test-slow test-formats soak mutants bench-check bench-baseline bench-rate profile tables leaderboard references stress release-check image clean help
 
 help:            ## list these commands
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 18
@@ -40,8 +43,11 @@ help:            ## list these commands
 run: $(READY)    ## set up, then press, map, recognise and score five letters
 	@$(BIN)/bench run --estimator histogram --bins 10000
 
-test: $(DEVELOP)   ## set up, then run the tests
-	@OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n 3 --dist loadfile
+test: $(DEVELOP)   ## set up, then run the tests; LONG=1: with those of `make test-long`
+	@OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n 3 --dist loadfile $(if $(LONG),-m 'not slow and not benchmark and not soak')
+
+test-long: $(DEVELOP)  ## the tests that take longest: kills, full disks, clusters, browsers, whole campaigns
+	@OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -m long -n 3 --dist loadfile
 
 check: $(DEVELOP)  ## lint, types and import directions
 	@$(BIN)/ruff check .
@@ -58,7 +64,7 @@ $(DOCS): $(DOCS_LOCK) | $(READY)
 	@$(INSTALL) -r $<
 	@touch $@
 
-test-slow: $(PACKAGING)  ## the longer tests
+test-slow: $(PACKAGING)  ## the tests that are minutes long
 	@$(BIN)/python -m pytest -m slow
 
 test-formats: $(FORMATS)/.ready  ## load exported data with datasets and lerobot, which needs torch

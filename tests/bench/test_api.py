@@ -160,6 +160,7 @@ def test_an_estimator_that_workers_cannot_import_is_refused_in_one_line():
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.long
 def test_an_estimator_of_a_notebook_cannot_be_sent_to_workers():
     """A class of `__main__` where that is no file, as in a notebook."""
     script = "\n".join(

@@ -47,6 +47,7 @@ def test_json_is_one_object_and_nothing_else_on_standard_output(here):
     assert {"likelihood_evaluations", "presses", "skipped"} <= set(answer["work"])
 
 
+@pytest.mark.long
 def test_the_same_seed_gives_the_same_files_whatever_the_jobs_and_the_cache(here, drawn, tmp_path):
     words = ["run", *SMALL, "--estimator", "histogram", "--letters", "IL", "--out"]
     assert here(*words, "a", "--jobs", "1").returncode == 0
@@ -367,6 +368,7 @@ IN_SPACE = ["--task", "solids", "--objects", "bolt,nut", "--touches", "2", "--sc
 IN_PLANE = ["--letters", "IO", "--readings", "3", "--estimator", "nearest"]
 
 
+@pytest.mark.long
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="this system has no /dev/full")
 @pytest.mark.parametrize(
     ("output", "status", "words"),

@@ -14,6 +14,7 @@ def scan():
     return tactsim.scan(letters="IL")
 
 
+@pytest.mark.long
 def test_a_run_recognises_by_pressing_whatever_the_number_of_processes(scan):
     run = tactsim.run(scan, estimator="synthesis", set=FEW, trials=4, readings=6)
     assert run.accuracy[-1] == 1

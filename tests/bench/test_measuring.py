@@ -27,6 +27,7 @@ def wait_for(condition, seconds=60):
         time.sleep(0.02)
 
 
+@pytest.mark.long
 def test_trials_are_measured_stopped_gone_on_with_and_scored(bench, here, scan_file, tmp_path):
     words = ["run", *HAND, "--train-scan", scan_file, "--trials", "2", "--readings", "3", "--out", "friday"]
     session = bench.start(*words)

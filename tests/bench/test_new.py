@@ -60,6 +60,7 @@ def steps(folder):
     return [step["run"] for job in workflow["jobs"].values() for step in job["steps"] if "run" in step]
 
 
+@pytest.mark.long
 def test_its_tests_pass_and_its_workflow_is_understood(made):
     """Run the tests as the workflow does; `ruff` is run by another test, and `pip` asks a package index."""
     _, folder, site = made

@@ -246,6 +246,7 @@ def test_a_mark_may_not_be_called_none(here, tmp_path):
     assert not (tmp_path / "new.npz").exists()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("angles", "every", "within"),
     [(4, 2, 0.03 * np.sqrt(6)), pytest.param(12, 1, 0.03, marks=pytest.mark.slow)],
@@ -328,6 +329,7 @@ def test_a_recording_that_failed_does_not_stand_in_its_own_way(bench, here, tmp_
         refused(here(*words), "a.tactrec exists")
 
 
+@pytest.mark.long
 def test_a_recording_goes_on_when_the_pad_comes_back(bench, here, tmp_path):
     """The pad is away for longer than the deadline of 1 s."""
     with emulated(bench, "--port", "pty:pad"):
@@ -351,6 +353,7 @@ def _size(folder):
     return path.stat().st_size if path.exists() else 0
 
 
+@pytest.mark.long
 def test_without_a_terminal_a_session_says_each_trouble_once(bench, tmp_path):
     """Nobody lifts the letter, so it still touches: every reading of it is another number, and the same trouble."""
     bench.environment["PYTHONUNBUFFERED"] = "1"

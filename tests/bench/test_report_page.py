@@ -307,6 +307,7 @@ def test_less_motion_is_respected(open_page, path):
     )
 
 
+@pytest.mark.long
 def test_hostile_names_do_nothing(open_page, hostile_path):
     page = open_page(hostile_path)
     assert page.title() == "tactsim: 1 run"

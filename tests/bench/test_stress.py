@@ -108,6 +108,7 @@ LONG = (
 )
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "chosen",
     [pytest.param(one, marks=[pytest.mark.slow] if one.name in LONG else []) for one in QUICK],
@@ -186,6 +187,7 @@ def own_fits():
     fit_once.cache_clear()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", PLANTED)
 def test_a_planted_fault_fails_the_case(monkeypatch, own_fits, name):
     place, fault = PLANTED[name]

@@ -138,6 +138,7 @@ def test_a_sweep_gives_what_single_runs_give(here, tmp_path):
         assert (places[0] / name).read_bytes() == (tmp_path / "single" / name).read_bytes()
 
 
+@pytest.mark.long
 def test_a_chunk_that_was_damaged_is_done_again(here, tmp_path, whole):
     (tmp_path / "s.toml").write_text(SMALL)
     folder = tmp_path / "again" / "chunks"
@@ -268,6 +269,7 @@ def cluster(bench, tmp_path):
         process.wait()
 
 
+@pytest.mark.long
 def test_a_dask_cluster_that_loses_a_worker_loses_nothing_and_does_nothing_twice(
     bench, here, drawn, tmp_path, cluster
 ):

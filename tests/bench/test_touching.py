@@ -152,6 +152,7 @@ def test_an_object_that_no_press_rests_on_is_refused():
         trial_of(Last(), Nothing(), readings=2)
 
 
+@pytest.mark.long
 def test_blind_touches_are_the_same_for_every_estimator_and_any_number_of_processes():
     words = {"letters": "IL", "trials": 2, "readings": 4, "explore": "blind", "bins": 100}
     one = perform(run_config(estimator="histogram", **words))

@@ -42,6 +42,7 @@ def slow(*values):
     return pytest.param(*values, marks=pytest.mark.slow)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("stated", "stiffness"), [(RIGID, 10000.0), (SOFT, 100.0), slow(RIGID, 100.0), slow(SOFT, 10000.0)]
 )
@@ -57,6 +58,7 @@ def test_a_level_world_is_not_taken_for_a_tilted_one(stated, stiffness):
 
 
 # Half of the presses are enough by default.
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("stiffness", "degrees", "angles"), [slow(100.0, 1.0, 12), (1000.0, 0.25, 6), slow(1000.0, 0.5, 12)]
 )
@@ -70,6 +72,7 @@ def test_on_a_rigid_wrist_stiffness_times_tilt_is_found_and_nothing_else(stiffne
     assert fit.placement_mm == pytest.approx(0.1, rel=0.2)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("stiffness", "degrees", "angles"),
     [slow(100.0, 1.0, 12), slow(1000.0, 0.0, 12), (1000.0, 0.25, 6), slow(10000.0, 0.25, 12)],

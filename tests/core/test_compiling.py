@@ -139,6 +139,7 @@ def test_what_was_compiled_is_used_where_nothing_can_be_written(ask, tmp_path):
     assert "each time" in ask.said
 
 
+@pytest.mark.long
 def test_a_users_function_still_finds_its_blas():
     code = """
 import numpy as np, numba

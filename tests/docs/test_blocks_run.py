@@ -25,6 +25,7 @@ RUN_PAGES = list(dict.fromkeys(b.page for b in BLOCKS if b.language in ("python"
 # Whole sweeps, each of which starts processes, many fits, recordings of a pad: half a minute each. README.md,
 # docs/first-run.md and docs/hardware.md have one or another of them.
 SLOW = {"docs/results.md", "docs/estimators.md", "docs/recordings.md"}
+MARKS = {page: [pytest.mark.slow] for page in SLOW} | {"docs/hardware.md": [pytest.mark.long]}
 
 # Files of the reader's own, which pages name without showing them: a drawing.
 OWN = {
@@ -56,9 +57,7 @@ def done():
     return set()
 
 
-@pytest.mark.parametrize(
-    "page", [pytest.param(page, marks=[pytest.mark.slow] if page in SLOW else []) for page in RUN_PAGES]
-)
+@pytest.mark.parametrize("page", [pytest.param(page, marks=MARKS.get(page, [])) for page in RUN_PAGES])
 def test_a_pages_blocks_run(page, done, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("MPLBACKEND", "agg")

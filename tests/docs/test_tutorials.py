@@ -76,6 +76,7 @@ def test_a_new_user_brings_an_estimator_with_the_wheel_alone(wheel, shared_cache
     run(ROOT / "docs" / "tutorials" / "bring-an-estimator.ipynb", tmp_path, shared_cache, wheel)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "notebook",
     [

@@ -95,6 +95,7 @@ def test_what_is_touched_does_not_change_the_luck_of_later_touches():
     assert same(first[3], other[3])
 
 
+@pytest.mark.long
 def test_the_belief_is_that_of_an_estimator_which_is_given_the_observations():
     env = make(belief="refined", information=0.5, touch_cost=0.1)
     seen, rewards = episode(env, 2, POSES)

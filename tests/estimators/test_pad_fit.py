@@ -63,6 +63,7 @@ def estimators_pose(robot_in_object, sensor_in_object):
     return compose(invert(robot_in_object), sensor_in_object)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", SMALL)
 def test_no_filter_depends_on_unit_size_or_order_of_taxels(scan, name):
     order = np.random.default_rng(0).permutation(len(scan.taxel_xy))
@@ -90,6 +91,7 @@ def believed_unchanged(name: str):
     return scan, *believed(name, scan)[:2]
 
 
+@pytest.mark.long
 @settings(max_examples=8, deadline=None)
 @given(st.sampled_from(list(SMALL)), st.floats(1e-4, 1e4), st.floats(0.3, 5), st.permutations(range(36)))
 def test_whatever_the_unit_the_size_and_the_order_the_answer_is_the_same(name, unit, length, order):
@@ -190,6 +192,7 @@ BAD = {
 }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("what", BAD)
 @pytest.mark.parametrize("name", ["refined", "force-mosaic"])
 def test_little_to_learn_from_breaks_nothing(scan, name, what):

@@ -76,6 +76,7 @@ def rows_of(table):
     return list(csv.DictReader(io.StringIO(table.decode())))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "name", [pytest.param(name, marks=pytest.mark.slow) if name in LONGER else name for name in ESTIMATORS]
 )

@@ -78,6 +78,7 @@ def test_a_recording_on_a_full_disk_leaves_its_name_free(bench):
     assert "No space left" in result.stderr
 
 
+@pytest.mark.long
 def test_a_run_that_does_not_fit_leaves_no_folder(bench, scan_file):
     result = on_small_disk(
         bench,
@@ -95,6 +96,7 @@ def test_a_run_that_does_not_fit_leaves_no_folder(bench, scan_file):
     assert "every trial right" in (bench.folder / "told").read_text(), "the figures are not lost"
 
 
+@pytest.mark.long
 def test_a_sweep_on_a_full_disk_goes_on_when_there_is_room(bench, scan_file):
     (bench.folder / "s.toml").write_text(
         f'[defaults]\nscan = "{scan_file}"\ntrials = 50\nreadings = 3\n'
@@ -124,6 +126,7 @@ def test_a_sweep_on_a_full_disk_goes_on_when_there_is_room(bench, scan_file):
         assert kept.read_bytes() == (run / "trials.csv").read_bytes()
 
 
+@pytest.mark.long
 def test_a_cache_on_a_full_or_read_only_disk_is_done_without(bench):
     bench.environment["TACTSIM_CACHE_DIR"] = "disk"
     result = on_small_disk(
@@ -167,6 +170,7 @@ def test_a_read_only_folder_is_said_before_the_work(bench, words):
     assert "pressing" not in result.stderr
 
 
+@pytest.mark.long
 def test_a_read_only_installation_without_a_home_gives_the_same_results(bench, scan_file):
     tree = Path(tactsim.__file__).parents[1]
     words = f"run --scan {scan_file} {SMALL}"

@@ -126,6 +126,7 @@ def kill_again_and_again(bench, scan_file, name, kills, seed):
 
 
 # A run is written as those of a sweep are.
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["scan", "sweep"])
 def test_killed_again_and_again_it_ends_with_the_same_bytes(bench, scan_file, name):
     kill_again_and_again(bench, scan_file, name, kills=2, seed=1)
@@ -137,6 +138,7 @@ def test_killed_at_many_moments_it_ends_with_the_same_bytes(bench, scan_file, na
     kill_again_and_again(bench, scan_file, name, kills=20, seed=2)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kills", [3, pytest.param(20, marks=pytest.mark.slow)])
 def test_a_recording_killed_again_and_again_loses_nothing(bench, kills):
     presses = 2 * kills

@@ -107,6 +107,7 @@ def test_no_claim_of_a_file_is_believed(bombs):
     assert not any("<newline>" in line for line in lines)
 
 
+@pytest.mark.long
 def test_a_table_of_a_run_that_counts_to_a_billion_is_refused(here, tmp_path, scan_file):
     words = ["--estimator", "histogram", "--trials", "1", "--readings", "2", "--bins", "100"]
     assert here("run", "--scan", scan_file, *words, "--out", "run").returncode == 0

@@ -197,6 +197,7 @@ def test_a_plug_in_that_would_end_the_program_is_a_failure_while_somebody_presse
         called_here(*words, "--estimator", "ending")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("jobs", [1, 2])
 def test_what_a_plug_in_prints_is_not_among_the_json(plugged, scan_file, jobs):
     words = [*RUN, "--scan", scan_file, "--estimator", "talking", "--json", "--jobs", jobs]

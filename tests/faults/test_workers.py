@@ -100,6 +100,7 @@ def test_workers_end_with_a_run_that_is_killed(bench, scan_file):
         time.sleep(0.01)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("task", [[kill_oneself], [die_while_sending, LARGE]])
 def test_whenever_a_worker_dies_its_result_says_so_and_the_block_ends(task):
     with pytest.raises(BrokenExecutor, match="a worker process died"), worker_processes(2) as pool:
@@ -126,6 +127,7 @@ def test_an_error_of_a_task_comes_back_with_its_place_and_the_worker_lives_on():
         assert list(pool.map(abs, [-1, 2])) == [1, 2]
 
 
+@pytest.mark.long
 def test_a_sweep_whose_workers_die_loses_nothing(bench, scan_file):
     (bench.folder / "s.toml").write_text(sweep_of(scan_file, trials=150))
     process = bench.start("sweep", "s.toml", "--jobs", "2", "--out", "out")

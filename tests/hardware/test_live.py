@@ -399,6 +399,7 @@ def test_the_accumulator_of_the_device_file_makes_torn_frames_whole():
         assert len([source.read(5.0) for _ in range(5)]) == 5
 
 
+@pytest.mark.long
 def test_a_port_that_comes_back_has_its_time_to_start(tmp_path):
     """A board that takes longer to start than the deadline allows is lost once and read on."""
     device = small_device(settle=2.0, deadline=1.5)

@@ -398,6 +398,7 @@ def test_a_press_grows_and_fades(pad):
     assert force_at[2.2] == 0.0
 
 
+@pytest.mark.long
 def test_no_press_is_averaged_across_a_cable_that_is_cut_again_and_again(tmp_path):
     """A real pty that is cut every 0.7 s, a hand that holds each press for 1 s: what is taken lies between two cuts."""
     device = small_device()

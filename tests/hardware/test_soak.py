@@ -12,6 +12,7 @@ def holds(result):
         assert found.readings > 5
 
 
+@pytest.mark.long
 def test_some_seconds_of_faults_make_no_reading_up(tmp_path):
     result = soak(5.0, tmp_path, often=8.0)
     print(result)

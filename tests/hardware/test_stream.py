@@ -69,6 +69,7 @@ def test_a_lost_link_forgets_the_half_frame():
     assert stream.counters.reconnects == 1
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", ["fields", "singletact"])
 def test_a_long_stream_keeps_memory_flat(kind):
     device = small_device() if kind == "fields" else singletact(taxels=15)

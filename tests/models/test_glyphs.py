@@ -50,6 +50,7 @@ def overlaps():
     return found
 
 
+@pytest.mark.long
 def test_no_two_glyphs_are_alike_however_turned_and_shifted(overlaps):
     for (a, b), (overlap, shift) in overlaps.items():
         first, second = models.letter(a).footprint, models.letter(b).footprint

@@ -153,6 +153,7 @@ def _settings(tests: list[str]) -> ConfigDict:
     """Configure Cosmic Ray, after the tests have passed without a mutation."""
     command = f"{sys.executable} -m pytest -q -x -p no:cacheprovider -p no:xdist -p same_examples "
     command += " ".join(tests)
+    command += " -m 'not slow and not benchmark and not soak'"  # those that are only long notice, too
     command += "".join(f" --deselect {name}" for name in LISTED.deselected)
     begin = time.monotonic()
     run = subprocess.run(shlex.split(command), capture_output=True, text=True)

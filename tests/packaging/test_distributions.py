@@ -69,6 +69,7 @@ def test_the_wheel_of_the_source_archive_is_the_same(wheel, wheel_of_sdist):
     assert files_of(wheel_of_sdist) == files_of(wheel)
 
 
+@pytest.mark.long
 def test_an_installed_wheel_runs_beside_folders_of_the_same_names(wheel, install, own_folder):
     environment = install(wheel)
     keep_kernels(environment)

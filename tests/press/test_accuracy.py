@@ -32,6 +32,7 @@ def compare(name, options, poses):
     return np.abs(readings - np.array(expected)), np.array(areas)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", models.names())
 def test_every_taxel_of_every_press_is_as_exact_as_promised(name):
     errors, area = compare(name, level_scan(), grid_poses())

@@ -51,6 +51,7 @@ def differing(one, other):
     ]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "words",
     [
@@ -94,6 +95,7 @@ def test_a_plug_in_answers_as_it_does_in_the_harness(explore, gathered, small_co
     assert len(np.unique(free.label)) == 2
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("name", "status"),
     [

@@ -204,6 +204,7 @@ def test_the_command_says_where_the_site_is_and_what_could_not_be_read(folder, h
     assert not (tmp_path / "other").exists()
 
 
+@pytest.mark.long
 @needs_browser
 def test_pages_open_from_a_disk_in_any_width_and_light(site, tmp_path):
     faults = []

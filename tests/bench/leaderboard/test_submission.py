@@ -143,6 +143,7 @@ def test_a_plug_in_that_fails_has_a_status_and_no_score(here, folder, plugged):
     unverified(here("verify", "a.zip"), "it has no score that could be checked: crashed: KeyError")
 
 
+@pytest.mark.long
 def test_what_is_not_reproducible_must_say_so(bundle_of, here, folder):
     path = bundle_of("randomguess")
     said = unverified(here("verify", path, "--seed", "1"), "in the bundle and")
@@ -183,6 +184,7 @@ def test_results_that_were_made_better_are_found_out(bundle_of, here):
     unverified(here("verify", path, "--seed", "0"), "chance does that to one honest bundle in 1,000 at most")
 
 
+@pytest.mark.long
 def test_who_has_prepared_for_the_task_is_found_out_on_a_fresh_seed(bundle_of, here):
     path = bundle_of("prepared")
     assert read_bundle(path).trials.right.all()
@@ -293,6 +295,7 @@ def test_a_mistake_is_said_before_the_work(here, folder, plugged):
     refused(here("verify", "nowhere.zip"), "No such file")
 
 
+@pytest.mark.long
 def test_who_chooses_touches_may_and_who_does_not_gets_them_in_random_order(
     bundle_of, here, folder, small_task
 ):

@@ -99,6 +99,7 @@ def test_a_recorded_session_is_recognised_in_lines(here, recording, scan_file):
     assert "right" in lines[-1]
 
 
+@pytest.mark.long
 def test_a_pad_on_a_pty_is_recognised_on_a_terminal(bench, here, tmp_path, scan_file, typing):
     with emulated(bench, "--port", "pty:pad", "--letter", "I", "--hold", "1.2", "--lift", "1.6") as name:
         tare = here("tare", "--port", name, "--out", "tare.toml")  # nothing is pressed yet

@@ -218,6 +218,7 @@ def test_a_jump_is_found_again(small):
     assert np.hypot(*(invert(last.robot_in_object) - invert(moved[-1]))[:2]) < 1
 
 
+@pytest.mark.long
 def test_a_moving_object_is_not_taken_for_an_unknown_one(small):
     slip, said = Slip(walk_mm=0.7, walk_rad=0.03), []
     for motion in ("off", "0.7,0.03"):

@@ -108,6 +108,7 @@ def test_a_position_that_is_in_the_map_never_makes_it_worse():
     assert trust._at_a_new_place(1.0, 4.0) == pytest.approx(2 * 1.5)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("correlation", [-1 / READINGS, 0.3])
 def test_what_left_out_readings_share_and_new_ones_do_not_changes_nothing(monkeypatch, correlation):
     # Residuals sum to 0, and those of one position, here of the whole letter, have the same sign.

@@ -18,6 +18,7 @@ def field(scan):
     return SpaceField.learn(scan, SpaceMapOptions())
 
 
+@pytest.mark.long
 def test_the_stiffness_is_found(field):
     assert field.touching.stiffness == pytest.approx(toy.STIFFNESS, rel=0.25)
 

@@ -197,6 +197,7 @@ def test_a_symmetric_object_is_not_punished_for_it():
     assert np.linalg.norm(rigid.invert(estimate.robot_in_object)[:3] - true[:3]) < 1.5
 
 
+@pytest.mark.long
 def test_turning_the_world_turns_the_answer():
     estimator = with_field(ToyField({"tee": toy.SOLIDS["tee"], "hook": hook(1)}, 0.5), particles=600)
     true, readings, sensors = hidden(hook(1), 9, 3)

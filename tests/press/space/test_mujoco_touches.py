@@ -49,6 +49,7 @@ def seen_by_rays(model, start, fine=0.25):
     return np.where(away < 0, np.inf, 1e3 * away), x, y
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["star-knob", "nut"])
 def test_a_press_through_rays_reads_the_same(name):
     solid, pad = models.solid(name), Pad()
