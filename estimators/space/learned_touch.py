@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from scipy.optimize import minimize
 
 from tactsim.core import rigid
 from tactsim.core.poses import FloatArray
@@ -138,6 +137,8 @@ def _touching(
 
 def _widths(start: Touching, depth: FloatArray, readings: FloatArray, tries: int) -> tuple[Touching, float]:
     """Choose the widths under which touches left out are most probable, and give their mean log p."""
+    from scipy.optimize import minimize  # imported here: only a fit needs it
+
     log_p = np.empty(len(depth))
 
     def with_widths(logs: FloatArray) -> Touching:
