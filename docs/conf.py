@@ -18,7 +18,7 @@ project = "tactsim"
 author = "The tactsim authors"
 html_title = "tactsim"
 
-extensions = ["myst_nb", "sphinx.ext.autodoc", "mathml", "from_source"]
+extensions = ["myst_nb", "sphinx.ext.autodoc", "mathml", "from_source", "intervals"]
 exclude_patterns = ["_build", "_ext", "requirements.lock"]
 smartquotes = False  # it would turn --option into a dash
 show_warning_types = True

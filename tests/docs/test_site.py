@@ -65,3 +65,9 @@ def test_the_site_is_built_and_asks_for_nothing_from_a_network(tmp_path):
         assert "from the source:" not in text, page
     for sheet in (tmp_path / "site").rglob("*.css"):
         assert not re.search(r"url\(['\"]?(?:https?:)?//|@import", sheet.read_text(encoding="utf-8")), sheet
+    # Of intervals in tables both ends stay on one line, and hyphens of what is typed are as they are.
+    results = (tmp_path / "site" / "results.html").read_text(encoding="utf-8")
+    cells = re.findall(r"<td>(.*?)</td>", results, flags=re.S)
+    assert any(re.search(r"\d-\u2060\d", cell) for cell in cells)
+    assert not any(re.search(r"\d-\d", re.sub(r"<code.*?</code>", "", cell, flags=re.S)) for cell in cells)
+    assert "\u2060" not in "".join(re.findall(r"<pre>.*?</pre>", results, flags=re.S))
