@@ -68,7 +68,7 @@ class CoarseBins:
         self.listed = np.zeros(1, dtype=np.int64), np.zeros(1)
 
     def take_in(self, keep: int, within: float) -> tuple[NDArray[np.int64], FloatArray]:
-        """Multiply the belief by the likelihood of the field's readings that are new (eq. 13), in logs.
+        """Multiply the belief by the likelihood of the field's new readings, one at least (eq. 13), in logs.
 
         Returns all bins at most `within` nats below the best, and in any case the best `keep` and one more: flat
         indices into (letters, angles, rows, columns), and log-beliefs.

@@ -39,7 +39,7 @@ from tactsim.estimators.field.terms import ROUNDING, TERMS, Terms
 from tactsim.estimators.field.vectors import LANES, TALL
 from tactsim.estimators.filters.branch_and_bound import add_tile
 
-# So many of the best bins lie in one tile, about, at most; and how many times as many tiles are looked at each time.
+# A tile for so many of the best bins is looked at first; and how many times as many tiles each time after that.
 _NEIGHBOURS, _MORE = 10, 2
 # By these a bound of either sign is raised by more than one operation in float32 rounds.
 _LESS, _GREATER = np.float32(1 - 2 * ROUNDING), np.float32(1 + 2 * ROUNDING)
@@ -269,7 +269,7 @@ def best_bins(
     coarse: Coarse, levels: Levels, slices: Slices, terms: Terms, turns: Reals, placed: Placed, oldest: int,
     first: int, count: int, skip: bool, keep: int, within: float, rounding: float,
 ) -> tuple[Ints, Reals, int]:  # fmt: skip
-    """Take in readings number first + 1, ..., `count`, and list the bins that matter.
+    """Take in readings number first + 1, ..., `count`, one at least, and list the bins that matter.
 
     turns: (angles, 2) cos and sin. oldest: the first reading that is in its slot of `placed`, or is now put there.
     skip: whether tiles may wait. Listed are all bins at most `within` nats below the best, and in any case the best
@@ -284,11 +284,7 @@ def best_bins(
         if bounded:
             bound_all(coarse, levels, slices, terms, placed, reading + 1)
     evaluated, more = 0, 1 + keep // _NEIGHBOURS
-    kept, seen = np.full(keep + 1, -np.inf), coarse.seen.reshape(coarse.seen.size)
-    known = coarse.log_p.reshape(len(seen), TALL * LANES)
-    for tile in range(len(seen)):  # none, if there are new readings
-        if seen[tile] == count:
-            keep_highest(kept, known[tile])
+    kept = np.full(keep + 1, -np.inf)
     if not bounded:
         coarse.bound[:] = np.inf
         evaluated += catch_up(coarse, slices, terms, turns, placed, oldest, count, -np.inf, kept)
