@@ -1,6 +1,6 @@
 """Where sixteen states see a taxel among the nodes of a table, and what the table says there (for compiled code).
 
-Processors that can gather fetch two neighbouring nodes of eight states at once; the others fetch them state by state.
+Two neighbouring nodes are fetched at once, state by state: instructions that gather take longer.
 """
 
 from __future__ import annotations
@@ -9,14 +9,11 @@ from typing import Any
 
 from llvmlite import ir
 from numba import float32, int32, types, uint64
-from numba.core import cgutils
 from numba.extending import intrinsic
 
 from tactsim.estimators.field.vectors import LANES, REALS, WHOLES, address, everywhere, plus_product
 
-_WHOLE, _WORD = ir.IntType(32), ir.IntType(64)
-_WORDS = ir.VectorType(_WORD, LANES)
-_POINTERS, _CHOSEN = ir.VectorType(_WORD.as_pointer(), LANES), ir.VectorType(ir.IntType(1), LANES)
+_WHOLE, _INDEX = ir.IntType(32), ir.IntType(64)
 
 
 @intrinsic
@@ -65,27 +62,24 @@ def add_between(
 ) -> Any:  # fmt: skip
     """Add factor * what a table says to total[first : first + LANES], float32, interpolated between four nodes.
 
-    nodes: flat, float32. For each state the node to the lower left is begin + at[k], and those of the next row are
+    nodes: flat, int16. For each state the node to the lower left is begin + at[k], and those of the next row are
     `row` further on. right, above: the shares of the way to the next column and row.
     """
 
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         total, first, nodes, begin, at, row, right, above, factor = args
 
-        def loaded(number: int, array: Any, vector: Any) -> Any:
+        def loaded(number: int, array: Any) -> Any:
             return builder.load(
-                address(context, builder, signature.args[number], array, first, vector), align=4
+                address(context, builder, signature.args[number], array, first, REALS), align=4
             )
 
-        data = context.make_array(signature.args[2])(context, builder, nodes).data
-        bytes_of_node = ir.Constant(_WORDS, [2] * LANES)  # 4, as a shift
-        away = builder.shl(builder.zext(loaded(4, at, WHOLES), _WORDS), bytes_of_node)
-        here = builder.ptrtoint(builder.gep(data, [begin]), _WORD)
-        below = builder.add(away, everywhere(builder, here, _WORDS))
-        next_row = builder.shl(everywhere(builder, row, _WORDS), bytes_of_node)
-        right, above = loaded(6, right, REALS), loaded(7, above, REALS)
-        lower = _between(builder, right, *_pairs(builder, below))
-        upper = _between(builder, right, *_pairs(builder, builder.add(below, next_row)))
+        here = builder.gep(context.make_array(signature.args[2])(context, builder, nodes).data, [begin])
+        places = address(context, builder, signature.args[4], at, first, _WHOLE)
+        next_row = builder.gep(here, [row])
+        right, above = loaded(6, right), loaded(7, above)
+        lower = _between(builder, right, *_pairs(builder, here, places))
+        upper = _between(builder, right, *_pairs(builder, next_row, places))
         value = _between(builder, above, lower, upper)
         there = address(context, builder, signature.args[0], total, first, REALS)
         total = plus_product(builder, builder.load(there, align=4), everywhere(builder, factor, REALS), value)
@@ -100,18 +94,15 @@ def _between(builder: Any, share: Any, one: Any, other: Any) -> Any:
     return plus_product(builder, one, share, builder.fsub(other, one))
 
 
-def _pairs(builder: Any, places: Any) -> list[Any]:
-    """Fetch the node at each address, and the next one: two vectors."""
-    kind = ir.FunctionType(_WORDS, [_POINTERS, _WHOLE, _CHOSEN, _WORDS])
-    gather = cgutils.get_or_insert_function(
-        builder.module, kind, f"llvm.masked.gather.v{LANES}i64.v{LANES}p0"
-    )
-    every, nothing = ir.Constant(_CHOSEN, [1] * LANES), ir.Constant(_WORDS, ir.Undefined)
-    words = builder.call(
-        gather, [builder.inttoptr(places, _POINTERS), ir.Constant(_WHOLE, 4), every, nothing]
-    )
-    both = builder.bitcast(words, ir.VectorType(ir.FloatType(), 2 * LANES))
-    return [
-        builder.shuffle_vector(both, both, ir.Constant(WHOLES, list(range(part, 2 * LANES, 2))))
-        for part in (0, 1)
-    ]
+def _pairs(builder: Any, nodes: Any, places: Any) -> list[Any]:
+    """Fetch the node at each of LANES places, and the next one, as float32: two vectors."""
+    pairs = ir.Constant(WHOLES, ir.Undefined)
+    for lane in range(LANES):
+        number = ir.Constant(_WHOLE, lane)
+        place = builder.zext(builder.load(builder.gep(places, [number]), align=4), _INDEX)
+        pair = builder.bitcast(builder.gep(nodes, [place]), _WHOLE.as_pointer())
+        pairs = builder.insert_element(pairs, builder.load(pair, align=2), number)
+    half = ir.Constant(WHOLES, [16] * LANES)
+    # Numba's processors are little-endian: the first node is in the lower half.
+    first, second = builder.ashr(builder.shl(pairs, half), half), builder.ashr(pairs, half)
+    return [builder.sitofp(each, REALS) for each in (first, second)]

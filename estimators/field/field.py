@@ -101,7 +101,7 @@ class LikelihoodField:
         log_p = np.zeros(count)
         replay(
             log_p, np.ascontiguousarray(state), letters, self.terms, first,
-            self._readings if last is None else last, self.tables.nodes, self.tables.lattice,
+            self._readings if last is None else last, self.tables.sampled,
         )  # fmt: skip
         return log_p
 
@@ -112,7 +112,7 @@ class LikelihoodField:
         """
         tables = self.tables if wide == tall == 1 else pooled(self.tables, wide, tall)
         place = np.concatenate([first - tables.origin, [wide * spacing[0], tall * spacing[1]]])
-        return slices_of(tables.nodes, tables.phases, place)
+        return slices_of(tables.nodes, tables.unit, tables.phases, place)
 
     def _make_room(self, count: int) -> None:
         terms = self.terms

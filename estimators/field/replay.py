@@ -2,19 +2,13 @@
 
 from __future__ import annotations
 
-import numpy as np
-from numba import float32, int32, int64, uint64, void
+from typing import NamedTuple
 
-from tactsim.core.compiling import (
-    FLOATS_4D,
-    INTS,
-    REALS,
-    REALS_2D,
-    Floats,
-    Ints,
-    Reals,
-    compiled,
-)
+import numpy as np
+from numba import float32, float64, int16, int32, int64, types, uint64, void
+from numpy.typing import NDArray
+
+from tactsim.core.compiling import INTS, REALS, REALS_2D, Ints, Reals, compiled
 from tactsim.estimators.field.between_nodes import add_between, find_nodes
 from tactsim.estimators.field.series import cos_sin
 from tactsim.estimators.field.terms import TERMS, Terms
@@ -24,18 +18,32 @@ from tactsim.estimators.field.vectors import LANES
 _BATCH = 128
 
 
-@compiled(void(REALS, REALS_2D, INTS, TERMS, int64, int64, FLOATS_4D, REALS), ordered=False)
+class Sampled(NamedTuple):
+    """Tables on a lattice.
+
+    nodes: (tables, letters, rows, columns), each times `unit` nats, less the value far away; 0 at the rim. lattice:
+    [x, y] of node (0, 0), then the step in x and y, mm.
+    """
+
+    nodes: NDArray[np.int16]
+    unit: float
+    lattice: Reals
+
+
+SAMPLED = types.NamedTuple((int16[:, :, :, ::1], float64, REALS), Sampled)
+
+
+@compiled(void(REALS, REALS_2D, INTS, TERMS, int64, int64, SAMPLED), ordered=False)
 def replay(
-    log_p: Reals, state: Reals, letter: Ints, terms: Terms, first: int, last: int, nodes: Floats,
-    lattice: Reals,
-) -> None:  # fmt: skip
+    log_p: Reals, state: Reals, letter: Ints, terms: Terms, first: int, last: int, sampled: Sampled
+) -> None:
     """Add log p(z | x) (eq. 7) of readings first, ..., last - 1 to the log-beliefs of states anywhere.
 
-    log_p: (states,). state: (3, states) T_R^O. letter: (states,). nodes: (tables, letters, rows, columns),
-    less the value outside, hence 0 at the rim. lattice: [x, y] of node (0, 0), then the step in x and y,
-    mm. A state's readings are added one by one, in order: it does not matter in how many calls.
+    log_p: (states,). state: (3, states) T_R^O. letter: (states,). A state's readings are added one by one, in order: it
+    does not matter in how many calls.
     """
     start, kind, xy, weight, constant = terms.start, terms.kind, terms.xy, terms.weight, terms.constant
+    nodes, unit, lattice = sampled.nodes, float32(sampled.unit), sampled.lattice
     _, letters, rows, columns = nodes.shape
     flat, plane = nodes.reshape(nodes.size), rows * columns
     # Places are in float32, twice as many to a vector: the nodes of a letter are some hundred, not thousands, apart.
@@ -61,7 +69,7 @@ def replay(
         for reading in range(first, last):
             total[:] = 0
             for i in range(start[reading], start[reading + 1]):
-                factor, tables = weight[i], uint64(kind[i] * letters * plane)
+                factor, tables = weight[i] * unit, uint64(kind[i] * letters * plane)
                 # A taxel's terms follow each other and share its places.
                 if i == start[reading] or xy[i, 0] != xy[i - 1, 0] or xy[i, 1] != xy[i - 1, 1]:
                     there_x, there_y = float32(xy[i, 0]), float32(xy[i, 1])

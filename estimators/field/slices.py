@@ -12,7 +12,7 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import boolean, float64, int64, types, void
+from numba import boolean, float64, int16, int64, types, void
 from numpy.typing import NDArray
 
 from tactsim.core.compiling import (
@@ -36,40 +36,61 @@ _FAR = 1e9
 class Slices(NamedTuple):
     """Tables as bins, or blocks of bins, read them.
 
-    nodes: flat; those of the lattice that are one bin apart are neighbours, with TALL rows of zeros before and after
-    each plane and LANES zeros after each row, so that a tile may hang over the edge. shape: (tables, letters,
-    phases_y, phases_x, rows, columns) without these zeros: the lattice node [row * phases_y + phase_y,
-    column * phases_x + phase_x] is in that row and column of the plane of those phases.
-    place: [x, y] of bin (0, 0) less that of node (0, 0), then the bins' spacing in x and y, mm.
+    nodes: flat, each times `unit` nats; those of the lattice that are one bin apart are neighbours. shape: (tables,
+    letters, phases_y, phases_x, rows, columns): the lattice node [row * phases_y + phase_y, column * phases_x +
+    phase_x] is in that row and column of the plane of those phases. first: index of the first table's first node. row,
+    plane, table: how many numbers it is to the next of them. Before and after each row and plane there are zeros, so
+    that a tile may hang over. place: [x, y] of bin (0, 0) less that of node (0, 0), then the bins' spacing in x and y,
+    mm.
     """
 
-    nodes: Floats
+    nodes: NDArray[np.int16]
+    unit: float
     shape: Ints
+    first: int
+    row: int
+    plane: int
+    table: int
     place: Reals
 
 
-SLICES = types.NamedTuple((FLOATS, INTS, REALS), Slices)
+SLICES = types.NamedTuple((int16[::1], float64, INTS, int64, int64, int64, int64, REALS), Slices)
 
 
-def slices_of(nodes: Floats, phases: tuple[int, int], place: Reals) -> Slices:
+def slices_of(nodes: NDArray[np.int16], unit: float, phases: tuple[int, int], place: Reals) -> Slices:
     """Lay out the nodes and phases of `Tables` for the kernels; place as in `Slices`."""
-    framed = laid_out(nodes, phases, 0)
-    rows, columns = framed.shape[4] - 2 * TALL, framed.shape[5] - LANES
-    return Slices(framed.reshape(-1), np.array([*framed.shape[:4], rows, columns]), place)
+    shape = *nodes.shape[:2], *phases, nodes.shape[2] // phases[0], nodes.shape[3] // phases[1]
+    flat = laid_out(nodes, phases, np.zeros(len(nodes)))
+    return Slices(flat, unit, np.array(shape), *_strides(*shape[1:]), place)
 
 
-def laid_out(nodes: NDArray[Any], phases: tuple[int, int], outside: float) -> NDArray[Any]:
-    """Lay out nodes (tables, letters, rows, columns) as `Slices` says, with another value than zero outside.
+def laid_out(nodes: NDArray[Any], phases: tuple[int, int], outside: NDArray[Any]) -> NDArray[Any]:
+    """Lay out nodes (tables, letters, rows, columns) as `Slices` says, flat, with other values than zeros.
 
-    Returns (tables, letters, phases_y, phases_x, rows + 2 * TALL, columns + LANES).
+    outside: (tables,).
     """
     kinds, letters, rows, columns = nodes.shape
-    phases_y, phases_x = phases
-    shape = kinds, letters, phases_y, phases_x, rows // phases_y, columns // phases_x
-    framed = np.full((*shape[:4], shape[4] + 2 * TALL, shape[5] + LANES), outside, dtype=nodes.dtype)
-    split = nodes.reshape(kinds, letters, shape[4], phases_y, shape[5], phases_x)
-    framed[..., TALL:-TALL, :-LANES] = split.transpose(0, 1, 3, 5, 2, 4)
-    return framed
+    tall, wide = rows // phases[0], columns // phases[1]
+    first, row, plane, table = _strides(letters, *phases, tall, wide)
+    flat = np.empty((kinds, table), dtype=nodes.dtype)
+    for kind in range(kinds):
+        flat[kind] = outside[kind]
+        split = nodes[kind].reshape(letters, tall, phases[0], wide, phases[1]).transpose(0, 2, 4, 1, 3)
+        flat[kind, first:].reshape(letters, *phases, plane // row, row)[..., :tall, :wide] = split
+    return flat.reshape(-1)
+
+
+def _strides(
+    letters: int, phases_y: int, phases_x: int, rows: int, columns: int
+) -> tuple[int, int, int, int]:
+    """Find `first`, `row`, `plane` and `table` of `Slices`.
+
+    What follows a row or plane also comes before the next.
+    """
+    row = columns + LANES - 1
+    plane = (rows + TALL - 1) * row
+    first = (TALL - 1) * row + LANES - 1
+    return first, row, plane, first + letters * phases_y * phases_x * plane
 
 
 @compiled(
@@ -86,8 +107,8 @@ def place_terms(
     letter's tables; share (4,), their weights; within (4,), first and last column and row (from, to)
     of the bins whose nodes are on the lattice. Elsewhere tables are 0.
     """
-    letters, phases_y, phases_x = slices.shape[1], slices.shape[2], slices.shape[3]
-    width, plane = slices.shape[5] + LANES, (slices.shape[4] + 2 * TALL) * (slices.shape[5] + LANES)
+    phases_y, phases_x = slices.shape[2], slices.shape[3]
+    width, plane = slices.row, slices.plane
     # To the next node, from the last of a bin's nodes to the first of the next bin's.
     carry_x, carry_y = 1 - phases_x * plane, width - phases_y * phases_x * plane
     begin = terms.start[reading]
@@ -103,12 +124,12 @@ def place_terms(
         last_x, last_y = int64(step_x + 1 == phases_x), int64(step_y + 1 == phases_y)
         within[i, 0], within[i, 1] = max(0, -left), min(columns, slices.shape[5] - left - last_x)
         within[i, 2], within[i, 3] = max(0, -below), min(rows, slices.shape[4] - below - last_y)
-        phase = (terms.kind[begin + i] * letters * phases_y + step_y) * phases_x + step_x
-        node = phase * plane + (below + TALL) * width + left
+        node = slices.first + terms.kind[begin + i] * slices.table + below * width + left
+        node += (step_y * phases_x + step_x) * plane
         right, above = plane + last_x * carry_x, phases_x * plane + last_y * carry_y
         offset[i, 0], offset[i, 1] = node, node + right
         offset[i, 2], offset[i, 3] = node + above, node + above + right
-        factor, right_share, above_share = float64(terms.weight[begin + i]), u - step_x, v - step_y
+        factor, right_share, above_share = terms.weight[begin + i] * slices.unit, u - step_x, v - step_y
         share[i, 0] = factor * (1 - above_share) * (1 - right_share)
         share[i, 1] = factor * (1 - above_share) * right_share
         share[i, 2] = factor * above_share * (1 - right_share)
@@ -130,9 +151,8 @@ def sum_tile(
     offset: Ints, share: Floats, within: Ints,
 ) -> None:  # fmt: skip
     """Add up the placed terms for the tile that begins at a row and column; fills total (4 * 16,)."""
-    nodes, width = slices.nodes, slices.shape[5] + LANES
-    plane = (slices.shape[4] + 2 * TALL) * width
-    move = letter * slices.shape[2] * slices.shape[3] * plane + row * width + column
+    nodes, width = slices.nodes, slices.row
+    move = letter * slices.shape[2] * slices.shape[3] * slices.plane + row * width + column
     first = second = third = fourth = zeros()  # type: ignore[call-arg, var-annotated]
     for i in range(terms):
         if beside(within[i], row, column):

@@ -7,7 +7,6 @@ numbers: 256 bytes are added up before 16 bits can overflow.
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numpy as np
@@ -65,22 +64,19 @@ class Looked(NamedTuple):
 LOOKED = types.NamedTuple((INTS_2D, INTS_2D, INTS, REALS), Looked)
 
 
-def levels_of(nodes: Floats, phases: tuple[int, int]) -> Levels:
+def levels_of(nodes: NDArray[np.int16], unit: float, phases: tuple[int, int]) -> Levels:
     """Bound the nodes (tables, letters, rows, columns) of `Tables`, 0 at their rim, laid out with `phases`."""
-    # Outside tables are 0. At the rim they may miss it by rounding, all values may be such traces.
-    lowest = np.array([min(float(table.min()), 0.0) for table in nodes])
-    highest = np.array([max(float(table.max()), 0.0) for table in nodes])
-    step = max(float((highest - lowest).max()), float(np.finfo(np.float32).tiny)) / HIGHEST
-    rows, columns = nodes.shape[2] // phases[0] + 2 * TALL, nodes.shape[3] // phases[1] + LANES
-    framed = np.empty((*nodes.shape[:2], *phases, rows, columns), dtype=np.uint8)
+    # Outside tables are 0.
+    lowest = np.minimum(nodes.min(axis=(1, 2, 3)), 0).astype(np.int64)
+    highest = np.maximum(nodes.max(axis=(1, 2, 3)), 0).astype(np.int64)
+    step = max(1, -(-int((highest - lowest).max()) // HIGHEST))
+    level = np.empty(nodes.shape, dtype=np.uint8)
     for kind, table in enumerate(nodes):  # one by one: they may be many
-        low, largest = lowest[kind], table.astype(float)
+        largest = table.astype(np.int64)
         largest[..., :-1] = np.maximum(largest[..., :-1], largest[..., 1:])
         largest[..., :-1, :] = np.maximum(largest[..., :-1, :], largest[..., 1:, :])
-        level = np.minimum(np.ceil((largest - low) / step), HIGHEST).astype(np.uint8)
-        outside = min(HIGHEST, math.ceil(-low / step))
-        framed[kind] = laid_out(level[None], phases, outside)[0]
-    return Levels(framed.reshape(-1), lowest, np.array([step]))
+        level[kind] = -((lowest[kind] - largest) // step)
+    return Levels(laid_out(level, phases, -(lowest // step)), unit * lowest, np.array([unit * step]))
 
 
 @compiled(
@@ -97,7 +93,7 @@ def look_up(
     terms.
     """
     begin, number = terms.start[reading], terms.start[reading + 1] - terms.start[reading]
-    width = slices.shape[5] + LANES
+    width = slices.row
     for row in range(rows):
         for column in range(columns):
             tile, found, lowest = first + row * columns + column, 0, 0.0

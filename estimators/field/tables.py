@@ -11,22 +11,27 @@ from numpy.typing import NDArray
 
 from tactsim.core.errors import InputError
 from tactsim.core.poses import FloatArray
+from tactsim.estimators.field.replay import Sampled
 from tactsim.estimators.likelihoods.likelihood import Likelihood
 
-_MOST_NODES = 50_000_000  # of all letters: 400 MB a table while they are made
+_MOST_NODES = 50_000_000  # of all letters: 100 MB a table
+# Nodes are whole numbers up to this: one more, by which a bound may be raised, still fits into 16 bits.
+_LARGEST = 32_766
 
 
 @dataclass(frozen=True, eq=False)
 class Tables:
     """Log-likelihood tables of all letters on one lattice, for the kernels.
 
-    nodes: (tables, letters, rows, columns) float32, contiguous, less the value far away, so that they are 0 outside
-    and at their rim. The node [row, column] lies at origin + step * [column, row]. phases: (y, x) how many nodes fit
-    into the spacing of the states; rows and columns are multiples of it. origin, step: [x, y] mm. outside: (tables,
-    letters) the value far away. lowest, highest: (tables,) over all letters and places, far away included.
+    nodes: (tables, letters, rows, columns) int16, contiguous, each times `unit` nats, less the value far away, so that
+    they are 0 outside and at their rim. unit: a power of 2, the same for all, so that nothing is rounded when they are
+    multiplied. The node [row, column] lies at origin + step * [column, row]. phases: (y, x) how many nodes fit into
+    the spacing of the states; rows and columns are multiples of it. origin, step: [x, y] mm. outside: (tables, letters)
+    the value far away, nats. lowest, highest: (tables,) nats, over all letters and places, far away included.
     """
 
-    nodes: NDArray[np.float32]
+    nodes: NDArray[np.int16]
+    unit: float
     phases: tuple[int, int]
     origin: FloatArray
     step: FloatArray
@@ -35,9 +40,9 @@ class Tables:
     highest: FloatArray
 
     @property
-    def lattice(self) -> FloatArray:
-        """Give [x, y] of the first of `nodes` and the steps between them in x and y (4,), mm."""
-        return np.concatenate([self.origin, self.step])
+    def sampled(self) -> Sampled:
+        """Give the nodes and where they are as `replay` reads them."""
+        return Sampled(self.nodes, self.unit, np.concatenate([self.origin, self.step]))
 
 
 def tabulate(
@@ -45,43 +50,73 @@ def tabulate(
 ) -> Tables:
     """Sample a fitted likelihood where states with the given spacing in x and y (mm) can read it.
 
-    The spacing is divided into the smallest whole number of steps that are at most `finest` mm.
+    The spacing is divided into the smallest whole number of steps that are at most `finest` mm. Values are rounded to
+    whole numbers of a unit, which is at most 1/16,383 of the largest difference from a value far away. Rows and
+    columns of nodes beyond which all are as far away are left out.
+
     Raises ValueError if a value is not finite, InputError for more than 50 million nodes.
     """
     low, high = likelihood.extent
     phases = [max(1, math.ceil(gap / finest - 1e-9)) for gap in spacing]
     step = np.array([gap / count for gap, count in zip(spacing, phases, strict=True)])
     # Two nodes more than the extent, so that the outermost ones are at the outside value.
-    counts = [
-        math.ceil((math.ceil((high[i] - low[i]) / step[i]) + 2) / phases[i]) * phases[i] for i in (0, 1)
-    ]
+    counts = [math.ceil((high[i] - low[i]) / step[i]) + 2 for i in (0, 1)]
     if counts[0] * counts[1] * len(labels) > _MOST_NODES:
         raise InputError(
             f"tables of {len(labels)} letters over {high[0] - low[0]:.3g} x {high[1] - low[1]:.3g} mm, for states "
             f"{spacing[0]:.3g} x {spacing[1]:.3g} mm apart, would have more than {_MOST_NODES:,} nodes; choose "
             "another reach, larger cells or another number of bins"
         )
-    axes = [low[i] + step[i] * np.arange(counts[i]) for i in (0, 1)]
-    xy = np.stack(np.meshgrid(*axes), axis=-1)
+    xy = np.stack(np.meshgrid(*(low[i] + step[i] * np.arange(counts[i]) for i in (0, 1))), axis=-1)
     outside = np.stack([likelihood.log_tables(label, high + 1e6) for label in labels], axis=1)
-    nodes = np.empty((*outside.shape, *xy.shape[:2]), dtype=np.float32)
-    lowest, highest = outside.min(axis=1), outside.max(axis=1)
-    for number, label in enumerate(labels):  # float64 for one letter at a time
-        sampled = likelihood.log_tables(label, xy)
-        if not (np.isfinite(sampled).all() and np.isfinite(outside[:, number]).all()):
-            raise ValueError(f"likelihood {type(likelihood).__name__} gives a value that is not finite")
-        nodes[:, number] = sampled - outside[:, number, None, None]
-        lowest = np.minimum(lowest, sampled.min(axis=(1, 2)))
-        highest = np.maximum(highest, sampled.max(axis=(1, 2)))
+    nodes = np.empty((*outside.shape, *xy.shape[:2]), dtype=np.int16)
+    unit, in_unit = 0.0, np.full(len(labels), np.nan)
+    # The unit is known when all letters were sampled. Those that were rounded to a smaller one are sampled again.
+    while stale := np.flatnonzero(in_unit != unit).tolist():
+        for number in stale:
+            sampled = likelihood.log_tables(labels[number], xy) - outside[:, number, None, None]
+            if not np.isfinite(sampled).all():
+                raise ValueError(f"likelihood {type(likelihood).__name__} gives a value that is not finite")
+            unit = max(unit, _unit(np.abs(sampled).max()))
+            nodes[:, number], in_unit[number] = np.rint(sampled / unit), unit
+    nodes, first = _cropped(nodes, phases[::-1])
+    lowest = outside + unit * np.minimum(nodes.min(axis=(2, 3)), 0)
+    highest = outside + unit * np.maximum(nodes.max(axis=(2, 3)), 0)
     return Tables(
         nodes=nodes,
+        unit=unit,
         phases=(phases[1], phases[0]),
-        origin=low,
+        origin=low + step * first[::-1],
         step=step,
         outside=outside,
-        lowest=lowest,
-        highest=highest,
+        lowest=lowest.min(axis=1),
+        highest=highest.max(axis=1),
     )
+
+
+def _unit(largest: float) -> float:
+    """Find the smallest power of 2, at least 2^-100, of which at most `_LARGEST` are as much as `largest`."""
+    share, exponent = math.frexp(largest / _LARGEST)
+    return 2.0 ** max(-100, exponent - (share == 0.5)) if largest else 2.0**-100
+
+
+def _cropped(nodes: NDArray[np.int16], phases: Sequence[int]) -> tuple[NDArray[np.int16], NDArray[np.int64]]:
+    """Leave out rows and columns (axes 2 and 3) that are 0 in all tables, but for one on each side.
+
+    Returns nodes with a multiple of `phases` rows and columns, two at least, and which row and column are the first.
+    """
+    first, ends = np.zeros(2, dtype=np.int64), np.full(2, 2)
+    for axis in (0, 1):
+        filled = np.flatnonzero(nodes.any(axis=(0, 1, 3 - axis)))
+        if len(filled):
+            first[axis], ends[axis] = filled[0] - 1, filled[-1] + 2
+    counts = -(-(ends - first) // phases) * phases
+    cropped = np.zeros((*nodes.shape[:2], *counts), dtype=nodes.dtype)
+    # Where even the outermost row or column is not 0, one of zeros is put before or after it.
+    top, left = (int(begin < 0) for begin in first)
+    kept = nodes[:, :, first[0] + top : ends[0], first[1] + left : ends[1]]
+    cropped[:, :, top : top + kept.shape[2], left : left + kept.shape[3]] = kept
+    return cropped, first
 
 
 def pooled(tables: Tables, wide: int, tall: int) -> Tables:
@@ -106,7 +141,7 @@ def pooled(tables: Tables, wide: int, tall: int) -> Tables:
     )
 
 
-def _sliding_maximum(values: NDArray[np.float32], span: int, axis: int) -> NDArray[np.float32]:
+def _sliding_maximum(values: NDArray[np.int16], span: int, axis: int) -> NDArray[np.int16]:
     """Take the maximum over `span` neighbours along an axis: [i] becomes the largest of [i : i + span]."""
     values = np.moveaxis(values, axis, -1)
     reached = 1

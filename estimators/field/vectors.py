@@ -65,11 +65,12 @@ def zeros(typing: Any) -> Any:
 
 @intrinsic
 def load(typing: Any, array: Any, index: Any) -> Any:
-    """Read array[index : index + LANES] of a contiguous float32 array."""
+    """Read array[index : index + LANES] of a contiguous int16 array, as float32."""
 
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         array, index = args
-        return builder.load(address(context, builder, signature.args[0], array, index, _LANES.held), align=4)
+        there = address(context, builder, signature.args[0], array, index, _WORDS.held)
+        return builder.sitofp(builder.sext(builder.load(there, align=2), WHOLES), REALS)
 
     return _LANES(array, index), generate
 
@@ -157,6 +158,23 @@ def load_bytes(typing: Any, array: Any, index: Any) -> Any:
         return builder.sitofp(builder.zext(values, ir.VectorType(ir.IntType(32), LANES)), _LANES.held)
 
     return _LANES(array, index), generate
+
+
+@intrinsic
+def fetch(typing: Any, array: Any, index: Any) -> Any:
+    """Begin to bring array[index] of a contiguous array into the second-level cache."""
+
+    def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        array, index = args
+        data = context.make_array(signature.args[0])(context, builder, array).data
+        byte, whole = ir.IntType(8).as_pointer(), ir.IntType(32)
+        kind = ir.FunctionType(ir.VoidType(), [byte, whole, whole, whole])
+        function = cgutils.get_or_insert_function(builder.module, kind, "llvm.prefetch.p0")
+        there = builder.bitcast(builder.gep(data, [index]), byte)
+        builder.call(function, [there, *(ir.Constant(whole, number) for number in (0, 2, 1))])
+        return context.get_dummy_value()
+
+    return types.void(array, index), generate
 
 
 @intrinsic

@@ -35,13 +35,10 @@ class CoarseBins:
         self._field, self._grid, self._skip = field, grid, skip
         x, y, angle = grid.centres
         self._slices = field.slices(np.array([x[0], y[0]]), grid.spacing[:2])
+        tables = field.tables
         # Without skipping nothing is bounded.
-        nodes = (
-            field.tables.nodes
-            if skip
-            else np.zeros_like(field.tables.nodes, shape=(1, 1, *field.tables.phases))
-        )
-        self._levels = levels_of(nodes, field.tables.phases)
+        nodes = tables.nodes if skip else np.zeros_like(tables.nodes, shape=(1, 1, *tables.phases))
+        self._levels = levels_of(nodes, tables.unit, tables.phases)
         self._turns = np.column_stack([np.cos(angle), np.sin(angle)])
         inside = bins_of_tiles(grid)
         tiles = len(field.labels), grid.angle, *inside.shape[:2]

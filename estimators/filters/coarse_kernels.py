@@ -8,7 +8,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import boolean, float32, float64, int64, types, uint64, void
+from numba import boolean, float32, float64, int64, types, uint8, uint64, void
+from numpy.typing import NDArray
 
 from tactsim.core.compiling import (
     FLOATS,
@@ -36,11 +37,13 @@ from tactsim.estimators.field.table_levels import (
     raise_weighted,
 )
 from tactsim.estimators.field.terms import ROUNDING, TERMS, Terms
-from tactsim.estimators.field.vectors import LANES, TALL
+from tactsim.estimators.field.vectors import LANES, TALL, fetch
 from tactsim.estimators.filters.branch_and_bound import add_tile
 
 # A tile for so many of the best bins is looked at first; and how many times as many tiles each time after that.
 _NEIGHBOURS, _MORE = 10, 2
+# Bytes that are fetched together.
+_LINE = 64
 # By these a bound of either sign is raised by more than one operation in float32 rounds.
 _LESS, _GREATER = np.float32(1 - 2 * ROUNDING), np.float32(1 + 2 * ROUNDING)
 
@@ -98,6 +101,24 @@ def set_bounds(upper: Floats, log_p: Reals) -> None:
         upper[k] = known * (_LESS if known < 0 else _GREATER)
 
 
+@compiled(void(uint8[::1], INTS, int64, int64, int64, int64, int64), called_from_python=False)
+def fetch_part(
+    level: NDArray[np.uint8], kinds: Ints, table: int, letter: int, nodes: int, part: int, parts: int
+) -> None:
+    """Begin to fetch one of so many parts of a letter's bounds: `nodes` bytes of each of some tables.
+
+    table: bytes from a table to the next.
+
+    No processor foresees where tiles of all angles look up bounds. So a letter's are fetched in order while those of
+    the letter before are summed.
+    """
+    size = (nodes // _LINE) // parts + 1
+    for kind in kinds:
+        first = kind * table + letter * nodes
+        for line in range(part * size, min(nodes // _LINE + 1, (part + 1) * size)):
+            fetch(level, first + line * _LINE)  # type: ignore[call-arg]
+
+
 @compiled(void(COARSE, LEVELS, SLICES, TERMS, PLACED, int64), called_from_python=False)
 def bound_all(
     coarse: Coarse, levels: Levels, slices: Slices, terms: Terms, placed: Placed, count: int
@@ -112,7 +133,10 @@ def bound_all(
         np.empty(tiles, dtype=np.int64),
         np.empty(tiles),
     )
+    width, nodes = slices.row, slices.shape[2] * slices.shape[3] * slices.plane
+    kinds = np.unique(terms.kind[terms.start[count - 1] : terms.start[count]])
     for angle in range(angles):
+        fetch_part(levels.level, kinds, slices.table, 0, nodes, angle, angles)
         look_up(
             looked, levels, slices, terms, count - 1, angle * rows * columns, rows, columns,
             placed.offset[slot, angle], placed.within[slot, angle],
@@ -124,12 +148,12 @@ def bound_all(
     factor = levels.step[0] * heaviest
     # What float32 may lose of the sum of levels.
     slack = terms.slack[count - 1] + (len(weights) + 4) * ROUNDING * len(weights) * HIGHEST * factor
-    width = slices.shape[5] + LANES
-    nodes = slices.shape[2] * slices.shape[3] * (slices.shape[4] + 2 * TALL) * width
     for letter in range(letters):
         upper = coarse.upper[letter].reshape(tiles, TALL * LANES)
         bound = coarse.bound[letter].reshape(tiles)
         for tile in range(tiles):
+            if letter + 1 < letters:
+                fetch_part(levels.level, kinds, slices.table, letter + 1, nodes, tile, tiles)
             constant = terms.constant[count - 1, letter] + looked.lowest[tile]
             constant += slack + 4 * ROUNDING * abs(constant)
             at, move = looked.at[tile, : looked.number[tile]], letter * nodes
@@ -222,11 +246,16 @@ def highest_bounds(coarse: Coarse, count: int) -> tuple[float, float]:
 
 @compiled(float64(COARSE, int64, int64), called_from_python=False)
 def bound_of_highest(coarse: Coarse, count: int, tiles: int) -> float:
-    """Give the least of the bounds of so many tiles, those with the highest bounds of all that are not up to date."""
+    """Give the least of the bounds of so many tiles, those with the highest bounds of all that are not up to date.
+
+    -inf if there are fewer.
+    """
     seen, bound = coarse.seen.reshape(coarse.seen.size), coarse.bound.reshape(coarse.bound.size)
-    waits = bound[seen != count]
-    place = max(0, len(waits) - tiles)
-    return float(np.partition(waits, place)[place])
+    kept = np.full(tiles, -np.inf)
+    for k in range(len(seen)):
+        if seen[k] != count and bound[k] > kept[0]:
+            keep_highest(kept, bound[k : k + 1])
+    return float(kept[0])
 
 
 @compiled(types.Tuple((INTS, REALS))(COARSE, int64, float64), called_from_python=False)

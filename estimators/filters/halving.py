@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from numba import boolean, float64, int64, types, void
 
-from tactsim.core.compiling import FLOATS_4D, INTS, INTS_2D, REALS, REALS_2D, Floats, Ints, Reals, compiled
-from tactsim.estimators.field.replay import replay
+from tactsim.core.compiling import INTS, INTS_2D, REALS, REALS_2D, Ints, Reals, compiled
+from tactsim.estimators.field.replay import SAMPLED, Sampled, replay
 from tactsim.estimators.field.terms import TERMS, Terms
 
 
@@ -119,12 +119,12 @@ def middles_of_halves(
 
 
 @compiled(
-    int64(HALVED, HALVED, int64, boolean, TERMS, int64, FLOATS_4D, REALS, INTS, REALS),
+    int64(HALVED, HALVED, int64, boolean, TERMS, int64, SAMPLED, INTS, REALS),
     called_from_python=False,
 )
 def evaluate(
-    now: Halved, before: Halved, times: int, skip: bool, terms: Terms, readings: int, nodes: Floats, lattice: Reals,
-    counts: Ints, spacing: Reals,
+    now: Halved, before: Halved, times: int, skip: bool, terms: Terms, readings: int, sampled: Sampled, counts: Ints,
+    spacing: Reals,
 ) -> int:  # fmt: skip
     """Find the log-beliefs of the halves of all cells of one size, and return how many of the cells were known.
 
@@ -149,7 +149,7 @@ def evaluate(
         total, state = np.zeros(8 * len(these)), np.empty((3, 8 * len(these)))
         letter = np.empty(8 * len(these), dtype=np.int64)
         middles_of_halves(state, letter, cell[these], times, counts, spacing)
-        replay(total, state, letter, terms, readings - 1 if old else 0, readings, nodes, lattice)
+        replay(total, state, letter, terms, readings - 1 if old else 0, readings, sampled)
         for k in range(len(these)):
             i = these[k]
             for part in range(8):
@@ -185,17 +185,17 @@ def least_chosen(values: Reals, count: int) -> float:
 
 @compiled(
     types.Tuple((INTS, INTS, REALS, int64, int64))(
-        INTS, REALS, LIMITS, float64, boolean, TERMS, int64, FLOATS_4D, REALS, INTS, REALS, HALVED, HALVED
+        INTS, REALS, LIMITS, float64, boolean, TERMS, int64, SAMPLED, INTS, REALS, HALVED, HALVED
     )
 )
 def refine(
     cell: Ints, log_p: Reals, limits: Limits, weight: float, skip: bool, terms: Terms, readings: int,
-    nodes: Floats, lattice: Reals, counts: Ints, spacing: Reals, before: Halved, now: Halved,
+    sampled: Sampled, counts: Ints, spacing: Reals, before: Halved, now: Halved,
 ) -> tuple[Ints, Ints, Reals, int, int]:  # fmt: skip
     """Halve the best of cells, the best of their halves, and so on.
 
     cell, log_p: (n,) bins of a grid and their log-beliefs after so many readings, each of which counts `weight`. terms,
-    nodes, lattice: as `replay` takes them. counts, spacing: as for `middles`. before: what was halved at the reading
+    sampled: as `replay` takes them. counts, spacing: as for `middles`. before: what was halved at the reading
     before; now: is overwritten with what is halved.
 
     Returns the cells that were not halved, those of each size together: where each size ends (sizes,), flat indices and
@@ -219,7 +219,7 @@ def refine(
                 filled += 1
         now.cell[times, :number].sort()
         now.number[times] = number
-        known = evaluate(now, before, times, skip, terms, readings, nodes, lattice, counts, spacing)
+        known = evaluate(now, before, times, skip, terms, readings, sampled, counts, spacing)
         evaluated += 8 * ((number - known) * readings + known)
         unreplayed += 8 * known * (readings - 1)
         end[times] = filled

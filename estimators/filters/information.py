@@ -32,10 +32,10 @@ class Planner:
     def __init__(self, model: CalibratedLikelihood, taxel_xy: FloatArray) -> None:
         cell = model.options.cell
         tables = tabulate(model, tuple(model.maps), (cell, cell), cell)
-        log_p = tables.nodes + tables.outside[:, :, None, None].astype(np.float32)
+        log_p = tables.nodes * np.float32(tables.unit) + tables.outside[:, :, None, None].astype(np.float32)
         # The classes of a node side by side: they are read together.
         self._nodes = np.ascontiguousarray(log_p.transpose(1, 2, 3, 0))
-        self._lattice = tables.lattice
+        self._lattice = tables.sampled.lattice
         self._taxel_xy = np.array(taxel_xy)
 
     def choose(

@@ -13,8 +13,8 @@ import math
 import numpy as np
 from numba import float64, int64
 
-from tactsim.core.compiling import FLOATS_4D, INTS_2D, REALS, REALS_2D, Floats, Ints, Reals, compiled
-from tactsim.estimators.field.replay import replay
+from tactsim.core.compiling import INTS_2D, REALS, REALS_2D, Ints, Reals, compiled
+from tactsim.estimators.field.replay import SAMPLED, Sampled, replay
 from tactsim.estimators.field.terms import TERMS, Terms
 from tactsim.estimators.filters.placement import inverse
 
@@ -53,10 +53,8 @@ def influence(log_p: Reals, weight: Reals, place: Reals) -> float:
     return squared / (2 * len(log_p))
 
 
-@compiled(float64(REALS_2D, int64, TERMS, int64, int64, FLOATS_4D, REALS))
-def influence_at(
-    state: Reals, letter: int, terms: Terms, first: int, last: int, nodes: Floats, lattice: Reals
-) -> float:
+@compiled(float64(REALS_2D, int64, TERMS, int64, int64, SAMPLED))
+def influence_at(state: Reals, letter: int, terms: Terms, first: int, last: int, sampled: Sampled) -> float:
     """Compute `influence` of readings first, ..., last - 1 on a belief of equally probable states of one letter.
 
     state: (3, n) T_R^O mm, mm, rad. Other arguments as for `replay`.
@@ -67,7 +65,7 @@ def influence_at(
     for k in range(count):
         place[0, k], place[1, k], _ = inverse(state[0, k], state[1, k], state[2, k])
     for reading in range(first, last):
-        replay(log_p[reading - first], state, letters, terms, reading, reading + 1, nodes, lattice)
+        replay(log_p[reading - first], state, letters, terms, reading, reading + 1, sampled)
     return influence(log_p, weight, place)
 
 

@@ -5,26 +5,21 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from tactsim.core.poses import FloatArray
+from tactsim.estimators.field.replay import Sampled
 from tactsim.estimators.field.tables import Tables
-
-# How many roundings of float32 an interpolated value may be above its nodes.
-_ROUNDINGS = 4 * np.finfo(np.float32).eps
 
 
 @dataclass(frozen=True, eq=False)
 class Level:
     """What a block of `side` x `side` bins, given by the place of its first bin, may reach at most.
 
-    nodes: (tables, letters, rows, columns) and lattice: (4,) as `field.replay` takes them. Interpolated at the first
-    bin's place, they are not below what any bin of the block looks up. With a side of 1 they are the tables.
+    sampled: as `field.replay` takes it. Interpolated at the first bin's place, it is not below what any bin of the
+    block looks up. With a side of 1 it is the tables.
     """
 
     side: int
-    nodes: NDArray[np.float32]
-    lattice: FloatArray
+    sampled: Sampled
 
 
 def pyramid(tables: Tables, side: int) -> list[Level]:
@@ -32,9 +27,9 @@ def pyramid(tables: Tables, side: int) -> list[Level]:
 
     A node becomes the maximum of the nodes that the bins of a block beginning there may look up, as in the precomputed
     grids of Hess et al. (2016). One node more is taken in on every side, so that it does not matter how places are
-    rounded. Where not all of these nodes are equal, as much is added as interpolation may round up.
+    rounded. Where not all of these nodes are equal, one unit is added: interpolation may round up by less.
     """
-    levels = [Level(1, tables.nodes, tables.lattice)]
+    levels = [Level(1, tables.sampled)]
     while levels[-1].side < side:
         levels.append(_level(tables, 2 * levels[-1].side))
     return levels
@@ -54,7 +49,7 @@ def _level(tables: Tables, side: int) -> Level:
         highest = maximum_filter1d(np.pad(highest, frame), **where)
         lowest = minimum_filter1d(np.pad(lowest, frame), **where)
         low.append(span)
-    highest += np.where(highest > lowest, _ROUNDINGS * np.maximum(abs(highest), abs(lowest)), 0)
-    lattice = tables.lattice.copy()
+    highest += highest > lowest
+    lattice = tables.sampled.lattice
     lattice[:2] -= np.array(low[::-1]) * lattice[2:]
-    return Level(side, highest, lattice)
+    return Level(side, tables.sampled._replace(nodes=highest, lattice=lattice))

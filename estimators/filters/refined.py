@@ -113,7 +113,7 @@ class RefinedFilter(GridFilter):
         self._before, self._halved = self._halved, self._before
         end, left, left_log_p, evaluated, unreplayed = refine(
             cell, log_p, self._limits, weight, self.options.skip, self.field.terms, len(self.field),
-            self.field.tables.nodes, self.field.tables.lattice, self._counts, self._size, self._before, self._halved,
+            self.field.tables.sampled, self._counts, self._size, self._before, self._halved,
         )  # fmt: skip
         self._leaves, self._weight = (end, left, left_log_p), weight
         self._weight = self.trust.given(len(self.field), self._influence())
@@ -186,7 +186,7 @@ class RefinedFilter(GridFilter):
         some = Weights(weights.log[mine]).spaced(_STATES, 0.5)
         return influence_at(
             cells.states.take(mine[some], axis=1), best, self.field.terms, max(0, count - _READINGS), count,
-            self.field.tables.nodes, self.field.tables.lattice,
+            self.field.tables.sampled,
         )  # fmt: skip
 
     def _belief_in_cells(self) -> tuple[Cells, Weights]:

@@ -135,8 +135,7 @@ class ScanMatching(GridFilter):
             self.field.terms,
             first,
             count,
-            level.nodes,
-            level.lattice,
+            level.sampled,
         )
         if level.side == 1:
             self._bins += len(scores) * (count - first)

@@ -79,7 +79,7 @@ def test_features_do_not_depend_on_where_the_robots_frame_lies():
 
 
 def test_what_is_learned_is_to_touch_the_object():
-    policy = LearnedPolicy("histogram", rounds=2, episodes=30)
+    policy = LearnedPolicy("histogram", rounds=4, episodes=30)
     policy.learn(TASK, 0)
     first = []
     env = env_of(belief="histogram")

@@ -22,8 +22,9 @@ REPEATS = 60
 
 
 @njit(error_model="numpy", fastmath={"contract"})
-def one_by_one(log_p, state, letter, terms, first, last, nodes, lattice):
+def one_by_one(log_p, state, letter, terms, first, last, sampled):
     """Do what `replay` does, in plain loops of which a compiler makes what it can."""
+    nodes, unit, lattice = sampled.nodes, np.float32(sampled.unit), sampled.lattice
     _, letters, rows, columns = nodes.shape
     flat, plane = nodes.reshape(nodes.size), rows * columns
     right, above = np.empty(128, dtype=np.float32), np.empty(128, dtype=np.float32)
@@ -43,7 +44,7 @@ def one_by_one(log_p, state, letter, terms, first, last, nodes, lattice):
         for reading in range(first, last):
             total[:count] = 0
             for i in range(terms.start[reading], terms.start[reading + 1]):
-                factor, tables = terms.weight[i], uint64(terms.kind[i] * letters * plane)
+                factor, tables = terms.weight[i] * unit, uint64(terms.kind[i] * letters * plane)
                 x, y = np.float32(terms.xy[i, 0]), np.float32(terms.xy[i, 1])
                 for k in range(uint64(count)):
                     u = place[0, k] + cos[0, k] * x - sin[0, k] * y
@@ -55,8 +56,10 @@ def one_by_one(log_p, state, letter, terms, first, last, nodes, lattice):
                 for k in range(uint64(count)):
                     corner = tables + uint64(uint32(at[k]))
                     next_row = corner + uint64(columns)
-                    lower = flat[corner] + right[k] * (flat[corner + uint64(1)] - flat[corner])
-                    upper = flat[next_row] + right[k] * (flat[next_row + uint64(1)] - flat[next_row])
+                    here, there = np.float32(flat[corner]), np.float32(flat[corner + uint64(1)])
+                    lower = here + right[k] * (there - here)
+                    here, there = np.float32(flat[next_row]), np.float32(flat[next_row + uint64(1)])
+                    upper = here + right[k] * (there - here)
                     total[k] += factor * (lower + above[k] * (upper - lower))
             for k in range(count):
                 log_p[begin + k] += terms.constant[reading, letter[begin + k]] + total[k]
@@ -78,7 +81,7 @@ def test_states_looked_up_together_beside_one_by_one(vowels, model):
         rng = np.random.default_rng(0)
         state = np.ascontiguousarray(rng.normal(0, [spread, spread, spread / 9], (states, 3)).T)
         letter = np.sort(rng.integers(5, size=states))
-        asked = state, letter, field.terms, 0, 6, field.tables.nodes, field.tables.lattice
+        asked = state, letter, field.terms, 0, 6, field.tables.sampled
         spent, sums = np.zeros((2, REPEATS), dtype=np.int64), np.zeros((2, states))
         for repeat in range(-1, REPEATS):  # the first compiles
             for which, work in enumerate((one_by_one, replay)):

@@ -68,5 +68,5 @@ def tabulated_log_likelihood(tables, letter, state, reading, sensor_in_robot, ta
             continue
         table = 1 if kind == CONTACT else 0
         value = interpolate(tables.nodes[table, letter].astype(float), tables.origin, tables.step, x, y, 0.0)
-        total += value + tables.outside[table, letter]
+        total += tables.unit * value + tables.outside[table, letter]
     return total

@@ -44,7 +44,7 @@ def plainly(field, letter, state, evidence, pose):
     for kind, taxel, weight in zip(evidence.table, evidence.taxel, evidence.weight, strict=True):
         nodes = tables.nodes[kind, letter].astype(float)
         there = reference.interpolate(nodes, tables.origin, tables.step, *at[taxel], 0.0)
-        total += float(weight) * (there + tables.outside[kind, letter])
+        total += float(weight) * (tables.unit * there + tables.outside[kind, letter])
     return total
 
 

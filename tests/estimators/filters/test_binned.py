@@ -30,30 +30,37 @@ def field_of(model, grid):
 
 
 @pytest.mark.parametrize("split", [(25, 25, 4), (3, 5, 2), (1, 1, 1), (17, 33, 2)])
-def test_tiles_that_hang_over_the_tables_read_nothing_beyond_them(model, split, monkeypatch):
+@pytest.mark.parametrize("what", [-32_768, 32_767])
+def test_tiles_that_hang_over_the_tables_read_nothing_beyond_them(model, split, what, monkeypatch):
     plain = LikelihoodField.slices
 
-    def amid_nan(*args):
+    def amid(*args):
         slices = plain(*args)
-        around = np.full(3 * slices.nodes.size, np.nan, dtype=np.float32)
+        around = np.full(3 * slices.nodes.size, what, dtype=np.int16)
         inside = around[slices.nodes.size : 2 * slices.nodes.size]
         inside[:] = slices.nodes
         return slices._replace(nodes=inside)
 
-    monkeypatch.setattr(LikelihoodField, "slices", amid_nan)
     grid = StateGrid(*split)
     field = field_of(model, grid)
+    expected = BinnedBelief(field, grid, negligible=1e-8)
+    monkeypatch.setattr(LikelihoodField, "slices", amid)
     belief = BinnedBelief(field, grid, negligible=1e-8)
     rng = np.random.default_rng(0)
     for _ in range(10):
         field.reset()
         belief.reset()
+        expected.reset()
         # Anywhere from the middle of the map to far off it, so that every edge is hung over.
         for reach in (10, 30, 60, 1e4, 1e9):
             reading = model[1].readings[rng.integers(len(model[1]))]
             field.append(model[0].evidence(reading), rng.uniform(-reach, reach, 3))
             belief.update()
+            expected.update()
         mass, mode, _ = belief.summary(20.0)
+        assert np.array_equal(mass, expected.summary(20.0)[0])
+        assert np.array_equal(belief.log_belief(), expected.log_belief())
+        assert np.array_equal(belief.upper_bounds(), expected.upper_bounds())
         assert np.isfinite(mass).all()
         assert mode.max() >= 0
         assert np.isfinite(belief.upper_bounds()).all()

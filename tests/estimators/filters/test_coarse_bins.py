@@ -108,10 +108,12 @@ def test_tiles_that_hang_over_the_tables_read_nothing_beyond_them(model, split, 
         return inside
 
     plain = CoarseBins(field, grid, True)
-    framed = CoarseBins(field, grid, True)
-    framed._slices = plain._slices._replace(nodes=amid(plain._slices.nodes, np.nan))
-    lazy = [framed]
-    for what in (0, 63):
+    lazy = []
+    for what in (-32_768, 32_767):
+        framed = CoarseBins(field, grid, True)
+        framed._slices = plain._slices._replace(nodes=amid(plain._slices.nodes, what))
+        lazy.append(framed)
+    for what in (0, 255):
         other = CoarseBins(field, grid, True)
         other._levels = plain._levels._replace(level=amid(plain._levels.level, what))
         lazy.append(other)
@@ -138,7 +140,7 @@ def test_a_bound_that_is_too_low_is_noticed(model):
     grid = StateGrid(12, 13, 5)
     field = field_of(model, grid)
     every, lazy = BinnedBelief(field, grid), CoarseBins(field, grid, True)
-    low = coarse_bins.levels_of(field.tables.nodes, field.tables.phases)
+    low = coarse_bins.levels_of(field.tables.nodes, field.tables.unit, field.tables.phases)
     lazy._levels = low._replace(level=np.maximum(low.level, 60) - np.uint8(60))
     above = False
     for number in range(4):

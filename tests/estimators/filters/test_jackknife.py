@@ -64,7 +64,7 @@ def test_at_states_it_is_that_of_what_the_field_says_there():
     field = estimator.field
     state = np.random.default_rng(2).normal(scale=[[2.0], [2.0], [1.0]], size=(3, 40))
     log_p = np.array([field.log_p(1, state, one, one + 1) for one in range(2, 6)])
-    found = influence_at(state, 1, field.terms, 2, 6, field.tables.nodes, field.tables.lattice)
+    found = influence_at(state, 1, field.terms, 2, 6, field.tables.sampled)
     assert found == pytest.approx(by_definition(log_p, np.ones(40), invert(state.T)[:, :2].T))
 
 
