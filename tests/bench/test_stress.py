@@ -143,7 +143,7 @@ PLANTED = {
     ),
     "frames.error-at-the-seam": ("tactsim.bench.placement_error.distances", not_inverted),
     "maps.peak-near-one": ("tactsim.estimators.likelihoods.occupancy._NOTHING", 0.5),
-    "likelihood.float32-tables": (
+    "likelihood.tables": (
         "tactsim.estimators.likelihoods.paper.sigmoid",
         lambda odds: 0.999 * sigmoid(odds),
     ),
