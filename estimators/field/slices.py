@@ -9,6 +9,7 @@ all terms are added.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -60,23 +61,25 @@ SLICES = types.NamedTuple((int16[::1], float64, INTS, int64, int64, int64, int64
 def slices_of(nodes: NDArray[np.int16], unit: float, phases: tuple[int, int], place: Reals) -> Slices:
     """Lay out the nodes and phases of `Tables` for the kernels; place as in `Slices`."""
     shape = *nodes.shape[:2], *phases, nodes.shape[2] // phases[0], nodes.shape[3] // phases[1]
-    flat = laid_out(nodes, phases, np.zeros(len(nodes)))
+    flat = laid_out(nodes, nodes.shape, phases, np.zeros(len(nodes), dtype=nodes.dtype))
     return Slices(flat, unit, np.array(shape), *_strides(*shape[1:]), place)
 
 
-def laid_out(nodes: NDArray[Any], phases: tuple[int, int], outside: NDArray[Any]) -> NDArray[Any]:
-    """Lay out nodes (tables, letters, rows, columns) as `Slices` says, flat, with other values than zeros.
+def laid_out(
+    tables: Iterable[NDArray[Any]], shape: Sequence[int], phases: tuple[int, int], outside: NDArray[Any]
+) -> NDArray[Any]:
+    """Lay out nodes as `Slices` says, flat, with other values than zeros outside, (tables,), of whose kind all are.
 
-    outside: (tables,).
+    tables: nodes (letters, rows, columns), which may be made one by one. shape: (tables, letters, rows, columns).
     """
-    kinds, letters, rows, columns = nodes.shape
+    kinds, letters, rows, columns = shape
     tall, wide = rows // phases[0], columns // phases[1]
     first, row, plane, table = _strides(letters, *phases, tall, wide)
-    flat = np.empty((kinds, table), dtype=nodes.dtype)
-    for kind in range(kinds):
-        flat[kind] = outside[kind]
-        split = nodes[kind].reshape(letters, tall, phases[0], wide, phases[1]).transpose(0, 2, 4, 1, 3)
-        flat[kind, first:].reshape(letters, *phases, plane // row, row)[..., :tall, :wide] = split
+    flat = np.empty((kinds, table), dtype=outside.dtype)
+    for values, there, nodes in zip(flat, outside, tables, strict=True):
+        values[:] = there
+        split = nodes.reshape(letters, tall, phases[0], wide, phases[1]).transpose(0, 2, 4, 1, 3)
+        values[first:].reshape(letters, *phases, plane // row, row)[..., :tall, :wide] = split
     return flat.reshape(-1)
 
 

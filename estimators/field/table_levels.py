@@ -70,13 +70,18 @@ def levels_of(nodes: NDArray[np.int16], unit: float, phases: tuple[int, int]) ->
     lowest = np.minimum(nodes.min(axis=(1, 2, 3)), 0).astype(np.int64)
     highest = np.maximum(nodes.max(axis=(1, 2, 3)), 0).astype(np.int64)
     step = max(1, -(-int((highest - lowest).max()) // HIGHEST))
-    level = np.empty(nodes.shape, dtype=np.uint8)
-    for kind, table in enumerate(nodes):  # one by one: they may be many
-        largest = table.astype(np.int64)
-        largest[..., :-1] = np.maximum(largest[..., :-1], largest[..., 1:])
-        largest[..., :-1, :] = np.maximum(largest[..., :-1, :], largest[..., 1:, :])
-        level[kind] = -((lowest[kind] - largest) // step)
-    return Levels(laid_out(level, phases, -(lowest // step)), unit * lowest, np.array([unit * step]))
+    # One by one: the tables may be many.
+    levels = (_bounds(table, least, step) for table, least in zip(nodes, lowest, strict=True))
+    outside = (-(lowest // step)).astype(np.uint8)
+    return Levels(laid_out(levels, nodes.shape, phases, outside), unit * lowest, np.array([unit * step]))
+
+
+def _bounds(table: NDArray[np.int16], lowest: int, step: int) -> NDArray[np.uint8]:
+    """Count the steps from the lowest up to the largest of four nodes for each place (letters, rows, columns)."""
+    largest = table.astype(np.int32)
+    largest[..., :-1] = np.maximum(largest[..., :-1], largest[..., 1:])
+    largest[..., :-1, :] = np.maximum(largest[..., :-1, :], largest[..., 1:, :])
+    return (-((lowest - largest) // step)).astype(np.uint8)
 
 
 @compiled(
