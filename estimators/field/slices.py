@@ -32,6 +32,8 @@ from tactsim.estimators.field.vectors import LANES, TALL, add_times, load, store
 
 # A slice further out than this many bins is off the map, and its index might overflow.
 _FAR = 1e9
+# So many numbers before and after all tables may be read, and left out.
+_BESIDE = LANES - 1
 
 
 class Slices(NamedTuple):
@@ -39,23 +41,22 @@ class Slices(NamedTuple):
 
     nodes: flat, each times `unit` nats; those of the lattice that are one bin apart are neighbours. shape: (tables,
     letters, phases_y, phases_x, rows, columns): the lattice node [row * phases_y + phase_y, column * phases_x +
-    phase_x] is in that row and column of the plane of those phases. first: index of the first table's first node. row,
-    plane, table: how many numbers it is to the next of them. Before and after each row and plane there are zeros, so
-    that a tile may hang over. place: [x, y] of bin (0, 0) less that of node (0, 0), then the bins' spacing in x and y,
-    mm.
+    phase_x] is in that row and column of the plane of those phases. first: index of the first table's first node.
+    plane, table: how many numbers it is to the next of them; rows follow each other. Before and after each plane there
+    are rows of zeros, so that a tile may hang over. Beside its rows a tile reads what it must leave out. place: [x, y]
+    of bin (0, 0) less that of node (0, 0), then the bins' spacing in x and y, mm.
     """
 
     nodes: NDArray[np.int16]
     unit: float
     shape: Ints
     first: int
-    row: int
     plane: int
     table: int
     place: Reals
 
 
-SLICES = types.NamedTuple((int16[::1], float64, INTS, int64, int64, int64, int64, REALS), Slices)
+SLICES = types.NamedTuple((int16[::1], float64, INTS, int64, int64, int64, REALS), Slices)
 
 
 def slices_of(nodes: NDArray[np.int16], unit: float, phases: tuple[int, int], place: Reals) -> Slices:
@@ -74,26 +75,24 @@ def laid_out(
     """
     kinds, letters, rows, columns = shape
     tall, wide = rows // phases[0], columns // phases[1]
-    first, row, plane, table = _strides(letters, *phases, tall, wide)
-    flat = np.empty((kinds, table), dtype=outside.dtype)
-    for values, there, nodes in zip(flat, outside, tables, strict=True):
+    _, plane, table = _strides(letters, *phases, tall, wide)
+    flat = np.zeros(2 * _BESIDE + kinds * table, dtype=outside.dtype)
+    inside = flat[_BESIDE:-_BESIDE].reshape(kinds, table)
+    for values, there, nodes in zip(inside, outside, tables, strict=True):
         values[:] = there
         split = nodes.reshape(letters, tall, phases[0], wide, phases[1]).transpose(0, 2, 4, 1, 3)
-        values[first:].reshape(letters, *phases, plane // row, row)[..., :tall, :wide] = split
-    return flat.reshape(-1)
+        planes = values[(TALL - 1) * wide :].reshape(letters, *phases, plane // wide, wide)
+        planes[..., :tall, :] = split
+    return flat
 
 
-def _strides(
-    letters: int, phases_y: int, phases_x: int, rows: int, columns: int
-) -> tuple[int, int, int, int]:
-    """Find `first`, `row`, `plane` and `table` of `Slices`.
+def _strides(letters: int, phases_y: int, phases_x: int, rows: int, columns: int) -> tuple[int, int, int]:
+    """Find `first`, `plane` and `table` of `Slices`.
 
-    What follows a row or plane also comes before the next.
+    The rows that follow a plane also come before the next.
     """
-    row = columns + LANES - 1
-    plane = (rows + TALL - 1) * row
-    first = (TALL - 1) * row + LANES - 1
-    return first, row, plane, first + letters * phases_y * phases_x * plane
+    before, plane = (TALL - 1) * columns, (rows + TALL - 1) * columns
+    return _BESIDE + before, plane, before + letters * phases_y * phases_x * plane
 
 
 @compiled(
@@ -111,7 +110,7 @@ def place_terms(
     of the bins whose nodes are on the lattice. Elsewhere tables are 0.
     """
     phases_y, phases_x = slices.shape[2], slices.shape[3]
-    width, plane = slices.row, slices.plane
+    width, plane = slices.shape[5], slices.plane
     # To the next node, from the last of a bin's nodes to the first of the next bin's.
     carry_x, carry_y = 1 - phases_x * plane, width - phases_y * phases_x * plane
     begin = terms.start[reading]
@@ -125,7 +124,8 @@ def place_terms(
         u, v = (u - left) * phases_x, (v - below) * phases_y
         step_x, step_y = min(int64(u), phases_x - 1), min(int64(v), phases_y - 1)
         last_x, last_y = int64(step_x + 1 == phases_x), int64(step_y + 1 == phases_y)
-        within[i, 0], within[i, 1] = max(0, -left), min(columns, slices.shape[5] - left - last_x)
+        within[i, 0] = min(max(0, -left), columns)
+        within[i, 1] = min(columns, width - left - last_x)
         within[i, 2], within[i, 3] = max(0, -below), min(rows, slices.shape[4] - below - last_y)
         node = slices.first + terms.kind[begin + i] * slices.table + below * width + left
         node += (step_y * phases_x + step_x) * plane
@@ -145,6 +145,14 @@ def beside(within: Ints, row: int, column: int) -> bool:
     return column + LANES <= within[0] or column >= within[1] or row + TALL <= within[2] or row >= within[3]
 
 
+@compiled(int64(INTS, int64), called_from_python=False)
+def lanes_within(within: Ints, column: int) -> int:
+    """Set the bits of those of a tile's columns, from `column` on, that lie in `within` (4,), see `place_terms`."""
+    begin = min(max(within[0] - column, 0), LANES)
+    end = min(max(within[1] - column, begin), LANES)
+    return (1 << end) - (1 << begin)
+
+
 @compiled(
     void(FLOATS, SLICES, int64, int64, int64, int64, INTS_2D, FLOATS_2D, INTS_2D),
     called_from_python=False,
@@ -154,18 +162,19 @@ def sum_tile(
     offset: Ints, share: Floats, within: Ints,
 ) -> None:  # fmt: skip
     """Add up the placed terms for the tile that begins at a row and column; fills total (4 * 16,)."""
-    nodes, width = slices.nodes, slices.row
+    nodes, width = slices.nodes, slices.shape[5]
     move = letter * slices.shape[2] * slices.shape[3] * slices.plane + row * width + column
     first = second = third = fourth = zeros()  # type: ignore[call-arg, var-annotated]
     for i in range(terms):
         if beside(within[i], row, column):
             continue
+        lanes = lanes_within(within[i], column)
         for corner in range(4):
             weight, at = share[i, corner], offset[i, corner] + move
-            first = add_times(first, weight, load(nodes, at))
-            second = add_times(second, weight, load(nodes, at + width))
-            third = add_times(third, weight, load(nodes, at + 2 * width))
-            fourth = add_times(fourth, weight, load(nodes, at + 3 * width))
+            first = add_times(first, weight, load(nodes, at, lanes))
+            second = add_times(second, weight, load(nodes, at + width, lanes))
+            third = add_times(third, weight, load(nodes, at + 2 * width, lanes))
+            fourth = add_times(fourth, weight, load(nodes, at + 3 * width, lanes))
     store(total, 0, first)
     store(total, LANES, second)
     store(total, 2 * LANES, third)

@@ -13,8 +13,8 @@ import numpy as np
 from numba import float32, float64, int64, types, uint8, void
 from numpy.typing import NDArray
 
-from tactsim.core.compiling import FLOATS, INTS, INTS_2D, REALS, Floats, Ints, Reals, compiled
-from tactsim.estimators.field.slices import SLICES, Slices, beside, laid_out
+from tactsim.core.compiling import FLOATS, FLOATS_2D, INTS, INTS_2D, REALS, Floats, Ints, Reals, compiled
+from tactsim.estimators.field.slices import SLICES, Slices, beside, laid_out, lanes_within
 from tactsim.estimators.field.terms import TERMS, Terms
 from tactsim.estimators.field.vectors import (
     LANES,
@@ -24,6 +24,7 @@ from tactsim.estimators.field.vectors import (
     add_words,
     highest_lane,
     load_bytes,
+    load_plus,
     no_words,
     raised,
     zeros,
@@ -51,17 +52,19 @@ class Looked(NamedTuple):
     """Where the tiles of all angles look up the bounds of one reading.
 
     at: (tiles, most) flat index of the level of the tile's first bin for the first letter. term: (tiles, most) number
-    of the term. number: (tiles,) how many of these. lowest: (tiles,) nats, the sum of their tables' lowest values
+    of the term. lanes: (tiles, most) bits of the tile's columns that lie in its table. number: (tiles,) how many of
+    these. lowest: (tiles, LANES) nats, for each column the sum of the lowest values of the tables that it lies in,
     times their weights.
     """
 
     at: Ints
     term: Ints
+    lanes: Ints
     number: Ints
-    lowest: Reals
+    lowest: Floats
 
 
-LOOKED = types.NamedTuple((INTS_2D, INTS_2D, INTS, REALS), Looked)
+LOOKED = types.NamedTuple((INTS_2D, INTS_2D, INTS_2D, INTS, FLOATS_2D), Looked)
 
 
 def levels_of(nodes: NDArray[np.int16], unit: float, phases: tuple[int, int]) -> Levels:
@@ -98,70 +101,87 @@ def look_up(
     terms.
     """
     begin, number = terms.start[reading], terms.start[reading + 1] - terms.start[reading]
-    width = slices.row
+    width, change = slices.shape[5], np.empty(LANES + 1)
     for row in range(rows):
         for column in range(columns):
-            tile, found, lowest = first + row * columns + column, 0, 0.0
+            tile, found = first + row * columns + column, 0
+            change[:] = 0  # of the lowest values' sum, from a column of the tile to the next
             for i in range(number):
                 if not beside(within[i], row * TALL, column * LANES):
                     looked.at[tile, found] = offset[i, 0] + row * TALL * width + column * LANES
                     looked.term[tile, found] = begin + i
-                    lowest += terms.weight[begin + i] * levels.lowest[terms.kind[begin + i]]
+                    looked.lanes[tile, found] = lanes_within(within[i], column * LANES)
+                    lowest = terms.weight[begin + i] * levels.lowest[terms.kind[begin + i]]
+                    change[max(0, within[i, 0] - column * LANES)] += lowest
+                    change[min(LANES, within[i, 1] - column * LANES)] -= lowest
                     found += 1
-            looked.number[tile], looked.lowest[tile] = found, lowest
+            looked.number[tile], total = found, 0.0
+            for lane in range(LANES):
+                total += change[lane]
+                looked.lowest[tile, lane] = total
 
 
-@compiled(float64(FLOATS, LEVELS, INTS, int64, int64, float32, float32), called_from_python=False)
+@compiled(float64(FLOATS, LEVELS, LOOKED, int64, int64, int64, float32, float32), called_from_python=False)
 def raise_alike(
-    bound: Floats, levels: Levels, at: Ints, move: int, width: int, weight: float, constant: float
+    bound: Floats,
+    levels: Levels,
+    looked: Looked,
+    tile: int,
+    move: int,
+    width: int,
+    weight: float,
+    constant: float,
 ) -> float:
-    """Add constant + the sum of levels, which all have one weight, to the bounds of a tile's bins (4 * 16,).
+    """Add constant + what is looked up, where all terms have one weight, to the bounds of a tile's bins (4 * 16,).
 
-    at: (n,) flat indices, all moved on by `move`. width: from a row of the tile to the next. weight: nats a level.
+    move: from the first letter to the one asked for. width: from a row of the tile to the next. weight: nats a level.
     Returns the highest bound; bounds are rounded up.
     """
-    level, number = levels.level, len(at)
-    first = second = third = fourth = zeros()  # type: ignore[call-arg, var-annotated]
+    level, number = levels.level, looked.number[tile]
+    lowest = load_plus(looked.lowest[tile], constant)  # type: ignore[call-arg, var-annotated]
+    first = second = third = fourth = zeros()
     for begin in range(0, number, _WORDS):
         words_1 = words_2 = words_3 = words_4 = no_words()
         for i in range(begin, min(number, begin + _WORDS)):
-            place = at[i] + move
-            words_1 = add_bytes(words_1, level, place)
-            words_2 = add_bytes(words_2, level, place + width)
-            words_3 = add_bytes(words_3, level, place + 2 * width)
-            words_4 = add_bytes(words_4, level, place + 3 * width)
+            place, lanes = looked.at[tile, i] + move, looked.lanes[tile, i]
+            words_1 = add_bytes(words_1, level, place, lanes)
+            words_2 = add_bytes(words_2, level, place + width, lanes)
+            words_3 = add_bytes(words_3, level, place + 2 * width, lanes)
+            words_4 = add_bytes(words_4, level, place + 3 * width, lanes)
         first, second = add_words(first, words_1), add_words(second, words_2)
         third, fourth = add_words(third, words_3), add_words(fourth, words_4)
-    first = raised(bound, 0, weight, first, constant)
-    second = raised(bound, LANES, weight, second, constant)
-    third = raised(bound, 2 * LANES, weight, third, constant)
-    fourth = raised(bound, 3 * LANES, weight, fourth, constant)
+    first = raised(bound, 0, weight, first, lowest)
+    second = raised(bound, LANES, weight, second, lowest)
+    third = raised(bound, 2 * LANES, weight, third, lowest)
+    fourth = raised(bound, 3 * LANES, weight, fourth, lowest)
     return float64(highest_lane(first, second, third, fourth))
 
 
-@compiled(float64(FLOATS, LEVELS, INTS, int64, int64, FLOATS, INTS, float32), called_from_python=False)
+@compiled(float64(FLOATS, LEVELS, LOOKED, int64, int64, int64, FLOATS, float32), called_from_python=False)
 def raise_weighted(
     bound: Floats,
     levels: Levels,
-    at: Ints,
+    looked: Looked,
+    tile: int,
     move: int,
     width: int,
     weight: Floats,
-    term: Ints,
     constant: float,
 ) -> float:
-    """Do what `raise_alike` does, with the weight (terms,) of each level's term (n,)."""
+    """Do what `raise_alike` does, with the weight (terms,) of each level's term."""
     level = levels.level
-    first = second = third = fourth = zeros()  # type: ignore[call-arg, var-annotated]
-    for i in range(len(at)):
-        place, factor = at[i] + move, float32(levels.step[0] * weight[term[i]])
-        first = add_times(first, factor, load_bytes(level, place))
-        second = add_times(second, factor, load_bytes(level, place + width))
-        third = add_times(third, factor, load_bytes(level, place + 2 * width))
-        fourth = add_times(fourth, factor, load_bytes(level, place + 3 * width))
+    lowest = load_plus(looked.lowest[tile], constant)  # type: ignore[call-arg, var-annotated]
+    first = second = third = fourth = zeros()
+    for i in range(looked.number[tile]):
+        place, lanes = looked.at[tile, i] + move, looked.lanes[tile, i]
+        factor = float32(levels.step[0] * weight[looked.term[tile, i]])
+        first = add_times(first, factor, load_bytes(level, place, lanes))
+        second = add_times(second, factor, load_bytes(level, place + width, lanes))
+        third = add_times(third, factor, load_bytes(level, place + 2 * width, lanes))
+        fourth = add_times(fourth, factor, load_bytes(level, place + 3 * width, lanes))
     once = float32(1)
-    first = raised(bound, 0, once, first, constant)
-    second = raised(bound, LANES, once, second, constant)
-    third = raised(bound, 2 * LANES, once, third, constant)
-    fourth = raised(bound, 3 * LANES, once, fourth, constant)
+    first = raised(bound, 0, once, first, lowest)
+    second = raised(bound, LANES, once, second, lowest)
+    third = raised(bound, 2 * LANES, once, third, lowest)
+    fourth = raised(bound, 3 * LANES, once, fourth, lowest)
     return float64(highest_lane(first, second, third, fourth))

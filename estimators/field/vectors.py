@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import Any
 
 from llvmlite import ir
-from numba import float32, types
+from numba import float32, int64, types
 from numba.core import cgutils
 from numba.extending import intrinsic, models, register_model
 
@@ -57,6 +57,12 @@ def plus_product(builder: Any, total: Any, one: Any, other: Any) -> Any:
     return builder.call(function, [one, other, total])
 
 
+def _only(builder: Any, values: Any, lanes: Any) -> Any:
+    """Give whole numbers in the lanes whose bit is set in a number, 0 in the others."""
+    inside = builder.bitcast(builder.trunc(lanes, ir.IntType(LANES)), ir.VectorType(ir.IntType(1), LANES))
+    return builder.select(inside, values, ir.Constant(values.type, [0] * LANES))
+
+
 @intrinsic
 def zeros(typing: Any) -> Any:
     """Make a vector of zeros."""
@@ -64,15 +70,16 @@ def zeros(typing: Any) -> Any:
 
 
 @intrinsic
-def load(typing: Any, array: Any, index: Any) -> Any:
-    """Read array[index : index + LANES] of a contiguous int16 array, as float32."""
+def load(typing: Any, array: Any, index: Any, lanes: Any) -> Any:
+    """Read array[index : index + LANES] of a contiguous int16 array, as float32: 0 where no bit of `lanes` is set."""
 
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        array, index = args
+        array, index, lanes = args
         there = address(context, builder, signature.args[0], array, index, _WORDS.held)
-        return builder.sitofp(builder.sext(builder.load(there, align=2), WHOLES), REALS)
+        values = builder.sext(builder.load(there, align=2), WHOLES)
+        return builder.sitofp(_only(builder, values, lanes), REALS)
 
-    return _LANES(array, index), generate
+    return _LANES(array, index, int64), generate
 
 
 @intrinsic
@@ -100,19 +107,19 @@ def add_times(typing: Any, total: Any, factor: Any, values: Any) -> Any:
 
 
 @intrinsic
-def raised(typing: Any, array: Any, index: Any, factor: Any, values: Any, constant: Any) -> Any:
-    """Add factor * values + constant to array[index : index + LANES], float32, and return what it becomes.
+def raised(typing: Any, array: Any, index: Any, factor: Any, values: Any, others: Any) -> Any:
+    """Add factor * values + others to array[index : index + LANES], float32, and return what it becomes.
 
     That is made larger by 2^-22 of it, four times what one addition in float32 may round.
     """
 
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        array, index, factor, values, constant = args
+        array, index, factor, values, others = args
         there = address(context, builder, signature.args[0], array, index, _LANES.held)
         total = plus_product(
             builder, builder.load(there, align=4), everywhere(builder, factor, REALS), values
         )
-        total = builder.fadd(total, everywhere(builder, constant, _LANES.held))
+        total = builder.fadd(total, others)
         zero, less, more = (
             ir.Constant(_LANES.held, [number] * LANES) for number in (0.0, 1 - 2.0**-22, 1 + 2.0**-22)
         )
@@ -121,7 +128,20 @@ def raised(typing: Any, array: Any, index: Any, factor: Any, values: Any, consta
         builder.store(total, there, align=4)
         return total
 
-    return _LANES(array, index, float32, _LANES, float32), generate
+    return _LANES(array, index, float32, _LANES, _LANES), generate
+
+
+@intrinsic
+def load_plus(typing: Any, array: Any, constant: Any) -> Any:
+    """Read array[:LANES] of a contiguous float32 array, and add a number to it."""
+
+    def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        array, constant = args
+        first = ir.Constant(ir.IntType(64), 0)
+        there = address(context, builder, signature.args[0], array, first, _LANES.held)
+        return builder.fadd(builder.load(there, align=4), everywhere(builder, constant, REALS))
+
+    return _LANES(array, float32), generate
 
 
 @intrinsic
@@ -148,16 +168,16 @@ def highest_lane(typing: Any, first: Any, second: Any, third: Any, fourth: Any) 
 
 
 @intrinsic
-def load_bytes(typing: Any, array: Any, index: Any) -> Any:
-    """Read array[index : index + LANES] of a contiguous uint8 array, as float32."""
+def load_bytes(typing: Any, array: Any, index: Any, lanes: Any) -> Any:
+    """Read array[index : index + LANES] of a contiguous uint8 array, as float32: 0 where no bit of `lanes` is set."""
 
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        array, index = args
+        array, index, lanes = args
         values = builder.load(address(context, builder, signature.args[0], array, index, _BYTES), align=1)
         # Through 32 bits with a sign, for which processors have an instruction.
-        return builder.sitofp(builder.zext(values, ir.VectorType(ir.IntType(32), LANES)), _LANES.held)
+        return builder.sitofp(_only(builder, builder.zext(values, WHOLES), lanes), REALS)
 
-    return _LANES(array, index), generate
+    return _LANES(array, index, int64), generate
 
 
 @intrinsic
@@ -184,15 +204,19 @@ def no_words(typing: Any) -> Any:
 
 
 @intrinsic
-def add_bytes(typing: Any, total: Any, array: Any, index: Any) -> Any:
-    """Return total + array[index : index + LANES] of a contiguous uint8 array, in 16 bits: sums up to 65,535."""
+def add_bytes(typing: Any, total: Any, array: Any, index: Any, lanes: Any) -> Any:
+    """Return total + array[index : index + LANES] of a contiguous uint8 array, where a bit of `lanes` is set.
+
+    In 16 bits: sums up to 65,535.
+    """
 
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        total, array, index = args
+        total, array, index, lanes = args
         there = address(context, builder, signature.args[1], array, index, _BYTES)
-        return builder.add(total, builder.zext(builder.load(there, align=1), _WORDS.held))
+        values = builder.zext(builder.load(there, align=1), _WORDS.held)
+        return builder.add(total, _only(builder, values, lanes))
 
-    return _WORDS(_WORDS, array, index), generate
+    return _WORDS(_WORDS, array, index, int64), generate
 
 
 @intrinsic

@@ -130,10 +130,11 @@ def bound_all(
     looked = Looked(
         np.empty((tiles, longest), dtype=np.int64),
         np.empty((tiles, longest), dtype=np.int64),
+        np.empty((tiles, longest), dtype=np.int64),
         np.empty(tiles, dtype=np.int64),
-        np.empty(tiles),
+        np.empty((tiles, LANES), dtype=np.float32),
     )
-    width, nodes = slices.row, slices.shape[2] * slices.shape[3] * slices.plane
+    width, nodes = slices.shape[5], slices.shape[2] * slices.shape[3] * slices.plane
     kinds = np.unique(terms.kind[terms.start[count - 1] : terms.start[count]])
     for angle in range(angles):
         fetch_part(levels.level, kinds, slices.table, 0, nodes, angle, angles)
@@ -146,23 +147,21 @@ def bound_all(
     for weight in weights:
         heaviest, lightest = max(heaviest, weight), min(lightest, weight)
     factor = levels.step[0] * heaviest
-    # What float32 may lose of the sum of levels.
-    slack = terms.slack[count - 1] + (len(weights) + 4) * ROUNDING * len(weights) * HIGHEST * factor
+    # What float32 may lose of the sums of levels and of lowest values, which are at most HIGHEST steps below 0.
+    slack = terms.slack[count - 1] + (len(weights) + 6) * ROUNDING * len(weights) * HIGHEST * factor
     for letter in range(letters):
         upper = coarse.upper[letter].reshape(tiles, TALL * LANES)
         bound = coarse.bound[letter].reshape(tiles)
         for tile in range(tiles):
             if letter + 1 < letters:
                 fetch_part(levels.level, kinds, slices.table, letter + 1, nodes, tile, tiles)
-            constant = terms.constant[count - 1, letter] + looked.lowest[tile]
+            constant = terms.constant[count - 1, letter]
             constant += slack + 4 * ROUNDING * abs(constant)
-            at, move = looked.at[tile, : looked.number[tile]], letter * nodes
+            here, move = upper[tile], letter * nodes
             if heaviest == lightest:
-                bound[tile] = raise_alike(upper[tile], levels, at, move, width, factor, constant)
+                bound[tile] = raise_alike(here, levels, looked, tile, move, width, factor, constant)
             else:
-                bound[tile] = raise_weighted(
-                    upper[tile], levels, at, move, width, terms.weight, looked.term[tile], constant
-                )
+                bound[tile] = raise_weighted(here, levels, looked, tile, move, width, terms.weight, constant)
 
 
 @compiled(void(REALS, REALS), called_from_python=False)

@@ -26,9 +26,9 @@ def test_tables_of_different_spans_are_bounded_by_at_most_one_step_more_than_the
     nodes[:, :, 1:-1, 1:-1] = inside
     levels = levels_of(nodes, 0.5, (3, 2))
     assert levels.step[0] / 0.5 <= np.ptp(nodes[2].astype(float)) // 255 + 1
-    # As `laid_out` does it: in each table 3 rows and 15 bytes first, then planes of 4 rows and 3, of 5 columns and 15.
-    planes = levels.level.reshape(3, -1)[:, 3 * 20 + 15 :].reshape(3, 2, 3, 2, 7, 20)
-    level = planes[..., :4, :5].transpose(0, 1, 4, 2, 5, 3).reshape(3, 2, 12, 10)
+    # As `laid_out` does it: 15 bytes before and after all, in each table 3 rows first, then planes of 4 rows and 3.
+    planes = levels.level[15:-15].reshape(3, -1)[:, 3 * 5 :].reshape(3, 2, 3, 2, 7, 5)
+    level = planes[..., :4, :].transpose(0, 1, 4, 2, 5, 3).reshape(3, 2, 12, 10)
     bound = levels.lowest.reshape(3, 1, 1, 1) + levels.step[0] * level
     largest = 0.5 * sliding_window_view(nodes, (2, 2), axis=(2, 3)).max(axis=(-2, -1))
     assert (bound[:, :, :-1, :-1] >= largest).all()
