@@ -53,26 +53,25 @@ def serve_pty(
 ) -> None:
     """Serve on a new pty until `stop`. `ready(name)` is called with the name that a host opens.
 
-    link: a symbolic link to the pty; it follows when a fault cuts the line and another pty takes over.
+    link: a symbolic link to the pty. When a fault cuts the line it is gone until another pty takes over: the system may
+    give the old one's name to any other program.
     Raises InputError if `link` exists and is no symbolic link.
     """
     if link is not None and link.exists() and not link.is_symlink():
         raise InputError(f"{link} exists and is no link; name another place for the pty")
     stop, clock = stop or Event(), _Clock()
-    try:
-        while not stop.is_set():
-            master, name = _open_pty()
-            try:
-                if link is not None:
-                    _point(link, name)
-                ready(str(link or name))
-                _talk(_PtyLine(master), device, faults, rng, clock, stop)
-            finally:
-                os.close(master)
-            stop.wait(_AWAY)
-    finally:
-        if link is not None and link.is_symlink():
-            link.unlink()
+    while not stop.is_set():
+        master, name = _open_pty()
+        try:
+            if link is not None:
+                _point(link, name)
+            ready(str(link or name))
+            _talk(_PtyLine(master), device, faults, rng, clock, stop)
+        finally:
+            if link is not None and link.is_symlink():
+                link.unlink()
+            os.close(master)
+        stop.wait(_AWAY)
 
 
 def serve_tcp(

@@ -216,8 +216,8 @@ def serve_pty(device, link, stop):
                 time.sleep(0.005)
                 continue
             _turn(device, master, lambda data, to=master: os.write(to, data))
+        Path(link).unlink()  # first: the system may give the pty's name to any other program
         os.close(master)
-        Path(link).unlink()
         time.sleep(0.3)
 
 

@@ -206,6 +206,30 @@ def test_a_link_that_is_cut_comes_back(paper_pad, emulated_pad, on, tmp_path):
     assert source.counters.clock_restarts == 0
 
 
+def test_while_an_emulated_pad_is_unplugged_its_name_is_gone(emulated_pad, tmp_path):
+    # The system may give the pty's name to any other program, which whoever has the link would then open.
+    link, gone = tmp_path / "pad", 0
+
+    def target():
+        try:
+            return os.readlink(link)
+        except FileNotFoundError:
+            return None
+
+    with serving(emulated_pad, faults=Faults(disconnect=0.02), link=link):
+        for _ in range(5):  # a busy machine may look too late at one
+            name, until = target(), time.monotonic() + 5.0
+            host = os.open(name, os.O_RDWR | os.O_NOCTTY)  # the line is cut once somebody hears
+            while target() == name and time.monotonic() < until:
+                time.sleep(0.001)
+            gone += target() is None
+            while target() is None and time.monotonic() < until:
+                time.sleep(0.001)
+            os.close(host)
+    assert gone > 0
+    assert target() is None
+
+
 def test_every_fault_at_once_never_makes_a_reading_up(paper_pad, emulated_pad):
     faults = Faults(drop=0.001, flip=0.001, torn=0.05, garbage=0.1)
     with serving(emulated_pad, faults=faults) as url, LiveSource([url], paper_pad) as source:
