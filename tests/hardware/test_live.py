@@ -212,7 +212,7 @@ def test_while_an_emulated_pad_is_unplugged_its_name_is_gone(emulated_pad, tmp_p
 
     def target():
         try:
-            return os.readlink(link)
+            return link.readlink()
         except FileNotFoundError:
             return None
 
