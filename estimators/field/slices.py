@@ -30,7 +30,7 @@ from tactsim.core.compiling import (
 from tactsim.estimators.field.terms import TERMS, Terms
 from tactsim.estimators.field.vectors import LANES, TALL, add_times, load, store, zeros
 
-# A slice further out than this many bins is off the map, and its index might overflow.
+# A slice further out than this many bins, or nowhere, is off the map, and its index might overflow.
 _FAR = 1e9
 # So many numbers before and after all tables may be read, and left out.
 _BESIDE = LANES - 1
@@ -118,14 +118,13 @@ def place_terms(
         x, y = terms.xy[begin + i, 0], terms.xy[begin + i, 1]
         u = (cos * x - sin * y + slices.place[0]) / slices.place[2]
         v = (sin * x + cos * y + slices.place[1]) / slices.place[3]
-        u, v = min(max(u, -_FAR), _FAR), min(max(v, -_FAR), _FAR)
+        u, v = u if abs(u) < _FAR else -_FAR, v if abs(v) < _FAR else -_FAR
         left, below = int64(math.floor(u)), int64(math.floor(v))
         # The node to the left is number `step_x` of the nodes that lie between two bins.
         u, v = (u - left) * phases_x, (v - below) * phases_y
         step_x, step_y = min(int64(u), phases_x - 1), min(int64(v), phases_y - 1)
         last_x, last_y = int64(step_x + 1 == phases_x), int64(step_y + 1 == phases_y)
-        within[i, 0] = min(max(0, -left), columns)
-        within[i, 1] = min(columns, width - left - last_x)
+        within[i, 0], within[i, 1] = max(0, -left), min(columns, width - left - last_x)
         within[i, 2], within[i, 3] = max(0, -below), min(rows, slices.shape[4] - below - last_y)
         node = slices.first + terms.kind[begin + i] * slices.table + below * width + left
         node += (step_y * phases_x + step_x) * plane

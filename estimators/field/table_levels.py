@@ -112,8 +112,9 @@ def look_up(
                     looked.term[tile, found] = begin + i
                     looked.lanes[tile, found] = lanes_within(within[i], column * LANES)
                     lowest = terms.weight[begin + i] * levels.lowest[terms.kind[begin + i]]
-                    change[max(0, within[i, 0] - column * LANES)] += lowest
-                    change[min(LANES, within[i, 1] - column * LANES)] -= lowest
+                    inside = max(0, within[i, 0] - column * LANES)
+                    change[inside] += lowest
+                    change[max(inside, min(LANES, within[i, 1] - column * LANES))] -= lowest
                     found += 1
             looked.number[tile], total = found, 0.0
             for lane in range(LANES):

@@ -67,10 +67,14 @@ def test_tiles_that_hang_over_the_tables_read_nothing_beyond_them(model, split, 
         assert not np.isnan(belief.log_belief()).any()
 
 
-@pytest.mark.parametrize("away", [(25, 0), (-25, 0), (0, 25), (0, -25), (40, 3), (-3, -40)])
-def test_bins_beside_the_tables_are_those_of_the_field(model, away):
+@pytest.mark.parametrize("columns", [3, 17])  # less than a tile has, and a tile that hangs over
+@pytest.mark.parametrize(
+    "away",
+    [(25, 0), (-25, 0), (0, 25), (0, -25), (40, 3), (-3, -40), (9e8, 0), (-9e8, 0), (0, 9e8), (0, -9e8)],
+)
+def test_bins_beside_the_tables_are_those_of_the_field(model, away, columns):
     """Off the map along one axis alone, where the nodes beyond a row's end are those of the next row."""
-    grid = StateGrid(17, 33, 2)
+    grid = StateGrid(columns, 33, 2)
     field = field_of(model, grid)
     belief = BinnedBelief(field, grid)
     for index in (0, 7):
