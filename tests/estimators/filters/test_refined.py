@@ -250,11 +250,12 @@ def test_500_trials_settle_early_and_are_placed_exactly(test_poses, most):
 
 
 @pytest.mark.slow
-def test_all_capitals_and_digits_are_told_apart():
+@pytest.mark.parametrize(("test_poses", "least"), [("same", 0.97), ("random", 0.95)])
+def test_all_capitals_and_digits_are_told_apart(test_poses, least):
     letters = tuple("ABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789")
-    scan = scan_letters(ScanOptions(letters=letters), cache=False)[0]
+    scan = scan_letters(ScanOptions(letters=letters, test_poses=test_poses), cache=False)[0]
     right, _ = scores(scan, fitted(scan), trials=14, last=6)
-    assert right[:, 5].mean() >= 0.97
+    assert right[:, 5].mean() >= least
 
 
 def test_readings_that_disagree_about_the_place_count_less_than_readings_that_agree(small):
