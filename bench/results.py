@@ -88,6 +88,7 @@ class _About(_Strict):
     commit: str | None
     versions: dict[str, str]
     machine: _Machine
+    slip: str = ""
 
 
 class _Times(_Strict):

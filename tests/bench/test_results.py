@@ -81,6 +81,7 @@ DAMAGES = {
     "no budget": lambda f: _change(f, lambda about: about.pop("budget")),
     "budget is a list": lambda f: _change(f, lambda about: about.update(budget=[1])),
     "schema of another version": lambda f: _change(f, lambda about: about.update(schema=1)),
+    "slip is a list": lambda f: _change(f, lambda about: about.update(slip=[1])),
     "machine is a word": lambda f: _change(f, lambda about: about.update(machine="fast")),
     "letter without properties": lambda f: _change(f, lambda about: about["objects"].pop("A")),
     "inertia is nan": lambda f: _change(
