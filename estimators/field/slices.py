@@ -119,7 +119,8 @@ def place_terms(
         u = (cos * x - sin * y + slices.place[0]) / slices.place[2]
         v = (sin * x + cos * y + slices.place[1]) / slices.place[3]
         u, v = u if abs(u) < _FAR else -_FAR, v if abs(v) < _FAR else -_FAR
-        left, below = int64(math.floor(u)), int64(math.floor(v))
+        left: int = int64(math.floor(u))
+        below: int = int64(math.floor(v))
         # The node to the left is number `step_x` of the nodes that lie between two bins.
         u, v = (u - left) * phases_x, (v - below) * phases_y
         step_x, step_y = min(int64(u), phases_x - 1), min(int64(v), phases_y - 1)
