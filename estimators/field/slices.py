@@ -116,11 +116,10 @@ def place_terms(
     begin = terms.start[reading]
     for i in range(terms.start[reading + 1] - begin):
         x, y = terms.xy[begin + i, 0], terms.xy[begin + i, 1]
-        u = (cos * x - sin * y + slices.place[0]) / slices.place[2]
-        v = (sin * x + cos * y + slices.place[1]) / slices.place[3]
+        u: Any = (cos * x - sin * y + slices.place[0]) / slices.place[2]
+        v: Any = (sin * x + cos * y + slices.place[1]) / slices.place[3]
         u, v = u if abs(u) < _FAR else -_FAR, v if abs(v) < _FAR else -_FAR
-        left: int = int64(math.floor(u))
-        below: int = int64(math.floor(v))
+        left, below = int64(math.floor(u)), int64(math.floor(v))
         # The node to the left is number `step_x` of the nodes that lie between two bins.
         u, v = (u - left) * phases_x, (v - below) * phases_y
         step_x, step_y = min(int64(u), phases_x - 1), min(int64(v), phases_y - 1)
