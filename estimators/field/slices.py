@@ -69,9 +69,10 @@ def slices_of(nodes: NDArray[np.int16], unit: float, phases: tuple[int, int], pl
 def laid_out(
     tables: Iterable[NDArray[Any]], shape: Sequence[int], phases: tuple[int, int], outside: NDArray[Any]
 ) -> NDArray[Any]:
-    """Lay out nodes as `Slices` says, flat, with other values than zeros outside, (tables,), of whose kind all are.
+    """Lay out nodes as `Slices` says, flat, with each table's value `outside` where that has zeros.
 
     tables: nodes (letters, rows, columns), which may be made one by one. shape: (tables, letters, rows, columns).
+    outside: (tables,), of the type that all get.
     """
     kinds, letters, rows, columns = shape
     tall, wide = rows // phases[0], columns // phases[1]
