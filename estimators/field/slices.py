@@ -76,13 +76,13 @@ def laid_out(
     """
     kinds, letters, rows, columns = shape
     tall, wide = rows // phases[0], columns // phases[1]
-    _, plane, table = _strides(letters, *phases, tall, wide)
+    first, plane, table = _strides(letters, *phases, tall, wide)
     flat = np.zeros(2 * _BESIDE + kinds * table, dtype=outside.dtype)
     inside = flat[_BESIDE:-_BESIDE].reshape(kinds, table)
     for values, there, nodes in zip(inside, outside, tables, strict=True):
         values[:] = there
         split = nodes.reshape(letters, tall, phases[0], wide, phases[1]).transpose(0, 2, 4, 1, 3)
-        planes = values[(TALL - 1) * wide :].reshape(letters, *phases, plane // wide, wide)
+        planes = values[first - _BESIDE :].reshape(letters, *phases, plane // wide, wide)
         planes[..., :tall, :] = split
     return flat
 
@@ -145,11 +145,16 @@ def beside(within: Ints, row: int, column: int) -> bool:
     return column + LANES <= within[0] or column >= within[1] or row + TALL <= within[2] or row >= within[3]
 
 
-@compiled(int64(INTS, int64), called_from_python=False)
-def lanes_within(within: Ints, column: int) -> int:
-    """Set the bits of those of a tile's columns, from `column` on, that lie in `within` (4,), see `place_terms`."""
+@compiled(types.UniTuple(int64, 2)(INTS, int64), called_from_python=False)
+def span_within(within: Ints, column: int) -> tuple[int, int]:
+    """Find from which to which of a tile's columns, `column` and on, all lie in `within` (4,), see `place_terms`."""
     begin = min(max(within[0] - column, 0), LANES)
-    end = min(max(within[1] - column, begin), LANES)
+    return begin, min(max(within[1] - column, begin), LANES)
+
+
+@compiled(int64(int64, int64), called_from_python=False)
+def lanes_of(begin: int, end: int) -> int:
+    """Set the bits of the lanes from `begin` to `end`, as `load` takes them."""
     return (1 << end) - (1 << begin)
 
 
@@ -168,7 +173,8 @@ def sum_tile(
     for i in range(terms):
         if beside(within[i], row, column):
             continue
-        lanes = lanes_within(within[i], column)
+        begin, end = span_within(within[i], column)
+        lanes = lanes_of(begin, end)
         for corner in range(4):
             weight, at = share[i, corner], offset[i, corner] + move
             first = add_times(first, weight, load(nodes, at, lanes))

@@ -7,18 +7,19 @@ numbers: 256 bytes are added up before 16 bits can overflow.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import float32, float64, int64, types, uint8, void
 from numpy.typing import NDArray
 
 from tactsim.core.compiling import FLOATS, FLOATS_2D, INTS, INTS_2D, REALS, Floats, Ints, Reals, compiled
-from tactsim.estimators.field.slices import SLICES, Slices, beside, laid_out, lanes_within
+from tactsim.estimators.field.slices import SLICES, Slices, beside, laid_out, lanes_of, span_within
 from tactsim.estimators.field.terms import TERMS, Terms
 from tactsim.estimators.field.vectors import (
     LANES,
     TALL,
+    VECTOR,
     add_bytes,
     add_times,
     add_words,
@@ -110,11 +111,11 @@ def look_up(
                 if not beside(within[i], row * TALL, column * LANES):
                     looked.at[tile, found] = offset[i, 0] + row * TALL * width + column * LANES
                     looked.term[tile, found] = begin + i
-                    looked.lanes[tile, found] = lanes_within(within[i], column * LANES)
                     lowest = terms.weight[begin + i] * levels.lowest[terms.kind[begin + i]]
-                    inside = max(0, within[i, 0] - column * LANES)
-                    change[inside] += lowest
-                    change[max(inside, min(LANES, within[i, 1] - column * LANES))] -= lowest
+                    left, right = span_within(within[i], column * LANES)
+                    looked.lanes[tile, found] = lanes_of(left, right)
+                    change[left] += lowest
+                    change[right] -= lowest
                     found += 1
             looked.number[tile], total = found, 0.0
             for lane in range(LANES):
@@ -122,25 +123,33 @@ def look_up(
                 looked.lowest[tile, lane] = total
 
 
+@compiled(float64(FLOATS, FLOATS, float32, float32, VECTOR, VECTOR, VECTOR, VECTOR), called_from_python=False)
+def raise_bins(
+    bound: Floats, lowest: Floats, constant: float, weight: float, first: Any, second: Any, third: Any, fourth: Any
+) -> float:  # fmt: skip
+    """Add constant + lowest (LANES,) + weight * a vector for each of a tile's rows to the bounds of its bins (4 * 16,).
+
+    Returns the highest bound; bounds are rounded up.
+    """
+    every_row = load_plus(lowest, constant)  # type: ignore[call-arg, var-annotated]
+    first = raised(bound, 0, weight, first, every_row)
+    second = raised(bound, LANES, weight, second, every_row)
+    third = raised(bound, 2 * LANES, weight, third, every_row)
+    fourth = raised(bound, 3 * LANES, weight, fourth, every_row)
+    return float64(highest_lane(first, second, third, fourth))
+
+
 @compiled(float64(FLOATS, LEVELS, LOOKED, int64, int64, int64, float32, float32), called_from_python=False)
 def raise_alike(
-    bound: Floats,
-    levels: Levels,
-    looked: Looked,
-    tile: int,
-    move: int,
-    width: int,
-    weight: float,
-    constant: float,
-) -> float:
+    bound: Floats, levels: Levels, looked: Looked, tile: int, move: int, width: int, weight: float, constant: float
+) -> float:  # fmt: skip
     """Add constant + what is looked up, where all terms have one weight, to the bounds of a tile's bins (4 * 16,).
 
     move: from the first letter to the one asked for. width: from a row of the tile to the next. weight: nats a level.
     Returns the highest bound; bounds are rounded up.
     """
     level, number = levels.level, looked.number[tile]
-    lowest = load_plus(looked.lowest[tile], constant)  # type: ignore[call-arg, var-annotated]
-    first = second = third = fourth = zeros()
+    first = second = third = fourth = zeros()  # type: ignore[call-arg, var-annotated]
     for begin in range(0, number, _WORDS):
         words_1 = words_2 = words_3 = words_4 = no_words()
         for i in range(begin, min(number, begin + _WORDS)):
@@ -151,28 +160,16 @@ def raise_alike(
             words_4 = add_bytes(words_4, level, place + 3 * width, lanes)
         first, second = add_words(first, words_1), add_words(second, words_2)
         third, fourth = add_words(third, words_3), add_words(fourth, words_4)
-    first = raised(bound, 0, weight, first, lowest)
-    second = raised(bound, LANES, weight, second, lowest)
-    third = raised(bound, 2 * LANES, weight, third, lowest)
-    fourth = raised(bound, 3 * LANES, weight, fourth, lowest)
-    return float64(highest_lane(first, second, third, fourth))
+    return raise_bins(bound, looked.lowest[tile], constant, weight, first, second, third, fourth)
 
 
 @compiled(float64(FLOATS, LEVELS, LOOKED, int64, int64, int64, FLOATS, float32), called_from_python=False)
 def raise_weighted(
-    bound: Floats,
-    levels: Levels,
-    looked: Looked,
-    tile: int,
-    move: int,
-    width: int,
-    weight: Floats,
-    constant: float,
-) -> float:
+    bound: Floats, levels: Levels, looked: Looked, tile: int, move: int, width: int, weight: Floats, constant: float
+) -> float:  # fmt: skip
     """Do what `raise_alike` does, with the weight (terms,) of each level's term."""
     level = levels.level
-    lowest = load_plus(looked.lowest[tile], constant)  # type: ignore[call-arg, var-annotated]
-    first = second = third = fourth = zeros()
+    first = second = third = fourth = zeros()  # type: ignore[call-arg, var-annotated]
     for i in range(looked.number[tile]):
         place, lanes = looked.at[tile, i] + move, looked.lanes[tile, i]
         factor = float32(levels.step[0] * weight[looked.term[tile, i]])
@@ -180,9 +177,4 @@ def raise_weighted(
         second = add_times(second, factor, load_bytes(level, place + width, lanes))
         third = add_times(third, factor, load_bytes(level, place + 2 * width, lanes))
         fourth = add_times(fourth, factor, load_bytes(level, place + 3 * width, lanes))
-    once = float32(1)
-    first = raised(bound, 0, once, first, lowest)
-    second = raised(bound, LANES, once, second, lowest)
-    third = raised(bound, 2 * LANES, once, third, lowest)
-    fourth = raised(bound, 3 * LANES, once, fourth, lowest)
-    return float64(highest_lane(first, second, third, fourth))
+    return raise_bins(bound, looked.lowest[tile], constant, float32(1), first, second, third, fourth)

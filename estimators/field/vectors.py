@@ -32,7 +32,7 @@ class _RegistersModel(models.PrimitiveModel):
 
 
 _BYTES = ir.VectorType(ir.IntType(8), LANES)
-_LANES = Registers(f"Lanes{LANES}", REALS)
+VECTOR = Registers(f"Lanes{LANES}", REALS)  # of float32, as compiled functions take it
 _WORDS = Registers(f"Words{LANES}", ir.VectorType(ir.IntType(16), LANES))
 
 
@@ -66,7 +66,7 @@ def _only(builder: Any, values: Any, lanes: Any) -> Any:
 @intrinsic
 def zeros(typing: Any) -> Any:
     """Make a vector of zeros."""
-    return _LANES(), lambda context, builder, signature, args: ir.Constant(_LANES.held, [0.0] * LANES)
+    return VECTOR(), lambda context, builder, signature, args: ir.Constant(VECTOR.held, [0.0] * LANES)
 
 
 @intrinsic
@@ -79,7 +79,7 @@ def load(typing: Any, array: Any, index: Any, lanes: Any) -> Any:
         values = builder.sext(builder.load(there, align=2), WHOLES)
         return builder.sitofp(_only(builder, values, lanes), REALS)
 
-    return _LANES(array, index, int64), generate
+    return VECTOR(array, index, int64), generate
 
 
 @intrinsic
@@ -88,7 +88,7 @@ def store(typing: Any, array: Any, index: Any, values: Any) -> Any:
 
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         array, index, values = args
-        there = address(context, builder, signature.args[0], array, index, _LANES.held)
+        there = address(context, builder, signature.args[0], array, index, VECTOR.held)
         builder.store(values, there, align=4)
         return context.get_dummy_value()
 
@@ -103,7 +103,7 @@ def add_times(typing: Any, total: Any, factor: Any, values: Any) -> Any:
         total, factor, values = args
         return plus_product(builder, total, everywhere(builder, factor, REALS), values)
 
-    return _LANES(_LANES, float32, _LANES), generate
+    return VECTOR(VECTOR, float32, VECTOR), generate
 
 
 @intrinsic
@@ -115,20 +115,20 @@ def raised(typing: Any, array: Any, index: Any, factor: Any, values: Any, others
 
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         array, index, factor, values, others = args
-        there = address(context, builder, signature.args[0], array, index, _LANES.held)
+        there = address(context, builder, signature.args[0], array, index, VECTOR.held)
         total = plus_product(
             builder, builder.load(there, align=4), everywhere(builder, factor, REALS), values
         )
         total = builder.fadd(total, others)
         zero, less, more = (
-            ir.Constant(_LANES.held, [number] * LANES) for number in (0.0, 1 - 2.0**-22, 1 + 2.0**-22)
+            ir.Constant(VECTOR.held, [number] * LANES) for number in (0.0, 1 - 2.0**-22, 1 + 2.0**-22)
         )
         negative = builder.fcmp_ordered("<", total, zero)
         total = builder.fmul(total, builder.select(negative, less, more))
         builder.store(total, there, align=4)
         return total
 
-    return _LANES(array, index, float32, _LANES, _LANES), generate
+    return VECTOR(array, index, float32, VECTOR, VECTOR), generate
 
 
 @intrinsic
@@ -138,10 +138,10 @@ def load_plus(typing: Any, array: Any, constant: Any) -> Any:
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         array, constant = args
         first = ir.Constant(ir.IntType(64), 0)
-        there = address(context, builder, signature.args[0], array, first, _LANES.held)
+        there = address(context, builder, signature.args[0], array, first, VECTOR.held)
         return builder.fadd(builder.load(there, align=4), everywhere(builder, constant, REALS))
 
-    return _LANES(array, float32), generate
+    return VECTOR(array, float32), generate
 
 
 @intrinsic
@@ -164,7 +164,7 @@ def highest_lane(typing: Any, first: Any, second: Any, third: Any, fourth: Any) 
             most = higher(*halves)
         return builder.extract_element(most, ir.Constant(ir.IntType(32), 0))
 
-    return float32(*[_LANES] * 4), generate
+    return float32(*[VECTOR] * 4), generate
 
 
 @intrinsic
@@ -177,7 +177,7 @@ def load_bytes(typing: Any, array: Any, index: Any, lanes: Any) -> Any:
         # Through 32 bits with a sign, for which processors have an instruction.
         return builder.sitofp(_only(builder, builder.zext(values, WHOLES), lanes), REALS)
 
-    return _LANES(array, index, int64), generate
+    return VECTOR(array, index, int64), generate
 
 
 @intrinsic
@@ -226,6 +226,6 @@ def add_words(typing: Any, total: Any, values: Any) -> Any:
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         # Through 32 bits with a sign, for which processors have an instruction.
         wide = builder.zext(args[1], ir.VectorType(ir.IntType(32), LANES))
-        return builder.fadd(args[0], builder.sitofp(wide, _LANES.held))
+        return builder.fadd(args[0], builder.sitofp(wide, VECTOR.held))
 
-    return _LANES(_LANES, _WORDS), generate
+    return VECTOR(VECTOR, _WORDS), generate
