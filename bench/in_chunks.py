@@ -1,11 +1,13 @@
-"""Do many trials in worker processes, some at a time."""
+"""Do many trials in several processes, some at a time; this process is one of them."""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable
-from concurrent.futures import as_completed
-from typing import TypeVar
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Generic, TypeVar
 
 import numpy as np
 
@@ -19,27 +21,58 @@ _Part = TypeVar("_Part")
 _CHUNKS = 8
 
 
-def done_in_chunks(
-    do: Callable[[list[_Task]], tuple[_Part, dict[str, int]]],
-    tasks: list[_Task],
-    *,
-    jobs: int,
-    progress: Progress,
-) -> tuple[list[_Part], Counter[str]]:
-    """Do tasks in `jobs` processes. do: takes some tasks, and returns what they gave and the work, flattened.
+@dataclass(frozen=True, eq=False)
+class Begun(Generic[_Task, _Part]):
+    """Tasks with which worker processes have begun, in chunks, from the first one on."""
 
-    Returns what the parts gave, in the order of the tasks, and the work of all of them.
+    chunks: list[list[_Task]]
+    futures: list[Future[tuple[_Part, dict[str, int]]]]
+
+    def finish(
+        self,
+        do: Callable[[list[_Task], Callable[[int], None]], tuple[_Part, dict[str, int]]],
+        progress: Progress,
+    ) -> tuple[list[_Part], Counter[str]]:
+        """Do chunks here, from the last one on, until none waits; then wait for the workers'.
+
+        do: takes some tasks, and a function to be told how many of them are done; returns what they gave and the
+        work, flattened. Returns what the chunks gave, in the order of the tasks, and the work of all of them. Raises
+        what a chunk raised, and BrokenExecutor if a worker died.
+        """
+        every = sum(map(len, self.chunks))
+        here: dict[int, tuple[_Part, dict[str, int]]] = {}
+
+        def report(done: int) -> None:
+            done += sum(len(self.chunks[place]) for place in here)
+            for place, future in enumerate(self.futures):
+                if future.done() and not future.cancelled():
+                    future.result()  # the error of a worker ends the work now, and not when all else is done
+                    done += len(self.chunks[place])
+            progress("trials", done, every)
+
+        report(0)
+        for place in reversed(range(len(self.chunks))):
+            if not self.futures[place].cancel():
+                break
+            here[place] = do(self.chunks[place], report)
+        parts, work = [], Counter[str]()
+        for place, future in enumerate(self.futures):
+            part, of_part = here[place] if place in here else future.result()
+            parts.append(part)
+            work.update(of_part)
+            report(0)
+        return parts, work
+
+
+@contextmanager
+def begun(
+    do: Callable[[list[_Task]], tuple[_Part, dict[str, int]]], tasks: list[_Task], *, jobs: int
+) -> Iterator[Begun[_Task, _Part]]:
+    """Begin with tasks in `jobs` - 1 worker processes, which end with the block; what they leave is done here.
+
+    do: takes some tasks in a worker, and returns what they gave and the work, flattened.
     """
-    chunks = np.array_split(np.arange(len(tasks)), min(len(tasks), _CHUNKS * jobs))
-    parts: dict[int, _Part] = {}
-    work: Counter[str] = Counter()
-    done = 0
-    progress("trials", 0, len(tasks))
-    with worker_processes(jobs) as pool:
-        futures = {pool.submit(do, [tasks[i] for i in chunk]): place for place, chunk in enumerate(chunks)}
-        for future in as_completed(futures):
-            parts[futures[future]], part_work = future.result()
-            work.update(part_work)
-            done += len(chunks[futures[future]])
-            progress("trials", done, len(tasks))
-    return [parts[place] for place in range(len(chunks))], work
+    pieces = np.array_split(np.arange(len(tasks)), min(len(tasks), _CHUNKS * jobs))
+    chunks = [[tasks[i] for i in piece] for piece in pieces]
+    with worker_processes(jobs - 1) as pool:
+        yield Begun(chunks, [pool.submit(do, chunk) for chunk in chunks])

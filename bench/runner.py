@@ -19,7 +19,7 @@ from tactsim.bench.offered_touches import Press
 from tactsim.bench.placement_error import load_scan, properties, stated_properties
 from tactsim.bench.run import Run
 from tactsim.bench.trial_plan import TrialPlan, source_of_trials
-from tactsim.bench.trial_workers import run_trials
+from tactsim.bench.trial_workers import begun_trials
 from tactsim.bench.trials import OneTrial, Progress, Trials, check_count, check_labels, check_readings
 from tactsim.core import InputError, Scan
 from tactsim.core.errors import unknown
@@ -76,15 +76,15 @@ def perform(
     plan = plan_of(config, gathered.scan, estimator)
     if jobs > 1:
         plan.portable()  # an estimator that cannot be sent to workers is reported before the work
+    tasks = [OneTrial(letter, trial) for letter in gathered.letters for trial in range(config.trials)]
 
     fitting = perf_counter()
     progress("map", 0, 1)
-    fit(fitted, gathered.scan, forward_model)
-    progress("map", 1, 1)
-
-    trying = perf_counter()
-    tasks = [OneTrial(letter, trial) for letter in gathered.letters for trial in range(config.trials)]
-    trials, work = run_trials(plan, fitted, tasks, jobs=jobs, progress=progress)
+    with begun_trials(plan, tasks, jobs=jobs) as finish:
+        fit(fitted, gathered.scan, forward_model)
+        progress("map", 1, 1)
+        trying = perf_counter()
+        trials, work = finish(fitted, progress)
     tried = perf_counter()
     seconds = {"fit": trying - fitting, "trials": tried - trying, "total": tried - start}
     run = finished_run(

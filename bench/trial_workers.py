@@ -1,14 +1,15 @@
-"""Do the trials of a plan, here or in worker processes that fit an estimator once and keep it."""
+"""Do the trials of a plan, here and in worker processes that fit an estimator once and keep it."""
 
 from __future__ import annotations
 
 from collections import Counter, OrderedDict
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import partial
 from itertools import groupby
-from typing import Any
+from typing import Any, TypeAlias
 
-from tactsim.bench.in_chunks import done_in_chunks
+from tactsim.bench.in_chunks import begun
 from tactsim.bench.placement_error import properties
 from tactsim.bench.trial_plan import TrialPlan
 from tactsim.bench.trials import OneTrial, Progress, Trials, run_trial
@@ -16,25 +17,41 @@ from tactsim.bench.work_counts import flatten_work, unflatten_work
 from tactsim.estimators import Estimator
 from tactsim.estimators.estimator import no_exit
 
+FinishTrials: TypeAlias = Callable[[Estimator, Progress], tuple[Trials, dict[str, Any]]]
 
-def run_trials(
-    plan: TrialPlan, estimator: Estimator, tasks: list[OneTrial], *, jobs: int = 1, progress: Progress
-) -> tuple[Trials, dict[str, Any]]:
-    """Do all trials, here with the fitted `estimator` or in `jobs` processes that fit their own.
 
-    Returns the trials in the order of `tasks` and the estimators' work, summed. The results do not
-    depend on `jobs`.
+@contextmanager
+def begun_trials(plan: TrialPlan, tasks: list[OneTrial], *, jobs: int) -> Iterator[FinishTrials]:
+    """Begin with trials in `jobs` - 1 worker processes, which fit their own estimators while one is fitted here.
+
+    Gives a function that takes the estimator, fitted, and `progress`, and does all that is left. It returns the trials
+    in the order of `tasks` and the estimators' work, summed. The results do not depend on `jobs`.
     """
     if jobs == 1 or len(tasks) == 1:
-        progress("trials", 0, len(tasks))
-        return _run_here(plan, estimator, tasks, lambda done: progress("trials", done, len(tasks)))
-    parts, work = done_in_chunks(partial(run_chunk, plan.portable()), tasks, jobs=jobs, progress=progress)
-    return Trials.joined(parts), unflatten_work(work)
+        yield lambda estimator, progress: run_trials(plan, estimator, tasks, progress=progress)
+        return
+
+    def finish(estimator: Estimator, progress: Progress) -> tuple[Trials, dict[str, Any]]:
+        parts, work = others.finish(partial(_run_here, plan, estimator), progress)
+        return Trials.joined(parts), unflatten_work(work)
+
+    with begun(partial(run_chunk, plan.portable()), tasks, jobs=jobs) as others:
+        yield finish
+
+
+def run_trials(
+    plan: TrialPlan, estimator: Estimator, tasks: list[OneTrial], *, progress: Progress
+) -> tuple[Trials, dict[str, Any]]:
+    """Do all trials here with a fitted estimator; returns them in the order of `tasks`, and the estimator's work."""
+    progress("trials", 0, len(tasks))
+    trials, work = _run_here(plan, estimator, tasks, lambda done: progress("trials", done, len(tasks)))
+    return trials, unflatten_work(work)
 
 
 def _run_here(
     plan: TrialPlan, estimator: Estimator, tasks: list[OneTrial], report: Callable[[int], None]
-) -> tuple[Trials, dict[str, Any]]:
+) -> tuple[Trials, dict[str, int]]:
+    """Do some trials here; returns them, and the work without that of fitting, flattened."""
     tests = {truth: plan.scan.where("test", truth) for truth in {task.truth for task in tasks}}
     objects = properties(plan.scan)
     work: Counter[str] = Counter()
@@ -54,7 +71,7 @@ def _run_here(
                 report(len(parts))
             work.update(flatten_work(fitted.work))
             work.subtract(before)
-    return Trials.joined(parts), unflatten_work(work)
+    return Trials.joined(parts), dict(work)
 
 
 def run_chunk(plan: TrialPlan, tasks: list[OneTrial]) -> tuple[Trials, dict[str, int]]:
@@ -62,8 +79,7 @@ def run_chunk(plan: TrialPlan, tasks: list[OneTrial]) -> tuple[Trials, dict[str,
 
     Returns the trials in the order of `tasks`, and the flattened work without that of fitting.
     """
-    trials, work = _run_here(plan, _fitted(plan), tasks, lambda done: None)
-    return trials, flatten_work(work)
+    return _run_here(plan, _fitted(plan), tasks, lambda done: None)
 
 
 _memo: OrderedDict[str, Estimator] = OrderedDict()  # a worker process's fitted estimators, newest last

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property, partial
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any, TypeAlias, cast
 
 import numpy as np
 
-from tactsim.bench.in_chunks import done_in_chunks
+from tactsim.bench.in_chunks import begun
 from tactsim.bench.space.pads import pads
 from tactsim.bench.space.space_config import SpaceConfig
 from tactsim.bench.space.space_trials import SpaceTask, SpaceTrials, run_trial
@@ -24,6 +25,8 @@ from tactsim.estimators.estimator import no_exit
 
 if TYPE_CHECKING:
     from tactsim.models import Solid
+
+FinishTrials: TypeAlias = Callable[[Estimator, Progress], tuple[SpaceTrials, dict[str, Any]]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,16 +53,19 @@ class SpacePlan:
         return estimator
 
     def run(
-        self, estimator: Estimator, tasks: Sequence[SpaceTask], progress: Progress
+        self, estimator: Estimator, tasks: Sequence[SpaceTask], report: Callable[[int], None]
     ) -> tuple[SpaceTrials, dict[str, int]]:
-        """Do trials here with the fitted estimator; returns them and its work, flattened, without that of fitting."""
+        """Do trials here with the fitted estimator; returns them and its work, flattened, without that of fitting.
+
+        report: called with how many are done, from 0.
+        """
         press = pads(self.solids, self.config)
         labels = self.scan.objects
         before = Counter(flatten_work(estimator.work))
         parts = []
         with no_exit(self.config.estimator):
             for done, task in enumerate(tasks):
-                progress("trials", done, len(tasks))
+                report(done)
                 parts.append(
                     run_trial(
                         estimator, press, task, self.surfaces[task.truth], labels=labels,
@@ -67,7 +73,7 @@ class SpacePlan:
                     )
                 )  # fmt: skip
             work = Counter(flatten_work(estimator.work))
-        progress("trials", len(tasks), len(tasks))
+        report(len(tasks))
         work.subtract(before)
         return SpaceTrials.joined(parts), dict(work)
 
@@ -91,18 +97,28 @@ def surface_of(solid: Solid) -> Surface:
     return Surface(points, np.asarray(solid.symmetry.rotations), solid.symmetry.axis)
 
 
-def run_trials(
-    plan: SpacePlan, estimator: Estimator, tasks: list[SpaceTask], *, jobs: int, progress: Progress
-) -> tuple[SpaceTrials, dict[str, Any]]:
-    """Do all trials, here with the fitted `estimator` or in `jobs` processes that fit their own.
+@contextmanager
+def begun_trials(plan: SpacePlan, tasks: list[SpaceTask], *, jobs: int) -> Iterator[FinishTrials]:
+    """Begin with trials in `jobs` - 1 worker processes, which fit their own estimators while one is fitted here.
 
-    Returns the trials in the order of `tasks` and the estimators' work, summed; neither depends on `jobs`.
+    Gives a function that takes the estimator, fitted, and `progress`, and does all that is left. It returns the trials
+    in the order of `tasks` and the estimators' work, summed; neither depends on `jobs`.
     """
     if jobs == 1 or len(tasks) == 1:
-        trials, work = plan.run(estimator, tasks, progress)
-        return trials, unflatten_work(work)
-    parts, total = done_in_chunks(partial(_run_chunk, plan), tasks, jobs=jobs, progress=progress)
-    return SpaceTrials.joined(parts), unflatten_work(total)
+
+        def here(estimator: Estimator, progress: Progress) -> tuple[SpaceTrials, dict[str, Any]]:
+            trials, work = plan.run(estimator, tasks, lambda done: progress("trials", done, len(tasks)))
+            return trials, unflatten_work(work)
+
+        yield here
+        return
+
+    def finish(estimator: Estimator, progress: Progress) -> tuple[SpaceTrials, dict[str, Any]]:
+        parts, work = others.finish(partial(plan.run, estimator), progress)
+        return SpaceTrials.joined(parts), unflatten_work(work)
+
+    with begun(partial(_run_chunk, plan), tasks, jobs=jobs) as others:
+        yield finish
 
 
 _fitted: dict[str, tuple[SpacePlan, Estimator]] = {}  # of a worker process: the plan that it works on
@@ -115,4 +131,4 @@ def _run_chunk(plan: SpacePlan, tasks: list[SpaceTask]) -> tuple[SpaceTrials, di
         _fitted.clear()
         _fitted[key] = plan, plan.fitted()
     kept, estimator = _fitted[key]
-    return kept.run(estimator, tasks, lambda stage, done, total: None)
+    return kept.run(estimator, tasks, lambda done: None)

@@ -12,7 +12,7 @@ from tactsim.bench.about_estimator import about_estimator
 from tactsim.bench.machine import machine, peak_memory_mb, versions
 from tactsim.bench.runner import silent
 from tactsim.bench.space.space_config import SpaceConfig
-from tactsim.bench.space.space_plan import SpacePlan, fit_in_space, run_trials, solids_of, surface_of
+from tactsim.bench.space.space_plan import SpacePlan, begun_trials, fit_in_space, solids_of, surface_of
 from tactsim.bench.space.space_run import Shape, SpaceRun
 from tactsim.bench.space.space_trials import tasks_of
 from tactsim.bench.trials import Progress
@@ -45,14 +45,15 @@ def perform_in_space(config: SpaceConfig, *, jobs: int = 1, progress: Progress =
     scan, solids, work = gather_in_space(config, progress=progress)
     plan = SpacePlan(config, scan)
 
+    tasks = tasks_of([one.name for one in solids], config.trials)
+
     fitting = perf_counter()
     progress("map", 0, 1)
-    fit_in_space(estimator, scan)
-    progress("map", 1, 1)
-
-    trying = perf_counter()
-    tasks = tasks_of([one.name for one in solids], config.trials)
-    trials, tried = run_trials(plan, estimator, tasks, jobs=jobs, progress=progress)
+    with begun_trials(plan, tasks, jobs=jobs) as finish:
+        fit_in_space(estimator, scan)
+        progress("map", 1, 1)
+        trying = perf_counter()
+        trials, tried = finish(estimator, progress)
     end = perf_counter()
     spent = trials.update_s + trials.estimate_s + trials.propose_s
     about: dict[str, Any] = {

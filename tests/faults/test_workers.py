@@ -89,7 +89,7 @@ def test_a_run_whose_worker_dies_at_its_start_says_so_and_leaves_nothing(bench, 
 
 
 def test_workers_end_with_a_run_that_is_killed(bench, scan_file):
-    process = bench.start(*RUN, scan_file, "--trials", "2000", "--jobs", "2")
+    process = bench.start(*RUN, scan_file, "--trials", "2000", "--jobs", "3")
     wait_until(process, lambda: len(workers_of(process)) == 2)
     workers = workers_of(process)
     process.kill()  # it alone
