@@ -44,7 +44,7 @@ run: $(READY)    ## set up, then press, map, recognise and score five letters
 	@$(BIN)/bench run --estimator histogram --bins 10000
 
 test: $(DEVELOP)   ## set up, then run the tests; LONG=1: with those of `make test-long`
-	@OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n 3 --dist loadfile $(if $(LONG),-m 'not slow and not benchmark and not soak')
+	@OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n $(if $(LONG),3,2) --dist loadfile $(if $(LONG),-m 'not slow and not benchmark and not soak')
 
 test-long: $(DEVELOP)  ## the tests that take longest: kills, full disks, clusters, browsers, whole campaigns
 	@OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -m long -n 3 --dist loadfile

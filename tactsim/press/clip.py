@@ -26,6 +26,7 @@ EVEN_MOMENTS = 6  # moments that pressure which is even within a cell needs
 MOMENTS = len(POWERS)
 
 LEVEL = 1e-12  # slopes below this count as level
+_TINY = 1e-300  # mm: a piece that spans less lies on a line, and its slope may be above what doubles hold
 
 # Gauss quadrature on [0, 1], points and weights: two points integrate cubics exactly, three points quintics. Along a
 # straight piece the integrands of second moments are cubics, those of third moments are quartics.
@@ -173,7 +174,8 @@ def _cut(
     ends = begin + crossings
     a = lines[np.clip(between + (direction[source] > 0), 0, len(lines) - 1)]
     span = a1 - a0
-    b = b0[source] + (a - a0[source]) * ((b1 - b0) / np.where(span == 0, 1.0, span))[source]
+    slope = (b1 - b0) / np.where(np.abs(span) < _TINY, 1.0, span)
+    b = b0[source] + (a - a0[source]) * slope[source]
     a[ends], b[ends] = a1, b1
     a_start, b_start = np.empty_like(a), np.empty_like(b)
     a_start[1:], b_start[1:] = a[:-1], b[:-1]

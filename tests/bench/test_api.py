@@ -142,6 +142,7 @@ def test_an_estimator_of_ones_own_is_tried(scan, tmp_path):
     assert "could be done again" in again.report(tmp_path / "again.html").read_text()
 
 
+@pytest.mark.long
 def test_an_estimator_of_ones_own_is_sent_to_workers(scan):
     alone = tactsim.run(scan, estimator=tactsim.create("histogram", bins=100), trials=2, readings=3)
     together = tactsim.run(

@@ -252,6 +252,7 @@ def test_a_motion_without_a_bound_is_refused_before_any_work():
         find_bound(config, progress=progress)
 
 
+@pytest.mark.long
 def test_the_picture_of_a_bound_has_no_half_readings_and_says_what_all_in_it_is():
     figure = find_bound(run_config(letters="I", trials=1, readings=3)).plot()
     for axes in figure.axes:

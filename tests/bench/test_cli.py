@@ -59,12 +59,14 @@ def test_the_same_seed_gives_the_same_files_whatever_the_jobs_and_the_cache(here
         assert (tmp_path / "c" / name).read_bytes() == first, name
 
 
+@pytest.mark.long
 def test_another_seed_gives_other_trials(here, tmp_path):
     for seed in (0, 1):
         here("run", *SMALL, "--letters", "AE", "--out", f"s{seed}", "--seed", seed)
     assert (tmp_path / "s0" / "trials.csv").read_bytes() != (tmp_path / "s1" / "trials.csv").read_bytes()
 
 
+@pytest.mark.long
 def test_a_scan_is_written_and_run_from_its_file(here, scan_file):
     scan = Scan.load(scan_file)
     assert scan.letters == ("I", "O")
@@ -119,6 +121,7 @@ def test_a_chosen_order_marks_the_protocol_and_is_timed(here):
     assert answer["seconds"]["propose_per_reading"] > 0
 
 
+@pytest.mark.long
 def test_training_and_test_readings_may_come_from_two_files(here, scan_file, tmp_path):
     here("scan", "--out", "other.npz", "--letters", "IO", "--seed", "7")
     result = here("run", *SMALL, "--train-scan", scan_file, "--scan", "other.npz", "--json")
@@ -319,6 +322,7 @@ def test_scan_files_that_are_not_whole_are_refused(here, tmp_path, scan_file):
     refused(here("run", "--scan", "nan.npz"), "nan.npz", "readings[3, 5]")
 
 
+@pytest.mark.long
 def test_an_interrupt_ends_with_130_one_line_and_no_results(tmp_path):
     process = Bench(tmp_path).start("run", "--trials", "1000", "--letters", "I", "--out", "here")
     while not any((tmp_path / "cache").rglob("*.readings")):  # all is pressed: it is at its trials

@@ -35,6 +35,7 @@ def test_a_run_is_the_same_as_itself():
     assert verdicts(run, run) == ["same", "same"]
 
 
+@pytest.mark.long
 def test_equal_quality_by_other_chance_is_no_alarm():
     alarms = [verdicts(run_with(0.9, 1.0, seed), run_with(0.9, 1.0, seed + 100)) for seed in range(20)]
     assert sum("worse" in verdict for verdict in alarms) <= 3  # 2.5 % a figure, two sides, two figures

@@ -96,6 +96,7 @@ def test_energy_distance_of_equal_sets_is_none_and_of_two_points_twice_their_dis
     assert references.energy_distance(one, other, FLAT) == pytest.approx(10)
 
 
+@pytest.mark.long
 def test_shipped_references_are_what_is_made_anew():
     """The first object's first three readings, with the first of both brute forces."""
     shipped = references.load()

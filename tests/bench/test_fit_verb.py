@@ -24,6 +24,7 @@ def imported():
     return replace(scan, readings=bent, meta={"source": "imported", "unit": "count", "pad": pad})
 
 
+@pytest.mark.long
 def test_what_is_chosen_is_said_and_written_as_a_world_that_can_be_pressed(here, tmp_path, imported):
     imported.save(tmp_path / "made.npz")
     said = here("fit", "made.npz", "--out", "pad.toml")
@@ -41,6 +42,7 @@ def test_what_is_chosen_is_said_and_written_as_a_world_that_can_be_pressed(here,
     assert here("scan", "--letters", "I", "--world", "pad.toml", "--out", "again.npz").returncode == 0
 
 
+@pytest.mark.long
 def test_a_run_on_imported_readings_says_what_was_fitted_and_takes_the_unit_as_it_comes(imported):
     run = tactsim.run(imported, trials=5, readings=3)
     other = replace(imported, readings=imported.readings / 1000)

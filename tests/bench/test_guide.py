@@ -27,6 +27,7 @@ def whole(screen):
     return screen.wrapped == 0 and screen.scrolled == 0
 
 
+@pytest.mark.long
 def test_the_guide_fits_a_terminal_and_outlives_a_lost_pad(bench, on_terminal, tmp_path):
     words = [
         "record",

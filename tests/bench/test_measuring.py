@@ -71,6 +71,7 @@ def test_trials_are_measured_stopped_gone_on_with_and_scored(bench, here, scan_f
     refused(here(*words[:-1], "other", "--presses", folder, "--seed", "1"), "another seed")
 
 
+@pytest.mark.long
 def test_a_run_outlives_a_pad_that_is_lost(bench, scan_file, tmp_path):
     follow = "r.presses/O-1.tactrec"
     hand = ["--follow", follow, "--rate", "200", "--lift", "0.3", "--scan-set", "sensor.noise=0.2"]

@@ -43,6 +43,7 @@ def test_a_probe_of_something_else_shows_its_bytes(bench, here):
     assert "aa 55" in result.stderr
 
 
+@pytest.mark.long
 def test_a_letter_is_recorded_from_tare_to_scan(bench, here, tmp_path):
     with emulated(bench, "--port", "pty:pad", "--follow", "A.tactrec", "--rate", "200", "--lift", "0.2",
                   "--scan-set", "placement_tilt=0"):  # fmt: skip

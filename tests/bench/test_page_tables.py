@@ -65,6 +65,7 @@ def folder(tmp_path_factory, shared_cache):
     return place
 
 
+@pytest.mark.long
 def test_a_page_gets_its_tables_and_keeps_its_words(folder, monkeypatch, capsys):
     monkeypatch.chdir(folder)
     (folder / "page.md").write_text(PAGE)

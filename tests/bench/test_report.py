@@ -58,6 +58,7 @@ def rows_of(path):
         return list(csv.DictReader(stream))
 
 
+@pytest.mark.long
 def test_the_files_stand_beside_the_page(report):
     assert {path.name for path in report.parent.iterdir()} == {
         "report.html", "readings.csv", "pareto.csv", "confusion.csv", "recognition.csv", "reliability.csv",
@@ -427,6 +428,7 @@ def test_names_cannot_end_the_data(hostile_run, tmp_path):
     assert "<script>" in run["letters"][0]
 
 
+@pytest.mark.long
 def test_counts_of_very_many_trials_are_shown_as_they_are(tmp_path):
     run = make_run(n=1, r=1)
     arrays = {field.name: getattr(run.trials, field.name) for field in fields(run.trials)}
@@ -453,6 +455,7 @@ def test_a_letter_held_out_is_right_when_it_is_refused(open_set_run):
     assert all(trial.same for trial in replayed.recognitions)
 
 
+@pytest.mark.long
 def test_a_press_through_time_is_shown_where_readings_have_their_sequence(scan_through_time, tmp_path):
     scan = Scan.load(scan_through_time[0])
     hostile = replace(scan, labels=np.full(len(scan), "<b>$x$"))

@@ -8,7 +8,7 @@ from small_runs import make_run_in
 
 from tactsim.bench.report.write import write_report
 
-pytestmark = needs_browser
+pytestmark = [pytest.mark.long, needs_browser]
 
 
 @pytest.fixture(scope="module")

@@ -122,6 +122,7 @@ def test_every_suite_can_be_read_and_names_known_estimators():
             create(config.estimator, **config.options)
 
 
+@pytest.mark.long
 def test_a_sweep_gives_what_single_runs_give(here, tmp_path):
     (tmp_path / "s.toml").write_text(SMALL)
     output = here("sweep", "s.toml", "--out", "out", "--jobs", "2").stdout
@@ -191,6 +192,7 @@ def test_a_worker_stays_with_a_run_and_every_chunk_is_taken_once():
         waiting.take()
 
 
+@pytest.mark.long
 def test_a_sweep_does_not_go_on_beside_runs_of_another_source(tmp_path, whole):
     shutil.copytree(whole, tmp_path / "out")
     _, configs = sweep_file.read(str(whole.parent / "s.toml"))
@@ -203,6 +205,7 @@ def test_a_sweep_does_not_go_on_beside_runs_of_another_source(tmp_path, whole):
         sweep.perform(configs, tmp_path / "out", jobs=1, progress=silent)
 
 
+@pytest.mark.long
 def test_what_a_killed_sweep_left_behind_is_removed(here, tmp_path, whole):
     (tmp_path / "s.toml").write_text(SMALL)
     shutil.copytree(whole, tmp_path / "out")
@@ -221,6 +224,7 @@ def test_what_a_killed_sweep_left_behind_is_removed(here, tmp_path, whole):
     assert contents(tmp_path / "out") == kept
 
 
+@pytest.mark.long
 def test_a_folder_in_use_or_of_another_sweep_is_refused(bench, here, tmp_path):
     (tmp_path / "s.toml").write_text(SMALL)
     (tmp_path / "other.toml").write_text(SMALL.replace("trials = 30", "trials = 1"))

@@ -99,6 +99,7 @@ def test_with_a_known_layer_the_wrist_is_found_though_a_rigid_one_was_simulated(
     assert world["placement_tilt"] == pytest.approx(0.0044, rel=0.2)
 
 
+@pytest.mark.long
 def test_outlines_that_are_not_as_drawn_are_found_and_bend_no_response():
     """Without numbers of their own, wider outlines pass for a response that is less steep, and for other places."""
     options = ScanOptions(letters=("A", "E"), placement_tilt=0.0, press=RIGID)

@@ -121,6 +121,7 @@ def test_a_damaged_file_is_compiled_again(ask, tmp_path):
         assert kept.read_bytes()[:32] == whole[:32]
 
 
+@pytest.mark.long
 def test_an_installation_that_cannot_be_written_uses_the_cache_folder(ask, tmp_path):
     without(tmp_path / "inner_loops" / "__pycache__")
     cache = {"TACTSIM_CACHE_DIR": str(tmp_path / "cache")}
@@ -129,6 +130,7 @@ def test_an_installation_that_cannot_be_written_uses_the_cache_folder(ask, tmp_p
     assert list((tmp_path / "cache").rglob("caller.*.kernel"))
 
 
+@pytest.mark.long
 def test_what_was_compiled_is_used_where_nothing_can_be_written(ask, tmp_path):
     without(tmp_path / "cache")
     cache = {"TACTSIM_CACHE_DIR": str(tmp_path / "cache" / "below")}

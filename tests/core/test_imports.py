@@ -45,6 +45,7 @@ def test_help_brings_neither_numpy_nor_a_configuration():
     )
 
 
+@pytest.mark.long
 def test_a_run_from_the_cache_brings_no_physics_and_no_scipy(here, own_cache):
     small = ("--bins", "100", "--letters", "I", "--trials", "1", "--readings", "2", "--json")
     words = ["run", "--estimator", "histogram", *small, "--out"]

@@ -190,6 +190,7 @@ def hostile_files(scan, tmp_path):
     return [*files, "huge", "pickled", "missing", "no-json", "list", "short", "not-npy", "nan", "absent"]
 
 
+@pytest.mark.long
 def test_a_size_is_refused_before_memory_is_asked_for(scan, tmp_path):
     # A GiB of zeros: a MB in the file.
     scan.save(tmp_path / "good.npz")

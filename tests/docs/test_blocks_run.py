@@ -25,7 +25,12 @@ RUN_PAGES = list(dict.fromkeys(b.page for b in BLOCKS if b.language in ("python"
 # Whole sweeps, each of which starts processes, many fits, recordings of a pad: half a minute each. README.md,
 # docs/first-run.md and docs/hardware.md have one or another of them.
 SLOW = {"docs/results.md", "docs/estimators.md", "docs/recordings.md"}
-MARKS = {page: [pytest.mark.slow] for page in SLOW} | {"docs/hardware.md": [pytest.mark.long]}
+# A second of processor time and more.
+LONG = {
+    "README.md", "docs/bound.md", "docs/first-run.md", "docs/hardware.md", "docs/objects-in-space.md",
+    "docs/press-by-hand.md", "docs/sensor.md", "docs/tasks.md",
+}  # fmt: skip
+MARKS = {page: [pytest.mark.slow] for page in SLOW} | {page: [pytest.mark.long] for page in LONG}
 
 # Files of the reader's own, which pages name without showing them: a drawing.
 OWN = {

@@ -78,6 +78,7 @@ def test_features_do_not_depend_on_where_the_robots_frame_lies():
     assert one[0, -1] == pytest.approx(0.1)
 
 
+@pytest.mark.long
 def test_what_is_learned_is_to_touch_the_object():
     policy = LearnedPolicy("histogram", rounds=4, episodes=30)
     policy.learn(TASK, 0)

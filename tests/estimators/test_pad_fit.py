@@ -138,6 +138,7 @@ def test_options_that_were_given_are_kept_in_the_units_they_were_given_in(scan):
     assert set(found.chosen) <= {"ratio"}
 
 
+@pytest.mark.long
 def test_what_is_chosen_says_more_of_readings_that_were_left_out(scan):
     for options in (RefinedOptions(fit="auto"), ForceMosaicOptions(fit="auto")):
         found = fit_to_pad(scan, options)

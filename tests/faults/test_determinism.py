@@ -89,6 +89,7 @@ def test_processes_cache_and_hashes_change_no_bit(answer, first, name):
     assert one["work"]["likelihood_evaluations"] == other["work"]["likelihood_evaluations"]
 
 
+@pytest.mark.long
 def test_readings_from_the_cache_are_those_that_were_pressed(answer, first):
     pressed, trials = first
     kept, same = answer(*ESTIMATORS["histogram"])
@@ -96,6 +97,7 @@ def test_readings_from_the_cache_are_those_that_were_pressed(answer, first):
     assert same == trials
 
 
+@pytest.mark.long
 def test_the_order_of_the_letters_changes_no_trial(answer, first):
     _, trials = first
     _, turned = answer(*ESTIMATORS["histogram"], "--letters", "OE")
@@ -118,6 +120,7 @@ def test_the_order_of_the_letters_changes_no_trial(answer, first):
         assert float(one["p_truth"]) == pytest.approx(float(other["p_truth"]), rel=1e-12)
 
 
+@pytest.mark.long
 def test_the_presss_skips_change_no_bit(answer, first):
     words = [word for name in SKIPS for word in ("--scan-set", f"press.skip.{name}=false")]
     _, whole = answer(*ESTIMATORS["histogram"], "--no-cache", *words)

@@ -40,6 +40,7 @@ def on_small_disk(bench, script, size):
 SMALL = "--estimator histogram --trials 2 --readings 3 --bins 100"
 
 
+@pytest.mark.long
 def test_a_scan_that_does_not_fit_leaves_nothing(bench, scan_file, shared_cache):
     bench.environment["TACTSIM_CACHE_DIR"] = str(shared_cache)  # which has the readings of scan_file
     result = on_small_disk(

@@ -101,6 +101,7 @@ def read_with_little_memory(files):
     return done.stdout.splitlines()
 
 
+@pytest.mark.long
 def test_no_claim_of_a_file_is_believed(bombs):
     lines = read_with_little_memory(bombs)
     assert [line.split()[0] for line in lines] == ["refused"] * len(bombs), "\n".join(lines)

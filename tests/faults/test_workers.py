@@ -77,6 +77,7 @@ def refuse(value):
 RUN = ["run", "--estimator", "histogram", "--bins", "100", "--readings", "30", "--out", "out", "--scan"]
 
 
+@pytest.mark.long
 def test_a_run_whose_worker_dies_at_its_start_says_so_and_leaves_nothing(bench, here, scan_file):
     process = bench.start(*RUN, scan_file, "--trials", "2000", "--jobs", "2")
     kill_one_worker(process)

@@ -69,6 +69,7 @@ def test_no_two_glyphs_are_alike_however_turned_and_shifted(overlaps):
             assert best.fun > LEAST_DIFFERENCE, (a, b, best.x)
 
 
+@pytest.mark.long
 def test_no_glyph_is_like_itself_at_an_angle_that_is_not_a_symmetry(overlaps):
     for name in models.names():
         order = models.letter(name).symmetry

@@ -201,6 +201,7 @@ def heap(count):
     return trimesh.Trimesh(turned.reshape(-1, 3), faces, process=False)
 
 
+@pytest.mark.long
 def test_a_ball_of_a_million_faces_and_a_heap_of_boxes_are_refused_soon(tmp_path):
     path = tmp_path / "ball.stl"
     path.write_bytes(ball(500))
@@ -423,6 +424,7 @@ def test_drawings_without_a_scale(tmp_path, head):
     refusal(write_svg(tmp_path, '<rect width="9" height="9"/>', head))
 
 
+@pytest.mark.long
 def test_a_scribble_ends_soon(tmp_path):
     points = np.random.default_rng(0).random((3000, 2)) * 20
     path = " ".join(f"{x:.3f},{y:.3f}" for x, y in points)

@@ -65,6 +65,7 @@ def test_a_wheel_holds_the_whole_package_and_nothing_else(wheel):
     assert files_of(wheel) == files_of_checkout()
 
 
+@pytest.mark.long
 def test_the_wheel_of_the_source_archive_is_the_same(wheel, wheel_of_sdist):
     assert files_of(wheel_of_sdist) == files_of(wheel)
 

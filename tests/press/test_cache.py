@@ -94,6 +94,7 @@ def _scan(_):
     return scan_letters(OPTIONS)[0].readings
 
 
+@pytest.mark.long
 def test_two_processes_may_fill_it_at_once(own_cache):
     with multiprocessing.get_context("spawn").Pool(2) as pool:
         first, second = pool.map(_scan, range(2), chunksize=1)

@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from manifold3d import CrossSection
 
@@ -70,6 +70,19 @@ def by_triangles(region, centre):
     return total
 
 
+def test_an_edge_that_crosses_a_line_by_less_than_any_double_is_no_edge_of_its_own():
+    """Its slope is infinite, and infinity times nothing is no number."""
+    lines, step = np.array([-2.0, 0.0, 2.0]), 5e-324
+    exact, bent = (
+        cell_moments(
+            edges_of([np.array([(left, -1.5), (1.0, -1.5), (1.0, 1.5), (right, 1.5)])]),
+            np.zeros((1, 3)), lines, lines,
+        )
+        for left, right in ((0.0, 0.0), (-step, step))
+    )  # fmt: skip
+    assert bent == pytest.approx(exact, abs=1e-12)
+
+
 @given(
     st.sampled_from(sorted(SHAPES)),
     st.floats(-3, 3),
@@ -81,6 +94,7 @@ def by_triangles(region, centre):
     ),
     st.floats(-0.3, 0.3),
 )
+@example("ring", 0.0, 0.0, (2.2250738585e-313, 0.0, 1.0), 0.0)
 @settings(deadline=None)
 def test_only_what_lies_deep_enough_counts_and_a_tilt_foreshortens(name, x, angle, surface, tilt):
     shape = SHAPES[name]

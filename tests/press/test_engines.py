@@ -69,6 +69,7 @@ def test_every_glyph_reads_the_same_at_every_pose(name):
     assert np.percentile(tilted, 95) < 0.05
 
 
+@pytest.mark.long
 def test_collide_keeps_to_the_figure_that_the_page_states():
     """95 % of the worst taxels of the vowels are within 0.9 kPa, on the paper's poses and on any in their range."""
     within = random_poses(np.random.default_rng(4)) * (10.2 / REACH, 10.2 / REACH, 1)

@@ -195,6 +195,7 @@ def test_a_tilted_dome(tilt):
     assert error < 1e-3
 
 
+@pytest.mark.long
 @settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(
     seed=st.integers(0, 10_000),
@@ -353,6 +354,7 @@ def every_side(count):
     return Rotation.random(count, random_state=3).as_matrix()
 
 
+@pytest.mark.long
 def test_a_ball_reads_the_same_from_every_side():
     """A sphere about the origin has its foremost point in the middle whichever way it is turned."""
     solid = Manifold.sphere(10, 512)

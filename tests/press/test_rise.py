@@ -54,6 +54,7 @@ def test_relief_is_touched_at_its_top_first(ball):
     assert (largest[:, 0] > largest[:, -1]).mean() > 0.95  # of a light touch more lies on one taxel
 
 
+@pytest.mark.long
 def test_neither_the_cache_nor_processes_change_a_bit(ball, monkeypatch, tmp_path):
     monkeypatch.setenv("TACTSIM_CACHE", str(tmp_path))
     first, _ = scan_letters(options_of(ball), sequence=True)

@@ -78,6 +78,7 @@ def posed_rectangle(pad, size, at, angle):
     return CrossSection.square(size, True).rotate(angle).translate(at) ^ surface
 
 
+@pytest.mark.long
 @settings(max_examples=60, deadline=None)
 @given(
     pitch=st.floats(-0.3, 2.3).map(lambda power: 10**power),

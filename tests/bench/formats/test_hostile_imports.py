@@ -328,6 +328,7 @@ def test_a_log_of_somebody_else_is_refused(tmp_path):
     refuses(mcap(tmp_path / "y.mcap", [GOOD], DOCUMENT | {"tactsim_scan": 2}), "of version 2")
 
 
+@pytest.mark.long
 def test_a_chunk_that_unpacks_to_too_much_is_refused_before_it_is_unpacked(tmp_path):
     bomb = mcap(tmp_path / "x.mcap", [b" " * (200 << 20)], DOCUMENT)
     assert bomb.stat().st_size < 1 << 20

@@ -80,6 +80,7 @@ def pages_of(site):
     return sorted(site.rglob("*.html"))
 
 
+@pytest.mark.long
 def test_every_link_leads_to_a_file_and_none_to_a_network(site):
     pages = pages_of(site)
     assert len(pages) == 1 + 2 + 6  # a task, and with other data; six methods
@@ -91,6 +92,7 @@ def test_every_link_leads_to_a_file_and_none_to_a_network(site):
             assert (page.parent / unquote(link)).is_file(), (page, link)
 
 
+@pytest.mark.long
 def test_no_name_becomes_markup(site):
     for page in pages_of(site):
         tags = Reader(page).tags
@@ -145,6 +147,7 @@ def test_the_tables_are_there_as_csv(found, site):
     assert {(row["method"], row["other"]) for row in pairs} >= {("good", "even"), ("good", "fair")}
 
 
+@pytest.mark.long
 def test_the_same_bundles_give_the_same_bytes_and_replace_the_site(folder, site, tmp_path):
     out = tmp_path / "site"
     shutil.copytree(site, out)

@@ -91,6 +91,7 @@ def unverified(result, said):
     return result.stdout
 
 
+@pytest.mark.long
 def test_a_plug_in_is_submitted_and_verified(bundle_of, here, folder):
     path = bundle_of("guess", "--set", "spread=2", "--title", "Guesses")
     bundle = read_bundle(path)
@@ -112,6 +113,7 @@ def test_a_plug_in_is_submitted_and_verified(bundle_of, here, folder):
         read_record(path)
 
 
+@pytest.mark.long
 def test_a_built_in_estimator_runs_as_bench_run_does_and_is_verified_in_a_process_of_its_own(bundle_of, here):
     path = bundle_of("nearest")
     bundle = read_bundle(path)
@@ -175,6 +177,7 @@ def all_right(trials):
     }
 
 
+@pytest.mark.long
 def test_results_that_were_made_better_are_found_out(bundle_of, here):
     path = bundle_of("guess", "--set", "spread=2", "--title", "Guesses")
     rewritten(path, all_right)
@@ -218,6 +221,7 @@ def test_what_the_task_says_cannot_be_changed(change, said, bundle_of, here):
     unverified(here("verify", path), said)
 
 
+@pytest.mark.long
 def test_what_a_run_says_of_itself_cannot_be_changed(bundle_of, here, monkeypatch):
     path = bundle_of("guess", "--set", "spread=2", "--title", "Guesses")
     good = read_bundle(path)

@@ -52,6 +52,7 @@ def test_a_run_prints_its_table_and_leaves_its_folder_and_its_page(capsys, tmp_p
     assert len((tmp_path / "page.html").read_text()) > 10_000
 
 
+@pytest.mark.long
 def test_json_and_the_same_seed(capsys, tmp_path):
     bench(*RUN, "--json", "--out", "a")
     answer = json.loads(capsys.readouterr().out)

@@ -6,7 +6,7 @@ from made_up_space import make_replayed, make_space_run
 
 from tactsim.bench.space.space_page import page
 
-pytestmark = needs_browser
+pytestmark = [pytest.mark.long, needs_browser]
 
 
 @pytest.fixture(scope="module")

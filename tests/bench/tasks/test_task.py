@@ -291,6 +291,7 @@ def test_a_wrong_file_is_refused_in_one_line(own, old, new, message):
     assert "two-v1" in str(caught.value)
 
 
+@pytest.mark.long
 def test_python_runs_a_task_by_name_and_with_an_estimator_of_ones_own(own):
     named = tactsim.run(task=own(), estimator="nearest", seed=4)
     given = tactsim.run(task=own(), estimator=create("nearest"), seed=4)

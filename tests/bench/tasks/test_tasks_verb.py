@@ -69,6 +69,7 @@ def test_the_options_of_a_task_are_shown_as_run_takes_them(here):
     } <= set(lines)
 
 
+@pytest.mark.long
 def test_hashes_are_printed_for_a_file_and_compared_once_it_states_them(here, own):
     shown = here("tasks", own.name, "--hash", "--jobs", "2")
     assert shown.returncode == 0, shown.stderr
@@ -107,6 +108,7 @@ def test_a_shorter_look_says_that_it_is_no_result(here, own, tmp_path):
     assert results.load(tmp_path / "run").task is None
 
 
+@pytest.mark.long
 def test_a_sweep_of_a_task_has_a_run_for_each_seed(here, own, tmp_path):
     (tmp_path / "s.toml").write_text('[[run]]\ntask = "two-v1.toml"\nestimator = "nearest"\n')
     assert here("sweep", "s.toml", "--jobs", "1", "--out", "out").returncode == 0

@@ -14,7 +14,7 @@ from tactsim.core import Scan
 from tactsim.estimators import create
 from tactsim.hardware.session import Plan
 
-pytestmark = needs_browser
+pytestmark = [pytest.mark.long, needs_browser]
 POSES = ((0.0, 4.0, 0.0), (0.0, -4.0, 0.0))
 
 

@@ -122,6 +122,7 @@ def test_a_pad_on_a_pty_is_recognised_on_a_terminal(bench, here, tmp_path, scan_
     assert "Traceback" not in last
 
 
+@pytest.mark.long
 def test_ctrl_c_ends_it_cleanly(bench, scan_file):
     process = bench.start("live", "--port", "simulated:I", "--train-scan", scan_file, *SMALL)
     assert process.stdout.readline().startswith("touch 1")

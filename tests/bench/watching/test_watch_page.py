@@ -7,7 +7,7 @@ from browser import browser, expect, needs_browser
 from tactsim.bench.watching.pad_view import PadReader
 from tactsim.bench.watching.web import WebPage
 
-pytestmark = needs_browser
+pytestmark = [pytest.mark.long, needs_browser]
 PICTURE = "document.getElementById('picture').toDataURL()"
 RAMP = np.arange(36.0)
 LIVE = {"phase": "", "message": "", "progress": 0, "where": "", "asked": None, "belief": {"touch": 0}}

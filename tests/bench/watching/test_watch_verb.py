@@ -25,6 +25,7 @@ def recording(tmp_path, device):
     return path
 
 
+@pytest.mark.long
 def test_on_a_terminal_the_pad_is_drawn_lost_and_back(bench, tmp_path, typing):
     words = ["--port", "pty:pad", "--letter", "A", "--hold", "1000", "--lift", "0.1"]
     with emulated(bench, *words) as name:

@@ -30,6 +30,7 @@ def named(estimator, readings):
     return estimator._log_p(estimator._net, readings)
 
 
+@pytest.mark.long
 def test_a_sequence_is_the_product_of_its_readings_at_the_temperature(learned, scan):
     learned.reset(np.random.default_rng(0))
     readings, poses, _ = draw_trial(scan, "L", 5, np.random.default_rng(1))
@@ -41,6 +42,7 @@ def test_a_sequence_is_the_product_of_its_readings_at_the_temperature(learned, s
     assert said.robot_in_object.tolist() == [0, 0, 0]
 
 
+@pytest.mark.long
 def test_it_names_readings_at_poses_that_were_never_pressed(learned):
     rng = np.random.default_rng(4)
     poses = np.column_stack([rng.uniform(-8, 8, (100, 2)), rng.uniform(-np.pi, np.pi, 100)])

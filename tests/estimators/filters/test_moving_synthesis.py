@@ -102,6 +102,7 @@ def test_states_are_weighed_by_the_whole_covariance_of_a_press():
     assert far[0] == far[1] > -2000
 
 
+@pytest.mark.long
 def test_what_a_reading_adds_to_the_evidence_is_its_mean_likelihood_in_the_belief():
     """The growth of the modes' evidence against a sum over states drawn from the belief before the reading."""
     readings, poses, _ = sequence(6, Slip())

@@ -114,6 +114,7 @@ def ends(estimator, scan, label, seeds):
         yield found.label == NONE, placement_error(found.robot_in_object, truth, 1 + (label == "I"), 64.0)
 
 
+@pytest.mark.long
 def test_a_letter_that_was_not_learned_is_refused_and_the_others_are_not(scan):
     """Refused by mistake is one sequence in fifty, as is aimed at, or less: more than three of sixty are once in 33."""
     estimator = create("refined", unknown=0.1, bins=1000)

@@ -78,6 +78,7 @@ def follow(estimator, readings, poses):
     return estimator.estimate()
 
 
+@pytest.mark.long
 def test_it_reaches_the_bound_and_says_how_sure_it_is(letters):
     """The Cramer-Rao bound of x and y (van Trees): placement marginalised, averaged over trials."""
     rng = np.random.default_rng(0)
@@ -118,6 +119,7 @@ def test_it_reaches_the_bound_and_says_how_sure_it_is(letters):
     assert np.mean(held) >= 0.75
 
 
+@pytest.mark.long
 def test_loads_that_vary_too_much_for_a_slope_are_searched_for():
     estimator, rng, far = fitted(["E", "I", "L", "T"], forward=Handheld), np.random.default_rng(6), []
     right = 0

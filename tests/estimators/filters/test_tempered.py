@@ -30,6 +30,7 @@ def estimates(estimator, trial, seed=0):
         yield estimator.estimate()
 
 
+@pytest.mark.long
 def test_the_evidence_of_one_reading_is_the_mean_likelihood_over_the_prior(scan):
     # A classifier that often fails makes a likelihood without needles, which plain sampling can integrate.
     estimator = fitted(scan, particles=30_000, likelihood="paper", gamma=0.8)

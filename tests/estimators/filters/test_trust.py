@@ -168,6 +168,7 @@ def test_a_likelihood_that_cannot_leave_readings_out_counts_fully():
     assert learn_trust(estimator.likelihood, scan)(20) == 1
 
 
+@pytest.mark.long
 def test_a_belief_that_is_long_in_one_direction_gets_the_same_weight(monkeypatch):
     # Few moves lie in it, and of too few, 1,024, it seems too sure by a quarter.
     found = [

@@ -172,6 +172,7 @@ def over_the_extent(model, tables):
     return values
 
 
+@pytest.mark.long
 def test_finer_tables_say_nearly_the_same(scan):
     # Between nodes log p is interpolated; off the nodes the filters see this, per taxel.
     model = fitted(scan.where(label="E"))

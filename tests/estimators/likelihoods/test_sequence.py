@@ -62,6 +62,7 @@ def touches(scan, label="E", count=4):
     return scan.sequence[rows].astype(float), scan.readings[rows], poses
 
 
+@pytest.mark.long
 def test_moments_that_all_say_the_same_count_as_one_image(scan, two):
     assert 2 * two.likelihood.counts == pytest.approx(1, abs=0.2)
     sequences, readings, poses = touches(scan)

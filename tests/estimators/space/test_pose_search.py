@@ -94,6 +94,7 @@ def test_steps_free_the_pads_way(block):
     assert BLOCK.distance(place)[0] > -0.3
 
 
+@pytest.mark.long
 def test_a_search_finds_the_pose_of_a_tee_from_coarse_cells():
     scan = toy.toy_scan(60, 3, labels=("tee", "block"))
     refined = estimators.create("space-refined")

@@ -23,6 +23,7 @@ def test_the_stiffness_is_found(field):
     assert field.touching.stiffness == pytest.approx(toy.STIFFNESS, rel=0.25)
 
 
+@pytest.mark.long
 def test_the_learned_surface_is_the_solids(field):
     for label, surface in zip(field.labels, map(field.surface, range(3)), strict=True):
         away = toy.SOLIDS[label].distance(surface.points)

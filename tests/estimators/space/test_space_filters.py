@@ -140,6 +140,7 @@ def after(estimator, readings, sensors, seed=0):
     return estimator.estimate()
 
 
+@pytest.mark.long
 def test_the_belief_is_that_of_brute_force(monkeypatch):
     # The quick look is as wide as this field's likelihood: three places count as much there as one here.
     monkeypatch.setattr(pose_search, "_WIDTH", 1.5 * np.sqrt(3))
@@ -216,6 +217,7 @@ def test_turning_the_world_turns_the_answer():
         assert np.median(fits) > -1
 
 
+@pytest.mark.long
 def test_several_pads_at_once_say_what_they_say_one_after_another():
     field = ToyField({"tee": toy.SOLIDS["tee"], "hook": hook(1)}, 0.5)
     estimator = with_field(field, **FEW)

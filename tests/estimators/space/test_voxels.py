@@ -31,6 +31,7 @@ def ball():
     return sparse(np.full(3, -18.0), CELL, dense().astype(np.float32), 3.0)
 
 
+@pytest.mark.long
 def test_distances_are_the_spheres_near_it_and_bounds_far_away(ball):
     points = np.random.default_rng(0).uniform(-40, 40, (20_000, 3))
     true, found = np.linalg.norm(points, axis=1) - RADIUS, distances(ball, points)
@@ -50,6 +51,7 @@ def slopes(voxels, points):
     return found
 
 
+@pytest.mark.long
 def test_slopes_are_those_of_the_distances(ball):
     rng = np.random.default_rng(1)
     points = rng.uniform(-17, 17, (20_000, 3))
