@@ -13,7 +13,7 @@ from tactsim.core.poses import FloatArray
 from tactsim.estimators.likelihoods.deviation import Deviation, learn_deviation
 from tactsim.estimators.likelihoods.folds import FOLDS, as_one, by_letter, folds, touched_elsewhere
 from tactsim.estimators.likelihoods.likelihood import Evidence, Likelihood, covered
-from tactsim.estimators.likelihoods.mosaic import Grid, Mosaic, learn_mosaic
+from tactsim.estimators.likelihoods.mosaic import Grid, Mosaic, learn_mosaic, learn_with_spread
 from tactsim.estimators.likelihoods.occupancy import OccupancyMap
 from tactsim.estimators.likelihoods.scale import lehmer_mean
 
@@ -94,8 +94,9 @@ class ForceLikelihood(Likelihood):
         for label in self.maps:
             mine = train.labels == label
             xy, values, counts = self._taxels(train, pressure, mine)
-            self.mosaics[label] = learn_mosaic(xy, values, counts, self._grid(label))
-            alone = self.mosaics[label].without(*as_one(train.where(label=label), values, counts))
+            learned = learn_with_spread(xy, values, counts, self._grid(label))
+            self.mosaics[label] = learned.mosaic
+            alone = learned.without(*as_one(train.where(label=label), values, counts))
             predicted[mine] = alone.reshape(-1, len(train.taxel_xy))
         return predicted
 

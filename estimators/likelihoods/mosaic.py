@@ -23,42 +23,24 @@ class Mosaic:
     """Planes fitted to the taxels around every node of a square grid, weighted by the point spread of eq. 4.
 
     origin: [x, y] mm of node [0, 0]. cell: mm. sigma: mm. plane: (rows, columns, 3) the value, and its
-    slope along x and y per cell. spread: (rows, columns, 3, 3) the inverse of the normal equations.
+    slope along x and y per cell.
     """
 
     origin: FloatArray
     cell: float
     sigma: float
     plane: FloatArray
-    spread: FloatArray
 
     def __call__(self, xy: ArrayLike) -> tuple[FloatArray, FloatArray]:
         """Interpolate bilinearly at points (..., 2) mm: the value, and the squared slope in mm^-2."""
         value, slope = np.zeros((2, *np.shape(xy)[:-1]))
-        for share, row, column, _ in self._around(xy):
+        for share, row, column, _ in self.around(xy):
             plane = self.plane[row, column]
             value += share * plane[..., 0]
             slope += share * (plane[..., 1:] ** 2).sum(axis=-1)
         return value, slope / self.cell**2
 
-    def without(self, xy: FloatArray, values: FloatArray, weight: FloatArray) -> FloatArray:
-        """Interpolate at each taxel that the mosaic was learned from, as if it had been learned without that taxel.
-
-        xy: (n, 2) mm. values, weight: (n,). Leaving one observation out of a least-squares fit moves the
-        coefficients by -spread x k r / (1 - k x' spread x), where r is its residual and k its weight.
-        """
-        result = np.zeros(len(values))
-        for share, row, column, offset in self._around(xy):
-            design = np.column_stack([np.ones(len(values)), offset])
-            here = weight * point_spread((offset**2).sum(axis=1) * self.cell**2, self.sigma, 1.0)
-            influence = here[:, None] * np.einsum("ni,nij->nj", design, self.spread[row, column])
-            plane = self.plane[row, column]
-            residual = values - (design * plane).sum(axis=1)
-            leverage = (influence * design).sum(axis=1)
-            result += share * (plane[:, 0] - influence[:, 0] * residual / (1 - leverage))
-        return result
-
-    def _around(
+    def around(
         self, xy: ArrayLike
     ) -> Iterator[tuple[FloatArray, NDArray[np.intp], NDArray[np.intp], FloatArray]]:
         """Yield for the four nodes around points: bilinear share, row, column, offset [x, y] in cells.
@@ -74,6 +56,34 @@ class Mosaic:
             yield share, corner[..., 1] + dy, corner[..., 0] + dx, offset
 
 
+@dataclass(frozen=True, eq=False)
+class LearnedMosaic:
+    """A mosaic, and what its planes owe to each taxel: needed while something is learned, and three times as large.
+
+    spread: (rows, columns, 3, 3) the inverse of the normal equations.
+    """
+
+    mosaic: Mosaic
+    spread: FloatArray
+
+    def without(self, xy: FloatArray, values: FloatArray, weight: FloatArray) -> FloatArray:
+        """Interpolate at each taxel that the mosaic was learned from, as if it had been learned without that taxel.
+
+        xy: (n, 2) mm. values, weight: (n,). Leaving one observation out of a least-squares fit moves the
+        coefficients by -spread x k r / (1 - k x' spread x), where r is its residual and k its weight.
+        """
+        mosaic, result = self.mosaic, np.zeros(len(values))
+        for share, row, column, offset in mosaic.around(xy):
+            design = np.column_stack([np.ones(len(values)), offset])
+            here = weight * point_spread((offset**2).sum(axis=1) * mosaic.cell**2, mosaic.sigma, 1.0)
+            influence = here[:, None] * np.einsum("ni,nij->nj", design, self.spread[row, column])
+            plane = mosaic.plane[row, column]
+            residual = values - (design * plane).sum(axis=1)
+            leverage = (influence * design).sum(axis=1)
+            result += share * (plane[:, 0] - influence[:, 0] * residual / (1 - leverage))
+        return result
+
+
 @dataclass(frozen=True)
 class Grid:
     """The nodes of a mosaic. origin: [x, y] mm of node [0, 0]. cell: mm. shape: (rows, columns). sigma: mm."""
@@ -85,6 +95,11 @@ class Grid:
 
 
 def learn_mosaic(xy: FloatArray, values: FloatArray, weight: FloatArray, grid: Grid) -> Mosaic:
+    """Learn a mosaic as `learn_with_spread` does."""
+    return learn_with_spread(xy, values, weight, grid).mosaic
+
+
+def learn_with_spread(xy: FloatArray, values: FloatArray, weight: FloatArray, grid: Grid) -> LearnedMosaic:
     """Fit a plane to the taxels around every node of a grid: local linear regression (Cleveland 1979).
 
     xy: (n, 2) mm, where taxels lay. values, weight: (n,) what they felt, and how much that counts, 1 for
@@ -97,4 +112,4 @@ def learn_mosaic(xy: FloatArray, values: FloatArray, weight: FloatArray, grid: G
     normal += _PRIOR * np.diag([1, sigma**2, sigma**2])
     spread = np.asarray(np.linalg.inv(normal), dtype=float)
     plane = np.einsum("...ij,...j->...i", spread, sums[..., 6:])
-    return Mosaic(grid.origin, grid.cell, grid.sigma, plane, spread)
+    return LearnedMosaic(Mosaic(grid.origin, grid.cell, grid.sigma, plane), spread)

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from tactsim.core import Scan, compose, transform
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.likelihoods.folds import as_one, load_levels, positions
-from tactsim.estimators.likelihoods.mosaic import Grid, Mosaic, learn_mosaic
+from tactsim.estimators.likelihoods.mosaic import Grid, LearnedMosaic, Mosaic, learn_with_spread
 from tactsim.estimators.likelihoods.occupancy import OccupancyMap
 from tactsim.estimators.likelihoods.plane_kernels import expand, fit_planes
 from tactsim.estimators.options import LikelihoodOptions
@@ -95,21 +95,23 @@ class TiltedMosaics:
             label: np.repeat(np.maximum(top, self.typical / 4), len(self.gain), axis=1)
             for label, top in highest.items()
         }
-        self.mosaics: dict[str, Mosaic] = {}
+        learned: dict[str, LearnedMosaic] = {}
         for _ in range(_TURNS):
             felt, predicted = np.zeros((2, len(self.gain)))
             for label, mine in letters.items():
-                mosaic = self._learn(maps[label], xy[label], *self._cover(mine.readings, pressure[label]))
-                cover, slope = mosaic(xy[label])
+                learned[label] = self._learn(
+                    maps[label], xy[label], *self._cover(mine.readings, pressure[label])
+                )
+                cover, slope = learned[label].mosaic(xy[label])
                 pressure[label] = self._planes(mine.readings, cover, slope).pressure
-                self.mosaics[label] = mosaic
                 under = cover * pressure[label]
                 felt += (under * mine.readings).sum(axis=0)
                 predicted += (under * under).sum(axis=0)
             gain = np.maximum(np.divide(felt, predicted, out=np.ones_like(felt), where=predicted > 0), 0)
             self.gain = gain / gain.mean() if gain.any() else np.ones_like(gain)
+        self.mosaics: dict[str, Mosaic] = {label: learned[label].mosaic for label in letters}
         self._out = {
-            label: self._left_out(label, maps[label], mine, xy[label], pressure[label])
+            label: self._left_out(learned[label], maps[label], mine, xy[label], pressure[label])
             for label, mine in letters.items()
         }
         self._learn_errors()
@@ -204,28 +206,29 @@ class TiltedMosaics:
         weight = np.where(under > least, np.minimum(under / self.typical, _MOST_PRESSURE) ** 2, 0.0)
         return np.where(under > least, readings / np.maximum(under, least), 0.0), weight
 
-    def _learn(self, chart: OccupancyMap, xy: FloatArray, cover: FloatArray, weight: FloatArray) -> Mosaic:
+    def _learn(
+        self, chart: OccupancyMap, xy: FloatArray, cover: FloatArray, weight: FloatArray
+    ) -> LearnedMosaic:
         """Learn a mosaic from cover (n, taxels) at xy (n, taxels, 2) mm, over the same area as a map."""
         rows, columns = (side // _COARSER + 2 for side in chart.log_odds.shape)
         grid = Grid(chart.origin, _COARSER * chart.cell, (rows, columns), self.options.sigma)
-        return learn_mosaic(xy.reshape(-1, 2), cover.ravel(), weight.ravel(), grid)
+        return learn_with_spread(xy.reshape(-1, 2), cover.ravel(), weight.ravel(), grid)
 
     def _left_out(
-        self, label: str, chart: OccupancyMap, mine: Scan, xy: FloatArray, pressure: FloatArray
+        self, learned: LearnedMosaic, chart: OccupancyMap, mine: Scan, xy: FloatArray, pressure: FloatArray
     ) -> LeftOut:
         """Look a letter's training readings up in mosaics without themselves, and without those around them."""
         cover, weight = self._cover(mine.readings, pressure)
-        mosaic = self.mosaics[label]
         near = (
-            mosaic.without(*as_one(mine, cover.ravel(), weight.ravel())).reshape(cover.shape),
-            mosaic(xy)[1],
+            learned.without(*as_one(mine, cover.ravel(), weight.ravel())).reshape(cover.shape),
+            learned.mosaic(xy)[1],
         )
         far = np.empty_like(cover), np.empty_like(cover)
         part = positions(mine) % _PARTS
         for number in np.unique(part):
             out = part == number
             rest = self._learn(chart, xy[~out], cover[~out], weight[~out])
-            far[0][out], far[1][out] = rest(xy[out])
+            far[0][out], far[1][out] = rest.mosaic(xy[out])
         return LeftOut(mine.poses, mine.readings, near, far)
 
     def _learn_errors(self) -> None:

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tactsim.estimators.likelihoods.mosaic import Grid, learn_mosaic
+from tactsim.estimators.likelihoods.mosaic import Grid, learn_mosaic, learn_with_spread
 
 GRID = Grid(origin=np.array([-3.0, -2.0]), cell=0.4, shape=(16, 21), sigma=1.0)
 
@@ -48,7 +48,7 @@ def test_every_node_is_a_weighted_least_squares_fit():
 def test_leaving_an_taxel_out_is_learning_without_it():
     xy, rng = scattered(200)
     values, weight = rng.normal(size=200), rng.uniform(0.1, 2, 200)
-    got = learn_mosaic(xy, values, weight, GRID).without(xy, values, weight)
+    got = learn_with_spread(xy, values, weight, GRID).without(xy, values, weight)
     for i in range(0, 200, 13):
         rest = np.arange(200) != i
         wanted, _ = learn_mosaic(xy[rest], values[rest], weight[rest], GRID)(xy[i])
