@@ -70,9 +70,9 @@ def begun(
 ) -> Iterator[Begun[_Task, _Part]]:
     """Begin with tasks in `jobs` - 1 worker processes, which end with the block; what they leave is done here.
 
-    do: takes some tasks in a worker, and returns what they gave and the work, flattened.
+    do: takes some tasks in a worker, and returns what they gave and the work, flattened. tasks, jobs: two at least.
     """
     pieces = np.array_split(np.arange(len(tasks)), min(len(tasks), _CHUNKS * jobs))
     chunks = [[tasks[i] for i in piece] for piece in pieces]
-    with worker_processes(jobs - 1) as pool:
+    with worker_processes(min(jobs, len(tasks)) - 1) as pool:
         yield Begun(chunks, [pool.submit(do, chunk) for chunk in chunks])

@@ -1,5 +1,6 @@
 """Trials in several processes: this one does what the others leave."""
 
+import multiprocessing
 import os
 import time
 
@@ -46,6 +47,14 @@ def test_each_task_is_done_once_and_what_they_gave_stands_in_their_order(jobs):
     processes = {process for part in parts for _, process in part}
     assert os.getpid() in processes
     assert len(processes) <= jobs
+
+
+def test_no_more_processes_start_than_there_are_tasks():
+    with begun(square, TASKS[:2], jobs=40) as others:
+        assert len(multiprocessing.active_children()) == 1
+        parts, work = others.finish(square_here, lambda *word: None)
+    assert [value for part in parts for value, _ in part] == [0, 1]
+    assert work == {"tasks": 2}
 
 
 def test_workers_begin_before_this_process_does():
