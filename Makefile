@@ -35,7 +35,7 @@ LONG ?=
 # What `make mutants` is given, such as MUTANTS="--all tactsim/press/clip.py".
 MUTANTS ?=
 
-.PHONY: run test test-long check docs setup lock test-slow test-formats soak mutants bench-check bench-baseline bench-rate profile tables leaderboard references stress release-check image clean help
+.PHONY: run test test-long check docs setup lock test-slow test-formats soak mutants bench-check bench-baseline bench-rate profile tables renew leaderboard references stress release-check image clean help
 
 help:            ## list these commands
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 18
@@ -104,6 +104,10 @@ TABLES := better paper-better robustness slip open-set active paper paper-like t
 tables: $(DEVELOP)  ## do the sweeps that are not done yet, and fill the tables of the documentation from them
 	@for suite in $(TABLES); do $(BIN)/bench sweep $$suite || exit; done
 	@$(BIN)/python -m tactsim.bench.page_tables README.md docs/results.md docs/method.md docs/choose-an-estimator.md docs/estimators.md
+
+renew: $(DEVELOP)  ## do every method of results/leaderboard again with this commit, and check it: half an hour; then `leaderboard`
+	@$(BIN)/python -m tactsim.bench.leaderboard.renew results/leaderboard $(VENV)/renewed
+	@$(MAKE) --no-print-directory leaderboard
 
 leaderboard: $(DEVELOP)  ## make the site of results/leaderboard, and fill the tables of docs/leaderboard.md
 	@$(BIN)/bench leaderboard results/leaderboard
