@@ -78,7 +78,7 @@ $(FORMATS)/.ready: $(FORMATS_LOCK) | $(DEVELOP)
 soak: $(DEVELOP)   ## read two devices under random faults for MINUTES (30)
 	@nice $(BIN)/python -m pytest -q -s -m soak tests/hardware/test_soak.py --soak-minutes $(MINUTES)
 
-mutants: $(MUTATION)  ## break formulas in a copy: do the tests notice? an hour or two
+mutants: $(MUTATION)  ## break formulas in a copy: do the tests notice? hours
 	@nice $(BIN)/python tests/mutants/mutate.py $(MUTANTS)
 
 bench-check: $(DEVELOP)  ## compare times with the code of the baseline's commit, and errors with results/baseline.json
@@ -116,7 +116,7 @@ leaderboard: $(DEVELOP)  ## make the site of results/leaderboard, and fill the t
 references: $(DEVELOP)  ## how far every estimator is from the reference posteriors: fill the table of docs/bound.md
 	@$(BIN)/python -m tactsim.bench.bound.page_references docs/bound.md
 
-stress: $(DEVELOP)  ## do every stress case, 20 minutes: fill the table of docs/stress.md
+stress: $(DEVELOP)  ## do every stress case, 6 to 20 minutes: fill the table of docs/stress.md
 	@$(BIN)/python -m tactsim.bench.stress.page_stress docs/stress.md
 
 release-check: $(PACKAGING)  ## what a release lacks; then build it into dist/, check it and install it

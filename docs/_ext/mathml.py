@@ -13,6 +13,14 @@ ACCENTED = re.compile(
     r"<munderover>\s*(<mi>[^<]*</mi>)\s*(.*?)\s*(<mo stretchy=\"false\">.</mo>)\s*</munderover>", re.S
 )
 
+# The bars of a norm are of one height: browsers stretch only those that they take for fences.
+BAR = re.compile(r"<mo(?: class=\"mathopen\")?>‖</mo>")
+# Named functions stand apart from what is before and after them, unless that is a parenthesis.
+FUNCTION = r"<mi[^>]*>[a-z]+</mi>\s*<mo>&ApplyFunction;</mo>"
+BEFORE = re.compile(rf"(</(?:mi|mn|msub|msup|msubsup)>)(?=\s*{FUNCTION})")
+AFTER = re.compile(rf"({FUNCTION})(?!\s*(?:<mrow>\s*)?<mo[^>]*>[(\[])")
+THIN = '<mspace width="0.167em"></mspace>'
+
 
 def setup(app: Sphinx) -> dict[str, Any]:
     """Register the renderer `mathml` for inline formulas and for those on lines of their own."""
@@ -33,6 +41,8 @@ def visit_block(translator: HTML5Translator, node: nodes.math_block) -> None:
 
 
 def mathml(node: nodes.math | nodes.math_block, *, as_block: bool) -> str:
-    """Translate a formula in TeX, as docutils does, but with the indices of accented letters beside them."""
+    """Translate a formula in TeX as docutils does, but for what browsers would draw amiss."""
     formula = tex2mathml(node.astext(), as_block=as_block)
-    return ACCENTED.sub(r'<msub><mover accent="true">\1\3</mover>\2</msub>', formula)
+    formula = ACCENTED.sub(r'<msub><mover accent="true">\1\3</mover>\2</msub>', formula)
+    formula = BAR.sub('<mo stretchy="false">‖</mo>', formula)
+    return AFTER.sub(rf"\1{THIN}", BEFORE.sub(rf"\1{THIN}", formula))

@@ -77,6 +77,7 @@ def test_every_block_says_its_language():
         "csv",
         "text",
         "math",
+        "bibtex",
         "{toctree}",
         "{include}",
         "{eval-rst}",
