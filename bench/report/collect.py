@@ -11,7 +11,7 @@ import re
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import Any, NamedTuple
 
 from tactsim.bench.run import Run
@@ -191,6 +191,9 @@ def task_name(run: Run, *, with_seed: bool = True) -> str:
     elif not (config.get("scan") or config.get("presses")):
         standard = _flat(ScanOptions().model_dump(mode="json"))
         other |= _differing(_flat(run.about["scan"].get("options", {})), standard)
+        if other.get("shapes"):
+            other["shapes"] = _in_folder(other["shapes"])
+            other = {name: value for name, value in other.items() if name != "letters" or value}
         if other.get("seed") == config["seed"]:
             del other["seed"]
     elif config.get("letters"):
@@ -220,6 +223,14 @@ def _flat(values: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
     for name, value in values.items():
         flat |= _flat(value, f"{prefix}{name}.") if isinstance(value, Mapping) else {f"{prefix}{name}": value}
     return flat
+
+
+def _in_folder(paths: Sequence[str]) -> str:
+    """Name files, their folder once if they share it: examples/relief: cone.stl, dome.stl."""
+    places = list(map(PurePosixPath, paths))
+    if len({place.parent for place in places}) > 1 or len(places) == 1:
+        return " ".join(paths)
+    return f"{places[0].parent}: {', '.join(place.name for place in places)}"
 
 
 def _word(value: Any) -> str:

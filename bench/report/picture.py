@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
 
@@ -25,7 +26,8 @@ COLOURS = (
 DASHES = ("-", (0, (5, 3)), (0, (1.5, 2)), (0, (6, 2, 1.5, 2)), (0, (1, 2)))
 CROWD = 12  # runs beyond which curves would hide each other: then only each method's largest budget is drawn
 MARKERS = ("o", "s", "D", "^", "v", "P", "h", "p")
-
+# Of the axes of `pareto_figure`, about what a letter of a note is wide, and a line high.
+_LETTER, _LINE = 0.016, 0.045
 
 # The same for a dark ground.
 DARK_COLOURS = (
@@ -57,6 +59,7 @@ def pareto_figure(group: Group) -> Figure:
     figure = Figure(figsize=(10, 5.0), layout="constrained", facecolor="white")
     left, right = figure.subplots(1, 2)
     late = group.readings * 1.35  # where the runs are drawn that have not settled
+    left_notes, right_notes = list[_Note](), list[_Note]()
     for number, method in enumerate(group.methods):
         mine = [point for point in found if point.entry.method == method]
         colour, marker = look(number)
@@ -71,9 +74,9 @@ def pareto_figure(group: Group) -> Figure:
         for p in mine:
             ends = p in (mine[0], mine[-1])
             if p.error is not None and (ends or p.error_frontier):
-                _note(left, p, p.error, colour)
+                left_notes.append(_Note(p, p.error, colour, p.error_frontier))
             if p.settled is not None and (ends or p.settled_frontier):
-                _note(right, p, p.settled, colour)
+                right_notes.append(_Note(p, p.settled, colour, p.settled_frontier))
     _frontier(left, [(p.seconds, p.error) for p in found if p.error_frontier and p.error is not None])
     _frontier(right, [(p.seconds, p.settled) for p in found if p.settled_frontier and p.settled is not None])
 
@@ -93,6 +96,8 @@ def pareto_figure(group: Group) -> Figure:
         axes.grid(which="major", lw=0.4, alpha=0.6)
         axes.spines[["top", "right"]].set_visible(False)
         axes.margins(0.08)
+    _write(left, left_notes)
+    _write(right, right_notes)
     _legend(figure, left)
     _caption(
         figure,
@@ -173,10 +178,35 @@ def _frontier(axes: Axes, corners: list[tuple[float, float]]) -> None:
     )  # fmt: skip
 
 
-def _note(axes: Axes, point: Point, height: float, colour: str) -> None:
-    """Write the budget beside a mark."""
-    if point.entry.budget:
-        axes.annotate(
-            point.entry.budget.text, (1e3 * point.seconds, height), xytext=(6, 5),
-            textcoords="offset points", fontsize=8, color=colour,
-        )  # fmt: skip
+@dataclass(frozen=True)
+class _Note:
+    """The budget of a point, to be written beside its mark. first: whether it goes before others if room is short."""
+
+    point: Point
+    height: float
+    colour: str
+    first: bool
+
+
+def _write(axes: Axes, notes: list[_Note]) -> None:
+    """Write budgets beside their marks, right or left, above or below; where there is no room, leave them out."""
+    taken: list[tuple[float, float, float, float]] = []
+    for note in sorted(notes, key=lambda note: not note.first):
+        budget = note.point.entry.budget
+        if not budget:
+            continue
+        place = (1e3 * note.point.seconds, note.height)
+        x, y = axes.transLimits.transform(axes.transScale.transform(place))
+        wide = _LETTER * len(budget.text)
+        for side, up in ((1, 1), (1, -1), (-1, 1), (-1, -1)):
+            left, low = x + (0.015 if side > 0 else -0.015 - wide), y + (0.012 if up > 0 else -0.012 - _LINE)
+            box = left, low, left + wide, low + _LINE
+            if not any(
+                box[0] < old[2] and old[0] < box[2] and box[1] < old[3] and old[1] < box[3] for old in taken
+            ):
+                taken.append(box)
+                axes.annotate(
+                    budget.text, place, xytext=(5 * side, 4 * up), textcoords="offset points", fontsize=8,
+                    color=note.colour, ha="left" if side > 0 else "right", va="bottom" if up > 0 else "top",
+                )  # fmt: skip
+                break
