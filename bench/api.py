@@ -93,8 +93,9 @@ def run(
     an `Estimator` of your own, made with its options. words: the options of `bench run` with underscores: bins,
     particles, set (a table), letters, hold_out, trials, readings, explore, slip, seed, presses, and, if no scan is
     given, shapes, test_poses, world, noise and scan_set; or a task, which says all but the estimator's own.
-    jobs: processes; the trials do not depend on their number. cache: whether readings may be read from the cache and
-    kept there. progress: show bars.
+    jobs: processes; the trials do not depend on their number. With more than one a script calls this under
+    `if __name__ == "__main__":`, since worker processes import it. cache: whether readings may be read from the cache
+    and kept there. progress: show bars.
 
     `tactsim.run(**run.config)` does a run again; one on readings that were given asks for them, as `scan`.
 

@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from typing import Generic, TypeVar
 
 import numpy as np
 
 from tactsim.bench.trials import Progress
-from tactsim.core.workers import worker_processes
+from tactsim.core.workers import Workers, worker_processes
 
 _Task = TypeVar("_Task")
 _Part = TypeVar("_Part")
@@ -21,46 +21,68 @@ _Part = TypeVar("_Part")
 _CHUNKS = 8
 
 
+class _Overtaken(Exception):
+    """A worker has done the chunk that was done here at the same time."""
+
+
 @dataclass(frozen=True, eq=False)
 class Begun(Generic[_Task, _Part]):
     """Tasks with which worker processes have begun, in chunks, from the first one on."""
 
     chunks: list[list[_Task]]
     futures: list[Future[tuple[_Part, dict[str, int]]]]
+    workers: Workers
 
     def finish(
         self,
         do: Callable[[list[_Task], Callable[[int], None]], tuple[_Part, dict[str, int]]],
         progress: Progress,
     ) -> tuple[list[_Part], Counter[str]]:
-        """Do chunks here, from the last one on, until none waits; then wait for the workers'.
+        """Do chunks here, from the last one on, until none waits; then those that workers have not done yet.
 
-        do: takes some tasks, and a function to be told how many of them are done; returns what they gave and the
-        work, flattened. Returns what the chunks gave, in the order of the tasks, and the work of all of them. Raises
-        what a chunk raised, and BrokenExecutor if a worker died.
+        A worker may still be starting when all else is done. So a chunk may be done twice at once; it gives the same,
+        and what is there first counts. do: takes some tasks, and a function to be told how many of them are done;
+        returns what they gave and the work, flattened. Returns what the chunks gave, in the order of the tasks, and the
+        work of all of them. Raises what a chunk raised, and BrokenExecutor if a worker died.
         """
         every = sum(map(len, self.chunks))
         here: dict[int, tuple[_Part, dict[str, int]]] = {}
 
+        def there(place: int) -> bool:
+            future = self.futures[place]
+            if not future.done() or future.cancelled():
+                return False
+            future.result()  # the error of a worker ends the work now, and not when all else is done
+            return True
+
         def report(done: int) -> None:
-            done += sum(len(self.chunks[place]) for place in here)
-            for place, future in enumerate(self.futures):
-                if future.done() and not future.cancelled():
-                    future.result()  # the error of a worker ends the work now, and not when all else is done
-                    done += len(self.chunks[place])
-            progress("trials", done, every)
+            known = [place for place in range(len(self.chunks)) if place in here or there(place)]
+            progress("trials", min(every, done + sum(len(self.chunks[place]) for place in known)), every)
 
         report(0)
-        for place in reversed(range(len(self.chunks))):
+        places = list(reversed(range(len(self.chunks))))
+        for place in places:
             if not self.futures[place].cancel():
                 break
             here[place] = do(self.chunks[place], report)
+        for place in places:
+            if place in here or there(place):
+                continue
+
+            def report_unless_overtaken(done: int, place: int = place) -> None:
+                if there(place):
+                    raise _Overtaken
+                report(done)
+
+            with suppress(_Overtaken):
+                here[place] = do(self.chunks[place], report_unless_overtaken)
+        report(0)
         parts, work = [], Counter[str]()
         for place, future in enumerate(self.futures):
             part, of_part = here[place] if place in here else future.result()
             parts.append(part)
             work.update(of_part)
-            report(0)
+        self.workers.kill()
         return parts, work
 
 
@@ -74,5 +96,5 @@ def begun(
     """
     pieces = np.array_split(np.arange(len(tasks)), min(len(tasks), _CHUNKS * jobs))
     chunks = [[tasks[i] for i in piece] for piece in pieces]
-    with worker_processes(min(jobs, len(tasks)) - 1) as pool:
-        yield Begun(chunks, [pool.submit(do, chunk) for chunk in chunks])
+    with worker_processes(min(jobs, len(tasks)) - 1) as workers:
+        yield Begun(chunks, [workers.submit(do, chunk) for chunk in chunks], workers)

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import errno
+import select
 import sys
+import traceback
 from concurrent.futures import BrokenExecutor
+from contextlib import suppress
 from importlib import import_module
 from typing import Annotated, Any, NoReturn
 
@@ -50,12 +53,26 @@ VERBS = {
 }
 
 
+class _Carried(Exception):
+    """Carries an error past Typer."""
+
+    def __init__(self, error: Exception) -> None:
+        self.error = error
+
+
 class _Verbs(TyperGroup):
     """All verbs; the file of one, `cmd_*`, is imported when it is called."""
 
     def __init__(self, **words: Any) -> None:
         super().__init__(**words)
         self.commands = {name: TyperCommand(name, help=summary) for name, summary in VERBS.items()}
+
+    def invoke(self, ctx: Any) -> Any:
+        """Call a verb. Typer would take some errors for a closed terminal: they pass it as `_Carried`."""
+        try:
+            return super().invoke(ctx)
+        except (EOFError, BrokenPipeError) as error:
+            raise _Carried(error) from error
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         """Find the verb that is called, and import it."""
@@ -126,16 +143,34 @@ def run_app() -> NoReturn:
         fail(_in_plain_words(error) + _settings(error))
     except (KeyboardInterrupt, Abort):
         end_interrupted()
-    except BrokenPipeError:  # as in `bench list | head`, which stops reading
-        sys.stderr.close()
+    except _Carried as carried:
+        if not (isinstance(carried.error, BrokenPipeError) and _nobody_reads()):
+            raise carried.error from None
+        sys.stderr.close()  # as in `bench list | head`, which stops reading
         sys.exit(FAILED)
     except OSError as error:
-        if error.errno != errno.ENOSPC:
+        if error.errno != errno.ENOSPC or not _of_printing(error):
             raise
         fail("cannot write to standard output: the disk is full")
     if status == INTERRUPTED:
         end_interrupted()
     sys.exit(status if isinstance(status, int) else 0)
+
+
+def _nobody_reads() -> bool:
+    """Tell whether standard output or standard error is a pipe that nobody reads any more."""
+    watched = select.poll()
+    for stream in (sys.stdout, sys.stderr):
+        with suppress(OSError, ValueError):  # it is no file, or closed
+            watched.register(stream.fileno(), 0)
+    return any(found & (select.POLLERR | select.POLLHUP) for _, found in watched.poll(0))
+
+
+def _of_printing(error: BaseException) -> bool:
+    """Tell whether an error was raised where words are printed."""
+    *_, (frame, _) = traceback.walk_tb(error.__traceback__)
+    name = str(frame.f_globals.get("__name__"))
+    return name.partition(".")[0] in ("rich", "typer") or name.startswith("tactsim.bench.")
 
 
 def _in_plain_words(error: TyperException) -> str:

@@ -229,7 +229,10 @@ TASKS = {
     "letters A-Z0-9": {"letters": "A-Z0-9"},
     "sensor.noise 4.0": {"noise": 4.0},
     "seed 3": {"seed": 3},
-    "shapes relief: cone.stl, dome.stl": {"letters": "none", "shapes": ["relief/cone.stl", "relief/dome.stl"]},
+    "shapes relief: cone.stl, dome.stl": {
+        "letters": "none",
+        "shapes": ["relief/cone.stl", "relief/dome.stl"],
+    },
     "letters A, shapes relief/cone.stl": {"letters": "A", "shapes": ["relief/cone.stl"]},
     "paper-like": {"world": "paper-like"},
     "paper-like, press.force 5.0": {"world": "paper-like", "scan_set": {"press": {"force": 5}}},

@@ -47,6 +47,12 @@ class Nothing(Guessing):
     def estimate(self): return None
 class Faulty(Guessing):
     def update(self, reading, sensor_in_robot): raise KeyError("a bug of the plug-in's")
+class Starved(Guessing):
+    def fit(self, scan): raise EOFError("weights are empty")
+class Unheard(Guessing):
+    def fit(self, scan): raise BrokenPipeError(32, "nobody listens to me")
+class Full(Guessing):
+    def fit(self, scan): raise OSError(28, "no space for me")
 class Ending(Guessing):
     def update(self, reading, sensor_in_robot): raise SystemExit
 class Wordless(Guessing):
@@ -91,6 +97,7 @@ BROKEN = [
 ESTIMATORS = [*BROKEN, "wrong:Bare", "wrong:function", "halves:Unfinished", "halves:Whole"]
 WORKING = ["guessing:Guessing", "guessing:Wordless", "guessing:Nan", "guessing:Nothing", "guessing:Faulty"]
 WORKING += ["guessing:Ending", "guessing:Unlearned", "guessing:Unmade", "guessing:Talking"]
+WORKING += ["guessing:Starved", "guessing:Unheard", "guessing:Full"]
 CODECS = [*BROKEN, "wrong:Bare", "wrong:function", "described:Unfinished"]
 SOURCES = ["sources:nothing", "sources:bare", "sources:silent", "sources:short"]
 
@@ -190,6 +197,22 @@ def test_a_plug_in_that_would_end_the_program_is_a_failure_with_its_place(
         called_here(*words)
     shown = "".join(traceback.format_exception(error.value))
     assert "guessing.py" in shown, "its author sees where"
+    assert not Path("out").exists()
+
+
+@pytest.mark.parametrize(
+    ("name", "error", "said"),
+    [
+        ("starved", EOFError, "weights are empty"),
+        ("unheard", BrokenPipeError, "nobody listens"),
+        ("full", OSError, "for me"),
+    ],
+)
+def test_an_error_that_looks_like_a_closed_terminal_is_the_plug_ins_own(
+    called_here, scan_file, name, error, said
+):
+    with pytest.raises(error, match=said):
+        called_here(*RUN, "--scan", scan_file, "--estimator", name)
     assert not Path("out").exists()
 
 

@@ -2,6 +2,7 @@
 
 import os
 import signal
+import subprocess
 import sys
 import threading
 import time
@@ -126,6 +127,100 @@ def test_an_error_of_a_task_comes_back_with_its_place_and_the_worker_lives_on():
         with pytest.raises(AttributeError, match="local"):
             pool.submit(lambda: None).result(timeout=60)
         assert list(pool.map(abs, [-1, 2])) == [1, 2]
+
+
+class TwoWords(Exception):
+    """It is pickled, but cannot be made again from what was."""
+
+    def __init__(self, one, other):
+        super().__init__(f"{one} and {other}")
+
+
+class Locked(Exception):
+    """It cannot be pickled."""
+
+    def __init__(self):
+        super().__init__("a lock")
+        self.lock = threading.Lock()
+
+
+def raise_two_words():
+    raise TwoWords("this", "that")
+
+
+def raise_locked():
+    raise Locked
+
+
+def raise_interrupt():
+    raise KeyboardInterrupt
+
+
+@pytest.mark.parametrize(
+    ("task", "said"),
+    [(raise_two_words, "this and that"), (raise_locked, "a lock"), (raise_interrupt, "KeyboardInterrupt")],
+)
+def test_an_error_that_cannot_be_sent_comes_back_in_words_with_its_place(task, said):
+    with worker_processes(1) as pool:
+        error = pool.submit(task).exception(timeout=60)
+        assert isinstance(error, RuntimeError)
+        assert said in str(error)
+        assert f"in {task.__name__}" in error.__notes__[0]
+        assert pool.submit(abs, -1).result(timeout=60) == 1
+
+
+def write_and_wait(path):
+    Path(path).write_text(str(os.getpid()))
+    time.sleep(600)
+
+
+@pytest.mark.parametrize("ending", [signal.SIGTERM, signal.SIGKILL])
+def test_a_worker_ends_with_its_parent_in_the_middle_of_a_task(ending, tmp_path):
+    script = tmp_path / "script.py"
+    script.write_text(
+        "from test_workers import worker_processes, write_and_wait\n"
+        "if __name__ == '__main__':\n"
+        "    with worker_processes(1) as pool:\n"
+        f"        pool.submit(write_and_wait, {str(tmp_path / 'pid')!r}).result()\n"
+    )
+    paths = os.pathsep.join([str(Path(__file__).parent), *sys.path])
+    process = subprocess.Popen([sys.executable, script], env=os.environ | {"PYTHONPATH": paths})
+    wait_until(process, lambda: (tmp_path / "pid").exists() and (tmp_path / "pid").read_text())
+    process.send_signal(ending)
+    process.wait(60)
+    worker, deadline = int((tmp_path / "pid").read_text()), time.monotonic() + 60
+    while at_work(worker):
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+
+
+CALL = "with worker_processes(1) as pool: print(pool.submit(abs, -1).result())\n"
+GUARDED = "if __name__ == '__main__':\n    " + CALL
+
+
+@pytest.mark.parametrize(
+    ("words", "call", "said"),
+    [
+        (["script.py"], CALL, "put the call under `if __name__ == '__main__':`, or use jobs=1"),
+        (["script.py"], GUARDED, "1"),
+        (["-c", "from tactsim.core.workers import worker_processes\n" + CALL], "", "1"),
+    ],
+)
+def test_a_script_that_workers_cannot_import_is_told_what_to_write(words, call, said, tmp_path):
+    (tmp_path / "script.py").write_text("from tactsim.core.workers import worker_processes\n" + call)
+    ended = subprocess.run(
+        [sys.executable, *words], cwd=tmp_path, text=True, capture_output=True, timeout=120
+    )
+    assert said in (ended.stdout + ended.stderr).splitlines()[-1]
+    assert ended.stderr.count("Traceback") == ended.returncode
+
+
+def test_a_script_that_is_no_file_is_refused(tmp_path):
+    script = "from tactsim.core.workers import worker_processes\n" + GUARDED
+    ended = subprocess.run(
+        [sys.executable], input=script, cwd=tmp_path, text=True, capture_output=True, timeout=120
+    )
+    assert "use jobs=1 or write a script" in ended.stderr.splitlines()[-1]
 
 
 @pytest.mark.long
