@@ -138,8 +138,10 @@ class LinesCodec(Codec[Frame]):
         end = buffer.find(_END, start + 1, start + self.longest)
         if self.format.checksum is None or end < 0 or not buffer.startswith(_END, start):
             return False
-        line, _, _ = bytes(buffer[start + 1 : end]).partition(b"*")
-        return self._numbers(line) is not None
+        line = bytes(buffer[start + 1 : end]).removesuffix(b"\r")
+        numbers, star, _ = line.partition(b"*")
+        wrong = not star or self._sum(numbers) != line[len(numbers) :].upper()
+        return wrong and self._numbers(numbers) is not None
 
     def _frame(self, line: bytes) -> Frame | None:
         line = line.removesuffix(b"\r")

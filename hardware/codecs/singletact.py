@@ -178,13 +178,13 @@ class Polling(Dialogue):
         self._to_set: set[int] = set()  # sensors whose accumulator is to be set next
 
     def request(self, now: float) -> bytes:
-        """Ask the next question; an unanswered one is given up after a while and its frame with it."""
-        step = len(self._have)
+        """Ask the next question; one not answered in time is given up with its frame, and the next sensor asked."""
+        step, turn = len(self._have), self._turn
         if self._asked is not None:
             if now - self._asked[1] < PATIENCE:
                 return b""
-            step = 0
-        address = self._addresses[self._turn]
+            step, turn = 0, self._after(turn)  # as `sent` will note
+        address = self._addresses[turn]
         if address in self._to_set:
             data = bytes([self._format.accumulator or 0])
             return write_request(Question(address, self._id, ACCUMULATOR_REGISTER, len(data), data))
@@ -239,7 +239,10 @@ class Polling(Dialogue):
 
     def _next_sensor(self) -> None:
         self._have = []
-        self._turn = (self._turn + 1) % len(self._addresses)
+        self._turn = self._after(self._turn)
+
+    def _after(self, turn: int) -> int:
+        return (turn + 1) % len(self._addresses)
 
     def _check(self, address: int, settings: bytes) -> None:
         """Compare a sensor's settings with the device file, and have its accumulator set where the two differ."""

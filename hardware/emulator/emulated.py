@@ -91,7 +91,7 @@ class EmulatedFrames(Emulated):
         self._heard += data
         if not self._started and self._codec.start in self._heard:
             self._heard = self._heard.partition(self._codec.start)[2]
-            self._started, self._frame = True, int(now * self.rate) + 1
+            self._started, self._frame = True, self._latest(now) + 1
         if self._started and self._codec.request:
             *requests, self._heard = self._heard.split(self._codec.request)
             self._asked += len(requests)
@@ -104,9 +104,9 @@ class EmulatedFrames(Emulated):
         said = [self._title] if self._title else []
         self._title = b""
         if self._codec.request:
-            asked, self._asked, self._frame = self._asked, 0, int(now * self.rate)
+            asked, self._asked, self._frame = self._asked, 0, self._latest(now)
             return said + list(self._next_frame()) * asked
-        latest = int(now * self.rate)
+        latest = self._latest(now)
         self._frame = max(self._frame, latest - int(_BEHIND * self.rate))
         while self._frame <= latest:
             said += self._next_frame()
@@ -114,7 +114,11 @@ class EmulatedFrames(Emulated):
 
     def unheard(self, now: float) -> None:
         """Drop the frames that were measured since the last call."""
-        self._frame, self._asked = max(self._frame, int(now * self.rate) + 1), 0
+        self._frame, self._asked = max(self._frame, self._latest(now) + 1), 0
+
+    def _latest(self, now: float) -> int:
+        """Give the number of the last frame that was measured; the rounding of `now` loses none."""
+        return int(now * self.rate + 1e-6)
 
     def _next_frame(self) -> Iterator[bytes]:
         frame, self._frame = self._frame, self._frame + 1

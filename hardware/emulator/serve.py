@@ -8,7 +8,6 @@ import socket
 import time
 import tty
 from collections.abc import Callable
-from contextlib import suppress
 from pathlib import Path
 from threading import Event
 
@@ -55,7 +54,7 @@ def serve_pty(
 
     link: a symbolic link to the pty. When a fault cuts the line it is gone until another pty takes over: the system may
     give the old one's name to any other program.
-    Raises InputError if `link` exists and is no symbolic link.
+    Raises InputError if `link` exists and is no symbolic link, or cannot be made.
     """
     if link is not None and link.exists() and not link.is_symlink():
         raise InputError(f"{link} exists and is no link; name another place for the pty")
@@ -68,7 +67,7 @@ def serve_pty(
             ready(str(link or name))
             _talk(_PtyLine(master), device, faults, rng, clock, stop)
         finally:
-            if link is not None and link.is_symlink():
+            if link is not None and link.is_symlink() and str(link.readlink()) == name:  # and not another's
                 link.unlink()
             os.close(master)
         stop.wait(_AWAY)
@@ -213,9 +212,13 @@ def _open_pty() -> tuple[int, str]:
 
 
 def _point(link: Path, name: str) -> None:
-    """Make `link` point to the pty, at once."""
+    """Make `link` point to the pty, at once. Raises InputError if it cannot be made."""
     part = link.with_name(f".{link.name}.{os.getpid()}")
-    with suppress(FileNotFoundError):
-        part.unlink()
-    part.symlink_to(name)
-    part.replace(link)
+    try:
+        part.unlink(missing_ok=True)
+        part.symlink_to(name)
+        part.replace(link)
+    except OSError as error:
+        raise InputError(
+            f"cannot make the link {link}: {error.strerror}; name another place for the pty"
+        ) from error

@@ -97,6 +97,18 @@ BY_NEIGHBOURS = (headed_messages, footed_messages, crc_messages, line_messages, 
 every_codec = pytest.mark.parametrize("make", MAKERS.values(), ids=MAKERS)
 
 
+def test_a_line_with_a_right_checksum_is_no_wrong_one():
+    form, (first, second) = line_messages(2, np.random.default_rng(0))
+    assert form.fails_checksum(first[:1] + second, 0) is False
+    flipped = bytearray(first[:1] + second)
+    flipped[3] = ord("7") if flipped[3] != ord("7") else ord("8")
+    assert form.fails_checksum(bytes(flipped), 0) is True
+    # Its index is no whole number: wrong, but not for its checksum.
+    numbers = b"1.5,2,3,4,5,6"
+    line = b"\n" + numbers + form._sum(numbers) + b"\r\n"
+    assert form.fails_checksum(line, 0) is False
+
+
 def test_every_codec_that_comes_along_is_tried_here():
     assert {name.removesuffix("-only").removesuffix("-header").removesuffix("-footer").removesuffix("-crc")
             for name in MAKERS} == set(registry.BUILT_IN)  # fmt: skip

@@ -3,16 +3,18 @@ import socket
 import threading
 import time
 import tracemalloc
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 
 import numpy as np
 import pytest
 from made_pads import csv_device, ramp, serving, singletact, small_device
 
+from tactsim.core import InputError
 from tactsim.core.source import NoReading, SourceError
 from tactsim.hardware.codecs.codec import Frame
 from tactsim.hardware.emulator import Faults, emulate
 from tactsim.hardware.emulator.emulated import EmulatedSingleTact
+from tactsim.hardware.emulator.serve import serve_pty
 from tactsim.hardware.live import LiveSource
 from tactsim.hardware.port import Port
 from tactsim.hardware.recording import Kind, Recorder, RecordReader
@@ -204,6 +206,23 @@ def test_a_link_that_is_cut_comes_back(paper_pad, emulated_pad, on, tmp_path):
     device_time = np.array([reading.device_time for reading in readings])
     assert (np.diff(device_time) > 0).all()
     assert source.counters.clock_restarts == 0
+
+
+def test_the_name_that_another_emulated_pad_took_over_stays_its_own(emulated_pad, tmp_path):
+    link, first, second = tmp_path / "pad", ExitStack(), ExitStack()
+    first.enter_context(serving(emulated_pad, link=link))
+    with second:
+        old = link.readlink()
+        second.enter_context(serving(emulated_pad, link=link))
+        new = link.readlink()
+        first.close()
+        assert link.readlink() == new != old
+    assert not link.is_symlink()
+
+
+def test_a_name_that_cannot_be_made_is_refused(emulated_pad, tmp_path):
+    with pytest.raises(InputError, match=r"cannot make the link .*missing/pad: No such file or directory"):
+        serve_pty(emulated_pad, Faults(), np.random.default_rng(0), link=tmp_path / "missing" / "pad")
 
 
 def test_while_an_emulated_pad_is_unplugged_its_name_is_gone(emulated_pad, tmp_path):

@@ -2,17 +2,20 @@
 
 import csv
 import json
+from collections import Counter
 from pathlib import Path
 
 import numpy as np
 import pytest
 from command_line import refused
+from made_pads import ramp
 
 from tactsim import models
 from tactsim.core import Scan
 from tactsim.core.poses import compose
 from tactsim.hardware.device import load_device
-from tactsim.hardware.emulator.robot import SHARES, Timing, read_plan
+from tactsim.hardware.emulator import emulate
+from tactsim.hardware.emulator.robot import SHARES, Timing, read_plan, record
 from tactsim.hardware.sources import open_source
 from tactsim.press import ScanOptions
 from tactsim.press.scanning import object_facts
@@ -224,3 +227,13 @@ def test_on_its_way_a_press_feels_what_a_lighter_press_there_feels():
     np.testing.assert_allclose(pressing(0.5 + 0.2), rising[0, 1])
     np.testing.assert_allclose(pressing(timing.period + 0.5 + 0.35), (rising[1, 2] + rising[1, 3]) / 2)
     np.testing.assert_allclose(pressing(timing.period + 0.4 / 8 + 0.5), rising[1, 0] / 2)
+
+
+@pytest.mark.parametrize("rate", [50.0, 100.0, 141.0])
+def test_a_recording_has_one_frame_at_each_of_its_moments(rate, paper_pad):
+    """However multiples of the period are rounded."""
+    at = Counter()
+    record(emulate(paper_pad, ramp(paper_pad), rate), 4.0, lambda message, now: at.update([now]))
+    assert len(at) == round(4.0 * rate)
+    assert at.pop(0.0) == 2  # the title of the columns comes first
+    assert set(at.values()) == {1}

@@ -195,6 +195,32 @@ def test_sensors_on_one_bus_are_asked_in_turn_and_make_one_reading():
     assert reading.pressures.tolist() == [0.0, 50.0, 0.0, 100.0]
 
 
+@pytest.mark.parametrize("lost", range(12))
+def test_after_a_lost_answer_no_frame_mixes_two_sensors(lost):
+    """Both sensors are at one frame index, so that the index does not tell them apart."""
+    counters, now, asked, frames = Counters(), 0.0, 0, []
+    polling = Polling(codec(25).format, (4, 5), counters)
+    while len(frames) < 8:
+        request = polling.request(now)
+        now += 0.01
+        if not request:
+            continue
+        polling.sent(request, now)
+        address = parse_request(request).address
+        asked += 1
+        if asked == lost + 1:
+            now += 0.3
+            continue
+        answer = reply_to(request, 7, [300 if address == 4 else 900] * 25, elements=25)
+        _, reply = codec(25).decode(answer)
+        if (frame := polling.take(reply, now)) is not None:
+            frames.append(frame)
+    assert counters.timeouts == 1
+    for frame in frames:
+        assert set(frame.values.tolist()) == {300.0 if frame.address == 4 else 900.0}
+    assert {frame.address for frame in frames} == {4, 5}
+
+
 def test_ids_roll_over():
     stream = Stream(singletact(taxels=1))
     for k in range(300):
