@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -22,6 +23,10 @@ _OF_TRIALS = (
     "train_scan", "presses",
 )  # fmt: skip
 LEVEL = 0.975  # of each of the two gated intervals, so that both hold together at 95 %
+# Fewer pairs decide nothing: even if all of them speak for one side, chance does that in more than 1 of 40 cases.
+FEWEST_PAIRS = 7
+# So many pairs a bootstrap can draw from; of fewer its percentiles lie too near to each other.
+_ENOUGH_PAIRS = 30
 
 
 @dataclass(frozen=True)
@@ -82,8 +87,20 @@ def mcnemar(base: np.ndarray, new: np.ndarray) -> float:
 
 
 def paired_interval(difference: FloatArray, rng: np.random.Generator, level: float) -> tuple[float, float]:
-    """Bound the mean of paired differences (n,) by the percentile bootstrap over pairs."""
+    """Bound the mean of paired differences (n,): percentile bootstrap over pairs; of fewer than 30 Student's t.
+
+    The interval of fewer than `FEWEST_PAIRS` holds 0 in any case.
+    """
     n = len(difference)
+    if n < _ENOUGH_PAIRS:
+        from scipy.special import stdtrit
+
+        middle = float(difference.mean())
+        half = (
+            float(stdtrit(n - 1, (1 + level) / 2) * difference.std(ddof=1) / math.sqrt(n)) if n > 1 else 0.0
+        )
+        low, high = middle - half, middle + half
+        return (min(low, 0.0), max(high, 0.0)) if n < FEWEST_PAIRS else (low, high)
     counts = rng.multinomial(n, np.full(n, 1 / n), size=DRAWS)
     low, high = np.quantile(counts @ difference / n, [(1 - level) / 2, (1 + level) / 2])
     return float(low), float(high)

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tactsim.bench.compare import mcnemar
+from tactsim.bench.compare import FEWEST_PAIRS, mcnemar
 from tactsim.core.poses import FloatArray
 
 LEVEL = 0.05  # of a table: the chance that any two equal methods of it are called different
@@ -74,7 +74,8 @@ def holm(p: Sequence[float]) -> FloatArray:
 def compare_errors(errors: FloatArray, named: NDArray[np.bool_], counts: FloatArray) -> Errors:
     """Compare all pairs of methods by placement errors (m, n), mm, of the trials that both named (m, n).
 
-    counts: (draws, n), how often each bootstrap draw has each trial (`pooled.resampled`).
+    counts: (draws, n), how often each bootstrap draw has each trial (`pooled.resampled`). Pairs with fewer common
+    trials than `FEWEST_PAIRS` are not told apart.
     """
     methods = len(errors)
     first, second = np.triu_indices(methods, 1)
@@ -85,7 +86,7 @@ def compare_errors(errors: FloatArray, named: NDArray[np.bool_], counts: FloatAr
         drawn = (counts @ apart.T) / (counts @ both.T)  # (draws, pairs)
     drawn = np.where(np.isnan(drawn), difference, drawn)  # a draw without a common trial says nothing
     low, high = np.quantile(drawn, [0.025, 0.975], axis=0)
-    p = _largest_of(difference, drawn)
+    p = _largest_of(np.where(both.sum(axis=1) < FEWEST_PAIRS, 0.0, difference), drawn)
     square = [np.full((methods, methods), np.nan) for _ in range(3)] + [np.ones((methods, methods))]
     for one, upper, lower in zip(
         square, (difference, low, high, p), (-difference, -high, -low, p), strict=True
@@ -99,7 +100,8 @@ def _largest_of(difference: FloatArray, drawn: FloatArray) -> FloatArray:
     p = np.ones(len(difference))
     tested = np.isfinite(difference) & (difference != 0)
     if tested.any():
-        spread = np.maximum(drawn[:, tested].std(axis=0), np.finfo(float).tiny)
+        # All draws may be the same: then nothing says how much they would differ, and they differ by rounding alone.
+        spread = np.maximum(drawn[:, tested].std(axis=0), 1e-9 * np.abs(difference[tested]))
         chance = np.abs((drawn[:, tested] - difference[tested]) / spread).max(axis=1)
         beyond = (chance[:, None] >= np.abs(difference[tested] / spread)).sum(axis=0)
         p[tested] = (1 + beyond) / (1 + len(chance))

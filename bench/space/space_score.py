@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tactsim.bench.compare import FEWEST_PAIRS
 from tactsim.bench.score import settled_by, wilson
 from tactsim.bench.space.space_trials import SpaceTrials
 from tactsim.bench.space.surface_distance import Surface, surface_distance, turn_between
@@ -195,9 +196,13 @@ def _over_right(reduce: Callable[..., FloatArray], values: FloatArray) -> FloatA
 
 
 def _bootstrap(values: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Bound the mean of each column's entries that are not NaN: percentiles of a bootstrap over rows, (r,) each."""
+    """Bound the mean of each column's entries that are not NaN: percentiles of a bootstrap over rows, (r,) each.
+
+    NaN where there are fewer entries than `FEWEST_PAIRS`: draws of so few are too much alike.
+    """
     drawn = np.random.default_rng(0).multinomial(len(values), np.full(len(values), 1 / len(values)), DRAWS)
     known = ~np.isnan(values)
+    known &= known.sum(axis=0) >= FEWEST_PAIRS
     count = drawn @ known.astype(float)
     with np.errstate(invalid="ignore"):
         means = drawn @ np.where(known, values, 0.0) / np.where(count > 0, count, np.nan)

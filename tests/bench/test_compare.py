@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from made_up import make_run
 
-from tactsim.bench.compare import compare, mcnemar, paired_interval
+from tactsim.bench.compare import FEWEST_PAIRS, compare, mcnemar, paired_interval
 from tactsim.core import InputError
 from tactsim.estimators import NONE
 
@@ -85,6 +85,17 @@ def test_the_bootstrap_interval_is_near_the_normal_one_for_many_pairs():
     half = 1.96 * difference.std() / np.sqrt(2000)
     assert low == pytest.approx(difference.mean() - half, abs=0.1 * half)
     assert high == pytest.approx(difference.mean() + half, abs=0.1 * half)
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 6, 7, 12, 20, 29])
+@pytest.mark.parametrize("draw", ["normal", "laplace"])
+def test_few_equal_pairs_are_called_different_no_more_often_than_stated(count, draw):
+    rng = np.random.default_rng(count)
+    differences = getattr(rng, draw)(size=(4000, count))
+    found = [paired_interval(difference, rng, 0.975) for difference in differences]
+    beyond = np.mean([low > 0 or high < 0 for low, high in found])
+    assert beyond <= 0.025 + 3 * np.sqrt(0.025 * 0.975 / 4000)
+    assert (beyond == 0) == (count < FEWEST_PAIRS)
 
 
 def test_runs_of_other_trials_or_protocols_are_not_compared():

@@ -99,6 +99,16 @@ def test_only_trials_that_both_named_count():
     assert found.p[2].tolist() == [1, 1, 1]
 
 
+@pytest.mark.parametrize("common", [1, 2, 6])
+def test_a_few_common_trials_tell_nobody_apart(common):
+    errors = np.array([np.full(40, 1.0), np.full(40, 9.0)])
+    named = np.arange(40) < common
+    found = compare_errors(
+        errors, np.stack([named, named]), resampled([40], np.random.default_rng(0), draws=500)
+    )
+    assert found.p[0, 1] == 1
+
+
 def test_a_method_and_its_copy_share_their_rank():
     rng = np.random.default_rng(5)
     errors = simulated_errors(rng, 2, shift=1.0)[[0, 0, 1]]

@@ -33,7 +33,7 @@ def test_errors_count_only_where_the_object_is_right(run):
 
 
 def test_the_mean_lies_in_its_interval_and_the_interval_shrinks_with_trials(run):
-    few = summarise(make_space_trials(10, 3), run.surfaces)
+    few = summarise(make_space_trials(20, 3), run.surfaces)
     many = run.summary
     for name in ("error", "angle"):
         unit = "mm" if name == "error" else "deg"
