@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tactsim.core import rigid
+from tactsim.core.errors import InputError
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.space.rotation_cells import ACROSS, middles, volumes
 
@@ -50,6 +52,28 @@ class CellSizes:
     def shifted(self) -> CellSizes:
         """Halve the voxels."""
         return CellSizes(self.side, self.voxel / 2, self.reach, self.box)
+
+
+def check_room(labels: Sequence[int], sizes: CellSizes, halvings: int) -> None:
+    """Raise InputError if cells of these labels and sizes, halved so often, are more than whole numbers can tell apart."""
+    finer = 2**halvings
+    for what, count, most, advice in (
+        ("objects that differ", max(labels) + 1, MOST_LABELS, "train on fewer objects"),
+        (
+            "cells along a cube of rotations",
+            sizes.side * finer,
+            MOST_PLACES,
+            "choose smaller rotations or halvings",
+        ),
+        (
+            "voxels along the largest object",
+            math.ceil(2 * sizes.reach / sizes.voxel) * finer,
+            MOST_VOXELS,
+            "choose a larger voxel or fewer halvings",
+        ),
+    ):
+        if count > most:
+            raise InputError(f"{count:,} {what} are more than the {most:,} that cells can number; {advice}")
 
 
 def packed(

@@ -69,7 +69,7 @@ class PoseSearch:
     matter.
     Cells of them, all objects' together, are screened (`screen_kernels`) for what may lie in them, the better ones are
     halved in turns, then in places, and so on. Of the cells that are not halved some stand for all: so what is found
-    stands for the whole belief. screened: touches times cells that were looked at.
+    stands for the whole belief. screened: touches times cells that were looked at. coarse: the coarse cells' sizes.
     """
 
     def __init__(
@@ -85,9 +85,9 @@ class PoseSearch:
         self._reader, self._labels = reader, labels
         self._reach = {label: field.reach(label) for label in labels}
         self._charts = {label: field.maps[field.labels[label]] for label in labels}
-        self._coarse = CellSizes(side, voxel, voxel * np.ceil(max(self._reach.values()) / voxel + 1), box)
+        self.coarse = CellSizes(side, voxel, voxel * np.ceil(max(self._reach.values()) / voxel + 1), box)
         self._patches = {
-            label: patches_of(field.surface(label), self._coarse, _NEAR * _WIDTH) for label in labels
+            label: patches_of(field.surface(label), self.coarse, _NEAR * _WIDTH) for label in labels
         }
         xy = reader.taxel_points[:, :2]
         x, y = (np.linspace(xy[:, axis].min(), xy[:, axis].max(), 3) for axis in (0, 1))
@@ -123,7 +123,7 @@ class PoseSearch:
         most `count`: poses outside of the prior are left out. It is 0 where no object can be what was touched.
         """
         assert self.anchor is not None
-        sizes, cells, scores = self._coarse, self._cells, self._scores
+        sizes, cells, scores = self.coarse, self._cells, self._scores
         log_held, log_mass = self._held, self._scores + self._prior + self._held
         for step in range(2 * halvings):
             chosen, more = pose_cells.thinned(pose_cells.shared(log_mass, cells), count, rng.random())
@@ -162,18 +162,18 @@ class PoseSearch:
             self._poses[chosen],
             np.zeros(len(chosen)),
         )
-        self._look(label, poses, self._coarse, 0, _STEPS, -np.inf, score)
+        self._look(label, poses, self.coarse, 0, _STEPS, -np.inf, score)
         best = np.argsort(-score, kind="stable")[:kept]
         return label[best], poses[best]
 
     def _list_coarse(self, sensor_in_robot: FloatArray) -> None:
         """List the coarse cells in which the surface faces the pad: their middles lie on the surface."""
         assert self.anchor is not None
-        cube, place = every_cell(self._coarse.side)
-        turns = middles(cube, place, self._coarse.side)
+        cube, place = every_cell(self.coarse.side)
+        turns = middles(cube, place, self.coarse.side)
         along = rigid.turned(sensor_in_robot[3:], np.array([0.0, 0.0, 1.0]))
         inward = rigid.turned(rigid.conjugate(turns), along)
-        slant = np.sin(np.sqrt(3) * self._coarse.turn)  # other rotations in a cell face the pad more
+        slant = np.sin(np.sqrt(3) * self.coarse.turn)  # other rotations in a cell face the pad more
         cells, poses = [], []
         for label in self._labels:
             patches = self._patches[label]
@@ -187,8 +187,8 @@ class PoseSearch:
                 )
             )
         self._cells, self._poses = np.concatenate(cells), np.concatenate(poses)
-        slack = self._slack(self._poses, self._coarse)
-        prior = pose_cells.log_prior(self._cells, self._poses, self._coarse, slack)
+        slack = self._slack(self._poses, self.coarse)
+        prior = pose_cells.log_prior(self._cells, self._poses, self.coarse, slack)
         kept, self._held = pose_cells.thinned(pose_cells.shared(prior, self._cells), _LISTED)
         self._cells, self._poses, self._prior = self._cells[kept], self._poses[kept], prior[kept]
         self._scores = np.zeros(len(self._cells))
@@ -198,9 +198,9 @@ class PoseSearch:
         if not len(self._cells):
             return
         least = float(self._scores.max()) - _NEGLIGIBLE
-        score = self._screen(self._cells, self._poses, self._coarse, first, self._scores, least)
+        score = self._screen(self._cells, self._poses, self.coarse, first, self._scores, least)
         if score.max() == -np.inf:
-            score = self._screen(self._cells, self._poses, self._coarse, first, self._scores, -np.inf)
+            score = self._screen(self._cells, self._poses, self.coarse, first, self._scores, -np.inf)
         mass = score + self._prior + self._held
         mass[mass < mass.max() - _FORGOTTEN] = -np.inf
         kept, more = pose_cells.thinned(

@@ -12,6 +12,7 @@ from tactsim.core import rigid
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.filters.weights import Weights
 from tactsim.estimators.space.moved_particles import MovedParticles, born, evidence
+from tactsim.estimators.space.pose_cells import check_room
 from tactsim.estimators.space.pose_modes import draw, find_modes
 from tactsim.estimators.space.pose_search import PoseSearch
 from tactsim.estimators.space.space_filter import SpaceFilter, SpaceFilterOptions
@@ -69,6 +70,7 @@ class SpaceRefinedFilter(SpaceFilter):
         self._search = PoseSearch(
             self.field, self._distinct, self.reader, chosen.rotations, chosen.voxel, chosen.reach
         )
+        check_room(self._distinct, self._search.coarse, chosen.halvings)
         self._evaluated = 0
         self._least = chosen.survivors * chosen.particles
 

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tactsim.core import rigid
+from tactsim.core import InputError, rigid
 from tactsim.estimators.space import pose_cells
 from tactsim.estimators.space.pose_cells import CellSizes
 from tactsim.estimators.space.rotation_cells import every_cell, middles, volumes
@@ -74,6 +74,20 @@ def test_the_middle_of_a_voxel_lies_at_the_anchor():
     np.testing.assert_allclose(
         rigid.transform(pose[0], np.array([[-14.0, 6.0, 14.0]]))[0], ANCHOR, atol=1e-12
     )
+
+
+@pytest.mark.parametrize(
+    ("labels", "sizes", "halvings", "said"),
+    [
+        ([0, 128], SIZES, 2, "129 objects"),
+        ([0], CellSizes(8, 4.0, 16.0, 20.0), 6, "512 cells along a cube"),
+        ([0], CellSizes(4, 1.0, 32.5, 20.0), 4, "1,040 voxels along"),
+    ],
+)
+def test_more_cells_than_can_be_numbered_are_refused(labels, sizes, halvings, said):
+    with pytest.raises(InputError, match=said):
+        pose_cells.check_room(labels, sizes, halvings)
+    pose_cells.check_room([0, 127], SIZES, 5)
 
 
 def test_outside_of_the_box_the_prior_is_zero():
