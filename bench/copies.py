@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from tactsim.core import Scan
+from tactsim.core.poses import wrap_angle
 
 # mm and rad: presses at poses that are as near were made at one pose.
 _SAME = 1e-2
@@ -53,7 +54,9 @@ def near_copies(scan: Scan) -> tuple[float, float]:
             pose = new.poses[row]
             first, last = np.searchsorted(along, [pose[0] - _SAME, pose[0] + _SAME])
             some = order[first:last]
-            near = some[np.linalg.norm(known.poses[some] - pose, axis=1) <= _SAME]
+            apart = known.poses[some] - pose
+            apart[:, 2] = wrap_angle(apart[:, 2])
+            near = some[np.linalg.norm(apart, axis=1) <= _SAME]
             best = max((_correlation(new.readings[row], known.readings[k]) for k in near), default=0.0)
             if best >= _ALIKE:
                 alike.append(best)

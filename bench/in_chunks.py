@@ -7,7 +7,8 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import Future
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from typing import Generic, TypeVar
+from itertools import groupby
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 
@@ -88,13 +89,22 @@ class Begun(Generic[_Task, _Part]):
 
 @contextmanager
 def begun(
-    do: Callable[[list[_Task]], tuple[_Part, dict[str, int]]], tasks: list[_Task], *, jobs: int
+    do: Callable[[list[_Task]], tuple[_Part, dict[str, int]]],
+    tasks: list[_Task],
+    *,
+    jobs: int,
+    group: Callable[[_Task], Any] | None = None,
 ) -> Iterator[Begun[_Task, _Part]]:
     """Begin with tasks in `jobs` - 1 worker processes, which end with the block; what they leave is done here.
 
     do: takes some tasks in a worker, and returns what they gave and the work, flattened. tasks, jobs: two at least.
+    group: neighbours for which it gives the same are done together, as a chunk of their own; without it tasks are
+    divided evenly.
     """
-    pieces = np.array_split(np.arange(len(tasks)), min(len(tasks), _CHUNKS * jobs))
-    chunks = [[tasks[i] for i in piece] for piece in pieces]
-    with worker_processes(min(jobs, len(tasks)) - 1) as workers:
+    if group is None:
+        pieces = np.array_split(np.arange(len(tasks)), min(len(tasks), _CHUNKS * jobs))
+        chunks = [[tasks[i] for i in piece] for piece in pieces]
+    else:
+        chunks = [list(alike) for _, alike in groupby(tasks, key=group)]
+    with worker_processes(max(1, min(jobs, len(chunks)) - 1)) as workers:
         yield Begun(chunks, [workers.submit(do, chunk) for chunk in chunks], workers)

@@ -58,6 +58,9 @@ class _Config(_Strict):
     train_scan: str | None
     given: str | None
     letters: list[str] | None
+    trials: int
+    readings: int
+    explore: str
 
 
 class _Budget(_Strict):
@@ -69,6 +72,12 @@ class _Machine(_Strict):
     processor: str
     cores: int
     system: str
+
+
+class _Scan(_Strict):
+    """What the readings say of themselves, as far as every reader needs it."""
+
+    options: dict[str, Any] = {}
 
 
 class _About(_Strict):
@@ -83,7 +92,7 @@ class _About(_Strict):
     budget: _Budget | None
     letters: list[str]
     classifier_agreement: float | None
-    scan: dict[str, Any]
+    scan: _Scan
     source: str
     commit: str | None
     versions: dict[str, str]
@@ -96,6 +105,7 @@ class _Times(_Strict):
 
     seconds: dict[str, float]
     work: dict[str, Any]
+    peak_memory_mb: float
 
 
 def save(run: Run, folder: Path) -> None:

@@ -88,8 +88,9 @@ def perform(
     tried = perf_counter()
     seconds = {"fit": trying - fitting, "trials": tried - trying, "total": tried - start}
     run = finished_run(
-        config, gathered, trials, work, estimator=estimator, seconds=seconds, jobs=jobs, fitted=fitted
-    )
+        config, gathered, trials, work, estimator=estimator, seconds=seconds, jobs=jobs, fitted=fitted,
+        cache=cache,
+    )  # fmt: skip
     return replace(run, plan=plan, maps=maps_of(fitted))
 
 
@@ -241,17 +242,18 @@ def finished_run(
     seconds: dict[str, float] | None = None,
     jobs: int | None = None,
     fitted: Estimator | None = None,
+    cache: bool = True,
 ) -> Run:
     """Score the trials and build the `Run`.
 
     estimator: the one that replaced the configuration's, if any. seconds: of the stages; a sweep, which does
     the trials of several runs at once, has none. fitted: the estimator that did the trials, if it is at hand; what it
-    has fitted to the pad need not be found again.
+    has fitted to the pad need not be found again. cache: whether bounds may be worked out from it and kept there.
     """
     objects = properties(gathered.scan)
     bounds, no_bound = None, "a bound is of one image of each touch, and the estimator saw several"
     if not config.sequences:
-        bounds, no_bound = bounds_of_trials(gathered.scan, trials, config.explore, config.moving)
+        bounds, no_bound = bounds_of_trials(gathered.scan, trials, config.explore, config.moving, cache=cache)
     made = estimator or create(config.estimator, **config.options)
     notes = notes_on(gathered.scan)
     found, used = pad_fit_of(fitted or made, gathered.scan), made.options

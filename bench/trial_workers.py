@@ -35,7 +35,9 @@ def begun_trials(plan: TrialPlan, tasks: list[OneTrial], *, jobs: int) -> Iterat
         parts, work = others.finish(partial(_run_here, plan, estimator), progress)
         return Trials.joined(parts), unflatten_work(work)
 
-    with begun(partial(run_chunk, plan.portable()), tasks, jobs=jobs) as others:
+    # Where each letter is held out, its trials share an estimator that was fitted without it.
+    group = (lambda task: task.truth) if plan.each_held_out else None
+    with begun(partial(run_chunk, plan.portable()), tasks, jobs=jobs, group=group) as others:
         yield finish
 
 

@@ -24,12 +24,13 @@ _STEPS = 3.0  # rms steps of an object, which a few readings that touch nothing 
 
 
 def bounds_of_trials(
-    scan: Scan, trials: Trials, explore: str, slip: Slip = STILL
+    scan: Scan, trials: Trials, explore: str, slip: Slip = STILL, *, cache: bool = True
 ) -> tuple[FloatArray | None, str]:
     """Bound the mean placement error of trials after each reading, (n, r) mm, by what their readings tell.
 
     Returns None and why, if nobody knows: the readings do not say how they were pressed, only a slow engine presses
     them (`bench bound` does), they were chosen by the estimator, or the object moved otherwise than by a random walk.
+    cache: whether what they are worked out from may be read from the cache and kept there.
     """
     if explore != "random":
         return None, "the estimator chose the readings"
@@ -39,7 +40,7 @@ def bounds_of_trials(
         options = stated_options(scan)
         if not all(is_quick(letter, options) for letter in pressed_letters(scan, options).values()):
             return None, "an engine has to press the letters; `bench bound` does"
-        return scan_information(scan).bounds(trials, slip=slip), ""
+        return scan_information(scan, cache=cache).bounds(trials, slip=slip), ""
     except InputError as error:
         return None, str(error)
 

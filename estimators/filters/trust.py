@@ -63,8 +63,9 @@ class Trust:
     much more for e times as many readings: a narrow belief rests on finer features of the maps than a wide one.
     shared: the variance of the error that all readings have in common, the map's, in the same unit: that of the mean of
     its training readings. What grows is how maps err in detail, which is unlike from place to place and not shared.
-    few, many: what the jackknife finds of the variance of one reading's error in sequences of few and of many left-out
-    readings, as shares of what it is, 0 if it was not tried. In a belief of few readings each of them has a large part.
+    few, many: what the jackknife finds of the variance of one reading's error in sequences of few and of `longest`
+    left-out readings, as shares of what it is, 0 if it was not tried. In a belief of few readings each of them has a
+    large part.
     """
 
     own: float = 1.0
@@ -72,6 +73,7 @@ class Trust:
     shared: float = 0.0
     few: float = 0.0
     many: float = 0.0
+    longest: float = _MANY
 
     def __call__(self, readings: int) -> float:
         """Give the weight of a sequence of so many readings, of one at least."""
@@ -101,7 +103,9 @@ class Trust:
 
     def _seen(self, readings: int) -> float:
         """Give what share of it the jackknife finds: the more readings there are, the less it falls short."""
-        short = (self.many - self.few) / (1 / FEW - 1 / _MANY)
+        if self.longest <= FEW:
+            return self.few
+        short = (self.many - self.few) / (1 / FEW - 1 / self.longest)
         return self.few + short * (1 / FEW - 1 / max(readings, FEW))
 
 
@@ -119,7 +123,7 @@ def learn_trust(likelihood: Likelihood, scan: Scan) -> Trust:
     train, rng = scan.where("train"), np.random.default_rng(0)
     labels = _some_labels(train)
     shift, size, states = _moves(train.poses[:, :2].mean(axis=0))
-    errors, seen = [], []
+    errors, seen, longest = [], [], float(FEW)
     for whole_positions in (False, True):
         log_p = _left_out(likelihood, train, labels, states, whole_positions)
         if log_p is None:
@@ -127,14 +131,16 @@ def learn_trust(likelihood: Likelihood, scan: Scan) -> Trust:
         found = [_typical(log_p, count, shift, size, rng) for count in (FEW, _MANY)]
         errors.append([one.error for one in found])
         seen.append([one.seen for one in found])
+        longest = found[1].readings
     few, many = (_at_a_new_place(*both) for both in zip(*errors, strict=True))
-    growth = max(0.0, (many - few) / math.log(_MANY / FEW))
+    growth = max(0.0, (many - few) / math.log(longest / FEW)) if longest > FEW else 0.0
     own = (
         few - growth * math.log(FEW) if growth else (few + many) / 2
     )  # one number from both if there is no growth
     own = max(own, growth, 1 / _HIGHEST)  # with less, two readings would say less than one
     trained = len(train) / len(train.letters)
-    return Trust(own, growth, own / trained, *np.mean(seen, axis=0).tolist())
+    few_seen, many_seen = np.mean(seen, axis=0).tolist()
+    return Trust(own, growth, own / trained, few_seen, many_seen, longest)
 
 
 def images_count(likelihood: SequenceLikelihood, scan: Scan) -> float:
@@ -164,10 +170,14 @@ def _some_labels(train: Scan) -> list[str]:
 
 @dataclass(frozen=True)
 class _Typical:
-    """What left-out readings say of an error. error: 1 / weight. seen: the share of it that the jackknife finds."""
+    """What sequences of left-out readings say of an error.
+
+    error: 1 / weight. seen: the share of it that the jackknife finds. readings: in a sequence, the mean of the letters.
+    """
 
     error: float
     seen: float
+    readings: float
 
 
 def _typical(
@@ -188,7 +198,7 @@ def _typical(
         readings = drawn.shape[1]
         found.append((1 / weight, weight * _shown(weight, readings, moved) if readings > 1 else 0.0))
     error, seen = np.sort(found, axis=0)[1:-1].mean(axis=0) if len(found) > 2 else np.mean(found, axis=0)
-    return _Typical(float(error), float(seen))
+    return _Typical(float(error), float(seen), float(np.mean([min(len(one), count) for one in log_p])))
 
 
 def _at_a_new_place(kept: float, gone: float) -> float:

@@ -70,8 +70,7 @@ def as_one(train: Scan, values: FloatArray, weight: FloatArray) -> tuple[FloatAr
     Returns places (n * taxels, 2) mm, values and weights.
     """
     xy = transform(train.poses, train.taxel_xy).reshape(-1, 2)
-    turn = np.repeat(train.poses[:, 2], len(train.taxel_xy))
-    key = np.round(np.column_stack([xy, turn]) / _SAME).astype(np.int64)
+    key = _rounded(np.column_stack([xy, np.repeat(train.poses[:, 2], len(train.taxel_xy))]))
     place, which = np.unique(key, axis=0, return_inverse=True)
     if len(place) == len(xy):
         return xy, values, weight
@@ -82,6 +81,14 @@ def as_one(train: Scan, values: FloatArray, weight: FloatArray) -> tuple[FloatAr
     return xy, mean[which], whole[which]
 
 
+def _rounded(poses: FloatArray) -> NDArray[np.int64]:
+    """Count places and angles (n, 3) in steps of `_SAME`, so that the same ones are equal; whole turns do not count."""
+    key = np.round(poses / _SAME).astype(np.int64)
+    around = np.round(np.mod(poses[:, 2], 2 * np.pi) / _SAME).astype(np.int64)
+    key[:, 2] = np.where(around == np.round(2 * np.pi / _SAME), 0, around)
+    return key
+
+
 def load_levels(poses: FloatArray, readings: FloatArray) -> NDArray[np.intp]:
     """Divide training readings (n, taxels) at poses (n, 3) by their loads: (n,), quarters of the largest at each pose.
 
@@ -90,7 +97,7 @@ def load_levels(poses: FloatArray, readings: FloatArray) -> NDArray[np.intp]:
     of fewer than a tenth of the readings come of noise, where hardly anything is felt; they count as the highest.
     """
     felt = np.maximum(readings.sum(axis=1), 0)
-    which = np.unique(np.round(poses / _SAME), axis=0, return_inverse=True)[1].reshape(-1)
+    which = np.unique(_rounded(poses), axis=0, return_inverse=True)[1].reshape(-1)
     most = np.zeros(int(which.max(initial=-1)) + 1)
     np.maximum.at(most, which, felt)
     share = np.divide(felt, most[which], out=np.ones_like(felt), where=most[which] > 0)

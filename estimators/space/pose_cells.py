@@ -55,7 +55,7 @@ class CellSizes:
 
 
 def check_room(labels: Sequence[int], sizes: CellSizes, halvings: int) -> None:
-    """Raise InputError if cells of these labels and sizes, halved so often, are more than whole numbers can tell apart."""
+    """Raise InputError if cells of these labels and sizes, halved so often, are more than can be numbered."""
     finer = 2**halvings
     for what, count, most, advice in (
         ("objects that differ", max(labels) + 1, MOST_LABELS, "train on fewer objects"),

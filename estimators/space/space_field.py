@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 from pydantic import Field
 
-from tactsim.core import InputError, rigid
+from tactsim.core import InputError
 from tactsim.core.poses import FloatArray
 from tactsim.core.space_scan import SpaceScan
 from tactsim.estimators.estimator import Options
@@ -145,12 +145,6 @@ class SpaceField:
             np.ascontiguousarray(start), self._load, self.rays.frame[2] ** 2, travel, image,
         )  # fmt: skip
         return travel, image
-
-    def sensor_after(self, start: FloatArray, travel: FloatArray) -> FloatArray:
-        """Move poses (n, 7) along their own z axis by `travel` (n,) mm: where a foreseen touch comes to rest."""
-        moved = np.array(start)
-        moved[:, :3] += travel[:, None] * rigid.turned(start[:, 3:], np.array([0.0, 0.0, 1.0]))
-        return moved
 
 
 def surfaces_of(estimator: object) -> Mapping[str, Surface]:

@@ -27,7 +27,11 @@ class MissingArrayError(InputError):
 
     def __init__(self, name: str, there: Iterable[str]) -> None:
         super().__init__(f"it has no array {name!r}")
-        self.there = frozenset(there)
+        self.name, self.there = name, frozenset(there)
+
+    def __reduce__(self) -> tuple[type[MissingArrayError], tuple[str, frozenset[str]]]:
+        """Let it be sent to another process."""
+        return type(self), (self.name, self.there)
 
 
 def read_npz(

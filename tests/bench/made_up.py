@@ -28,5 +28,5 @@ def make_run(n=3, r=4, seed=0):
             "machine": {"processor": "made up", "cores": 1, "system": "none"},
         },
         work={"presses": 3, "skipped": {"cached": 1}}, trials=trials,
-        times={"seconds": {"total": 1.5}},
+        times={"seconds": {"total": 1.5}, "peak_memory_mb": 300.0},
     )  # fmt: skip

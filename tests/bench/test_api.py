@@ -412,6 +412,11 @@ def test_a_wrong_press_is_refused_in_one_line(case):
     assert "\n" not in str(caught.value)
 
 
+def test_without_the_cache_nothing_is_kept(own_cache):
+    tactsim.run(letters="I", estimator="nearest", trials=1, readings=2, cache=False)
+    assert [path for path in own_cache.rglob("*") if path.suffix == ".readings"] == []
+
+
 def test_a_picture_counts_whole_readings(run):
     figure = run.plot()
     for ax in figure.axes:

@@ -28,6 +28,12 @@ def test_presses_repeated_at_one_pose_are_near_copies():
     )
 
 
+def test_whole_turns_between_two_presses_do_not_count():
+    scan = repeated(0.1)
+    turned = replace(scan, poses=scan.poses + np.where(np.arange(20)[:, None] < 10, [0, 0, 2 * np.pi], 0.0))
+    assert near_copies(turned) == pytest.approx(near_copies(scan))
+
+
 @pytest.mark.parametrize("scan", [repeated(3.0), repeated(0.1, moved=0.5)])
 def test_noisy_presses_and_presses_elsewhere_are_none(scan):
     assert near_copies(scan)[0] == 0

@@ -57,6 +57,13 @@ def test_no_more_processes_start_than_there_are_tasks():
     assert work == {"tasks": 2}
 
 
+def test_neighbours_of_a_group_are_done_together():
+    with begun(square, TASKS, jobs=2, group=lambda task: task // 15) as others:
+        assert [len(chunk) for chunk in others.chunks] == [15, 15, 10]
+        parts, _ = others.finish(square_here, lambda *word: None)
+    assert [len(part) for part in parts] == [15, 15, 10]
+
+
 def test_workers_begin_before_this_process_does():
     with begun(square, TASKS, jobs=2) as others:
         for future in others.futures:

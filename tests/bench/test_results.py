@@ -81,6 +81,8 @@ DAMAGES = {
     "no budget": lambda f: _change(f, lambda about: about.pop("budget")),
     "budget is a list": lambda f: _change(f, lambda about: about.update(budget=[1])),
     "schema of another version": lambda f: _change(f, lambda about: about.update(schema=1)),
+    "options of the scan are none": lambda f: _change(f, lambda about: about["scan"].update(options=None)),
+    "no number of trials": lambda f: _change(f, lambda about: about["config"].pop("trials")),
     "slip is a list": lambda f: _change(f, lambda about: about.update(slip=[1])),
     "machine is a word": lambda f: _change(f, lambda about: about.update(machine="fast")),
     "letter without properties": lambda f: _change(f, lambda about: about["objects"].pop("A")),

@@ -1,6 +1,7 @@
 """A worker process that dies: a run says so in one line, a sweep sends its trials out again."""
 
 import os
+import pickle
 import signal
 import subprocess
 import sys
@@ -15,6 +16,7 @@ from test_kills import sweep_of, whole
 
 from tactsim.bench import runner, sweep, sweep_file
 from tactsim.core import InputError
+from tactsim.core.npz import MissingArrayError
 from tactsim.core.workers import worker_processes
 
 LARGE = 50_000_000  # bytes, far more than a pipe holds
@@ -167,6 +169,12 @@ def test_an_error_that_cannot_be_sent_comes_back_in_words_with_its_place(task, s
         assert said in str(error)
         assert f"in {task.__name__}" in error.__notes__[0]
         assert pool.submit(abs, -1).result(timeout=60) == 1
+
+
+def test_a_lack_in_a_file_comes_back_as_what_it_is():
+    error = MissingArrayError("poses", ["readings"])
+    again = pickle.loads(pickle.dumps(error))
+    assert (type(again), str(again), again.there) == (MissingArrayError, str(error), error.there)
 
 
 def write_and_wait(path):

@@ -82,6 +82,6 @@ def _run(asked, of, method, skill, mm, seconds, seed, bounds):
         objects=objects,
         work={},
         trials=trials,
-        times={"seconds": {"total": 1.0}},
+        times={"seconds": {"total": 1.0}, "peak_memory_mb": 300.0},
         bounds=bound,
     )

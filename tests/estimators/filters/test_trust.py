@@ -125,6 +125,23 @@ def test_what_left_out_readings_share_and_new_ones_do_not_changes_nothing(monkey
     assert np.mean(found, axis=0) == pytest.approx(known(2.0), rel=0.15)
 
 
+@pytest.mark.parametrize("readings", [2, 3, 8, 12, 19, 50])
+def test_with_few_training_readings_growth_is_that_of_the_sequences_there_are(monkeypatch, readings):
+    def typical(log_p, count, shift, size, rng):
+        used = min(len(log_p[0]), count)
+        return trust._Typical(1.5 + 0.8 * math.log(used), 0.9 - 0.3 / used, used)
+
+    monkeypatch.setattr(trust, "_typical", typical)
+    monkeypatch.setattr(trust, "_left_out", lambda *ignored: [np.zeros((readings, 2))])
+    learned = learn_trust(None, SCAN)
+    if readings <= trust.FEW:
+        assert learned.growth == 0
+        assert learned._seen(10) == learned.few
+    else:
+        assert (learned.growth, learned.own) == pytest.approx((0.8, 1.5))
+        assert [learned._seen(n) for n in (3, 20)] == pytest.approx([0.9 - 0.3 / 3, 0.9 - 0.3 / 20])
+
+
 def test_one_letter_of_its_own_kind_does_not_decide_for_the_others(monkeypatch):
     def spoil(seen):
         seen[3] *= 5  # a round letter's free turn looks like this

@@ -9,8 +9,10 @@ from synthetic import make_scan, paper_poses
 from tactsim.core import Scan, compose
 from tactsim.estimators.likelihoods.folds import (
     FOLDS,
+    as_one,
     by_letter,
     folds,
+    load_levels,
     positions,
     presses,
     touched_elsewhere,
@@ -80,6 +82,23 @@ def test_moments_of_presses_at_one_pose_are_divided_by_presses():
     for part in (folds(scan), presses(scan)):
         assert all(len(set(part[number == press])) == 1 for press in range(8))
         assert np.bincount(part).tolist() == [6] * FOLDS
+
+
+@pytest.mark.parametrize("turns", [0, 1, -2])
+@pytest.mark.parametrize("angle", [0.3, np.pi, 2 * np.pi - 1e-9, 0.0])
+def test_presses_whole_turns_apart_lie_just_alike(turns, angle):
+    poses = np.array([[1.0, 2.0, angle], [1.0, 2.0, angle + turns * 2 * np.pi]])
+    train = Scan(
+        np.array([[1.0, 4.0], [3.0, 8.0]]),
+        poses,
+        ["A"] * 2,
+        ["train"] * 2,
+        np.array([[0.0, 0.0], [1.0, 0.0]]),
+    )
+    _, values, weight = as_one(train, train.readings.ravel(), np.ones(4))
+    assert values.tolist() == [2.0, 6.0, 2.0, 6.0]
+    assert weight.tolist() == [2.0] * 4
+    assert load_levels(poses, np.array([[1.0], [2.0]])).tolist() == [2, 4]
 
 
 def test_parts_are_divided_letter_by_letter():
