@@ -220,10 +220,11 @@ def write_table(names: tuple[str, ...], table: Mapping[str, NDArray[Any]]) -> st
 def read_table(path: Path, columns: tuple[str, ...]) -> dict[str, list[str]]:
     """Read the columns of a CSV table, as text. Raises InputError if it is not whole or has other columns."""
     try:
-        header, *rows = csv.reader(io.StringIO(read_text(path, "table of a run", _LARGEST_TABLE), newline=""))
+        lines = list(csv.reader(io.StringIO(read_text(path, "table of a run", _LARGEST_TABLE), newline="")))
     except (ValueError, csv.Error) as error:
         raise InputError(f"{path} is not a whole table: {error}") from error
-    if tuple(header) != columns or not rows or any(len(row) != len(columns) for row in rows):
+    header, rows = lines[:1], lines[1:]
+    if header != [list(columns)] or not rows or any(len(row) != len(columns) for row in rows):
         raise InputError(f"{path} does not have the columns {', '.join(columns)} in every row")
     return {name: list(values) for name, values in zip(columns, zip(*rows, strict=True), strict=True)}
 

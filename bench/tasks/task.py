@@ -127,9 +127,9 @@ class Task(BaseModel):
             elif name == "explore" and (right, value) == ("information", "blind"):
                 chosen[name] = value
             elif value != right and not (name == "letters" and value == self.letters):
-                says = short(self.letters if name == "letters" else right)
+                asked_for, says = map(_typed, (value, self.letters if name == "letters" else right))
                 raise InputError(
-                    f"{name} {short(value)}: task {self.name} says {says}; leave out {name} or the task"
+                    f"{name} {asked_for}: task {self.name} says {says}; leave out {name} or the task"
                 )
         # Who says whether touches are chosen need not have the estimator made here: a plug-in of somebody else's.
         unsaid = wanted.explore == "information" and "explore" not in asked
@@ -228,3 +228,8 @@ def _beside(words: Mapping[str, Any], folder: Path) -> dict[str, Any]:
         return str(folder / value) if is_path else value
 
     return {name: placed(name, value) if name in _PATHS else value for name, value in words.items()}
+
+
+def _typed(value: Any) -> str:
+    """Write a value as one types it: a list with commas."""
+    return ",".join(map(str, value)) if isinstance(value, tuple) else short(value)
