@@ -152,8 +152,8 @@ class EmulatedSingleTact(Emulated):
         super().__init__(device, pressures, rate, link)
         self.silent = silent
         self._elements = self._codec.taxels if elements is None else elements
-        self._counted = (0.0, 0.0)  # when the rate last changed, and frames until then
-        self._samples = _SAMPLES[_SHIPPED]
+        # By sensor: when its rate last changed, the frames until then, and the samples of a frame.
+        self._counted = {address: (0.0, 0.0, _SAMPLES[_SHIPPED]) for address, _ in self._parts}
         self._heard = b""
         self._answers: list[tuple[float, bytes]] = []  # (time when due, bytes)
         self._old = bytes(MOST_READ)  # what the bridge's buffer held before
@@ -191,26 +191,28 @@ class EmulatedSingleTact(Emulated):
         data, when = b"", now
         if command == READ:
             count = min(count, MOST_READ)
-            if address in self._settings and address not in self.silent:
+            if self._hears(address):
                 data = self._memory(address, now)[register : register + count].ljust(count, b"\0")
                 self._old = (data + self._old)[:MOST_READ]
             else:
                 data, when = self._old[:count], now + 0.1
-        elif command == WRITE and address in self._settings and register + count <= INDEX_REGISTER:
+        elif command == WRITE and self._hears(address) and register + count <= INDEX_REGISTER:
             self._settings[address][register : register + count] = request[10 : 10 + count]
-            self._counted = now, self._frames(now)
-            self._samples = _SAMPLES[min(self._settings[address][ACCUMULATOR_REGISTER], len(_SAMPLES) - 1)]
+            accumulator = min(self._settings[address][ACCUMULATOR_REGISTER], len(_SAMPLES) - 1)
+            self._counted[address] = now, self._frames(address, now), _SAMPLES[accumulator]
         ticks = round(now / self._codec.tick_s) % self._codec.tick_wrap
         self._answers.append((when, write_reply(Reply(address, False, number, ticks, data))))
 
-    @property
-    def _per_second(self) -> float:
-        return self.rate * _SAMPLES[_SHIPPED] / self._samples
+    def _hears(self, address: int) -> bool:
+        return address in self._settings and address not in self.silent
 
-    def _frames(self, now: float) -> float:
-        """Count the frames until `now`, with the share of the one that is being measured."""
-        since, before = self._counted
-        return before + (now - since) * self._per_second
+    def _per_second(self, address: int) -> float:
+        return self.rate * _SAMPLES[_SHIPPED] / self._counted[address][2]
+
+    def _frames(self, address: int, now: float) -> float:
+        """Count a sensor's frames until `now`, with the share of the one that is being measured."""
+        since, before, _ = self._counted[address]
+        return before + (now - since) * self._per_second(address)
 
     def _registers(self, address: int) -> bytearray:
         """Make the settings registers, as far as a host reads them."""
@@ -225,11 +227,13 @@ class EmulatedSingleTact(Emulated):
 
     def _memory(self, address: int, now: float) -> bytes:
         """Make the content of all registers at `now`."""
-        frames = self._frames(now)
+        frames = self._frames(address, now)
         frame = int(frames)
         wiring = dict(self._parts)[address]
         head = (frame % 65536).to_bytes(2, "big") + (round(1e3 * now) % 65536).to_bytes(2, "big")
-        output = self.values(wiring, now - (frames - frame) / self._per_second).astype(">u2").tobytes()
+        output = (
+            self.values(wiring, now - (frames - frame) / self._per_second(address)).astype(">u2").tobytes()
+        )
         memory = bytes(self._settings[address]) + head + output
         assert len(head) == OUTPUT_REGISTER - INDEX_REGISTER
         return memory.ljust(REGISTERS, b"\0")

@@ -12,6 +12,7 @@ from made_pads import csv_device, ramp, serving, singletact, small_device
 from tactsim.core import InputError
 from tactsim.core.source import NoReading, SourceError
 from tactsim.hardware.codecs.codec import Frame
+from tactsim.hardware.codecs.singletact import ACCUMULATOR_REGISTER, Question, write_request
 from tactsim.hardware.emulator import Faults, emulate
 from tactsim.hardware.emulator.emulated import EmulatedSingleTact
 from tactsim.hardware.emulator.serve import serve_pty
@@ -443,6 +444,15 @@ def test_the_accumulator_of_the_device_file_makes_torn_frames_whole():
 
 
 @pytest.mark.long
+def test_each_emulated_sensor_has_a_rate_of_its_own():
+    parts = [{"address": 5, "taxels": [0]}, {"address": 9, "taxels": [1]}]
+    pad = EmulatedSingleTact(singletact(taxels=1, parts=parts), lambda wiring, time: np.zeros(1), 100.0)
+    pad.silent = frozenset({9})
+    for address in (5, 9):
+        pad.hear(write_request(Question(address, 1, ACCUMULATOR_REGISTER, 1, b"\x00")), 0.0)
+    assert pad._frames(5, 1.0) > pad._frames(9, 1.0) == pytest.approx(100.0)
+
+
 def test_a_port_that_comes_back_has_its_time_to_start(tmp_path):
     """A board that takes longer to start than the deadline allows is lost once and read on."""
     device = small_device(settle=2.0, deadline=1.5)
