@@ -14,7 +14,7 @@ from tactsim.press.engine_choice import check_flat
 from tactsim.press.press_model import PressModel
 from tactsim.press.scan_options import ScanOptions, SensorOptions
 from tactsim.press.sensor import gains
-from tactsim.press.touches import Touches
+from tactsim.press.touches import Touches, log_spread
 
 # Steps of the differences where nothing is misplaced: mm and rad, far below the point spread and far above rounding.
 SMALL = (0.02, 0.02, 0.002)
@@ -43,7 +43,7 @@ def respond(letter: Letter, poses: FloatArray, options: ScanOptions) -> Response
     """
     placement = np.array([options.placement_mm, options.placement_mm, options.placement_rad])
     steps = np.where(placement > 0, placement, SMALL)
-    tilt, load = options.placement_tilt, options.load_spread
+    tilt, load = options.placement_tilt, log_spread(options.load_spread)
     shifts = [(row, np.zeros(2), 0.0) for row in np.diag(steps)]
     if tilt:
         shifts += [(np.zeros(3), row, 0.0) for row in tilt * np.eye(2)]

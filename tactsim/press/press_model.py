@@ -24,6 +24,7 @@ from tactsim.press.engine_choice import check_flat
 from tactsim.press.scan_options import ScanOptions
 from tactsim.press.scanning import letters_of
 from tactsim.press.spread import felt_along
+from tactsim.press.touches import log_spread
 
 _NODES_PER_SIGMA = (
     50  # of the tables of what a taxel feels; linear between them, which costs 5e-5 of a pressure
@@ -73,8 +74,8 @@ class PressModel:
         width, height = self._bounds[1] - self._bounds[0], self._bounds[3] - self._bounds[2]
         self.noise = max(noise, _LEAST_NOISE * 1e3 * press.force / (width * height))
         self.placement = np.array([options.placement_mm, options.placement_mm, options.placement_rad])
-        load_spread = math.sqrt(math.log1p(options.load_spread**2))
-        self._spread = np.array([options.placement_tilt, options.placement_tilt, load_spread])
+        tilt = options.placement_tilt
+        self._spread = np.array([tilt, tilt, log_spread(options.load_spread)])
         self._response, self._response_pressure = sensor.response, sensor.response_pressure
         # Beyond this distance of the pad's middle from the letter's nothing touches.
         corner = math.hypot(*np.abs(self._bounds).reshape(2, 2).max(axis=1))

@@ -66,5 +66,9 @@ def draw_loads(count: int, spread: float, rng: Normals) -> FloatArray:
 
     A log-normal load is above 0 whatever the spread.
     """
-    variance = math.log1p(spread**2)
-    return np.exp(math.sqrt(variance) * rng.standard_normal(count) - variance / 2)
+    return np.exp(log_spread(spread) * rng.standard_normal(count) - math.log1p(spread**2) / 2)
+
+
+def log_spread(spread: float) -> float:
+    """Give the standard deviation of the log of a log-normal load with mean 1 and deviation `spread`."""
+    return math.sqrt(math.log1p(spread**2))
