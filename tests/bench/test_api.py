@@ -166,14 +166,18 @@ def test_an_estimator_of_a_notebook_cannot_be_sent_to_workers():
     """A class of `__main__` where that is no file, as in a notebook."""
     script = "\n".join(
         [
-            "import numpy as np, tactsim",
+            "import time, tactsim",
             "from tactsim.estimators.registry import load",
-            "class Mine(load('histogram')): pass",
-            "words = dict(letters='AE', trials=2, readings=3)",
+            "class Mine(load('histogram')):",
+            "    def update(self, *words):",
+            "        time.sleep(0.02)",
+            "        super().update(*words)",
+            "words = dict(letters='AE', readings=3)",
             "mine = Mine(tactsim.create('histogram', bins=100).options)",
-            "alone = tactsim.run(estimator=mine, **words)",
+            "alone = tactsim.run(estimator=mine, trials=2, **words)",
             "print(alone.estimator)",
-            "try: tactsim.run(estimator=mine, jobs=2, **words)",
+            "# So long that the worker is there before all is done without it.",
+            "try: tactsim.run(estimator=mine, jobs=2, trials=500, **words)",
             "except tactsim.InputError as error: print(error)",
         ]
     )

@@ -1,4 +1,4 @@
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
@@ -9,9 +9,10 @@ from tactsim.bench.placement_error import Properties
 from tactsim.bench.runner import gather, silent
 from tactsim.bench.score import wilson
 from tactsim.bench.trial_plan import TrialPlan
-from tactsim.bench.trial_workers import run_trials
+from tactsim.bench.trial_workers import run_chunk, run_trials
 from tactsim.bench.trials import OneTrial, Trials, check_readings, draw_true_pose, generator, run_trial
 from tactsim.core import InputError, Scan, compose
+from tactsim.core.workers import worker_processes
 from tactsim.estimators import NONE, Estimate, Estimator, Options
 
 LETTERS = "AEIOU"
@@ -86,6 +87,22 @@ def trials_of(estimator, scan, count, readings=20, seed=0):
     tasks = [OneTrial(letter, trial) for letter in scan.letters for trial in range(count)]
     plan = TrialPlan("none", {}, scan, readings, seed)
     return run_trials(plan, estimator, tasks, progress=silent)[0]
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("hold_out", ["", "each"])
+def test_what_a_worker_gives_is_what_is_done_here_to_the_bit(hold_out):
+    """A run of few trials may be over before its workers have begun, so they are waited for."""
+    run = tactsim.run(
+        letters="AEI", estimator="particle", particles=500, hold_out=hold_out, trials=2, readings=4
+    )
+    with worker_processes(1) as workers:
+        tasks = [OneTrial(letter, trial) for letter in "AEI" for trial in range(2)]
+        trials, work = workers.submit(run_chunk, run.plan.portable(), tasks).result(timeout=120)
+    for field in fields(Trials):
+        if not field.name.endswith("_s"):
+            assert np.array_equal(getattr(trials, field.name), getattr(run.trials, field.name)), field.name
+    assert work["likelihood_evaluations"] == run.work["likelihood_evaluations"]
 
 
 def test_an_estimator_that_ignores_its_input_scores_one_in_the_number_of_letters():

@@ -129,7 +129,7 @@ def test_a_sweep_of_a_task_has_a_run_for_each_seed(here, own, tmp_path):
         (("tasks", "nowhere.toml"), "cannot read task nowhere.toml"),
         (("tasks", "--hash"), "--hash: name the task"),
         (("run", "--task", "letters-v2"), "unknown task"),
-        (("run", "--task", "slip-v1", "--letters", "AE"), "letters ('A', 'E'): task slip-v1 says"),
+        (("run", "--task", "slip-v1", "--letters", "AE"), "letters A,E: task slip-v1 says"),
         (("run", "--task", "slip-v1", "--seed", "17"), "seed 17: task slip-v1 has the seeds 0, 1, 2, 3, 4"),
         (("run", "--task", "slip-v1", "--trials", "21"), "trials 21: task slip-v1 says 20"),
         (("run", "--task", "slip-v1", "--world", "rough"), "world 'rough'"),
