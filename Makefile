@@ -109,7 +109,8 @@ renew: $(DEVELOP)  ## do every method of results/leaderboard again with this com
 	@$(BIN)/python -m tactsim.bench.leaderboard.renew results/leaderboard $(VENV)/renewed
 	@$(MAKE) --no-print-directory leaderboard
 
-leaderboard: $(DEVELOP)  ## make the site of results/leaderboard, and fill the tables of docs/leaderboard.md
+leaderboard: $(DEVELOP)  ## make the site of results/leaderboard, the best known results, and the tables of docs/leaderboard.md
+	@$(BIN)/python -m tactsim.bench.leaderboard.best_known
 	@$(BIN)/bench leaderboard results/leaderboard
 	@$(BIN)/python -m tactsim.bench.leaderboard.page_standings results/leaderboard docs/leaderboard.md
 
