@@ -131,6 +131,7 @@ def test_sweeps_of_different_commits_are_refused(folder, tmp_path):
         fill(PAGE, tmp_path)
 
 
+@pytest.mark.long
 def test_a_table_without_an_end_is_refused_and_the_page_stays(folder):
     (folder / "cut.md").write_text("<!-- table: s; right@1 -->\nold\n")
     command = [sys.executable, "-m", "tactsim.bench.page_tables", "cut.md"]

@@ -91,6 +91,7 @@ def test_a_report_replaces_an_older_one_and_one_that_was_killed_before_its_page(
     assert write_report([runs.small], page)[0] == written
 
 
+@pytest.mark.long
 def test_a_report_of_another_name_leaves_the_first_ones_files_alone(runs, report, tmp_path):
     written, _ = write_report([runs.small], tmp_path / "other.html")
     assert {path.name for path in written} == {
@@ -448,6 +449,7 @@ def test_counts_of_very_many_trials_are_shown_as_they_are(tmp_path):
     assert counts.max() == 70_000
 
 
+@pytest.mark.long
 def test_a_letter_held_out_is_right_when_it_is_refused(open_set_run):
     groups = collect(loaded([open_set_run]))
     (entry,) = groups[0].entries

@@ -302,6 +302,7 @@ def test_what_is_no_address_of_a_scheduler_is_refused_before_the_press(here, own
     assert not list(own_cache.iterdir())
 
 
+@pytest.mark.long
 def test_no_scheduler_is_said_in_one_line(here, tmp_path, monkeypatch):
     monkeypatch.setattr(sweep, "SCHEDULER_ANSWERS_IN", 0.5)
     (tmp_path / "s.toml").write_text(SMALL)

@@ -123,6 +123,7 @@ def test_a_table_has_a_line_a_policy():
     )
 
 
+@pytest.mark.long
 def test_a_wrong_policy_is_one_line():
     command = [sys.executable, "-m", "tactsim.env.policy_table", "--policy", "clever"]
     done = subprocess.run(command, capture_output=True, text=True, check=False)

@@ -104,6 +104,7 @@ def serving(*conversations):
 WELCOME = json.dumps({"message": "Welcome"})
 
 
+@pytest.mark.long
 def test_the_package_names_its_source(installed):
     project = tomllib.loads((EXAMPLE / "pyproject.toml").read_text())
     assert project["project"]["entry-points"]["tactsim.sources"] == {"xela": "tactsim_xela:open_source"}

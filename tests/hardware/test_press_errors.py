@@ -30,6 +30,7 @@ def test_what_a_sample_was_made_of_is_found():
     assert np.sqrt(((found.errors - errors) ** 2).mean()) < 0.25
 
 
+@pytest.mark.long
 def test_the_stated_error_of_a_shared_number_is_that_of_repeats():
     rng = np.random.default_rng(2)
     found = []

@@ -150,6 +150,7 @@ def test_a_shape_with_relief_travels_and_is_known_by_its_mesh():
     assert bigger.digest != shape.digest
 
 
+@pytest.mark.long
 def test_convex_parts_of_a_convex_shape_or_a_refusal():
     (part,) = models.relief("dome", Manifold.sphere(10, 64)).parts
     assert part.vertices[:, 2].max() == pytest.approx(20)

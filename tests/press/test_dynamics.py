@@ -125,6 +125,7 @@ def test_a_sliver_stops_where_the_layer_ends():
     assert moving.times[-1] < 1.0
 
 
+@pytest.mark.long
 def test_a_worker_s_unsettled_press_is_reported_too(monkeypatch, few_angles):
     monkeypatch.setattr("tactsim.press.scanning.WORTH_A_WORKER", 1e-3)
     with pytest.raises(InputError, match=r"'E'.*time_limit"):

@@ -163,6 +163,7 @@ def test_blanks_are_not_forgotten_by_the_cache():
     assert np.array_equal(first.readings, again.readings)
 
 
+@pytest.mark.long
 def test_too_many_blanks_are_refused():
     options = level_scan(letters=("O",), press=level_press(wrist_stiffness=2.0))
     with pytest.raises(InputError, match=r"\d+ of 192 presses of 'O' .* 5% at most: .*stiffer wrist"):

@@ -38,6 +38,7 @@ def refused(*words):
     return message
 
 
+@pytest.mark.long
 def test_a_run_prints_its_table_and_leaves_its_folder_and_its_page(capsys, tmp_path):
     bench(*RUN, "--out", "here")
     out = capsys.readouterr().out

@@ -56,6 +56,7 @@ def test_ctrl_c_ends_it_cleanly(bench, tmp_path, typing):
     assert "Traceback" not in last
 
 
+@pytest.mark.long
 def test_in_a_pipe_there_is_a_line_a_second(bench):
     with emulated(bench, "--port", "tcp", "--garbage", "0.2") as name:
         result = bench("watch", "--port", name, "--seconds", "2.5")

@@ -72,6 +72,7 @@ def test_the_temperature_is_what_foretells_left_out_letters_best(learned, scan, 
     assert found(0.6) == pytest.approx(1, abs=0.25)
 
 
+@pytest.mark.long
 def test_the_seed_is_what_networks_differ_by_and_not_the_order_of_the_letters(scan):
     scan = scan.of_letters("EI")
     reversed_order = np.argsort(scan.labels == "E", kind="stable")

@@ -206,6 +206,7 @@ def test_a_broad_belief_is_followed_to_a_place_between_its_centres():
     assert place_off < 0.05
 
 
+@pytest.mark.long
 def test_a_jump_is_found_again(small):
     _, _, true = sequence(small, "L", 12)
     moved = Slip(jump_mm=5).poses(true[0], 12, np.random.default_rng(4))

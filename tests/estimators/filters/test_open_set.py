@@ -124,6 +124,7 @@ def test_a_letter_that_was_not_learned_is_refused_and_the_others_are_not(scan):
     assert sum(refused.values()) <= 3
 
 
+@pytest.mark.long
 def test_particles_refuse_a_known_letter_only_where_they_have_lost_its_place(scan):
     estimator = create("tempered", unknown=0.1, particles=3000)
     estimator.fit(scan.untrained("E"))
@@ -133,6 +134,7 @@ def test_particles_refuse_a_known_letter_only_where_they_have_lost_its_place(sca
             assert none == (apart > 3)
 
 
+@pytest.mark.long
 def test_a_letter_that_is_left_out_afterwards_is_refused_too(scan):
     estimator = create("refined", unknown=0.1, bins=1000)
     estimator.fit(scan)

@@ -73,6 +73,7 @@ def test_with_every_cell_halved_the_belief_is_the_dense_grid_by_brute_force(halv
         assert weight == pytest.approx(p[k, place], abs=1e-5)
 
 
+@pytest.mark.long
 def test_a_cell_that_is_split_is_worth_the_mean_of_its_halves():
     # One cell is halved, and one of its halves once more: the masses by hand, from the definition.
     scan = make_scan("EI", poses=COARSE)
@@ -163,6 +164,7 @@ def test_estimates_that_are_left_out_change_nothing_later(small):
     assert again.robot_in_object.tolist() == once.robot_in_object.tolist()
 
 
+@pytest.mark.long
 def test_the_order_of_readings_does_not_matter(vowels):
     estimator = shared("refined", vowels)
     rng = np.random.default_rng(4)

@@ -141,6 +141,7 @@ def test_letters_that_are_alike_share_the_probability():
         np.testing.assert_allclose(list(p.values()), 0.2, atol=0.01)
 
 
+@pytest.mark.long
 def test_until_the_letter_is_touched_every_place_beside_it_stays(letters):
     rng = np.random.default_rng(2)
     truth = np.array([2.0, 1.0, 0.5])

@@ -187,6 +187,7 @@ def test_mirror_images_are_told_apart():
         assert after(estimator, readings, sensors).label == ("left" if side == 1 else "right")
 
 
+@pytest.mark.long
 def test_a_symmetric_object_is_not_punished_for_it():
     """All turns of a ball are as probable, and so is the ball."""
     estimator = with_field(
