@@ -138,18 +138,20 @@ class LinesCodec(Codec[Frame]):
         end = buffer.find(_END, start + 1, start + self.longest)
         if self.format.checksum is None or end < 0 or not buffer.startswith(_END, start):
             return False
-        line = bytes(buffer[start + 1 : end]).removesuffix(b"\r")
-        numbers, star, _ = line.partition(b"*")
-        wrong = not star or self._sum(numbers) != line[len(numbers) :].upper()
-        return wrong and self._numbers(numbers) is not None
+        numbers, is_right = self._summed(bytes(buffer[start + 1 : end]).removesuffix(b"\r"))
+        return not is_right and self._numbers(numbers) is not None
+
+    def _summed(self, line: bytes) -> tuple[bytes, bool]:
+        """Give the numbers of a line, and whether the checksum behind them is theirs."""
+        numbers, _, _ = line.partition(b"*")
+        return numbers, self._sum(numbers) == line[len(numbers) :].upper()
 
     def _frame(self, line: bytes) -> Frame | None:
         line = line.removesuffix(b"\r")
         if self.format.checksum is not None:
-            numbers, star, _ = line.partition(b"*")
-            if not star or self._sum(numbers) != line[len(numbers) :].upper():
+            line, is_right = self._summed(line)
+            if not is_right:
                 return None
-            line = numbers
         found = self._numbers(line)
         if found is None:
             return None
