@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.field.replay import replay
-from tactsim.estimators.field.slices import Slices, slices_of
-from tactsim.estimators.field.tables import pooled, tabulate
+from tactsim.estimators.field.slices import Layout, Slices, laid_out, layout_of
+from tactsim.estimators.field.tables import Tables, pooled, tabulate
 from tactsim.estimators.field.terms import Terms, record
 from tactsim.estimators.likelihoods.likelihood import Evidence, Likelihood
 
@@ -105,14 +105,19 @@ class LikelihoodField:
         )  # fmt: skip
         return log_p
 
+    def layout(self, first: FloatArray, spacing: tuple[float, float]) -> Layout:
+        """Say where a grid of bins finds what it reads. Arguments as for `slices`."""
+        return _layout(self.tables, first, spacing)
+
     def slices(self, first: FloatArray, spacing: tuple[float, float], wide: int = 1, tall: int = 1) -> Slices:
-        """Frame the tables for a grid of bins, or for upper bounds of blocks of wide x tall bins.
+        """Lay out the tables for a grid of bins, or for upper bounds of blocks of wide x tall bins.
 
         first: [x, y] mm of the first bin's middle. spacing: of the bins in x and y, mm, as the field was made for.
         """
         tables = self.tables if wide == tall == 1 else pooled(self.tables, wide, tall)
-        place = np.concatenate([first - tables.origin, [wide * spacing[0], tall * spacing[1]]])
-        return slices_of(tables.nodes, tables.unit, tables.phases, place)
+        outside = np.zeros(len(tables.nodes), dtype=tables.nodes.dtype)
+        nodes = laid_out(tables.nodes, tables.nodes.shape, tables.phases, outside)
+        return Slices(nodes, tables.unit, _layout(tables, first, (wide * spacing[0], tall * spacing[1])))
 
     def _make_room(self, count: int) -> None:
         terms = self.terms
@@ -123,6 +128,10 @@ class LikelihoodField:
             by_term = ("kind", "xy", "weight")
             terms = terms._replace(**{name: _doubled(getattr(terms, name)) for name in by_term})
         self.terms = terms
+
+
+def _layout(tables: Tables, first: FloatArray, spacing: tuple[float, float]) -> Layout:
+    return layout_of(tables.nodes.shape, tables.phases, np.concatenate([first - tables.origin, spacing]))
 
 
 def _doubled(array: np.ndarray) -> np.ndarray:

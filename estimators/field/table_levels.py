@@ -1,38 +1,50 @@
 """Upper bounds of what a bin reads in tables, in one byte instead of four numbers, and their sums for tiles (compiled).
 
 A bin reads four neighbouring nodes and interpolates. The largest of the four bounds that; it is kept as the lowest
-value of its table and a number of steps, rounded up. Where all terms weigh the same, a tile's bound is a sum of whole
-numbers: 256 bytes are added up before 16 bits can overflow.
+value of its table and a number of steps, rounded up. A tile's bound is a sum of whole numbers of 16 bits, of which so
+many are added up that they cannot overflow.
 """
 
 from __future__ import annotations
 
+import math
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import float32, float64, int64, types, uint8, void
+from numba import float32, float64, int64, types, uint8, uint16, uint64, void
 from numpy.typing import NDArray
 
-from tactsim.core.compiling import FLOATS, FLOATS_2D, INTS, INTS_2D, REALS, Floats, Ints, Reals, compiled
-from tactsim.estimators.field.slices import SLICES, Slices, beside, laid_out, lanes_of, span_within
+from tactsim.core.compiling import (
+    FLOATS,
+    FLOATS_2D,
+    INTS,
+    INTS_2D,
+    REALS,
+    REALS_2D,
+    Floats,
+    Ints,
+    Reals,
+    compiled,
+)
+from tactsim.estimators.field.slices import LAYOUT, Layout, beside, laid_out, lanes_of, piece, span_within
 from tactsim.estimators.field.terms import TERMS, Terms
 from tactsim.estimators.field.vectors import (
     LANES,
     TALL,
     VECTOR,
     add_bytes,
-    add_times,
+    add_products,
     add_words,
     highest_lane,
-    load_bytes,
     load_plus,
     no_words,
     raised,
     zeros,
 )
 
-# The highest level, and so many levels that 16 bits hold their sum.
-HIGHEST, _WORDS = 255, 256
+# The highest level. Of so many levels 16 bits hold the sum; and of so many products with weights up to HIGHEST, each
+# divided by as much and rounded up.
+HIGHEST, ALIKE, WEIGHTED = 255, 256, 64
 
 
 class Levels(NamedTuple):
@@ -52,20 +64,20 @@ LEVELS = types.NamedTuple((uint8[::1], REALS, REALS), Levels)
 class Looked(NamedTuple):
     """Where the tiles of all angles look up the bounds of one reading.
 
-    at: (tiles, most) flat index of the level of the tile's first bin for the first letter. term: (tiles, most) number
-    of the term. lanes: (tiles, most) bits of the tile's columns that lie in its table. number: (tiles,) how many of
-    these. lowest: (tiles, LANES) nats, for each column the sum of the lowest values of the tables that it lies in,
-    times their weights.
+    at: (tiles, most) flat index of the level of the tile's first bin for the first letter. weight: (tiles, most) of the
+    term, in HIGHEST parts of the heaviest, rounded up. lanes: (tiles, most) bits of the tile's columns that lie in its
+    table. number: (tiles,) how many of these. lowest: (tiles, LANES) nats, for each column the sum of the lowest values
+    of the tables that it lies in, times their weights.
     """
 
     at: Ints
-    term: Ints
-    lanes: Ints
+    weight: NDArray[np.uint8]
+    lanes: NDArray[np.uint16]
     number: Ints
     lowest: Floats
 
 
-LOOKED = types.NamedTuple((INTS_2D, INTS_2D, INTS_2D, INTS, FLOATS_2D), Looked)
+LOOKED = types.NamedTuple((INTS_2D, uint8[:, ::1], uint16[:, ::1], INTS, FLOATS_2D), Looked)
 
 
 def levels_of(nodes: NDArray[np.int16], unit: float, phases: tuple[int, int]) -> Levels:
@@ -88,39 +100,55 @@ def _bounds(table: NDArray[np.int16], lowest: int, step: int) -> NDArray[np.uint
     return (-((lowest - largest) // step)).astype(np.uint8)
 
 
+@compiled(types.UniTuple(float64, 2)(TERMS, int64), called_from_python=False)
+def weights_of(terms: Terms, reading: int) -> tuple[float, float]:
+    """Find the least and the greatest weight of a reading's terms; 0 if it has none."""
+    weights = terms.weight[terms.start[reading] : terms.start[reading + 1]]
+    return (float64(weights.min()), float64(weights.max())) if len(weights) else (0.0, 0.0)
+
+
 @compiled(
-    void(LOOKED, LEVELS, SLICES, TERMS, int64, int64, int64, int64, INTS_2D, INTS_2D),
-    called_from_python=False,
+    void(LOOKED, LEVELS, LAYOUT, TERMS, *[int64] * 4, float64, float64, REALS_2D), called_from_python=False
 )
 def look_up(
-    looked: Looked, levels: Levels, slices: Slices, terms: Terms, reading: int, first: int, rows: int, columns: int,
-    offset: Ints, within: Ints,
+    looked: Looked, levels: Levels, layout: Layout, terms: Terms, reading: int, first: int, rows: int, columns: int,
+    cos: float, sin: float, change: Reals,
 ) -> None:  # fmt: skip
     """Find where the tiles of one angle look up the bounds of a reading.
 
-    first: number of the angle's first tile; it has rows x columns of them. offset, within: as `place_terms` places the
-    terms.
+    first: number of the angle's first tile. rows, columns: of bins. cos, sin: of the angle. change: (tiles of the
+    angle, LANES + 1), room.
     """
-    begin, number = terms.start[reading], terms.start[reading + 1] - terms.start[reading]
-    width, change = slices.shape[5], np.empty(LANES + 1)
-    for row in range(rows):
-        for column in range(columns):
-            tile, found = first + row * columns + column, 0
-            change[:] = 0  # of the lowest values' sum, from a column of the tile to the next
-            for i in range(number):
-                if not beside(within[i], row * TALL, column * LANES):
-                    looked.at[tile, found] = offset[i, 0] + row * TALL * width + column * LANES
-                    looked.term[tile, found] = begin + i
-                    lowest = terms.weight[begin + i] * levels.lowest[terms.kind[begin + i]]
-                    left, right = span_within(within[i], column * LANES)
-                    looked.lanes[tile, found] = lanes_of(left, right)
-                    change[left] += lowest
-                    change[right] -= lowest
-                    found += 1
-            looked.number[tile], total = found, 0.0
-            for lane in range(LANES):
-                total += change[lane]
-                looked.lowest[tile, lane] = total
+    width, (_, heaviest) = layout.shape[5], weights_of(terms, reading)
+    change[:] = 0  # of the lowest values' sum, from a column of a tile to the next
+    looked.number[first : first + len(change)] = 0
+    begin, xy = terms.start[reading], terms.xy
+    for i in range(begin, terms.start[reading + 1]):
+        # A taxel's terms follow each other.
+        if i == begin or xy[i, 0] != xy[i - 1, 0] or xy[i, 1] != xy[i - 1, 1]:
+            here = piece(layout, xy[i, 0], xy[i, 1], cos, sin, rows, columns)
+        node = layout.first + terms.kind[i] * layout.table + here.node
+        lowest = terms.weight[i] * levels.lowest[terms.kind[i]]
+        weight = math.ceil(float64(terms.weight[i]) / heaviest * HIGHEST) if heaviest else 0
+        tile = -1
+        for row in range(0, rows, TALL):
+            for column in range(0, columns, LANES):
+                tile += 1
+                if beside(here.first_column, here.last_column, here.first_row, here.last_row, row, column):
+                    continue
+                found = looked.number[first + tile]
+                left, right = span_within(here.first_column, here.last_column, column)
+                looked.at[first + tile, found] = node + row * width + column
+                looked.weight[first + tile, found] = weight
+                looked.lanes[first + tile, found] = lanes_of(left, right)
+                looked.number[first + tile] = found + 1
+                change[tile, left] += lowest
+                change[tile, right] -= lowest
+    for tile in range(len(change)):
+        total = 0.0
+        for lane in range(LANES):
+            total += change[tile, lane]
+            looked.lowest[first + tile, lane] = total
 
 
 @compiled(float64(FLOATS, FLOATS, float32, float32, VECTOR, VECTOR, VECTOR, VECTOR), called_from_python=False)
@@ -141,40 +169,48 @@ def raise_bins(
 
 @compiled(float64(FLOATS, LEVELS, LOOKED, int64, int64, int64, float32, float32), called_from_python=False)
 def raise_alike(
-    bound: Floats, levels: Levels, looked: Looked, tile: int, move: int, width: int, weight: float, constant: float
+    bound: Floats, levels: Levels, looked: Looked, tile: int, move: int, width: int, unit: float, constant: float
 ) -> float:  # fmt: skip
     """Add constant + what is looked up, where all terms have one weight, to the bounds of a tile's bins (4 * 16,).
 
-    move: from the first letter to the one asked for. width: from a row of the tile to the next. weight: nats a level.
+    move: from the first letter to the one asked for. width: from a row of the tile to the next. unit: nats a level.
     Returns the highest bound; bounds are rounded up.
     """
-    level, number = levels.level, looked.number[tile]
+    level, number, at, inside = levels.level, looked.number[tile], looked.at[tile], looked.lanes[tile]
     first = second = third = fourth = zeros()  # type: ignore[call-arg, var-annotated]
-    for begin in range(0, number, _WORDS):
+    # Unsigned, because a signed index is compiled with a test for negative ones.
+    for begin in range(0, number, ALIKE):
         words_1 = words_2 = words_3 = words_4 = no_words()
-        for i in range(begin, min(number, begin + _WORDS)):
-            place, lanes = looked.at[tile, i] + move, looked.lanes[tile, i]
+        for i in range(uint64(begin), uint64(min(number, begin + ALIKE))):
+            place, lanes = at[i] + move, inside[i]
             words_1 = add_bytes(words_1, level, place, lanes)
             words_2 = add_bytes(words_2, level, place + width, lanes)
             words_3 = add_bytes(words_3, level, place + 2 * width, lanes)
             words_4 = add_bytes(words_4, level, place + 3 * width, lanes)
         first, second = add_words(first, words_1), add_words(second, words_2)
         third, fourth = add_words(third, words_3), add_words(fourth, words_4)
-    return raise_bins(bound, looked.lowest[tile], constant, weight, first, second, third, fourth)
+    return raise_bins(bound, looked.lowest[tile], constant, unit, first, second, third, fourth)
 
 
-@compiled(float64(FLOATS, LEVELS, LOOKED, int64, int64, int64, FLOATS, float32), called_from_python=False)
+@compiled(float64(FLOATS, LEVELS, LOOKED, int64, int64, int64, float32, float32), called_from_python=False)
 def raise_weighted(
-    bound: Floats, levels: Levels, looked: Looked, tile: int, move: int, width: int, weight: Floats, constant: float
+    bound: Floats, levels: Levels, looked: Looked, tile: int, move: int, width: int, unit: float, constant: float
 ) -> float:  # fmt: skip
-    """Do what `raise_alike` does, with the weight (terms,) of each level's term."""
-    level = levels.level
+    """Do what `raise_alike` does, where terms have weights of their own. unit: nats a level for a weight of 1."""
+    level, number, at, inside = levels.level, looked.number[tile], looked.at[tile], looked.lanes[tile]
+    weights = looked.weight[tile]
     first = second = third = fourth = zeros()  # type: ignore[call-arg, var-annotated]
-    for i in range(looked.number[tile]):
-        place, lanes = looked.at[tile, i] + move, looked.lanes[tile, i]
-        factor = float32(levels.step[0] * weight[looked.term[tile, i]])
-        first = add_times(first, factor, load_bytes(level, place, lanes))
-        second = add_times(second, factor, load_bytes(level, place + width, lanes))
-        third = add_times(third, factor, load_bytes(level, place + 2 * width, lanes))
-        fourth = add_times(fourth, factor, load_bytes(level, place + 3 * width, lanes))
-    return raise_bins(bound, looked.lowest[tile], constant, float32(1), first, second, third, fourth)
+    for begin in range(0, number, WEIGHTED):
+        words_1 = words_2 = words_3 = words_4 = no_words()
+        for i in range(uint64(begin), uint64(min(number, begin + WEIGHTED))):
+            place, lanes = at[i] + move, inside[i]
+            weight = weights[i]
+            words_1 = add_products(words_1, level, place, lanes, weight)
+            words_2 = add_products(words_2, level, place + width, lanes, weight)
+            words_3 = add_products(words_3, level, place + 2 * width, lanes, weight)
+            words_4 = add_products(words_4, level, place + 3 * width, lanes, weight)
+        first, second = add_words(first, words_1), add_words(second, words_2)
+        third, fourth = add_words(third, words_3), add_words(fourth, words_4)
+    # Each product was rounded down by less than one.
+    constant += unit * WEIGHTED * number
+    return raise_bins(bound, looked.lowest[tile], constant, unit * WEIGHTED, first, second, third, fourth)

@@ -67,26 +67,43 @@ def tabulate(
             f"{spacing[0]:.3g} x {spacing[1]:.3g} mm apart, would have more than {_MOST_NODES:,} nodes; choose "
             "another reach, larger cells or another number of bins"
         )
-    xy = np.stack(np.meshgrid(*(low[i] + step[i] * np.arange(counts[i]) for i in (0, 1))), axis=-1)
     outside = np.stack([likelihood.log_tables(label, high + 1e6) for label in labels], axis=1)
-    nodes = np.empty((*outside.shape, *xy.shape[:2]), dtype=np.int16)
-    unit, in_unit = 0.0, np.full(len(labels), np.nan)
-    # The unit is known when all letters were sampled. Those that were rounded to a smaller one are sampled again.
-    while stale := np.flatnonzero(in_unit != unit).tolist():
-        for number in stale:
-            sampled = likelihood.log_tables(labels[number], xy) - outside[:, number, None, None]
-            if not np.isfinite(sampled).all():
-                raise ValueError(f"likelihood {type(likelihood).__name__} gives a value that is not finite")
-            unit = max(unit, _unit(np.abs(sampled).max()))
-            nodes[:, number], in_unit[number] = np.rint(sampled / unit), unit
-    nodes, first = _cropped(nodes, phases[::-1])
+
+    def sampled(letter: int, rows: Sequence[int], columns: Sequence[int]) -> FloatArray:
+        """Sample the tables of a letter (tables, rows, columns), less the value far away."""
+        xy = np.stack(
+            np.meshgrid(low[0] + step[0] * np.array(columns), low[1] + step[1] * np.array(rows)), axis=-1
+        )
+        found = likelihood.log_tables(labels[letter], xy) - outside[:, letter, None, None]
+        if not np.isfinite(found).all():
+            raise ValueError(f"likelihood {type(likelihood).__name__} gives a value that is not finite")
+        return found
+
+    # All letters twice: until all were seen nobody knows the unit and where all are 0, and to keep until then what was
+    # sampled would take as much memory again.
+    rows, columns = range(counts[1]), range(counts[0])
+    largest = [np.zeros(len(rows)), np.zeros(len(columns))]
+    for letter in range(len(labels)):
+        of_places = np.abs(sampled(letter, rows, columns)).max(axis=0)
+        largest = [np.maximum(largest[axis], of_places.max(axis=1 - axis)) for axis in (0, 1)]
+    unit = _unit(largest[0].max())
+    # The first and last row and column that are not 0 everywhere, and one of zeros on each side.
+    filled = [np.flatnonzero(np.rint(part / unit)) for part in largest]
+    rows, columns = (range(part[0], part[-1] + 1) if len(part) else range(1, 1) for part in filled)
+    shape = (
+        -(-(len(part) + 2) // phase) * phase for part, phase in ((rows, phases[1]), (columns, phases[0]))
+    )
+    nodes = np.zeros((*outside.shape, *shape), dtype=np.int16)
+    for letter in range(len(labels)):
+        within = nodes[:, letter, 1 : 1 + len(rows), 1 : 1 + len(columns)]
+        within[:] = np.rint(sampled(letter, rows, columns) / unit)
     lowest = outside + unit * np.minimum(nodes.min(axis=(2, 3)), 0)
     highest = outside + unit * np.maximum(nodes.max(axis=(2, 3)), 0)
     return Tables(
         nodes=nodes,
         unit=unit,
         phases=(phases[1], phases[0]),
-        origin=low + step * first[::-1],
+        origin=low + step * np.array([columns.start - 1, rows.start - 1]),
         step=step,
         outside=outside,
         lowest=lowest.min(axis=1),
@@ -98,25 +115,6 @@ def _unit(largest: float) -> float:
     """Find the smallest power of 2, at least 2^-100, of which at most `_LARGEST` are as much as `largest`."""
     share, exponent = math.frexp(largest / _LARGEST)
     return 2.0 ** max(-100, exponent - (share == 0.5)) if largest else 2.0**-100
-
-
-def _cropped(nodes: NDArray[np.int16], phases: Sequence[int]) -> tuple[NDArray[np.int16], NDArray[np.int64]]:
-    """Leave out rows and columns (axes 2 and 3) that are 0 in all tables, but for one on each side.
-
-    Returns nodes with a multiple of `phases` rows and columns, two at least, and which row and column are the first.
-    """
-    first, ends = np.zeros(2, dtype=np.int64), np.full(2, 2)
-    for axis in (0, 1):
-        filled = np.flatnonzero(nodes.any(axis=(0, 1, 3 - axis)))
-        if len(filled):
-            first[axis], ends[axis] = filled[0] - 1, filled[-1] + 2
-    counts = -(-(ends - first) // phases) * phases
-    cropped = np.zeros((*nodes.shape[:2], *counts), dtype=nodes.dtype)
-    # Where even the outermost row or column is not 0, one of zeros is put before or after it.
-    top, left = (int(begin < 0) for begin in first)
-    kept = nodes[:, :, first[0] + top : ends[0], first[1] + left : ends[1]]
-    cropped[:, :, top : top + kept.shape[2], left : left + kept.shape[3]] = kept
-    return cropped, first
 
 
 def pooled(tables: Tables, wide: int, tall: int) -> Tables:

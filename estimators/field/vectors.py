@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import Any
 
 from llvmlite import ir
-from numba import float32, int64, types
+from numba import float32, types, uint8, uint16
 from numba.core import cgutils
 from numba.extending import intrinsic, models, register_model
 
@@ -59,7 +59,7 @@ def plus_product(builder: Any, total: Any, one: Any, other: Any) -> Any:
 
 def _only(builder: Any, values: Any, lanes: Any) -> Any:
     """Give whole numbers in the lanes whose bit is set in a number, 0 in the others."""
-    inside = builder.bitcast(builder.trunc(lanes, ir.IntType(LANES)), ir.VectorType(ir.IntType(1), LANES))
+    inside = builder.bitcast(lanes, ir.VectorType(ir.IntType(1), LANES))
     return builder.select(inside, values, ir.Constant(values.type, [0] * LANES))
 
 
@@ -79,7 +79,7 @@ def load(typing: Any, array: Any, index: Any, lanes: Any) -> Any:
         values = builder.sext(builder.load(there, align=2), WHOLES)
         return builder.sitofp(_only(builder, values, lanes), REALS)
 
-    return VECTOR(array, index, int64), generate
+    return VECTOR(array, index, uint16), generate
 
 
 @intrinsic
@@ -168,19 +168,6 @@ def highest_lane(typing: Any, first: Any, second: Any, third: Any, fourth: Any) 
 
 
 @intrinsic
-def load_bytes(typing: Any, array: Any, index: Any, lanes: Any) -> Any:
-    """Read array[index : index + LANES] of a contiguous uint8 array, as float32: 0 where no bit of `lanes` is set."""
-
-    def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        array, index, lanes = args
-        values = builder.load(address(context, builder, signature.args[0], array, index, _BYTES), align=1)
-        # Through 32 bits with a sign, for which processors have an instruction.
-        return builder.sitofp(_only(builder, builder.zext(values, WHOLES), lanes), REALS)
-
-    return VECTOR(array, index, int64), generate
-
-
-@intrinsic
 def fetch(typing: Any, array: Any, index: Any) -> Any:
     """Begin to bring array[index] of a contiguous array into the second-level cache."""
 
@@ -216,7 +203,25 @@ def add_bytes(typing: Any, total: Any, array: Any, index: Any, lanes: Any) -> An
         values = builder.zext(builder.load(there, align=1), _WORDS.held)
         return builder.add(total, _only(builder, values, lanes))
 
-    return _WORDS(_WORDS, array, index, int64), generate
+    return _WORDS(_WORDS, array, index, uint16), generate
+
+
+@intrinsic
+def add_products(typing: Any, total: Any, array: Any, index: Any, lanes: Any, weight: Any) -> Any:
+    """Return total + array[index : index + LANES] * weight / 64, rounded down, where a bit of `lanes` is set.
+
+    In 16 bits: a weight is at most 255, a sum 65,535. The array is of uint8, contiguous.
+    """
+
+    def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        total, array, index, lanes, weight = args
+        there = address(context, builder, signature.args[1], array, index, _BYTES)
+        values = builder.zext(builder.load(there, align=1), _WORDS.held)
+        values = builder.mul(values, everywhere(builder, builder.zext(weight, ir.IntType(16)), _WORDS.held))
+        values = builder.lshr(values, ir.Constant(_WORDS.held, [6] * LANES))
+        return builder.add(total, _only(builder, values, lanes))
+
+    return _WORDS(_WORDS, array, index, uint16, uint8), generate
 
 
 @intrinsic

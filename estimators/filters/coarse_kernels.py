@@ -1,6 +1,7 @@
 """All coarse bins after a reading, as far as they can be among the best: the others wait (compiled).
 
-Each bin of a tile that waits has an upper bound of its own. What is evaluated is what `every_bin` gives, to the bit.
+Each bin has an upper bound, and bounds are summed for a tile of bins at a time. A bin that need not wait takes in the
+readings that it waited for by itself, as a state anywhere does: what it gets is the same to the bit as without waiting.
 """
 
 from __future__ import annotations
@@ -8,25 +9,19 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import boolean, float32, float64, int64, types, uint8, uint64, void
+from numba import boolean, float32, float64, int32, int64, types, uint8, void
 from numpy.typing import NDArray
 
 from tactsim.core.compiling import (
-    FLOATS,
-    FLOATS_4D,
     INTS,
-    INTS_2D,
-    INTS_4D,
     REALS,
     REALS_2D,
-    REALS_4D,
-    REALS_5D,
-    Floats,
     Ints,
     Reals,
     compiled,
 )
-from tactsim.estimators.field.slices import SLICES, Slices, place_terms, sum_tile
+from tactsim.estimators.field.replay import SAMPLED, Sampled, replay
+from tactsim.estimators.field.slices import LAYOUT, Layout
 from tactsim.estimators.field.table_levels import (
     HIGHEST,
     LEVELS,
@@ -35,10 +30,11 @@ from tactsim.estimators.field.table_levels import (
     look_up,
     raise_alike,
     raise_weighted,
+    weights_of,
 )
 from tactsim.estimators.field.terms import ROUNDING, TERMS, Terms
 from tactsim.estimators.field.vectors import LANES, TALL, fetch
-from tactsim.estimators.filters.branch_and_bound import add_tile
+from tactsim.estimators.filters.halving import middles
 
 # A tile for so many of the best bins is looked at first; and how many times as many tiles each time after that.
 _NEIGHBOURS, _MORE = 10, 2
@@ -51,54 +47,20 @@ _LESS, _GREATER = np.float32(1 - 2 * ROUNDING), np.float32(1 + 2 * ROUNDING)
 class Coarse(NamedTuple):
     """The log-belief of all bins in tiles (letters, angles, tile rows, tile columns), some of which wait.
 
-    log_p: (..., TALL * LANES), a bin's log-belief after the first `seen` readings; -inf where a tile hangs over the
-    grid. upper: likewise, float32, not below what a bin's log-belief is after all readings. seen: (...). bound: (...)
-    the highest `upper` of a tile that waits; the highest bin of one that does not. bins: (tile rows, tile columns) how
-    many bins a tile holds. size: rows and columns of bins.
+    upper: (letters * tiles, TALL * LANES) float32, not below what a bin's log-belief is after all readings; -inf where
+    a tile hangs over the grid. bound: (letters * tiles,) the highest of a tile. log_p: as `upper`, a bin's log-belief
+    after the first `seen` readings. counts: columns, rows and angles of bins. spacing: of bins, mm, mm, rad.
     """
 
-    log_p: Reals
-    upper: Floats
-    seen: Ints
+    upper: NDArray[np.float32]
     bound: Reals
-    bins: Ints
-    size: Ints
+    log_p: Reals
+    seen: NDArray[np.int32]
+    counts: Ints
+    spacing: Reals
 
 
-COARSE = types.NamedTuple((REALS_5D, float32[:, :, :, :, ::1], INTS_4D, REALS_4D, INTS_2D, INTS), Coarse)
-
-
-class Placed(NamedTuple):
-    """The terms of the last readings as `place_terms` places them for every angle: (slots, angles, terms, 4) each.
-
-    Reading r is in the slot r modulo their number, less the last slot. That one is for older readings, one at a time.
-    """
-
-    offset: Ints
-    share: Floats
-    within: Ints
-
-
-PLACED = types.NamedTuple((INTS_4D, FLOATS_4D, INTS_4D), Placed)
-
-
-@compiled(void(PLACED, int64, TERMS, int64, SLICES, REALS_2D, int64, COARSE), called_from_python=False)
-def place(
-    placed: Placed, slot: int, terms: Terms, reading: int, slices: Slices, turns: Reals, angle: int, coarse: Coarse
-) -> None:  # fmt: skip
-    """Place the terms of a reading for one angle, in a slot."""
-    place_terms(
-        terms, reading, slices, turns[angle, 0], turns[angle, 1], coarse.size[0], coarse.size[1],
-        placed.offset[slot, angle], placed.share[slot, angle], placed.within[slot, angle],
-    )  # fmt: skip
-
-
-@compiled(void(FLOATS, REALS), called_from_python=False, ordered=False)
-def set_bounds(upper: Floats, log_p: Reals) -> None:
-    """Set the bounds of a tile (TALL * LANES,) to the bins' log-beliefs, rounded up."""
-    for k in range(uint64(TALL * LANES)):
-        known = float32(log_p[k])
-        upper[k] = known * (_LESS if known < 0 else _GREATER)
+COARSE = types.NamedTuple((float32[:, ::1], REALS, REALS_2D, int32[:, ::1], INTS, REALS), Coarse)
 
 
 @compiled(void(uint8[::1], INTS, int64, int64, int64, int64, int64), called_from_python=False)
@@ -119,215 +81,201 @@ def fetch_part(
             fetch(level, first + line * _LINE)  # type: ignore[call-arg]
 
 
-@compiled(void(COARSE, LEVELS, SLICES, TERMS, PLACED, int64), called_from_python=False)
+@compiled(void(COARSE, LEVELS, LAYOUT, TERMS, REALS_2D, int64), called_from_python=False)
 def bound_all(
-    coarse: Coarse, levels: Levels, slices: Slices, terms: Terms, placed: Placed, count: int
+    coarse: Coarse, levels: Levels, layout: Layout, terms: Terms, turns: Reals, reading: int
 ) -> None:
-    """Let the upper bounds of all bins take in reading number `count`."""
-    letters, angles, rows, columns = coarse.seen.shape
-    tiles, longest = angles * rows * columns, placed.offset.shape[2]
-    slot = (count - 1) % (len(placed.offset) - 1)
+    """Let the upper bounds of all bins take in a reading. turns: (angles, 2) cos and sin."""
+    letters, angles, tiles = layout.shape[1], len(turns), len(coarse.bound) // layout.shape[1]
+    longest, of_angle = terms.start[reading + 1] - terms.start[reading], tiles // angles
     looked = Looked(
         np.empty((tiles, longest), dtype=np.int64),
-        np.empty((tiles, longest), dtype=np.int64),
-        np.empty((tiles, longest), dtype=np.int64),
+        np.empty((tiles, longest), dtype=np.uint8),
+        np.empty((tiles, longest), dtype=np.uint16),
         np.empty(tiles, dtype=np.int64),
         np.empty((tiles, LANES), dtype=np.float32),
     )
-    width, nodes = slices.shape[5], slices.shape[2] * slices.shape[3] * slices.plane
-    kinds = np.unique(terms.kind[terms.start[count - 1] : terms.start[count]])
+    width, nodes = layout.shape[5], layout.shape[2] * layout.shape[3] * layout.plane
+    kinds = np.unique(terms.kind[terms.start[reading] : terms.start[reading + 1]])
+    change = np.empty((of_angle, LANES + 1))
     for angle in range(angles):
-        fetch_part(levels.level, kinds, slices.table, 0, nodes, angle, angles)
+        fetch_part(levels.level, kinds, layout.table, 0, nodes, angle, angles)
         look_up(
-            looked, levels, slices, terms, count - 1, angle * rows * columns, rows, columns,
-            placed.offset[slot, angle], placed.within[slot, angle],
+            looked, levels, layout, terms, reading, angle * of_angle, coarse.counts[1], coarse.counts[0],
+            turns[angle, 0], turns[angle, 1], change,
         )  # fmt: skip
-    weights = terms.weight[terms.start[count - 1] : terms.start[count]]
-    heaviest, lightest = np.float32(0), np.float32(np.inf)
-    for weight in weights:
-        heaviest, lightest = max(heaviest, weight), min(lightest, weight)
-    factor = levels.step[0] * heaviest
+    lightest, heaviest = weights_of(terms, reading)
+    unit = levels.step[0] * heaviest
     # What float32 may lose of the sums of levels and of lowest values, which are at most HIGHEST steps below 0.
-    slack = terms.slack[count - 1] + (len(weights) + 6) * ROUNDING * len(weights) * HIGHEST * factor
+    slack = terms.slack[reading] + (longest + 6) * ROUNDING * longest * HIGHEST * unit
     for letter in range(letters):
-        upper = coarse.upper[letter].reshape(tiles, TALL * LANES)
-        bound = coarse.bound[letter].reshape(tiles)
+        constant = terms.constant[reading, letter]
+        constant += slack + 4 * ROUNDING * abs(constant)
         for tile in range(tiles):
             if letter + 1 < letters:
-                fetch_part(levels.level, kinds, slices.table, letter + 1, nodes, tile, tiles)
-            constant = terms.constant[count - 1, letter]
-            constant += slack + 4 * ROUNDING * abs(constant)
-            here, move = upper[tile], letter * nodes
+                fetch_part(levels.level, kinds, layout.table, letter + 1, nodes, tile, tiles)
+            place, move = letter * tiles + tile, letter * nodes
+            here = coarse.upper[place]
             if heaviest == lightest:
-                bound[tile] = raise_alike(here, levels, looked, tile, move, width, factor, constant)
+                bound = raise_alike(here, levels, looked, tile, move, width, unit, constant)
             else:
-                bound[tile] = raise_weighted(here, levels, looked, tile, move, width, terms.weight, constant)
+                bound = raise_weighted(here, levels, looked, tile, move, width, unit / HIGHEST, constant)
+            coarse.bound[place] = bound
 
 
-@compiled(void(REALS, REALS), called_from_python=False)
-def keep_highest(kept: Reals, log_p: Reals) -> None:
-    """Put what is higher than the least of `kept` in its place, from log_p (bins,).
+@compiled(void(REALS, float64), called_from_python=False)
+def keep(kept: Reals, value: float) -> None:
+    """Put a value in the place of the least of `kept` if it is higher.
 
     kept: (n,) the highest so far, a heap: [i] is not above [2 i + 1] and [2 i + 2].
     """
-    for k in range(len(log_p)):
-        value, place = log_p[k], 0
-        if value <= kept[0]:
-            continue
-        while True:
-            below = 2 * place + 1
-            if below + 1 < len(kept) and kept[below + 1] < kept[below]:
-                below += 1
-            if below >= len(kept) or value <= kept[below]:
-                break
-            kept[place] = kept[below]
-            place = below
-        kept[place] = value
+    if value <= kept[0]:
+        return
+    place = 0
+    while True:
+        below = 2 * place + 1
+        if below + 1 < len(kept) and kept[below + 1] < kept[below]:
+            below += 1
+        if below >= len(kept) or value <= kept[below]:
+            break
+        kept[place] = kept[below]
+        place = below
+    kept[place] = value
 
 
-@compiled(
-    int64(COARSE, SLICES, TERMS, REALS_2D, PLACED, int64, int64, float64, REALS),
-    called_from_python=False,
-)
-def catch_up(
-    coarse: Coarse, slices: Slices, terms: Terms, turns: Reals, placed: Placed, oldest: int, count: int,
-    least: float, kept: Reals,
-) -> int:  # fmt: skip
-    """Bring the tiles up to date whose bound is at least `least`; returns how many times a bin took in a reading.
-
-    oldest: the first reading that is in its slot. kept: see `keep_highest`. All that a letter's tiles wait for is done
-    before the next letter, so that its tables are read while they are in the cache.
-    """
-    letters, angles, tile_rows, tile_columns = coarse.seen.shape
-    slots, evaluated = len(placed.offset) - 1, 0
-    total, peak = np.empty(TALL * LANES, dtype=np.float32), np.empty(LANES)
-    for letter in range(letters):
-        for angle in range(angles):
-            for i in range(tile_rows):
-                for j in range(tile_columns):
-                    first = coarse.seen[letter, angle, i, j]
-                    if first == count or coarse.bound[letter, angle, i, j] < least:
-                        continue
-                    here = coarse.log_p[letter, angle, i, j]
-                    for reading in range(first, count):
-                        slot = reading % slots
-                        if reading < oldest:
-                            slot = slots
-                            place(placed, slot, terms, reading, slices, turns, angle, coarse)
-                        sum_tile(
-                            total, slices, terms.start[reading + 1] - terms.start[reading], letter,
-                            i * TALL, j * LANES,
-                            placed.offset[slot, angle], placed.share[slot, angle], placed.within[slot, angle],
-                        )  # fmt: skip
-                        peak[:] = -np.inf
-                        add_tile(here, here, total, terms.constant[reading, letter], 0, LANES, peak)
-                    set_bounds(coarse.upper[letter, angle, i, j], here)
-                    coarse.seen[letter, angle, i, j] = count
-                    coarse.bound[letter, angle, i, j] = peak.max()
-                    if coarse.bound[letter, angle, i, j] > kept[0]:
-                        keep_highest(kept, here)
-                    evaluated += coarse.bins[i, j] * (count - first)
-    return evaluated
-
-
-@compiled(types.Tuple((float64, float64))(COARSE, int64), called_from_python=False)
-def highest_bounds(coarse: Coarse, count: int) -> tuple[float, float]:
-    """Give the highest bin that is up to date, and the highest bound of a tile that is not; -inf if there is none."""
-    known = waits = -np.inf
-    seen, bound = coarse.seen.reshape(coarse.seen.size), coarse.bound.reshape(coarse.bound.size)
-    for k in range(len(seen)):
-        if seen[k] == count:
-            known = max(known, bound[k])
-        else:
-            waits = max(waits, bound[k])
-    return known, waits
-
-
-@compiled(float64(COARSE, int64, int64), called_from_python=False)
-def bound_of_highest(coarse: Coarse, count: int, tiles: int) -> float:
-    """Give the least of the bounds of so many tiles, those with the highest bounds of all that are not up to date.
-
-    -inf if there are fewer.
-    """
-    seen, bound = coarse.seen.reshape(coarse.seen.size), coarse.bound.reshape(coarse.bound.size)
+@compiled(float64(COARSE, int64), called_from_python=False)
+def bound_of_highest(coarse: Coarse, tiles: int) -> float:
+    """Give the least of the bounds of so many tiles, those with the highest bounds; -inf if there are fewer."""
     kept = np.full(tiles, -np.inf)
-    for k in range(len(seen)):
-        if seen[k] != count and bound[k] > kept[0]:
-            keep_highest(kept, bound[k : k + 1])
+    for bound in coarse.bound:
+        keep(kept, bound)
     return float(kept[0])
 
 
-@compiled(types.Tuple((INTS, REALS))(COARSE, int64, float64), called_from_python=False)
-def listed(coarse: Coarse, count: int, least: float) -> tuple[Ints, Reals]:
-    """List the bins up to date that are at least `least`.
+@compiled(INTS(COARSE, float64), called_from_python=False)
+def bounded_by(coarse: Coarse, least: float) -> Ints:
+    """List the bins whose bound is at least `least`, by their places in `Coarse.upper`."""
+    number = 0
+    for tile in range(len(coarse.bound)):
+        if coarse.bound[tile] >= least:
+            for bound in coarse.upper[tile]:
+                number += float64(bound) >= least and bound > -np.inf
+    place, found = np.empty(number, dtype=np.int64), 0
+    for tile in range(len(coarse.bound)):
+        if coarse.bound[tile] >= least:
+            for k in range(TALL * LANES):
+                bound = coarse.upper[tile, k]
+                if float64(bound) >= least and bound > -np.inf:
+                    place[found] = tile * TALL * LANES + k
+                    found += 1
+    return place
 
-    Returns flat indices into (letters, angles, rows, columns), and log-beliefs.
+
+@compiled(INTS(INTS, INTS), called_from_python=False)
+def merged(one: Ints, other: Ints) -> Ints:
+    """Merge two ascending lists of numbers (n,) and (m,)."""
+    both, i, j = np.empty(len(one) + len(other), dtype=np.int64), 0, 0
+    for k in range(len(both)):
+        if j == len(other) or (i < len(one) and one[i] < other[j]):
+            both[k] = one[i]
+            i += 1
+        else:
+            both[k] = other[j]
+            j += 1
+    return both
+
+
+@compiled(INTS(COARSE, INTS), called_from_python=False)
+def bins_at(coarse: Coarse, place: Ints) -> Ints:
+    """Find the flat indices into (letters, angles, rows, columns) of bins at places (n,) in `Coarse.upper`."""
+    columns, rows = coarse.counts[0], coarse.counts[1]
+    across, flat = -(-columns // LANES), np.empty_like(place)
+    of_angle = -(-rows // TALL) * across
+    for i in range(len(place)):
+        tile, k = divmod(place[i], TALL * LANES)
+        angle, tile = divmod(tile, of_angle)
+        row, column = tile // across * TALL + k // LANES, tile % across * LANES + k % LANES
+        flat[i] = (angle * rows + row) * columns + column
+    return flat
+
+
+@compiled(int64(COARSE, INTS, TERMS, SAMPLED, int64), called_from_python=False)
+def catch_up(coarse: Coarse, place: Ints, terms: Terms, sampled: Sampled, count: int) -> int:
+    """Let bins take in all of `count` readings, and return how many times one did.
+
+    place: (n,) their places in `Coarse.upper`.
     """
-    letters, angles, tile_rows, tile_columns = coarse.seen.shape
-    rows, columns, found = coarse.size[0], coarse.size[1], 0
-    seen, bound = coarse.seen.reshape(coarse.seen.size), coarse.bound.reshape(coarse.bound.size)
-    room = 0
-    for k in range(len(seen)):
-        room += TALL * LANES * (seen[k] == count and bound[k] >= least)
-    flat, log_p = np.empty(room, dtype=np.int64), np.empty(room)
-    for letter in range(letters):
-        for angle in range(angles):
-            for i in range(tile_rows):
-                for j in range(tile_columns):
-                    if coarse.seen[letter, angle, i, j] != count or coarse.bound[letter, angle, i, j] < least:
-                        continue
-                    here, first = (
-                        coarse.log_p[letter, angle, i, j],
-                        (letter * angles + angle) * rows + i * TALL,
-                    )
-                    for k in range(TALL * LANES):
-                        if here[k] >= least and here[k] > -np.inf:
-                            flat[found] = (first + k // LANES) * columns + j * LANES + k % LANES
-                            log_p[found] = here[k]
-                            found += 1
-    return flat[:found], log_p[:found]
+    seen, log_p = coarse.seen.reshape(coarse.seen.size), coarse.log_p.reshape(coarse.log_p.size)
+    if seen[place].min() < seen[place].max():
+        # Of those that waited longest first.
+        place = place[np.argsort(seen[place], kind="mergesort")]
+    bins, state = len(place), np.empty((3, len(place)))
+    letter, here, evaluated = np.empty(bins, dtype=np.int64), log_p[place], 0
+    middles(
+        state, letter, np.zeros(bins, dtype=np.int64), bins_at(coarse, place), coarse.counts, coarse.spacing
+    )
+    # The first so many bins have all seen the same readings.
+    alike = 0
+    while alike < bins:
+        first = seen[place[alike]]
+        while alike < bins and seen[place[alike]] == first:
+            alike += 1
+        last = count if alike == bins else seen[place[alike]]
+        replay(here[:alike], state[:, :alike].copy(), letter[:alike], terms, first, last, sampled)
+        evaluated += alike * (last - first)
+    for i in range(bins):
+        log_p[place[i]], seen[place[i]] = here[i], count
+    return evaluated
 
 
 @compiled(
-    types.Tuple((INTS, REALS, int64))(
-        COARSE, LEVELS, SLICES, TERMS, REALS_2D, PLACED, int64, int64, int64, boolean, int64, float64, float64
+    types.Tuple((INTS, REALS, float64, int64))(
+        COARSE, LEVELS, LAYOUT, TERMS, SAMPLED, REALS_2D, int64, int64, boolean, int64, float64, float64
     )
 )
 def best_bins(
-    coarse: Coarse, levels: Levels, slices: Slices, terms: Terms, turns: Reals, placed: Placed, oldest: int,
-    first: int, count: int, skip: bool, keep: int, within: float, rounding: float,
-) -> tuple[Ints, Reals, int]:  # fmt: skip
+    coarse: Coarse, levels: Levels, layout: Layout, terms: Terms, sampled: Sampled, turns: Reals,
+    first: int, count: int, skip: bool, enough: int, within: float, rounding: float,
+) -> tuple[Ints, Reals, float, int]:  # fmt: skip
     """Take in readings number first + 1, ..., `count`, one at least, and list the bins that matter.
 
-    turns: (angles, 2) cos and sin. oldest: the first reading that is in its slot of `placed`, or is now put there.
-    skip: whether tiles may wait. Listed are all bins at most `within` nats below the best, and in any case the best
-    `keep` and one more; up to `rounding` nats further, for the sake of equal ones. Returns flat indices and
-    log-beliefs, and how many times a bin took in a reading.
+    turns: (angles, 2) cos and sin. skip: whether bins may wait. Listed are all bins at most `within` nats below the
+    best, and in any case the best `enough` and one more; up to `rounding` nats further, for the sake of equal ones.
+    Returns flat indices and log-beliefs, a bound of all bins that wait, and how many times a bin took in a reading.
     """
-    # After one reading most bins are still as near to the best as is asked for: bounds would cost more than they save.
-    bounded = skip and count > 1
-    for reading in range(first, count):
-        for angle in range(len(turns)):
-            place(placed, reading % (len(placed.offset) - 1), terms, reading, slices, turns, angle, coarse)
-        if bounded:
-            bound_all(coarse, levels, slices, terms, placed, reading + 1)
-    evaluated, more = 0, 1 + keep // _NEIGHBOURS
-    kept = np.full(keep + 1, -np.inf)
-    if not bounded:
-        coarse.bound[:] = np.inf
-        evaluated += catch_up(coarse, slices, terms, turns, placed, oldest, count, -np.inf, kept)
+    if skip:
+        for reading in range(first, count):
+            bound_all(coarse, levels, layout, terms, turns, reading)
+    upper, log_p = coarse.upper.reshape(coarse.upper.size), coarse.log_p.reshape(coarse.log_p.size)
+    known, evaluated, more = np.empty(0, dtype=np.int64), 0, 1 + enough // _NEIGHBOURS
+    kept, best, least = np.full(enough + 1, -np.inf), -np.inf, -np.inf
+    waits = np.inf
     while True:
-        best, waits = highest_bounds(coarse, count)
         least = best - within - rounding
-        enough = kept[0] >= least > -np.inf
-        if not enough:
-            # Fewer than asked for are as near the best: what matters is the last of the best `keep` and one more.
+        if not kept[0] >= least > -np.inf:
+            # Fewer than asked for are as near the best: what matters is the last of the best `enough` and one more.
             least = kept[0] - rounding
-        if waits == -np.inf or waits < least:
-            flat, log_p = listed(coarse, count, least)
-            return flat, log_p, evaluated
-        # Until enough are known, more and more of the tiles with the highest bounds are looked at.
-        if not enough:
-            least = max(least, bound_of_highest(coarse, count, more))
-        evaluated += catch_up(coarse, slices, terms, turns, placed, oldest, count, least, kept)
-        more *= _MORE
+            if skip and waits >= least:
+                # Until enough are known, more and more of the tiles with the highest bounds are looked at.
+                least, more = max(least, bound_of_highest(coarse, more)), more * _MORE
+        if waits < least or waits == -np.inf:
+            break
+        place = bounded_by(coarse, least)
+        if len(place):
+            evaluated += catch_up(coarse, place, terms, sampled, count)
+        for i in place:
+            best = max(best, log_p[i])
+            keep(kept, log_p[i])
+            upper[i] = -np.inf  # until all that matter are known
+        known = merged(known, place)
+        waits = -np.inf
+        for tile in range(len(coarse.bound)):
+            if coarse.bound[tile] >= least:
+                coarse.bound[tile] = float64(coarse.upper[tile].max())
+            waits = max(waits, coarse.bound[tile])
+    for i in known:
+        value = float32(log_p[i])
+        upper[i] = value * (_LESS if value < 0 else _GREATER)
+        coarse.bound[i // (TALL * LANES)] = max(coarse.bound[i // (TALL * LANES)], float64(upper[i]))
+    known = known[log_p[known] >= least]
+    return bins_at(coarse, known), log_p[known], waits, evaluated

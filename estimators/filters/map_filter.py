@@ -81,6 +81,7 @@ class MapFilter(Estimator):
         self.likelihood.fit(scan, self.maps)
         if isinstance(self.likelihood, SequenceLikelihood):
             self.likelihood.counts = images_count(self.likelihood, scan)
+        self._learn(scan)
         self.field = LikelihoodField(
             self.likelihood, self.labels, self.taxel_xy, self._spacing, self.options.cell
         )
@@ -144,6 +145,9 @@ class MapFilter(Estimator):
     def _reach_to(self, reach: float) -> None:
         """Let x and y of T_R^O be in [-reach, reach] mm."""
         self.reach = reach
+
+    def _learn(self, scan: Scan) -> None:
+        """Learn from the training readings what a filter needs beside the measurement model, given that."""
 
     @abstractmethod
     def _fit(self) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -22,7 +21,6 @@ from tactsim.estimators.filters.placement import mean_around
 from tactsim.estimators.filters.states import WeightedStates, letter_mass, pose_samples, probabilities
 from tactsim.estimators.filters.trust import learn_trust
 from tactsim.estimators.filters.weights import Weights
-from tactsim.estimators.likelihoods.occupancy import OccupancyMap
 from tactsim.estimators.options import OpenSetOptions
 
 # Cells are halved so often in any case, and on until the smallest hold the belief in so many cells (effective sample
@@ -92,19 +90,18 @@ class RefinedFilter(GridFilter):
         self._size = np.array(self.grid.spacing)
         self._limits = Limits(self.options.cells, _AT_LEAST, self.options.halvings, _ENOUGH)
         self._before, self._halved = blank_halved(self._limits), blank_halved(self._limits)
-        every = len(self.labels) * self.grid.bins
-        # Where the cells of each size end (sizes,); the cells that were not halved, and their log-beliefs, (n,) each.
-        self._prior = np.array([every]), np.arange(every), np.zeros(every)
 
-    def fit_with(self, maps: Mapping[str, OccupancyMap], scan: Scan) -> None:
-        """Learn the measurement model, and how much a sequence of readings counts, given the maps."""
-        super().fit_with(maps, scan)
+    def _learn(self, scan: Scan) -> None:
+        """Learn how much a sequence of readings counts."""
         self.trust = learn_trust(self.likelihood, scan)
 
     def _reset(self, rng: np.random.Generator) -> None:
         self._coarse.reset()
         self._halved.number[:] = 0
-        self._leaves, self._weight = self._prior, self.trust(0)
+        every = len(self.labels) * self.grid.bins
+        # Where the cells of each size end (sizes,); the cells that were not halved, and their log-beliefs, (n,) each.
+        self._leaves = np.array([every]), np.arange(every), np.zeros(every)
+        self._weight = self.trust(0)
 
     def _update(self) -> None:
         """Update the coarse bins (eq. 13), then split the best."""
