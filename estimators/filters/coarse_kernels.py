@@ -81,6 +81,21 @@ def fetch_part(
             fetch(level, first + line * _LINE)  # type: ignore[call-arg]
 
 
+@compiled(float64(COARSE, LAYOUT, TERMS, int64), called_from_python=False)
+def place_rounding(coarse: Coarse, layout: Layout, terms: Terms, reading: int) -> float:
+    """Bound by how many nodes along an axis `replay`, in float32, may misplace what a bin reads.
+
+    A place is a sum of a bin's place and of two products with the taxel's. It rounds five times at most, by half of
+    ROUNDING each. Taxels too far away to lie on the lattice for any bin do not count.
+    """
+    lattice = layout.shape[2] * layout.shape[4] + layout.shape[3] * layout.shape[5]
+    every = lattice + layout.shape[3] * coarse.counts[0] + layout.shape[2] * coarse.counts[1]
+    finest, farthest = min(layout.place[2] / layout.shape[3], layout.place[3] / layout.shape[2]), 0.0
+    for i in range(terms.start[reading], terms.start[reading + 1]):
+        farthest = max(farthest, abs(terms.xy[i, 0]) + abs(terms.xy[i, 1]))
+    return 2.5 * ROUNDING * (every + min(farthest / finest, 2 * every))
+
+
 @compiled(void(COARSE, LEVELS, LAYOUT, TERMS, REALS_2D, int64), called_from_python=False)
 def bound_all(
     coarse: Coarse, levels: Levels, layout: Layout, terms: Terms, turns: Reals, reading: int
@@ -106,8 +121,10 @@ def bound_all(
         )  # fmt: skip
     lightest, heaviest = weights_of(terms, reading)
     unit = levels.step[0] * heaviest
-    # What float32 may lose of the sums of levels and of lowest values, which are at most HIGHEST steps below 0.
+    # What float32 may lose of the sums of levels and of lowest values, which are at most HIGHEST steps below 0. Then by
+    # how much it may move what a table says, by moving a place along both axes.
     slack = terms.slack[reading] + (longest + 6) * ROUNDING * longest * HIGHEST * unit
+    slack += 2 * place_rounding(coarse, layout, terms, reading) * longest * HIGHEST * unit
     for letter in range(letters):
         constant = terms.constant[reading, letter]
         constant += slack + 4 * ROUNDING * abs(constant)
