@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
+from functools import cached_property
 from time import perf_counter
 from typing import Any
 
 from tactsim.bench.about_estimator import about_estimator
 from tactsim.bench.agreement import eq3_agreement
 from tactsim.bench.bound.efficiency import bounds_of_trials
+from tactsim.bench.bound.scan_information import ScanInformation, scan_information
 from tactsim.bench.config import RunConfig, chosen_letters
 from tactsim.bench.copies import notes_on
 from tactsim.bench.fitting import fit, pad_fit_of
@@ -40,12 +42,24 @@ def silent(stage: str, done: int, total: int) -> None:
 
 @dataclass(frozen=True, eq=False)
 class Gathered:
-    """The readings of a run, which letters are tried, and what it took to get them."""
+    """The readings of a run, which letters are tried, and what it took to get them.
+
+    cache: whether what else is worked out from the readings may be read from the cache and kept there.
+    """
 
     scan: Scan
     letters: tuple[str, ...]
     work: dict[str, Any]
     seconds: float
+    cache: bool
+
+    @cached_property
+    def information(self) -> ScanInformation:
+        """Work out what the test readings tell of the place, once for all runs that share the readings.
+
+        Raises InputError as `scan_information` does.
+        """
+        return scan_information(self.scan, cache=self.cache)
 
 
 def perform(
@@ -88,9 +102,8 @@ def perform(
     tried = perf_counter()
     seconds = {"fit": trying - fitting, "trials": tried - trying, "total": tried - start}
     run = finished_run(
-        config, gathered, trials, work, estimator=estimator, seconds=seconds, jobs=jobs, fitted=fitted,
-        cache=cache,
-    )  # fmt: skip
+        config, gathered, trials, work, estimator=estimator, seconds=seconds, jobs=jobs, fitted=fitted
+    )
     return replace(run, plan=plan, maps=maps_of(fitted))
 
 
@@ -175,7 +188,7 @@ def gather(
         raise InputError(f"letters names none to try; the scan has {', '.join(scan.letters)}")
     check_labels(letters)
     scan = scan.of_letters(letters).untrained(_held_out(config, letters))
-    return Gathered(scan, letters, work, perf_counter() - start)
+    return Gathered(scan, letters, work, perf_counter() - start, cache)
 
 
 def _held_out(config: RunConfig, letters: Sequence[str]) -> tuple[str, ...]:
@@ -242,18 +255,19 @@ def finished_run(
     seconds: dict[str, float] | None = None,
     jobs: int | None = None,
     fitted: Estimator | None = None,
-    cache: bool = True,
 ) -> Run:
     """Score the trials and build the `Run`.
 
     estimator: the one that replaced the configuration's, if any. seconds: of the stages; a sweep, which does
     the trials of several runs at once, has none. fitted: the estimator that did the trials, if it is at hand; what it
-    has fitted to the pad need not be found again. cache: whether bounds may be worked out from it and kept there.
+    has fitted to the pad need not be found again.
     """
     objects = properties(gathered.scan)
     bounds, no_bound = None, "a bound is of one image of each touch, and the estimator saw several"
     if not config.sequences:
-        bounds, no_bound = bounds_of_trials(gathered.scan, trials, config.explore, config.moving, cache=cache)
+        bounds, no_bound = bounds_of_trials(
+            gathered.scan, trials, config.explore, config.moving, lambda: gathered.information
+        )
     made = estimator or create(config.estimator, **config.options)
     notes = notes_on(gathered.scan)
     found, used = pad_fit_of(fitted or made, gathered.scan), made.options

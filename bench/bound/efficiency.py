@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from tactsim.bench.bound.cramer_rao import MOST_MM
 from tactsim.bench.bound.response import is_quick
-from tactsim.bench.bound.scan_information import pressed_letters, scan_information, stated_options
+from tactsim.bench.bound.scan_information import ScanInformation, pressed_letters, stated_options
 from tactsim.bench.placement_error import Properties
 from tactsim.bench.score import errors
-from tactsim.bench.slip import STILL, Slip
+from tactsim.bench.slip import Slip
 from tactsim.bench.trials import Trials
 from tactsim.core.errors import InputError
 from tactsim.core.poses import FloatArray, invert
@@ -24,13 +24,13 @@ _STEPS = 3.0  # rms steps of an object, which a few readings that touch nothing 
 
 
 def bounds_of_trials(
-    scan: Scan, trials: Trials, explore: str, slip: Slip = STILL, *, cache: bool = True
+    scan: Scan, trials: Trials, explore: str, slip: Slip, information: Callable[[], ScanInformation]
 ) -> tuple[FloatArray | None, str]:
     """Bound the mean placement error of trials after each reading, (n, r) mm, by what their readings tell.
 
     Returns None and why, if nobody knows: the readings do not say how they were pressed, only a slow engine presses
     them (`bench bound` does), they were chosen by the estimator, or the object moved otherwise than by a random walk.
-    cache: whether what they are worked out from may be read from the cache and kept there.
+    information: works out what the scan's test readings tell, or raises InputError.
     """
     if explore != "random":
         return None, "the estimator chose the readings"
@@ -40,7 +40,7 @@ def bounds_of_trials(
         options = stated_options(scan)
         if not all(is_quick(letter, options) for letter in pressed_letters(scan, options).values()):
             return None, "an engine has to press the letters; `bench bound` does"
-        return scan_information(scan, cache=cache).bounds(trials, slip=slip), ""
+        return information().bounds(trials, slip=slip), ""
     except InputError as error:
         return None, str(error)
 

@@ -166,9 +166,7 @@ def run_confined(
     tried = perf_counter()
     seconds = {"trials": tried - trying, "total": tried - start}
     estimator = processes[0]
-    run = runner.finished_run(
-        config, gathered, trials, work, estimator=estimator, seconds=seconds, jobs=jobs, cache=cache
-    )
+    run = runner.finished_run(config, gathered, trials, work, estimator=estimator, seconds=seconds, jobs=jobs)
     source = source_of(Method(config.estimator, config.options), on_demand=config.on_demand)
     return replace(run, about=run.about | {"settings": estimator.settings, "source": source})
 

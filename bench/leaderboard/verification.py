@@ -233,7 +233,9 @@ def _fault(run: Run, config: RunConfig, gathered: Gathered) -> str | None:
         return "a trial has other readings than the task gives it, or in another order"
     if not _alike_objects(run.objects, properties(gathered.scan)):
         return "what it says of the objects (symmetry, centre, inertia) is not what the task says"
-    bounds, _ = bounds_of_trials(gathered.scan, run.trials, config.explore, config.moving)
+    bounds, _ = bounds_of_trials(
+        gathered.scan, run.trials, config.explore, config.moving, lambda: gathered.information
+    )
     if run.bounds is not None and (bounds is None or not np.allclose(bounds, run.bounds, rtol=1e-3)):
         return "its bounds of the error (bounds.csv) are not those of the task"
     return None

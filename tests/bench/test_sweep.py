@@ -15,7 +15,7 @@ import pytest
 from command_line import refused
 from small_runs import draw_nothing
 
-from tactsim.bench import chunks, results, sweep, sweep_file, trial_plan
+from tactsim.bench import chunks, results, runner, sweep, sweep_file, trial_plan
 from tactsim.bench.config import run_config
 from tactsim.bench.runner import perform, silent
 from tactsim.core import InputError
@@ -309,3 +309,29 @@ def test_no_scheduler_is_said_in_one_line(here, tmp_path, monkeypatch):
     for scheme in ("tcp://", ""):
         address = f"{scheme}127.0.0.1:{free_port()}"
         refused(here("sweep", "s.toml", "--dask", address), "no scheduler answers")
+
+
+def test_without_the_cache_runs_share_what_their_readings_tell(own_cache, tmp_path, monkeypatch):
+    """It is worked out once for the readings of all three runs, and kept nowhere; the files are the same."""
+    draw_nothing(monkeypatch)
+    words = {"letters": "I", "trials": 2, "readings": 2}
+    configs = [
+        run_config(**words, estimator="nearest"),
+        run_config(**words, estimator="histogram", bins=99),
+    ]
+    configs.append(run_config(**words, estimator="histogram", bins=200))
+    worked_out = []
+
+    def counted(scan, **choices):
+        worked_out.append(choices)
+        return plain(scan, **choices)
+
+    plain = runner.scan_information
+    monkeypatch.setattr(runner, "scan_information", counted)
+    sweep.perform(configs, tmp_path / "without", jobs=1, cache=False, progress=silent)
+    assert worked_out == [{"cache": False}]
+    assert not list(own_cache.rglob("*.readings"))
+    sweep.perform(configs, tmp_path / "with", jobs=1, cache=True, progress=silent)
+    assert list(own_cache.rglob("*.readings"))
+    assert contents(tmp_path / "without") == contents(tmp_path / "with")
+    assert any(name.endswith("bounds.csv") for name in contents(tmp_path / "with"))
