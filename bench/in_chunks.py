@@ -28,11 +28,11 @@ class _Overtaken(Exception):
 
 @dataclass(frozen=True, eq=False)
 class Begun(Generic[_Task, _Part]):
-    """Tasks with which worker processes have begun, in chunks, from the first one on."""
+    """Tasks with which worker processes, if there are any, have begun, in chunks, from the first one on."""
 
     chunks: list[list[_Task]]
     futures: list[Future[tuple[_Part, dict[str, int]]]]
-    workers: Workers
+    workers: Workers | None
 
     def finish(
         self,
@@ -83,7 +83,8 @@ class Begun(Generic[_Task, _Part]):
             part, of_part = here[place] if place in here else future.result()
             parts.append(part)
             work.update(of_part)
-        self.workers.kill()
+        if self.workers is not None:
+            self.workers.kill()
         return parts, work
 
 
@@ -97,10 +98,13 @@ def begun(
 ) -> Iterator[Begun[_Task, _Part]]:
     """Begin with tasks in `jobs` - 1 worker processes, which end with the block; what they leave is done here.
 
-    do: takes some tasks in a worker, and returns what they gave and the work, flattened. tasks, jobs: two at least.
-    group: neighbours for which it gives the same are done together, as a chunk of their own; without it tasks are
-    divided evenly.
+    do: takes some tasks in a worker, and returns what they gave and the work, flattened. With one job or task there is
+    no worker. group: neighbours for which it gives the same are done together, as a chunk of their own; without it
+    tasks are divided evenly.
     """
+    if jobs == 1 or len(tasks) == 1:
+        yield Begun([tasks], [Future()], None)  # nobody begins with it, so it is done here
+        return
     if group is None:
         pieces = np.array_split(np.arange(len(tasks)), min(len(tasks), _CHUNKS * jobs))
         chunks = [[tasks[i] for i in piece] for piece in pieces]

@@ -27,9 +27,6 @@ def begun_trials(plan: TrialPlan, tasks: list[OneTrial], *, jobs: int) -> Iterat
     Gives a function that takes the estimator, fitted, and `progress`, and does all that is left. It returns the trials
     in the order of `tasks` and the estimators' work, summed. The results do not depend on `jobs`.
     """
-    if jobs == 1 or len(tasks) == 1:
-        yield lambda estimator, progress: run_trials(plan, estimator, tasks, progress=progress)
-        return
 
     def finish(estimator: Estimator, progress: Progress) -> tuple[Trials, dict[str, Any]]:
         parts, work = others.finish(partial(_run_here, plan, estimator), progress)
@@ -37,7 +34,8 @@ def begun_trials(plan: TrialPlan, tasks: list[OneTrial], *, jobs: int) -> Iterat
 
     # Where each letter is held out, its trials share an estimator that was fitted without it.
     group = (lambda task: task.truth) if plan.each_held_out else None
-    with begun(partial(run_chunk, plan.portable()), tasks, jobs=jobs, group=group) as others:
+    there = partial(run_chunk, plan.portable() if jobs > 1 else plan)
+    with begun(there, tasks, jobs=jobs, group=group) as others:
         yield finish
 
 

@@ -104,14 +104,6 @@ def begun_trials(plan: SpacePlan, tasks: list[SpaceTask], *, jobs: int) -> Itera
     Gives a function that takes the estimator, fitted, and `progress`, and does all that is left. It returns the trials
     in the order of `tasks` and the estimators' work, summed; neither depends on `jobs`.
     """
-    if jobs == 1 or len(tasks) == 1:
-
-        def here(estimator: Estimator, progress: Progress) -> tuple[SpaceTrials, dict[str, Any]]:
-            trials, work = plan.run(estimator, tasks, lambda done: progress("trials", done, len(tasks)))
-            return trials, unflatten_work(work)
-
-        yield here
-        return
 
     def finish(estimator: Estimator, progress: Progress) -> tuple[SpaceTrials, dict[str, Any]]:
         parts, work = others.finish(partial(plan.run, estimator), progress)
