@@ -29,6 +29,7 @@ from tactsim.core.compiling import (
 from tactsim.estimators.field.slices import LAYOUT, Layout, beside, laid_out, lanes_of, piece, span_within
 from tactsim.estimators.field.terms import TERMS, Terms
 from tactsim.estimators.field.vectors import (
+    DIVISOR,
     LANES,
     TALL,
     VECTOR,
@@ -42,8 +43,8 @@ from tactsim.estimators.field.vectors import (
     zeros,
 )
 
-# The highest level. Of so many levels 16 bits hold the sum; and of so many products with weights up to HIGHEST, each
-# divided by as much and rounded up.
+# The highest level. 16 bits hold the sum of so many levels; and of so many products of a level with a weight of at most
+# HIGHEST, each divided by DIVISOR.
 HIGHEST, ALIKE, WEIGHTED = 255, 256, 64
 
 
@@ -212,5 +213,5 @@ def raise_weighted(
         first, second = add_words(first, words_1), add_words(second, words_2)
         third, fourth = add_words(third, words_3), add_words(fourth, words_4)
     # Each product was rounded down by less than one.
-    constant += unit * WEIGHTED * number
-    return raise_bins(bound, looked.lowest[tile], constant, unit * WEIGHTED, first, second, third, fourth)
+    constant += unit * DIVISOR * number
+    return raise_bins(bound, looked.lowest[tile], constant, unit * DIVISOR, first, second, third, fourth)

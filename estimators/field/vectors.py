@@ -13,6 +13,7 @@ from numba.core import cgutils
 from numba.extending import intrinsic, models, register_model
 
 TALL, LANES = 4, 16  # a tile: rows, and bins of a row
+DIVISOR = 64  # of the products that `add_products` adds; a power of 2
 # A vector of float32, and one of whole numbers of 32 bits.
 REALS, WHOLES = ir.VectorType(ir.FloatType(), LANES), ir.VectorType(ir.IntType(32), LANES)
 
@@ -208,7 +209,7 @@ def add_bytes(typing: Any, total: Any, array: Any, index: Any, lanes: Any) -> An
 
 @intrinsic
 def add_products(typing: Any, total: Any, array: Any, index: Any, lanes: Any, weight: Any) -> Any:
-    """Return total + array[index : index + LANES] * weight / 64, rounded down, where a bit of `lanes` is set.
+    """Return total + array[index : index + LANES] * weight / DIVISOR, rounded down, where a bit of `lanes` is set.
 
     In 16 bits: a weight is at most 255, a sum 65,535. The array is of uint8, contiguous.
     """
@@ -218,7 +219,7 @@ def add_products(typing: Any, total: Any, array: Any, index: Any, lanes: Any, we
         there = address(context, builder, signature.args[1], array, index, _BYTES)
         values = builder.zext(builder.load(there, align=1), _WORDS.held)
         values = builder.mul(values, everywhere(builder, builder.zext(weight, ir.IntType(16)), _WORDS.held))
-        values = builder.lshr(values, ir.Constant(_WORDS.held, [6] * LANES))
+        values = builder.lshr(values, ir.Constant(_WORDS.held, [DIVISOR.bit_length() - 1] * LANES))
         return builder.add(total, _only(builder, values, lanes))
 
     return _WORDS(_WORDS, array, index, uint16, uint8), generate

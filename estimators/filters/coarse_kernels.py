@@ -38,6 +38,10 @@ from tactsim.estimators.filters.halving import middles
 
 # A tile for so many of the best bins is looked at first; and how many times as many tiles each time after that.
 _NEIGHBOURS, _MORE = 10, 2
+# For so many tiles times terms it is kept at once where they look up bounds, 11 bytes each.
+_LOOKED = 2**20
+# So many bins catch up at once, with some 90 bytes each.
+_BINS = 2**16
 # Bytes that are fetched together.
 _LINE = 64
 # By these a bound of either sign is raised by more than one operation in float32 rounds.
@@ -85,15 +89,19 @@ def fetch_part(
 def place_rounding(coarse: Coarse, layout: Layout, terms: Terms, reading: int) -> float:
     """Bound by how many nodes along an axis `replay`, in float32, may misplace what a bin reads.
 
-    A place is a sum of a bin's place and of two products with the taxel's. It rounds five times at most, by half of
-    ROUNDING each. Taxels too far away to lie on the lattice for any bin do not count.
+    A place is a sum of a bin's place among the nodes and of two products with the taxel's. It rounds five times at
+    most, by half of ROUNDING each. A taxel further off than any bin is from any node reads the rim, wherever exactly it
+    lies.
     """
-    lattice = layout.shape[2] * layout.shape[4] + layout.shape[3] * layout.shape[5]
-    every = lattice + layout.shape[3] * coarse.counts[0] + layout.shape[2] * coarse.counts[1]
-    finest, farthest = min(layout.place[2] / layout.shape[3], layout.place[3] / layout.shape[2]), 0.0
+    place, shape, farthest = layout.place, layout.shape, 0.0
+    # mm from any bin to any node along an axis, and between nodes.
+    wide = abs(place[0]) + place[2] * (coarse.counts[0] + shape[5])
+    tall = abs(place[1]) + place[3] * (coarse.counts[1] + shape[4])
+    across, up = place[2] / shape[3], place[3] / shape[2]
     for i in range(terms.start[reading], terms.start[reading + 1]):
         farthest = max(farthest, abs(terms.xy[i, 0]) + abs(terms.xy[i, 1]))
-    return 2.5 * ROUNDING * (every + min(farthest / finest, 2 * every))
+    most = max(wide / across, tall / up) + min(farthest, wide + tall) / min(across, up)
+    return 2.5 * ROUNDING * most
 
 
 @compiled(void(COARSE, LEVELS, LAYOUT, TERMS, REALS_2D, int64), called_from_python=False)
@@ -103,45 +111,48 @@ def bound_all(
     """Let the upper bounds of all bins take in a reading. turns: (angles, 2) cos and sin."""
     letters, angles, tiles = layout.shape[1], len(turns), len(coarse.bound) // layout.shape[1]
     longest, of_angle = terms.start[reading + 1] - terms.start[reading], tiles // angles
+    together = min(angles, max(1, _LOOKED // max(1, of_angle * longest)))
     looked = Looked(
-        np.empty((tiles, longest), dtype=np.int64),
-        np.empty((tiles, longest), dtype=np.uint8),
-        np.empty((tiles, longest), dtype=np.uint16),
-        np.empty(tiles, dtype=np.int64),
-        np.empty((tiles, LANES), dtype=np.float32),
+        np.empty((together * of_angle, longest), dtype=np.int64),
+        np.empty((together * of_angle, longest), dtype=np.uint8),
+        np.empty((together * of_angle, longest), dtype=np.uint16),
+        np.empty(together * of_angle, dtype=np.int64),
+        np.empty((together * of_angle, LANES), dtype=np.float32),
     )
     width, nodes = layout.shape[5], layout.shape[2] * layout.shape[3] * layout.plane
     kinds = np.unique(terms.kind[terms.start[reading] : terms.start[reading + 1]])
     change = np.empty((of_angle, LANES + 1))
-    for angle in range(angles):
-        fetch_part(levels.level, kinds, layout.table, 0, nodes, angle, angles)
-        look_up(
-            looked, levels, layout, terms, reading, angle * of_angle, coarse.counts[1], coarse.counts[0],
-            turns[angle, 0], turns[angle, 1], change,
-        )  # fmt: skip
     lightest, heaviest = weights_of(terms, reading)
     unit = levels.step[0] * heaviest
     # What float32 may lose of the sums of levels and of lowest values, which are at most HIGHEST steps below 0. Then by
     # how much it may move what a table says, by moving a place along both axes.
     slack = terms.slack[reading] + (longest + 6) * ROUNDING * longest * HIGHEST * unit
     slack += 2 * place_rounding(coarse, layout, terms, reading) * longest * HIGHEST * unit
-    for letter in range(letters):
-        constant = terms.constant[reading, letter]
-        constant += slack + 4 * ROUNDING * abs(constant)
-        for tile in range(tiles):
-            if letter + 1 < letters:
-                fetch_part(levels.level, kinds, layout.table, letter + 1, nodes, tile, tiles)
-            place, move = letter * tiles + tile, letter * nodes
-            here = coarse.upper[place]
-            if heaviest == lightest:
-                bound = raise_alike(here, levels, looked, tile, move, width, unit, constant)
-            else:
-                bound = raise_weighted(here, levels, looked, tile, move, width, unit / HIGHEST, constant)
-            coarse.bound[place] = bound
+    for begin in range(0, angles, together):
+        some = min(together, angles - begin)
+        for i in range(some):
+            fetch_part(levels.level, kinds, layout.table, 0, nodes, i, some)
+            look_up(
+                looked, levels, layout, terms, reading, i * of_angle, coarse.counts[1], coarse.counts[0],
+                turns[begin + i, 0], turns[begin + i, 1], change,
+            )  # fmt: skip
+        for letter in range(letters):
+            constant = terms.constant[reading, letter]
+            constant += slack + 4 * ROUNDING * abs(constant)
+            for tile in range(some * of_angle):
+                if letter + 1 < letters:
+                    fetch_part(levels.level, kinds, layout.table, letter + 1, nodes, tile, some * of_angle)
+                place, move = letter * tiles + begin * of_angle + tile, letter * nodes
+                here = coarse.upper[place]
+                if heaviest == lightest:
+                    bound = raise_alike(here, levels, looked, tile, move, width, unit, constant)
+                else:
+                    bound = raise_weighted(here, levels, looked, tile, move, width, unit / HIGHEST, constant)
+                coarse.bound[place] = bound
 
 
 @compiled(void(REALS, float64), called_from_python=False)
-def keep(kept: Reals, value: float) -> None:
+def replace_least(kept: Reals, value: float) -> None:
     """Put a value in the place of the least of `kept` if it is higher.
 
     kept: (n,) the highest so far, a heap: [i] is not above [2 i + 1] and [2 i + 2].
@@ -165,7 +176,7 @@ def bound_of_highest(coarse: Coarse, tiles: int) -> float:
     """Give the least of the bounds of so many tiles, those with the highest bounds; -inf if there are fewer."""
     kept = np.full(tiles, -np.inf)
     for bound in coarse.bound:
-        keep(kept, bound)
+        replace_least(kept, bound)
     return float(kept[0])
 
 
@@ -252,25 +263,25 @@ def catch_up(coarse: Coarse, place: Ints, terms: Terms, sampled: Sampled, count:
 )
 def best_bins(
     coarse: Coarse, levels: Levels, layout: Layout, terms: Terms, sampled: Sampled, turns: Reals,
-    first: int, count: int, skip: bool, enough: int, within: float, rounding: float,
+    first: int, count: int, skip: bool, keep: int, within: float, rounding: float,
 ) -> tuple[Ints, Reals, float, int]:  # fmt: skip
     """Take in readings number first + 1, ..., `count`, one at least, and list the bins that matter.
 
     turns: (angles, 2) cos and sin. skip: whether bins may wait. Listed are all bins at most `within` nats below the
-    best, and in any case the best `enough` and one more; up to `rounding` nats further, for the sake of equal ones.
+    best, and in any case the best `keep` and one more; up to `rounding` nats further, for the sake of equal ones.
     Returns flat indices and log-beliefs, a bound of all bins that wait, and how many times a bin took in a reading.
     """
     if skip:
         for reading in range(first, count):
             bound_all(coarse, levels, layout, terms, turns, reading)
     upper, log_p = coarse.upper.reshape(coarse.upper.size), coarse.log_p.reshape(coarse.log_p.size)
-    known, evaluated, more = np.empty(0, dtype=np.int64), 0, 1 + enough // _NEIGHBOURS
-    kept, best, least = np.full(enough + 1, -np.inf), -np.inf, -np.inf
+    known, evaluated, more = np.empty(0, dtype=np.int64), 0, 1 + keep // _NEIGHBOURS
+    kept, best, least = np.full(keep + 1, -np.inf), -np.inf, -np.inf
     waits = np.inf
     while True:
         least = best - within - rounding
         if not kept[0] >= least > -np.inf:
-            # Fewer than asked for are as near the best: what matters is the last of the best `enough` and one more.
+            # Fewer than asked for are as near the best: what matters is the last of the best `keep` and one more.
             least = kept[0] - rounding
             if skip and waits >= least:
                 # Until enough are known, more and more of the tiles with the highest bounds are looked at.
@@ -278,11 +289,13 @@ def best_bins(
         if waits < least or waits == -np.inf:
             break
         place = bounded_by(coarse, least)
-        if len(place):
-            evaluated += catch_up(coarse, place, terms, sampled, count)
+        if not len(place):
+            break  # a log-belief is no number
+        for begin in range(0, len(place), _BINS):
+            evaluated += catch_up(coarse, place[begin : begin + _BINS], terms, sampled, count)
         for i in place:
             best = max(best, log_p[i])
-            keep(kept, log_p[i])
+            replace_least(kept, log_p[i])
             upper[i] = -np.inf  # until all that matter are known
         known = merged(known, place)
         waits = -np.inf

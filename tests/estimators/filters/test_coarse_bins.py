@@ -11,6 +11,7 @@ from tactsim.estimators.filters import coarse_bins
 from tactsim.estimators.filters.binned import BinnedBelief
 from tactsim.estimators.filters.coarse_bins import CoarseBins
 from tactsim.estimators.filters.grid import StateGrid
+from tactsim.estimators.filters.halving import middles
 from tactsim.estimators.likelihoods import likelihood
 from tactsim.estimators.likelihoods.likelihood import Evidence
 from tactsim.estimators.likelihoods.occupancy import learn_maps
@@ -42,11 +43,13 @@ def tiled(values, grid):
 
 def of_all_bins(field, grid):
     """Replay all readings at the middle of every bin: (letters, angles, rows, columns)."""
-    x, y, angle = grid.centres
-    theta, y, x = np.meshgrid(angle, y, x, indexing="ij")
-    states = np.stack([x.ravel(), y.ravel(), theta.ravel()])
+    flat, states = np.arange(grid.bins), np.empty((3, grid.bins))
+    middles(
+        states, np.empty_like(flat), np.zeros_like(flat), flat,
+        np.array([grid.x, grid.y, grid.angle]), np.array(grid.spacing),
+    )  # fmt: skip
     found = [field.log_p(letter, states) for letter in range(len(field.labels))]
-    return np.reshape(found, (-1, *x.shape))
+    return np.reshape(found, (-1, grid.angle, grid.y, grid.x))
 
 
 @pytest.mark.parametrize("split", [(25, 25, 4), (12, 12, 10), (3, 5, 2), (33, 7, 3)])
@@ -215,3 +218,63 @@ def test_any_number_of_terms_and_any_weights_are_bounded(model, weights):
         everything, bound = of_all_bins(field, grid), tiled(lazy._coarse.upper, grid)
         assert (everything <= bound).all()
         assert np.isfinite(bound).all()
+
+
+class Edge:
+    """A table that leaps from 0 to 30 nats at the edge of a square of 1 mm about a place."""
+
+    def __init__(self, place):
+        self.extent = np.array(place) - 2.0, np.array(place) + 2.0
+
+    def log_tables(self, label, xy):
+        away = np.abs(np.asarray(xy) - (self.extent[0] + self.extent[1]) / 2)
+        return np.where((away < 1).all(axis=-1), 30.0, 0.0)[None]
+
+
+@pytest.mark.parametrize("beside", [0.0, 100.0, 1000.0])
+def test_a_bound_holds_where_float32_moves_a_place_beyond_a_node(beside):
+    """The farther a map lies from the bins, the more of a place is lost in float32."""
+    grid = StateGrid(25, 25, 3)
+    field = LikelihoodField(Edge([beside, 0.0]), ["edge"], np.zeros((1, 2)), grid.spacing[:2], 0.4)
+    lazy, tables, rng = CoarseBins(field, grid, True), field.tables, np.random.default_rng(0)
+    rows, columns = (np.flatnonzero(tables.nodes[0, 0].any(axis=axis)) for axis in (1, 0))
+    x, y, theta = grid.centres
+    one = Evidence(np.zeros(1, dtype=np.int64), np.zeros(1, dtype=np.int64), np.ones(1, dtype=np.float32))
+    for _ in range(500):
+        # Just before the last node that says nothing, as some bin sees it.
+        node = tables.origin + tables.step * [columns[0] - 1, rng.choice(rows)]
+        away = node - [rng.choice(x), rng.choice(y)] + [-(10.0 ** rng.uniform(-9, -4)), 1e-4]
+        angle = rng.choice(theta)
+        turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
+        field.reset()
+        lazy.reset()
+        field.append(one, np.array([*(turn @ away), 0.0]))
+        lazy.take_in(0, 0.0)
+        assert (of_all_bins(field, grid) <= tiled(lazy._coarse.upper, grid)).all()
+
+
+def test_more_bins_and_terms_than_are_looked_at_at_once_give_the_same(model):
+    made, scan = model
+    grid = StateGrid(100, 100, 3)
+    field = field_of(model, grid)
+    lazy, every = (CoarseBins(field, grid, skip) for skip in (True, False))
+    rng, evidence = np.random.default_rng(0), made.evidence(scan.readings[3])
+    many = Evidence(*(np.resize(part, 3_001) for part in (evidence.table, evidence.taxel, evidence.weight)))
+    for one in (evidence, many, evidence):
+        field.append(one, rng.uniform(-3, 3, 3))
+        everything = of_all_bins(field, grid)
+        flat, log_p = every.take_in(100, 5.0)
+        assert np.array_equal(log_p, everything.ravel()[flat])
+        assert np.array_equal(lazy.take_in(100, 5.0), (flat, log_p))
+        assert (everything <= tiled(lazy._coarse.upper, grid)).all()
+    assert every.evaluated == everything.size * 3
+
+
+def test_a_place_that_is_no_number_ends_the_search(model):
+    made, scan = model
+    grid = StateGrid(3, 3, 2)
+    field = field_of(model, grid)
+    lazy = CoarseBins(field, grid, True)
+    field.append(made.evidence(scan.readings[0]), np.array([1e39, 0.0, 0.0]))
+    flat, _ = lazy.take_in(1, 1.0)
+    assert len(flat) <= grid.bins * 3
