@@ -223,7 +223,9 @@ def tree_of(commit: str, root: Path, folder: Path) -> Path:
         folder.mkdir(parents=True, exist_ok=True)
         with TemporaryDirectory(dir=folder) as made:
             with tarfile.open(fileobj=io.BytesIO(archive)) as files:
-                files.extractall(Path(made, "tree"), filter="data")
+                # Python 3.11.3 and older have no filters; the archive is git's own.
+                files.extraction_filter = getattr(tarfile, "data_filter", None)
+                files.extractall(Path(made, "tree"))
             Path(made, "tree").rename(tree)
     return tree
 

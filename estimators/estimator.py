@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from pydantic import BaseModel, ConfigDict
 
 from tactsim.core import InputError, Scan
-from tactsim.core.errors import short
+from tactsim.core.errors import short, was_interrupt
 from tactsim.core.finite import LARGEST, finite
 from tactsim.core.forward import ForwardModel
 from tactsim.core.poses import FloatArray
@@ -181,10 +181,15 @@ def name_of(estimator: Estimator) -> str:
 def no_exit(estimator: Estimator | str) -> Iterator[None]:
     """Run the code of an estimator, or of one called so; if it would end the program, that is a failure of it.
 
-    Raises RuntimeError where SystemExit was raised, whatever its status: 0 would pass for success.
+    Raises RuntimeError where SystemExit was raised, whatever its status: 0 would pass for success; KeyboardInterrupt
+    for an interrupt that a compiled function made another error of.
     """
     try:
         yield
+    except SystemError as error:
+        if was_interrupt(error):
+            raise KeyboardInterrupt from error
+        raise
     except SystemExit as error:
         name = estimator if isinstance(estimator, str) else name_of(estimator)
         raise RuntimeError(

@@ -16,7 +16,7 @@ from typer.core import TyperCommand, TyperGroup
 from typer.exceptions import Abort, TyperException
 
 from tactsim.bench.cli import INTERRUPTED, end_interrupted
-from tactsim.core.errors import InputError, printable, short
+from tactsim.core.errors import InputError, printable, short, was_interrupt
 
 FAILED, WRONG_INPUT = 1, 2
 
@@ -142,6 +142,10 @@ def run_app() -> NoReturn:
     except TyperException as error:
         fail(_in_plain_words(error) + _settings(error))
     except (KeyboardInterrupt, Abort):
+        end_interrupted()
+    except SystemError as error:
+        if not was_interrupt(error):
+            raise
         end_interrupted()
     except _Carried as carried:
         if not (isinstance(carried.error, BrokenPipeError) and _nobody_reads()):

@@ -58,3 +58,14 @@ def unknown(what: str, name: Any, known: Iterable[str]) -> InputError:
         close = close or difflib.get_close_matches(name[:_LONGEST], names, n=1)
     hint = f"did you mean {close[0]!r}? " if close else ""
     return InputError(f"unknown {what} {short(name)}: {hint}known are {', '.join(names)}")
+
+
+def was_interrupt(error: SystemError) -> bool:
+    """Tell whether an error is an interrupt (Ctrl-C) that came while a compiled function made its result.
+
+    Python finds a result beside an exception then, and raises SystemError from it, once for each call that it ends.
+    """
+    cause: BaseException | None = error
+    while isinstance(cause, SystemError):
+        cause = cause.__cause__
+    return isinstance(cause, KeyboardInterrupt)

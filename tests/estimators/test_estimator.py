@@ -5,7 +5,7 @@ import pytest
 
 from tactsim.core import InputError
 from tactsim.estimators import NONE, Estimate
-from tactsim.estimators.estimator import check_candidates, check_estimate
+from tactsim.estimators.estimator import check_candidates, check_estimate, no_exit
 
 LETTERS = ("E", "I")
 POSE = np.array([1.0, -2.0, 0.3])
@@ -62,3 +62,14 @@ def test_candidates_are_poses():
     for wrong in ([], [[]], POSE, [POSE[:2]], np.zeros((2, 2, 3)), [[0.0, np.inf, 0.0]]):
         with pytest.raises(InputError, match="candidates"):
             check_candidates(wrong)
+
+
+def test_an_interrupt_within_a_compiled_function_is_an_interrupt():
+    """Numba makes a result all the same, and Python makes a SystemError of both."""
+    inner = SystemError("returned a result with an exception set")
+    inner.__cause__ = KeyboardInterrupt()
+    for cause in (KeyboardInterrupt(), inner):
+        with pytest.raises(KeyboardInterrupt), no_exit("refined"):
+            raise SystemError("returned a result with an exception set") from cause
+    with pytest.raises(SystemError, match="another"), no_exit("refined"):
+        raise SystemError("another fault") from ValueError()

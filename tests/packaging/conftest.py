@@ -6,7 +6,7 @@ import tarfile
 import venv
 
 import pytest
-from building import ROOMS, build, copy_checkout, run
+from building import ROOMS, build, copy_checkout, run, unpack
 
 
 @pytest.fixture
@@ -30,7 +30,7 @@ def wheel(tmp_path_factory):
 def wheel_of_sdist(sdist, tmp_path_factory):
     folder = tmp_path_factory.mktemp("wheel-of-sdist")
     with tarfile.open(sdist) as archive:
-        archive.extractall(folder, filter="data")
+        unpack(archive, folder)
     return build("wheel", folder / sdist.name.removesuffix(".tar.gz"), folder)
 
 
