@@ -85,7 +85,7 @@ def test_an_installed_source_archive_runs_beside_folders_of_the_same_names(sdist
 @pytest.mark.slow
 @pytest.mark.parametrize("mode", ["lenient", "strict"])
 def test_an_editable_install_shows_one_name_too(checkout, mode, install, own_folder):
-    environment = install("-C", f"editable_mode={mode}", "-e", checkout)
+    environment = install("--config-settings", f"editable_mode={mode}", "-e", checkout)
     seen = "import tactsim.models as m; print(m.__file__)"
     assert str(checkout) in run(environment / "bin" / "python", "-c", seen, cwd=own_folder)
     for room in ROOMS:
