@@ -69,7 +69,7 @@ def test_types_are_seen(checker, place, request, install, tmp_path):
         python = install(request.getfixturevalue("wheel")) / "bin" / "python"
     else:
         editable = request.getfixturevalue("checkout")
-        python = install("-C", "editable_mode=strict", "-e", editable) / "bin" / "python"
+        python = install("--config-settings", "editable_mode=strict", "-e", editable) / "bin" / "python"
     folder.mkdir(exist_ok=True)
     (folder / "own.py").write_text(CODE)
     if place == "checkout":
