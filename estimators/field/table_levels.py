@@ -11,7 +11,7 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import float32, float64, int64, types, uint8, uint16, uint64, void
+from numba import boolean, float32, float64, int64, types, uint8, uint16, uint64, void
 from numpy.typing import NDArray
 
 from tactsim.core.compiling import (
@@ -20,14 +20,13 @@ from tactsim.core.compiling import (
     INTS,
     INTS_2D,
     REALS,
-    REALS_2D,
     Floats,
     Ints,
     Reals,
     compiled,
 )
-from tactsim.estimators.field.slices import LAYOUT, Layout, beside, laid_out, lanes_of, piece, span_within
-from tactsim.estimators.field.terms import TERMS, Terms
+from tactsim.estimators.field.slices import LAYOUT, Layout, laid_out, lanes_of, piece, span_within
+from tactsim.estimators.field.terms import TERMS, Terms, of_one_place
 from tactsim.estimators.field.vectors import (
     DIVISOR,
     LANES,
@@ -35,16 +34,19 @@ from tactsim.estimators.field.vectors import (
     VECTOR,
     add_bytes,
     add_products,
+    add_where,
     add_words,
     highest_lane,
     load_plus,
     no_words,
+    plus,
     raised,
+    store,
     zeros,
 )
 
-# The highest level. 16 bits hold the sum of so many levels; and of so many products of a level with a weight of at most
-# HIGHEST, each divided by DIVISOR.
+# The highest level. 16 bits hold the sum of so many levels; and of what so many entries add, each at most HIGHEST times
+# HIGHEST + 1, divided by DIVISOR.
 HIGHEST, ALIKE, WEIGHTED = 255, 256, 64
 
 
@@ -65,20 +67,38 @@ LEVELS = types.NamedTuple((uint8[::1], REALS, REALS), Levels)
 class Looked(NamedTuple):
     """Where the tiles of all angles look up the bounds of one reading.
 
-    at: (tiles, most) flat index of the level of the tile's first bin for the first letter. weight: (tiles, most) of the
-    term, in HIGHEST parts of the heaviest, rounded up. lanes: (tiles, most) bits of the tile's columns that lie in its
-    table. number: (tiles,) how many of these. lowest: (tiles, LANES) nats, for each column the sum of the lowest values
-    of the tables that it lies in, times their weights.
+    at: (tiles, entries) flat index of the level of the tile's first bin for the first letter. lanes: (tiles, entries)
+    bits of the tile's columns that lie in the tables; where there are none any index will do. lowest: (tiles, LANES)
+    nats, for each column the sum of the lowest values of the tables that it lies in, times their weights.
     """
 
     at: Ints
-    weight: NDArray[np.uint8]
     lanes: NDArray[np.uint16]
-    number: Ints
     lowest: Floats
 
 
-LOOKED = types.NamedTuple((INTS_2D, uint8[:, ::1], uint16[:, ::1], INTS, FLOATS_2D), Looked)
+LOOKED = types.NamedTuple((INTS_2D, uint16[:, ::1], FLOATS_2D), Looked)
+
+
+class Entries(NamedTuple):
+    """The terms of one reading as bounds read them: alone, or two of one taxel together.
+
+    term: (entries,) number of the first, counted from the reading's first. other: (entries,) how far it is in
+    `Levels.level` from its table to the second's; 0 if there is none. weight, other_weight: (entries,) in HIGHEST
+    parts of `heaviest`, rounded up; 0 if there is none. lowest: (entries,) nats, the lowest values of their tables,
+    times their weights. heaviest: the greatest weight of an entry. alike: whether all weigh as much, and are alone.
+    """
+
+    term: Ints
+    other: Ints
+    weight: NDArray[np.uint8]
+    other_weight: NDArray[np.uint8]
+    lowest: Floats
+    heaviest: float
+    alike: bool
+
+
+ENTRIES = types.NamedTuple((INTS, INTS, uint8[::1], uint8[::1], FLOATS, float64, boolean), Entries)
 
 
 def levels_of(nodes: NDArray[np.int16], unit: float, phases: tuple[int, int]) -> Levels:
@@ -101,55 +121,81 @@ def _bounds(table: NDArray[np.int16], lowest: int, step: int) -> NDArray[np.uint
     return (-((lowest - largest) // step)).astype(np.uint8)
 
 
-@compiled(types.UniTuple(float64, 2)(TERMS, int64), called_from_python=False)
-def weights_of(terms: Terms, reading: int) -> tuple[float, float]:
-    """Find the least and the greatest weight of a reading's terms; 0 if it has none."""
-    weights = terms.weight[terms.start[reading] : terms.start[reading + 1]]
-    return (float64(weights.min()), float64(weights.max())) if len(weights) else (0.0, 0.0)
+@compiled(ENTRIES(LEVELS, LAYOUT, TERMS, int64), called_from_python=False)
+def entries_of(levels: Levels, layout: Layout, terms: Terms, reading: int) -> Entries:
+    """Find how bounds read the terms of a reading."""
+    begin, end = terms.start[reading], terms.start[reading + 1]
+    weights, kinds = terms.weight[begin:end], terms.kind[begin:end]
+    alike = end == begin or weights.min() == weights.max()
+    term, number, i = np.empty(end - begin + 1, dtype=np.int64), 0, 0
+    while i < end - begin:
+        term[number], number = i, number + 1
+        i += 1 if alike else min(2, of_one_place(terms, begin + i, end))
+    term[number] = end - begin
+    heaviest, weight = 0.0, np.zeros((2, number))
+    other, lowest = np.zeros(number, dtype=np.int64), np.zeros(number, dtype=np.float32)
+    for k in range(number):
+        i, least = term[k], 0.0
+        for part in range(term[k + 1] - i):
+            weight[part, k] = weights[i + part]
+            least += weight[part, k] * levels.lowest[kinds[i + part]]
+            other[k] = (kinds[i + part] - kinds[i]) * layout.table
+        lowest[k] = least
+        heaviest = max(heaviest, weight[0, k] + weight[1, k])
+    parts = np.zeros((2, number), dtype=np.uint8)
+    if heaviest > 0:
+        for k in range(number):
+            # Two that are rounded up are HIGHEST + 1 together at most.
+            parts[0, k] = math.ceil(weight[0, k] / heaviest * HIGHEST)
+            parts[1, k] = math.ceil(weight[1, k] / heaviest * HIGHEST)
+    return Entries(term[:number], other, parts[0], parts[1], lowest, heaviest, alike)
 
 
 @compiled(
-    void(LOOKED, LEVELS, LAYOUT, TERMS, *[int64] * 4, float64, float64, REALS_2D), called_from_python=False
+    void(LOOKED, ENTRIES, LAYOUT, TERMS, *[int64] * 4, float64, float64, INTS_2D), called_from_python=False
 )
 def look_up(
-    looked: Looked, levels: Levels, layout: Layout, terms: Terms, reading: int, first: int, rows: int, columns: int,
-    cos: float, sin: float, change: Reals,
+    looked: Looked, entries: Entries, layout: Layout, terms: Terms, reading: int, first: int, rows: int, columns: int,
+    cos: float, sin: float, pieces: Ints,
 ) -> None:  # fmt: skip
     """Find where the tiles of one angle look up the bounds of a reading.
 
-    first: number of the angle's first tile. rows, columns: of bins. cos, sin: of the angle. change: (tiles of the
-    angle, LANES + 1), room.
+    first: number of the angle's first tile. rows, columns: of bins. cos, sin: of the angle. pieces: (5, entries), room.
     """
-    width, (_, heaviest) = layout.shape[5], weights_of(terms, reading)
-    change[:] = 0  # of the lowest values' sum, from a column of a tile to the next
-    looked.number[first : first + len(change)] = 0
-    begin, xy = terms.start[reading], terms.xy
-    for i in range(begin, terms.start[reading + 1]):
-        # A taxel's terms follow each other.
-        if i == begin or xy[i, 0] != xy[i - 1, 0] or xy[i, 1] != xy[i - 1, 1]:
-            here = piece(layout, xy[i, 0], xy[i, 1], cos, sin, rows, columns)
-        node = layout.first + terms.kind[i] * layout.table + here.node
-        lowest = terms.weight[i] * levels.lowest[terms.kind[i]]
-        weight = math.ceil(float64(terms.weight[i]) / heaviest * HIGHEST) if heaviest else 0
-        tile = -1
-        for row in range(0, rows, TALL):
-            for column in range(0, columns, LANES):
-                tile += 1
-                if beside(here.first_column, here.last_column, here.first_row, here.last_row, row, column):
-                    continue
-                found = looked.number[first + tile]
-                left, right = span_within(here.first_column, here.last_column, column)
-                looked.at[first + tile, found] = node + row * width + column
-                looked.weight[first + tile, found] = weight
-                looked.lanes[first + tile, found] = lanes_of(left, right)
-                looked.number[first + tile] = found + 1
-                change[tile, left] += lowest
-                change[tile, right] -= lowest
-    for tile in range(len(change)):
-        total = 0.0
-        for lane in range(LANES):
-            total += change[tile, lane]
-            looked.lowest[first + tile, lane] = total
+    width, begin, xy, lowest = layout.shape[5], terms.start[reading], terms.xy, entries.lowest
+    count = uint64(len(lowest))
+    node, first_column, last_column, first_row, last_row = (
+        pieces[0],
+        pieces[1],
+        pieces[2],
+        pieces[3],
+        pieces[4],
+    )
+    for i in range(count):
+        term = begin + entries.term[i]
+        here = piece(layout, xy[term, 0], xy[term, 1], cos, sin, rows, columns)
+        node[i] = layout.first + terms.kind[term] * layout.table + here.node
+        first_column[i], last_column[i] = here.first_column, here.last_column
+        first_row[i], last_row[i] = here.first_row, here.last_row
+    tile = first
+    for row in range(0, rows, TALL):
+        for column in range(0, columns, LANES):
+            at, lanes, move = looked.at[tile], looked.lanes[tile], row * width + column
+            for i in range(count):
+                left, right = span_within(first_column[i], last_column[i], column)
+                beside = (row + TALL <= first_row[i]) | (row >= last_row[i]) | (left == right)
+                lanes[i] = 0 if beside else lanes_of(left, right)
+                at[i] = layout.first if beside else node[i] + move
+            # Two sums, because each has to wait for its last addition.
+            even = odd = zeros()  # type: ignore[call-arg, var-annotated]
+            pairs = count & ~uint64(1)
+            for i in range(uint64(0), pairs, uint64(2)):
+                even = add_where(even, lowest[i], lanes[i])
+                odd = add_where(odd, lowest[i + uint64(1)], lanes[i + uint64(1)])
+            if pairs < count:
+                even = add_where(even, lowest[pairs], lanes[pairs])
+            store(looked.lowest[tile], 0, plus(even, odd))
+            tile += 1
 
 
 @compiled(float64(FLOATS, FLOATS, float32, float32, VECTOR, VECTOR, VECTOR, VECTOR), called_from_python=False)
@@ -172,12 +218,13 @@ def raise_bins(
 def raise_alike(
     bound: Floats, levels: Levels, looked: Looked, tile: int, move: int, width: int, unit: float, constant: float
 ) -> float:  # fmt: skip
-    """Add constant + what is looked up, where all terms have one weight, to the bounds of a tile's bins (4 * 16,).
+    """Add constant + what is looked up, where all entries are alike, to the bounds of a tile's bins (4 * 16,).
 
     move: from the first letter to the one asked for. width: from a row of the tile to the next. unit: nats a level.
     Returns the highest bound; bounds are rounded up.
     """
-    level, number, at, inside = levels.level, looked.number[tile], looked.at[tile], looked.lanes[tile]
+    level, at, inside = levels.level, looked.at[tile], looked.lanes[tile]
+    number = len(inside)
     first = second = third = fourth = zeros()  # type: ignore[call-arg, var-annotated]
     # Unsigned, because a signed index is compiled with a test for negative ones.
     for begin in range(0, number, ALIKE):
@@ -193,25 +240,31 @@ def raise_alike(
     return raise_bins(bound, looked.lowest[tile], constant, unit, first, second, third, fourth)
 
 
-@compiled(float64(FLOATS, LEVELS, LOOKED, int64, int64, int64, float32, float32), called_from_python=False)
+@compiled(
+    float64(FLOATS, LEVELS, LOOKED, ENTRIES, int64, int64, int64, float32, float32), called_from_python=False
+)
 def raise_weighted(
-    bound: Floats, levels: Levels, looked: Looked, tile: int, move: int, width: int, unit: float, constant: float
+    bound: Floats, levels: Levels, looked: Looked, entries: Entries, tile: int, move: int, width: int, unit: float,
+    constant: float,
 ) -> float:  # fmt: skip
-    """Do what `raise_alike` does, where terms have weights of their own. unit: nats a level for a weight of 1."""
-    level, number, at, inside = levels.level, looked.number[tile], looked.at[tile], looked.lanes[tile]
-    weights = looked.weight[tile]
+    """Do what `raise_alike` does, where entries have weights of their own. unit: nats a level for a weight of 1."""
+    level, at, inside, other = levels.level, looked.at[tile], looked.lanes[tile], entries.other
+    number = len(inside)
     first = second = third = fourth = zeros()  # type: ignore[call-arg, var-annotated]
     for begin in range(0, number, WEIGHTED):
         words_1 = words_2 = words_3 = words_4 = no_words()
         for i in range(uint64(begin), uint64(min(number, begin + WEIGHTED))):
             place, lanes = at[i] + move, inside[i]
-            weight = weights[i]
-            words_1 = add_products(words_1, level, place, lanes, weight)
-            words_2 = add_products(words_2, level, place + width, lanes, weight)
-            words_3 = add_products(words_3, level, place + 2 * width, lanes, weight)
-            words_4 = add_products(words_4, level, place + 3 * width, lanes, weight)
+            there, weight, other_weight = place + other[i], entries.weight[i], entries.other_weight[i]
+            words_1 = add_products(words_1, level, place, there, lanes, weight, other_weight)
+            place, there = place + width, there + width
+            words_2 = add_products(words_2, level, place, there, lanes, weight, other_weight)
+            place, there = place + width, there + width
+            words_3 = add_products(words_3, level, place, there, lanes, weight, other_weight)
+            place, there = place + width, there + width
+            words_4 = add_products(words_4, level, place, there, lanes, weight, other_weight)
         first, second = add_words(first, words_1), add_words(second, words_2)
         third, fourth = add_words(third, words_3), add_words(fourth, words_4)
-    # Each product was rounded down by less than one.
+    # What each entry adds was rounded down by less than one.
     constant += unit * DIVISOR * number
     return raise_bins(bound, looked.lowest[tile], constant, unit * DIVISOR, first, second, third, fourth)

@@ -35,6 +35,17 @@ class Terms(NamedTuple):
 TERMS = types.NamedTuple((INTS, INTS, REALS_2D, FLOATS, REALS_2D, REALS, REALS), Terms)
 
 
+@compiled(int64(TERMS, int64, int64), called_from_python=False)
+def of_one_place(terms: Terms, first: int, last: int) -> int:
+    """Count the terms from number `first` on, `last` excluded, that follow each other at one place: a taxel's."""
+    xy, count = terms.xy, 1
+    while (
+        first + count < last and xy[first + count, 0] == xy[first, 0] and xy[first + count, 1] == xy[first, 1]
+    ):
+        count += 1
+    return count
+
+
 @compiled(types.boolean(TERMS, int64, INTS, INTS, FLOATS, REALS_2D, REALS, REALS_2D, REALS, REALS))
 def record(
     terms: Terms, reading: int, table: Ints, taxel: Ints, weight: Floats, taxel_xy: Reals, pose: Reals,

@@ -108,6 +108,24 @@ def add_times(typing: Any, total: Any, factor: Any, values: Any) -> Any:
 
 
 @intrinsic
+def add_where(typing: Any, total: Any, number: Any, lanes: Any) -> Any:
+    """Return total + a number where a bit of `lanes` is set."""
+
+    def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        total, number, lanes = args
+        inside = builder.bitcast(lanes, ir.VectorType(ir.IntType(1), LANES))
+        return builder.select(inside, builder.fadd(total, everywhere(builder, number, REALS)), total)
+
+    return VECTOR(VECTOR, float32, uint16), generate
+
+
+@intrinsic
+def plus(typing: Any, one: Any, other: Any) -> Any:
+    """Add two vectors."""
+    return VECTOR(VECTOR, VECTOR), lambda context, builder, signature, args: builder.fadd(*args)
+
+
+@intrinsic
 def raised(typing: Any, array: Any, index: Any, factor: Any, values: Any, others: Any) -> Any:
     """Add factor * values + others to array[index : index + LANES], float32, and return what it becomes.
 
@@ -208,21 +226,28 @@ def add_bytes(typing: Any, total: Any, array: Any, index: Any, lanes: Any) -> An
 
 
 @intrinsic
-def add_products(typing: Any, total: Any, array: Any, index: Any, lanes: Any, weight: Any) -> Any:
-    """Return total + array[index : index + LANES] * weight / DIVISOR, rounded down, where a bit of `lanes` is set.
+def add_products(
+    typing: Any, total: Any, array: Any, index: Any, other: Any, lanes: Any, weight: Any, other_weight: Any
+) -> Any:
+    """Return total + (array[index : index + LANES] * weight + array[other : other + LANES] * other_weight) / DIVISOR.
 
-    In 16 bits: a weight is at most 255, a sum 65,535. The array is of uint8, contiguous.
+    Rounded down; where a bit of `lanes` is set. In 16 bits: the weights are at most 257 together, a sum 65,535. The
+    array is of uint8, contiguous.
     """
 
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        total, array, index, lanes, weight = args
-        there = address(context, builder, signature.args[1], array, index, _BYTES)
-        values = builder.zext(builder.load(there, align=1), _WORDS.held)
-        values = builder.mul(values, everywhere(builder, builder.zext(weight, ir.IntType(16)), _WORDS.held))
+        total, array, index, other, lanes, weight, other_weight = args
+        products = []
+        for begin, factor in ((index, weight), (other, other_weight)):
+            there = address(context, builder, signature.args[1], array, begin, _BYTES)
+            values = builder.zext(builder.load(there, align=1), _WORDS.held)
+            factor = everywhere(builder, builder.zext(factor, ir.IntType(16)), _WORDS.held)
+            products.append(builder.mul(values, factor))
+        values = builder.add(*products)
         values = builder.lshr(values, ir.Constant(_WORDS.held, [DIVISOR.bit_length() - 1] * LANES))
         return builder.add(total, _only(builder, values, lanes))
 
-    return _WORDS(_WORDS, array, index, uint16, uint8), generate
+    return _WORDS(_WORDS, array, index, other, uint16, uint8, uint8), generate
 
 
 @intrinsic

@@ -59,6 +59,7 @@ class CoarseBins:
         self._coarse.log_p[:] = 0
         self._coarse.seen[:] = 0
         self._taken_in, self._waits = 0, -math.inf
+        self._likely = np.zeros(0, dtype=np.int64)
         self.listed = np.zeros(1, dtype=np.int64), np.zeros(1)
 
     def take_in(self, keep: int, within: float) -> tuple[NDArray[np.int64], FloatArray]:
@@ -68,9 +69,9 @@ class CoarseBins:
         indices into (letters, angles, rows, columns), and log-beliefs.
         """
         field, count = self._field, len(self._field)
-        flat, log_p, self._waits, evaluated = best_bins(
+        flat, log_p, self._waits, evaluated, self._likely = best_bins(
             self._coarse, self._levels, self._layout, field.terms, field.tables.sampled, self._turns,
-            self._taken_in, count, self._skip, keep, within, _ROUNDING,
+            self._taken_in, count, self._skip, keep, within, _ROUNDING, self._likely,
         )  # fmt: skip
         every = len(field.labels) * self._grid.bins * (count - self._taken_in)
         self.evaluated += evaluated

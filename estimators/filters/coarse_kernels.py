@@ -27,18 +27,19 @@ from tactsim.estimators.field.table_levels import (
     LEVELS,
     Levels,
     Looked,
+    entries_of,
     look_up,
     raise_alike,
     raise_weighted,
-    weights_of,
 )
 from tactsim.estimators.field.terms import ROUNDING, TERMS, Terms
 from tactsim.estimators.field.vectors import LANES, TALL, fetch
 from tactsim.estimators.filters.halving import middles
 
-# A tile for so many of the best bins is looked at first; and how many times as many tiles each time after that.
-_NEIGHBOURS, _MORE = 10, 2
-# For so many tiles times terms it is kept at once where they look up bounds, 11 bytes each.
+# A tile for so many of the best bins is looked at first; how many times as many each time after that, and at first if
+# the likely bins are known.
+_NEIGHBOURS, _MORE, _LIKELY = 10, 2, 4
+# For so many tiles times terms it is kept at once where they look up bounds, 10 bytes each.
 _LOOKED = 2**20
 # So many bins catch up at once, with some 90 bytes each.
 _BINS = 2**16
@@ -110,20 +111,18 @@ def bound_all(
 ) -> None:
     """Let the upper bounds of all bins take in a reading. turns: (angles, 2) cos and sin."""
     letters, angles, tiles = layout.shape[1], len(turns), len(coarse.bound) // layout.shape[1]
-    longest, of_angle = terms.start[reading + 1] - terms.start[reading], tiles // angles
+    entries, of_angle = entries_of(levels, layout, terms, reading), tiles // angles
+    longest = len(entries.term)
     together = min(angles, max(1, _LOOKED // max(1, of_angle * longest)))
     looked = Looked(
         np.empty((together * of_angle, longest), dtype=np.int64),
-        np.empty((together * of_angle, longest), dtype=np.uint8),
         np.empty((together * of_angle, longest), dtype=np.uint16),
-        np.empty(together * of_angle, dtype=np.int64),
         np.empty((together * of_angle, LANES), dtype=np.float32),
     )
     width, nodes = layout.shape[5], layout.shape[2] * layout.shape[3] * layout.plane
     kinds = np.unique(terms.kind[terms.start[reading] : terms.start[reading + 1]])
-    change = np.empty((of_angle, LANES + 1))
-    lightest, heaviest = weights_of(terms, reading)
-    unit = levels.step[0] * heaviest
+    pieces = np.empty((5, longest), dtype=np.int64)
+    unit = levels.step[0] * entries.heaviest
     # What float32 may lose of the sums of levels and of lowest values, which are at most HIGHEST steps below 0. Then by
     # how much it may move what a table says, by moving a place along both axes.
     slack = terms.slack[reading] + (longest + 6) * ROUNDING * longest * HIGHEST * unit
@@ -133,8 +132,8 @@ def bound_all(
         for i in range(some):
             fetch_part(levels.level, kinds, layout.table, 0, nodes, i, some)
             look_up(
-                looked, levels, layout, terms, reading, i * of_angle, coarse.counts[1], coarse.counts[0],
-                turns[begin + i, 0], turns[begin + i, 1], change,
+                looked, entries, layout, terms, reading, i * of_angle, coarse.counts[1], coarse.counts[0],
+                turns[begin + i, 0], turns[begin + i, 1], pieces,
             )  # fmt: skip
         for letter in range(letters):
             constant = terms.constant[reading, letter]
@@ -144,10 +143,12 @@ def bound_all(
                     fetch_part(levels.level, kinds, layout.table, letter + 1, nodes, tile, some * of_angle)
                 place, move = letter * tiles + begin * of_angle + tile, letter * nodes
                 here = coarse.upper[place]
-                if heaviest == lightest:
+                if entries.alike:
                     bound = raise_alike(here, levels, looked, tile, move, width, unit, constant)
                 else:
-                    bound = raise_weighted(here, levels, looked, tile, move, width, unit / HIGHEST, constant)
+                    bound = raise_weighted(
+                        here, levels, looked, entries, tile, move, width, unit / HIGHEST, constant
+                    )
                 coarse.bound[place] = bound
 
 
@@ -256,29 +257,61 @@ def catch_up(coarse: Coarse, place: Ints, terms: Terms, sampled: Sampled, count:
     return evaluated
 
 
+@compiled(types.Tuple((float64, int64))(COARSE, INTS, TERMS, SAMPLED, int64, REALS), called_from_python=False)
+def wait_no_longer(
+    coarse: Coarse, place: Ints, terms: Terms, sampled: Sampled, count: int, kept: Reals
+) -> tuple[float, int]:
+    """Let bins take in all of `count` readings, and leave them out of the bounds until they get one again.
+
+    place: (n,) their places in `Coarse.upper`, ascending. kept: the highest log-beliefs so far, as `replace_least`
+    takes them. Returns the highest log-belief of these bins, and how many times one took in a reading.
+    """
+    upper, log_p = coarse.upper.reshape(coarse.upper.size), coarse.log_p.reshape(coarse.log_p.size)
+    best, evaluated, last = -np.inf, 0, -1
+    for begin in range(0, len(place), _BINS):
+        evaluated += catch_up(coarse, place[begin : begin + _BINS], terms, sampled, count)
+    for i in place:
+        best = max(best, log_p[i])
+        replace_least(kept, log_p[i])
+        upper[i] = -np.inf
+    for i in place:
+        tile = i // (TALL * LANES)
+        if tile != last:
+            coarse.bound[tile] = float64(coarse.upper[tile].max())
+        last = tile
+    return best, evaluated
+
+
 @compiled(
-    types.Tuple((INTS, REALS, float64, int64))(
-        COARSE, LEVELS, LAYOUT, TERMS, SAMPLED, REALS_2D, int64, int64, boolean, int64, float64, float64
+    types.Tuple((INTS, REALS, float64, int64, INTS))(
+        COARSE, LEVELS, LAYOUT, TERMS, SAMPLED, REALS_2D, int64, int64, boolean, int64, float64, float64, INTS
     )
 )
 def best_bins(
-    coarse: Coarse, levels: Levels, layout: Layout, terms: Terms, sampled: Sampled, turns: Reals,
-    first: int, count: int, skip: bool, keep: int, within: float, rounding: float,
-) -> tuple[Ints, Reals, float, int]:  # fmt: skip
+    coarse: Coarse, levels: Levels, layout: Layout, terms: Terms, sampled: Sampled, turns: Reals, first: int,
+    count: int, skip: bool, keep: int, within: float, rounding: float, likely: Ints,
+) -> tuple[Ints, Reals, float, int, Ints]:  # fmt: skip
     """Take in readings number first + 1, ..., `count`, one at least, and list the bins that matter.
 
     turns: (angles, 2) cos and sin. skip: whether bins may wait. Listed are all bins at most `within` nats below the
     best, and in any case the best `keep` and one more; up to `rounding` nats further, for the sake of equal ones.
-    Returns flat indices and log-beliefs, a bound of all bins that wait, and how many times a bin took in a reading.
+    likely: places in `Coarse.upper`, ascending, of bins that are evaluated first if bins may wait; any will do.
+
+    Returns flat indices and log-beliefs, a bound of all bins that wait, how many times a bin took in a reading, and the
+    places of the best `keep` and one more, which are likely to be among the best after the next reading.
     """
+    known, evaluated, more = np.empty(0, dtype=np.int64), 0, 1 + keep // _NEIGHBOURS
+    kept, best = np.full(keep + 1, -np.inf), -np.inf
     if skip:
         for reading in range(first, count):
             bound_all(coarse, levels, layout, terms, turns, reading)
-    upper, log_p = coarse.upper.reshape(coarse.upper.size), coarse.log_p.reshape(coarse.log_p.size)
-    known, evaluated, more = np.empty(0, dtype=np.int64), 0, 1 + keep // _NEIGHBOURS
-    kept, best, least = np.full(keep + 1, -np.inf), -np.inf, -np.inf
-    waits = np.inf
+        if len(likely):
+            best, evaluated = wait_no_longer(coarse, likely, terms, sampled, count, kept)
+            known, more = likely, more * _LIKELY
     while True:
+        waits = -np.inf
+        for bound in coarse.bound:
+            waits = max(waits, bound)
         least = best - within - rounding
         if not kept[0] >= least > -np.inf:
             # Fewer than asked for are as near the best: what matters is the last of the best `keep` and one more.
@@ -291,21 +324,13 @@ def best_bins(
         place = bounded_by(coarse, least)
         if not len(place):
             break  # a log-belief is no number
-        for begin in range(0, len(place), _BINS):
-            evaluated += catch_up(coarse, place[begin : begin + _BINS], terms, sampled, count)
-        for i in place:
-            best = max(best, log_p[i])
-            replace_least(kept, log_p[i])
-            upper[i] = -np.inf  # until all that matter are known
+        best_here, evaluated_here = wait_no_longer(coarse, place, terms, sampled, count, kept)
+        best, evaluated = max(best, best_here), evaluated + evaluated_here
         known = merged(known, place)
-        waits = -np.inf
-        for tile in range(len(coarse.bound)):
-            if coarse.bound[tile] >= least:
-                coarse.bound[tile] = float64(coarse.upper[tile].max())
-            waits = max(waits, coarse.bound[tile])
+    upper, log_p = coarse.upper.reshape(coarse.upper.size), coarse.log_p.reshape(coarse.log_p.size)
     for i in known:
         value = float32(log_p[i])
         upper[i] = value * (_LESS if value < 0 else _GREATER)
         coarse.bound[i // (TALL * LANES)] = max(coarse.bound[i // (TALL * LANES)], float64(upper[i]))
     known = known[log_p[known] >= least]
-    return bins_at(coarse, known), log_p[known], waits, evaluated
+    return bins_at(coarse, known), log_p[known], waits, evaluated, known[log_p[known] >= kept[0]]

@@ -9,7 +9,8 @@ import numpy as np
 from numba import boolean, float64, int64, types, void
 
 from tactsim.core.compiling import INTS, INTS_2D, REALS, REALS_2D, Ints, Reals, compiled
-from tactsim.estimators.field.replay import SAMPLED, Sampled, replay
+from tactsim.estimators.field.replay import SAMPLED, Sampled
+from tactsim.estimators.field.squares import replay_squares
 from tactsim.estimators.field.terms import TERMS, Terms
 
 
@@ -97,25 +98,25 @@ def halve(half: Ints, cell: Ints, counts: Ints) -> None:
             half[8 * i + part] = ((of * angles + turn) * rows + y) * columns + x
 
 
-@compiled(void(REALS_2D, INTS, INTS, int64, INTS, REALS), called_from_python=False)
-def middles_of_halves(
-    state: Reals, letter: Ints, cell: Ints, times: int, counts: Ints, spacing: Reals
+@compiled(void(REALS_2D, REALS_2D, REALS, INTS, INTS, int64, INTS, REALS), called_from_python=False)
+def squares_of_halves(
+    x: Reals, y: Reals, angle: Reals, letter: Ints, cell: Ints, times: int, counts: Ints, spacing: Reals
 ) -> None:
     """Do what `middles` does for the eight halves of each of n cells that were halved `times` times.
 
-    Fills state (3, 8 * n) and letter (8 * n,), in the order of `halve`. A cell's place is found once for all its
-    halves, since divisions take long.
+    They are two squares of states as `replay_squares` takes them, in the order of `halve`: fills x, y (2 * n, 2), angle
+    and letter (2 * n,). A cell's place is found once for all its halves, since divisions take long.
     """
     columns, rows, angles = counts[0] << times, counts[1] << times, counts[2] << times
     size = 0.5 ** (times + 1)
     for i in range(len(cell)):
-        of, angle, row, column = unravelled(cell[i], columns, rows, angles)
-        for part in range(8):
-            x, y, turn = 2 * column + (part & 1), 2 * row + (part >> 1 & 1), 2 * angle + (part >> 2)
-            letter[8 * i + part] = of
-            state[0, 8 * i + part] = (x + 0.5 - columns) * size * spacing[0]
-            state[1, 8 * i + part] = (y + 0.5 - rows) * size * spacing[1]
-            state[2, 8 * i + part] = (turn + 0.5 - angles) * size * spacing[2]
+        of, turn, row, column = unravelled(cell[i], columns, rows, angles)
+        for part in range(2):
+            square = 2 * i + part
+            letter[square], angle[square] = of, (2 * turn + part + 0.5 - angles) * size * spacing[2]
+            for k in range(2):
+                x[square, k] = (2 * column + k + 0.5 - columns) * size * spacing[0]
+                y[square, k] = (2 * row + k + 0.5 - rows) * size * spacing[1]
 
 
 @compiled(
@@ -144,16 +145,20 @@ def evaluate(
             if there < before.number[times] and before.cell[times, there] == cell[i]:
                 place[i] = there
                 known += 1
+    wide, tall = 0.5 ** (times + 1) * spacing[0], 0.5 ** (times + 1) * spacing[1]
     for old in range(2):
         these = np.flatnonzero((place >= 0) == (old == 1))
-        total, state = np.zeros(8 * len(these)), np.empty((3, 8 * len(these)))
-        letter = np.empty(8 * len(these), dtype=np.int64)
-        middles_of_halves(state, letter, cell[these], times, counts, spacing)
-        replay(total, state, letter, terms, readings - 1 if old else 0, readings, sampled)
+        squares = 2 * len(these)
+        total, x, y = np.zeros((squares, 4)), np.empty((squares, 2)), np.empty((squares, 2))
+        angle, letter = np.empty(squares), np.empty(squares, dtype=np.int64)
+        squares_of_halves(x, y, angle, letter, cell[these], times, counts, spacing)
+        replay_squares(
+            total, x, y, angle, letter, wide, tall, terms, readings - 1 if old else 0, readings, sampled
+        )
         for k in range(len(these)):
             i = these[k]
             for part in range(8):
-                log_p[8 * i + part] = total[8 * k + part]
+                log_p[8 * i + part] = total[2 * k + part // 4, part % 4]
                 if old:
                     log_p[8 * i + part] += before.log_p[times, 8 * place[i] + part]
     return known

@@ -204,14 +204,16 @@ def test_a_bin_that_waited_for_long_takes_in_what_it_waited_for(model):
     assert waited > 2  # some for longer than others, at one reading
 
 
+@pytest.mark.parametrize("each", [1, 2, 3])
 @pytest.mark.parametrize("weights", [(1.0,), (1.0, 0.25), (1.0, 1e-6, 0.0), (1e-30, 3e-30), (0.0,)])
-def test_any_number_of_terms_and_any_weights_are_bounded(model, weights):
+def test_any_number_of_terms_and_any_weights_are_bounded(model, weights, each):
+    """each: how many terms of a taxel follow each other, of which two are bounded together."""
     grid = StateGrid(12, 13, 5)
     field = field_of(model, grid)
     lazy = CoarseBins(field, grid, True)
     highest = int(np.argmax(field.tables.highest))
     for terms in (1, 5, 63, 64, 65, 1024, 1025, 3001):
-        table, taxel = np.full(terms, highest), np.arange(terms) % 36
+        table, taxel = np.full(terms, highest), np.arange(terms) // each % 36
         weight = np.resize(np.array(weights, dtype=np.float32), terms)
         field.append(Evidence(table, taxel, weight), np.array([1.0, 2.0, 0.3]))
         lazy.take_in(3, 1.0)
