@@ -115,10 +115,15 @@ def levels_of(nodes: NDArray[np.int16], unit: float, phases: tuple[int, int]) ->
 
 def _bounds(table: NDArray[np.int16], lowest: int, step: int) -> NDArray[np.uint8]:
     """Count the steps from the lowest up to the largest of four nodes for each place (letters, rows, columns)."""
-    largest = table.astype(np.int32)
+    largest = table.copy()
     largest[..., :-1] = np.maximum(largest[..., :-1], largest[..., 1:])
     largest[..., :-1, :] = np.maximum(largest[..., :-1, :], largest[..., 1:, :])
-    return (-((lowest - largest) // step)).astype(np.uint8)
+    # In 16 bits, where differences of numbers with a sign are right without one: tables of many letters are large.
+    above = largest.view(np.uint16)
+    above -= np.uint16(lowest & 0xFFFF)
+    steps = above // np.uint16(step)
+    steps += steps * np.uint16(step) < above
+    return steps.astype(np.uint8)
 
 
 @compiled(ENTRIES(LEVELS, LAYOUT, TERMS, int64), called_from_python=False)

@@ -61,7 +61,7 @@ def measure(name, path):
             estimator.update(readings[touch], poses[touch])
             estimator.estimate()
             spent[trial, touch] = time.process_time() - begin
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 / 1e9
     each, early, first = (1e3 * part.mean() for part in (spent, spent[:, :EARLY], spent[:, 0]))
     print(f"{each:.2f} {early:.2f} {first:.2f} {fitted:.1f} {peak:.2f}")
 
