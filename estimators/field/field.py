@@ -13,6 +13,7 @@ from tactsim.core.poses import FloatArray
 from tactsim.estimators.field.replay import replay
 from tactsim.estimators.field.slices import Layout, Slices, laid_out, layout_of
 from tactsim.estimators.field.tables import Tables, pooled, tabulate
+from tactsim.estimators.field.term_vectors import Vectors, most_vectors, no_vectors, put_in_vectors
 from tactsim.estimators.field.terms import Terms, record
 from tactsim.estimators.likelihoods.likelihood import Evidence, Likelihood
 
@@ -50,6 +51,7 @@ class LikelihoodField:
             upper=np.zeros(65),
             slack=np.zeros(64),
         )
+        self._vectors = no_vectors(64, 512)
         self.reset()
 
     def __len__(self) -> int:
@@ -71,7 +73,7 @@ class LikelihoodField:
 
     def reset(self) -> None:
         """Forget all readings."""
-        self._readings = self.longest = 0
+        self._readings = self.longest = self._in_vectors = 0
 
     def append(self, evidence: Evidence, sensor_in_robot: FloatArray) -> None:
         """Add the terms of a reading taken at a pose [mm, mm, rad].
@@ -105,6 +107,18 @@ class LikelihoodField:
         )  # fmt: skip
         return log_p
 
+    @property
+    def vectors(self) -> Vectors:
+        """Give the terms of all readings in vectors. They are put there only if somebody asks for it."""
+        if self._in_vectors < self._readings:
+            self._make_room_for_vectors()
+            nodes = self.tables.nodes
+            put_in_vectors(
+                self._vectors, self.terms, self._in_vectors, self._readings, self.tables.unit, nodes[0].size
+            )
+            self._in_vectors = self._readings
+        return self._vectors
+
     def layout(self, first: FloatArray, spacing: tuple[float, float]) -> Layout:
         """Say where a grid of bins finds what it reads. Arguments as for `slices`."""
         return _layout(self.tables, first, spacing)
@@ -128,6 +142,17 @@ class LikelihoodField:
             by_term = ("kind", "xy", "weight")
             terms = terms._replace(**{name: _doubled(getattr(terms, name)) for name in by_term})
         self.terms = terms
+
+    def _make_room_for_vectors(self) -> None:
+        vectors, start = self._vectors, self.terms.start
+        new = np.diff(start[self._in_vectors : self._readings + 1])
+        while len(vectors.places) <= self._readings:
+            vectors = vectors._replace(places=_doubled(vectors.places), terms=_doubled(vectors.terms))
+        filled = max(vectors.places[self._in_vectors], vectors.terms[self._in_vectors])
+        while len(vectors.at_place) < filled + sum(most_vectors(int(count)) for count in new):
+            by_vector = ("at_place", "x", "y", "factor", "table")
+            vectors = vectors._replace(**{name: _doubled(getattr(vectors, name)) for name in by_vector})
+        self._vectors = vectors
 
 
 def _layout(tables: Tables, first: FloatArray, spacing: tuple[float, float]) -> Layout:

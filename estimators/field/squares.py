@@ -5,13 +5,14 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import boolean, float32, float64, int16, int32, int64, types, uint64, void
+from numba import boolean, float64, int16, int32, int64, types, uint64, void
 from numpy.typing import NDArray
 
 from tactsim.core.compiling import FLOATS, FLOATS_2D, INTS, REALS, REALS_2D, Floats, Ints, Reals, compiled
 from tactsim.estimators.field.replay import SAMPLED, Sampled, replay
 from tactsim.estimators.field.series import cos_sin
-from tactsim.estimators.field.terms import TERMS, Terms, of_one_place
+from tactsim.estimators.field.term_vectors import VECTORS, Vectors
+from tactsim.estimators.field.terms import TERMS, Terms
 from tactsim.estimators.field.vectors import LANES
 from tactsim.estimators.field.windows import (
     KEPT,
@@ -32,29 +33,12 @@ _LOW, _TALL = 1 - 2.0**-6, 2 - 2.0**-6
 _MOST_NODES = 2**32
 
 
-class Vectors(NamedTuple):
-    """The terms of one reading, and the places where they lie, in vectors of LANES.
-
-    x, y: of the places, mm. terms: how many vectors of terms lie at each vector of places. factor, table: of the terms,
-    times `Sampled.unit`, and nodes from the first table to the term's. Arrays may be longer than what is filled.
-    """
-
-    x: Floats
-    y: Floats
-    terms: Ints
-    factor: Floats
-    table: NDArray[np.int32]
-
-
-VECTORS = types.NamedTuple((FLOATS, FLOATS, INTS, FLOATS, int32[::1]), Vectors)
-
-
 class Found(NamedTuple):
     """Where some squares see some of a reading's terms. For each vector of places there is a slot, square by square.
 
     window, into, share: of the slots, as `find_windows` fills them. at: (squares, LANES * vectors of terms), for each
-    term the first node of its window, from the letter's first in the first table. total: (squares, 4 * LANES) partial
-    sums.
+    term the first node of its window, counted from the letter's first in the first table. total: (squares, 4 * LANES)
+    partial sums.
     """
 
     window: NDArray[np.int32]
@@ -67,66 +51,26 @@ class Found(NamedTuple):
 FOUND = types.NamedTuple((int32[::1], int32[::1], FLOATS, int32[:, ::1], FLOATS_2D), Found)
 
 
-@compiled(int64(TERMS, int64), called_from_python=False)
-def terms_of_taxel(terms: Terms, reading: int) -> int:
-    """Find how many terms each taxel of a reading has, if these are alike and follow each other; 1 otherwise.
-
-    Also 1 if there are fewer taxels than LANES.
-    """
-    begin, end = terms.start[reading], terms.start[reading + 1]
-    each = of_one_place(terms, begin, end)
-    if (end - begin) % each or end - begin < each * LANES:
-        return 1
-    for i in range(begin, end, each):
-        if of_one_place(terms, i, i + each) < each:
-            return 1
-    return each
-
-
-@compiled(int64(VECTORS, TERMS, int64, float32, int64), called_from_python=False)
-def in_vectors(vectors: Vectors, terms: Terms, reading: int, unit: float, table_nodes: int) -> int:
-    """Put a reading's terms into vectors, and return how many there are of places.
-
-    Terms of one taxel share its place where they can. table_nodes: how many nodes a table has.
-    """
-    each, begin, end = terms_of_taxel(terms, reading), terms.start[reading], terms.start[reading + 1]
-    of_places, of_terms = 0, 0
-    while begin < end:
-        # What is left over may fit into one vector of terms, each with a place of its own.
-        apart = 1 if end - begin <= LANES else each
-        filled = min(LANES, (end - begin) // apart)
-        for lane in range(LANES):
-            # The lanes that remain are at the last place, and count nothing.
-            i, place = begin + min(lane, filled - 1) * apart, of_places * LANES + lane
-            vectors.x[place], vectors.y[place] = terms.xy[i, 0], terms.xy[i, 1]
-            for k in range(apart):
-                there = (of_terms + k) * LANES + lane
-                vectors.factor[there] = terms.weight[i + k] * unit if lane < filled else float32(0)
-                vectors.table[there] = int32(terms.kind[i + k] * table_nodes)
-        vectors.terms[of_places] = apart
-        of_places, of_terms, begin = of_places + 1, of_terms + apart, begin + filled * apart
-    return of_places
-
-
 @compiled(void(FOUND, VECTORS, *[int64] * 3, FLOATS_2D, int32[::1]), called_from_python=False)
 def find_terms(
-    found: Found, vectors: Vectors, first: int, last: int, filled: int, square: Floats, limits: NDArray[np.int32]
+    found: Found, vectors: Vectors, first: int, last: int, term: int, square: Floats, limits: NDArray[np.int32]
 ) -> None:  # fmt: skip
-    """Find where squares see the terms at the places first, ..., last - 1, vectors both.
+    """Find where squares see the terms at the places first, ..., last - 1.
 
-    filled: how many terms come before, in lanes. square, limits: as `find_windows` takes them.
+    first, last, term: numbers of vectors, of places and of the terms at the first of them. square, limits: as
+    `find_windows` takes them.
     """
     lanes, slot = uint64(LANES), uint64(0)
     for i in range(len(square)):
-        term = uint64(filled)
+        here, there = uint64(0), uint64(term * LANES)
         for place in range(first, last):
             find_windows(  # type: ignore[call-arg]
                 found.window, found.into, found.share, slot, vectors.x, vectors.y, uint64(place) * lanes, square[i],
                 limits,
             )  # fmt: skip
-            for _ in range(vectors.terms[place]):
-                add_vectors(found.at[i], term, found.window, slot * lanes, vectors.table)
-                term += lanes
+            for _ in range(vectors.at_place[place]):
+                add_vectors(found.at[i], here, found.window, slot * lanes, vectors.table, there)
+                here, there = here + lanes, there + lanes
             slot += uint64(1)
 
 
@@ -136,26 +80,29 @@ def find_terms(
     called_from_python=False,
 )
 def add_terms(
-    found: Found, vectors: Vectors, first: int, last: int, filled: int, nodes: NDArray[np.int16], letter: Ints,
-    plane: int, row: int, low: bool,
+    found: Found, vectors: Vectors, first: int, last: int, term: int, nodes: NDArray[np.int16], letter: Ints,
+    plane: int, columns: int, low: bool,
 ) -> int:  # fmt: skip
-    """Add what the terms say that `find_terms` found, and return how many terms come before the next, in lanes.
+    """Add what the terms say that `find_terms` found, and return the number of the first vector after them.
 
-    nodes: flat. letter: of the squares. plane, row: nodes of a letter in a table, and in a row. low: whether windows
-    have three rows, or four.
+    nodes: flat. letter: of the squares. plane: nodes of a letter in a table. low: whether windows have three rows, or
+    four.
     """
-    into, share, factor, slot, term = found.into, found.share, vectors.factor, uint64(0), uint64(filled)
+    into, share, factor, slot, row = found.into, found.share, vectors.factor, uint64(0), uint64(columns)
+    here = there = uint64(0)
     for i in range(len(letter)):
-        at, total, begin, term = found.at[i], found.total[i], uint64(letter[i] * plane), uint64(filled)
+        at, total, begin, here, there = (
+            found.at[i], found.total[i], uint64(letter[i] * plane), uint64(0), uint64(term * LANES),
+        )  # fmt: skip
         for place in range(first, last):
-            for _ in range(vectors.terms[place]):
+            for _ in range(vectors.at_place[place]):
                 if low:
-                    add_low_windows(total, nodes, begin, uint64(row), at, factor, term, into, share, slot)
+                    add_low_windows(total, nodes, begin, row, at, here, factor, there, into, share, slot)
                 else:
-                    add_tall_windows(total, nodes, begin, uint64(row), at, factor, term, into, share, slot)
-                term += uint64(LANES)
+                    add_tall_windows(total, nodes, begin, row, at, here, factor, there, into, share, slot)
+                here, there = here + uint64(LANES), there + uint64(LANES)
             slot += uint64(1)
-    return int(term)
+    return term + int(here) // LANES
 
 
 @compiled(FLOATS_2D(REALS_2D, REALS_2D, REALS, REALS), called_from_python=False)
@@ -172,55 +119,42 @@ def on_lattice(x: Reals, y: Reals, angle: Reals, lattice: Reals) -> Floats:
     return square
 
 
-@compiled(void(REALS_2D, FLOATS_2D, INTS, TERMS, int64, int64, SAMPLED, boolean), called_from_python=False)
+@compiled(
+    void(REALS_2D, FLOATS_2D, INTS, TERMS, VECTORS, int64, int64, SAMPLED, boolean), called_from_python=False
+)
 def replay_windows(
-    log_p: Reals,
-    square: Floats,
-    letter: Ints,
-    terms: Terms,
-    first: int,
-    last: int,
-    sampled: Sampled,
-    low: bool,
-) -> None:
+    log_p: Reals, square: Floats, letter: Ints, terms: Terms, vectors: Vectors, first: int, last: int,
+    sampled: Sampled, low: bool,
+) -> None:  # fmt: skip
     """Do what `replay_squares` does where squares fit into windows.
 
     square: (n, 8) as `find_windows` takes them. low: whether windows of three rows are enough.
     """
     nodes = sampled.nodes
-    _, letters, rows, columns = nodes.shape
+    rows, columns = nodes.shape[2], nodes.shape[3]
     flat, plane, squares, longest = nodes.reshape(nodes.size), rows * columns, len(letter), 0
     limits = np.array([columns - 1, rows - 1, columns - WIDE, rows - (3 if low else 4)], dtype=np.int32)
     for reading in range(first, last):
-        longest = max(longest, terms.start[reading + 1] - terms.start[reading])
-    # A vector of terms is not full where no more are left, or no more taxels, of which there were LANES or more.
-    most = 2 * longest // LANES + 2
-    vectors = Vectors(
-        np.empty(most * LANES, dtype=np.float32),
-        np.empty(most * LANES, dtype=np.float32),
-        np.empty(most, dtype=np.int64),
-        np.empty(most * LANES, dtype=np.float32),
-        np.empty(most * LANES, dtype=np.int32),
-    )
+        longest = max(longest, vectors.terms[reading + 1] - vectors.terms[reading])
     found = Found(
         np.empty(_SLOTS * LANES, dtype=np.int32),
         np.empty(_SLOTS * KEPT * LANES, dtype=np.int32),
         np.empty(_SLOTS * KEPT * LANES, dtype=np.float32),
-        np.empty((_SLOTS, most * LANES), dtype=np.int32),
+        np.empty((_SLOTS, longest * LANES), dtype=np.int32),
         np.empty((_SLOTS, 4 * LANES), dtype=np.float32),
     )
     sums = np.empty(4, dtype=np.float32)
     for reading in range(first, last):
-        places = in_vectors(vectors, terms, reading, sampled.unit, letters * rows * columns)
-        together = max(1, _SLOTS // max(1, places))
+        places, last_place = vectors.places[reading], vectors.places[reading + 1]
+        together = max(1, _SLOTS // max(1, last_place - places))
         for begin in range(0, squares, together):
-            end, filled = min(begin + together, squares), 0
+            end, term = min(begin + together, squares), vectors.terms[reading]
             found.total[: end - begin] = 0
-            for place in range(0, places, _SLOTS):
-                last_place = min(place + _SLOTS, places)
-                find_terms(found, vectors, place, last_place, filled, square[begin:end], limits)
-                filled = add_terms(
-                    found, vectors, place, last_place, filled, flat, letter[begin:end], plane, columns, low
+            for place in range(places, last_place, _SLOTS):
+                after = min(place + _SLOTS, last_place)
+                find_terms(found, vectors, place, after, term, square[begin:end], limits)
+                term = add_terms(
+                    found, vectors, place, after, term, flat, letter[begin:end], plane, columns, low
                 )
             for i in range(begin, end):
                 add_up(sums, found.total[i - begin])  # type: ignore[call-arg]
@@ -228,22 +162,24 @@ def replay_windows(
                     log_p[i, k] += terms.constant[reading, letter[i]] + sums[k]
 
 
-@compiled(void(REALS_2D, REALS_2D, REALS_2D, REALS, INTS, float64, float64, TERMS, int64, int64, SAMPLED))
+@compiled(
+    void(REALS_2D, REALS_2D, REALS_2D, REALS, INTS, float64, float64, TERMS, VECTORS, int64, int64, SAMPLED)
+)
 def replay_squares(
-    log_p: Reals, x: Reals, y: Reals, angle: Reals, letter: Ints, wide: float, tall: float, terms: Terms, first: int,
-    last: int, sampled: Sampled,
+    log_p: Reals, x: Reals, y: Reals, angle: Reals, letter: Ints, wide: float, tall: float, terms: Terms,
+    vectors: Vectors, first: int, last: int, sampled: Sampled,
 ) -> None:  # fmt: skip
     """Do what `replay` does at squares of states, as fast as at fewer states where squares are small.
 
     log_p: (squares, 4) of the states [y, x]. x, y: (squares, 2) mm, ascending. angle, letter: (squares,), of T_R^O.
     wide, tall: mm, how far x and y of all squares are apart. If these are two steps of the lattice or more it is
-    `replay` that is called; otherwise sums are rounded in another order.
+    `replay` that is called; otherwise sums are rounded in another order. vectors: of the terms.
     """
     nodes, lattice, squares = sampled.nodes, sampled.lattice, len(letter)
     small = wide <= _TALL * lattice[2] and tall <= _TALL * lattice[3]
     if small and min(nodes.shape[2], nodes.shape[3]) >= WIDE and nodes.size < _MOST_NODES:
         square, low = on_lattice(x, y, angle, lattice), tall <= _LOW * lattice[3]
-        replay_windows(log_p, square, letter, terms, first, last, sampled, low)
+        replay_windows(log_p, square, letter, terms, vectors, first, last, sampled, low)
         return
     state, of_state = np.empty((3, 4 * squares)), np.empty(4 * squares, dtype=np.int64)
     for k in range(4 * squares):

@@ -84,19 +84,19 @@ def find_windows(
 
 
 @intrinsic
-def add_vectors(typing: Any, sums: Any, first: Any, one: Any, begin: Any, other: Any) -> Any:
-    """Fill sums[first : first + LANES] with one[begin : begin + LANES] + other[first : first + LANES], all int32."""
+def add_vectors(typing: Any, sums: Any, to: Any, one: Any, here: Any, other: Any, there: Any) -> Any:
+    """Fill sums[to : to + LANES] with one[here : here + LANES] + other[there : there + LANES], all int32."""
 
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         place, left, right = (
             address(context, builder, signature.args[number], args[number], index, WHOLES)
-            for number, index in ((0, args[1]), (2, args[3]), (4, args[1]))
+            for number, index in ((0, args[1]), (2, args[3]), (4, args[5]))
         )
         values = builder.add(builder.load(left, align=4), builder.load(right, align=4))
         builder.store(values, place, align=4)
         return context.get_dummy_value()
 
-    return types.void(sums, uint64, one, uint64, other), generate
+    return types.void(sums, uint64, one, uint64, other, uint64), generate
 
 
 def _adder(tall: int) -> Any:
@@ -104,40 +104,35 @@ def _adder(tall: int) -> Any:
 
     @intrinsic
     def add_windows(
-        typing: Any, total: Any, nodes: Any, begin: Any, row: Any, at: Any, factor: Any, first: Any, into: Any,
-        share: Any, slot: Any,
+        typing: Any, total: Any, nodes: Any, begin: Any, row: Any, at: Any, here: Any, factor: Any, there: Any,
+        into: Any, share: Any, slot: Any,
     ) -> Any:  # fmt: skip
-        """Add what the terms first, ..., first + LANES - 1 say at a square of states to its four sums.
+        """Add what LANES terms say at a square of states to its four sums.
 
         total: (4 * LANES,) float32, for the states [y, x] LANES partial sums each. nodes: flat, int16. begin: index of
-        the letter's first node in the first table. row: nodes in a row. at: int32, of the terms, from there to the
-        first node of the window. factor: float32, of the terms. into, share, slot: of their places, as `find_windows`
-        fills them.
+        the letter's first node in the first table. row: nodes in a row. at: int32, from `here` on, of the terms, how
+        far it is from there to the first node of the window. factor: float32, from `there` on, of the terms. into,
+        share, slot: of their places, as `find_windows` fills them.
         """
 
         def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-            total, nodes, begin, row, at, factor, first, into, share, slot = args
+            total, nodes, begin, row, at, here, factor, there, into, share, slot = args
 
             def pointer(number: int, array: Any, index: Any, kind: Any) -> Any:
                 return address(context, builder, signature.args[number], array, index, kind)
 
             def kept(number: int, array: Any, kind: Any) -> list[Any]:
-                here = builder.mul(slot, ir.Constant(_INDEX, KEPT * LANES))
-                return [
-                    builder.load(
-                        pointer(number, array, builder.add(here, ir.Constant(_INDEX, part * LANES)), kind),
-                        align=4,
-                    )
-                    for part in range(KEPT)
-                ]
+                first = builder.mul(slot, ir.Constant(_INDEX, KEPT * LANES))
+                parts = (builder.add(first, ir.Constant(_INDEX, part * LANES)) for part in range(KEPT))
+                return [builder.load(pointer(number, array, part, kind), align=4) for part in parts]
 
             corner = builder.gep(context.make_array(signature.args[1])(context, builder, nodes).data, [begin])
             windows = [
-                builder.load(pointer(4, at, builder.add(first, ir.Constant(_INDEX, lane)), _WHOLE), align=4)
+                builder.load(pointer(4, at, builder.add(here, ir.Constant(_INDEX, lane)), _WHOLE), align=4)
                 for lane in range(LANES)
             ]
             places = [builder.zext(window, _INDEX) for window in windows]
-            offsets, shares = kept(7, into, WHOLES), kept(8, share, REALS)
+            offsets, shares = kept(8, into, WHOLES), kept(9, share, REALS)
             between_columns = []  # [row of the window][x]
             for number in range(tall):
                 start = builder.gep(corner, [builder.mul(row, ir.Constant(_INDEX, number))])
@@ -145,19 +140,21 @@ def _adder(tall: int) -> Any:
                 between_columns.append(
                     [between(builder, shares[x], *_two_from(builder, fetched, offsets[x])) for x in range(2)]
                 )
-            weight = builder.load(pointer(5, factor, first, REALS), align=4)
+            weight = builder.load(pointer(6, factor, there, REALS), align=4)
             for y in range(2):
                 for x in range(2):
                     rows = [each[x] for each in between_columns]
                     lower, upper = (_chosen(builder, rows[k:], offsets[2 + y], tall - 1) for k in range(2))
                     value = between(builder, shares[2 + y], lower, upper)
-                    there = pointer(0, total, ir.Constant(_INDEX, (2 * y + x) * LANES), REALS)
+                    sums = pointer(0, total, ir.Constant(_INDEX, (2 * y + x) * LANES), REALS)
                     builder.store(
-                        plus_product(builder, builder.load(there, align=4), weight, value), there, align=4
+                        plus_product(builder, builder.load(sums, align=4), weight, value), sums, align=4
                     )
             return context.get_dummy_value()
 
-        return types.void(total, nodes, uint64, uint64, at, factor, uint64, into, share, uint64), generate
+        return types.void(
+            total, nodes, uint64, uint64, at, uint64, factor, uint64, into, share, uint64
+        ), generate
 
     return add_windows
 

@@ -11,6 +11,7 @@ from numba import boolean, float64, int64, types, void
 from tactsim.core.compiling import INTS, INTS_2D, REALS, REALS_2D, Ints, Reals, compiled
 from tactsim.estimators.field.replay import SAMPLED, Sampled
 from tactsim.estimators.field.squares import replay_squares
+from tactsim.estimators.field.term_vectors import VECTORS, Vectors
 from tactsim.estimators.field.terms import TERMS, Terms
 
 
@@ -120,12 +121,12 @@ def squares_of_halves(
 
 
 @compiled(
-    int64(HALVED, HALVED, int64, boolean, TERMS, int64, SAMPLED, INTS, REALS),
+    int64(HALVED, HALVED, int64, boolean, TERMS, VECTORS, int64, SAMPLED, INTS, REALS),
     called_from_python=False,
 )
 def evaluate(
-    now: Halved, before: Halved, times: int, skip: bool, terms: Terms, readings: int, sampled: Sampled, counts: Ints,
-    spacing: Reals,
+    now: Halved, before: Halved, times: int, skip: bool, terms: Terms, vectors: Vectors, readings: int,
+    sampled: Sampled, counts: Ints, spacing: Reals,
 ) -> int:  # fmt: skip
     """Find the log-beliefs of the halves of all cells of one size, and return how many of the cells were known.
 
@@ -153,8 +154,8 @@ def evaluate(
         angle, letter = np.empty(squares), np.empty(squares, dtype=np.int64)
         squares_of_halves(x, y, angle, letter, cell[these], times, counts, spacing)
         replay_squares(
-            total, x, y, angle, letter, wide, tall, terms, readings - 1 if old else 0, readings, sampled
-        )
+            total, x, y, angle, letter, wide, tall, terms, vectors, readings - 1 if old else 0, readings, sampled
+        )  # fmt: skip
         for k in range(len(these)):
             i = these[k]
             for part in range(8):
@@ -190,18 +191,18 @@ def least_chosen(values: Reals, count: int) -> float:
 
 @compiled(
     types.Tuple((INTS, INTS, REALS, int64, int64))(
-        INTS, REALS, LIMITS, float64, boolean, TERMS, int64, SAMPLED, INTS, REALS, HALVED, HALVED
+        INTS, REALS, LIMITS, float64, boolean, TERMS, VECTORS, int64, SAMPLED, INTS, REALS, HALVED, HALVED
     )
 )
 def refine(
-    cell: Ints, log_p: Reals, limits: Limits, weight: float, skip: bool, terms: Terms, readings: int,
+    cell: Ints, log_p: Reals, limits: Limits, weight: float, skip: bool, terms: Terms, vectors: Vectors, readings: int,
     sampled: Sampled, counts: Ints, spacing: Reals, before: Halved, now: Halved,
 ) -> tuple[Ints, Ints, Reals, int, int]:  # fmt: skip
     """Halve the best of cells, the best of their halves, and so on.
 
     cell, log_p: (n,) bins of a grid and their log-beliefs after so many readings, each of which counts `weight`. terms,
-    sampled: as `replay` takes them. counts, spacing: as for `middles`. before: what was halved at the reading
-    before; now: is overwritten with what is halved.
+    vectors, sampled: as `replay_squares` takes them. counts, spacing: as for `middles`. before: what was halved at the
+    reading before; now: is overwritten with what is halved.
 
     Returns the cells that were not halved, those of each size together: where each size ends (sizes,), flat indices and
     log-beliefs (n,). Then how many times a half took in a reading, and how many times it need not.
@@ -224,7 +225,7 @@ def refine(
                 filled += 1
         now.cell[times, :number].sort()
         now.number[times] = number
-        known = evaluate(now, before, times, skip, terms, readings, sampled, counts, spacing)
+        known = evaluate(now, before, times, skip, terms, vectors, readings, sampled, counts, spacing)
         evaluated += 8 * ((number - known) * readings + known)
         unreplayed += 8 * known * (readings - 1)
         end[times] = filled

@@ -109,7 +109,7 @@ class RefinedFilter(GridFilter):
         cell, log_p = self._coarse.take_in(self.options.cells, _NEGLIGIBLE / weight)
         self._before, self._halved = self._halved, self._before
         end, left, left_log_p, evaluated, unreplayed = refine(
-            cell, log_p, self._limits, weight, self.options.skip, self.field.terms, len(self.field),
+            cell, log_p, self._limits, weight, self.options.skip, self.field.terms, self.field.vectors, len(self.field),
             self.field.tables.sampled, self._counts, self._size, self._before, self._halved,
         )  # fmt: skip
         self._leaves, self._weight = (end, left, left_log_p), weight

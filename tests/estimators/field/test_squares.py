@@ -56,8 +56,8 @@ def states_of(x, y, angle):
 def replayed(field, x, y, angle, letter, wide, tall, first=0, last=None):
     log_p = np.zeros((len(letter), 4))
     replay_squares(
-        log_p, x, y, angle, letter, wide, tall, field.terms, first, len(field) if last is None else last,
-        field.tables.sampled,
+        log_p, x, y, angle, letter, wide, tall, field.terms, field.vectors, first,
+        len(field) if last is None else last, field.tables.sampled,
     )  # fmt: skip
     return log_p
 
@@ -104,6 +104,31 @@ def test_readings_are_added_one_by_one_in_however_many_calls(model):
     field, squares = begun(model, 4), some_squares(23, 0.3, 0.5)
     parts = (replayed(field, *squares, 0.3, 0.5, k, k + 1) for k in range(4))
     assert np.array_equal(sum(parts), replayed(field, *squares, 0.3, 0.5))
+
+
+def test_vectors_are_those_of_all_readings_however_often_they_are_asked_for(model):
+    """Past several times that their arrays grow, and again after a reset."""
+    made, scan = model
+    field, late, squares = new_field(model), new_field(model), some_squares(9, 0.3, 0.3)
+    rng = np.random.default_rng(0)
+    for asked in (2, 30, 7):
+        field.reset()
+        late.reset()
+        for number in range(200):
+            evidence = made.evidence(scan.readings[rng.integers(len(scan))])
+            # Also readings of many more terms than the arrays have room for at first.
+            times = 100 if number in (3, 150) else 1
+            many = Evidence(
+                *(np.tile(part, times) for part in (evidence.table, evidence.taxel, evidence.weight))
+            )
+            pose = rng.uniform(-8, 8, 3)
+            for one in (field, late):
+                one.append(many, pose)
+            if number % asked == 0:
+                replayed(field, *squares, 0.3, 0.3)
+        got = replayed(field, *squares, 0.3, 0.3)
+        assert np.array_equal(got, replayed(late, *squares, 0.3, 0.3))
+        assert np.abs(got - one_by_one(field, *squares)).max() <= rounding(field)
 
 
 def test_windows_of_three_and_of_four_rows_say_the_same(model):
@@ -170,7 +195,7 @@ def test_nothing_is_read_beyond_the_tables(model, apart):
         inside[:] = nodes
         log_p = np.zeros_like(expected)
         replay_squares(
-            log_p, *squares, apart * STEP, apart * STEP, field.terms, 0, 2,
+            log_p, *squares, apart * STEP, apart * STEP, field.terms, field.vectors, 0, 2,
             field.tables.sampled._replace(nodes=inside),
         )  # fmt: skip
         assert np.array_equal(log_p, expected)
