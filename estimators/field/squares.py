@@ -27,7 +27,8 @@ from tactsim.estimators.field.windows import (
 # Vectors of places whose windows are found before any is read: numbers that were just written as a vector are slow to
 # read one by one.
 _SLOTS = 16
-# So many steps of the lattice a square may span, for windows of three rows and of four; less what rounding may move.
+# So many steps of the lattice a square may span, for windows of three rows and of four; less what rounding may move, up
+# to some 100,000 steps from a state.
 _LOW, _TALL = 1 - 2.0**-6, 2 - 2.0**-6
 # The place of a node in the tables is a whole number of 32 bits.
 _MOST_NODES = 2**32
@@ -169,11 +170,13 @@ def replay_squares(
     log_p: Reals, x: Reals, y: Reals, angle: Reals, letter: Ints, wide: float, tall: float, terms: Terms,
     vectors: Vectors, first: int, last: int, sampled: Sampled,
 ) -> None:  # fmt: skip
-    """Do what `replay` does at squares of states, as fast as at fewer states where squares are small.
+    """Do what `replay` does, at squares of states. Small ones take less time.
 
     log_p: (squares, 4) of the states [y, x]. x, y: (squares, 2) mm, ascending. angle, letter: (squares,), of T_R^O.
-    wide, tall: mm, how far x and y of all squares are apart. If these are two steps of the lattice or more it is
-    `replay` that is called; otherwise sums are rounded in another order. vectors: of the terms.
+    wide, tall: mm, how far x and y of all squares are apart. vectors: of the terms.
+
+    Of squares that span less than some two steps of the lattice, sums are rounded in another order than in `replay`,
+    which is called for larger ones, and for tables that are very small or very large.
     """
     nodes, lattice, squares = sampled.nodes, sampled.lattice, len(letter)
     small = wide <= _TALL * lattice[2] and tall <= _TALL * lattice[3]

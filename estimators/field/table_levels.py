@@ -68,8 +68,9 @@ class Looked(NamedTuple):
     """Where the tiles of all angles look up the bounds of one reading.
 
     at: (tiles, entries) flat index of the level of the tile's first bin for the first letter. lanes: (tiles, entries)
-    bits of the tile's columns that lie in the tables; where there are none any index will do. lowest: (tiles, LANES)
-    nats, for each column the sum of the lowest values of the tables that it lies in, times their weights.
+    bits of the tile's columns that lie in the tables; where there are none, `at` is the table's first. lowest:
+    (tiles, LANES) nats, for each column the sum of the lowest values of the tables that it lies in, times their
+    weights.
     """
 
     at: Ints
@@ -83,13 +84,15 @@ LOOKED = types.NamedTuple((INTS_2D, uint16[:, ::1], FLOATS_2D), Looked)
 class Entries(NamedTuple):
     """The terms of one reading as bounds read them: alone, or two of one taxel together.
 
-    term: (entries,) number of the first, counted from the reading's first. other: (entries,) how far it is in
-    `Levels.level` from its table to the second's; 0 if there is none. weight, other_weight: (entries,) in HIGHEST
-    parts of `heaviest`, rounded up; 0 if there is none. lowest: (entries,) nats, the lowest values of their tables,
-    times their weights. heaviest: the greatest weight of an entry. alike: whether all weigh as much, and are alone.
+    term: (entries,) number of the first, counted from the reading's first. table: (entries,) where its table begins in
+    `Levels.level`. other: (entries,) how far it is from there to the second's; 0 if there is none. weight,
+    other_weight: (entries,) in HIGHEST parts of `heaviest`, rounded up; 0 if there is none. lowest: (entries,) nats,
+    the lowest values of their tables, times their weights. heaviest: the greatest weight of an entry. alike: whether
+    all weigh as much, and are alone.
     """
 
     term: Ints
+    table: Ints
     other: Ints
     weight: NDArray[np.uint8]
     other_weight: NDArray[np.uint8]
@@ -98,7 +101,7 @@ class Entries(NamedTuple):
     alike: bool
 
 
-ENTRIES = types.NamedTuple((INTS, INTS, uint8[::1], uint8[::1], FLOATS, float64, boolean), Entries)
+ENTRIES = types.NamedTuple((INTS, INTS, INTS, uint8[::1], uint8[::1], FLOATS, float64, boolean), Entries)
 
 
 def levels_of(nodes: NDArray[np.int16], unit: float, phases: tuple[int, int]) -> Levels:
@@ -153,7 +156,8 @@ def entries_of(levels: Levels, layout: Layout, terms: Terms, reading: int) -> En
             # Two that are rounded up are HIGHEST + 1 together at most.
             parts[0, k] = math.ceil(weight[0, k] / heaviest * HIGHEST)
             parts[1, k] = math.ceil(weight[1, k] / heaviest * HIGHEST)
-    return Entries(term[:number], other, parts[0], parts[1], lowest, heaviest, alike)
+    term = term[:number]
+    return Entries(term, kinds[term] * layout.table, other, parts[0], parts[1], lowest, heaviest, alike)
 
 
 @compiled(
@@ -179,7 +183,7 @@ def look_up(
     for i in range(count):
         term = begin + entries.term[i]
         here = piece(layout, xy[term, 0], xy[term, 1], cos, sin, rows, columns)
-        node[i] = layout.first + terms.kind[term] * layout.table + here.node
+        node[i] = layout.first + entries.table[i] + here.node
         first_column[i], last_column[i] = here.first_column, here.last_column
         first_row[i], last_row[i] = here.first_row, here.last_row
     tile = first
@@ -190,7 +194,7 @@ def look_up(
                 left, right = span_within(first_column[i], last_column[i], column)
                 beside = (row + TALL <= first_row[i]) | (row >= last_row[i]) | (left == right)
                 lanes[i] = 0 if beside else lanes_of(left, right)
-                at[i] = layout.first if beside else node[i] + move
+                at[i] = layout.first + entries.table[i] if beside else node[i] + move
             # Two sums, because each has to wait for its last addition.
             even = odd = zeros()  # type: ignore[call-arg, var-annotated]
             pairs = count & ~uint64(1)

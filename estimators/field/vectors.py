@@ -231,8 +231,8 @@ def add_products(
 ) -> Any:
     """Return total + (array[index : index + LANES] * weight + array[other : other + LANES] * other_weight) / DIVISOR.
 
-    Rounded down; where a bit of `lanes` is set. In 16 bits: the weights are at most 257 together, a sum 65,535. The
-    array is of uint8, contiguous.
+    Rounded down; where a bit of `lanes` is set. In 16 bits: a sum of both products, and the total, are at most 65,535.
+    The array is of uint8, contiguous.
     """
 
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:

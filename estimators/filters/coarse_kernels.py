@@ -36,9 +36,9 @@ from tactsim.estimators.field.terms import ROUNDING, TERMS, Terms
 from tactsim.estimators.field.vectors import LANES, TALL, fetch
 from tactsim.estimators.filters.halving import middles
 
-# A tile for so many of the best bins is looked at first; how many times as many each time after that, and at first if
-# the likely bins are known.
-_NEIGHBOURS, _MORE, _LIKELY = 10, 2, 4
+# A tile for so many of the best bins is looked at first, or so many times as many once likely bins were evaluated; and
+# how many times as many each time after that.
+_NEIGHBOURS, _AFTER_LIKELY, _MORE = 10, 4, 2
 # For so many tiles times terms it is kept at once where they look up bounds, 10 bytes each.
 _LOOKED = 2**20
 # So many bins catch up at once, with some 90 bytes each.
@@ -298,7 +298,8 @@ def best_bins(
     likely: places in `Coarse.upper`, ascending, of bins that are evaluated first if bins may wait; any will do.
 
     Returns flat indices and log-beliefs, a bound of all bins that wait, how many times a bin took in a reading, and the
-    places of the best `keep` and one more, which are likely to be among the best after the next reading.
+    places of the best `keep` and one more, which are likely to be among the best after the next reading; none if too
+    many are equal to the last of them.
     """
     known, evaluated, more = np.empty(0, dtype=np.int64), 0, 1 + keep // _NEIGHBOURS
     kept, best = np.full(keep + 1, -np.inf), -np.inf
@@ -307,7 +308,7 @@ def best_bins(
             bound_all(coarse, levels, layout, terms, turns, reading)
         if len(likely):
             best, evaluated = wait_no_longer(coarse, likely, terms, sampled, count, kept)
-            known, more = likely, more * _LIKELY
+            known, more = likely, more * _AFTER_LIKELY
     while True:
         waits = -np.inf
         for bound in coarse.bound:
@@ -333,4 +334,7 @@ def best_bins(
         upper[i] = value * (_LESS if value < 0 else _GREATER)
         coarse.bound[i // (TALL * LANES)] = max(coarse.bound[i // (TALL * LANES)], float64(upper[i]))
     known = known[log_p[known] >= least]
-    return bins_at(coarse, known), log_p[known], waits, evaluated, known[log_p[known] >= kept[0]]
+    likely = known[log_p[known] >= kept[0]]
+    if len(likely) > 2 * len(kept):
+        likely = likely[:0]
+    return bins_at(coarse, known), log_p[known], waits, evaluated, likely

@@ -1,5 +1,8 @@
 """The best coarse bins: that none is missed, that bounds hold, and that nothing beyond the tables is read."""
 
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -220,6 +223,71 @@ def test_any_number_of_terms_and_any_weights_are_bounded(model, weights, each):
         everything, bound = of_all_bins(field, grid), tiled(lazy._coarse.upper, grid)
         assert (everything <= bound).all()
         assert np.isfinite(bound).all()
+
+
+OFF_THE_MAP = """
+import ctypes, mmap, sys
+import numpy as np
+from tactsim.estimators.field.field import LikelihoodField
+from tactsim.estimators.filters.coarse_bins import CoarseBins
+from tactsim.estimators.filters.grid import StateGrid
+from tactsim.estimators.likelihoods.likelihood import Evidence
+
+
+class Hills:
+    extent = np.array([-8.0, -8.0]), np.array([8.0, 8.0])
+
+    def log_tables(self, label, xy):
+        inside = (np.abs(np.asarray(xy)) < 7).all(axis=-1)
+        return np.stack([np.where(inside, -float(kind), 0.0) for kind in range(1, 6)])
+
+
+def between_walls(values):
+    # Pages before and after which nothing may be read; the array is against the first wall, or the second.
+    page = mmap.PAGESIZE
+    inside = -(-values.nbytes // page) * page
+    memory = mmap.mmap(-1, inside + 2 * page)
+    start = ctypes.addressof(ctypes.c_char.from_buffer(memory))
+    for wall in (0, page + inside):
+        assert ctypes.CDLL(None).mprotect(ctypes.c_void_p(start + wall), ctypes.c_size_t(page), 0) == 0
+    skipped = page + (0 if sys.argv[1] == "before" else inside - values.nbytes)
+    copy = np.frombuffer(memory, dtype=values.dtype, count=values.size, offset=skipped)
+    copy[:] = values
+    return copy
+
+
+grid, rng = StateGrid(12, 13, 5), np.random.default_rng(0)
+field = LikelihoodField(Hills(), "AB", np.zeros((2, 2)), grid.spacing[:2], 0.4)
+lazy = CoarseBins(field, grid, True)
+lazy._levels = lazy._levels._replace(level=between_walls(lazy._levels.level))
+for reach in (5, 15, 30, 1e3, 1e9):
+    for _ in range(20):
+        kinds = rng.permutation(5)[:4]
+        weight = rng.uniform(0, 1, 4).astype(np.float32)
+        field.append(Evidence(kinds, np.array([0, 0, 1, 1]), weight), rng.uniform(-reach, reach, 3))
+        lazy.take_in(3, 1.0)
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="walls in memory are made by Linux's C library")
+@pytest.mark.parametrize("wall", ["before", "after"])
+def test_off_the_map_no_memory_beside_the_bounds_is_read(wall):
+    """Not even of what is left out then, whichever of a taxel's two tables comes first."""
+    done = subprocess.run([sys.executable, "-c", OFF_THE_MAP, wall], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+
+
+def test_touches_that_say_nothing_make_no_bin_likely(model):
+    made, scan = model
+    grid = StateGrid(12, 13, 10)
+    field = field_of(model, grid)
+    lazy = CoarseBins(field, grid, True)
+    for reach in (1e3, 1e3, 2.0):
+        before = lazy.evaluated
+        field.append(made.evidence(scan.readings[4]), np.array([reach, 0.0, 0.2]))
+        lazy.take_in(10, 1.0)
+    # All are alike after two touches off the map: the third is taken in by few of them nevertheless.
+    assert lazy.evaluated - before < grid.bins * 3 / 4
 
 
 class Edge:
