@@ -1,7 +1,8 @@
-"""How fast states are looked up sixteen at a time, beside one by one.
+"""How fast states are looked up sixteen at a time, beside one by one, and squares of states, beside states.
 
 `python -m pytest -m benchmark tests/estimators/bench_lookups.py -s` prints nanoseconds a look-up, one term of a reading
-at one state, and the ratio, of processor time taken in turns in one run. The sums must be equal bit by bit.
+at one state, and the ratio, of processor time taken in turns in one run. The sums must be equal, bit by bit where they
+are summed in one order.
 """
 
 from time import process_time_ns
@@ -9,10 +10,12 @@ from time import process_time_ns
 import numpy as np
 import pytest
 from numba import njit, uint32, uint64
+from synthetic import make_scan, paper_poses, square_pad
 
 from tactsim.estimators.field.field import LikelihoodField
 from tactsim.estimators.field.replay import replay
 from tactsim.estimators.field.series import cos_sin
+from tactsim.estimators.field.squares import replay_squares
 from tactsim.estimators.likelihoods import likelihood
 from tactsim.estimators.likelihoods.occupancy import learn_maps
 from tactsim.estimators.options import LikelihoodOptions
@@ -94,4 +97,39 @@ def test_states_looked_up_together_beside_one_by_one(vowels, model):
         print(
             f"{model}, {states:,} states: {each[1]:.2f} ns a look-up, one by one {each[0]:.2f}: "
             f"{each[1] / each[0]:.2f} of the time"
+        )
+
+
+@pytest.mark.parametrize("side", [6, 32])
+@pytest.mark.parametrize("model", ["calibrated", "force"])
+def test_squares_beside_their_states(model, side):
+    scan = make_scan("EILT", square_pad(side, side, 11.4 / side), paper_poses(4, 4))
+    made = likelihood.create(LikelihoodOptions(likelihood=model))
+    made.fit(scan, learn_maps(scan))
+    field = LikelihoodField(made, scan.letters, scan.taxel_xy, (1.667, 1.667), 0.4)
+    for k in range(6):
+        field.append(made.evidence(scan.readings[k]), np.array(scan.poses[k]))
+    rng, count, step = np.random.default_rng(0), 100, float(field.tables.step[0])
+    letter, angle = np.sort(rng.integers(4, size=count)), rng.normal(0, 0.05, count)
+    print()
+    for apart in (1.25, 0.3):  # steps of the lattice: cells that were halved twice, and four times
+        corner = rng.normal(0, 0.5, (2, count, 1))
+        x, y = corner + np.array([0, apart * step])
+        states = np.stack([np.tile(x, 2).ravel(), np.repeat(y, 2, axis=1).ravel(), np.repeat(angle, 4)])
+        spent, of_states, of_squares = np.zeros((2, REPEATS)), np.zeros(4 * count), np.zeros((count, 4))
+        for repeat in range(REPEATS):
+            of_states[:] = of_squares[:] = 0
+            begin = process_time_ns()
+            replay(of_states, states, np.repeat(letter, 4), field.terms, 0, 6, field.tables.sampled)
+            between = process_time_ns()
+            replay_squares(
+                of_squares, x, y, angle, letter, apart * step, apart * step, field.terms, field.vectors, 0, 6,
+                field.tables.sampled,
+            )  # fmt: skip
+            spent[:, repeat] = between - begin, process_time_ns() - between
+        assert np.abs(of_squares.ravel() - of_states).max() <= 2 * field.terms.slack[:6].sum()
+        each = np.median(spent, axis=1) / (4 * count * int(field.terms.start[6]))
+        print(
+            f"{model}, {side**2:,} taxels, {count} squares {apart} steps wide: {each[1]:.2f} ns a look-up, "
+            f"their states {each[0]:.2f}: {each[1] / each[0]:.2f} of the time"
         )
