@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import boolean, float32, float64, int32, int64, types, uint8, void
+from numba import boolean, float32, float64, int32, int64, types, uint8, uint64, void
 from numpy.typing import NDArray
 
 from tactsim.core.compiling import (
@@ -34,7 +34,6 @@ from tactsim.estimators.field.table_levels import (
 )
 from tactsim.estimators.field.terms import ROUNDING, TERMS, Terms
 from tactsim.estimators.field.vectors import LANES, TALL, fetch
-from tactsim.estimators.filters.halving import middles
 
 # A tile for so many of the best bins is looked at first, or so many times as many once likely bins were evaluated; and
 # how many times as many each time after that.
@@ -183,21 +182,21 @@ def bound_of_highest(coarse: Coarse, tiles: int) -> float:
 
 @compiled(INTS(COARSE, float64), called_from_python=False)
 def bounded_by(coarse: Coarse, least: float) -> Ints:
-    """List the bins whose bound is at least `least`, by their places in `Coarse.upper`."""
+    """List the bins whose bound is at least `least`, by their places in `Coarse.upper`, ascending."""
     number = 0
     for tile in range(len(coarse.bound)):
         if coarse.bound[tile] >= least:
             for bound in coarse.upper[tile]:
                 number += float64(bound) >= least and bound > -np.inf
-    place, found = np.empty(number, dtype=np.int64), 0
+    # One more, where what is not listed is written and overwritten: no processor foresees which are.
+    place, found = np.empty(number + 1, dtype=np.int64), uint64(0)
     for tile in range(len(coarse.bound)):
         if coarse.bound[tile] >= least:
             for k in range(TALL * LANES):
                 bound = coarse.upper[tile, k]
-                if float64(bound) >= least and bound > -np.inf:
-                    place[found] = tile * TALL * LANES + k
-                    found += 1
-    return place
+                place[found] = tile * TALL * LANES + k
+                found += uint64((float64(bound) >= least) & (bound > -np.inf))
+    return place[:number]
 
 
 @compiled(INTS(INTS, INTS), called_from_python=False)
@@ -214,18 +213,48 @@ def merged(one: Ints, other: Ints) -> Ints:
     return both
 
 
+@compiled(types.UniTuple(int64, 4)(COARSE, int64), called_from_python=False)
+def corner_of(coarse: Coarse, tile: int) -> tuple[int, int, int, int]:
+    """Find letter, angle, row and column of the first bin of a tile."""
+    across, up = -(-coarse.counts[0] // LANES), -(-coarse.counts[1] // TALL)
+    rest, column = divmod(tile, across)
+    rest, row = divmod(rest, up)
+    letter, angle = divmod(rest, coarse.counts[2])
+    return letter, angle, row * TALL, column * LANES
+
+
 @compiled(INTS(COARSE, INTS), called_from_python=False)
 def bins_at(coarse: Coarse, place: Ints) -> Ints:
     """Find the flat indices into (letters, angles, rows, columns) of bins at places (n,) in `Coarse.upper`."""
-    columns, rows = coarse.counts[0], coarse.counts[1]
-    across, flat = -(-columns // LANES), np.empty_like(place)
-    of_angle = -(-rows // TALL) * across
+    columns, rows, angles = coarse.counts
+    flat, last, first = np.empty_like(place), -1, 0
     for i in range(len(place)):
-        tile, k = divmod(place[i], TALL * LANES)
-        angle, tile = divmod(tile, of_angle)
-        row, column = tile // across * TALL + k // LANES, tile % across * LANES + k % LANES
-        flat[i] = (angle * rows + row) * columns + column
+        tile, k = place[i] // (TALL * LANES), place[i] % (TALL * LANES)
+        if tile != last:
+            # Bins of a tile mostly follow each other, and divisions take long.
+            letter, angle, row, column = corner_of(coarse, tile)
+            last, first = tile, ((letter * angles + angle) * rows + row) * columns + column
+        flat[i] = first + k // LANES * columns + k % LANES
     return flat
+
+
+@compiled(void(REALS_2D, INTS, COARSE, INTS), called_from_python=False)
+def states_at(state: Reals, letter: Ints, coarse: Coarse, place: Ints) -> None:
+    """Find T_R^O in the middle of bins, and their letters; fills state (3, n) mm, mm, rad, and letter (n,).
+
+    place: (n,) in `Coarse.upper`.
+    """
+    spacing, last, of, angle, row, column = coarse.spacing, -1, 0, 0, 0, 0
+    columns, rows, angles = coarse.counts
+    for i in range(len(place)):
+        tile, k = place[i] // (TALL * LANES), place[i] % (TALL * LANES)
+        if tile != last:
+            last = tile
+            of, angle, row, column = corner_of(coarse, tile)
+        letter[i] = of
+        state[0, i] = (column + k % LANES + 0.5 - columns / 2) * spacing[0]
+        state[1, i] = (row + k // LANES + 0.5 - rows / 2) * spacing[1]
+        state[2, i] = (angle + 0.5 - angles / 2) * spacing[2]
 
 
 @compiled(int64(COARSE, INTS, TERMS, SAMPLED, int64), called_from_python=False)
@@ -240,9 +269,7 @@ def catch_up(coarse: Coarse, place: Ints, terms: Terms, sampled: Sampled, count:
         place = place[np.argsort(seen[place], kind="mergesort")]
     bins, state = len(place), np.empty((3, len(place)))
     letter, here, evaluated = np.empty(bins, dtype=np.int64), log_p[place], 0
-    middles(
-        state, letter, np.zeros(bins, dtype=np.int64), bins_at(coarse, place), coarse.counts, coarse.spacing
-    )
+    states_at(state, letter, coarse, place)
     # The first so many bins have all seen the same readings.
     alike = 0
     while alike < bins:
