@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import boolean, float64, int16, int32, int64, types, uint64, void
+from numba.core.registry import cpu_target
 from numpy.typing import NDArray
 
 from tactsim.core.compiling import FLOATS, FLOATS_2D, INTS, REALS, REALS_2D, Floats, Ints, Reals, compiled
@@ -32,6 +33,8 @@ _SLOTS = 16
 _LOW, _TALL = 1 - 2.0**-6, 2 - 2.0**-6
 # The place of a node in the tables is a whole number of 32 bits.
 _MOST_NODES = 2**32
+# Where registers hold less than LANES numbers, windows take as long as states by themselves, or longer.
+_WIDE_REGISTERS = "+avx512f" in cpu_target.target_context.codegen().magic_tuple()[2]
 
 
 class Found(NamedTuple):
@@ -176,10 +179,10 @@ def replay_squares(
     wide, tall: mm, how far x and y of all squares are apart. vectors: of the terms.
 
     Of squares that span less than some two steps of the lattice, sums are rounded in another order than in `replay`,
-    which is called for larger ones, and for tables that are very small or very large.
+    which is called for larger ones, for tables that are very small or very large, and on processors without AVX-512.
     """
     nodes, lattice, squares = sampled.nodes, sampled.lattice, len(letter)
-    small = wide <= _TALL * lattice[2] and tall <= _TALL * lattice[3]
+    small = _WIDE_REGISTERS and wide <= _TALL * lattice[2] and tall <= _TALL * lattice[3]
     if small and min(nodes.shape[2], nodes.shape[3]) >= WIDE and nodes.size < _MOST_NODES:
         square, low = on_lattice(x, y, angle, lattice), tall <= _LOW * lattice[3]
         replay_windows(log_p, square, letter, terms, vectors, first, last, sampled, low)

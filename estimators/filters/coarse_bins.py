@@ -12,7 +12,8 @@ from tactsim.estimators.field.field import LikelihoodField
 from tactsim.estimators.field.table_levels import levels_of
 from tactsim.estimators.field.vectors import LANES, TALL
 from tactsim.estimators.filters.binned import Certificate, bins_of_tiles
-from tactsim.estimators.filters.coarse_kernels import Coarse, best_bins
+from tactsim.estimators.filters.coarse_bounds import Coarse
+from tactsim.estimators.filters.coarse_kernels import best_bins
 from tactsim.estimators.filters.grid import StateGrid
 
 # Nats; bins that are as near to the last one listed are listed too.
