@@ -173,13 +173,7 @@ def look_up(
     """
     width, begin, xy, lowest = layout.shape[5], terms.start[reading], terms.xy, entries.lowest
     count = uint64(len(lowest))
-    node, first_column, last_column, first_row, last_row = (
-        pieces[0],
-        pieces[1],
-        pieces[2],
-        pieces[3],
-        pieces[4],
-    )
+    node, first_column, last_column, first_row, last_row = pieces
     for i in range(count):
         term = begin + entries.term[i]
         here = piece(layout, xy[term, 0], xy[term, 1], cos, sin, rows, columns)

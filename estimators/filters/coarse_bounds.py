@@ -8,14 +8,7 @@ import numpy as np
 from numba import float32, float64, int32, int64, types, uint8, void
 from numpy.typing import NDArray
 
-from tactsim.core.compiling import (
-    INTS,
-    REALS,
-    REALS_2D,
-    Ints,
-    Reals,
-    compiled,
-)
+from tactsim.core.compiling import INTS, REALS, REALS_2D, Ints, Reals, compiled
 from tactsim.estimators.field.slices import LAYOUT, Layout
 from tactsim.estimators.field.table_levels import (
     HIGHEST,

@@ -9,23 +9,14 @@ from __future__ import annotations
 import numpy as np
 from numba import boolean, float32, float64, int64, types, uint64, void
 
-from tactsim.core.compiling import (
-    INTS,
-    REALS,
-    REALS_2D,
-    Ints,
-    Reals,
-    compiled,
-)
+from tactsim.core.compiling import INTS, REALS, REALS_2D, Ints, Reals, compiled
 from tactsim.estimators.field.replay import SAMPLED, Sampled, replay
 from tactsim.estimators.field.slices import LAYOUT, Layout
-from tactsim.estimators.field.table_levels import (
-    LEVELS,
-    Levels,
-)
+from tactsim.estimators.field.table_levels import LEVELS, Levels
 from tactsim.estimators.field.terms import ROUNDING, TERMS, Terms
 from tactsim.estimators.field.vectors import LANES, TALL
 from tactsim.estimators.filters.coarse_bounds import COARSE, Coarse, bound_all
+from tactsim.estimators.filters.halving import unravelled
 
 # A tile for so many of the best bins is looked at first, or so many times as many once likely bins were evaluated; and
 # how many times as many each time after that.
@@ -101,10 +92,8 @@ def merged(one: Ints, other: Ints) -> Ints:
 @compiled(types.UniTuple(int64, 4)(COARSE, int64), called_from_python=False)
 def corner_of(coarse: Coarse, tile: int) -> tuple[int, int, int, int]:
     """Find letter, angle, row and column of the first bin of a tile."""
-    across, up = -(-coarse.counts[0] // LANES), -(-coarse.counts[1] // TALL)
-    rest, column = divmod(tile, across)
-    rest, row = divmod(rest, up)
-    letter, angle = divmod(rest, coarse.counts[2])
+    columns, rows, angles = coarse.counts
+    letter, angle, row, column = unravelled(tile, -(-columns // LANES), -(-rows // TALL), angles)
     return letter, angle, row * TALL, column * LANES
 
 

@@ -156,10 +156,11 @@ def evaluate(
         replay_squares(
             total, x, y, angle, letter, wide, tall, terms, vectors, readings - 1 if old else 0, readings, sampled
         )  # fmt: skip
+        of_half = total.reshape(total.size)
         for k in range(len(these)):
             i = these[k]
             for part in range(8):
-                log_p[8 * i + part] = total[2 * k + part // 4, part % 4]
+                log_p[8 * i + part] = of_half[8 * k + part]
                 if old:
                     log_p[8 * i + part] += before.log_p[times, 8 * place[i] + part]
     return known
