@@ -30,12 +30,14 @@ from tactsim.estimators.field.terms import TERMS, Terms, of_one_place
 from tactsim.estimators.field.vectors import (
     DIVISOR,
     LANES,
+    LINE,
     TALL,
     VECTOR,
     add_bytes,
     add_products,
     add_where,
     add_words,
+    fetch_close,
     highest_lane,
     load_plus,
     no_words,
@@ -252,6 +254,8 @@ def raise_weighted(
 ) -> float:  # fmt: skip
     """Do what `raise_alike` does, where entries have weights of their own. unit: nats a level for a weight of 1."""
     level, at, inside, other = levels.level, looked.at[tile], looked.lanes[tile], entries.other
+    # No processor foresees what the tile after the next one reads: mostly two lines of each table, rarely a third.
+    soon = looked.at[min(tile + 2, len(looked.at) - 1)]
     number = len(inside)
     first = second = third = fourth = zeros()  # type: ignore[call-arg, var-annotated]
     for begin in range(0, number, WEIGHTED):
@@ -259,6 +263,9 @@ def raise_weighted(
         for i in range(uint64(begin), uint64(min(number, begin + WEIGHTED))):
             place, lanes = at[i] + move, inside[i]
             there, weight, other_weight = place + other[i], entries.weight[i], entries.other_weight[i]
+            for line in range(uint64(0), uint64(2 * LINE), uint64(LINE)):
+                fetch_close(level, soon[i] + move + line)
+                fetch_close(level, soon[i] + move + other[i] + line)
             words_1 = add_products(words_1, level, place, there, lanes, weight, other_weight)
             place, there = place + width, there + width
             words_2 = add_products(words_2, level, place, there, lanes, weight, other_weight)

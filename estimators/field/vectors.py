@@ -13,6 +13,7 @@ from numba.core import cgutils
 from numba.extending import intrinsic, models, register_model
 
 TALL, LANES = 4, 16  # a tile: rows, and bins of a row
+LINE = 64  # bytes that a cache holds together
 DIVISOR = 64  # of the products that `add_products` adds; a power of 2
 # A vector of float32, and one of whole numbers of 32 bits.
 REALS, WHOLES = ir.VectorType(ir.FloatType(), LANES), ir.VectorType(ir.IntType(32), LANES)
@@ -186,21 +187,29 @@ def highest_lane(typing: Any, first: Any, second: Any, third: Any, fourth: Any) 
     return float32(*[VECTOR] * 4), generate
 
 
-@intrinsic
-def fetch(typing: Any, array: Any, index: Any) -> Any:
-    """Begin to bring array[index] of a contiguous array into the second-level cache."""
+def _fetcher(locality: int) -> Any:
+    """Make the intrinsic that begins to bring something into a cache: 3 for the first level, 2 for the second."""
 
-    def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        array, index = args
-        data = context.make_array(signature.args[0])(context, builder, array).data
-        byte, whole = ir.IntType(8).as_pointer(), ir.IntType(32)
-        kind = ir.FunctionType(ir.VoidType(), [byte, whole, whole, whole])
-        function = cgutils.get_or_insert_function(builder.module, kind, "llvm.prefetch.p0")
-        there = builder.bitcast(builder.gep(data, [index]), byte)
-        builder.call(function, [there, *(ir.Constant(whole, number) for number in (0, 2, 1))])
-        return context.get_dummy_value()
+    @intrinsic
+    def fetch(typing: Any, array: Any, index: Any) -> Any:
+        """Begin to bring array[index] of a contiguous array into a cache. Nothing is read: it need not be there."""
 
-    return types.void(array, index), generate
+        def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+            array, index = args
+            data = context.make_array(signature.args[0])(context, builder, array).data
+            byte, whole = ir.IntType(8).as_pointer(), ir.IntType(32)
+            kind = ir.FunctionType(ir.VoidType(), [byte, whole, whole, whole])
+            function = cgutils.get_or_insert_function(builder.module, kind, "llvm.prefetch.p0")
+            there = builder.bitcast(builder.gep(data, [index]), byte)
+            builder.call(function, [there, *(ir.Constant(whole, number) for number in (0, locality, 1))])
+            return context.get_dummy_value()
+
+        return types.void(array, index), generate
+
+    return fetch
+
+
+fetch_close, fetch = _fetcher(3), _fetcher(2)
 
 
 @intrinsic

@@ -21,12 +21,10 @@ from tactsim.estimators.field.table_levels import (
     raise_weighted,
 )
 from tactsim.estimators.field.terms import ROUNDING, TERMS, Terms
-from tactsim.estimators.field.vectors import LANES, fetch
+from tactsim.estimators.field.vectors import LANES, LINE, fetch
 
 # For so many tiles times terms it is kept at once where they look up bounds, 10 bytes each.
 _LOOKED = 2**20
-# Bytes that are fetched together.
-_LINE = 64
 
 
 class Coarse(NamedTuple):
@@ -59,11 +57,11 @@ def fetch_part(
     No processor foresees where tiles of all angles look up bounds. So a letter's are fetched in order while those of
     the letter before are summed.
     """
-    size = (nodes // _LINE) // parts + 1
+    size = (nodes // LINE) // parts + 1
     for kind in kinds:
         first = kind * table + letter * nodes
-        for line in range(part * size, min(nodes // _LINE + 1, (part + 1) * size)):
-            fetch(level, first + line * _LINE)  # type: ignore[call-arg]
+        for line in range(part * size, min(nodes // LINE + 1, (part + 1) * size)):
+            fetch(level, first + line * LINE)
 
 
 @compiled(float64(COARSE, LAYOUT, TERMS, int64), called_from_python=False)
