@@ -28,15 +28,19 @@ class Cells:
         """Keep some cells."""
         return Cells(self.grid, self.times[chosen], self.index[chosen])
 
-    @property
+    @cached_property
     def letter(self) -> NDArray[np.int64]:
         """Give the number of each cell's letter (n,)."""
-        return self._placed[0]
+        letter: NDArray[np.int64] = self.index // (self.grid.bins << 3 * self.times)
+        return letter
 
-    @property
+    @cached_property
     def states(self) -> FloatArray:
         """Give T_R^O (3, n), mm, mm, rad, of the cells' centroids."""
-        return self._placed[1]
+        grid, letter, state = self.grid, np.empty_like(self.index), np.empty((3, len(self.index)))
+        counts = np.array([grid.x, grid.y, grid.angle])
+        middles(state, letter, self.times, self.index, counts, np.array(grid.spacing))
+        return state
 
     @property
     def size(self) -> FloatArray:
@@ -50,10 +54,3 @@ class Cells:
             np.int64
         )
         return angle, row, column
-
-    @cached_property
-    def _placed(self) -> tuple[NDArray[np.int64], FloatArray]:
-        grid, letter, state = self.grid, np.empty_like(self.index), np.empty((3, len(self.index)))
-        counts = np.array([grid.x, grid.y, grid.angle])
-        middles(state, letter, self.times, self.index, counts, np.array(grid.spacing))
-        return letter, state

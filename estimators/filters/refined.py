@@ -125,13 +125,14 @@ class RefinedFilter(GridFilter):
         best = int(mass.argmax())
         mine = np.flatnonzero(letter == best)
         mine = mine[log_weight[mine] > log_weight[mine].max() - _NEGLIGIBLE_IN_MEAN]
-        weights, states, some = Weights(log_weight[mine]), cells.states.take(mine, axis=1), cells.of(mine)
+        # Only these cells are placed: at first there are many others.
+        weights, some = Weights(log_weight[mine]), cells.of(mine)
         densest = int((weights.log + math.log(8) * some.times).argmax())
         return Estimate(
             label=self.labels[best],
             probabilities=probabilities(self.labels, mass),
-            robot_in_object=mean_around(states, weights.relative, densest),
-            samples=pose_samples(states, weights, some.size),
+            robot_in_object=mean_around(some.states, weights.relative, densest),
+            samples=pose_samples(some.states, weights, some.size),
         )
 
     def certificate(self) -> Certificate:
@@ -182,7 +183,7 @@ class RefinedFilter(GridFilter):
         mine = np.flatnonzero(cells.letter == best)
         some = Weights(weights.log[mine]).spaced(_STATES, 0.5)
         return influence_at(
-            cells.states.take(mine[some], axis=1), best, self.field.terms, max(0, count - _READINGS), count,
+            cells.of(mine[some]).states, best, self.field.terms, max(0, count - _READINGS), count,
             self.field.tables.sampled,
         )  # fmt: skip
 

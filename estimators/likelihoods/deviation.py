@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tactsim.core.poses import FloatArray
+from tactsim.estimators.likelihoods.least_squares import non_negative
 
 _ROUNDS = 20
 # Of the taxels; even if none was seen, one may come.
@@ -51,8 +52,6 @@ def learn_deviation(
     The four parts of the variance come from a regression of the squared deviations, in which none is negative. Each
     taxel is weighted with its own variance (iteratively reweighted least squares).
     """
-    from scipy.optimize import nnls  # imported here: only a fit needs it
-
     step = levels[1] - levels[0]
     place = np.rint((relative.ravel() - levels[0]) / step).clip(0, len(levels) - 1).astype(np.intp)
     count = np.bincount(place, minlength=len(levels)) + 1.0
@@ -64,7 +63,7 @@ def learn_deviation(
         weight = np.sqrt(regular) / spread
         # The same least squares with five rows instead of as many as there are taxels.
         rows = np.asarray(np.linalg.qr(np.column_stack([sources, away**2]) * weight[:, None], mode="r"))
-        variance, _ = nnls(rows[:, :-1], rows[:, -1])
+        variance = non_negative(rows[:, :-1], rows[:, -1])
         spread = _spread(sources @ variance, levels)
         stray = max(float(1 - regular.mean()), _LEAST_STRAY)
         gaussian = (1 - stray) * _normal(away, spread)

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from tactsim.core import Scan, compose, transform
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.likelihoods.folds import as_one, load_levels, positions
+from tactsim.estimators.likelihoods.least_squares import non_negative
 from tactsim.estimators.likelihoods.mosaic import Grid, LearnedMosaic, Mosaic, learn_with_spread
 from tactsim.estimators.likelihoods.occupancy import OccupancyMap
 from tactsim.estimators.likelihoods.plane_kernels import expand, fit_planes
@@ -237,8 +238,6 @@ class TiltedMosaics:
         The parts of the variance come from a regression of the squared errors, in which none is negative. Each taxel
         is weighted with its own variance (iteratively reweighted least squares).
         """
-        from scipy.optimize import nnls  # imported here: only a fit needs it
-
         seen = [(out.readings, *known) for out in self._out.values() for known in (out.near, out.far)]
         every = max(1, sum(len(readings) for readings, _, _ in seen) * len(self.gain) // _ENOUGH)
         readings, cover, slope = (np.concatenate([one[i][::every] for one in seen]) for i in range(3))
@@ -249,7 +248,7 @@ class TiltedMosaics:
             ).reshape(-1, 3)
             rows = np.column_stack([sources, fit.error.ravel() ** 2]) / fit.variance.reshape(-1, 1)
             triangle = np.asarray(np.linalg.qr(rows, mode="r"))
-            variance, _ = nnls(triangle[:, :-1], triangle[:, -1])
+            variance = non_negative(triangle[:, :-1], triangle[:, -1])
             self.variance = np.maximum(variance, [(_LEAST_ERROR * self.typical) ** 2, 0, 0])
         spread = np.sqrt((fit.found**2).mean(axis=0))
         self.prior = np.maximum([spread[0], *[np.sqrt((spread[1:] ** 2).mean())] * 2], _LEAST)
