@@ -1,7 +1,8 @@
 """How estimators grow with the number of letters.
 
 `python tests/estimators/bench_letters.py` prints for 5, 36 and 200 letters the processor time of a reading (the mean of
-a trial, of its first eight, and the first) and of the fit, and the peak of memory. Each row is a process of its own. 5
+a trial, of its first eight, and the first; the median of three rounds) and of the fit, and the peak of memory. 5 and 36
+are compared in one process, a trial of one after a trial of the other; fits and memory are of processes of their own. 5
 and 36 are pressed; 200 are these and more, stretched and slanted.
 """
 
@@ -23,7 +24,7 @@ from tactsim.estimators.likelihoods.mosaic import Grid, learn_mosaic
 ESTIMATORS = ("histogram", "refined", "force-mosaic")
 COUNTS = (5, 36, 200)
 GLYPHS = "AEIOUBCDFGHJKLMNPQRSTVWXYZ0123456789"
-READINGS, EARLY, TRIALS = 60, 8, 6
+READINGS, EARLY, TRIALS, ROUNDS = 60, 8, 6, 3
 
 
 def enlarged(scan, count):
@@ -43,52 +44,72 @@ def enlarged(scan, count):
     return Scan(*(np.concatenate(column) for column in zip(*parts, strict=True)), scan.taxel_xy)
 
 
-def measure(name, path):
-    """Fit and follow some sequences in this process; print milliseconds a reading, seconds and GB."""
-    scan = Scan.load(path)
-    begin = time.process_time()
-    estimator = estimators.create(name)
-    estimator.fit(scan)
-    fitted = time.process_time() - begin
-    spent = np.zeros((TRIALS, READINGS))
-    for trial in range(-1, TRIALS):  # the first warms up
-        rng = np.random.default_rng(trial + 1)
-        label = scan.letters[7 * (trial + 1) % len(scan.letters)]
-        readings, poses, _ = draw_trial(scan, label, READINGS, rng)
-        estimator.reset(rng)
-        for touch in range(READINGS):
-            begin = time.process_time()
-            estimator.update(readings[touch], poses[touch])
-            estimator.estimate()
-            spent[trial, touch] = time.process_time() - begin
+def follow(estimator, scan, trial):
+    """Follow a sequence; give the milliseconds of each reading (READINGS,)."""
+    rng, spent = np.random.default_rng(trial + 1), np.zeros(READINGS)
+    readings, poses, _ = draw_trial(scan, scan.letters[7 * (trial + 1) % len(scan.letters)], READINGS, rng)
+    estimator.reset(rng)
+    for touch in range(READINGS):
+        begin = time.process_time()
+        estimator.update(readings[touch], poses[touch])
+        estimator.estimate()
+        spent[touch] = 1e3 * (time.process_time() - begin)
+    return spent
+
+
+def measure(name, *paths):
+    """Fit to each scan and follow sequences in this process, in turns; print a line for each.
+
+    It has milliseconds, seconds of the fit, and the peak of memory so far, GB.
+    """
+    estimators_of, fitted = [], []
+    scans = [Scan.load(path) for path in paths]
+    for scan in scans:
+        begin = time.process_time()
+        estimators_of.append(estimators.create(name))
+        estimators_of[-1].fit(scan)
+        fitted.append(time.process_time() - begin)
+        follow(estimators_of[-1], scan, -1)  # warms up
+    spent = np.zeros((len(scans), ROUNDS, TRIALS, READINGS))
+    for number in range(ROUNDS):
+        for trial in range(TRIALS):
+            for k, scan in enumerate(scans):
+                spent[k, number, trial] = follow(estimators_of[k], scan, trial)
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 / 1e9
-    each, early, first = (1e3 * part.mean() for part in (spent, spent[:, :EARLY], spent[:, 0]))
-    print(f"{each:.2f} {early:.2f} {first:.2f} {fitted:.1f} {peak:.2f}")
+    for k in range(len(scans)):
+        parts = spent[k], spent[k, ..., :EARLY], spent[k, ..., :1]
+        each = (float(np.median(part.mean(axis=(1, 2)))) for part in parts)
+        print(*(f"{value:.3f}" for value in (*each, fitted[k], peak)))
+
+
+def in_turns(name, folder, *counts):
+    """Measure in a process of its own: a list of numbers for each number of letters."""
+    paths = [str(folder / f"{count}.npz") for count in counts]
+    done = subprocess.run(
+        [sys.executable, __file__, name, *paths], stdout=subprocess.PIPE, text=True, check=True
+    )
+    return [list(map(float, line.split())) for line in done.stdout.splitlines()]
 
 
 def main():
     """Make the scans, and print a row for each estimator and number of letters."""
-    with tempfile.TemporaryDirectory() as folder:
+    with tempfile.TemporaryDirectory() as name_of_folder:
+        folder = Path(name_of_folder)
         pressed = tactsim.scan(letters=GLYPHS, test_poses="random")
-        scans = {5: tactsim.scan(letters=GLYPHS[:5], test_poses="random"), 36: pressed}
-        scans[200] = enlarged(pressed, 200)
+        tactsim.scan(letters=GLYPHS[:5], test_poses="random").save(folder / "5.npz")
+        pressed.save(folder / "36.npz")
+        enlarged(pressed, 200).save(folder / "200.npz")
         print("asked: 36 letters at most 2 times 5; 200 letters at most 20 ms a reading and 1 GB")
         print(
             f"{'estimator':14} letters  ms a reading of {READINGS}  of {EARLY}  the first  fit s  peak GB"
             f"  times 5 letters: {READINGS}  {EARLY}"
         )
         for name in ESTIMATORS:
-            of_five = None
-            for count in COUNTS:
-                path = Path(folder) / f"{count}.npz"
-                scans[count].save(path)
-                done = subprocess.run(
-                    [sys.executable, __file__, name, str(path)], stdout=subprocess.PIPE, text=True, check=True
-                )
-                each, early, first, fit, peak = map(float, done.stdout.split())
-                of_five = of_five or (each, early)
+            alone = [in_turns(name, folder, count)[0] for count in COUNTS]
+            times = [*in_turns(name, folder, *COUNTS[:2]), alone[2]]
+            for count, (each, early, first, *_), (*_, fit, peak) in zip(COUNTS, times, alone, strict=True):
                 row = f"{each:19.2f} {early:5.2f} {first:10.2f} {fit:6.1f} {peak:8.2f}"
-                row += f" {each / of_five[0]:20.1f} {early / of_five[1]:4.1f}"
+                row += f" {each / times[0][0]:20.2f} {early / times[0][1]:5.2f}"
                 print(f"{name:14} {count:7} {row}", flush=True)
 
 
