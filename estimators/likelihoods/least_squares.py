@@ -22,10 +22,14 @@ def non_negative(columns: FloatArray, wanted: FloatArray) -> FloatArray:
     count = columns.shape[1]
     factors, least = np.zeros(count), float(wanted @ wanted)
     rounding = _ROUNDING * least
+    # Columns of very different size are of one: what is small beside another is not nothing.
+    size = np.linalg.norm(columns, axis=0)
+    size[size == 0] = 1.0
+    even = columns / size
     for chosen in chain.from_iterable(combinations(range(count), some) for some in range(1, count + 1)):
         some = list(chosen)
-        found = np.linalg.lstsq(columns[:, some], wanted, rcond=None)[0]
-        error = float(np.square(columns[:, some] @ found - wanted).sum())
+        solved = np.linalg.lstsq(even[:, some], wanted, rcond=None)[0]
+        error, found = float(np.square(even[:, some] @ solved - wanted).sum()), solved / size[some]
         better = error < least - rounding
         smaller = error <= least + rounding and found.sum() < factors.sum()
         if (found >= 0).all() and (better or smaller):
