@@ -47,12 +47,13 @@ def replace_least(kept: Reals, value: float) -> None:
     kept[place] = value
 
 
-@compiled(float64(COARSE, int64), called_from_python=False)
-def bound_of_highest(coarse: Coarse, tiles: int) -> float:
-    """Give the least of the bounds of so many tiles, those with the highest bounds; -inf if there are fewer."""
-    kept = np.full(tiles, -np.inf)
+@compiled(float64(COARSE, int64, float64), called_from_python=False)
+def bound_of_highest(coarse: Coarse, tiles: int, least: float) -> float:
+    """Give the least of the bounds of so many tiles, those with the highest bounds; `least` if that is higher."""
+    kept = np.full(tiles, least)
     for bound in coarse.bound:
-        replace_least(kept, bound)
+        if bound > least:
+            replace_least(kept, bound)
     return float(kept[0])
 
 
@@ -220,7 +221,7 @@ def best_bins(
             least = kept[0] - rounding
             if skip and waits >= least:
                 # Until enough are known, more and more of the tiles with the highest bounds are looked at.
-                least, more = max(least, bound_of_highest(coarse, more)), more * _MORE
+                least, more = bound_of_highest(coarse, more, least), more * _MORE
         if waits < least or waits == -np.inf:
             break
         place = bounded_by(coarse, least)
