@@ -61,9 +61,7 @@ def learn_deviation(
     spread, regular, stray = np.full(len(away), 1.0), np.ones(len(away)), 0.0
     for _ in range(_ROUNDS):
         weight = np.sqrt(regular) / spread
-        # The same least squares with five rows instead of as many as there are taxels.
-        rows = np.asarray(np.linalg.qr(np.column_stack([sources, away**2]) * weight[:, None], mode="r"))
-        variance = non_negative(rows[:, :-1], rows[:, -1])
+        variance = non_negative(sources * weight[:, None], away**2 * weight)
         spread = _spread(sources @ variance, levels)
         stray = max(float(1 - regular.mean()), _LEAST_STRAY)
         gaussian = (1 - stray) * _normal(away, spread)

@@ -19,6 +19,9 @@ def non_negative(columns: FloatArray, wanted: FloatArray) -> FloatArray:
     tried. Of equally good ones, as of columns that are alike, the one whose factors have the smallest sum is taken.
     `scipy.optimize.nnls` is made for many unknowns; to import it takes 0.17 s and 38 MB, to try 16 choices 0.3 ms.
     """
+    # The same least squares with n + 1 rows at most, however many there are.
+    triangle = np.asarray(np.linalg.qr(np.column_stack([columns, wanted]), mode="r"))
+    columns, wanted = triangle[:, :-1], triangle[:, -1]
     count = columns.shape[1]
     factors, least = np.zeros(count), float(wanted @ wanted)
     rounding = _ROUNDING * least

@@ -246,9 +246,8 @@ class TiltedMosaics:
             sources = _sources(
                 self.gain * cover * fit.pressure, (self.gain * fit.pressure) ** 2 * slope
             ).reshape(-1, 3)
-            rows = np.column_stack([sources, fit.error.ravel() ** 2]) / fit.variance.reshape(-1, 1)
-            triangle = np.asarray(np.linalg.qr(rows, mode="r"))
-            variance = non_negative(triangle[:, :-1], triangle[:, -1])
+            expected = fit.variance.ravel()
+            variance = non_negative(sources / expected[:, None], fit.error.ravel() ** 2 / expected)
             self.variance = np.maximum(variance, [(_LEAST_ERROR * self.typical) ** 2, 0, 0])
         spread = np.sqrt((fit.found**2).mean(axis=0))
         self.prior = np.maximum([spread[0], *[np.sqrt((spread[1:] ** 2).mean())] * 2], _LEAST)

@@ -62,19 +62,19 @@ def measure(name, *paths):
 
     It has milliseconds, seconds of the fit, and the peak of memory so far, GB.
     """
-    estimators_of, fitted = [], []
+    made, fitted = [], []
     scans = [Scan.load(path) for path in paths]
     for scan in scans:
         begin = time.process_time()
-        estimators_of.append(estimators.create(name))
-        estimators_of[-1].fit(scan)
+        made.append(estimators.create(name))
+        made[-1].fit(scan)
         fitted.append(time.process_time() - begin)
-        follow(estimators_of[-1], scan, -1)  # warms up
+        follow(made[-1], scan, -1)  # warms up
     spent = np.zeros((len(scans), ROUNDS, TRIALS, READINGS))
     for number in range(ROUNDS):
         for trial in range(TRIALS):
             for k, scan in enumerate(scans):
-                spent[k, number, trial] = follow(estimators_of[k], scan, trial)
+                spent[k, number, trial] = follow(made[k], scan, trial)
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 / 1e9
     for k in range(len(scans)):
         parts = spent[k], spent[k, ..., :EARLY], spent[k, ..., :1]
