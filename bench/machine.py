@@ -10,7 +10,7 @@ from functools import cache
 from importlib.metadata import version
 from pathlib import Path
 
-LIBRARIES = ("tactsim", "numpy", "scipy", "mujoco-core", "manifold3d", "numba")
+LIBRARIES = ("tactsim", "numpy", "scipy", "mujoco", "manifold3d", "numba")
 
 
 def versions() -> dict[str, str]:

@@ -41,7 +41,7 @@ def fill(text: str, outcomes: Sequence[Outcome]) -> str:
         rows.append([case.name, case.varied, case.deviation, f"{one.worst:.2g}", limit])
     minutes = sum(one.seconds for one in outcomes) / 60
     known, on = versions(), machine()
-    libraries = f"Python {known['python']}, NumPy {known['numpy']}, MuJoCo {known['mujoco-core']}"
+    libraries = f"Python {known['python']}, NumPy {known['numpy']}, MuJoCo {known['mujoco']}"
     origin = (
         f"*`make stress`: {len(outcomes)} cases in {minutes:.0f} minutes, none failed; {libraries}, {on['cores']} cores"
         f" of {on['processor']}; commit {short_commit(git_commit())}.*"

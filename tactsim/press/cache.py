@@ -95,7 +95,7 @@ def _path(key: str) -> Path:
 @lru_cache(maxsize=1)
 def versions() -> dict[str, str]:
     """Name the versions of what the readings are worked out with."""
-    return {"mujoco-core": version("mujoco-core"), "numpy": np.__version__}
+    return {"mujoco": version("mujoco"), "numpy": np.__version__}
 
 
 @lru_cache(maxsize=1)

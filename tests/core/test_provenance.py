@@ -85,7 +85,7 @@ def test_a_pressed_scan_says_how_it_was_made_and_whose_it_is(tmp_path):
     options = ScanOptions(letters=("I",), seed=7)
     about = scan_letters(options)[0].about
     assert (about["source"], about["licence"], about["seed"]) == ("simulated", OWN_LICENCE, 7)
-    assert {"tactsim", "mujoco-core", "numpy"} <= about["versions"].keys()
+    assert {"tactsim", "mujoco", "numpy"} <= about["versions"].keys()
     assert about["pad"] == options.pad.model_dump(mode="json")
     own = options.model_copy(update={"letters": (), "shapes": (str(tmp_path / "own.svg"),)})
     assert scan_letters(own)[0].about["licence"] is None

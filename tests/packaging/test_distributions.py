@@ -1,6 +1,7 @@
 """What is built holds one package and all of it, and what is installed runs in anybody's folder."""
 
 import sys
+import venv
 import zipfile
 from pathlib import Path
 
@@ -118,3 +119,23 @@ def test_what_an_earlier_build_left_is_not_in_the_wheel(checkout, wheel, tmp_pat
 def test_the_description_is_one_that_an_index_accepts(wheel, sdist, tmp_path):
     pytest.importorskip("twine", reason="`make test-slow` installs it")
     run(sys.executable, "-m", "twine", "check", "--strict", wheel, sdist, cwd=tmp_path)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("first", ["tactsim", "mujoco"])
+def test_it_shares_an_environment_with_an_older_mujoco(wheel, tmp_path, first):
+    """Whichever comes first, both work after it: only one package owns the folder `mujoco/`."""
+    environment = tmp_path / "venv"
+    venv.create(environment, with_pip=True, symlinks=True)
+    python = environment / "bin" / "python"
+    packages = {"tactsim": str(wheel), "mujoco": "mujoco==3.3.7"}
+    for name in (first, *(packages.keys() - {first})):
+        words = ("-m", "pip", "install", "--quiet", "--disable-pip-version-check", packages[name])
+        run(python, *words, cwd=tmp_path, PYTHONPATH="")
+    run(python, "-m", "pip", "check", cwd=tmp_path, PYTHONPATH="")
+    seen = run(python, "-c", "import mujoco; print(mujoco.MjModel and mujoco.__version__)", cwd=tmp_path)
+    assert seen.split() == ["3.3.7"]
+    words = ("scan", "--letters", "I", "--out", "scan.npz")
+    own_cache = {"TACTSIM_CACHE_DIR": str(tmp_path / "cache"), "PYTHONPATH": ""}
+    run(environment / "bin" / "bench", *words, cwd=tmp_path, **own_cache)
+    assert (tmp_path / "scan.npz").is_file()

@@ -10,7 +10,7 @@ from packaging.requirements import Requirement
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 RECIPE = yaml.safe_load((ROOT / "recipe" / "recipe.yaml").read_text(encoding="utf-8"))
 # What conda-forge calls otherwise: MuJoCo's Python package, and Matplotlib without Qt.
-CONDA = {"mujoco-core": "mujoco-python", "matplotlib": "matplotlib-base"}
+CONDA = {"mujoco": "mujoco-python", "matplotlib": "matplotlib-base"}
 
 
 def test_the_dependencies_are_the_same():
