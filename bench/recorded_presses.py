@@ -14,8 +14,8 @@ from tactsim.hardware.sensor_fit import Guess
 from tactsim.models.letter import Letter
 from tactsim.press.bed import lay_bed
 from tactsim.press.engine import press_at
-from tactsim.press.levels import levels
-from tactsim.press.pressed import Pressed
+from tactsim.press.bed import levels
+from tactsim.press.touches import Pressed
 from tactsim.press.scan_options import ScanOptions
 from tactsim.press.scanning import letters_of
 from tactsim.press.touches import Touches

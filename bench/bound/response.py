@@ -10,7 +10,7 @@ import numpy as np
 from tactsim.core.errors import InputError
 from tactsim.core.poses import FloatArray
 from tactsim.models import Letter
-from tactsim.press.engine_choice import check_flat
+from tactsim.press.engine import check_flat
 from tactsim.press.press_model import PressModel
 from tactsim.press.scan_options import ScanOptions, SensorOptions
 from tactsim.press.sensor import gains

@@ -15,8 +15,8 @@ from tactsim.core.poses import FloatArray
 from tactsim.press import PressOptions, ScanOptions, press_letter
 from tactsim.press.bed import lay_bed
 from tactsim.press.dynamics import History
-from tactsim.press.engine import contact_history
-from tactsim.press.levels import levels
+from tactsim.press.dynamics import contact_history
+from tactsim.press.bed import levels
 from tactsim.press.touches import Touches
 
 

@@ -13,7 +13,7 @@ from tactsim.core.poses import FloatArray
 from tactsim.press import PressOptions, ScanOptions
 from tactsim.press.engine import press_at
 from tactsim.press.points import Points
-from tactsim.press.pressed import Pressed
+from tactsim.press.touches import Pressed
 from tactsim.press.scan_poses import random_poses
 from tactsim.press.touches import Touches
 

@@ -15,7 +15,7 @@ from tactsim.press import PressOptions, ScanOptions, SensorOptions
 from tactsim.press.bed import Bed, Level, lay_bed
 from tactsim.press.clip import edges_of
 from tactsim.press.elastic import Rested, modulus, press_elastic
-from tactsim.press.levels import levels
+from tactsim.press.bed import levels
 from tactsim.press.scan_poses import random_poses
 
 SOLIDS = ("layer", "half-space")

@@ -16,7 +16,7 @@ from tactsim.core.poses import FloatArray
 from tactsim.press import PressOptions, ScanOptions, SensorOptions, press_letter
 from tactsim.press.bed import lay_bed
 from tactsim.press.engine import ideal_readings
-from tactsim.press.levels import levels
+from tactsim.press.bed import levels
 from tactsim.press.scan_poses import grid_poses, random_poses
 from tactsim.press.scene import Setup, scene
 from tactsim.press.touches import Touches

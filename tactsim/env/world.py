@@ -26,7 +26,7 @@ from tactsim.core.poses import FloatArray
 from tactsim.estimators import NONE, Estimator, create
 from tactsim.press import PressModel, forward_model
 from tactsim.press.engine import press_at
-from tactsim.press.pressed import Patches
+from tactsim.press.spread import Patches
 from tactsim.press.scan_poses import stage_for
 from tactsim.press.scanning import as_pressed, letters_of
 from tactsim.press.sensor import gains

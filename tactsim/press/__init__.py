@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from tactsim.press.attached_pad import AttachedPad, attach
     from tactsim.press.pad_reader import PadReader, PadReading
     from tactsim.press.press_model import PressModel, forward_model
-    from tactsim.press.pressing import Press, press_letter
+    from tactsim.press.engine import Press, press_letter
     from tactsim.press.scan_options import WORLDS, PressOptions, ScanOptions, SensorOptions
     from tactsim.press.scanning import scan_letters
 
@@ -46,8 +46,8 @@ _HOME = {
     "ScanOptions": "scan_options",
     "SensorOptions": "scan_options",
     "WORLDS": "scan_options",
-    "Press": "pressing",
-    "press_letter": "pressing",
+    "Press": "engine",
+    "press_letter": "engine",
     "scan_letters": "scanning",
 }
 
@@ -88,7 +88,7 @@ class CallablePackage(ModuleType):
         Raises InputError for an unknown letter, or if the pose is not three finite numbers.
         """
         from tactsim import models
-        from tactsim.press.pressing import press_letter
+        from tactsim.press.engine import press_letter
 
         return press_letter(
             models.letter(letter) if isinstance(letter, str) else letter, pose, options, rng, rotation

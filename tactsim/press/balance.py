@@ -26,10 +26,11 @@ from numpy.typing import NDArray
 from tactsim.core.poses import FloatArray
 from tactsim.press.bed import MM, Bed, Level, Springs, join, lay_bed, slopes
 from tactsim.press.clip import EVEN_MOMENTS, MOMENTS
-from tactsim.press.levels import levels
-from tactsim.press.pressed import Patches, Pressed
+from tactsim.press.bed import levels
+from tactsim.press.spread import Patches
+from tactsim.press.touches import Pressed
 from tactsim.press.scan_options import ScanOptions
-from tactsim.press.scene import RADIUS, UNREAD_STAGES, Scene, Setup, UnsettledError, scene
+from tactsim.press.scene import RADIUS, UNREAD_STAGES, Scene, Setup, scene
 from tactsim.press.touches import Touches
 
 MASS = 0.01  # kg; an equilibrium does not depend on it

@@ -31,7 +31,7 @@ from tactsim.models.letter import ConvexPart, Letter
 from tactsim.press.balance import MOST_TILT, TIPPED
 from tactsim.press.bed import MM, slopes
 from tactsim.press.points import Points, lattice, share
-from tactsim.press.pressed import Pressed
+from tactsim.press.touches import Pressed
 from tactsim.press.scan_options import PressOptions, ScanOptions
 from tactsim.press.scene import UNREAD_STAGES, describe_carriage, describe_part
 from tactsim.press.touches import Touches

@@ -1,4 +1,4 @@
-"""Press one letter through time under force control: approach, touch, settle.
+"""Press letters through time under force control: approach, touch, settle.
 
 The scene is that of the equilibrium, but time steps are short, the letter has its real mass, and the layer
 is that of Hunt and Crossley (Coefficient of restitution interpreted as damping in vibroimpact, J. Appl. Mech.
@@ -14,16 +14,20 @@ from the rate of the controlled contact.
 from __future__ import annotations
 
 import math
+from collections import Counter
 from dataclasses import dataclass
 
 import mujoco
 import numpy as np
 
+from tactsim.core.errors import InputError
 from tactsim.core.poses import FloatArray
-from tactsim.press.bed import MM, Springs
+from tactsim.press.bed import MM, Bed, Springs, lay_bed, levels
 from tactsim.press.force_control import ForceControl
-from tactsim.press.scan_options import PressOptions
-from tactsim.press.scene import Scene, UnsettledError
+from tactsim.press.scan_options import PressOptions, ScanOptions
+from tactsim.press.scene import Scene, Setup, scene
+from tactsim.press.spread import Patches
+from tactsim.press.touches import Pressed, Touches, UnsettledError, unsettled
 
 _SETTLED = (
     2e-4  # share of the force that contacts may miss, and by which they may change while they are at rest
@@ -72,6 +76,80 @@ class History:
     times: FloatArray
     forces: FloatArray
     trace: ForceTrace
+
+
+@dataclass(frozen=True, eq=False)
+class Moving:
+    """The images of one press through time, (frames, taxels) kPa at times (frames,) s, and its force."""
+
+    times: FloatArray
+    images: FloatArray
+    trace: ForceTrace
+
+
+def press(touches: Touches, options: ScanOptions) -> Pressed:
+    """Step every press through time, and keep its last image. Raises InputError for what cannot be stepped."""
+    bed = _bed(touches, options)
+    forces, blanks = np.zeros(len(bed.area)), {}
+    touching = 0
+    for index, springs in enumerate(bed.springs):
+        if not springs.area:
+            continue
+        touching += 1
+        try:
+            forces[springs.rows] = contact_history(bed, touches, index, options).forces[-1]
+        except UnsettledError as error:
+            blanks[index] = str(error)
+    work = Counter(presses=touching, no_contact=len(touches) - touching)
+    return Pressed(touches, _even(bed, forces), work, blanks)
+
+
+def _bed(touches: Touches, options: ScanOptions) -> Bed:
+    """Lay the bed of presses that are stepped through time. Raises InputError for what cannot be."""
+    if options.press.engine != "auto":
+        raise InputError(
+            f"press.engine: {options.press.engine} works out presses at rest; with dynamics = full give auto"
+        )
+    if touches.rotations is not None:
+        raise InputError("a press from another side is worked out at rest alone; give dynamics = equilibrium")
+    return lay_bed(levels(touches.letter, options.press), touches.poses, *options.cell_lines)
+
+
+def contact_history(bed: Bed, touches: Touches, index: int, options: ScanOptions) -> History:
+    """Step press `index` through time until it rests; `bed` is of all presses. Raises UnsettledError if it does not."""
+    press, springs = options.press, bed.springs[index]
+    setup = Setup(
+        mass=press.moving_mass,
+        wrist_stiffness=press.wrist_stiffness,
+        letter=None if press.skip.parts else touches.letter,
+        skip_stages=press.skip.stages,
+    )
+    stage = scene(setup, len(springs.share))
+    stage.place_letter(touches.poses[index], touches.tilts[index])
+    force = float(touches.forces(press.force)[index])
+    return press_through_time(stage, springs, press.model_copy(update={"force": force}))
+
+
+def _even(bed: Bed, forces: FloatArray) -> Patches:
+    """Spread each contact's force evenly over its part."""
+    return Patches(bed, np.divide(forces, bed.area, out=np.zeros_like(forces), where=bed.area > 0))
+
+
+def ideal_sequence(touches: Touches, options: ScanOptions) -> Moving | None:
+    """Press a letter once, through time: its images, or None where nothing touches.
+
+    The last image is at rest and is the ideal reading.
+    Raises UnsettledError, naming letter and pose, if the press does not come to rest.
+    """
+    bed = _bed(touches, options)
+    if not bed.area.any():
+        return None
+    try:
+        history = contact_history(bed, touches, 0, options)
+    except UnsettledError as error:
+        raise unsettled(touches.letter.name, touches.poses[0], str(error)) from error
+    images = _even(bed.repeat(len(history.times)), history.forces.ravel()).readings(options)
+    return Moving(history.times, images, history.trace)
 
 
 def press_through_time(stage: Scene, springs: Springs, options: PressOptions) -> History:

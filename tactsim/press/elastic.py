@@ -34,8 +34,9 @@ from tactsim.core.pad import Pad
 from tactsim.core.poses import FloatArray
 from tactsim.press.balance import MOST_TILT, TIPPED
 from tactsim.press.bed import Bed, lay_bed
-from tactsim.press.levels import levels
-from tactsim.press.pressed import Patches, Pressed
+from tactsim.press.bed import levels
+from tactsim.press.spread import Patches
+from tactsim.press.touches import Pressed
 from tactsim.press.scan_options import PressOptions, ScanOptions
 from tactsim.press.spread import cell_lines
 from tactsim.press.touches import Touches

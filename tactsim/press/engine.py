@@ -1,62 +1,52 @@
-"""Press a letter with the engine that `engine_choice` names: what an ideal pad would read.
+"""Press a letter with the engine asked for, or the cheapest that is exact: what an ideal pad would read, and what it reports.
 
-The engines answer the same question, each in a file of its own: `exact` (a level flat face needs no solver),
-`balance` (the engine `bed`: exact areas, MuJoCo solves the balance of what may move), `collide` (MuJoCo alone,
-its collision detection included), `relief` (any shape, from any side), `elastic` (a layer or half-space instead
-of springs) and, for a press through time, `dynamics`. Nothing random happens here and nothing that belongs to
-one sensor: its imperfections come afterwards, in `sensor`.
+The engines answer the same question, each in a file of its own: `exact` (flat faces in closed form), `balance` (the
+engine `bed`: exact areas, MuJoCo solves the balance of what may move), `collide` (MuJoCo alone, its collision
+detection included), `relief` (any shape, from any side), `elastic` (a layer or half-space instead of springs) and, for
+a press through time, `dynamics`. Each is imported when it first presses: some bring MuJoCo, SciPy or compiled loops.
 """
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from tactsim.core.errors import InputError
+from tactsim.core.errors import InputError, short
+from tactsim.core.finite import finite
 from tactsim.core.poses import FloatArray
-from tactsim.press import balance, collide, exact
-from tactsim.press.bed import Bed, lay_bed
-from tactsim.press.dynamics import ForceTrace, History, press_through_time
-from tactsim.press.engine_choice import engine_for
-from tactsim.press.levels import levels
-from tactsim.press.pressed import Patches, Pressed, unsettled
+from tactsim.models.letter import Letter
+from tactsim.press.bed import has_relief
 from tactsim.press.scan_options import ScanOptions
-from tactsim.press.scene import Setup, UnsettledError, scene
-from tactsim.press.touches import Touches
+from tactsim.press.sensor import gains, hysteretic, sense
+from tactsim.press.touches import Pressed, Touches
 
-
-def _elastic(touches: Touches, options: ScanOptions) -> Pressed:
-    from tactsim.press import elastic  # brings SciPy
-
-    return elastic.press(touches, options)
-
-
-def _press_relief(touches: Touches, options: ScanOptions) -> Pressed:
-    # Its compiled loops take a while to load, and most scans do without.
-    from tactsim.press import facets
-
-    return facets.press(touches, options)
-
-
-ENGINES: dict[str, Callable[[Touches, ScanOptions], Pressed]] = {
-    "exact": exact.press,
-    "bed": balance.press,
-    "collide": collide.press,
-    "elastic": _elastic,
-    "relief": _press_relief,
-}
-
+if TYPE_CHECKING:
+    from tactsim.press.dynamics import ForceTrace
 
 @dataclass(frozen=True, eq=False)
-class Moving:
-    """The images of one press through time, (frames, taxels) kPa at times (frames,) s, and its force."""
+class Press:
+    """What one press gives.
 
-    times: FloatArray
-    images: FloatArray
-    trace: ForceTrace
+    ideal: (taxels,) kPa without imperfections. reading: (taxels,) kPa, what the pad reports. With full
+    dynamics `sequence` (frames, taxels) kPa holds the images of the press, without imperfections, taken
+    at `times` (frames,) s; the last is `ideal`. `trace` is the contact force at every time step.
+    """
+
+    ideal: FloatArray
+    reading: FloatArray
+    times: FloatArray | None = None
+    sequence: FloatArray | None = None
+    trace: ForceTrace | None = None
+
+    @property
+    def settle_time(self) -> float | None:
+        """Give the time from touch until the force stays within 2 % of the set force, s; None at rest."""
+        return None if self.trace is None else self.trace.settle_time
 
 
 def press_at(touches: Touches, options: ScanOptions) -> Pressed:
@@ -65,13 +55,36 @@ def press_at(touches: Touches, options: ScanOptions) -> Pressed:
     A press that does not come to rest is a blank, with its reason.
     Raises InputError if the engine asked for cannot press this.
     """
-    if options.press.dynamics == "full":
-        pressed, name = _press_through_time(touches, options), "full"
-    else:
-        name = engine_for(touches, options)
-        pressed = ENGINES[name](touches, options)
+    name = "full" if options.press.dynamics == "full" else engine_for(touches, options)
+    pressed = _engine(name)(touches, options)
     pressed.work[f"engine_{name}"] = pressed.work["presses"]
     return pressed
+
+
+def _engine(name: str) -> Callable[[Touches, ScanOptions], Pressed]:
+    if name == "exact":
+        from tactsim.press.exact import press as exact
+
+        return exact
+    if name == "bed":
+        from tactsim.press.balance import press as bed
+
+        return bed
+    if name == "collide":
+        from tactsim.press.collide import press as collide
+
+        return collide
+    if name == "relief":
+        from tactsim.press.relief import press as relief
+
+        return relief
+    if name == "elastic":
+        from tactsim.press.elastic import press as elastic
+
+        return elastic
+    from tactsim.press.dynamics import press as through_time
+
+    return through_time
 
 
 def ideal_readings(touches: Touches, options: ScanOptions) -> tuple[FloatArray, Counter[str]]:
@@ -85,66 +98,127 @@ def ideal_readings(touches: Touches, options: ScanOptions) -> tuple[FloatArray, 
     return pressed.readings(options), pressed.work
 
 
-def ideal_sequence(touches: Touches, options: ScanOptions) -> Moving | None:
-    """Press a letter once, through time: its images, or None where nothing touches.
+def press_letter(
+    letter: Letter,
+    sensor_in_object: ArrayLike,
+    options: ScanOptions | None = None,
+    rng: np.random.Generator | None = None,
+    rotation: ArrayLike | None = None,
+) -> Press:
+    """Press `letter` at one pose [x, y, theta] (mm, rad), exactly there, tilted as the options' press is.
 
-    The last image is at rest and is the ideal reading.
-    Raises UnsettledError, naming letter and pose, if the press does not come to rest.
+    Of `options` only pad, press, sensor and, for the pad's gains, seed count. `rng` draws noise and random
+    taxels; without it there are none. rotation: (3, 3), or anything with `as_matrix` such as a SciPy Rotation: presses
+    from another side, as `Touches.rotations` says.
+    Raises InputError if the pose is not three finite numbers, the rotation is none or another argument is of the
+    wrong type, UnsettledError if the press does not come to rest.
     """
-    bed = _bed(touches, options)
-    if not bed.area.any():
-        return None
-    try:
-        history = contact_history(bed, touches, 0, options)
-    except UnsettledError as error:
-        raise unsettled(touches.letter.name, touches.poses[0], str(error)) from error
-    images = _even(bed.repeat(len(history.times)), history.forces.ravel()).readings(options)
-    return Moving(history.times, images, history.trace)
+    for name, value, kind, right in (
+        ("letter", letter, Letter, "a name or what tactsim.models.letter or shape made"),
+        ("options", options, ScanOptions | None, "tactsim.ScanOptions(...)"),
+        ("rng", rng, np.random.Generator | None, "a generator, such as numpy.random.default_rng(0)"),
+    ):
+        if not isinstance(value, kind):
+            raise InputError(f"{name} is {short(value)}; give {right}")
+    options = options or ScanOptions()
+    pose = finite(sensor_in_object, "sensor_in_object")
+    if pose.shape != (3,):
+        raise InputError(f"a pose is three numbers [x mm, y mm, theta rad], got {short(sensor_in_object)}")
+    sensor = options.sensor
+    if rng is None:
+        sensor = sensor.model_copy(update={"noise": 0.0, "random_taxels": 0.0})
+        rng = np.random.default_rng(0)
+    touches = Touches.of(letter, pose[None], (options.press.tilt_x, options.press.tilt_y))
+    if rotation is not None:
+        touches = replace(touches, rotations=_rotation(rotation)[None])
+    moved = None
+    if options.press.dynamics == "full":
+        from tactsim.press.dynamics import ideal_sequence
+
+        moved = ideal_sequence(touches, options)
+    if moved is None:  # at rest, or beside the letter: there is nothing to follow through time
+        ideal = felt = ideal_readings(touches, options)[0][0]
+    else:
+        ideal, felt = moved.images[-1], hysteretic(moved.images, sensor.hysteresis)[-1]
+    reading = sense(felt[None], sensor, gains(options), rng)[0]
+    if moved is None:
+        return Press(ideal, reading)
+    return Press(ideal, reading, moved.times, moved.images, moved.trace)
 
 
-def _press_through_time(touches: Touches, options: ScanOptions) -> Pressed:
-    """Step every press through time, and keep its last image."""
-    bed = _bed(touches, options)
-    forces, blanks = np.zeros(len(bed.area)), {}
-    touching = 0
-    for index, springs in enumerate(bed.springs):
-        if not springs.area:
-            continue
-        touching += 1
-        try:
-            forces[springs.rows] = contact_history(bed, touches, index, options).forces[-1]
-        except UnsettledError as error:
-            blanks[index] = str(error)
-    work = Counter(presses=touching, no_contact=len(touches) - touching)
-    return Pressed(touches, _even(bed, forces), work, blanks)
-
-
-def _bed(touches: Touches, options: ScanOptions) -> Bed:
-    """Lay the bed of presses that are stepped through time. Raises InputError for what cannot be."""
-    if options.press.engine != "auto":
+def _rotation(given: Any) -> FloatArray:
+    matrix = finite(given.as_matrix() if hasattr(given, "as_matrix") else given, "rotation")
+    if (
+        matrix.shape != (3, 3)
+        or np.abs(matrix.T @ matrix - np.eye(3)).max() > 1e-6
+        or np.linalg.det(matrix) < 0
+    ):
         raise InputError(
-            f"press.engine: {options.press.engine} works out presses at rest; with dynamics = full give auto"
+            "rotation is no rotation: give a 3 x 3 matrix of three right-handed unit vectors as columns"
         )
+    return matrix
+
+
+def engine_for(touches: Touches, options: ScanOptions) -> str:
+    """Name the engine that presses: the one asked for, or the cheapest that is exact here.
+
+    Raises InputError if the engine asked for cannot press this.
+    """
+    press = options.press
+    if press.engine != "auto":
+        obstacle = _obstacle(press.engine, touches, options)
+        if obstacle:
+            raise InputError(f"press.engine: {press.engine} cannot press this: {obstacle}; give auto")
+        return press.engine
+    if press.foundation != "winkler":
+        obstacle = _of_shape(touches, options)
+        if obstacle:
+            raise InputError(
+                f"press.foundation: {press.foundation} cannot carry this: {obstacle}; give winkler"
+            )
+        return "elastic"
+    if _of_shape(touches, options):
+        return "relief"
+    cheapest = press.skip.solver and press.skip.parts and not _obstacle("exact", touches, options)
+    return "exact" if cheapest else "bed"
+
+
+def _obstacle(engine: str, touches: Touches, options: ScanOptions) -> str:
+    """Say why an engine cannot press this; nothing if it can."""
+    press = options.press
+    if press.foundation != "winkler":
+        return f"press.foundation is {press.foundation}, and it has springs that do not move each other"
+    if engine in ("exact", "bed"):
+        shape = _of_shape(touches, options)
+        if shape:
+            return shape
+    if engine == "collide" and touches.rotations is not None:
+        return f"{touches.letter.name!r} is pressed from a side"
+    if engine != "exact":
+        return ""
+    if touches.letter.rounding:
+        return f"{touches.letter.name!r} has rounded edges"
+    if press.wrist_stiffness is not None:
+        return "the wrist gives way (press.wrist_stiffness)"
+    if touches.tilts.any():
+        return "a press is tilted"
+    return ""
+
+
+def _of_shape(touches: Touches, options: ScanOptions) -> str:
+    """Say what makes a press more than that of a flat face or a rounded edge; nothing if it is one."""
     if touches.rotations is not None:
-        raise InputError("a press from another side is worked out at rest alone; give dynamics = equilibrium")
-    return lay_bed(levels(touches.letter, options.press), touches.poses, *options.cell_lines)
+        return f"{touches.letter.name!r} is pressed from a side"
+    if has_relief(touches.letter, options.press):
+        return f"{touches.letter.name!r} has relief"
+    return ""
 
 
-def contact_history(bed: Bed, touches: Touches, index: int, options: ScanOptions) -> History:
-    """Step press `index` through time until it rests; `bed` is of all presses. Raises UnsettledError if it does not."""
-    press, springs = options.press, bed.springs[index]
-    setup = Setup(
-        mass=press.moving_mass,
-        wrist_stiffness=press.wrist_stiffness,
-        letter=None if press.skip.parts else touches.letter,
-        skip_stages=press.skip.stages,
-    )
-    stage = scene(setup, len(springs.share))
-    stage.place_letter(touches.poses[index], touches.tilts[index])
-    force = float(touches.forces(press.force)[index])
-    return press_through_time(stage, springs, press.model_copy(update={"force": force}))
-
-
-def _even(bed: Bed, forces: FloatArray) -> Patches:
-    """Spread each contact's force evenly over its part."""
-    return Patches(bed, np.divide(forces, bed.area, out=np.zeros_like(forces), where=bed.area > 0))
+def check_flat(letter: Letter, options: ScanOptions) -> None:
+    """Raise InputError unless the forward model can press the letter: a flat face on springs, at rest."""
+    engine = engine_for(Touches.of(letter, np.zeros((1, 3))), options)
+    if options.press.dynamics == "full" or letter.rounding or engine not in ("exact", "bed"):
+        raise InputError(
+            f"the forward model presses flat faces with sharp edges on springs, at rest; {letter.name!r} is pressed "
+            f"otherwise here"
+        )

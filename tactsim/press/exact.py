@@ -11,8 +11,9 @@ from collections import Counter
 import numpy as np
 
 from tactsim.press.bed import lay_bed
-from tactsim.press.levels import levels
-from tactsim.press.pressed import Patches, Pressed
+from tactsim.press.bed import levels
+from tactsim.press.spread import Patches
+from tactsim.press.touches import Pressed
 from tactsim.press.scan_options import ScanOptions
 from tactsim.press.touches import Touches
 

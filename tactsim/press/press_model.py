@@ -20,7 +20,7 @@ from tactsim.core.forward import Linearised
 from tactsim.core.poses import FloatArray, compose
 from tactsim.core.scan import Scan
 from tactsim.models import Letter
-from tactsim.press.engine_choice import check_flat
+from tactsim.press.engine import check_flat
 from tactsim.press.scan_options import ScanOptions
 from tactsim.press.scanning import letters_of
 from tactsim.press.spread import felt_along

@@ -22,7 +22,7 @@ from tactsim.core.scan import SPLITS, Scan
 from tactsim.core.seeds import stream
 from tactsim.core.workers import worker_processes
 from tactsim.press import cache as cached
-from tactsim.press.rise import held, rising
+from tactsim.press.sequences import held, rising
 from tactsim.press.scan_options import ScanOptions
 from tactsim.press.scan_poses import grid_poses, random_poses, stage_for
 from tactsim.press.sensor import gains, sense

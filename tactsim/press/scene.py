@@ -23,10 +23,10 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from tactsim.core.errors import InputError
 from tactsim.core.poses import FloatArray, invert
 from tactsim.models.letter import ConvexPart, Letter
 from tactsim.press.bed import MM, Springs, slopes
+from tactsim.press.touches import UnsettledError
 
 # m, of the spheres; less than half a cell, so that no sphere reaches beyond its cell. The letter starts one radius
 # behind their centres, so a sphere whose centre is at its spring's position just touches where the depth is 0.
@@ -52,10 +52,6 @@ UNREAD_STAGES = (
     _Disable.mjDSBL_ISLAND,
     _Disable.mjDSBL_EULERDAMP,
 )
-
-
-class UnsettledError(InputError):
-    """A press does not come to rest; it has no reading."""
 
 
 @dataclass(frozen=True)

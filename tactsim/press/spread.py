@@ -8,14 +8,18 @@ times one of y, so the pressure is spread along x and then along y, and the work
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from functools import lru_cache
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from tactsim.core.pad import Pad
 from tactsim.core.poses import FloatArray
 from tactsim.press.bed import Bed
+
+if TYPE_CHECKING:
+    from tactsim.press.scan_options import ScanOptions
 
 _erf = np.vectorize(math.erf, otypes=[float])  # a few thousand values: not worth the import of SciPy
 
@@ -58,6 +62,32 @@ def _cut_wide(lines: FloatArray, edges: FloatArray, sigma: float) -> FloatArray:
     after = np.searchsorted(every, cuts).clip(1, len(every) - 1)
     near = np.minimum(np.abs(cuts - every[after - 1]), np.abs(cuts - every[after])) < _FELT * sigma
     return np.append(cuts[near | (order == 0)], lines[-1])
+
+
+@dataclass(frozen=True, eq=False)
+class Patches:
+    """Pressure on the covered parts of the pad's cells.
+
+    bed: the parts. pressure: (contacts,) N/mm^2 at the centres of their cells. gradient: (contacts, 2)
+    N/mm^3 along the pad's x and y, None where the pressure is even within a cell.
+    """
+
+    bed: Bed
+    pressure: FloatArray
+    gradient: FloatArray | None = None
+
+    @property
+    def forces(self) -> FloatArray:
+        """Integrate over each part: (contacts,) N."""
+        forces = self.pressure * self.bed.area
+        if self.gradient is not None:
+            forces += np.einsum("ci,ic->c", self.gradient, self.bed.moments[1:3])
+        return forces
+
+    def readings(self, options: ScanOptions) -> FloatArray:
+        """Spread the pressure over the taxels: (n, taxels) kPa without imperfections."""
+        press, sigma = options.press, options.sensor.psf_sigma
+        return contact_map(self.bed, self.pressure, self.gradient, options.pad, press.cells_per_taxel, sigma)
 
 
 class _Felt(NamedTuple):

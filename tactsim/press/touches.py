@@ -1,15 +1,24 @@
-"""`Touches`: where a letter is pressed, the question that every engine answers."""
+"""What every engine is asked and what it answers: `Touches`, where a letter is pressed, and `Pressed`, how it rests."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
-from typing import Protocol
+from collections import Counter
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
+from tactsim.core.errors import InputError
 from tactsim.core.poses import FloatArray
 from tactsim.models.letter import Letter
+
+if TYPE_CHECKING:
+    from tactsim.press.scan_options import ScanOptions
+
+
+class UnsettledError(InputError):
+    """A press does not come to rest; it has no reading."""
 
 
 class Normals(Protocol):
@@ -59,6 +68,53 @@ class Touches:
 
     def __len__(self) -> int:
         return len(self.poses)
+
+
+class Load(Protocol):
+    """Pressure on the pad, of many presses."""
+
+    def readings(self, options: ScanOptions) -> FloatArray:
+        """Spread the pressure over the taxels: (n, taxels) kPa without imperfections."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class Pressed:
+    """A letter pressed until it rests.
+
+    load: the pressure on the pad; none where nothing touches and in a blank. work: `presses`, those that an
+    engine worked out, and what was skipped by reason. blanks: {press: why it does not come to rest}.
+    """
+
+    touches: Touches
+    load: Load
+    work: Counter[str]
+    blanks: dict[int, str] = field(default_factory=dict)
+
+    def readings(self, options: ScanOptions) -> FloatArray:
+        """Spread the pressure over the taxels: (n, taxels) kPa without imperfections, 0 in a blank.
+
+        `options` may differ from those of the press in the sensor's alone, and not in whether its point
+        spread is 0, which the bed's cells depend on.
+        """
+        return self.load.readings(options)
+
+    def settled(self) -> Pressed:
+        """Return this if every press came to rest.
+
+        Raises UnsettledError that names the letter and the first pose which did not.
+        """
+        for press, reason in self.blanks.items():
+            raise unsettled(self.touches.letter.name, self.touches.poses[press], reason)
+        return self
+
+
+def unsettled(name: str, pose: FloatArray, reason: str) -> UnsettledError:
+    """Name the press that did not come to rest."""
+    x, y, angle = pose
+    return UnsettledError(
+        f"letter {name!r} pressed at x = {x:g} mm, y = {y:g} mm, {angle:g} rad does not settle: {reason}"
+    )
 
 
 def draw_loads(count: int, spread: float, rng: Normals) -> FloatArray:

@@ -28,8 +28,8 @@ from tactsim.core.poses import FloatArray
 from tactsim.press import PressOptions, ScanOptions, scan_letters
 from tactsim.press.bed import lay_bed
 from tactsim.press.engine import press_at
-from tactsim.press.levels import levels
-from tactsim.press.pressed import Patches
+from tactsim.press.bed import levels
+from tactsim.press.spread import Patches
 from tactsim.press.scan_options import Skips
 from tactsim.press.scan_poses import grid_poses
 from tactsim.press.touches import Touches

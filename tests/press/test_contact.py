@@ -14,7 +14,7 @@ from tactsim.press import balance, press_letter
 from tactsim.press.bed import Level, lay_bed
 from tactsim.press.clip import covers, edges_of
 from tactsim.press.engine import ideal_readings
-from tactsim.press.levels import levels
+from tactsim.press.bed import levels
 from tactsim.press.scan_options import Skips
 from tactsim.press.scan_poses import grid_poses
 from tactsim.press.spread import felt_along
@@ -246,7 +246,7 @@ def test_a_rounded_edge_is_finely_enough_cut(monkeypatch):
     poses, options = grid_poses()[::24], level_scan()
     letter = models.letter("E", rounding=0.5)
     coarse = readings_of(letter, poses, options)
-    monkeypatch.setattr("tactsim.press.levels.ROUNDING_LEVELS", 48)
+    monkeypatch.setattr("tactsim.press.bed.ROUNDING_LEVELS", 48)
     fine = readings_of(letter, poses, options)
     assert np.abs(coarse - fine).max() < 2e-3 * fine.max()
 

@@ -17,7 +17,7 @@ from tactsim.press.bed import Level, lay_bed
 from tactsim.press.clip import edges_of
 from tactsim.press.elastic import gaussians_of, modulus, multiplier, press_elastic
 from tactsim.press.engine import ideal_readings
-from tactsim.press.levels import levels
+from tactsim.press.bed import levels
 from tactsim.press.scan_poses import grid_poses
 from tactsim.press.spread import cell_lines, contact_map
 from tactsim.press.touches import Touches

@@ -15,7 +15,7 @@ from tactsim.core.poses import transform
 from tactsim.models.relief import Relief
 from tactsim.press import press_letter
 from tactsim.press.engine import ideal_readings, press_at
-from tactsim.press.facets import press
+from tactsim.press.relief import press
 from tactsim.press.scan_poses import grid_poses
 from tactsim.press.scanning import scan_letters
 from tactsim.press.spread import felt_along

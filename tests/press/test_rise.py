@@ -8,7 +8,7 @@ from manifold3d import Manifold
 from tactsim import models
 from tactsim.core.moments import with_moments
 from tactsim.press import PressOptions, SensorOptions, scan_letters, scanning
-from tactsim.press.rise import held, rising
+from tactsim.press.sequences import held, rising
 
 pytestmark = pytest.mark.usefixtures("few_angles")
 

@@ -78,6 +78,6 @@ def test_the_number_of_processes_changes_no_bit(taken, monkeypatch):
 
 
 def test_sequences_that_no_file_would_hold_are_refused(monkeypatch):
-    monkeypatch.setattr("tactsim.press.rise.LARGEST", 25_000)
+    monkeypatch.setattr("tactsim.press.sequences.LARGEST", 25_000)
     with pytest.raises(InputError, match=r"press\.frame_rate"):
         scan_letters(FULL, cache=False, sequence=True)

@@ -17,7 +17,7 @@ from tactsim import models
 from tactsim.core.poses import FloatArray
 from tactsim.core.rigid import matrix
 from tactsim.models.relief import Relief
-from tactsim.press import PressOptions, ScanOptions, facets
+from tactsim.press import PressOptions, ScanOptions, relief
 from tactsim.press.space import SpaceOptions, SpacePress, random_starts
 from tactsim.press.touches import Touches
 
@@ -32,7 +32,7 @@ def exact(solid: models.Solid, starts: FloatArray, options: SpaceOptions) -> Flo
     turns = matrix(starts[:, 3:]) * (1.0, -1.0, -1.0)
     poses = np.einsum("ni,nij->nj", starts[:, :3], turns) * (1.0, 1.0, 0.0)
     seen = SimpleNamespace(relief=Relief(solid.vertices, solid.faces))
-    pressed = facets.press(Touches(seen, poses, np.zeros((len(starts), 2)), turns), given)
+    pressed = relief.press(Touches(seen, poses, np.zeros((len(starts), 2)), turns), given)
     rows, columns = options.pad.rows, options.pad.columns
     return pressed.readings(given).reshape(-1, rows, columns)[:, ::-1].reshape(-1, rows * columns)
 

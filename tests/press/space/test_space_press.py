@@ -13,7 +13,7 @@ from scipy.optimize import brentq
 from tactsim import models
 from tactsim.core import InputError, rigid
 from tactsim.models.relief import Relief
-from tactsim.press import facets
+from tactsim.press import relief
 from tactsim.press.space import SpaceOptions, SpacePress, random_starts
 from tactsim.press.touches import Touches
 
@@ -90,7 +90,7 @@ def test_touches_agree_with_the_exact_press_of_facets(name):
     poses = np.einsum("ni,nij->nj", starts[:, :3], turns) * (1.0, 1.0, 0.0)
     exact = level_scan(press=level_press(stiffness=1e3 * STIFFNESS, thickness=3.0))
     seen = SimpleNamespace(relief=Relief(solid.vertices, solid.faces))
-    pressed = facets.press(Touches(seen, poses, np.zeros((12, 2)), turns), exact)
+    pressed = relief.press(Touches(seen, poses, np.zeros((12, 2)), turns), exact)
     expected = pressed.readings(exact).reshape(-1, 6, 6)[:, ::-1].reshape(-1, 36)
     assert found.met.all()
     off = np.abs(found.readings - expected).max(axis=1) / expected.max(axis=1)

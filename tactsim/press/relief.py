@@ -18,7 +18,7 @@ from tactsim.core.poses import FloatArray
 from tactsim.models.relief import Relief, Window
 from tactsim.press.bed import Bed
 from tactsim.press.facet_kernels import BURIED, NO_CONTACT, STATE, STEEPEST, TIPPED, press_all
-from tactsim.press.pressed import Pressed
+from tactsim.press.touches import Pressed
 from tactsim.press.scan_options import ScanOptions
 from tactsim.press.spread import contact_map
 from tactsim.press.touches import Touches
