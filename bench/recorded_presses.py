@@ -12,13 +12,11 @@ from tactsim.core.checking import checked
 from tactsim.core.poses import FloatArray, compose
 from tactsim.hardware.sensor_fit import Guess
 from tactsim.models.letter import Letter
-from tactsim.press.bed import lay_bed
+from tactsim.press.bed import lay_bed, levels
 from tactsim.press.engine import press_at
-from tactsim.press.bed import levels
-from tactsim.press.touches import Pressed
 from tactsim.press.scan_options import ScanOptions
 from tactsim.press.scanning import letters_of
-from tactsim.press.touches import Touches
+from tactsim.press.touches import Pressed, Touches
 
 _LEAST_AREA = 0.3  # of a letter's, that is left of it if its outline is moved inwards
 

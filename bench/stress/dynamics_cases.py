@@ -13,10 +13,8 @@ from tactsim.bench.stress.convergence_cases import slope
 from tactsim.bench.stress.press_cases import exact_pad, ideal
 from tactsim.core.poses import FloatArray
 from tactsim.press import PressOptions, ScanOptions, press_letter
-from tactsim.press.bed import lay_bed
-from tactsim.press.dynamics import History
-from tactsim.press.dynamics import contact_history
-from tactsim.press.bed import levels
+from tactsim.press.bed import lay_bed, levels
+from tactsim.press.dynamics import History, contact_history
 from tactsim.press.touches import Touches
 
 

@@ -13,9 +13,8 @@ from tactsim.core.poses import FloatArray
 from tactsim.press import PressOptions, ScanOptions
 from tactsim.press.engine import press_at
 from tactsim.press.points import Points
-from tactsim.press.touches import Pressed
 from tactsim.press.scan_poses import random_poses
-from tactsim.press.touches import Touches
+from tactsim.press.touches import Pressed, Touches
 
 LEAST_AREA = 4.0  # mm^2, of a contact that is no sliver
 

@@ -12,10 +12,9 @@ from tactsim.bench.stress.case import Worst, case
 from tactsim.core import Pad
 from tactsim.core.poses import FloatArray
 from tactsim.press import PressOptions, ScanOptions, SensorOptions
-from tactsim.press.bed import Bed, Level, lay_bed
+from tactsim.press.bed import Bed, Level, lay_bed, levels
 from tactsim.press.clip import edges_of
 from tactsim.press.elastic import Rested, modulus, press_elastic
-from tactsim.press.bed import levels
 from tactsim.press.scan_poses import random_poses
 
 SOLIDS = ("layer", "half-space")

@@ -14,9 +14,8 @@ from tactsim.bench.stress.exact_readings import expected_reading, overlap
 from tactsim.core import Pad
 from tactsim.core.poses import FloatArray
 from tactsim.press import PressOptions, ScanOptions, SensorOptions, press_letter
-from tactsim.press.bed import lay_bed
+from tactsim.press.bed import lay_bed, levels
 from tactsim.press.engine import ideal_readings
-from tactsim.press.bed import levels
 from tactsim.press.scan_poses import grid_poses, random_poses
 from tactsim.press.scene import Setup, scene
 from tactsim.press.touches import Touches

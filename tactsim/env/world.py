@@ -26,11 +26,10 @@ from tactsim.core.poses import FloatArray
 from tactsim.estimators import NONE, Estimator, create
 from tactsim.press import PressModel, forward_model
 from tactsim.press.engine import press_at
-from tactsim.press.spread import Patches
 from tactsim.press.scan_poses import stage_for
 from tactsim.press.scanning import as_pressed, letters_of
 from tactsim.press.sensor import gains
-from tactsim.press.spread import contact_map
+from tactsim.press.spread import Patches, contact_map
 from tactsim.press.touches import Touches
 
 NORMALS = 6  # normal numbers that a press needs: by how far it misses its place, tilt and load

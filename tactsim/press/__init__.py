@@ -29,9 +29,9 @@ if TYPE_CHECKING:
 
     from tactsim.models import Letter
     from tactsim.press.attached_pad import AttachedPad, attach
+    from tactsim.press.engine import Press, press_letter
     from tactsim.press.pad_reader import PadReader, PadReading
     from tactsim.press.press_model import PressModel, forward_model
-    from tactsim.press.engine import Press, press_letter
     from tactsim.press.scan_options import WORLDS, PressOptions, ScanOptions, SensorOptions
     from tactsim.press.scanning import scan_letters
 

@@ -24,14 +24,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactsim.core.poses import FloatArray
-from tactsim.press.bed import MM, Bed, Level, Springs, join, lay_bed, slopes
+from tactsim.press.bed import MM, Bed, Level, Springs, join, lay_bed, levels, slopes
 from tactsim.press.clip import EVEN_MOMENTS, MOMENTS
-from tactsim.press.bed import levels
-from tactsim.press.spread import Patches
-from tactsim.press.touches import Pressed
 from tactsim.press.scan_options import ScanOptions
 from tactsim.press.scene import RADIUS, UNREAD_STAGES, Scene, Setup, scene
-from tactsim.press.touches import Touches
+from tactsim.press.spread import Patches
+from tactsim.press.touches import Pressed, Touches, UnsettledError
 
 MASS = 0.01  # kg; an equilibrium does not depend on it
 _INERTIA = 1e-8  # m / h^2 as a share of the bed's stiffness

@@ -1,4 +1,4 @@
-"""Press a letter with the engine asked for, or the cheapest that is exact: what an ideal pad would read, and what it reports.
+"""Press a letter with the engine asked for, or the cheapest that is exact: what a pad would read, ideal and real.
 
 The engines answer the same question, each in a file of its own: `exact` (flat faces in closed form), `balance` (the
 engine `bed`: exact areas, MuJoCo solves the balance of what may move), `collide` (MuJoCo alone, its collision
@@ -27,6 +27,7 @@ from tactsim.press.touches import Pressed, Touches
 
 if TYPE_CHECKING:
     from tactsim.press.dynamics import ForceTrace
+
 
 @dataclass(frozen=True, eq=False)
 class Press:

@@ -10,12 +10,10 @@ from collections import Counter
 
 import numpy as np
 
-from tactsim.press.bed import lay_bed
-from tactsim.press.bed import levels
-from tactsim.press.spread import Patches
-from tactsim.press.touches import Pressed
+from tactsim.press.bed import lay_bed, levels
 from tactsim.press.scan_options import ScanOptions
-from tactsim.press.touches import Touches
+from tactsim.press.spread import Patches
+from tactsim.press.touches import Pressed, Touches
 
 
 def press(touches: Touches, options: ScanOptions) -> Pressed:

@@ -18,10 +18,9 @@ from tactsim.core.poses import FloatArray
 from tactsim.models.relief import Relief, Window
 from tactsim.press.bed import Bed
 from tactsim.press.facet_kernels import BURIED, NO_CONTACT, STATE, STEEPEST, TIPPED, press_all
-from tactsim.press.touches import Pressed
 from tactsim.press.scan_options import ScanOptions
 from tactsim.press.spread import contact_map
-from tactsim.press.touches import Touches
+from tactsim.press.touches import Pressed, Touches
 
 _REASONS = {
     BURIED: "it sinks in by more than its height, so the pad would meet what it stands on",

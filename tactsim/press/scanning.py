@@ -22,7 +22,6 @@ from tactsim.core.scan import SPLITS, Scan
 from tactsim.core.seeds import stream
 from tactsim.core.workers import worker_processes
 from tactsim.press import cache as cached
-from tactsim.press.sequences import held, rising
 from tactsim.press.scan_options import ScanOptions
 from tactsim.press.scan_poses import grid_poses, random_poses, stage_for
 from tactsim.press.sensor import gains, sense
@@ -81,7 +80,7 @@ def scan_letters(
     scan's `meta["blanks"]` says why. jobs: processes to use at most, where the work is worth them. cache:
     whether readings of earlier scans are used and new ones are kept. sequence: whether the scan holds the images of
     every press on its way to rest: of full dynamics as they were taken, which are not in the cache, else at rest under
-    each load of the ramp (`rise.rising`).
+    each load of the ramp (`sequences.rising`).
     progress(done, total): called as presses are done. Returns the scan and its work: `presses`, those that
     were worked out now, and by which engine, `blanks`, and `skipped` {reason: count}; of presses through time
     also `settle_time` {"median", "longest"} s and the largest `overshoot`. The same options give the same bits
@@ -93,11 +92,15 @@ def scan_letters(
     letters = letters_of(options)
     batches = [_batch(letter, split, options) for letter in letters for split in SPLITS]
     moving = sequence and options.press.dynamics == "full"
-    lower = [
-        _Batch(batch.letter, batch.split, batch.stated, batch.touches.at_share(share))
-        for share in (rising(options.press) if sequence and not moving else ())
-        for batch in batches
-    ]
+    lower = []
+    if sequence and not moving:
+        from tactsim.press.sequences import rising
+
+        lower = [
+            _Batch(batch.letter, batch.split, batch.stated, batch.touches.at_share(share))
+            for share in rising(options.press)
+            for batch in batches
+        ]
     found_all, work = _ideal([*batches, *lower], options, jobs, cache, moving, progress)
     ideal = _with_lower(found_all, len(batches))
     gain = gains(options)
@@ -303,7 +306,7 @@ def _sequences(
 
     The zero drifts from press to press, so images on the way to one reading have no drift of their own.
     """
-    from tactsim.press.sequences import aligned
+    from tactsim.press.sequences import aligned, held
 
     if options.press.dynamics == "full":
         presses = []

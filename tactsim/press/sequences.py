@@ -18,12 +18,12 @@ from tactsim.core.npz import LARGEST
 from tactsim.core.poses import FloatArray
 from tactsim.press.dynamics import Moving, ideal_sequence
 from tactsim.press.scan_options import PressOptions, ScanOptions
-from tactsim.press.touches import UnsettledError
 from tactsim.press.sensor import hysteretic
-from tactsim.press.touches import Touches
+from tactsim.press.touches import Touches, UnsettledError
 
 # The whole load is held for so large a part of the ramp, and for so many images, as a plateau needs to be known as one.
 _HELD, _LEAST_HELD = 0.5, 4
+
 
 @dataclass(frozen=True, eq=False)
 class Course:

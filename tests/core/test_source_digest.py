@@ -20,7 +20,7 @@ EDITS = {
     "layout": ("tactsim/press/clip.py", "return ", "return  ", False, False),
     "formula": ("tactsim/press/clip.py", " - ", " + ", True, False),
     "formula of core": ("tactsim/core/poses.py", "np.cos", "np.sin", True, True),
-    "a check of core that no press makes": ("tactsim/core/finite.py", "1e9", "1e8", False, True),
+    "a check of core": ("tactsim/core/finite.py", "1e9", "1e8", True, True),
     "model": ("models/convex.py", "1e-", "2e-", True, False),
     "filter": ("estimators/filters/histogram.py", "10_000", "10_001", False, True),
     "another filter": ("estimators/filters/tempered.py", "0.5", "0.6", False, False),

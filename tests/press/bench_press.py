@@ -26,12 +26,11 @@ from tactsim import models
 from tactsim.bench.stress.exact_readings import expected_reading
 from tactsim.core.poses import FloatArray
 from tactsim.press import PressOptions, ScanOptions, scan_letters
-from tactsim.press.bed import lay_bed
+from tactsim.press.bed import lay_bed, levels
 from tactsim.press.engine import press_at
-from tactsim.press.bed import levels
-from tactsim.press.spread import Patches
 from tactsim.press.scan_options import Skips
 from tactsim.press.scan_poses import grid_poses
+from tactsim.press.spread import Patches
 from tactsim.press.touches import Touches
 
 LETTERS = "AEIOU"

@@ -11,10 +11,9 @@ from tactsim import models
 from tactsim.bench.stress.exact_readings import integral
 from tactsim.core import InputError, Pad, transform
 from tactsim.press import balance, press_letter
-from tactsim.press.bed import Level, lay_bed
+from tactsim.press.bed import Level, lay_bed, levels
 from tactsim.press.clip import covers, edges_of
 from tactsim.press.engine import ideal_readings
-from tactsim.press.bed import levels
 from tactsim.press.scan_options import Skips
 from tactsim.press.scan_poses import grid_poses
 from tactsim.press.spread import felt_along

@@ -10,10 +10,10 @@ from scipy.optimize import brentq
 from tactsim import models
 from tactsim.core import InputError, Pad
 from tactsim.press import press_letter, scan_letters
-from tactsim.press.bed import lay_bed
-from tactsim.press.dynamics import contact_history, ideal_readings
+from tactsim.press.bed import lay_bed, levels
+from tactsim.press.dynamics import contact_history
+from tactsim.press.engine import ideal_readings
 from tactsim.press.force_control import ForceControl
-from tactsim.press.bed import levels
 from tactsim.press.scan_poses import grid_poses
 from tactsim.press.scene import Setup, UnsettledError, scene
 from tactsim.press.touches import Touches

@@ -13,11 +13,10 @@ from manifold3d import Manifold
 from tactsim import models
 from tactsim.core import InputError, Pad
 from tactsim.press import SensorOptions
-from tactsim.press.bed import Level, lay_bed
+from tactsim.press.bed import Level, lay_bed, levels
 from tactsim.press.clip import edges_of
 from tactsim.press.elastic import gaussians_of, modulus, multiplier, press_elastic
 from tactsim.press.engine import ideal_readings
-from tactsim.press.bed import levels
 from tactsim.press.scan_poses import grid_poses
 from tactsim.press.spread import cell_lines, contact_map
 from tactsim.press.touches import Touches

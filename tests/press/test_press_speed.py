@@ -8,8 +8,7 @@ from plain_press import DEFAULT, TUNED, compile_plain, press_plain
 
 from tactsim import models
 from tactsim.core import Pad
-from tactsim.press.bed import lay_bed
-from tactsim.press.bed import levels
+from tactsim.press.bed import lay_bed, levels
 from tactsim.press.scan_poses import grid_poses
 
 
