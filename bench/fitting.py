@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 from tactsim.core import InputError, Scan
 from tactsim.core.forward import ForwardModel
 from tactsim.estimators import Estimator
 from tactsim.estimators.estimator import name_of, no_exit
-from tactsim.estimators.options import FilterOptions
-from tactsim.estimators.pad_fit import PadFit, fit_to_pad, is_wanted
+from tactsim.estimators.options import FilterOptions, wants_pad_fit
+
+if TYPE_CHECKING:
+    from tactsim.estimators.pad_fit import PadFit
 
 
 def fit(estimator: Estimator, scan: Scan, forward: Callable[[Scan], ForwardModel] | None) -> None:
@@ -34,8 +37,12 @@ def pad_fit_of(estimator: Estimator, scan: Scan) -> PadFit | None:
     """Say what an estimator fits to the pad of a scan, whether it has done so yet or not; None if it does not."""
     options = estimator.options
     if not (
-        isinstance(options, FilterOptions) and hasattr(estimator, "pad_fit") and is_wanted(options, scan)
+        isinstance(options, FilterOptions) and hasattr(estimator, "pad_fit") and wants_pad_fit(options, scan)
     ):
         return None
-    known: PadFit | None = estimator.pad_fit
-    return known if known is not None else fit_to_pad(scan, options)
+    if estimator.pad_fit is not None:
+        known: PadFit = estimator.pad_fit
+        return known
+    from tactsim.estimators.pad_fit import fit_to_pad
+
+    return fit_to_pad(scan, options)

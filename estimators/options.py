@@ -6,9 +6,11 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
+from tactsim.core import Scan
 from tactsim.core.lengths import OFFSET, offsets
 from tactsim.core.moments import MOST
 from tactsim.core.poses import FloatArray
+from tactsim.core.provenance import statements
 from tactsim.estimators.estimator import Options
 
 Reach = Annotated[float, Field(gt=0, le=10_000)] | Literal["auto"]
@@ -73,7 +75,7 @@ class FilterOptions(LikelihoodOptions):
 
 
 class OpenSetOptions(FilterOptions):
-    """What a filter takes that can say "none of these"; above 0, `filters.wrapped` puts an `OpenSet` around it."""
+    """What a filter takes that can say "none of these"."""
 
     unknown: float = Field(
         0.0, ge=0, lt=1, description="prior probability that the object is none of the known letters"
@@ -85,3 +87,12 @@ def reach_of(reach: float | Literal["auto"], taxel_xy: FloatArray | None = None)
     if reach != "auto":
         return reach
     return OFFSET if taxel_xy is None else offsets(taxel_xy)
+
+
+def wants_pad_fit(options: FilterOptions, scan: Scan) -> bool:
+    """Tell whether options ask to be fitted to a scan's pad: if they do not say, those of a real pad are."""
+    if options.fit is not None:
+        return options.fit == "auto"
+    said = statements(scan.meta)
+    sources = (said["source"], (said["train"] or {}).get("source"))
+    return "recorded" in sources or "imported" in sources

@@ -15,19 +15,21 @@ from functools import partial
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from tactsim.core import Scan
 from tactsim.core.lengths import pitch
 from tactsim.core.poses import FloatArray
-from tactsim.core.provenance import statements
+from tactsim.estimators.estimator import Estimate, PlaneBelief, PoseSamples
 from tactsim.estimators.likelihoods.contact_information import (
     class_information,
     pressure_information,
     some_letters,
 )
 from tactsim.estimators.likelihoods.folds import can_leave_out
+from tactsim.estimators.likelihoods.occupancy import OccupancyMap
 from tactsim.estimators.likelihoods.scale import lehmer_mean
-from tactsim.estimators.options import FilterOptions, OpenSetOptions
+from tactsim.estimators.options import FilterOptions, OpenSetOptions, wants_pad_fit
 
 _PITCH = 1.9  # mm, of the paper's pad by `lengths.pitch`
 _SCALE = 36.0  # kPa, the median scale of simulated presses with 2 N on the paper's pad
@@ -93,17 +95,46 @@ class PadUnits:
         """Bring poses (..., 3) in mm of the paper's pad back to mm."""
         return poses * [self.length, self.length, 1.0]
 
-    def scan(self, scan: Scan) -> Scan:
-        """Bring a scan to mm and kPa of the paper's pad; what was felt on the way to rest is left out."""
-        return replace(
+    def scan(self, scan: Scan, sequences: bool = False) -> Scan:
+        """Bring a scan to mm and kPa of the paper's pad; what was felt on the way to rest only with `sequences`."""
+        brought = replace(
             scan,
             readings=self.readings(scan.readings),
             poses=self.poses(scan.poses),
             taxel_xy=self.places(scan.taxel_xy),
-            sequence=None,
-            sequence_times=None,
-            sequence_force=None,
         )
+        if not sequences or scan.sequence is None:
+            return replace(brought, sequence=None, sequence_times=None, sequence_force=None)
+        return replace(brought, sequence=self.readings(scan.sequence.astype(float)).astype(np.float32))
+
+    def bring(self, reading: ArrayLike, sensor_in_robot: ArrayLike) -> tuple[FloatArray, FloatArray]:
+        """Bring a reading, or a sequence of images, and its pose (3,) to kPa and mm of the paper's pad.
+
+        A pose of another length is left as it is, for who gets it to refuse.
+        """
+        pose = np.array(sensor_in_robot, dtype=float)
+        values = self.readings(np.array(reading, dtype=float))
+        return values, self.poses(pose) if pose.shape == (3,) else pose
+
+    def estimate_back(self, known: Estimate) -> Estimate:
+        """Bring the poses of an estimate in mm of the paper's pad back to mm."""
+        samples = known.samples
+        return replace(
+            known,
+            robot_in_object=self.poses_back(known.robot_in_object),
+            samples=None if samples is None else PoseSamples(self.poses_back(samples.poses), samples.weights),
+        )
+
+    def plane_back(self, belief: PlaneBelief) -> PlaneBelief:
+        """Bring the cells of a belief over the plane in mm of the paper's pad back to mm."""
+        return replace(belief, x=belief.x * self.length, y=belief.y * self.length)
+
+    def maps_back(self, maps: Mapping[str, OccupancyMap]) -> dict[str, OccupancyMap]:
+        """Bring maps in mm of the paper's pad back to mm."""
+        return {
+            label: replace(chart, origin=chart.origin * self.length, cell=chart.cell * self.length)
+            for label, chart in maps.items()
+        }
 
 
 @dataclass(frozen=True)
@@ -168,13 +199,7 @@ class PadFit:
         }
 
 
-def is_wanted(options: FilterOptions, scan: Scan) -> bool:
-    """Tell whether options ask to be fitted to a scan's pad: if they do not say, those of a real pad are."""
-    if options.fit is not None:
-        return options.fit == "auto"
-    said = statements(scan.meta)
-    of = (said["source"], (said["train"] or {}).get("source"))
-    return "recorded" in of or "imported" in of
+is_wanted = wants_pad_fit
 
 
 def fit_to_pad(scan: Scan, options: FilterOptions) -> PadFit:

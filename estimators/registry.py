@@ -2,17 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, cast
+from typing import Any, cast
 
 from tactsim.core.checking import checked
 from tactsim.core.errors import InputError, short
 from tactsim.core.plug_ins import Registry
 from tactsim.estimators.estimator import Estimator, Options, no_exit
-from tactsim.estimators.options import FilterOptions
-
-if TYPE_CHECKING:
-    from tactsim.estimators.filters.map_filter import MapFilter
-    from tactsim.estimators.filters.synthesis import Synthesis
 
 GROUP = "tactsim.estimators"
 
@@ -96,24 +91,12 @@ names, listing = _ESTIMATORS.names, _ESTIMATORS.listing
 def create(name: str, **options: Any) -> Estimator:
     """Make the estimator of that name with these options.
 
-    A built-in filter on maps comes in wrappers: it can propose readings, and say "none of these".
-    Raises InputError for an unknown name, a broken plug-in, or an option that is unknown or out of
-    its bounds.
+    Raises InputError for an unknown name, a broken plug-in, or an option that is unknown or out of its bounds.
     """
-    chosen = load(name)
-    asked = checked(chosen.options_type, options, f"estimator {name}")
-    if name in BUILT_IN and isinstance(asked, FilterOptions):
-        from tactsim.estimators.filters.wrapped import wrapped
-
-        made: Estimator = wrapped(cast("type[MapFilter]", chosen), asked)
-        made.created_as = name
-        return made
+    kind = load(name)
+    asked = checked(kind.options_type, options, f"estimator {name}")
     with no_exit(name):
-        made = chosen(asked)
-    if name == "synthesis":
-        from tactsim.estimators.filters.wrapped import wrapped_synthesis
-
-        made = wrapped_synthesis(cast("Synthesis", made))
+        made = kind(asked)
     made.created_as = name
     return made
 

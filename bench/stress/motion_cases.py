@@ -8,68 +8,55 @@ from tactsim.bench.stress.case import Worst, case
 from tactsim.core import compose, wrap_angle
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.estimator import Estimate
-from tactsim.estimators.filters.map_filter import MapFilter
 from tactsim.estimators.filters.motion import Motion, parse_motion
-from tactsim.estimators.filters.moving import Moving
+from tactsim.estimators.filters.moving import MovingBelief
 from tactsim.estimators.filters.moving_bins import heat_kernel
 from tactsim.estimators.filters.states import WeightedStates
 from tactsim.estimators.filters.weights import Weights
-from tactsim.estimators.options import FilterOptions
 
 _READINGS = 12
 
 
-class Toy(MapFilter):
+class ReadPlacement:
     """One letter whose readings are its placement T_O^R itself, [x, y, angle], off by Gaussian noise.
 
-    deviation: (3,) mm, mm, rad, of the noise. So a belief that moves as the object does is a Kalman filter's.
+    This is what `MovingBelief` asks of the filter beside it. A belief that moves as the object does is then a Kalman
+    filter's. deviation: (3,) mm, mm, rad, of the noise.
     """
 
-    def __init__(self, deviation: FloatArray, motion: Motion) -> None:
-        super().__init__(FilterOptions())
-        self.labels, self.deviation, self.motion = ("A",), deviation, motion
-        self.field = self  # type: ignore[assignment]
+    def __init__(self, deviation: FloatArray, motion: Motion, rng: np.random.Generator) -> None:
+        self.labels: tuple[str, ...] = ("A",)
+        self.located = True
+        self.deviation, self.motion, self.rng = deviation, motion, rng
         self.seen: list[FloatArray] = []
 
-    def __len__(self) -> int:
+    @property
+    def touches(self) -> int:
+        """Count the readings."""
         return len(self.seen)
 
-    def log_p(self, letter: int, state: FloatArray, first: int, last: int) -> FloatArray:
-        """Weigh states (3, n) by the readings from `first` up to, and without, `last`."""
-        away = self.motion.placed(state)[:, None] * [1, 1, self.motion.ratio] - np.array(
-            self.seen[first:last]
-        )
-        away[..., 2] = wrap_angle(away[..., 2])
+    def log_p(self, letter: int, state: FloatArray, touch: int) -> FloatArray:
+        """Weigh states (3, n) by one reading: (n,)."""
+        away = self.motion.placed(state) * [1, 1, self.motion.ratio] - self.seen[touch]
+        away[:, 2] = wrap_angle(away[:, 2])
         density = -0.5 * (away / self.deviation) ** 2 - np.log(self.deviation * np.sqrt(2 * np.pi))
-        return np.asarray(density.sum(axis=(1, 2)), dtype=float)
+        return np.asarray(density.sum(axis=1), dtype=float)
 
-    def reset(self, rng: np.random.Generator) -> None:
-        """Forget the readings."""
-        self.seen, self.rng = [], rng
+    def measure(self) -> None:
+        """Do nothing: the belief is made of the first reading alone."""
 
-    def take(self, reading: object, sensor_in_robot: object) -> None:
-        """Add a reading, a placement (3,)."""
-        self.seen.append(np.asarray(reading, dtype=float))
-
-    def update(self, reading: object, sensor_in_robot: object) -> None:
-        """Add a reading; of the first the belief is made."""
-        self.take(reading, sensor_in_robot)
-
-    def weighted_states(self) -> WeightedStates:
+    def own_states(self) -> WeightedStates:
         """Draw the belief after the first reading."""
         place = self.seen[0] + self.rng.standard_normal((20_000, 3)) * self.deviation
         state = self.motion.state(place / [1, 1, self.motion.ratio])
         return WeightedStates(np.zeros(20_000, dtype=np.int64), state, Weights(np.zeros(20_000)))
 
-    def log_evidence(self) -> FloatArray:
-        """Give the evidence of the first reading; only differences matter."""
-        return np.zeros(1)
+    def own_estimate(self) -> Estimate:
+        """Raise NotImplementedError: an object that is known to move is not estimated at rest."""
+        raise NotImplementedError
 
-    def _fit(self) -> None: ...
-    def _reset(self, rng: np.random.Generator) -> None: ...
-    def _update(self) -> None: ...
-
-    def _estimate(self) -> Estimate:
+    def foretold(self, belief: WeightedStates) -> float:
+        """Raise NotImplementedError: an object that is known to move is not compared with one at rest."""
         raise NotImplementedError
 
 
@@ -109,11 +96,14 @@ def kalman_filter(worst: Worst) -> None:
             step, deviation = np.array([mm, mm, 0.06 * mm]), np.array([noise, noise, 0.06 * noise])
             motion = parse_motion(f"{mm},{0.06 * mm}")
             assert motion is not None
-            moving = Moving(Toy(deviation, motion), motion)
-            moving.reset(np.random.default_rng(1))
+            generator = np.random.default_rng(1)
+            beside = ReadPlacement(deviation, motion, generator)
+            moving = MovingBelief(beside, motion)
+            moving.reset(generator.spawn(1)[0])
             seen = walked(step, deviation, rng)
-            for one in seen:
-                moving.update(one, np.zeros(3))
+            for reading in seen:
+                beside.seen.append(reading)
+                moving.update()
             mean, spread, evidence = kalman(seen, step, deviation)
             belief = moving.weighted_states()
             place = motion.placed(belief.state) * [1, 1, motion.ratio]
@@ -125,7 +115,9 @@ def kalman_filter(worst: Worst) -> None:
             at = f"walk {mm} mm, readings to {noise} mm"
             worst.see(np.abs(found - mean) / spread, at)
             worst.see(np.abs(np.log(width / spread)), at)
-            worst.see(abs(moving._clouds[0].log_evidence - evidence) / 10, at)  # type: ignore[union-attr]
+            cloud = moving._clouds[0]
+            assert cloud is not None
+            worst.see(abs(cloud.log_evidence - evidence) / 10, at)
 
 
 @case(

@@ -11,9 +11,7 @@ from tactsim.core.errors import InputError
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.estimator import Estimate, Options, PlaneBelief
 from tactsim.estimators.filters.binned import BinnedBelief, Certificate
-from tactsim.estimators.filters.grid_filter import GridFilter
-from tactsim.estimators.filters.motion import parse_motion
-from tactsim.estimators.filters.moving_bins import MovingBins
+from tactsim.estimators.filters.map_filter import GridFilter
 from tactsim.estimators.filters.states import WeightedStates, probabilities
 from tactsim.estimators.filters.weights import Weights
 from tactsim.estimators.options import FilterOptions
@@ -47,26 +45,28 @@ class HistogramFilter(GridFilter):
 
     def __init__(self, options: HistogramOptions) -> None:
         super().__init__(options, options.bins, options.split)
-        self._motion = parse_motion(options.motion)
         self._evaluated = self._bounds = self._skipped = 0
 
     def _fit(self) -> None:
         self._belief: BinnedBelief | MovingBins
-        if self._motion is not None:
-            self._belief = MovingBins(self.field, self.grid, self._motion)
+        if self.motion is not None:
+            from tactsim.estimators.filters.moving_bins import MovingBins
+
+            self._belief = MovingBins(self.field, self.grid, self.motion)
         else:
             self._belief = BinnedBelief(self.field, self.grid, _NEGLIGIBLE if self.options.skip else None)
 
     def _reset(self, rng: np.random.Generator) -> None:
         self._belief.reset()
 
-    def _update(self) -> None:
+    def measure(self) -> None:
+        """Multiply the belief by the likelihood of the last reading (eq. 13), after the motion if there is one."""
         bins, blocks = self._belief.update()
         self._evaluated += bins
         self._bounds += blocks
         self._skipped += len(self.labels) * self.grid.bins - bins
 
-    def _estimate(self) -> Estimate:
+    def own_estimate(self) -> Estimate:
         """Sum the bins of each letter (eq. 14); take the mode (eq. 15, 16) within the best letter."""
         mass, mode, samples = self._belief.summary(_IN_BELIEF)
         best = int(mass.argmax())
@@ -92,11 +92,11 @@ class HistogramFilter(GridFilter):
 
         Raises InputError if the object may move: then no bin is left alone, and nothing is to be proven.
         """
-        if isinstance(self._belief, MovingBins):
+        if not isinstance(self._belief, BinnedBelief):
             raise InputError("a histogram with motion leaves no bin alone; it needs no certificate")
         return self._belief.certificate()
 
-    def weighted_states(self) -> WeightedStates:
+    def own_states(self) -> WeightedStates:
         """Give the bins that were not left alone, as their middles."""
         log_p = self.log_belief()
         letter, angle, row, column = np.nonzero(log_p > -np.inf)
@@ -108,15 +108,14 @@ class HistogramFilter(GridFilter):
             size=np.broadcast_to(np.array(self.grid.spacing)[:, None], (3, len(letter))),
         )
 
-    def belief_over_plane(self) -> PlaneBelief:
+    def _own_plane(self) -> PlaneBelief:
         """Sum the belief over the angle."""
         log_p = self.log_belief()
         probability = np.exp(log_p - log_p.max()).sum(axis=1)
         x, y, _ = self.grid.centres
         return PlaneBelief(self.labels, x, y, probability / probability.sum())
 
-    @property
-    def work(self) -> dict[str, Any]:
+    def _own_work(self) -> dict[str, Any]:
         """Count evaluations, a bin in a reading each, made and skipped since the estimator was made.
 
         bound_evaluations: of blocks of bins, made in order to skip bins.

@@ -1,146 +1,317 @@
-"""What all filters over (letter, T_R^O) share: learning the maps, and the order of the calls."""
+"""What all filters over (letter, T_R^O) share: learning the maps, and the way of a reading.
+
+    reading -> pad fit -> likelihood's evidence -> field -> motion -> measurement update
+
+A filter has parts, each of which is made only if its options ask for it: a fit to the pad, a belief that moves, an open
+set. What proposes readings is made when it is first asked.
+"""
 
 from __future__ import annotations
 
 import copy
 from abc import abstractmethod
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from tactsim.core import Scan, memory
 from tactsim.core.poses import FloatArray
-from tactsim.estimators.estimator import Estimate, Estimator, Options, check_order, check_reading
+from tactsim.estimators.estimator import (
+    Estimate,
+    Estimator,
+    Options,
+    PlaneBelief,
+    check_candidates,
+    check_order,
+    check_reading,
+)
 from tactsim.estimators.field.field import LikelihoodField
-from tactsim.estimators.filters.doubts import Doubts
-from tactsim.estimators.filters.states import WeightedStates
-from tactsim.estimators.filters.trust import Trust, images_count
+from tactsim.estimators.filters.grid import StateGrid, state_grid
+from tactsim.estimators.filters.states import WeightedStates, plane_histogram
 from tactsim.estimators.likelihoods import likelihood
-from tactsim.estimators.likelihoods.calibrated import CalibratedLikelihood
 from tactsim.estimators.likelihoods.likelihood import Likelihood
 from tactsim.estimators.likelihoods.occupancy import OccupancyMap, learn_maps
-from tactsim.estimators.likelihoods.sequence import SequenceLikelihood
-from tactsim.estimators.options import FilterOptions, reach_of
+from tactsim.estimators.options import FilterOptions, OpenSetOptions, reach_of, wants_pad_fit
+
+if TYPE_CHECKING:  # parts, and what they need, are imported by the filters that have them
+    from tactsim.estimators.filters.active_touch import Planner
+    from tactsim.estimators.filters.motion import Motion
+    from tactsim.estimators.filters.moving import MovingBelief
+    from tactsim.estimators.filters.open_set import OpenSet
+    from tactsim.estimators.filters.trust import Trust
+    from tactsim.estimators.likelihoods.calibrated import CalibratedLikelihood
+    from tactsim.estimators.pad_fit import PadFit
 
 # Bytes that a filter holds for a bin of a letter and for a particle: logs, indices, and room to list and sum them.
 _OF_A_BIN, _OF_A_PARTICLE = 64, 200
 
 
 class MapFilter(Estimator):
-    """A filter on learned maps. A subclass implements `_fit`, `_reset`, `_update` and `_estimate`.
+    """A filter on learned maps. A subclass implements `_fit`, `_reset`, `measure`, `own_estimate` and `own_states`.
 
-    labels: the letters, in the order of the scan. maps: the occupancy map of each. taxel_xy: (taxels, 2)
-    mm. reach: mm, of x and y of T_R^O. likelihood: the measurement model. field: the log-likelihood of the
-    readings so far, which has a new reading before `_update` is called.
+    labels: the letters, in the order of the scan. maps: the occupancy map of each, mm. likelihood: the measurement
+    model. field: the log-likelihood of the readings so far, which has a new reading before `measure` is called.
+    taxel_xy: (taxels, 2) mm. reach: mm, of x and y of T_R^O.
+
+    pad_fit: units and options that were fitted to the scan's pad; None if that was not asked for. With it, all that
+    the filter holds, but for `options` and `maps`, is in mm and kPa of the paper's pad, as `fitted_options` are.
+    motion: how the object moves between touches; None if it lies still. moving: the belief that follows the motion,
+    beside the filter's own; None without a motion, and for a filter that follows it by itself (`moves`).
+    open_set: what says "none of these"; None if the options give that no probability.
     """
 
     options_type: type[Options] = FilterOptions
     options: FilterOptions
-    # Whether the filter's own belief follows `options.motion`; a `Moving` is put around one that does not.
+    # Whether the filter's own belief follows `motion`.
     moves = False
-    # By what power the likelihood of so many readings counts in the belief; learned by some filters.
-    trust = Trust()
+    # By what power the likelihood of so many readings counts in the belief; None for 1, however many there are.
+    trust: Trust | None = None
+    pad_fit: PadFit | None = None
     taxel_xy: FloatArray
     reach: float
     field: LikelihoodField
+    _train: Scan | None
+    _planning: np.random.Generator
 
     def __init__(self, options: FilterOptions) -> None:
         super().__init__(options)
-        self.likelihood: Likelihood = likelihood.create(options)
         self.takes_sequences = options.moments > 1
         self.labels: tuple[str, ...] = ()
-        self.maps: Mapping[str, OccupancyMap] = {}
+        self.open_set: OpenSet | None = None
+        self._maps: Mapping[str, OccupancyMap] = {}
         self._started = False
+        self._weighed = 0
+        self._use(options)
+
+    def _use(self, options: FilterOptions) -> None:
+        """Take options, in the units that the filter works in, and make what follows from them alone."""
+        self.fitted_options = options
+        self.likelihood: Likelihood = likelihood.create(options)
+        self.motion: Motion | None = None
+        self.moving: MovingBelief | None = None
+        if options.motion != "off":
+            from tactsim.estimators.filters.motion import parse_motion
+
+            self.motion = parse_motion(options.motion)
+            if self.motion is not None and not self.moves:
+                from tactsim.estimators.filters.moving import MovingBelief
+
+                self.moving = MovingBelief(self, self.motion)
 
     def fit(self, scan: Scan) -> None:
-        """Learn the maps (eq. 2 to 6) and the measurement model from the training readings."""
+        """Learn the maps (eq. 2 to 6) and the measurement model from the training readings.
+
+        Where it is asked for, units and options are fitted to the pad first. Raises InputError if a map or the
+        belief would not fit in memory, or with an open set if a letter is called "none".
+        """
+        options, pad_fit = self.options, None
+        if wants_pad_fit(options, scan):
+            from tactsim.estimators.pad_fit import fit_to_pad
+
+            pad_fit = fit_to_pad(scan, options)
+            scan, options = pad_fit.units.scan(scan, self.takes_sequences), pad_fit.inner(options)
         self._check_memory(len(scan.where("train").letters))
-        chosen = self.options
         maps = learn_maps(
-            scan, sigma=chosen.sigma, peak=chosen.peak, prior=chosen.prior, threshold=chosen.threshold,
-            ratio=chosen.ratio, cell=chosen.cell,
+            scan, sigma=options.sigma, peak=options.peak, prior=options.prior, threshold=options.threshold,
+            ratio=options.ratio, cell=options.cell,
         )  # fmt: skip
-        self.fit_with(maps, scan)
+        open_set = None
+        if isinstance(options, OpenSetOptions) and options.unknown:
+            from tactsim.estimators.filters.open_set import OpenSet
+
+            open_set = OpenSet(options, scan, maps)
+        self.pad_fit, self.open_set = pad_fit, open_set
+        self._use(options)
+        self._fit_with(maps, scan)
 
     def without(self, letter: str, scan: Scan) -> MapFilter:
-        """Give a filter of the other letters, with the maps that are known and a measurement model of their own."""
+        """Give a filter of the other letters, with the maps that are known and a measurement model of their own.
+
+        What is fitted to the pad is fitted anew, for it saw the letter.
+        """
         other = copy.copy(self)
-        other.likelihood = likelihood.create(self.options)
-        maps = {label: chart for label, chart in self.maps.items() if label != letter}
-        other.fit_with(maps, scan.untrained([letter]))
+        rest = scan.untrained([letter])
+        if self.pad_fit is not None:
+            other.fit(rest)
+            return other
+        other._use(self.fitted_options)
+        other._fit_with({label: chart for label, chart in self._maps.items() if label != letter}, rest)
+        if self.open_set is not None:
+            other.open_set = self.open_set.of(other.labels)
         return other
 
-    def fit_with(self, maps: Mapping[str, OccupancyMap], scan: Scan) -> None:
+    def _fit_with(self, maps: Mapping[str, OccupancyMap], scan: Scan) -> None:
         """Learn the measurement model from the training readings, given the maps of all letters in the scan."""
         self._started = False
-        self.maps = maps
-        self.labels = tuple(self.maps)
+        self._maps = maps
+        self.labels = tuple(maps)
         self.taxel_xy = scan.taxel_xy
-        self._reach_to(reach_of(self.options.reach, scan.taxel_xy))
-        self.likelihood.fit(scan, self.maps)
-        if isinstance(self.likelihood, SequenceLikelihood):
+        self._reach_to(reach_of(self.fitted_options.reach, scan.taxel_xy))
+        self.likelihood.fit(scan, maps)
+        if self.takes_sequences:
+            from tactsim.estimators.filters.trust import images_count
+            from tactsim.estimators.likelihoods.sequence import SequenceLikelihood
+
+            assert isinstance(self.likelihood, SequenceLikelihood)
             self.likelihood.counts = images_count(self.likelihood, scan)
         self._learn(scan)
         self.field = LikelihoodField(
-            self.likelihood, self.labels, self.taxel_xy, self._spacing, self.options.cell
+            self.likelihood, self.labels, self.taxel_xy, self._spacing, self.fitted_options.cell
         )
+        self._planner: Planner | None = None
+        # Proposals need a calibrated model; readings are kept to learn one if the filter's own is another.
+        self._train = None if self._is_calibrated else scan.where("train")
         self._fit()
 
     def reset(self, rng: np.random.Generator) -> None:
         """Forget the sequence: every state of every letter is equally probable again."""
-        check_order(bool(self.maps), "fit", "reset")
+        check_order(bool(self._maps), "fit", "reset")
         self.field.reset()
         self._reset(rng)
+        if self.moving is not None:
+            self.moving.reset(rng.spawn(1)[0])
+        if self.open_set is not None:
+            self.open_set.reset()
+        # Proposals have a random stream of their own. So the filter draws the same numbers whether proposals
+        # are asked for or not, and proposals do not depend on how many numbers the filter draws.
+        self._planning = rng.spawn(1)[0]
         self._started = True
 
     def update(self, reading: ArrayLike, sensor_in_robot: ArrayLike) -> None:
-        """Take in one reading (taxels,) kPa at the pose sensor_in_robot [mm, mm, rad].
+        """Take in one reading (taxels,), in the scan's unit, at the pose sensor_in_robot [mm, mm, rad].
 
         Raises InputError, and leaves the belief as it was, for a wrong length or a NaN.
         """
-        self.take(reading, sensor_in_robot)
-        self._update()
-
-    def take(self, reading: ArrayLike, sensor_in_robot: ArrayLike) -> None:
-        """Add a reading to `field` and leave the belief alone, for a wrapper that has a belief of its own.
-
-        Raises InputError, and adds nothing, for a wrong length or a NaN.
-        """
         self._check_started("update")
+        if self.pad_fit is not None:
+            reading, sensor_in_robot = self.pad_fit.units.bring(reading, sensor_in_robot)
         values, pose = check_reading(reading, sensor_in_robot, len(self.taxel_xy), self.takes_sequences)
         self.field.append(self.likelihood.evidence(values), pose)
+        if self.moving is not None:
+            self.moving.update()  # it has the filter measure, too, where the object may lie still
+        else:
+            self.measure()
+        if self.open_set is not None:
+            self.open_set.keep(values, pose)
 
     def estimate(self) -> Estimate:
-        """Give the letter's probabilities, and the pose T_R^O of the most probable letter."""
+        """Give the letter's probabilities, and the pose T_R^O of the most probable letter, mm and rad."""
         self._check_started("estimate")
-        return self._estimate()
+        known = self._known()
+        if self.open_set is not None:
+            known = self.open_set.estimate(known, self.path(known), self.weighted_states)
+        return known if self.pad_fit is None else self.pad_fit.units.estimate_back(known)
 
-    @abstractmethod
+    def propose(self, candidates: Sequence[FloatArray] | FloatArray) -> int:
+        """Choose the index of the sensor_in_robot pose (n, 3) whose reading should say most about the state.
+
+        Raises InputError for candidates that are no poses.
+        """
+        self._check_started("propose")
+        poses = check_candidates(candidates)
+        if self.pad_fit is not None:
+            poses = self.pad_fit.units.poses(poses)
+        from tactsim.estimators.filters.active_touch import STATES, Planner
+
+        if self._planner is None:
+            self._planner = Planner(self._calibrated(), self.taxel_xy)
+        letter, state = self.weighted_states().draw(STATES, self._planning)
+        besides = None
+        if self.open_set is not None:
+            known = self._known()
+            besides = self.open_set.information(self._planner.model, known, self.path(known), poses)
+        return self._planner.choose(poses, letter, state, self._planning, besides)
+
     def weighted_states(self) -> WeightedStates:
         """Give the belief as weighted states of all letters; those that are negligible may be left out."""
+        return self.own_states() if self.moving is None else self.moving.weighted_states()
 
     def path(self, estimate: Estimate) -> FloatArray:
-        """Give robot_in_object at each touch so far (n, 3), given an estimate: of an object that lies still."""
+        """Give robot_in_object at each touch so far (n, 3), for the letter and the last pose of an estimate."""
+        if self.moving is not None:
+            return self.moving.path(estimate)
         return np.tile(estimate.robot_in_object, (len(self.field), 1))
 
-    def log_evidence(self) -> FloatArray:
-        """Give log p(readings so far | letter) if the object lies still, (letters,), up to what no model changes."""
-        raise NotImplementedError(f"{type(self).__name__} is not compared with a moving belief")
-
-    def information_on_none(self, doubts: Doubts, candidates: FloatArray) -> FloatArray | None:
-        """Say what readings at candidates (n, 3) would tell of "none of these" (n,); None if it is not considered."""
-        return None
+    def belief_over_plane(self) -> PlaneBelief:
+        """Show how the belief lies over the plane, mm, for a person to look at."""
+        if self.moving is not None:
+            plane = plane_histogram(self.labels, self.weighted_states(), self.reach)
+        else:
+            plane = self._own_plane()
+        return plane if self.pad_fit is None else self.pad_fit.units.plane_back(plane)
 
     @property
-    def calibrated(self) -> CalibratedLikelihood | None:
-        """Give the calibrated model of the training readings, if that is the filter's own."""
-        return self.likelihood if isinstance(self.likelihood, CalibratedLikelihood) else None
+    def maps(self) -> Mapping[str, OccupancyMap]:
+        """Give the maps that were learned, in mm."""
+        return self._maps if self.pad_fit is None else self.pad_fit.units.maps_back(self._maps)
+
+    def describe(self) -> str:
+        """Say in one line how the filter is set up, whether the object may move, and what is fitted to the pad."""
+        parts = [self._own_setup()]
+        if self.moving is not None:
+            parts.append(f"motion {self.fitted_options.motion}")
+        if self.pad_fit is not None:
+            parts.append(self.pad_fit.describe())
+        return "; ".join(parts)
+
+    @property
+    def work(self) -> dict[str, Any]:
+        """Count what was done since the filter was made: what its own belief took, and the one that moves beside it."""
+        work = self._own_work()
+        return {**work, "likelihood_evaluations": work["likelihood_evaluations"] + self._weighed}
+
+    # What a belief that moves beside the filter's own asks of it, and says to it (`moving.AtRest`).
+
+    @abstractmethod
+    def measure(self) -> None:
+        """Update the filter's own belief with the last reading of `field`."""
+
+    @abstractmethod
+    def own_estimate(self) -> Estimate:
+        """Make the estimate of the filter's own belief."""
+
+    @abstractmethod
+    def own_states(self) -> WeightedStates:
+        """Give the filter's own belief as weighted states."""
+
+    @property
+    def touches(self) -> int:
+        """Count the readings so far."""
+        return len(self.field)
+
+    @property
+    def located(self) -> bool:
+        """Tell whether the belief can be followed from here on; that of a filter on maps always can."""
+        return True
+
+    def log_p(self, letter: int, state: FloatArray, touch: int) -> FloatArray:
+        """Weigh states T_R^O (3, n) of a letter by one reading: (n,) nats. It counts as one of few readings."""
+        self._weighed += state.shape[1]
+        log_p = self.field.log_p(letter, state, touch, touch + 1)
+        if self.trust is None:
+            return log_p
+        from tactsim.estimators.filters.trust import FEW
+
+        return np.asarray(self.trust(FEW) * log_p, dtype=float)
+
+    def foretold(self, belief: WeightedStates) -> float:
+        """Update the filter's own belief; returns the log-likelihood of the last reading in its `belief` before."""
+        self.measure()
+        log_p = np.log(belief.weights.normalised)
+        for letter in np.unique(belief.letter).tolist():
+            chosen = np.flatnonzero(belief.letter == letter)
+            log_p[chosen] += self.log_p(letter, belief.state.take(chosen, axis=1), self.touches - 1)
+        return float(np.logaddexp.reduce(log_p))
+
+    # What else a subclass may say of itself.
 
     @property
     def _spacing(self) -> tuple[float, float]:
         """Give how far apart in x and y (mm) states lie that share a node's place; a map cell for any states."""
-        return self.options.cell, self.options.cell
+        return self.fitted_options.cell, self.fitted_options.cell
 
     def _reach_to(self, reach: float) -> None:
         """Let x and y of T_R^O be in [-reach, reach] mm."""
@@ -157,13 +328,37 @@ class MapFilter(Estimator):
     def _reset(self, rng: np.random.Generator) -> None:
         """Begin a new sequence; `field` has no reading."""
 
-    @abstractmethod
-    def _update(self) -> None:
-        """Update the belief with the last reading of `field`."""
+    def _own_plane(self) -> PlaneBelief:
+        """Show how the filter's own belief lies over the plane, in cells of about 1 mm."""
+        return plane_histogram(self.labels, self.own_states(), self.reach)
 
-    @abstractmethod
-    def _estimate(self) -> Estimate:
-        """Make the estimate."""
+    def _own_setup(self) -> str:
+        """Say in one line how the filter itself is set up."""
+        return ", ".join(f"{name} {value}" for name, value in self.fitted_options if value is not None)
+
+    def _own_work(self) -> dict[str, Any]:
+        """Count what the filter's own belief took, as `Estimator.work`."""
+        return dict(super().work)
+
+    def _known(self) -> Estimate:
+        """Estimate letter and pose, in mm of the filter, if the object is one of the known letters."""
+        return self.own_estimate() if self.moving is None else self.moving.estimate()
+
+    @property
+    def _is_calibrated(self) -> bool:
+        return self.fitted_options.likelihood == "calibrated" and not self.takes_sequences
+
+    def _calibrated(self) -> CalibratedLikelihood:
+        """Give the calibrated model that the filter has learned, or learn it and let go of the readings."""
+        from tactsim.estimators.likelihoods.calibrated import CalibratedLikelihood
+
+        if isinstance(self.likelihood, CalibratedLikelihood):
+            return self.likelihood
+        assert self._train is not None
+        model = CalibratedLikelihood(self.fitted_options)
+        model.fit(self._train, self._maps)
+        self._train = None
+        return model
 
     def _check_memory(self, letters: int) -> None:
         """Raise InputError if the belief of so many letters would not fit in memory: before hours of work."""
@@ -175,4 +370,30 @@ class MapFilter(Estimator):
             memory.require(particles * _OF_A_PARTICLE, f"{particles:,} particles", "choose fewer particles")
 
     def _check_started(self, call: str) -> None:
-        check_order(self._started, "reset" if self.maps else "fit", call)
+        check_order(self._started, "reset" if self._maps else "fit", call)
+
+
+class GridFilter(MapFilter):
+    """A filter on maps over the bins of `grid`, which options say by `bins`, or by `split`."""
+
+    budget = "bins"
+    draws = False
+    grid: StateGrid
+
+    def __init__(self, options: FilterOptions, bins: int, split: str | None) -> None:
+        super().__init__(options)
+        self.grid = state_grid(bins, split, reach_of(options.reach))
+        if split is not None:
+            self.budget = "split"
+
+    def _own_setup(self) -> str:
+        """Say how the state space is split, in one line."""
+        return self.grid.describe()
+
+    @property
+    def _spacing(self) -> tuple[float, float]:
+        return self.grid.spacing[:2]
+
+    def _reach_to(self, reach: float) -> None:
+        super()._reach_to(reach)
+        self.grid = replace(self.grid, reach=reach)

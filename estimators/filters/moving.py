@@ -1,39 +1,61 @@
-"""A filter around which the object may move: a belief that is moved between touches, beside the one that lies still."""
+"""Objects that may move between touches: a belief that is moved, beside a filter's own of an object that lies still."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import replace
 from functools import partial
-from typing import Any
+from typing import Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from tactsim.core.poses import FloatArray
-from tactsim.estimators.estimator import Estimate, PlaneBelief, PoseSamples
+from tactsim.estimators.estimator import Estimate, PoseSamples
 from tactsim.estimators.filters.clouds import CENTRES, DRAWN, Cloud, Drawn, advance, log
-from tactsim.estimators.filters.map_filter import MapFilter
 from tactsim.estimators.filters.motion import Motion
 from tactsim.estimators.filters.placement import mean_around
-from tactsim.estimators.filters.states import (
-    WeightedStates,
-    letter_mass,
-    plane_histogram,
-    pose_samples,
-    probabilities,
-)
-from tactsim.estimators.filters.trust import FEW
+from tactsim.estimators.filters.states import WeightedStates, letter_mass, pose_samples, probabilities
 from tactsim.estimators.filters.weights import Weights
-from tactsim.estimators.filters.wrapper import Wrapper
 
 _BROAD = 5  # at the second reading, when the belief is broad, so many times as many states are drawn
 _SETTING_OFF = 80  # centres of a letter's belief at rest, from which it may begin to move
 _FORGOTTEN = 30.0  # a letter this many nats below the best is not followed any more
 
 
-class Moving(Wrapper):
-    """A filter, and beside it one for an object that moves between touches, from the first belief on.
+class AtRest(Protocol):
+    """What a moving belief asks of the filter beside it, whose own belief is of an object that lies still.
+
+    labels: the letters.
+    """
+
+    labels: tuple[str, ...]
+
+    @property
+    def touches(self) -> int:
+        """Count the readings so far."""
+
+    @property
+    def located(self) -> bool:
+        """Tell whether the belief can be followed from here on; before, the object is taken to lie still."""
+
+    def measure(self) -> None:
+        """Update the filter's own belief with the last reading."""
+
+    def own_estimate(self) -> Estimate:
+        """Make the estimate of the filter's own belief."""
+
+    def own_states(self) -> WeightedStates:
+        """Give the filter's own belief as weighted states."""
+
+    def log_p(self, letter: int, state: FloatArray, touch: int) -> FloatArray:
+        """Weigh states T_R^O (3, n) of a letter by one reading: (n,) nats."""
+
+    def foretold(self, belief: WeightedStates) -> float:
+        """Update the filter's own belief; returns the log-likelihood of the last reading in its `belief` before."""
+
+
+class MovingBelief:
+    """A belief of an object that moves between touches, from a filter's first belief on; the filter has it.
 
     The moving belief is a mixture of normal distributions over placements. Between readings it is widened by the
     motion. Then states are drawn from it, weighed by the last reading alone, and drawn again around the better
@@ -45,33 +67,28 @@ class Moving(Wrapper):
     filter holds that it lies.
     """
 
-    def __init__(self, filter: MapFilter, motion: Motion) -> None:
-        super().__init__(filter)
-        self._motion = motion
-        self._evaluated = 0
+    def __init__(self, filter: AtRest, motion: Motion) -> None:
+        self._filter, self._motion = filter, motion
 
     def reset(self, rng: np.random.Generator) -> None:
-        """Forget the sequence."""
-        self.filter.reset(rng)
-        self._rng = rng.spawn(1)[0]
+        """Forget the sequence; all randomness until the next reset comes from `rng`."""
+        self._rng = rng
         self._clouds: list[Cloud | None] = []
         self._rest = 0.0
         self._past: list[list[Cloud | None]] = []
         self._drawn: list[Drawn | None] = []
 
-    def update(self, reading: ArrayLike, sensor_in_robot: ArrayLike) -> None:
-        """Take in one reading (taxels,) kPa at the pose sensor_in_robot [mm, mm, rad]."""
+    def update(self) -> None:
+        """Take in the filter's last reading: move the belief, and weigh it; the filter measures if it may lie still."""
         if not self._clouds:
-            self.filter.update(reading, sensor_in_robot)
-            if self._located:
+            self._filter.measure()
+            if self._filter.located:
                 self._begin()
             return
-        if self._motion.still is None:
-            self.filter.take(reading, sensor_in_robot)
-        else:
-            belief = self.filter.weighted_states()
+        if self._motion.still is not None:
+            belief = self._filter.own_states()
             self._set_off(belief)
-            self._rest += math.log1p(-self._motion.begins) + self._foretold(belief, reading, sensor_in_robot)
+            self._rest += math.log1p(-self._motion.begins) + self._filter.foretold(belief)
         self._past.append(self._clouds)
         self._clouds = list(self._clouds)
         count = DRAWN * (_BROAD if len(self._past) == 1 else 1)
@@ -80,14 +97,14 @@ class Moving(Wrapper):
             if cloud is None or cloud.log_evidence < best - _FORGOTTEN:
                 self._clouds[letter] = self._drawn[letter] = None
             else:
-                log_p = partial(self._of_placed, letter)
+                log_p = partial(self._log_p_of_placed, letter)
                 self._clouds[letter], self._drawn[letter] = advance(
                     cloud, self._motion, log_p, count, self._rng
                 )
 
     def _begin(self) -> None:
         """Take over what the filter holds: nothing has moved yet."""
-        self._clouds = self._held(self.filter.weighted_states(), _BROAD * CENTRES)
+        self._clouds = self._held(self._filter.own_states(), _BROAD * CENTRES)
         self._drawn = [
             None
             if cloud is None
@@ -115,9 +132,9 @@ class Moving(Wrapper):
     def _held(self, belief: WeightedStates, count: int) -> list[Cloud | None]:
         """Make clouds of the filter's belief, of about `count` centres each; None of a letter that holds nothing."""
         motion = self._motion
-        mass = letter_mass(belief.letter, belief.weights, len(self.labels))
+        mass = letter_mass(belief.letter, belief.weights, len(self._filter.labels))
         evidence, clouds = log(mass / mass.sum()), list[Cloud | None]()
-        for letter in range(len(self.labels)):
+        for letter in range(len(self._filter.labels)):
             mine = np.flatnonzero(belief.letter == letter)
             if not len(mine) or not mass[letter]:
                 clouds.append(None)
@@ -131,51 +148,26 @@ class Moving(Wrapper):
             clouds.append(Cloud.of(motion, state, spread, share, float(evidence[letter])))
         return clouds
 
-    @property
-    def _located(self) -> bool:
-        """Tell whether the filter's belief can be followed; before, the object is taken to lie still."""
-        return True
-
-    @property
-    def _touches(self) -> int:
-        """Count the readings."""
-        return len(self.filter.field)
-
-    def _log_p(self, letter: int, state: FloatArray, touch: int) -> FloatArray:
-        """Weigh states (3, n) by one reading: (n,). It counts as one of few, since the object leaves its place."""
-        self._evaluated += state.shape[1]
-        return np.asarray(
-            self.filter.trust(FEW) * self.filter.field.log_p(letter, state, touch, touch + 1), dtype=float
-        )
-
-    def _of_placed(self, letter: int, place: FloatArray) -> FloatArray:
+    def _log_p_of_placed(self, letter: int, place: FloatArray) -> FloatArray:
         """Weigh placements (n, 3) by the last reading: (n,)."""
-        return self._log_p(letter, self._motion.state(place), self._touches - 1)
-
-    def _foretold(self, belief: WeightedStates, reading: ArrayLike, sensor_in_robot: ArrayLike) -> float:
-        """Update the filter; returns the log-likelihood, as `_log_p`, of the reading in its belief before."""
-        self.filter.update(reading, sensor_in_robot)
-        log_p = np.log(belief.weights.normalised)
-        for letter in np.unique(belief.letter).tolist():
-            mine = np.flatnonzero(belief.letter == letter)
-            log_p[mine] += self._log_p(letter, belief.state.take(mine, axis=1), self._touches - 1)
-        return float(np.logaddexp.reduce(log_p))
+        return self._filter.log_p(letter, self._motion.state(place), self._filter.touches - 1)
 
     def estimate(self) -> Estimate:
         """Sum the models for each letter; take the pose from the likelier model of the best letter."""
         if not self._past:
-            return self.filter.estimate()
-        known = self.filter.estimate() if self._motion.still is not None else None
+            return self._filter.own_estimate()
+        labels = self._filter.labels
+        known = self._filter.own_estimate() if self._motion.still is not None else None
         models = self._models(known)
         # A letter that neither belief is about has no pose to state.
         stated = [
             one is not None or (known is not None and label == known.label)
-            for label, one in zip(self.labels, self._drawn, strict=True)
+            for label, one in zip(labels, self._drawn, strict=True)
         ]
         mass = np.where(stated, models.sum(axis=0), 0.0)
         best = int(mass.argmax())
         drawn, parts, poses = self._drawn[best], [], []
-        if known is not None and known.label == self.labels[best]:
+        if known is not None and known.label == labels[best]:
             poses.append((models[0, best], known.robot_in_object))
             parts.append((models[0, best], known.samples))
         if drawn is not None:
@@ -183,9 +175,7 @@ class Moving(Wrapper):
             poses.append((models[1, best], mean_around(state, weights.relative, mode)))
             parts.append((models[1, best], pose_samples(state, weights)))
         pose = max(poses, key=lambda one: one[0])[1]
-        return Estimate(
-            self.labels[best], probabilities(self.labels, models.sum(axis=0)), pose, _mixed(parts)
-        )
+        return Estimate(labels[best], probabilities(labels, models.sum(axis=0)), pose, _mixed(parts))
 
     def path(self, estimate: Estimate) -> FloatArray:
         """Give robot_in_object at each touch so far (n, 3), for the letter and the last pose of an estimate.
@@ -193,7 +183,7 @@ class Moving(Wrapper):
         From the last pose back, each pose is the centre that explains best its own reading and the step to its
         successor. All poses are the last one where the object is more probably still.
         """
-        letter, count = self.labels.index(estimate.label), self._touches
+        letter, count = self._filter.labels.index(estimate.label), self._filter.touches
         poses = np.tile(estimate.robot_in_object, (count, 1))
         if not self._past or self._drawn[letter] is None:
             return poses
@@ -211,7 +201,7 @@ class Moving(Wrapper):
             weight = np.append(np.log(1 - motion.jump) + np.zeros(len(motion.variance)), log(motion.jump))
             held = np.column_stack([cloud.log_weight, np.logaddexp.reduce(cloud.log_weight, axis=1)])
             reached = held + weight - 1.5 * np.log(variance) - 0.5 * (step**2).sum(axis=1)[:, None] / variance
-            own = self._log_p(letter, motion.state(cloud.centre), touch)
+            own = self._filter.log_p(letter, motion.state(cloud.centre), touch)
             later = cloud.centre[int((reached.max(axis=1) + own).argmax())]
             poses[touch] = motion.state(later[None])[:, 0]
         return poses
@@ -219,10 +209,10 @@ class Moving(Wrapper):
     def weighted_states(self) -> WeightedStates:
         """Give the states of both models."""
         if not self._past:
-            return self.filter.weighted_states()
+            return self._filter.own_states()
         models, parts = self._models(), []
         if self._motion.still is not None:
-            held = self.filter.weighted_states()
+            held = self._filter.own_states()
             size = np.zeros_like(held.state) if held.size is None else held.size
             weight = held.weights.normalised * models[0].sum()
             parts.append((held.letter, held.state, weight, size))
@@ -237,20 +227,6 @@ class Moving(Wrapper):
             np.concatenate(sizes, axis=1),
         )  # fmt: skip
 
-    def belief_over_plane(self) -> PlaneBelief:
-        """Count the weighted states in cells of about 1 mm."""
-        return plane_histogram(self.labels, self.weighted_states(), self.filter.reach)
-
-    def describe(self) -> str:
-        """Say how the filter is set up, and that the object may move."""
-        return f"{self.filter.describe()}; motion {self.options.motion}"
-
-    @property
-    def work(self) -> dict[str, Any]:
-        """Count what the filter has done, and the evaluations of the moving belief."""
-        work = self.filter.work
-        return {**work, "likelihood_evaluations": work["likelihood_evaluations"] + self._evaluated}
-
     def _models(self, known: Estimate | None = None) -> FloatArray:
         """Weigh the models, at rest and moving, and their letters: (2, letters), summing to 1.
 
@@ -262,12 +238,15 @@ class Moving(Wrapper):
         moving = Weights(np.array([-np.inf if one is None else one.log_evidence for one in self._clouds]))
         still = self._motion.still
         if still is None:
-            return np.stack([np.zeros(len(self.labels)), moving.normalised])
-        at_rest = (known or self.filter.estimate()).probabilities
+            return np.stack([np.zeros(len(self._filter.labels)), moving.normalised])
+        at_rest = (known or self._filter.own_estimate()).probabilities
         followed = moving.log_mean + math.log(len(moving))
         models = Weights(np.array([self._rest, followed]) + np.log([still, 1 - still])).normalised
         return np.stack(
-            [models[0] * np.array([at_rest[label] for label in self.labels]), models[1] * moving.normalised]
+            [
+                models[0] * np.array([at_rest[label] for label in self._filter.labels]),
+                models[1] * moving.normalised,
+            ]
         )
 
 

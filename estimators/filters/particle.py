@@ -16,13 +16,12 @@ from tactsim.estimators.estimator import Estimate, Options, PlaneBelief, PoseSam
 from tactsim.estimators.filters.injection import Injection
 from tactsim.estimators.filters.kld import OccupiedBins, enough
 from tactsim.estimators.filters.map_filter import MapFilter
-from tactsim.estimators.filters.motion import Motion, parse_motion
+from tactsim.estimators.filters.motion import Motion
 from tactsim.estimators.filters.multinomial import draw
 from tactsim.estimators.filters.particle_kernels import move, sum_by_letter
 from tactsim.estimators.filters.parzen import parzen_mode
 from tactsim.estimators.filters.states import (
     WeightedStates,
-    plane_histogram,
     probabilities,
     shared,
     uniform_states,
@@ -104,6 +103,7 @@ class ParticleFilter(MapFilter):
     budget = "particles"
     moves = True
     options: ParticleOptions
+    fitted_options: ParticleOptions
     _random: Words
     _particles: _Particles
     _weights: Weights
@@ -111,11 +111,11 @@ class ParticleFilter(MapFilter):
     def __init__(self, options: ParticleOptions, injection: Injection | None = None) -> None:
         super().__init__(options)
         self._injection = injection
-        self._motion = parse_motion(options.motion)
-        self._noise = np.array([options.noise_mm, options.noise_mm, options.noise_rad])
         self._evaluated = self._injected = self._cones = self._spared = 0
 
     def _fit(self) -> None:
+        noise = self.fitted_options
+        self._noise = np.array([noise.noise_mm, noise.noise_mm, noise.noise_rad])
         self._distinct = len(set(self.field.alike.tolist())) == len(self.labels)
 
     def _reset(self, rng: np.random.Generator) -> None:
@@ -124,14 +124,14 @@ class ParticleFilter(MapFilter):
         self._rng, self._random = rng, seeded(rng)
         letter = np.sort(self.field.alike[np.arange(count) % len(self.labels)])
         scale = np.empty(0, dtype=np.int64)
-        if self._motion is not None:
-            scale = rng.choice(len(self._motion.variance), size=count, p=self._motion.prior)
+        if self.motion is not None:
+            scale = rng.choice(len(self.motion.variance), size=count, p=self.motion.prior)
         self._particles = _Particles(letter, uniform_states(count, self.reach, rng), scale)
         self._weights = Weights(np.zeros(count))
         if self._injection is not None:
             self._injection.reset()
 
-    def _update(self) -> None:
+    def measure(self) -> None:
         """Resample, then corrupt with noise (command update), then weigh (measurement update).
 
         The paper resamples last; resampling first in the next reading instead leaves the weighted
@@ -140,7 +140,7 @@ class ParticleFilter(MapFilter):
         readings = len(self.field)
         if readings > 1:
             self._particles = self._draw_enough() if self.options.kld_error > 0 else self._draw(self._most)
-        elif self._motion is None:
+        elif self.motion is None:
             self._particles = self._moved(np.arange(self._most))
         letter, state = self._particles.letter, self._particles.state
         self._weights = Weights(self.field.log_p(letter, state, readings - 1))
@@ -149,7 +149,7 @@ class ParticleFilter(MapFilter):
         if self._injection is not None:
             self._injection.follow(self._weights)
 
-    def _estimate(self) -> Estimate:
+    def own_estimate(self) -> Estimate:
         """Sum the weights of each letter (eq. 9); find the mode (eq. 12) within the best letter."""
         alike, mass = self.field.alike, np.empty(len(self.labels))
         letter, state, weight = self._particles.letter, self._particles.state, self._weights.relative
@@ -175,17 +175,16 @@ class ParticleFilter(MapFilter):
             samples=PoseSamples(poses, weight / weight.sum()),
         )
 
-    def weighted_states(self) -> WeightedStates:
+    def own_states(self) -> WeightedStates:
         """Give the particles."""
         return WeightedStates(self._particles.letter, self._particles.state, self._weights)
 
-    def belief_over_plane(self) -> PlaneBelief:
+    def _own_plane(self) -> PlaneBelief:
         """Count the weighted particles in cells of about 1 mm."""
-        counted = plane_histogram(self.labels, self.weighted_states(), self.reach)
+        counted = super()._own_plane()
         return replace(counted, probability=shared(counted.probability, self.field.alike))
 
-    @property
-    def work(self) -> dict[str, Any]:
+    def _own_work(self) -> dict[str, Any]:
         """Count evaluations, a particle in a reading each, since the estimator was made.
 
         skipped: cones, of particles that could not decide the mode. spared_by_kld: particles fewer than the most that
@@ -209,7 +208,7 @@ class ParticleFilter(MapFilter):
         Fox asks after each particle. Here many are drawn at once: those that the bins so far call for, which would be
         drawn whichever bins they fall into. So the number is the same.
         """
-        chosen, parts, count = self.options, [], 0
+        chosen, parts, count = self.fitted_options, [], 0
         bins = OccupiedBins(chosen.kld_mm, chosen.kld_rad, self._most)
         wanted = chosen.min_particles
         while count < wanted:
@@ -223,7 +222,7 @@ class ParticleFilter(MapFilter):
         """Draw particles with replacement, with probability proportional to their weights, and move them."""
         chosen = np.empty(count, dtype=np.int64)
         draw(chosen, self._weights.relative, spacings(self._random, count + 1))
-        drawn = self._moved(chosen) if self._motion is None else self._follow(self._motion, chosen)
+        drawn = self._moved(chosen) if self.motion is None else self._follow(self.motion, chosen)
         if self._injection is not None:
             replaced = self._injection.choose(count, self._rng)
             drawn.letter[replaced] = self.field.alike[
@@ -252,7 +251,7 @@ class ParticleFilter(MapFilter):
         scale[anew] = rng.choice(len(motion.variance), size=int(anew.sum()), p=motion.prior)
         variance = motion.variance[scale]
         variance[rng.random(count) < motion.jump] = motion.jump_variance
-        variance += (self.options.noise_mm / len(self.field)) ** 2
+        variance += (self.fitted_options.noise_mm / len(self.field)) ** 2
         step = rng.standard_normal((count, 3)) * np.sqrt(variance)[:, None]
         state = motion.state(motion.placed(old.state.take(chosen, axis=1)) + step)
         return _Particles(old.letter[chosen], state, scale)

@@ -14,12 +14,12 @@ from tactsim.estimators.estimator import Estimate, Options, PlaneBelief
 from tactsim.estimators.filters.binned import Certificate
 from tactsim.estimators.filters.cells import Cells
 from tactsim.estimators.filters.coarse_bins import CoarseBins
-from tactsim.estimators.filters.grid_filter import GridFilter
 from tactsim.estimators.filters.halving import Limits, blank_halved, held, refine
 from tactsim.estimators.filters.jackknife import influence_at
+from tactsim.estimators.filters.map_filter import GridFilter
 from tactsim.estimators.filters.placement import mean_around
 from tactsim.estimators.filters.states import WeightedStates, letter_mass, pose_samples, probabilities
-from tactsim.estimators.filters.trust import learn_trust
+from tactsim.estimators.filters.trust import Trust, learn_trust
 from tactsim.estimators.filters.weights import Weights
 from tactsim.estimators.options import OpenSetOptions
 
@@ -71,12 +71,13 @@ class RefinedFilter(GridFilter):
 
     options_type: type[Options] = RefinedOptions
     options: RefinedOptions
+    trust: Trust
 
     def __init__(self, options: RefinedOptions) -> None:
         super().__init__(options, options.bins, options.split)
         self._evaluated = self._unreplayed = 0
 
-    def describe(self) -> str:
+    def _own_setup(self) -> str:
         """Say how the state space is split, in one line."""
         dx, dy, da = (gap / 2**self.options.halvings for gap in self.grid.spacing)
         return (
@@ -103,7 +104,7 @@ class RefinedFilter(GridFilter):
         self._leaves = np.array([every]), np.arange(every), np.zeros(every)
         self._weight = self.trust(0)
 
-    def _update(self) -> None:
+    def measure(self) -> None:
         """Update the coarse bins (eq. 13), then split the best."""
         weight = self.trust(len(self.field))
         cell, log_p = self._coarse.take_in(self.options.cells, _NEGLIGIBLE / weight)
@@ -117,7 +118,7 @@ class RefinedFilter(GridFilter):
         self._evaluated += evaluated
         self._unreplayed += unreplayed
 
-    def _estimate(self) -> Estimate:
+    def own_estimate(self) -> Estimate:
         """Sum the belief of each letter (eq. 14); average the placement around the best letter's mode."""
         cells, weights = self._belief_in_cells()
         letter, log_weight = cells.letter, weights.log
@@ -139,7 +140,7 @@ class RefinedFilter(GridFilter):
         """Give the best of all coarse bins of all letters, and how far above those that were left alone it is."""
         return self._coarse.certificate()
 
-    def weighted_states(self) -> WeightedStates:
+    def own_states(self) -> WeightedStates:
         """Give the middles of the cells, large and small, that hold the belief."""
         cells, weights = self._belief_in_cells()
         return WeightedStates(cells.letter, cells.states, weights, cells.size)
@@ -151,7 +152,7 @@ class RefinedFilter(GridFilter):
         with np.errstate(divide="ignore"):
             return np.log(mass) + weights.log.max() + self._highest - math.log(self.grid.bins)
 
-    def belief_over_plane(self) -> PlaneBelief:
+    def _own_plane(self) -> PlaneBelief:
         """Sum the belief of each coarse bin and over the angle."""
         cells, weights = self._belief_in_cells()
         _, row, column = cells.bins()
@@ -161,8 +162,7 @@ class RefinedFilter(GridFilter):
         x, y, _ = self.grid.centres
         return PlaneBelief(self.labels, x, y, probability / probability.sum())
 
-    @property
-    def work(self) -> dict[str, Any]:
+    def _own_work(self) -> dict[str, Any]:
         """Count evaluations, a bin or cell in a reading each, made and skipped since the estimator was made.
 
         bound_evaluations: of bins, made in order to skip bins.

@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from tactsim.core.poses import FloatArray
-from tactsim.estimators.estimator import Estimate, Options, PlaneBelief
+from tactsim.estimators.estimator import Estimate, Options
 from tactsim.estimators.field.replay import replay
 from tactsim.estimators.filters.binned import Certificate
-from tactsim.estimators.filters.grid_filter import GridFilter
+from tactsim.estimators.filters.map_filter import GridFilter
 from tactsim.estimators.filters.pyramid import Level, pyramid
-from tactsim.estimators.filters.states import WeightedStates, plane_histogram, probabilities
+from tactsim.estimators.filters.states import WeightedStates, probabilities
 from tactsim.estimators.filters.weights import Weights
 from tactsim.estimators.options import FilterOptions
 
@@ -80,7 +80,8 @@ class ScanMatching(GridFilter):
         self._best[0], self._best[1:] = np.arange(len(self.labels)), middle
         self._left_alone = -math.inf
 
-    def _update(self) -> None:
+    def measure(self) -> None:
+        """Find the best pose of each letter for all readings so far."""
         last = len(self.field) - 1
         # A place to start from: what was best of each letter before this reading.
         self._add(self._scores, self._levels[0], self._best, last)
@@ -148,7 +149,8 @@ class ScanMatching(GridFilter):
         _, angle, row, column = self._best
         return np.stack([x[column], y[row], theta[angle]])
 
-    def _estimate(self) -> Estimate:
+    def own_estimate(self) -> Estimate:
+        """Compare the letters by their best poses."""
         best = int(self._scores.argmax())
         p = np.exp(self._scores - self._scores.max())
         return Estimate(self.labels[best], probabilities(self.labels, p), self._states()[:, best])
@@ -170,16 +172,11 @@ class ScanMatching(GridFilter):
         lead = float(self._scores[best]) - self._left_alone
         return Certificate(self.labels[best], self._states()[:, best], lead)
 
-    def weighted_states(self) -> WeightedStates:
+    def own_states(self) -> WeightedStates:
         """Give the best pose of each letter."""
         return WeightedStates(np.arange(len(self.labels)), self._states(), Weights(self._scores))
 
-    def belief_over_plane(self) -> PlaneBelief:
-        """Show where the best pose of each letter is."""
-        return plane_histogram(self.labels, self.weighted_states(), self.reach)
-
-    @property
-    def work(self) -> dict[str, Any]:
+    def _own_work(self) -> dict[str, Any]:
         """Count evaluations, a bin or a block with a reading each, made and skipped since the estimator was made.
 
         bound_evaluations: of blocks of bins, made in order to skip bins. skipped: bins left alone, at every reading.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,17 +16,22 @@ from tactsim.estimators.estimator import (
     Estimate,
     Estimator,
     Options,
+    PlaneBelief,
     PoseSamples,
     check_order,
     check_reading,
 )
 from tactsim.estimators.filters.expansion import expand, pressed
 from tactsim.estimators.filters.modes import GYRATION, Modes
+from tactsim.estimators.filters.motion import parse_motion
 from tactsim.estimators.filters.placement import mean_around
 from tactsim.estimators.filters.pose_bank import PoseBank
-from tactsim.estimators.filters.states import WeightedStates
+from tactsim.estimators.filters.states import WeightedStates, plane_histogram
 from tactsim.estimators.filters.weights import Weights
 from tactsim.estimators.options import REACH, Reach, reach_of
+
+if TYPE_CHECKING:
+    from tactsim.estimators.filters.moving import MovingBelief
 
 _SCOUTS = 1500  # states a letter that wait for the first reading which says where
 # Squared pressures over the noise's variance. From the first on a reading says where it was taken; a fainter one
@@ -69,6 +74,10 @@ class Synthesis(Estimator):
     The first reading with contact is compared with a bank of readings that were pressed beforehand, and the `modes`
     best places begin as Gaussians of a grid cell's size. Every reading is expanded about each mode's mean, what a
     press is off by marginalised, and expanded again where the mean moves.
+
+    moving: a belief that moves, beside the modes of an object that lies still, from the reading on that says where the
+    object is; None unless the options say that it may move. Its states are weighed with presses at each of them, so
+    that the forward model need not be linear as far as the object may have moved.
     """
 
     options_type: type[Options] = SynthesisOptions
@@ -82,6 +91,12 @@ class Synthesis(Estimator):
         self.labels: tuple[str, ...] = ()
         self._started = False
         self._compared = 0
+        self.moving: MovingBelief | None = None
+        motion = parse_motion(options.motion)
+        if motion is not None:
+            from tactsim.estimators.filters.moving import MovingBelief
+
+            self.moving = MovingBelief(self, motion)
 
     def fit(self, scan: Scan) -> None:
         """Press the bank of the letters that the training readings name."""
@@ -113,10 +128,31 @@ class Synthesis(Estimator):
         self._scouts = np.zeros((len(self.labels), _SCOUTS))
         self._modes: Modes | None = None
         self._restarts = 0
+        if self.moving is not None:
+            self.moving.reset(rng.spawn(1)[0])
 
     def update(self, reading: ArrayLike, sensor_in_robot: ArrayLike) -> None:
         """Take in one reading (taxels,) kPa at the pose sensor_in_robot [mm, mm, rad]."""
-        values, pose = self.take(reading, sensor_in_robot)
+        self.take(reading, sensor_in_robot)
+        if self.moving is not None:
+            self.moving.update()  # it has the modes measure, too, where the object may lie still
+        else:
+            self.measure()
+
+    def take(self, reading: ArrayLike, sensor_in_robot: ArrayLike) -> None:
+        """Add a reading and leave the belief alone. Raises InputError as `update`."""
+        check_order(self._started, "reset" if self.labels else "fit", "update")
+        values, pose = check_reading(reading, sensor_in_robot, self.forward.taxels)
+        self._readings.append(values)
+        self._poses.append(pose)
+        broad = max(float((values**2).mean()), self._typical**2) + self.noise**2
+        self._floor = np.append(
+            self._floor, math.log(_OUTLIER) - len(values) / 2 * (math.log(2 * math.pi * broad) + 1)
+        )
+
+    def measure(self) -> None:
+        """Update the modes with the last reading, as of an object that lies still."""
+        values, pose = self._readings[-1], self._poses[-1]
         energy = (np.array(self._readings) ** 2).sum(axis=1) / self.noise**2
         number = len(energy) - 1
         if self._modes is None:
@@ -137,18 +173,6 @@ class Synthesis(Estimator):
             if begun is not None:
                 modes = self._settled(modes.joined(begun))
         self._modes = modes
-
-    def take(self, reading: ArrayLike, sensor_in_robot: ArrayLike) -> tuple[FloatArray, FloatArray]:
-        """Add a reading and leave the belief alone; returns both as arrays. Raises InputError as `update`."""
-        check_order(self._started, "reset" if self.labels else "fit", "update")
-        values, pose = check_reading(reading, sensor_in_robot, self.forward.taxels)
-        self._readings.append(values)
-        self._poses.append(pose)
-        broad = max(float((values**2).mean()), self._typical**2) + self.noise**2
-        self._floor = np.append(
-            self._floor, math.log(_OUTLIER) - len(values) / 2 * (math.log(2 * math.pi * broad) + 1)
-        )
-        return values, pose
 
     def _scout(self, reading: FloatArray, pose: FloatArray) -> None:
         """Weigh states all over the prior, for as long as no reading says where the letter is."""
@@ -236,6 +260,10 @@ class Synthesis(Estimator):
     def estimate(self) -> Estimate:
         """Say which letter it is and where, after the readings so far."""
         check_order(self._started, "reset" if self.labels else "fit", "estimate")
+        return self.own_estimate() if self.moving is None else self.moving.estimate()
+
+    def own_estimate(self) -> Estimate:
+        """Make the estimate of the modes, of an object that lies still."""
         count = len(self.labels)
         if self._modes is None:
             mass = np.exp(self._scouts - self._scouts.max()).sum(axis=1)
@@ -285,12 +313,22 @@ class Synthesis(Estimator):
         which = np.full(count, letter), state.T, np.full(count, touch)
         return np.maximum(self._expanded(*which)[0], self._floor[touch])
 
-    def log_evidence(self) -> float:
+    def foretold(self, belief: WeightedStates) -> float:
+        """Update the modes; returns how much their evidence grew, which they know without presses for `belief`."""
+        before = self._log_evidence()
+        self.measure()
+        return self._log_evidence() - before
+
+    def _log_evidence(self) -> float:
         """Give log p(readings) of an object that lies still, up to what no reading changes, once it is located."""
         assert self._modes is not None
         return float(np.logaddexp.reduce(self._modes.log_weight))
 
     def weighted_states(self) -> WeightedStates:
+        """Give the belief as weighted states."""
+        return self.own_states() if self.moving is None else self.moving.weighted_states()
+
+    def own_states(self) -> WeightedStates:
         """Give the belief as states that are drawn from the modes, the same every time, equally many of each."""
         if self._modes is None:
             states = np.tile(self._scout_states.T, len(self.labels))
@@ -302,6 +340,18 @@ class Synthesis(Estimator):
         normal = self._normal[np.arange(len(which)) % _STATES]
         states = modes.mean[which] + np.einsum("nij,nj->ni", np.linalg.cholesky(modes.cov)[which], normal)
         return WeightedStates(modes.letter[which], states.T, Weights(modes.log_weight[which]))
+
+    def path(self, estimate: Estimate) -> FloatArray:
+        """Give robot_in_object at each touch so far (n, 3), for the letter and the last pose of an estimate."""
+        if self.moving is not None:
+            return self.moving.path(estimate)
+        return np.tile(estimate.robot_in_object, (self.touches, 1))
+
+    def belief_over_plane(self) -> PlaneBelief | None:
+        """Count the states of an object that may move in cells of about 1 mm; None for one that lies still."""
+        if self.moving is None:
+            return None
+        return plane_histogram(self.labels, self.weighted_states(), self._reach)
 
     @property
     def work(self) -> dict[str, Any]:

@@ -12,12 +12,11 @@ from pydantic import Field
 
 from tactsim.core import wrap_angle
 from tactsim.core.poses import FloatArray
-from tactsim.estimators.estimator import Estimate, Options, PlaneBelief
+from tactsim.estimators.estimator import Estimate, Options
 from tactsim.estimators.filters.map_filter import MapFilter
 from tactsim.estimators.filters.placement import mean_around
 from tactsim.estimators.filters.states import (
     WeightedStates,
-    plane_histogram,
     pose_samples,
     probabilities,
     uniform_states,
@@ -126,7 +125,7 @@ class TemperedFilter(MapFilter):
         """Give each letter's hypothesis, the letter itself without `skip`."""
         return self.field.alike if self.options.skip else np.arange(len(self.labels))
 
-    def _update(self) -> None:
+    def measure(self) -> None:
         """Weigh every particle and choose each letter's b; resample and move the letters that need it."""
         tired = [letter for letter in self._distinct if self._weigh_in(letter)]
         log_total = np.array([population.log_total for population in self._populations])
@@ -137,7 +136,7 @@ class TemperedFilter(MapFilter):
                 continue
             self._renew(letter)
 
-    def _estimate(self) -> Estimate:
+    def own_estimate(self) -> Estimate:
         """Compare the letters' evidence; give the mean pose near the best particle of the best letter."""
         evidence = Weights(np.array([population.log_total for population in self._populations]))
         best = int(evidence.relative.argmax())
@@ -149,7 +148,7 @@ class TemperedFilter(MapFilter):
             samples=pose_samples(one.state, one.rest),
         )
 
-    def weighted_states(self) -> WeightedStates:
+    def own_states(self) -> WeightedStates:
         """Give the particles of all letters, weighted with their letters' evidence."""
         return WeightedStates(
             np.repeat(np.arange(len(self.labels)), self._each),
@@ -161,12 +160,7 @@ class TemperedFilter(MapFilter):
         """Give each letter's evidence: its prior is 1 over the poses within reach."""
         return np.array([population.log_total for population in self._populations])
 
-    def belief_over_plane(self) -> PlaneBelief:
-        """Count the weighted particles in cells of about 1 mm."""
-        return plane_histogram(self.labels, self.weighted_states(), self.reach)
-
-    @property
-    def work(self) -> dict[str, Any]:
+    def _own_work(self) -> dict[str, Any]:
         """Count evaluations, a particle in a reading each, made and skipped since the estimator was made."""
         skipped = {"moves": self._unmoved, "alike": self._unrepeated}
         return {"likelihood_evaluations": self._evaluated, "skipped": skipped}

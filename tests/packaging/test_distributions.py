@@ -14,7 +14,7 @@ import tactsim, tactsim.bench, tactsim.estimators, tactsim.hardware, tactsim.mod
 assert {m.whose for m in (bench, estimators, hardware, models)} == {"the user's"}
 for room in (tactsim, tactsim.bench, tactsim.estimators, tactsim.hardware, tactsim.models):
     assert room.__file__.startswith(sys.prefix), room.__file__
-print(tactsim.models.letter("A").name, type(tactsim.create("histogram", bins=100).filter.filter).__name__)
+print(tactsim.models.letter("A").name, type(tactsim.create("histogram", bins=100)).__name__)
 """
 
 

@@ -1,14 +1,21 @@
-"""Active touch around a filter: what it proposes, and that proposing changes nothing."""
+"""Active touch: what a reading would say, against brute force and closed forms; proposing changes no estimate."""
+
+import math
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from synthetic import CHEAPER, draw_trial, fitted, make_scan, paper_poses
 
 from tactsim import estimators
-from tactsim.core import InputError
+from tactsim.core import InputError, compose, transform
 from tactsim.estimators.filters import active_touch
+from tactsim.estimators.filters.active_touch import STATES, Planner, foresee
 from tactsim.estimators.filters.map_filter import MapFilter
 from tactsim.estimators.likelihoods.calibrated import CalibratedLikelihood
+from tactsim.estimators.likelihoods.occupancy import learn_maps
+from tactsim.estimators.options import LikelihoodOptions
 from tactsim.estimators.registry import BUILT_IN, load
 
 FILTERS = [name for name in BUILT_IN if issubclass(load(name), MapFilter)]
@@ -67,4 +74,119 @@ def test_the_calibrated_model_is_learned_at_most_once_and_readings_are_let_go(
         estimator.propose(scan.poses[:3])
     assert len(learned) == 1
     assert planned == learned
-    assert estimator.filter._train is None  # of what proposes, within what fits to the pad
+    assert estimator._train is None
+
+
+@pytest.fixture(scope="module")
+def model(scan):
+    model = CalibratedLikelihood(LikelihoodOptions())
+    model.fit(scan, learn_maps(scan))
+    return model
+
+
+@pytest.fixture(scope="module")
+def planner(model, scan):
+    return Planner(model, scan.taxel_xy)
+
+
+@pytest.fixture(scope="module")
+def fine(model, scan):
+    """The same model in tables so fine that their interpolation does not matter."""
+    finer = CalibratedLikelihood(model.options.model_copy(update={"cell": 0.05}))
+    finer.maps, finer.calibration = model.maps, model.calibration
+    return Planner(finer, scan.taxel_xy)
+
+
+def some_states(rng, count):
+    return rng.integers(3, size=count), rng.uniform(-1, 1, (3, count)) * [[10], [10], [np.pi]]
+
+
+def test_a_reading_is_foreseen_as_the_model_says(model, fine, scan):
+    rng = np.random.default_rng(1)
+    pose = np.array([2.0, -3.0, 0.7])
+    letter = rng.integers(3, size=6)
+    drawn = np.array([0, 3])
+    state = np.stack([rng.uniform(-5, 5, 6), rng.uniform(-5, 5, 6), rng.uniform(-3, 3, 6)])
+    chance = rng.gumbel(size=(2, 36, 3)).astype(np.float32)
+    log_p = np.empty((2, 6), dtype=np.float32)
+    foresee(log_p, pose, drawn, letter, state, fine._taxel_xy, fine._nodes, fine._lattice, chance)
+
+    tables = np.stack(
+        [
+            model.log_tables(model_label, transform(compose(one, pose), scan.taxel_xy))
+            for model_label, one in zip(np.array(list(model.maps))[letter], state.T, strict=True)
+        ]
+    )  # (states, classes, taxels)
+    for row, s in enumerate(drawn):
+        felt = (tables[s] + chance[row].T).argmax(axis=0)
+        expected = tables[:, felt, np.arange(36)].sum(axis=1)
+        assert log_p[row] == pytest.approx(expected, rel=2e-2, abs=0.3)
+
+
+@pytest.mark.parametrize(("x", "y"), [(400, 3), (-400, 3), (3, 400), (3, -400), (3, -21.3)])
+def test_far_off_the_letter_it_is_foreseen_as_outside(model, fine, x, y):
+    letter, state = np.zeros(2, dtype=np.int64), np.array([[x, x], [y, y], [0.3, 0.3]], dtype=float)
+    log_p = np.empty((1, 2), dtype=np.float32)
+    pose, chance = np.zeros(3), np.full((1, 36, 3), [[[0.0, 1e6, 0.0]]], dtype=np.float32)
+    foresee(log_p, pose, np.array([0]), letter, state, fine._taxel_xy, fine._nodes, fine._lattice, chance)
+    felt = model.log_tables("E", transform(state[:, 0], fine._taxel_xy))[1]  # In Contact throughout
+    assert log_p == pytest.approx(np.full((1, 2), felt.sum()), rel=1e-2)
+
+
+def test_classes_are_drawn_as_often_as_the_model_says(model, fine):
+    rng = np.random.default_rng(2)
+    times, pose = 4000, np.array([1.0, 2.0, 0.3])
+    letter, state = np.zeros(2, dtype=np.int64), np.array([[3.0, 3.0], [1.0, 1.0], [0.5, 0.5]])
+    chance = rng.gumbel(size=(times, 36, 3)).astype(np.float32)
+    log_p = np.empty((times, 2), dtype=np.float32)
+    drawn = np.zeros(times, dtype=np.int64)
+    foresee(log_p, pose, drawn, letter, state, fine._taxel_xy, fine._nodes, fine._lattice, chance)
+    tables = model.log_tables("E", transform(compose(state[:, 0], pose), fine._taxel_xy))
+    # The mean of log p(z) over readings z of the state itself is minus its entropy.
+    entropy = -(np.exp(tables) * tables).sum()
+    assert -log_p[:, 0].mean() == pytest.approx(entropy, abs=float(5 * log_p.std() / math.sqrt(times)) + 0.02)
+
+
+def test_two_places_that_a_reading_tells_apart_are_worth_log_2(planner):
+    letter = np.zeros(64, dtype=np.int64)
+    # The sensor is on the middle of E's stem, or far off the letter.
+    state = np.array([[0.0] * 32 + [200.0] * 32, [0.0] * 64, [0.0] * 64])
+    seen, unseen = [-6.5, 0.0, 0.0], [0.0, 500.0, 0.0]
+    found = planner.information(np.array([seen, unseen]), letter, state, np.random.default_rng(0))
+    assert found == pytest.approx([math.log(2), 0], abs=1e-3)
+    assert planner.choose(np.array([unseen, seen, unseen]), letter, state, np.random.default_rng(0)) == 1
+
+
+@given(st.integers(0, 2**32), st.integers(1, 40), st.floats(0, 30))
+@settings(max_examples=25, deadline=None)
+def test_information_is_between_nothing_and_the_whole_state(planner, seed, states, spread):
+    rng = np.random.default_rng(seed)
+    letter, state = some_states(rng, states)
+    candidates = rng.uniform(-1, 1, (5, 3)) * [spread, spread, 4]
+    found = planner.information(candidates, letter, state, rng)
+    assert (found <= math.log(states) + 1e-4).all()
+    # One reading is drawn for each state: the estimate is off by what the draw is.
+    assert (found >= -1e-4 if states == 1 else found > -2).all()
+
+
+def test_a_state_that_is_certain_leaves_nothing_to_learn(planner):
+    letter, state = np.ones(16, dtype=np.int64), np.tile([[1.0], [2.0], [0.3]], 16)
+    found = planner.information(paper_poses(3, 4), letter, state, np.random.default_rng(0))
+    assert found == pytest.approx(np.zeros(len(found)), abs=1e-5)
+
+
+def test_the_chosen_reading_is_among_the_best_when_looked_at_again(planner, scan):
+    estimator = estimators.create("histogram", likelihood="calibrated")
+    estimator.fit(scan)
+    rank = []
+    for seed in range(10):
+        readings, poses = draw_trial(scan, "EIL"[seed % 3], 60, np.random.default_rng(seed))[:2]
+        estimator.reset(np.random.default_rng(seed))
+        for reading, pose in zip(readings[: seed % 3], poses, strict=False):
+            estimator.update(reading, pose)
+        letter, state = estimator.weighted_states().draw(STATES, np.random.default_rng(seed))
+        chosen = planner.choose(np.array(poses), letter, state, np.random.default_rng(1))
+        letter, state = estimator.weighted_states().draw(STATES, np.random.default_rng(100 + seed))
+        again = planner.information(np.array(poses), letter, state, np.random.default_rng(2))
+        rank.append((again > again[chosen]).sum())
+    assert np.mean(rank) < 6  # of 60; by chance it would be 30

@@ -6,7 +6,7 @@ from synthetic import draw_trial, make_scan, paper_poses
 
 from tactsim.core import compose, invert, transform
 from tactsim.estimators import create
-from tactsim.estimators.filters.doubts import Doubts
+from tactsim.estimators.filters.open_set import Doubts
 from tactsim.estimators.likelihoods.calibrated import CalibratedLikelihood
 from tactsim.estimators.likelihoods.occupancy import learn_maps
 from tactsim.estimators.options import LikelihoodOptions

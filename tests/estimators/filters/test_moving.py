@@ -105,13 +105,13 @@ def test_models_are_weighed_by_how_well_they_foretold_each_reading(two):
     readings, poses, _ = sequence(two, "E", 5)
     estimator = fitted("refined", two, bins=1000, motion="auto")
     estimates(estimator, readings[:4], poses[:4])
-    moving = estimator.filter.filter
-    belief, before = moving.filter.weighted_states(), moving._rest
+    moving = estimator.moving
+    belief, before = estimator.own_states(), moving._rest
     estimator.update(readings[4], poses[4])
     likelihood = np.empty(len(belief.letter))
     for k in range(len(belief.letter)):
-        log_p = moving.field.log_p(int(belief.letter[k]), belief.state[:, k : k + 1].copy(), 4)
-        likelihood[k] = np.exp(moving.trust(3) * log_p[0])
+        log_p = estimator.field.log_p(int(belief.letter[k]), belief.state[:, k : k + 1].copy(), 4)
+        likelihood[k] = np.exp(estimator.trust(3) * log_p[0])
     foretold = np.log(belief.weights.normalised @ likelihood)
     assert moving._rest - before == pytest.approx(np.log(1 - moving._motion.begins) + foretold, rel=1e-6)
 
@@ -120,7 +120,7 @@ def test_a_moving_belief_that_is_lost_sets_off_again_from_where_the_object_lies(
     readings, poses, true = sequence(two, "E", 8)
     estimator = fitted("refined", two, bins=1000, motion="auto")
     estimates(estimator, readings[:6], poses[:6])
-    moving = estimator.filter.filter
+    moving = estimator.moving
     for cloud in moving._clouds:  # as if it had missed the place when it began
         if cloud is not None:
             cloud.centre[:] += [30.0, -20.0, 15.0]
@@ -135,8 +135,8 @@ def test_what_begins_to_move_has_the_odds_with_which_that_begins(two):
     readings, poses, _ = sequence(two, "E", 3)
     estimator = fitted("refined", two, bins=1000, motion="auto")
     estimates(estimator, readings, poses)
-    moving = estimator.filter.filter
-    belief = moving.filter.weighted_states()
+    moving = estimator.moving
+    belief = estimator.own_states()
     mass = np.bincount(belief.letter, belief.weights.normalised, minlength=len(two.letters))
     odds = []
     for again in (False, True):
@@ -153,13 +153,13 @@ def test_rest_is_given_up_for_a_belief_that_is_two_hundred_times_likelier(two, n
     readings, poses, _ = sequence(two, "E", 3)
     estimator = fitted("refined", two, bins=1000, motion="auto")
     estimates(estimator, readings, poses)
-    moving = estimator.filter.filter
+    moving = estimator.moving
     moving._rest = (
         np.logaddexp.reduce([-np.inf if c is None else c.log_evidence for c in moving._clouds]) - nats
     )
     at_rest, followed = moving._models().sum(axis=1)
     assert (at_rest > followed) == rests
-    held = moving.filter.estimate().robot_in_object
+    held = estimator.own_estimate().robot_in_object
     assert (estimator.estimate().robot_in_object.tobytes() == held.tobytes()) == rests
 
 
@@ -293,7 +293,7 @@ def test_scales_are_mixed_and_jumps_leave_the_mass_as_it_is(small):
     for reading, pose in zip(readings, poses, strict=True):
         estimator.update(reading, pose)
         assert sum(estimator.estimate().probabilities.values()) == pytest.approx(1)
-    bins: MovingBins = estimator.filter.filter._belief
+    bins: MovingBins = estimator._belief
     before = bins._p.sum()
     bins._move()
     assert bins._p.sum() == pytest.approx(before, rel=1e-9)

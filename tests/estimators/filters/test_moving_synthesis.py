@@ -108,8 +108,9 @@ def test_what_a_reading_adds_to_the_evidence_is_its_mean_likelihood_in_the_belie
     readings, poses, _ = sequence(6, Slip())
     estimator = fitted("auto")
     follow(estimator, readings[:5], poses[:5])
-    belief = estimator.filter.weighted_states()
-    grown = estimator._foretold(belief, readings[5], poses[5])
+    belief = estimator.own_states()
+    estimator.take(readings[5], poses[5])
+    grown = estimator.foretold(belief)
     log_p = np.log(belief.weights.normalised) + [
         estimator.log_p(letter, state[:, None], 5)[0]
         for letter, state in zip(belief.letter, belief.state.T, strict=True)
