@@ -84,9 +84,9 @@ class MapFilter(Estimator):
         self._maps: Mapping[str, OccupancyMap] = {}
         self._started = False
         self._weighed = 0
-        self._use(options)
+        self._set_options(options)
 
-    def _use(self, options: FilterOptions) -> None:
+    def _set_options(self, options: FilterOptions) -> None:
         """Take options, in the units that the filter works in, and make what follows from them alone."""
         self.fitted_options = options
         self.likelihood: Likelihood = likelihood.create(options)
@@ -124,7 +124,7 @@ class MapFilter(Estimator):
 
             open_set = OpenSet(options, scan, maps)
         self.pad_fit, self.open_set = pad_fit, open_set
-        self._use(options)
+        self._set_options(options)
         self._fit_with(maps, scan)
 
     def without(self, letter: str, scan: Scan) -> MapFilter:
@@ -137,7 +137,7 @@ class MapFilter(Estimator):
         if self.pad_fit is not None:
             other.fit(rest)
             return other
-        other._use(self.fitted_options)
+        other._set_options(self.fitted_options)
         other._fit_with({label: chart for label, chart in self._maps.items() if label != letter}, rest)
         if self.open_set is not None:
             other.open_set = self.open_set.of(other.labels)
@@ -163,7 +163,8 @@ class MapFilter(Estimator):
         )
         self._planner: Planner | None = None
         # Proposals need a calibrated model; readings are kept to learn one if the filter's own is another.
-        self._train = None if self._is_calibrated else scan.where("train")
+        calibrated = self.fitted_options.likelihood == "calibrated" and not self.takes_sequences
+        self._train = None if calibrated else scan.where("train")
         self._fit()
 
     def reset(self, rng: np.random.Generator) -> None:
@@ -343,10 +344,6 @@ class MapFilter(Estimator):
     def _known(self) -> Estimate:
         """Estimate letter and pose, in mm of the filter, if the object is one of the known letters."""
         return self.own_estimate() if self.moving is None else self.moving.estimate()
-
-    @property
-    def _is_calibrated(self) -> bool:
-        return self.fitted_options.likelihood == "calibrated" and not self.takes_sequences
 
     def _calibrated(self) -> CalibratedLikelihood:
         """Give the calibrated model that the filter has learned, or learn it and let go of the readings."""

@@ -9,7 +9,7 @@ from synthetic import draw_trial, make_scan, paper_poses, scores
 from tactsim import estimators
 from tactsim.core import InputError, compose, transform
 from tactsim.estimators.filters.grid import state_grid
-from tactsim.estimators.filters.pyramid import pyramid
+from tactsim.estimators.filters.scan_matching import pyramid
 
 LETTERS = "EIL"
 
