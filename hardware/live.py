@@ -10,11 +10,13 @@ from dataclasses import dataclass
 from tactsim.core.reading import Reading
 from tactsim.core.source import Log, NoReading, Source, SourceError
 from tactsim.hardware.codecs.codec import PATIENCE, CodecError
+from tactsim.hardware.codecs.guessed_lines import is_text
 from tactsim.hardware.device import Device
 from tactsim.hardware.port import Port, wait_any
 from tactsim.hardware.stream import Stream
 
 _FIRST_RETRY, _LAST_RETRY = 0.1, 0.5  # s between attempts to open a lost port; each is twice the last
+_REMEMBERED = 256  # bytes, to say what came if it is no frame
 _NAP = 0.05  # s after which links are looked at again: questions that are overdue, ports to reopen
 
 
@@ -59,7 +61,7 @@ class LiveSource(Source):
         self._stream = Stream(device)
         self.counters = self._stream.counters
         self._ready: deque[Reading] = deque()
-        self._heard_at = self._clock()  # when the last byte came
+        self._heard_at, self._last_bytes = self._clock(), b""  # when bytes came last, and which
         self._links = [_Link(url) for url in urls]
         self._closed = False
         try:
@@ -147,6 +149,7 @@ class LiveSource(Source):
 
     def _received(self, number: int, data: bytes, now: float) -> None:
         self._heard_at = now
+        self._last_bytes = (self._last_bytes + data)[-_REMEMBERED:]
         if self._log is not None:
             self._log.received(number, data, now)
         try:
@@ -218,6 +221,11 @@ class LiveSource(Source):
             return (
                 f"{since['bad_checksums']} frames are right but for their checksum. Its kind, skip or endian in the "
                 "device file is not the device's, or bytes change on the line"
+            )
+        if is_text(self._last_bytes):
+            return (
+                f"{since['bytes']:,} bytes of text came and no whole frame of {self.device.name!r} in them; "
+                "`bench probe` shows them, and which lines they are"
             )
         return (
             f"{since['bytes']:,} bytes came and no whole frame of {self.device.name!r} in them. Wrong baud rate "

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-import dataclasses
+import gzip
+import re
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
@@ -17,12 +18,12 @@ from tactsim.core.files import open_regular
 from tactsim.core.reading import Reading
 from tactsim.core.source import Log, Source, SourceEnded, SourceError
 from tactsim.hardware.calibration import Calibration, Correction
-from tactsim.hardware.codecs.pps_csv import CsvFormat, count_taxels
-from tactsim.hardware.device import Device
+from tactsim.hardware.clock import DeviceClock
+from tactsim.hardware.codecs.codec import Frame
+from tactsim.hardware.codecs.pps_csv import CsvFormat, read_table
+from tactsim.hardware.device import UNREAD, Device
 from tactsim.hardware.recording import Kind, Record, RecordReader, Whole, is_recording
 from tactsim.hardware.stream import Stream
-
-_CHUNK = 1 << 16  # bytes
 
 
 class Replay(Source):
@@ -169,47 +170,67 @@ class CsvReplay(Source):
     """The readings of a recording of the vendor's tool. Their host time is the device's: there is no other."""
 
     def __init__(self, path: str | Path, device: Device) -> None:
-        """Open the file. Raises InputError if it has another number of taxels than the device."""
+        """Open the file, which may be packed by gzip. Raises InputError if it has another number of taxels."""
         self.path, self.device = Path(path), device
         self.pad, self.taxel_xy = device.pad, device.pad.taxel_xy
         if not isinstance(device.codec, CsvFormat):
             raise SourceError(f"{self.path}: reading it needs a device file with the codec kind 'pps-csv'")
+        if len(device.part) > 1:
+            raise SourceError(f"{self.path}: {device.name!r} has {len(device.part)} parts; a CSV has one")
         self.unit = device.codec.reading_unit
+        self.counters = Counters()
+        self._codec, self._wiring = device.build_codec(), device.wiring(device.part[0])
+        self._clock, self._in_garbage = DeviceClock(1.0, None), False
         try:
             self._file = open_regular(self.path)
         except InputError as error:
             raise SourceError(f"cannot read recording {self.path}: {error}") from error
         try:
-            taxels = count_taxels(self._file.readline(_CHUNK))
+            packed = self._file.read(2) == b"\x1f\x8b"
             self._file.seek(0)
-        except InputError as error:
+            lines = gzip.GzipFile(fileobj=self._file) if packed else self._file
+            taxels, self._frames = read_table(lines)
+            if taxels != device.codec.taxels:
+                raise SourceError(f"it has {taxels} taxels, {device.name!r} has {device.codec.taxels}")
+        except (InputError, OSError, EOFError) as error:
             self._file.close()
             raise SourceError(f"cannot read recording {self.path}: {error}") from error
-        if taxels != device.codec.taxels:
-            self._file.close()
-            raise SourceError(f"{self.path} has {taxels} taxels, {device.name!r} has {device.codec.taxels}")
-        self._stream = Stream(device)
-        self.counters = self._stream.counters
-        self._ready: deque[Reading] = deque()
 
     def read(self, timeout: float | None = None) -> Reading:
         """Return the next reading at once; see `Source.read`."""
-        while not self._ready:
-            chunk = b"" if self._file.closed else self._file.read(_CHUNK)
-            if not chunk:
-                raise SourceEnded(f"{self.path} has no more readings")
-            self._ready.extend(self._stream.received(0, chunk, 0.0))
-        reading = self._ready.popleft()
-        return dataclasses.replace(reading, host_time=reading.device_time or 0.0)
+        try:
+            for frame in () if self._file.closed else self._frames:
+                if frame is not None:
+                    self._in_garbage = False
+                    return self._reading(frame)
+                self.counters.resyncs += not self._in_garbage
+                self._in_garbage = True
+        except (OSError, EOFError) as error:
+            raise SourceError(f"{self.path}: {error}") from error
+        raise SourceEnded(f"{self.path} has no more readings")
 
     def close(self) -> None:
         """Close the file."""
         self._file.close()
+
+    def _reading(self, frame: Frame) -> Reading:
+        assert frame.seconds is not None
+        restarts = self._clock.restarts
+        seconds = self._clock.seconds(frame.seconds, 0.0)
+        read = self._wiring != UNREAD
+        pressures = np.empty(self.pad.taxels)
+        pressures[self._wiring[read]] = self._codec.to_kpa(frame.values)[read]
+        self.counters.frames += 1
+        self.counters.readings += 1
+        after_loss = self._clock.restarts > restarts
+        self.counters.clock_restarts += after_loss
+        return Reading(pressures, seconds, seconds, None, after_loss)
 
 
 def open_source(places: Sequence[str], device: Device, log: Log | None) -> Source:
     """Open a recording; one of this program brings its own device along."""
     if len(places) != 1:
         raise SourceError(f"a recording is one file; {len(places)} were given")
-    ours = Path(places[0]).suffix.lower() != ".csv" or is_recording(places[0])
+    of_the_vendor = re.search(r"\.csv(\.gz)?$", places[0], re.IGNORECASE)
+    ours = of_the_vendor is None or is_recording(places[0])
     return Replay(places[0]) if ours else CsvReplay(places[0], device)

@@ -9,6 +9,8 @@ import typer
 from tactsim.bench.cli import pad_options as pads
 from tactsim.bench.cli import shared_options as shared
 
+_KEPT, _SHOWN = 8192, 256  # bytes
+
 
 def command(
     port: pads.Port,
@@ -82,7 +84,7 @@ class _Heard:
 
     def received(self, link: int, data: bytes, time: float) -> None:
         """Keep the first bytes."""
-        self._first += data[: 256 - len(self._first)]
+        self._first += data[: _KEPT - len(self._first)]
 
     def sent(self, link: int, data: bytes, time: float) -> None:
         """Ignore what was sent."""
@@ -91,6 +93,16 @@ class _Heard:
         """Ignore a lost link."""
 
     def show(self) -> None:
-        """Print the bytes in lines of 16."""
-        for at in range(0, len(self._first), 16):
-            typer.echo(f"{at:4}  {self._first[at : at + 16].hex(' ')}", err=True)
+        """Print the first bytes in lines of 16, as numbers and as text; of lines, also how they would be read."""
+        from tactsim.hardware.codecs.guessed_lines import guess_lines, is_text
+
+        for at in range(0, min(len(self._first), _SHOWN), 16):
+            part = self._first[at : at + 16]
+            text = "".join(chr(byte) if 0x20 <= byte < 0x7F else "." for byte in part)
+            typer.echo(f"{at:4}  {part.hex(' '):47}  {text}", err=True)
+        guess = guess_lines(self._first) if is_text(self._first) else None
+        if guess is not None:
+            typer.echo(f"\nThe device prints {guess.describe()}. A device file that reads them:\n", err=True)
+            typer.echo(f"{guess.device_file()}\n", err=True)
+        elif is_text(self._first):
+            typer.echo("\nThe device prints text, but no lines of numbers.\n", err=True)

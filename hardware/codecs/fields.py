@@ -6,8 +6,9 @@ How a frame is found, so that none is invented from the remains of two:
   called for it, it does not end with the beginning of a header, which may be that of the next answer.
 - Without a header, it stands between two footers.
 - With neither, it is right by its CRC, and so are as many bytes before it, the frame before.
-- Without a checksum no other such mark begins within it: where bytes were lost, the next frame's would. The same
-  holds with a checksum of one byte, unless the mark has but one byte, too, and so stands in the data too often.
+- Without a checksum no other such mark begins within it: where bytes were lost, the next frame's would. Only if both
+  marks come again at the frame's length, three times, is it a picture in whose data the mark stands. The same holds
+  with a checksum of one byte, unless the mark has but one byte, too, and so stands in the data too often.
 """
 
 from __future__ import annotations
@@ -40,6 +41,8 @@ from tactsim.hardware.codecs.layout import (
     size_of,
 )
 from tactsim.hardware.codecs.packed import read_values, value_range, write_values
+
+_STEADY = 3  # times that a mark within a frame has to come again at the same place, to be part of the data
 
 
 class FieldsFormat(CodecFormat):
@@ -118,7 +121,10 @@ class FieldsCodec(Codec[Frame]):
         self._lone = unchecked or (len(self._mark) > 1 and self._checksum_size == 1)
         self._open_ended = header is not None and footer is None and unchecked
         self._followed = self._open_ended and self.speaks
-        self.longest = self.before + self.size + (len(self._mark) if self._followed else 0)
+        # Bytes that show a frame, and those that show whether a mark within it is part of the data.
+        self._shown = self.before + self.size + (len(self._mark) if self._followed else 0)
+        steady = (_STEADY + 1) * self.size + len(self._mark)
+        self.longest = steady if self._lone and self._mark else self._shown
 
     def decode(self, buffer: bytes | bytearray, start: int = 0) -> tuple[int, Frame | None]:
         """Look for a frame at `start`; see `Codec.decode`."""
@@ -130,8 +136,10 @@ class FieldsCodec(Codec[Frame]):
             if at > start:
                 return at - start, None
             if self._lone and (inner := self._mark_within(buffer, start)):
-                return inner, None
-        if have < self.longest:
+                steady = self._is_steady(buffer, start, inner)
+                if not steady:
+                    return (0 if steady is None else inner), None
+        if have < self._shown:
             return 0, None
         first = start + self.before
         frame = bytes(buffer[first : first + self.size])
@@ -194,6 +202,16 @@ class FieldsCodec(Codec[Frame]):
         due = start + self.size
         at = buffer.find(self._mark, start + 1, due + len(self._mark) - 1)
         return at - start if at >= 0 else 0
+
+    def _is_steady(self, buffer: bytes | bytearray, start: int, inner: int) -> bool | None:
+        """Tell whether a frame's mark and that `inner` bytes behind it come again; None if more bytes must tell."""
+        for frame in range(1, _STEADY + 1):
+            for at in (start + frame * self.size, start + frame * self.size + inner):
+                if len(buffer) < at + len(self._mark):
+                    return None
+                if not buffer.startswith(self._mark, at):
+                    return False
+        return True
 
     def _encode(self, frame: Frame, values: FloatArray, packet: int) -> bytes:
         parts = bytearray(self.size)

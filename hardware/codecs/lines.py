@@ -1,5 +1,9 @@
 """`csv`: lines of numbers, as an Arduino prints them with `Serial.print`.
 
+Between two numbers stand commas, semicolons, tabs or blanks, one kind in a line. What sketches print around them does
+no harm: a separator before the first number or behind the last, brackets, names as in `S0:12`, a `$`. A frame is a
+line, or several with an empty line before and behind them, one for each row. A line that says `nan` or `ovf` is none.
+
 A line counts only if the end of the line before it was seen: the first line after the port was opened may be the
 rest of one, which looks like a whole line of smaller numbers. A line that lost characters in its middle looks
 like a line, too. Only a checksum behind the numbers tells, "*" and hexadecimal digits as in NMEA 0183:
@@ -23,9 +27,12 @@ from tactsim.hardware.codecs.checksums import CHECKSUMS
 from tactsim.hardware.codecs.codec import Codec, CodecFormat, Frame
 from tactsim.hardware.codecs.layout import Bytes
 
-_END = b"\n"
-_LONGEST_NUMBER = 32  # characters of one number with its separator
+_END = re.compile(rb"\r\n|\r|\n")
+_LONGEST_NUMBER = 32  # characters of one number with its separator and its name
 _NUMBER = re.compile(rb"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d{1,3})?")
+_HEXADECIMAL = re.compile(rb"0[xX][0-9a-fA-F]{1,13}")
+_AROUND = bytes.maketrans(b"[](){}<>$\"'\0", b" " * 12)  # means nothing here
+_NAME = re.compile(rb"(?<![\w.+-])[A-Za-z_]\w* *[:=]")  # of a number, as `S0:12`
 _DIGITS = 9  # written of each value: as many as a float of 32 bits needs
 _LARGEST_COUNT = float(1 << 53)  # of a clock or a frame counter: up to there every whole number is exact
 _COUNTER = 1 << 32  # an Arduino's unsigned long starts again there
@@ -50,7 +57,7 @@ class LinesFormat(CodecFormat):
     )
     after: int = Field(0, ge=0, le=1000, description="columns behind the taxels that mean nothing here")
     delimiter: Literal[",", ";", "tab", "blank"] = Field(
-        ",", description="what stands between two numbers; blanks around it do no harm"
+        ",", description="what an emulated device writes between two numbers; each of these is read"
     )
     decimal: Literal[".", ","] = Field(".", description="the decimal point")
     checksum: str | None = Field(
@@ -87,7 +94,7 @@ class LinesFormat(CodecFormat):
 class LinesCodec(Codec[Frame]):
     """Read and write such lines. A line that has another number of columns, or no numbers, is no frame."""
 
-    before = len(_END)
+    before = 1
 
     def __init__(self, form: LinesFormat) -> None:
         self.format = form
@@ -102,17 +109,48 @@ class LinesCodec(Codec[Frame]):
             self.index_wrap = _COUNTER  # two boards count each for itself, so nothing is paired by it
 
     def decode(self, buffer: bytes | bytearray, start: int = 0) -> tuple[int, Frame | None]:
-        """Look for a line behind the line end at `start`; see `Codec.decode`.
+        """Look for a line, or rows between empty lines, behind the line end at `start`; see `Codec.decode`.
 
-        The line's own end is left: it is the beginning of the next.
+        The last line's own end is left: it is the beginning of the next.
         """
-        at = buffer.find(_END, start)
-        if at != start:
-            return (at if at >= 0 else len(buffer)) - start, None
-        end = buffer.find(_END, start + 1, start + self.longest)
-        if end < 0:
-            return (self.longest if len(buffer) - start >= self.longest else 0), None
-        return end - start, self._frame(bytes(buffer[start + 1 : end]))
+        if buffer[start] not in b"\r\n":
+            end = _END.search(buffer, start)
+            return (end.start() if end else len(buffer)) - start, None
+        line, used = self._line(buffer, start)
+        if used and not line.strip() and self.format.checksum is None:
+            fields, of_rows = self._rows(buffer, start + used)
+            frame = self._frame(fields) if fields else None
+            used = 0 if of_rows is None else used + (of_rows if frame else 0)
+        else:
+            frame = self._frame(self._fields(line)) if used and self._is_right(line) else None
+        if not used and len(buffer) - start >= self.longest:
+            used = self.longest
+        return used, frame
+
+    def _line(self, buffer: bytes | bytearray, start: int) -> tuple[bytes, int]:
+        """Give the line behind the line end at `start`, and how far its own end lies: 0 if it has not come."""
+        end = _END.search(buffer, start + 1, start + self.longest)
+        if end is None or (end.group() == b"\r" and end.end() == len(buffer)):  # a line feed may follow
+            return b"", 0
+        return bytes(buffer[start + 1 : end.start()]), end.end() - 1 - start
+
+    def _rows(self, buffer: bytes | bytearray, start: int) -> tuple[list[bytes], int | None]:
+        """Give the fields of the rows from the end of an empty line, at `start`, to the next empty one.
+
+        Returns (fields, how far the end of the last row lies), (..., None) if they have not all come, ([], 0) if no
+        rows of equal length stand there.
+        """
+        fields: list[bytes] = []
+        first = at = 0
+        while at < self.longest:
+            line, used = self._line(buffer, start + at)
+            if not used:
+                return fields, None
+            row = self._fields(line) if line.strip() else []
+            if not row or (fields and len(row) != first) or len(row) >= self._columns:
+                break
+            first, fields, at = len(row), fields + row, at + used
+        return (fields, at) if not row and line.strip() == b"" else ([], 0)
 
     def encode(self, frame: Frame) -> bytes:
         """Write one line; the columns and axes that are not read are 0."""
@@ -135,50 +173,62 @@ class LinesCodec(Codec[Frame]):
 
     def fails_checksum(self, buffer: bytes | bytearray, start: int) -> bool:
         """Tell whether a line of the right columns stands behind the line end at `start`, and its checksum is wrong."""
-        end = buffer.find(_END, start + 1, start + self.longest)
-        if self.format.checksum is None or end < 0 or not buffer.startswith(_END, start):
+        if self.format.checksum is None or buffer[start] not in b"\r\n":
             return False
-        numbers, is_right = self._summed(bytes(buffer[start + 1 : end]).removesuffix(b"\r"))
-        return not is_right and self._numbers(numbers) is not None
+        line, _ = self._line(buffer, start)
+        return not self._is_right(line) and self._numbers(self._fields(line)) is not None
 
-    def _summed(self, line: bytes) -> tuple[bytes, bool]:
-        """Give the numbers of a line, and whether the checksum behind them is theirs."""
-        numbers, _, _ = line.partition(b"*")
-        return numbers, self._sum(numbers) == line[len(numbers) :].upper()
+    def _is_right(self, line: bytes) -> bool:
+        """Tell whether the checksum behind a line's numbers is theirs; lines without one are right."""
+        numbers, mark, digits = line.partition(b"*")
+        return self.format.checksum is None or self._sum(numbers) == mark + digits.strip().upper()
 
-    def _frame(self, line: bytes) -> Frame | None:
-        line = line.removesuffix(b"\r")
-        if self.format.checksum is not None:
-            line, is_right = self._summed(line)
-            if not is_right:
-                return None
-        found = self._numbers(line)
-        if found is None:
+    def _frame(self, fields: list[bytes]) -> Frame | None:
+        numbers = self._numbers(fields)
+        if numbers is None:
             return None
         form = self.format
         ahead = len(form.before)
-        values = np.array(found[ahead : len(found) - form.after]).reshape(form.taxels, form.axes)
+        values = np.array(numbers[ahead : len(numbers) - form.after]).reshape(form.taxels, form.axes)
         normal = values[:, form.normal]
         if not (np.abs(self.to_kpa(normal)) <= LARGEST).all():
             return None
-        ticks, index = (found[self._at[name]] if name in self._at else None for name in ("clock", "index"))
+        ticks, index = (numbers[self._at[name]] if name in self._at else None for name in ("clock", "index"))
         if index is not None and not (index.is_integer() and 0 <= index < _COUNTER):
             return None
         return Frame(normal, index=None if index is None else int(index), ticks=ticks)
 
-    def _numbers(self, line: bytes) -> list[float] | None:
-        """Read the numbers of a line; None if there are more or fewer, or one of them is none."""
-        fields = line.split() if self._delimiter == " " else line.split(self._delimiter.encode())
-        fields = [field.strip(b" \t") for field in fields]
-        if self.format.decimal == ",":
-            fields = [field.replace(b".", b"?").replace(b",", b".") for field in fields]
-        if len(fields) != self._columns or not all(map(_NUMBER.fullmatch, fields)):
+    def _fields(self, line: bytes) -> list[bytes]:
+        """Split a line, without its checksum, at the one kind of separator that stands in it."""
+        numbers = line if self.format.checksum is None else line.partition(b"*")[0]
+        return split_line(numbers, self.format.decimal)
+
+    def _numbers(self, fields: list[bytes]) -> list[float] | None:
+        """Read numbers; None if there are more or fewer than a frame has, or one of them is none."""
+        numbers = numbers_in(fields) if len(fields) == self._columns else None
+        if numbers is None or max(map(abs, numbers)) >= _LARGEST_COUNT:
             return None
-        numbers = [float(field) for field in fields]
-        return numbers if all(abs(number) < _LARGEST_COUNT for number in numbers) else None
+        return numbers
 
     def _sum(self, line: bytes) -> bytes:
         if self.format.checksum is None:
             return b""
         size, function = CHECKSUMS[self.format.checksum]
         return b"*%0*X" % (2 * size, function(line))
+
+
+def split_line(line: bytes, decimal: str = ".") -> list[bytes]:
+    """Split a line of numbers into fields with a decimal point, without their names."""
+    line = line.translate(_AROUND)
+    if decimal == ",":
+        line = line.replace(b".", b"?").replace(b",", b".")
+    line = _NAME.sub(b" ", line).strip(b" \t,;")
+    separator = next((mark for mark in (b",", b";") if mark in line), None)
+    return [field.strip() for field in line.split(separator)]
+
+
+def numbers_in(fields: list[bytes]) -> list[float] | None:
+    """Read fields that are all decimal numbers, or all hexadecimal after 0x; None for anything else."""
+    if all(map(_HEXADECIMAL.fullmatch, fields)):
+        return [float(int(field, 16)) for field in fields]
+    return [float(field) for field in fields] if all(map(_NUMBER.fullmatch, fields)) else None

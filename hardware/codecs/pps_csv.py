@@ -1,12 +1,17 @@
-"""`pps-csv`: the recording that the vendor's demonstration tool writes.
+"""`pps-csv`: the recording that the vendor's demonstration tool writes, and what spreadsheets make of it.
 
-A title line `Time [ms], Elem0, Elem1, ...`, then one line a frame: `0, 0.11, 0.02, ...`. A spreadsheet that saved it
-again may have put a byte order mark before it and quotes around the names, and may write `0;0,11;0,02`: semicolons
-between the numbers and decimal commas.
+A title line `Time [ms], Elem0, Elem1, ...`, then one line a frame: `0, 0.11, 0.02, ...`. The tool may have written
+lines above the title, and a separator behind the last number. A spreadsheet that saved it again may have put a byte
+order mark before it, and quotes around cells, and may write `0;0,11;0,02`: semicolons between the numbers and decimal
+commas.
 """
 
 from __future__ import annotations
 
+import csv
+import re
+from collections.abc import Iterable, Iterator
+from itertools import chain, islice
 from typing import Literal
 
 import numpy as np
@@ -14,13 +19,19 @@ from pydantic import Field
 
 from tactsim.core.finite import LARGEST
 from tactsim.core.poses import FloatArray
-from tactsim.hardware.codecs.codec import Codec, CodecError, CodecFormat, Frame
+from tactsim.hardware.codecs.codec import CodecError, CodecFormat, Frame
+from tactsim.hardware.codecs.lines import LinesCodec, LinesFormat
 
 _KPA = {"kPa": 1.0, "psi": 6.894757293168361, "Pa": 1e-3}  # 1 psi = 1 lbf/in^2
-_MARK = b"\xef\xbb\xbf"  # byte order mark
-_TITLES = tuple(mark + quote + b"Time" for mark in (b"", _MARK) for quote in (b"", b'"'))
-_LONGEST_NUMBER = 32  # characters of one number with its separator
-_LONGEST_TITLE = 24  # of one column's name with its separator
+_TITLE_WITHIN = 20  # lines, at whose end the title has stood
+# The title of the time, and its unit: `Time [ms]`, `Time(s)`, `timestamp_us`, `t`.
+_TIME = re.compile(
+    r'["\s]*(?:time(?:stamp)?|t)(?:_(\w+)|\b[^\[(,;\t]*(?:[\[(]\s*(\w+)\s*[\])])?)', re.IGNORECASE
+)
+_SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "sec": 1.0, "seconds": 1.0, "min": 60.0}
+_SECONDS |= {"milliseconds": 1e-3, "µs": 1e-6, "μs": 1e-6}  # micro sign, and the Greek letter
+_SINCE_1970 = 1e6  # s: more than any recording is long; from there on a clock tells the date
+_STEPS = 50  # by which the unit of a time is told whose title does not say it
 
 
 class CsvFormat(CodecFormat):
@@ -42,73 +53,84 @@ class CsvFormat(CodecFormat):
         return CsvCodec(self)
 
 
-class CsvCodec(Codec[Frame]):
-    """Read and write such lines. A line that has another number of columns, or no numbers, is no frame."""
-
-    tick_s = 1e-3
+class CsvCodec(LinesCodec):
+    """Read and write such lines as they come from a port or an emulator; see `read_table` for a file."""
 
     def __init__(self, form: CsvFormat) -> None:
-        self.format = form
-        self.taxels = form.taxels
-        self._longest_line = _LONGEST_NUMBER * (form.taxels + 1)
-        self.longest = self._longest_line + _LONGEST_TITLE * (form.taxels + 1)
+        lines = LinesFormat(
+            kind="csv", taxels=form.taxels, before=("clock",), kpa_per_count=_KPA.get(form.unit, 1.0)
+        )
+        super().__init__(lines)
+        self.tick_wrap = None
+        self._whole = form.unit == "count"
         self.title = (", ".join(["Time [ms]", *(f"Elem{k}" for k in range(self.taxels))]) + "\n").encode()
-
-    def decode(self, buffer: bytes | bytearray, start: int = 0) -> tuple[int, Frame | None]:
-        """Look for a line at `start`; see `Codec.decode`. The title line counts to the line behind it."""
-        end = buffer.find(b"\n", start, start + self.longest)
-        if end < 0:
-            return (self.longest if len(buffer) - start >= self.longest else 0), None
-        if bytes(buffer[start : start + 8]).startswith(_TITLES):
-            second = buffer.find(b"\n", end + 1, start + self.longest)
-            if second < 0:
-                whole = len(buffer) - start >= self.longest
-                return (end + 1 - start if whole else 0), None
-            frame = self._frame(bytes(buffer[end + 1 : second]))
-            return (second + 1 - start, frame) if frame else (end + 1 - start, None)
-        return end + 1 - start, self._frame(bytes(buffer[start:end]))
-
-    def encode(self, frame: Frame) -> bytes:
-        """Write one line."""
-        return (
-            ", ".join(f"{value:.9g}" for value in [frame.ticks or 0.0, *frame.values.tolist()]) + "\n"
-        ).encode()
-
-    def to_kpa(self, values: FloatArray) -> FloatArray:
-        """Turn the file's unit into kPa; readings of other units are left in theirs."""
-        return values * _KPA.get(self.format.unit, 1.0)
 
     def from_kpa(self, pressures: FloatArray) -> FloatArray:
         """Turn readings into the file's unit; counts are whole numbers."""
-        values = pressures / _KPA.get(self.format.unit, 1.0)
-        return np.round(values) if self.format.unit == "count" else values
-
-    def _frame(self, line: bytes) -> Frame | None:
-        fields = _fields(line)
-        if len(fields) != self.taxels + 1:
-            return None
-        try:
-            numbers = np.array([float(field) for field in fields])
-        except ValueError:
-            return None
-        if not (np.abs(numbers) <= LARGEST).all():  # false for NaN too
-            return None
-        return Frame(numbers[1:], ticks=float(numbers[0]))
+        values = super().from_kpa(pressures)
+        return np.round(values) if self._whole else values
 
 
-def _fields(line: bytes) -> list[bytes]:
-    """Split a line at its commas, or at its semicolons, where a comma is a decimal point."""
-    line = line.removeprefix(_MARK)
-    if b";" not in line:
-        return line.split(b",")
-    if b"," in line and b"." in line:
-        return []  # which of the two is decimal cannot be told for all numbers
-    return line.replace(b",", b".").split(b";")
+def read_table(lines: Iterable[bytes]) -> tuple[int, Iterator[Frame | None]]:
+    """Read a recording line by line: (taxels, frames), None for a line that is no frame.
 
-
-def count_taxels(first_line: bytes) -> int:
-    """Count the taxels by the title line of a recording. Raises CodecError if it is none."""
-    columns = _fields(first_line.strip())
-    if len(columns) < 2 or not first_line.startswith(_TITLES):
+    A frame's `seconds` are as the unit in the title says, or as the steps tell: below 1 they are s, below 1,000 ms,
+    below 1,000,000 us, else ns. They count from the first frame if the clock counts from 1970. Taxels are the numbers
+    behind the time in the first frame. Raises CodecError if there is no title within 20 lines, or no frame behind it.
+    """
+    texts = (line.decode("utf-8-sig", "replace") for line in lines)
+    title = next((text for text in islice(texts, _TITLE_WITHIN) if _TIME.match(text)), None)
+    if title is None:
         raise CodecError("no recording of the vendor's tool: its first line is 'Time [ms], Elem0, ...'")
-    return len(columns) - 1
+    separator = next((mark for mark in ";\t" if mark in title), ",")
+    rows = (_numbers(text, separator) for text in texts if text.strip())
+    head = list(islice(rows, _STEPS))
+    first = next((row for row in head if row is not None), None)
+    if first is None or len(first) < 2:
+        raise CodecError(f"behind the title {title.strip()[:60]!r} stands no line of numbers")
+    tick = _tick(title, [row[0] for row in head if row is not None and len(row) == len(first)])
+    begun = first[0] * tick if first[0] * tick >= _SINCE_1970 else 0.0
+
+    def frames() -> Iterator[Frame | None]:
+        for row in chain(head, rows):
+            if row is None or len(row) != len(first):
+                yield None
+            else:
+                yield Frame(row[1:], seconds=float(row[0] * tick - begun))
+
+    return len(first) - 1, frames()
+
+
+def _numbers(text: str, separator: str) -> FloatArray | None:
+    """Read the numbers of a line; None if one is no finite number, or which point is decimal is unclear."""
+    try:
+        (cells,) = csv.reader([text.strip()], delimiter=separator, skipinitialspace=True)
+    except csv.Error:
+        return None
+    while cells and not cells[-1].strip():
+        cells.pop()
+    if separator == ";" and "," in text:
+        cells = [] if "." in text else [cell.replace(",", ".") for cell in cells]
+    try:
+        numbers = np.array([float(cell) for cell in cells])
+    except ValueError:
+        return None
+    # A clock since 1970 in ns is larger than any reading may be.
+    return (
+        numbers
+        if len(numbers) and (np.abs(numbers[1:]) <= LARGEST).all() and np.isfinite(numbers[0])
+        else None
+    )
+
+
+def _tick(title: str, times: list[float]) -> float:
+    """Give the s of one unit of time: of the title's, or by the median step."""
+    named = _TIME.match(title)
+    unit = (named[1] or named[2]) if named else None
+    if unit is not None:
+        if unit.lower() not in _SECONDS:
+            raise CodecError(f"the title's unit of time is {unit!r}; known are {', '.join(_SECONDS)}")
+        return _SECONDS[unit.lower()]
+    steps = np.abs(np.diff(times))
+    step = float(np.median(steps[steps > 0])) if (steps > 0).any() else 1.0
+    return next((tick for most, tick in ((1, 1.0), (1e3, 1e-3), (1e6, 1e-6)) if step < most), 1e-9)

@@ -40,7 +40,7 @@ def singletact_messages(count, rng):
 def csv_messages(count, rng):
     form = csv_device().codec.build()
     rows = [form.encode(Frame(rng.normal(size=6).round(3), ticks=10.0 * k)) for k in range(count)]
-    return form, [form.title + rows[0], *rows[1:]]
+    return form, [b"\n" + rows[0], *rows[1:]]
 
 
 def layout_codec(layout, taxels, **codec):

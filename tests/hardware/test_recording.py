@@ -1,3 +1,4 @@
+import gzip
 import os
 import signal
 import struct
@@ -369,6 +370,70 @@ def test_a_csv_that_a_spreadsheet_saved_again_is_read(tmp_path, content):
     assert np.array_equal([reading.pressures for reading in readings], ROWS)
     assert [reading.device_time for reading in readings] == [0.0, 0.0105]
     assert source.counters.garbage_bytes == 0
+
+
+def vendor_table(title, times, separator=",", above="", end="\n", behind=""):
+    """Write 250 frames of four numbers, 20 ms apart; the third second is pressed."""
+    rows = [separator.join([time, *(str(taxel + 20 * (100 <= k < 150)) for taxel in range(4))])
+            for k, time in enumerate(times)]  # fmt: skip
+    return above + "\n".join(line + behind for line in (title, *rows)) + end
+
+
+TITLE = "Time [ms], Elem0, Elem1, Elem2, Elem3"
+MS = [str(20 * k) for k in range(250)]
+S = [f"{0.02 * k:g}" for k in range(250)]
+US = [str(20_000 * k) for k in range(250)]
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        vendor_table(TITLE, MS),
+        vendor_table(TITLE, MS, end=""),
+        vendor_table(TITLE, MS, behind=","),
+        vendor_table('"Time [ms]","Elem0","Elem1","Elem2","Elem3"', [f'"{time}"' for time in MS]),
+        vendor_table("Time [s], Elem0, Elem1, Elem2, Elem3", S),
+        vendor_table("Time (s),Elem0,Elem1,Elem2,Elem3", S),
+        vendor_table("Time [us], Elem0, Elem1, Elem2, Elem3", US),
+        vendor_table("timestamp_us,a,b,c,d", US),
+        vendor_table("Time,Elem0,Elem1,Elem2,Elem3", MS),
+        vendor_table("Time,Elem0,Elem1,Elem2,Elem3", S),
+        vendor_table("t,Elem0,Elem1,Elem2,Elem3", US),
+        vendor_table("Time [ms],a,b,c,d", [str(1_700_000_000_000 + 20 * k) for k in range(250)]),
+        vendor_table("Time,a,b,c,d", [f"{1_700_000_000 + 0.02 * k:.3f}" for k in range(250)]),
+        vendor_table("Time,a,b,c,d", [str(1_700_000_000_000_000_000 + 20_000_000 * k) for k in range(250)]),
+        vendor_table("Time\ta\tb\tc\td", MS, "\t"),
+        vendor_table("Time(s);COM5 - Sensor (N);b;c;(Full Scale Range: 1N)", [time.replace(".", ",") for time in S],
+                     ";", above="Start Time;06/05/2026 09:57:19\n\n", behind=";"),
+    ],
+)  # fmt: skip
+def test_the_time_of_a_csv_is_in_the_unit_of_its_title_or_told_by_its_steps(tmp_path, text):
+    (tmp_path / "a.csv").write_text(text, encoding="utf-8")
+    source = CsvReplay(tmp_path / "a.csv", csv_device(4))
+    readings = list(source)
+    times = np.array([reading.device_time for reading in readings])
+    assert np.abs(times - 0.02 * np.arange(250)).max() < 1e-6
+    assert [reading.pressures[1] for reading in readings] == [1.0 + 20 * (100 <= k < 150) for k in range(250)]
+    assert source.counters.resyncs == 0
+
+
+def test_a_packed_csv_is_read_and_a_torn_one_says_so(tmp_path):
+    packed = gzip.compress(vendor_table(TITLE, MS).encode())
+    (tmp_path / "a.csv.gz").write_bytes(packed)
+    with open_source([f"recording:{tmp_path / 'a.csv.gz'}"], csv_device(4)) as source:
+        assert len(list(source)) == 250
+    (tmp_path / "b.csv.gz").write_bytes(packed[:-30])
+    with (
+        pytest.raises(InputError, match=r"b\.csv\.gz"),
+        CsvReplay(tmp_path / "b.csv.gz", csv_device(4)) as source,
+    ):
+        list(source)
+
+
+def test_a_csv_whose_unit_of_time_nobody_knows_is_refused(tmp_path):
+    (tmp_path / "a.csv").write_text("Time [fortnights],a\n0,1\n")
+    with pytest.raises(InputError, match="unit of time is 'fortnights'; known are s, ms"):
+        CsvReplay(tmp_path / "a.csv", csv_device(1))
 
 
 def test_a_number_whose_point_is_not_clear_is_no_frame(tmp_path):

@@ -1,0 +1,110 @@
+"""Guess from what a device prints which lines those are, for an owner who has no device file yet."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from tactsim.hardware.codecs.lines import numbers_in, split_line
+
+_PRINTABLE = frozenset(b"\t\r\n\0" + bytes(range(0x20, 0x7F)))
+_LEAST_TEXT = 0.95  # share of printable characters in a text
+
+
+@dataclass(frozen=True)
+class GuessedLines:
+    """Lines of numbers.
+
+    columns: numbers in a frame. rows: lines in a frame, with an empty line between frames; 1 if every line is one.
+    before: what the first number is if it rises steadily, "clock", or "index" where it rises by 1; else "". decimal:
+    the decimal point. odd: a field that is no number where others are, such as "ovf"; "" if there is none.
+    """
+
+    columns: int
+    rows: int
+    before: str
+    decimal: str
+    odd: str
+
+    def describe(self) -> str:
+        """Say what the lines are."""
+        what = f"lines of {self.columns} numbers"
+        if self.rows > 1:
+            what = f"frames of {self.rows} lines with {self.columns // self.rows} numbers, an empty line between them"
+        rises = {"clock": "; the first rises steadily: a clock", "index": "; the first counts the lines"}
+        odd = f"; {self.odd!r} is no number, and a line that says it is left out" if self.odd else ""
+        return what + rises.get(self.before, "") + odd
+
+    def device_file(self) -> str:
+        """Write the device file (TOML) that reads them; what a count and a taxel measure, its owner has to say."""
+        taxels = self.columns - bool(self.before)
+        side = math.isqrt(taxels)
+        rows = self.rows if self.rows > 1 else side if side * side == taxels else 1
+        return "\n".join(
+            [
+                'name = "mine"',
+                "[codec]",
+                'kind = "csv"',
+                f"taxels = {taxels}",
+                *([f'before = ["{self.before}"]'] if self.before else []),
+                *(['delimiter = ";"', 'decimal = ","'] if self.decimal == "," else []),
+                "kpa_per_count = 1.0  # measure, this and what follows",
+                "[pad]",
+                f"rows = {rows}",
+                f"columns = {taxels // rows}",
+                "no_seam = true",
+                "unread_columns = 0",
+            ]
+        )
+
+
+def is_text(data: bytes) -> bool:
+    """Tell whether bytes are printed text, and not frames of another kind or text at a wrong baud rate."""
+    return bool(data) and sum(byte in _PRINTABLE for byte in data) >= _LEAST_TEXT * len(data)
+
+
+def guess_lines(data: bytes) -> GuessedLines | None:
+    """Say which lines of numbers these bytes are; None if most lines are no numbers. The first and last may be torn."""
+    lines = [line.strip() for line in data.replace(b"\r\n", b"\n").replace(b"\r", b"\n").split(b"\n")[1:-1]]
+    guesses = []
+    for decimal in (".", ","):
+        fields = [split_line(line, decimal) if line.strip(b"\0 ") else [] for line in lines]
+        guesses.append(_of_rows(fields, decimal) or _of_lines(fields, decimal))
+    known = [guess for guess in guesses if guess is not None]
+    return min(known, key=lambda guess: bool(guess.odd), default=None)
+
+
+def _of_rows(fields: Sequence[list[bytes]], decimal: str) -> GuessedLines | None:
+    """Find frames of two or more rows between empty lines."""
+    ends = [at for at, row in enumerate(fields) if not row]
+    frames = [fields[first + 1 : last] for first, last in pairwise(ends)]
+    shapes = Counter((len(frame), len(frame[0])) for frame in frames if len({len(row) for row in frame}) == 1)
+    if not shapes:
+        return None
+    (rows, columns), _ = shapes.most_common(1)[0]
+    whole = _of_lines([row for frame in frames for row in frame], decimal)
+    if rows < 2 or whole is None or whole.columns != columns:
+        return None
+    return GuessedLines(rows * columns, rows, "", decimal, whole.odd)
+
+
+def _of_lines(fields: Sequence[list[bytes]], decimal: str) -> GuessedLines | None:
+    """Find the usual number of fields, most of which are numbers."""
+    usual = Counter(len(row) for row in fields if row and any(numbers_in([field]) for field in row))
+    if not usual:
+        return None
+    columns, count = usual.most_common(1)[0]
+    alike = [row for row in fields if len(row) == columns]
+    if 2 * count < sum(bool(row) for row in fields):
+        return None
+    odd = next((field for row in alike for field in row if numbers_in([field]) is None), b"")
+    first = np.array([(numbers_in(row[:1]) or [np.nan])[0] for row in alike])
+    steps = np.diff(first)
+    rises = columns > 1 and len(steps) > 2 and (steps > 0).all() and steps.max() < 3 * steps.min()
+    before = "" if not rises else "index" if (steps == 1).all() else "clock"
+    return GuessedLines(columns, 1, before, decimal, odd.decode("ascii", "replace"))

@@ -1,0 +1,111 @@
+"""Lines of numbers as sketches print them: read, or told by `bench probe` with the device file that reads them."""
+
+import json
+import tomllib
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tactsim.core.counters import Counters
+from tactsim.hardware.codecs.guessed_lines import guess_lines, is_text
+from tactsim.hardware.codecs.lines import LinesFormat
+from tactsim.hardware.device import Device
+from tactsim.hardware.framing import Framer
+
+VALUES = [[100 + k % 7, 200, 300 + k % 3, 400] for k in range(30)]
+# How a sketch prints four numbers and a time in ms.
+FORMS = {
+    "plain": lambda v, t: ",".join(map(str, v)) + "\r\n",
+    "line feeds": lambda v, t: ",".join(map(str, v)) + "\n",
+    "carriage returns": lambda v, t: ",".join(map(str, v)) + "\r",
+    "comma behind": lambda v, t: "".join(f"{x}," for x in v) + "\r\n",
+    "tab behind": lambda v, t: "".join(f"{x}\t" for x in v) + "\r\n",
+    "blank behind": lambda v, t: "".join(f"{x} " for x in v) + "\r\n",
+    "semicolon behind": lambda v, t: ",".join(map(str, v)) + ";\r\n",
+    "comma before": lambda v, t: "," + ",".join(map(str, v)) + "\r\n",
+    "semicolons": lambda v, t: "; ".join(map(str, v)) + "\r\n",
+    "names": lambda v, t: ",".join(f"S{k}:{x}" for k, x in enumerate(v)) + "\r\n",
+    "names and blanks": lambda v, t: "\t".join(f"taxel_{k} = {x}" for k, x in enumerate(v)) + "\r\n",
+    "brackets": lambda v, t: "[" + ", ".join(map(str, v)) + "]\r\n",
+    "dollar": lambda v, t: "$" + ",".join(map(str, v)) + "\r\n",
+    "padded": lambda v, t: "  ".join(f"{x:6d}" for x in v) + "\r\n",
+    "signs": lambda v, t: ",".join(f"{x:+d}" for x in v) + "\r\n",
+    "fractions": lambda v, t: ",".join(f"{x:.2f}" for x in v) + "\r\n",
+    "hexadecimal": lambda v, t: ",".join(hex(x) for x in v) + "\r\n",
+    "zero bytes": lambda v, t: ",".join(map(str, v)) + "\0\r\n",
+    "rows": lambda v, t: f"{v[0]},{v[1]}\r\n{v[2]},{v[3]}\r\n\r\n",
+    "rows with blanks": lambda v, t: f"{v[0]} {v[1]} \n{v[2]} {v[3]} \n\n",
+    "empty lines": lambda v, t: ",".join(map(str, v)) + "\r\n\r\n",
+    "words first": lambda v, t: ("Ready\r\n" if t == 0 else "") + ",".join(map(str, v)) + "\r\n",
+    "time": lambda v, t: f"{t}," + ",".join(map(str, v)) + "\r\n",
+    "json": lambda v, t: json.dumps({"t": t, "v": v}) + "\r\n",
+    "decimal commas": lambda v, t: ";".join(f"{x},0" for x in v) + "\r\n",
+}
+GIVEN = {
+    "time": {"before": ["clock"]},
+    "json": {"before": ["clock"]},
+    "decimal commas": {"delimiter": ";", "decimal": ","},
+}
+
+
+def printed(name):
+    return "".join(FORMS[name](values, 20 * k) for k, values in enumerate(VALUES)).encode()
+
+
+def read(codec, chunks):
+    framer = Framer(codec, Counters())
+    return [arrived.packet.values.tolist() for chunk in chunks for arrived in framer.feed(chunk, 0.0)]
+
+
+@pytest.mark.parametrize("name", FORMS)
+def test_what_sketches_print_is_read_byte_by_byte_too(name):
+    codec = LinesFormat(kind="csv", taxels=4, kpa_per_count=1.0, **GIVEN.get(name, {})).build()
+    data = b"\n\n" + printed(name)
+    # The last line of some forms waits for what comes next.
+    assert read(codec, [data, b"\n\n"]) == VALUES
+    assert read(codec, [data[at : at + 1] for at in range(len(data))] + [b"\n\n"]) == VALUES
+
+
+@pytest.mark.parametrize("name", FORMS)
+def test_a_probe_names_the_device_file_that_reads_them(name):
+    data = printed(name)
+    assert is_text(data)
+    guess = guess_lines(data)
+    device = Device.model_validate(tomllib.loads(guess.device_file()))
+    assert device.pad.taxels == 4
+    seen = read(device.build_codec(), [data])
+    assert len(seen) >= len(VALUES) - 2
+    assert all(values in VALUES for values in seen)
+
+
+@pytest.mark.parametrize(("word", "count"), [("nan", 24), ("ovf", 24), ("", 24)])
+def test_a_line_without_a_number_is_left_out_and_the_probe_says_why(word, count):
+    lines = [",".join([word if k % 5 == 0 else "9", "1", "2", "3"]) for k in range(30)]
+    data = ("\n" + "\n".join(lines) + "\n").encode()
+    codec = LinesFormat(kind="csv", taxels=4, kpa_per_count=1.0).build()
+    assert read(codec, [data]) == [[9, 1, 2, 3]] * count
+    if word:
+        assert f"{word!r} is no number" in guess_lines(data).describe()
+
+
+def test_rows_of_which_a_number_was_lost_are_no_frame():
+    codec = LinesFormat(kind="csv", taxels=4, kpa_per_count=1.0).build()
+    assert read(codec, [b"\n\n1,2\n3\n\n1,2\n3,4\n\n1\n3,4,5\n\n5,6\n7,8\n\n\n"]) == [
+        [1, 2, 3, 4],
+        [5, 6, 7, 8],
+    ]
+
+
+@given(st.binary(max_size=400))
+def test_bytes_of_another_kind_are_not_taken_for_text(data):
+    guess = guess_lines(data)  # raises nothing, whatever comes
+    if guess is not None:
+        assert guess.columns >= 1
+
+
+def test_noise_is_no_text():
+    rng = np.random.default_rng(0)
+    assert not is_text(rng.integers(0, 256, 500).astype(np.uint8).tobytes())
+    assert guess_lines(b"Hello\nworld\nagain\n") is None
