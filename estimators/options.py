@@ -93,6 +93,6 @@ def wants_pad_fit(options: FilterOptions, scan: Scan) -> bool:
     """Tell whether options ask to be fitted to a scan's pad: if they do not say, those of a real pad are."""
     if options.fit is not None:
         return options.fit == "auto"
-    said = statements(scan.meta)
-    sources = (said["source"], (said["train"] or {}).get("source"))
+    stated = statements(scan.meta)
+    sources = (stated["source"], (stated["train"] or {}).get("source"))
     return "recorded" in sources or "imported" in sources

@@ -82,12 +82,12 @@ class PadUnits:
 
     def poses(self, poses: FloatArray) -> FloatArray:
         """Bring poses (..., 3) to mm of the paper's pad; angles stay."""
-        return np.concatenate([self.places(poses[..., :2]), poses[..., 2:]], axis=-1)
+        return np.concatenate([self.positions(poses[..., :2]), poses[..., 2:]], axis=-1)
 
-    def places(self, xy: FloatArray) -> FloatArray:
-        """Bring places (..., 2) mm to mm of the paper's pad, rounded as readings are.
+    def positions(self, xy: FloatArray) -> FloatArray:
+        """Bring positions (..., 2) mm to mm of the paper's pad, rounded as readings are.
 
-        On a lattice many places are equally near; which is taken must not depend on the unit.
+        On a lattice many positions are equally near; which is taken must not depend on the unit.
         """
         return _single(xy / self.length)
 
@@ -101,7 +101,7 @@ class PadUnits:
             scan,
             readings=self.readings(scan.readings),
             poses=self.poses(scan.poses),
-            taxel_xy=self.places(scan.taxel_xy),
+            taxel_xy=self.positions(scan.taxel_xy),
         )
         if not sequences or scan.sequence is None:
             return replace(brought, sequence=None, sequence_times=None, sequence_force=None)
@@ -228,14 +228,16 @@ def fit_to_pad(scan: Scan, options: FilterOptions) -> PadFit:
         bins = int(np.clip(train.readings.size // _OF_A_BIN, _FEWEST, _MOST))
         fitted = replace(fitted, chosen={**fitted.chosen, "quantiles": bins})
 
-    def said(name: str, value: float) -> float:
+    def information_with(name: str, value: float) -> float:
         return measure(brought, _with(fitted, name, value, given).inner(options))
 
     before = after = measure(brought, fitted.inner(options))
     for name, values in _TRIED.items():
         if name in given or (forces and name != "sigma"):
             continue
-        value, after = climb(partial(said, name), values, getattr(fitted.inner(options), name), after, _MORE)
+        value, after = climb(
+            partial(information_with, name), values, getattr(fitted.inner(options), name), after, _MORE
+        )
         fitted = _with(fitted, name, value, given)
     return replace(fitted, before=straight if forces else before, after=after)
 
@@ -262,14 +264,14 @@ def climb(
         [value for value in values[::-1] if value < start],
     )
     for way in (up, down):
-        place, reached = start, known
+        reached_value, reached = start, known
         for value in way:
             more = information(value)
-            if more <= reached * (least if place == start else 1):
+            if more <= reached * (least if reached_value == start else 1):
                 break
-            place, reached = value, more
+            reached_value, reached = value, more
         if reached > most:
-            best, most = place, reached
+            best, most = reached_value, reached
     return best, most
 
 
@@ -290,12 +292,12 @@ def response(scan: Scan, options: FilterOptions) -> tuple[float, float, float]:
     """
     some = some_letters(scan)
 
-    def said(exponent: float) -> float:
+    def information_with(exponent: float) -> float:
         units = units_of(scan, exponent)
         return pressure_information(units.scan(some), PadFit(units, {"threshold": 2.0}).inner(options))
 
-    straight = said(1.0)
-    exponent, bent = climb(said, _EXPONENTS, 1.0, straight, _MORE_BENT)
+    straight = information_with(1.0)
+    exponent, bent = climb(information_with, _EXPONENTS, 1.0, straight, _MORE_BENT)
     return exponent, straight, bent
 
 

@@ -54,10 +54,10 @@ class Case:
 def draw(scan: Scan, label: str, count: int, seed: int) -> tuple[FloatArray, FloatArray]:
     """Hide an object somewhere, and touch it: readings (count, taxels) kPa and sensor_in_robot (count, 3)."""
     rng = np.random.default_rng(seed)
-    mine = scan.where("test", label)
+    test = scan.where("test", label)
     robot_in_object = np.array([*rng.uniform(-10, 10, 2), rng.uniform(-np.pi, np.pi)])
-    chosen = rng.permutation(len(mine))[:count]
-    return mine.readings[chosen], compose(invert(robot_in_object), mine.poses[chosen])
+    chosen = rng.permutation(len(test))[:count]
+    return test.readings[chosen], compose(invert(robot_in_object), test.poses[chosen])
 
 
 def answers(
@@ -65,20 +65,20 @@ def answers(
 ) -> list[Answer]:
     """Run a sequence from a reset; the estimate after each reading."""
     estimator.reset(np.random.default_rng(seed))
-    found = []
+    estimates = []
     for reading, pose in zip(readings, poses, strict=True):
         estimator.update(reading, pose)
-        found.append(_answer(estimator.estimate()))
-    return found
+        estimates.append(_answer(estimator.estimate()))
+    return estimates
 
 
 def _answer(estimate: Estimate) -> Answer:
     return estimate.label, dict(estimate.probabilities), np.asarray(estimate.robot_in_object).tolist()
 
 
-def _hold(held: object, said: str) -> None:
+def _hold(held: object, message: str) -> None:
     if not held:
-        raise AssertionError(said)
+        raise AssertionError(message)
 
 
 def _refused(call: Callable[[], object], *words: str) -> None:
@@ -142,15 +142,15 @@ def a_bad_reading_is_refused_and_leaves_no_trace(case: Case) -> None:
     ]
     readings, poses = case.trial()
     clean = answers(case.learned, readings, poses)
-    for spoil, said in spoilt:
+    for spoil, words in spoilt:
         case.learned.reset(np.random.default_rng(0))
-        found = []
+        after_bad = []
         for reading, pose in zip(readings, poses, strict=True):
             bad = spoil(reading, pose)
-            _refused(lambda bad=bad: case.learned.update(*bad), said)  # type: ignore[misc]
+            _refused(lambda bad=bad: case.learned.update(*bad), words)  # type: ignore[misc]
             case.learned.update(reading, pose)
-            found.append(_answer(case.learned.estimate()))
-        _hold(found == clean, f"a reading that was refused ({said}) changed the estimates")
+            after_bad.append(_answer(case.learned.estimate()))
+        _hold(after_bad == clean, f"a reading that was refused ({words}) changed the estimates")
 
 
 def the_same_seed_gives_the_same_answer(case: Case) -> None:
@@ -194,7 +194,7 @@ def looking_changes_nothing(case: Case) -> None:
 
 def inputs_are_not_written_to(case: Case) -> None:
     """Take readings and poses that cannot be written to, and leave them as they are."""
-    readings, poses = (np.array(one) for one in case.trial())
+    readings, poses = (np.array(array) for array in case.trial())
     kept = readings.copy(), poses.copy()
     for array in (readings, poses):
         array.setflags(write=False)
@@ -301,9 +301,9 @@ def a_letter_can_be_left_out_of_what_was_learned(case: Case) -> None:
     anew = case.make()
     fit(anew, case.scan.untrained("E"))
     left_out = answers(case.learned.without("E", case.scan), readings, poses)
-    for one, two in zip(left_out, answers(anew, readings, poses), strict=True):
-        same = one[1].keys() == two[1].keys() and all(abs(one[1][k] - two[1][k]) <= 1e-6 for k in one[1])
-        _hold(one[0] == two[0] and same, f"left out: {one[1]}; never learned: {two[1]}")
+    for (label, p, _), (label_anew, p_anew, _) in zip(left_out, answers(anew, readings, poses), strict=True):
+        same = p.keys() == p_anew.keys() and all(abs(p[k] - p_anew[k]) <= 1e-6 for k in p)
+        _hold(label == label_anew and same, f"left out: {p}; never learned: {p_anew}")
     _hold(answers(case.learned, readings, poses) == before, "`without` changed the estimator itself")
 
 
@@ -311,18 +311,18 @@ def letters_that_are_one_share_its_probability(case: Case) -> None:
     """Know nothing of which label it is where three have the same training readings, whatever is felt and drawn."""
     if case.learned.uses_forward_model:
         return  # it knows the letters by their shapes
-    one = case.scan.where("train", "E")
+    train = case.scan.where("train", "E")
     three = Scan(
-        np.tile(one.readings, (3, 1)), np.tile(one.poses, (3, 1)), np.repeat(list("ABC"), len(one)),
-        np.full(3 * len(one), "train"), one.taxel_xy,
+        np.tile(train.readings, (3, 1)), np.tile(train.poses, (3, 1)), np.repeat(list("ABC"), len(train)),
+        np.full(3 * len(train), "train"), train.taxel_xy,
     )  # fmt: skip
     estimator = case.make()
     estimator.fit(three)
     for seed in (0, 1):
         for _, probabilities, _ in answers(estimator, *case.trial(count=6), seed):
             even = all(abs(p - 1 / 3) < 1e-9 for p in probabilities.values())
-            said = f"three labels of the same readings: {probabilities}"
-            _hold(set(probabilities) == set("ABC") and even, said)
+            message = f"three labels of the same readings: {probabilities}"
+            _hold(set(probabilities) == set("ABC") and even, message)
 
 
 CHECKS: tuple[Callable[[Case], Any], ...] = (

@@ -71,10 +71,10 @@ def foresee(
             u, v = min(max(u, 0.0), last_column), min(max(v, 0.0), last_row)
             column, row = int64(u), int64(v)
             right, above = float32(u - column), float32(v - row)
-            here, up = nodes[letter[t], row], nodes[letter[t], row + 1]
+            low, high = nodes[letter[t], row], nodes[letter[t], row + 1]
             for k in range(classes):
-                lower = here[column, k] + right * (here[column + 1, k] - here[column, k])
-                upper = up[column, k] + right * (up[column + 1, k] - up[column, k])
+                lower = low[column, k] + right * (low[column + 1, k] - low[column, k])
+                upper = high[column, k] + right * (high[column + 1, k] - high[column, k])
                 predicted[e, k, t] = lower + above * (upper - lower)
     log_p[:] = 0
     for s in range(len(drawn)):
@@ -133,10 +133,10 @@ class Planner:
         drawn = np.arange(0, len(letter), max(1, len(letter) // _DRAWN))
         chance = rng.gumbel(size=(len(drawn), len(self._taxel_xy), self._nodes.shape[3])).astype(np.float32)
         log_p = np.empty((len(drawn), len(letter)), dtype=np.float32)
-        found = np.empty(len(candidates))
+        nats = np.empty(len(candidates))
         for i, pose in enumerate(candidates):
             foresee(log_p, pose, drawn, letter, state, self._taxel_xy, self._nodes, self._lattice, chance)
             others = log_p - log_p[np.arange(len(drawn)), drawn][:, None]
             # p(z | s) is itself one of the averaged: the mean is at least its 1 / states.
-            found[i] = -np.log(np.exp(others).mean(axis=1)).mean()
-        return found
+            nats[i] = -np.log(np.exp(others).mean(axis=1)).mean()
+        return nats

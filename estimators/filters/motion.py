@@ -54,9 +54,9 @@ class Motion:
         """Turn states T_R^O (3, n) into placements (n, 3) [x, y, angle / ratio] mm of T_O^R."""
         return np.asarray(invert(state.T) / [1, 1, self.ratio], dtype=float)
 
-    def state(self, place: FloatArray) -> FloatArray:
+    def state(self, placement: FloatArray) -> FloatArray:
         """Undo `placed`."""
-        return np.ascontiguousarray(invert(place * [1, 1, self.ratio]).T)
+        return np.ascontiguousarray(invert(placement * [1, 1, self.ratio]).T)
 
 
 def parse_motion(text: str) -> Motion | None:

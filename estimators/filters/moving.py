@@ -135,11 +135,11 @@ class MovingBelief:
         mass = letter_mass(belief.letter, belief.weights, len(self._filter.labels))
         evidence, clouds = log(mass / mass.sum()), list[Cloud | None]()
         for letter in range(len(self._filter.labels)):
-            mine = np.flatnonzero(belief.letter == letter)
-            if not len(mine) or not mass[letter]:
+            of_letter = np.flatnonzero(belief.letter == letter)
+            if not len(of_letter) or not mass[letter]:
                 clouds.append(None)
                 continue
-            chosen = mine[Weights(belief.weights.log[mine]).systematic(count, self._rng)]
+            chosen = of_letter[Weights(belief.weights.log[of_letter]).systematic(count, self._rng)]
             state = belief.state[:, chosen]
             size = belief.size[:, chosen] if belief.size is not None else np.zeros_like(state)
             state = state + self._rng.uniform(-0.5, 0.5, state.shape) * size
@@ -148,9 +148,9 @@ class MovingBelief:
             clouds.append(Cloud.of(motion, state, spread, share, float(evidence[letter])))
         return clouds
 
-    def _log_p_of_placed(self, letter: int, place: FloatArray) -> FloatArray:
+    def _log_p_of_placed(self, letter: int, placement: FloatArray) -> FloatArray:
         """Weigh placements (n, 3) by the last reading: (n,)."""
-        return self._filter.log_p(letter, self._motion.state(place), self._filter.touches - 1)
+        return self._filter.log_p(letter, self._motion.state(placement), self._filter.touches - 1)
 
     def estimate(self) -> Estimate:
         """Sum the models for each letter; take the pose from the likelier model of the best letter."""
@@ -161,8 +161,8 @@ class MovingBelief:
         models = self._models(known)
         # A letter that neither belief is about has no pose to state.
         stated = [
-            one is not None or (known is not None and label == known.label)
-            for label, one in zip(labels, self._drawn, strict=True)
+            drawn is not None or (known is not None and label == known.label)
+            for label, drawn in zip(labels, self._drawn, strict=True)
         ]
         mass = np.where(stated, models.sum(axis=0), 0.0)
         best = int(mass.argmax())
@@ -174,7 +174,7 @@ class MovingBelief:
             state, weights, mode = drawn.heavy()
             poses.append((models[1, best], mean_around(state, weights.relative, mode)))
             parts.append((models[1, best], pose_samples(state, weights)))
-        pose = max(poses, key=lambda one: one[0])[1]
+        pose = max(poses, key=lambda model: model[0])[1]
         return Estimate(labels[best], probabilities(labels, models.sum(axis=0)), pose, _mixed(parts))
 
     def path(self, estimate: Estimate) -> FloatArray:
@@ -219,8 +219,7 @@ class MovingBelief:
         for letter, drawn in enumerate(self._drawn):
             if drawn is not None:
                 weight = Weights(drawn.log_weight).normalised * models[1, letter]
-                place = np.full(len(weight), letter)
-                parts.append((place, drawn.state, weight, np.zeros_like(drawn.state)))
+                parts.append((np.full(len(weight), letter), drawn.state, weight, np.zeros_like(drawn.state)))
         letters, states, weights, sizes = zip(*parts, strict=True)
         return WeightedStates(
             np.concatenate(letters), np.concatenate(states, axis=1), Weights(log(np.concatenate(weights))),
@@ -235,7 +234,9 @@ class MovingBelief:
         A model counts as much as it foretold the readings one by one (Dawid 1984). So both are asked the same, though
         a sequence counts for less in the belief of an object at rest than single readings do.
         """
-        moving = Weights(np.array([-np.inf if one is None else one.log_evidence for one in self._clouds]))
+        moving = Weights(
+            np.array([-np.inf if cloud is None else cloud.log_evidence for cloud in self._clouds])
+        )
         still = self._motion.still
         if still is None:
             return np.stack([np.zeros(len(self._filter.labels)), moving.normalised])
@@ -253,10 +254,10 @@ class MovingBelief:
 def _mixed(parts: list[tuple[float, PoseSamples | None]]) -> PoseSamples | None:
     """Mix samples, each with the mass of its model; None if some model has none."""
     total = sum(mass for mass, _ in parts)
-    known = [(mass / total, one) for mass, one in parts if one is not None and total > 0]
+    known = [(mass / total, samples) for mass, samples in parts if samples is not None and total > 0]
     if len(known) < len(parts):
         return None
     return PoseSamples(
-        np.concatenate([one.poses for _, one in known]),
-        np.concatenate([mass * one.weights for mass, one in known]),
+        np.concatenate([samples.poses for _, samples in known]),
+        np.concatenate([mass * samples.weights for mass, samples in known]),
     )

@@ -33,7 +33,7 @@ class MovingBins:
         self._last = BinnedBelief(field, grid)
         self._shape = len(field.labels), grid.angle, grid.y, grid.x
         variance = [*([] if motion.still is None else [0.0]), *motion.variance, motion.jump_variance]
-        self._kernels = [_kernels(grid, one, motion.ratio) for one in variance]
+        self._kernels = [_kernels(grid, of_scale, motion.ratio) for of_scale in variance]
         still = [] if motion.still is None else [motion.still]
         self._first = len(still)  # of the scales that move
         moving = (1 - sum(still)) * motion.prior

@@ -55,12 +55,12 @@ class Nearest(Estimator):
         self._started = False
         self.labels = train.letters
         of_letters = [train.where(label=label) for label in self.labels]
-        self._readings = np.concatenate([one.readings for one in of_letters])
-        self._poses = np.concatenate([one.poses for one in of_letters])
-        counts = [len(one) for one in of_letters]
+        self._readings = np.concatenate([known.readings for known in of_letters])
+        self._poses = np.concatenate([known.poses for known in of_letters])
+        counts = [len(known) for known in of_letters]
         self._first = np.cumsum([0, *counts[:-1]])
         self._log_count = np.log(counts)
-        nearest = np.concatenate([_nearest_squares(one.readings) for one in of_letters])
+        nearest = np.concatenate([_nearest_squares(known.readings) for known in of_letters])
         learned = np.sqrt(nearest.mean() / self._readings.shape[1]) if len(nearest) else 0.0
         # Alike to the bit, readings have no width: then a small share of what they are, in whatever unit.
         least = _LEAST_WIDTH * float(np.sqrt((self._readings**2).mean()))
@@ -86,8 +86,8 @@ class Nearest(Estimator):
         # Of the sequence, the match with the least difference per pressure says where: that of a reading beside the
         # letter, where there is next to no pressure, says nothing.
         best = [
-            first + one.argmin()
-            for first, one in zip(self._first, np.split(squares, self._first[1:]), strict=True)
+            first + of_letter.argmin()
+            for first, of_letter in zip(self._first, np.split(squares, self._first[1:]), strict=True)
         ]
         unlike = squares[best] / max((values**2).sum(), 1e-12)
         closer = unlike < self._unlike

@@ -193,7 +193,7 @@ def learn_misfit(mosaics: TiltedMosaics, label: str) -> tuple[Misfit, ...]:
     """
     near, far, elsewhere = mosaics.left_out(label)
     level = mosaics.load_levels(label)
-    at_levels = [(near[level == one], far[level == one]) for one in np.unique(level)]
+    at_levels = [(near[level == load], far[level == load]) for load in np.unique(level)]
     return tuple(
         Misfit(
             mean=float(close.mean() + away.mean()) / 2,

@@ -44,20 +44,20 @@ def mean_around(state: Reals, weight: Reals, mode: int) -> Reals:
     because a symmetric letter has copies that are as probable; the position's mean does not, because they
     say as much about where the letter is, and for an O all angles do.
     """
-    at_x, at_y, at_angle = inverse(state[0, mode], state[1, mode], state[2, mode])
-    here = here_x = here_y = alike = alike_turn = 0.0
+    mode_x, mode_y, mode_angle = inverse(state[0, mode], state[1, mode], state[2, mode])
+    total = sum_x = sum_y = near = near_turn = 0.0
     for k in range(len(weight)):
         x, y, angle = inverse(state[0, k], state[1, k], state[2, k])
-        away = (x - at_x) ** 2 + (y - at_y) ** 2
+        away = (x - mode_x) ** 2 + (y - mode_y) ** 2
         if away <= _NEAR**2:
-            share, turn = max(weight[k], _TINY), _wrapped(angle - at_angle)
-            here += share
-            here_x += share * x
-            here_y += share * y
+            share, turn = max(weight[k], _TINY), _wrapped(angle - mode_angle)
+            total += share
+            sum_x += share * x
+            sum_y += share * y
             if away + (_GYRATION * turn) ** 2 <= _NEAR**2:
-                alike += share
-                alike_turn += share * turn
-    return np.array(inverse(here_x / here, here_y / here, at_angle + alike_turn / alike))
+                near += share
+                near_turn += share * turn
+    return np.array(inverse(sum_x / total, sum_y / total, mode_angle + near_turn / near))
 
 
 @compiled(REALS(REALS_2D, REALS, REALS_2D, int64), called_from_python=False)
@@ -81,10 +81,10 @@ def _unresolved(state: Reals, weight: Reals, size: Reals, densest: int) -> Reals
                 for axis in range(3):
                     first[axis] += weight[k] * away[axis]
                     second[axis] += weight[k] * away[axis] ** 2
-    found = np.empty(3)
+    unresolved = np.empty(3)
     for axis in range(3):
-        found[axis] = second[axis] / total - (first[axis] / total) ** 2 < _RESOLVED
-    return found
+        unresolved[axis] = second[axis] / total - (first[axis] / total) ** 2 < _RESOLVED
+    return unresolved
 
 
 @compiled(types.Tuple((REALS_2D, REALS))(REALS_2D, REALS, REALS_2D, REALS_2D, float64))
@@ -101,13 +101,13 @@ def samples_of_cells(
     densest = (weight / (size[0] * size[1] * size[2])).argmax()
     blurred = _unresolved(state, weight, size, densest)
     smallest = size[0] == size[0, densest]
-    one = (weight <= spread) | (smallest & (blurred.sum() == 0))
-    heavy = len(weight) - one.sum()
+    whole = (weight <= spread) | (smallest & (blurred.sum() == 0))
+    heavy = len(weight) - whole.sum()
     parts = len(corners)
     light, part = 0, len(weight) - heavy
     poses, share = np.empty((part + parts * heavy, 3)), np.empty(part + parts * heavy)
     for k in range(len(weight)):
-        if one[k]:
+        if whole[k]:
             for axis in range(3):
                 poses[light, axis] = state[axis, k]
             share[light] = weight[k]

@@ -78,10 +78,10 @@ class PoseBank:
         return cls(
             xy,
             angle,
-            np.concatenate([one.mean for one in pieces], dtype=np.float32),
-            np.concatenate([_half_precision(one.by_pose) for one in pieces]),
-            np.concatenate([_half_precision(one.nuisance) for one in pieces]),
-            np.concatenate([_spread(one, spacing, forward.noise) for one in pieces]),
+            np.concatenate([piece.mean for piece in pieces], dtype=np.float32),
+            np.concatenate([_half_precision(piece.by_pose) for piece in pieces]),
+            np.concatenate([_half_precision(piece.nuisance) for piece in pieces]),
+            np.concatenate([_spread(piece, spacing, forward.noise) for piece in pieces]),
             spacing,
             turns,
             copies,
@@ -123,13 +123,13 @@ class PoseBank:
         half = len(self.index) // 2
         column, row = (np.round(along / self.spacing[0]).astype(np.int64) + half for along in (x, y))
         inside = (np.minimum(column, row) >= 0) & (np.maximum(column, row) < len(self.index))
-        place = np.full(len(poses), -1)
-        place[inside] = self.index[row[inside], column[inside]]
+        grid_point = np.full(len(poses), -1)
+        grid_point[inside] = self.index[row[inside], column[inside]]
         turn, angle = np.divmod(
             np.round((poses[:, 2] - fold) / self.spacing[2]).astype(np.int64), len(self.angle)
         )
-        touches = np.flatnonzero(place >= 0)
-        entry = angle[touches] * len(self.xy) + place[touches]
+        touches = np.flatnonzero(grid_point >= 0)
+        entry = angle[touches] * len(self.xy) + grid_point[touches]
         turned = (turn[touches] % self.turns == 1)[:, None]
         away = np.where(turned, reading[::-1], reading) - self.mean[entry]
         least = float(self.variance.min())  # where nothing touches there is noise alone
@@ -148,8 +148,8 @@ def _half_precision(values: FloatArray) -> NDArray[np.float16]:
     return values.clip(-largest, largest).astype(np.float16)
 
 
-def _spread(found: Linearised, spacing: FloatArray, noise: float) -> FloatArray:
+def _spread(predicted: Linearised, spacing: FloatArray, noise: float) -> FloatArray:
     """Average the variance of a taxel, kPa^2, over a grid cell (n,)."""
-    spread = np.einsum("nit,nit,i->n", found.by_pose, found.by_pose, spacing**2 / 12)
-    spread += np.einsum("nqt,nqt->n", found.nuisance, found.nuisance)
-    return noise**2 + spread / found.mean.shape[1]
+    spread = np.einsum("nit,nit,i->n", predicted.by_pose, predicted.by_pose, spacing**2 / 12)
+    spread += np.einsum("nqt,nqt->n", predicted.nuisance, predicted.nuisance)
+    return noise**2 + spread / predicted.mean.shape[1]

@@ -80,7 +80,7 @@ class ScanMatching(GridFilter):
         letters, angles = np.arange(len(self.labels)), np.arange(self.grid.angle)
         blocks = np.meshgrid(letters, angles, rows, columns, indexing="ij")
         # Blocks, as everywhere below: (4, n) letter and angle, row and column of the first bin.
-        self._largest = np.stack([one.ravel() for one in blocks])
+        self._largest = np.stack([index.ravel() for index in blocks])
         self._largest_bounds = np.empty(self._largest.shape[1])
         self._best = np.empty((4, len(letters)), dtype=np.int64)
         self._scores = np.empty(len(letters))
@@ -108,8 +108,8 @@ class ScanMatching(GridFilter):
         if level == 0:
             self._skipped -= len(bounds)
             for letter in np.unique(blocks[0]):
-                mine = np.flatnonzero(blocks[0] == letter)
-                best = mine[bounds[mine].argmax()]
+                of_letter = np.flatnonzero(blocks[0] == letter)
+                best = of_letter[bounds[of_letter].argmax()]
                 if bounds[best] > self._scores[letter]:
                     self._scores[letter], self._best[:, letter] = bounds[best], blocks[:, best]
             return
@@ -125,9 +125,9 @@ class ScanMatching(GridFilter):
             chosen, left = rest[:_AT_ONCE][worth[:_AT_ONCE]], rest[:_AT_ONCE][~worth[:_AT_ONCE]]
             self._left_alone = max(self._left_alone, float(bounds[left].max(initial=-math.inf)))
             parts = self._quarters(blocks[:, chosen], self._levels[level - 1].side)
-            found = np.zeros(parts.shape[1])
-            self._add(found, self._levels[level - 1], parts, 0)
-            self._search(level - 1, parts, found)
+            part_bounds = np.zeros(parts.shape[1])
+            self._add(part_bounds, self._levels[level - 1], parts, 0)
+            self._search(level - 1, parts, part_bounds)
 
     def _quarters(self, blocks: NDArray[np.int64], side: int) -> NDArray[np.int64]:
         """Cut blocks (4, n) into those of half the side, `side`; what lies beyond the grid is dropped."""

@@ -87,8 +87,8 @@ def plane_histogram(labels: tuple[str, ...], belief: WeightedStates, reach: floa
     edges = np.linspace(-reach, reach, cells + 1)
     total = np.zeros((len(labels), cells, cells))
     for k in range(len(labels)):
-        mine = belief.letter == k
-        x, y = belief.state[:2, mine]
-        total[k] = np.histogram2d(y, x, bins=(edges, edges), weights=belief.weights.relative[mine])[0]
+        of_letter = belief.letter == k
+        x, y = belief.state[:2, of_letter]
+        total[k] = np.histogram2d(y, x, bins=(edges, edges), weights=belief.weights.relative[of_letter])[0]
     middle = (edges[1:] + edges[:-1]) / 2
     return PlaneBelief(labels, middle, middle, total / total.sum())
