@@ -99,7 +99,7 @@ class MapFilter(Estimator):
             if self.motion is not None and not self.moves:
                 from tactsim.estimators.filters.moving import MovingBelief
 
-                self.moving = MovingBelief(self, self.motion)
+                self.moving, self.draws = MovingBelief(self, self.motion), True
 
     def fit(self, scan: Scan) -> None:
         """Learn the maps (eq. 2 to 6) and the measurement model from the training readings.

@@ -96,7 +96,7 @@ class Synthesis(Estimator):
         if motion is not None:
             from tactsim.estimators.filters.moving import MovingBelief
 
-            self.moving = MovingBelief(self, motion)
+            self.moving, self.draws = MovingBelief(self, motion), True
 
     def fit(self, scan: Scan) -> None:
         """Press the bank of the letters that the training readings name."""
