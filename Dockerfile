@@ -16,15 +16,16 @@ RUN pip --python /opt/tactsim/bin/python install --no-cache-dir --requirement re
 COPY . .
 # -I: what is compiled is the installed package, and not the one in this folder.
 RUN pip --python /opt/tactsim/bin/python install --no-cache-dir --no-deps --no-build-isolation . \
-    && /opt/tactsim/bin/python -I -m tactsim.bench.compile_kernels
+    && NUMBA_CACHE_DIR=/opt/tactsim/kernels /opt/tactsim/bin/python -I -m tactsim.bench.compile_kernels \
+    && chmod --recursive a+rwX /opt/tactsim/kernels
 
 FROM python:${PYTHON}-slim
 LABEL org.opencontainers.image.title="tactsim" \
       org.opencontainers.image.description="A harness for comparing ways to recognise an object by touch" \
       org.opencontainers.image.licenses="MIT"
 COPY --from=build /opt/tactsim /opt/tactsim
-ENV PATH=/opt/tactsim/bin:$PATH
-# Another processor than the one that built the image compiles the kernels anew, into the cache folder of its user.
+# Numba must be able to write where it reads. Another processor than the one that built the image compiles the kernels anew.
+ENV PATH=/opt/tactsim/bin:$PATH NUMBA_CACHE_DIR=/opt/tactsim/kernels
 RUN useradd --create-home --uid 1000 tactsim && install --directory --owner tactsim /work
 USER tactsim
 WORKDIR /work

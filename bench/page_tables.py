@@ -96,7 +96,7 @@ def _pools(folder: Path) -> list[Pooled]:
     if remarks:
         raise InputError(remarks[0])
     runs = [load(one) for one in folders]
-    if any(run.about["source"] != source_of_trials(run.estimator, on_demand=run.on_demand) for run in runs):
+    if any(run.about["source"] != source_of_trials(run.estimator) for run in runs):
         raise InputError(f"{folder} was made by other source code than this; remove it and do the sweep anew")
     pools = pool(runs)
     fewest = min(len(of.runs) for of in pools)

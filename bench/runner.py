@@ -285,7 +285,7 @@ def finished_run(
         "scan": dict(gathered.scan.meta),
         "readings_digest": gathered.scan.digest,
         "versions": versions(),
-        "source": source_of_trials(estimator or config.estimator, on_demand=config.on_demand),
+        "source": source_of_trials(estimator or config.estimator),
         "commit": git_commit(),
         "machine": machine(),
         **({"notes": notes} if notes else {}),

@@ -183,7 +183,7 @@ def _gather_all(
 def _check_sources(folder: Path, whole: Mapping[str, Run]) -> None:
     """Raise InputError if a whole run was made by other source code than the rest would be."""
     for name, run in whole.items():
-        if run.about["source"] != source_of_trials(run.estimator, on_demand=run.on_demand):
+        if run.about["source"] != source_of_trials(run.estimator):
             raise InputError(
                 f"{folder / 'runs' / name} was made by other source code than this; remove such runs, which are "
                 "then done again, or name another folder with --out"

@@ -82,9 +82,9 @@ class TrialPlan:
 
     @property
     def source(self) -> str:
-        """Hash the source code that the trials depend on, without that which makes readings."""
+        """Hash the source code that the trials depend on."""
         given = self.given if isinstance(self.given, Estimator) else self.estimator
-        return source_of_trials(given, on_demand=self.press is not None)
+        return source_of_trials(given)
 
     @property
     def digest(self) -> str:
@@ -94,17 +94,13 @@ class TrialPlan:
         return f"{self.estimator} {options} {self.scan.digest} {given}"
 
 
-def source_of_trials(estimator: str | Estimator, *, on_demand: bool = False) -> str:
-    """Hash the source code that trials of an estimator depend on.
+def source_of_trials(estimator: str | Estimator) -> str:
+    """Hash the source code that trials of an estimator may depend on: tactsim's, and that of the estimator's packages.
 
-    on_demand: whether they press themselves; what makes the readings of a scan does not count, unless the estimator
-    presses by itself. Raises InputError if no estimator has that name.
+    Raises InputError if no estimator has that name.
     """
     kinds = [load(estimator)] if isinstance(estimator, str) else _kinds(estimator)
-    pressing = ["tactsim.bench.touching"] if on_demand else []
-    if any(kind.uses_forward_model for kind in kinds):
-        pressing.append("tactsim.press.press_model")
-    return source_digest("tactsim.bench.trial_workers", *pressing, *(kind.__module__ for kind in kinds))
+    return source_digest(*(kind.__module__ for kind in kinds))
 
 
 def _kinds(estimator: Estimator) -> list[type[Estimator]]:

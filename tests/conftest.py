@@ -12,6 +12,10 @@ from hypothesis import settings
 from processor_time import ProcessorTime
 
 from tactsim.bench.cli.app import run_app
+from tactsim.core.cache_folder import cache_folder
+
+# Kernels are compiled once for all tests, whatever cache a test has for itself.
+os.environ.setdefault("NUMBA_CACHE_DIR", str(cache_folder() / "kernels"))
 
 # Some hundred processes import the same files. Where what Python compiled of them may not stay beside them, it is kept
 # elsewhere while the tests run, since otherwise each process compiles all of it again.

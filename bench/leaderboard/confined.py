@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import signal
 import socket
 import subprocess
@@ -33,6 +34,7 @@ from tactsim.bench.leaderboard.messages import Message, receive, send
 from tactsim.bench.work_counts import unflatten_work
 from tactsim.core import InputError, Scan
 from tactsim.core.cache_folder import FOLDER_VARIABLE, cache_folder
+from tactsim.core.compiling import kernel_folder
 from tactsim.core.errors import printable
 from tactsim.core.plug_ins import plug_ins
 from tactsim.core.poses import FloatArray
@@ -292,12 +294,16 @@ def _training(scan: Scan) -> Scan:
 
 def _environment(folder: str) -> dict[str, str]:
     """Give the variables that a plug-in's process sees: none of the user's own, and its folder as home."""
-    kept = ("PATH", "LANG", "LD_LIBRARY_PATH", "DYLD_LIBRARY_PATH", "PYTHONHASHSEED", "NUMBA_CACHE_DIR")
+    kept = ("PATH", "LANG", "LD_LIBRARY_PATH", "DYLD_LIBRARY_PATH", "PYTHONHASHSEED")
     ends = ("_NUM_THREADS", "_CORETYPE")
     found = {name: value for name, value in os.environ.items() if name in kept or name.endswith(ends)}
+    if (kernels := kernel_folder("tactsim")) is not None:
+        # Numba must be able to write where it reads. What a plug-in writes there is seen by no other process.
+        shutil.copytree(kernels, Path(folder, "kernels", kernels.name), dirs_exist_ok=True)
     path = os.pathsep.join(str(Path(place).absolute()) for place in sys.path)
     return found | {
         "PYTHONPATH": path, "PYTHONDONTWRITEBYTECODE": "1", "HOME": folder, "TMPDIR": folder,
+        "NUMBA_CACHE_DIR": str(Path(folder, "kernels")),
         FOLDER_VARIABLE: str(cache_folder().absolute()),
     }  # fmt: skip
 

@@ -17,8 +17,6 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-from tactsim.core.cache_folder import cache_folder
-
 # What starts processes, ends them or talks to others: event of the audit hook, and what it is in words.
 _SHUT = {
     **dict.fromkeys(("os.fork", "os.forkpty"), "start a process"),
@@ -85,9 +83,9 @@ class _Fence:
         site = [place for place in sys.path if Path(place).name in ("site-packages", "dist-packages")]
         # In a checkout the rooms lie beside `tactsim` and are linked into it.
         rooms = [str(room) for place in _package("tactsim") for room in (place, *Path(place).glob("*"))]
-        kernels = [cache_folder() / "kernels", Path(os.environ.get("NUMBA_CACHE_DIR") or own)]
-        libraries = _real([*of_python, *site, *_SYSTEM, *rooms, *_package(package), f"/proc/{os.getpid()}"])
-        self._libraries = (*libraries, *_real(kernels))
+        self._libraries = _real(
+            [*of_python, *site, *_SYSTEM, *rooms, *_package(package), f"/proc/{os.getpid()}"]
+        )
         self._path = _real(place for place in sys.path if place)
         self._known: dict[str, bool] = {}
 

@@ -108,7 +108,7 @@ def submit(
         reproducible=reproducible,
         status=status,
         versions=versions(),
-        source_hash=source_of(method, on_demand=asked.words.get("explore") == "information"),
+        source_hash=source_of(method),
         machine=machine(),
         commit=git_commit(),
         made=datetime.now(UTC).isoformat(timespec="seconds"),
@@ -167,21 +167,19 @@ def run_confined(
     seconds = {"trials": tried - trying, "total": tried - start}
     estimator = processes[0]
     run = runner.finished_run(config, gathered, trials, work, estimator=estimator, seconds=seconds, jobs=jobs)
-    source = source_of(Method(config.estimator, config.options), on_demand=config.on_demand)
+    source = source_of(Method(config.estimator, config.options))
     return replace(run, about=run.about | {"settings": estimator.settings, "source": source})
 
 
-def source_of(method: Method, *, on_demand: bool) -> str:
+def source_of(method: Method) -> str:
     """Hash the source code that trials of a method depend on.
 
-    Of a plug-in these are the harness and the plug-in's own package: its modules, without comments, and all other files
-    in its folder, such as weights.
+    Of a plug-in these are tactsim's and all files of the plug-in's own package, such as weights.
     """
     if not method.plug_in:
-        return source_of_trials(method.estimator, on_demand=on_demand)
+        return source_of_trials(method.estimator)
     module = module_of(method.estimator)
-    harness = ("tactsim.bench.trial_workers", "tactsim.press.press_model", "tactsim.bench.touching")
-    content = hashlib.sha256(source_digest(*harness, module).encode())
+    content = hashlib.sha256(source_digest(module).encode())
     spec = find_spec(module.partition(".")[0])
     for place in (spec.submodule_search_locations or ()) if spec else ():
         folder = Path(place)

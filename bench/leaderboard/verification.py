@@ -165,7 +165,7 @@ def _compared(
     excuses = _excuses(bundle)
     if not excuses:
         said = str(first_difference(trials, again, seeds))
-        if bundle.source_hash != _source(method, asked):
+        if bundle.source_hash != source_of(method):
             said += f"; the code here is not that of the bundle, which was made at commit {bundle.commit or 'unknown'}"
         return False, False, said
     objects = {run.seed: run.objects for run in bundle.runs}
@@ -290,7 +290,7 @@ def _notes(bundle: Bundle, method: Method, asked: Task) -> tuple[str, ...]:
     made_by, here = bundle.versions.get("tactsim"), versions()["tactsim"]
     if made_by != here:
         notes.append(f"it was made by tactsim {made_by or 'of an unknown version'}, and here is {here}")
-    if bundle.source_hash != _source(method, asked):
+    if bundle.source_hash != source_of(method):
         notes.append(
             "the code that its trials depend on is not the code here"
             + (f"; it was made at commit {bundle.commit}" if bundle.commit else "")
@@ -301,10 +301,6 @@ def _notes(bundle: Bundle, method: Method, asked: Task) -> tuple[str, ...]:
             f"the estimator came in {bundle.package or 'tactsim'}, and here in {package or 'tactsim'}"
         )
     return tuple(notes)
-
-
-def _source(method: Method, asked: Task) -> str:
-    return source_of(method, on_demand=asked.words.get("explore") == "information")
 
 
 def _close(one: ArrayLike, other: ArrayLike) -> bool:

@@ -24,7 +24,7 @@ def cache_folder() -> Path:
 
     users = user_cache_path("tactsim", appauthor=False)
     # Without a home it is a relative path that begins with ~.
-    return users if users.is_absolute() and can_be_written(users) else _temporary() or users
+    return users if users.is_absolute() and can_be_written(users) else temporary_folder() or users
 
 
 def can_be_written(folder: Path) -> bool:
@@ -35,7 +35,7 @@ def can_be_written(folder: Path) -> bool:
     return False
 
 
-def _temporary() -> Path | None:
+def temporary_folder() -> Path | None:
     """Make this user's folder among temporary files; None if it cannot be made, or is somebody else's.
 
     Compiled code is read from it, so nobody else may be able to put something there.

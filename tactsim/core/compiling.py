@@ -1,18 +1,29 @@
-"""How the inner loops are compiled: ahead of use, for one signature, and kept for the next run.
+"""How the inner loops are compiled: ahead of use, for one signature, and kept by numba for the next run.
 
-All are serial: trials are what runs in parallel.
+numba keeps a function by its own file and does not see a change of a function in another file that it calls. So
+what is kept lies in a folder that is named by a hash of all files that hold compiled functions. All are serial: trials
+are what runs in parallel.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import logging
+import os
+import shutil
+import tempfile
+from collections.abc import Callable, Iterable
+from contextlib import suppress
+from functools import cache
+from pathlib import Path
 from typing import Any, TypeVar
 
+import numba
 import numpy as np
 from numba import float32, float64, int64, njit, types
 from numpy.typing import NDArray
 
-from tactsim.core.kernel_cache import KernelCache
+from tactsim.core.cache_folder import cache_folder, temporary_folder
+from tactsim.core.source_digest import package_digest
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 Ints = NDArray[np.int64]
@@ -28,6 +39,9 @@ FLOATS_3D, FLOATS_4D = float32[:, :, ::1], float32[:, :, :, ::1]
 # Arrays of others that are only looked at: those that may not be written are taken too.
 GIVEN_REALS, GIVEN_REALS_2D = (types.Array(float64, dimensions, "C", readonly=True) for dimensions in (1, 2))
 
+HOLDS_KERNELS = b"\nfrom tactsim.core.compiling import "  # what a file with compiled functions holds
+_MOST_FOLDERS = 10  # of kernels of other source, each of some 10 MB
+
 
 def compiled(
     signature: Any, *, ordered: bool = True, summed_in_order: bool = True, called_from_python: bool = True
@@ -39,8 +53,8 @@ def compiled(
     in which numbers are added, for loops whose sums are only compared. A function that only other compiled
     ones call takes half as long to compile.
 
-    What was compiled is used again while the function's file and all files of its package that it
-    imports, directly or not, are unchanged. A file with compiled functions therefore imports only such files.
+    What was compiled is used again while all files of the function's package that hold compiled functions are
+    unchanged. So a compiled function takes its constants from such files only.
     """
     given_up = {"contract"}
     if not ordered:
@@ -54,31 +68,69 @@ def compiled(
         "no_cpython_wrapper": not called_from_python,
     }
 
-    def decorate(function: _Function) -> _Function:
-        dispatcher: Any = njit(**choices)(function)
-        dispatcher._cache = KernelCache(function)
+    def decorate(function: _Function) -> Any:
+        folder = kernel_folder(function.__module__.partition(".")[0])
+        if folder is not None:
+            try:
+                return _kept(function, signature, choices, folder)
+            except Exception:  # what a power failure has left of a file may raise anything when it is loaded
+                shutil.rmtree(folder, ignore_errors=True)
+        _say_why_it_takes_long(kept=False)
+        dispatcher = njit(**choices)(function)
         dispatcher.compile(signature)
         dispatcher.disable_compile()
-        made: _Function = dispatcher
-        return made
+        return dispatcher
 
     return decorate
 
 
-def _without_scipy() -> None:
-    """Let numba look for a BLAS only when a function is compiled that uses one.
-
-    It looks before the first function is compiled or loaded, by importing scipy.linalg: half as long as importing numba
-    itself. No function here uses one, and a user's function still finds it.
-    """
-    import numba.np.linalg
-
-    look = numba.np.linalg.ensure_blas
-    numba.np.linalg.ensure_blas = lambda: None
+def _kept(function: Callable[..., Any], signature: Any, choices: dict[str, Any], folder: Path) -> Any:
+    """Load a function from a folder, or compile it and keep it there."""
+    users = numba.config.CACHE_DIR
+    numba.config.CACHE_DIR = str(folder)
     try:
-        import numba.np.arraymath
+        dispatcher = njit(cache=True, **choices)(function)
     finally:
-        numba.np.linalg.ensure_blas = look
+        numba.config.CACHE_DIR = users
+    try:
+        dispatcher.compile(signature)
+    except OSError:  # it is compiled, and could not be written to a full disk
+        _say_why_it_takes_long(kept=False)
+    if dispatcher.stats.cache_misses:
+        _say_why_it_takes_long(kept=True)
+    dispatcher.disable_compile()
+    return dispatcher
 
 
-_without_scipy()
+@cache
+def kernel_folder(package: str) -> Path | None:
+    """Give the folder for what is compiled of a package as its source is now; None if none can be written.
+
+    It is below NUMBA_CACHE_DIR if that is set and can be written, else below the cache folder, or if need be among
+    temporary files.
+    """
+    name = f"{package}-{package_digest(package, holding=HOLDS_KERNELS)[:16]}"
+    parents = [os.environ.get("NUMBA_CACHE_DIR"), cache_folder() / "kernels", temporary_folder()]
+    for folder in (Path(parent) / name for parent in parents if parent):
+        with suppress(OSError):
+            folder.mkdir(parents=True, exist_ok=True)
+            Path(tempfile.mkdtemp(dir=folder)).rmdir()  # a full disk refuses this
+            os.utime(folder)
+            _remove_oldest(folder.parent.glob(f"{package}-{'[0-9a-f]' * 16}"))
+            return folder
+    return None
+
+
+def _remove_oldest(folders: Iterable[Path]) -> None:
+    """Remove what was compiled of other source, but for the folders that were used last."""
+    used = sorted((folder.stat().st_mtime, folder) for folder in folders)
+    for _, folder in used[:-_MOST_FOLDERS]:
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+@cache
+def _say_why_it_takes_long(kept: bool) -> None:
+    logging.getLogger(__name__).warning(
+        "compiling the inner loops for this machine: half a minute or more, "
+        + ("kept for later runs" if kept else "each time, since no cache folder can be written")
+    )

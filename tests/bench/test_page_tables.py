@@ -107,7 +107,7 @@ def test_a_wrong_wish_is_refused_in_one_line(folder, asked, said):
 
 
 def test_a_sweep_of_other_source_code_is_refused(folder, monkeypatch):
-    monkeypatch.setattr("tactsim.bench.page_tables.source_of_trials", lambda estimator, on_demand: "f" * 64)
+    monkeypatch.setattr("tactsim.bench.page_tables.source_of_trials", lambda estimator: "f" * 64)
     with pytest.raises(InputError, match="s was made by other source code"):
         fill(PAGE, folder / "results" / "sweeps")
 

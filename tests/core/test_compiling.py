@@ -1,26 +1,32 @@
-"""What was compiled is used again only for the same source and processor, and wherever it can be kept."""
+"""What was compiled is used again only for the same source, and wherever it can be kept."""
 
 import json
 import os
-import shutil
+import pkgutil
 import subprocess
 import sys
+from importlib import import_module
+from pathlib import Path
 
+import numpy as np
 import pytest
+from numba import njit
+
+import tactsim
+from tactsim.bench.compile_kernels import modules_with_kernels
 
 CALLEE = """
-from numba import int64
 from tactsim.core.compiling import compiled
+from numba import int64
 STEP = 1
 
 @compiled(int64(int64), called_from_python=False)
 def callee(x):
     return x + 1
 """
-BETWEEN = "from inner_loops.callee import STEP, callee\n"
 CALLER = """
 from numba import int64
-from inner_loops.between import STEP, callee
+from inner_loops.callee import STEP, callee
 from tactsim.core.compiling import compiled
 
 @compiled(int64(int64))
@@ -29,15 +35,14 @@ def caller(x):
 """
 # Answers each question in a process of its own, forked before anything is compiled: numba is imported once.
 ASKED = """
-import json, os, sys
-import numba.core.config
+import json, os, sys, tempfile
 import tactsim.core.compiling
 for line in sys.stdin:
     folder, environment = json.loads(line)
     child = os.fork()
     if not child:
         os.environ.update(environment)
-        numba.core.config.reload_config()
+        tempfile.tempdir = environment.get("TMPDIR")
         sys.path.insert(0, folder)
         os.dup2(os.open(folder + "/answer", os.O_WRONLY | os.O_CREAT | os.O_TRUNC), 1)
         os.dup2(os.open(folder + "/said", os.O_WRONLY | os.O_CREAT | os.O_TRUNC), 2)
@@ -61,7 +66,7 @@ def asked():
 def ask(tmp_path, asked):
     package = tmp_path / "inner_loops"
     package.mkdir()
-    for name, text in (("__init__", ""), ("callee", CALLEE), ("between", BETWEEN), ("caller", CALLER)):
+    for name, text in (("__init__", ""), ("callee", CALLEE), ("caller", CALLER)):
         (package / f"{name}.py").write_text(text)
 
     def run(environment=None, **changed):
@@ -71,8 +76,9 @@ def ask(tmp_path, asked):
             path.write_text(path.read_text().replace(old, new))
             # As old and as long as before: only the content tells.
             os.utime(path, ns=(before.st_atime_ns, before.st_mtime_ns))
-        print(json.dumps([str(tmp_path), environment or {}]), file=asked.stdin, flush=True)
-        assert asked.stdout.readline() == "0\n"
+        own = {"NUMBA_CACHE_DIR": str(tmp_path / "numba")}
+        print(json.dumps([str(tmp_path), own | (environment or {})]), file=asked.stdin, flush=True)
+        assert asked.stdout.readline() == "0\n", (tmp_path / "said").read_text()
         run.said = (tmp_path / "said").read_text()
         value, hits = map(int, (tmp_path / "answer").read_text().split())
         return value, hits == 1
@@ -80,9 +86,11 @@ def ask(tmp_path, asked):
     return run
 
 
-def test_a_caller_is_compiled_again_when_what_it_calls_changes(ask):
+def test_a_caller_is_compiled_again_when_what_it_calls_in_another_file_changes(ask):
     assert ask() == (21, False)
+    assert "kept for later runs" in ask.said
     assert ask() == (21, True)
+    assert ask.said == ""
     assert ask(callee=("x + 1", "x + 2")) == (31, False)
     assert ask() == (31, True)
 
@@ -97,56 +105,82 @@ def test_the_own_file_counts(ask):
     assert ask(caller=("10 * ", "20 * ")) == (41, False)
 
 
+def test_damaged_files_are_compiled_again(ask, tmp_path):
+    ask()
+    for content in (b"", b"\0", bytes(64)):
+        for kept in tmp_path.glob("numba/*/*/caller.*"):
+            kept.write_bytes(content)
+        assert ask()[0] == 21
+        assert ask() == (21, False)
+        assert ask() == (21, True)
+
+
+def test_folders_of_the_source_used_last_stay_and_older_ones_go(ask, tmp_path):
+    ask()
+    (used,) = (tmp_path / "numba").iterdir()
+    for age in range(1, 15):
+        other = used.with_name(f"inner_loops-{age:016x}")
+        other.mkdir()
+        os.utime(other, (1e9 - age, 1e9 - age))
+    ask(callee=("STEP = 1", "STEP = 7"))
+    left = {folder.name for folder in used.parent.iterdir()}
+    assert len(left) == 10
+    assert {used.name, *(f"inner_loops-{age:016x}" for age in range(1, 9))} < left
+
+
 def without(folder):
     """Let nothing be written to a folder, not even by root: a file is in its place."""
-    shutil.rmtree(folder, ignore_errors=True)
     folder.write_text("a file\n")
+    return str(folder / "below")
 
 
-def test_another_processor_has_machine_code_of_its_own(ask):
-    other = {"NUMBA_CPU_NAME": "generic", "NUMBA_CPU_FEATURES": ""}
-    assert ask() == (21, False)
-    assert ask(environment=other) == (21, False)
-    assert ask(environment=other) == (21, True)
-    assert ask() == (21, True)
+def test_where_the_named_folder_cannot_be_written_the_cache_folder_takes_it(ask, tmp_path):
+    elsewhere = {
+        "NUMBA_CACHE_DIR": without(tmp_path / "named"),
+        "TACTSIM_CACHE_DIR": str(tmp_path / "cache"),
+    }
+    assert ask(environment=elsewhere) == (21, False)
+    assert ask(environment=elsewhere) == (21, True)
+    assert list((tmp_path / "cache" / "kernels").rglob("caller.*"))
 
 
-def test_a_damaged_file_is_compiled_again(ask, tmp_path):
-    ask()
-    (kept,) = (tmp_path / "inner_loops" / "__pycache__").glob("caller.*.kernel")
-    whole = kept.read_bytes()
-    for content in (whole[:100], whole[:-1], b"", bytes(64) + whole[64:]):
-        kept.write_bytes(content)
-        assert ask() == (21, False)
-        assert kept.read_bytes()[:32] == whole[:32]
+def test_where_nothing_can_be_written_it_is_compiled_each_time_and_said_once(ask, tmp_path):
+    nowhere = dict.fromkeys(("NUMBA_CACHE_DIR", "TACTSIM_CACHE_DIR", "TMPDIR"), without(tmp_path / "file"))
+    for _ in range(2):
+        assert ask(environment=nowhere) == (21, False)
+        assert ask.said.count("each time") == len(ask.said.splitlines()) == 1
 
 
-@pytest.mark.long
-def test_an_installation_that_cannot_be_written_uses_the_cache_folder(ask, tmp_path):
-    without(tmp_path / "inner_loops" / "__pycache__")
-    cache = {"TACTSIM_CACHE_DIR": str(tmp_path / "cache")}
-    assert ask(environment=cache) == (21, False)
-    assert ask(environment=cache) == (21, True)
-    assert list((tmp_path / "cache").rglob("caller.*.kernel"))
+def test_kernels_take_their_constants_from_files_that_hold_kernels():
+    """What is kept of a kernel holds its constants, and only changes of such files are seen."""
+    homes = set(modules_with_kernels())
+    compiled_one = type(njit(lambda: 0))
+    wrong = []
+    for module in map(import_module, homes):
+        for kernel in vars(module).values():
+            if not isinstance(kernel, compiled_one) or kernel.py_func.__module__ != module.__name__:
+                continue
+            for name in kernel.py_func.__code__.co_names:
+                value = vars(module).get(name)
+                if isinstance(value, int | float | str | tuple | np.ndarray):
+                    wrong += [(module.__name__, name, home) for home in origins(module, name) - homes]
+    assert not wrong
 
 
-@pytest.mark.long
-def test_what_was_compiled_is_used_where_nothing_can_be_written(ask, tmp_path):
-    without(tmp_path / "cache")
-    cache = {"TACTSIM_CACHE_DIR": str(tmp_path / "cache" / "below")}
-    ask(environment=cache)
-    assert ask(environment=cache) == (21, True)
-    without(tmp_path / "inner_loops" / "__pycache__")
-    assert ask(environment=cache) == (21, False)
-    assert "each time" in ask.said
+def origins(module, name):
+    """Give the module that a module imports a name from, if it does."""
+    import ast
+
+    tree = ast.parse(Path(module.__file__).read_text())
+    return {
+        node.module
+        for node in ast.walk(tree)
+        if isinstance(node, ast.ImportFrom) and any((one.asname or one.name) == name for one in node.names)
+    }
 
 
-@pytest.mark.long
-def test_a_users_function_still_finds_its_blas():
-    code = """
-import numpy as np, numba
-import tactsim.core.compiling
-print(numba.njit(lambda a: np.dot(a, a))(np.eye(2)).sum())
-"""
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout == "2.0\n"
+def test_every_module_with_kernels_is_compiled_beforehand_but_those_of_solids():
+    names = modules_with_kernels()
+    assert "tactsim.bench.placement_kernels" in names
+    rooms = {module.name for module in pkgutil.iter_modules(tactsim.__path__)}
+    assert {name.split(".")[1] for name in names} <= rooms

@@ -38,17 +38,6 @@ def files_of_checkout():
     return found
 
 
-def keep_kernels(environment):
-    """Take over what is compiled already; every file says of which source."""
-    (packages,) = environment.glob("lib/python*/site-packages")
-    for folder in (ROOT / "tactsim", *(ROOT / room for room in ROOMS)):
-        for kernel in folder.rglob("__pycache__/*.kernel"):
-            inside = kernel.relative_to(ROOT)
-            place = packages / (inside if inside.parts[0] == "tactsim" else Path("tactsim", inside))
-            place.parent.mkdir(exist_ok=True)
-            place.write_bytes(kernel.read_bytes())
-
-
 def smoke(environment, folder):
     """Use an installed tactsim in a folder where `models`, `bench` ... are the user's own."""
     commands = environment / "bin"
@@ -74,7 +63,6 @@ def test_the_wheel_of_the_source_archive_is_the_same(wheel, wheel_of_sdist):
 @pytest.mark.long
 def test_an_installed_wheel_runs_beside_folders_of_the_same_names(wheel, install, own_folder):
     environment = install(wheel)
-    keep_kernels(environment)
     smoke(environment, own_folder)
 
 

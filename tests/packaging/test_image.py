@@ -64,8 +64,6 @@ def test_the_builder_gets_what_the_package_is_made_from_and_nothing_else():
     single = {"pyproject.toml", "setup.py", "README.md", "LICENSE", "requirements.lock"}
     assert {path for path in sent if "/" not in path} == single
     assert {path.split("/")[0] for path in sent if "/" in path} == {"tactsim", *ROOMS}
-    assert not is_sent("bench/__pycache__/run.kernel")
-    assert not is_sent("tactsim/press/__pycache__/clip.kernel")
 
 
 def test_what_is_copied_from_the_repository_is_there_and_sent():

@@ -15,6 +15,7 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from html import escape
+from importlib import import_module
 from pathlib import Path
 from time import process_time
 from types import CodeType, FunctionType
@@ -132,9 +133,10 @@ def name_loops() -> None:
     """Put a Python frame with a name around every compiled loop that Python calls."""
     from numba.core.dispatcher import Dispatcher
 
-    from tactsim.bench.compile_kernels import compile_kernels
+    from tactsim.bench.compile_kernels import modules_with_kernels
 
-    compile_kernels()  # imports all modules that have loops
+    for module in modules_with_kernels():
+        import_module(module)
     for module in [module for name, module in sys.modules.items() if name.startswith("tactsim.")]:
         for name, value in list(vars(module).items()):
             if isinstance(value, Dispatcher):
