@@ -86,12 +86,13 @@ def compiled(
 
 def _kept(function: Callable[..., Any], signature: Any, choices: dict[str, Any], folder: Path) -> Any:
     """Load a function from a folder, or compile it and keep it there."""
-    users = numba.config.CACHE_DIR
-    numba.config.CACHE_DIR = str(folder)
+    config: Any = numba.config
+    users = config.CACHE_DIR
+    config.CACHE_DIR = str(folder)
     try:
         dispatcher = njit(cache=True, **choices)(function)
     finally:
-        numba.config.CACHE_DIR = users
+        config.CACHE_DIR = users
     try:
         dispatcher.compile(signature)
     except OSError:  # it is compiled, and could not be written to a full disk
