@@ -70,12 +70,13 @@ def compiled(
 
     def decorate(function: _Function) -> Any:
         folder = kernel_folder(function.__module__.partition(".")[0])
-        if folder is not None:
+        if folder is None:
+            _say_why_it_takes_long(kept=False)
+        else:
             try:
                 return _kept(function, signature, choices, folder)
             except Exception:  # what a power failure has left of a file may raise anything when it is loaded
                 shutil.rmtree(folder, ignore_errors=True)
-        _say_why_it_takes_long(kept=False)
         dispatcher = njit(**choices)(function)
         dispatcher.compile(signature)
         dispatcher.disable_compile()
@@ -95,10 +96,10 @@ def _kept(function: Callable[..., Any], signature: Any, choices: dict[str, Any],
         config.CACHE_DIR = users
     try:
         dispatcher.compile(signature)
-    except OSError:  # it is compiled, and could not be written to a full disk
+        if dispatcher.stats.cache_misses:
+            _say_why_it_takes_long(kept=True)
+    except OSError:  # it is compiled, and could not be written: the disk is full
         _say_why_it_takes_long(kept=False)
-    if dispatcher.stats.cache_misses:
-        _say_why_it_takes_long(kept=True)
     dispatcher.disable_compile()
     return dispatcher
 
@@ -133,5 +134,5 @@ def _remove_oldest(folders: Iterable[Path]) -> None:
 def _say_why_it_takes_long(kept: bool) -> None:
     logging.getLogger(__name__).warning(
         "compiling the inner loops for this machine: half a minute or more, "
-        + ("kept for later runs" if kept else "each time, since no cache folder can be written")
+        + ("kept for later runs" if kept else "each time, since no cache folder takes it")
     )
