@@ -69,7 +69,9 @@ def command(
         )
         scan = read_arrays(source, called, Pad.load(pad), unit)
     else:
+        formats.guess(source)  # a file of no format is refused for that
         if pad is not None or unit is not None:
+            formats.read(source)  # and one that `bench export` did not write for that
             raise InputError(
                 f"{source} says its pad and unit itself; --pad and --unit are of .npz and .mat files"
             )

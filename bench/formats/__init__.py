@@ -87,8 +87,8 @@ def guess(path: str | Path) -> Format:
             return one
     known = [suffix for one in FORMATS.values() if one.reads for suffix in one.suffixes]
     raise InputError(
-        f"{path}: no format has such files; known are {', '.join(known)}, arrays in .npz and .mat, and a folder of "
-        "Parquet"
+        f"{path}: no format has such files; known are {', '.join(known)} and a folder of Parquet as `bench export` "
+        "writes them, and readings, poses and labels together in a .npz (numpy.savez) or .mat file"
     )
 
 

@@ -12,6 +12,7 @@ from typing import Any
 
 from numpy.typing import NDArray
 
+from tactsim.bench.trials import check_labels
 from tactsim.core import InputError, Pad, Scan
 from tactsim.core.files import read_bytes
 from tactsim.core.npz import LARGEST, read_npz
@@ -32,7 +33,11 @@ def read_arrays(path: Path, names: Mapping[str, str], pad: Pad, unit: str) -> Sc
     try:
         found = _of_mat(path, wanted) if path.suffix.lower() == ".mat" else read_npz(path, wanted)
         arrays: dict[str, Any] = {role: found[name] for role, name in names.items()}
-        return Scan.from_arrays(**arrays, pad=pad, unit=unit)
+        scan = Scan.from_arrays(**arrays, pad=pad, unit=unit)
+        if not len(scan):
+            raise InputError("it holds no presses: its arrays have no rows")
+        check_labels(scan.letters)
+        return scan
     except InputError as error:
         raise InputError(f"cannot read {path}: {error}") from error
 

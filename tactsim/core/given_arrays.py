@@ -34,11 +34,13 @@ def readings_a_press(values: Any, pad: Pad) -> NDArray[Any]:
 
 
 def names_of(values: Any, what: str) -> NDArray[np.str_]:
-    """Read names (n,): texts as they are without blanks around them, whole numbers written out.
+    """Read names (n,): texts as they are without blanks around them, bytes as UTF-8, whole numbers written out.
 
     Raises InputError for anything else.
     """
     array = np.asarray(values)
+    if array.dtype.kind in "SO":
+        array = np.array(_as_texts(array.ravel(), what), dtype=np.str_).reshape(array.shape)
     array = array.reshape(-1) if array.size == max(array.shape, default=1) else array  # a row or a column
     if array.ndim != 1 or array.dtype.kind not in "Ufiu":
         raise InputError(f"{what} are {array.dtype} of shape {array.shape}, no row of names or whole numbers")
@@ -66,3 +68,22 @@ def splits_of(values: Any, count: int) -> NDArray[np.str_]:
     if array.dtype.kind != "U":
         raise InputError("the split is neither 'train' and 'test' nor 1 (to train on) and 0 (to test with)")
     return names_of(array, "split")
+
+
+def _as_texts(values: NDArray[Any], what: str) -> list[str]:
+    """Read texts or bytes. Raises InputError for other objects, and for bytes that are no UTF-8."""
+    texts = []
+    for value in values.tolist():
+        if isinstance(value, bytes):
+            try:
+                value = value.decode()
+            except UnicodeDecodeError:
+                raise InputError(
+                    f"{what} hold {short(value)}, which is no UTF-8; give them as texts"
+                ) from None
+        if not isinstance(value, str):
+            raise InputError(
+                f"{what} hold {short(value)}, which is no text; give names, as in labels.astype(str)"
+            )
+        texts.append(value)
+    return texts

@@ -37,7 +37,7 @@ class MissingArrayError(InputError):
 def read_npz(
     source: str | Path | BytesIO, names: Iterable[str], optional: Iterable[str] = ()
 ) -> dict[str, NDArray[Any]]:
-    """Read the named arrays: numbers or strings of at most three dimensions. Other members are ignored.
+    """Read the named arrays: numbers, texts or bytes of at most four dimensions. Other members are ignored.
 
     An `optional` array that is not there is left out.
 
@@ -89,7 +89,12 @@ def _array(member: IO[bytes], name: str) -> NDArray[Any]:
     except Exception as error:
         # NumPy reads a header with Python's tokenizer and parser, which may raise anything.
         raise InputError(f"array {name!r} has no header that NumPy writes") from error
-    if dtype.kind not in "bfiuU" or len(shape) > 3 or min(shape, default=0) < 0:
+    if dtype.hasobject:
+        raise InputError(
+            f"array {name!r} holds Python objects, which only unpickling could read; save it as numbers or texts, "
+            "such as labels.astype(str)"
+        )
+    if dtype.kind not in "bfiuUS" or len(shape) > 4 or min(shape, default=0) < 0:
         raise InputError(f"array {name!r} holds {dtype} of shape {shape}, no numbers or names")
     size = dtype.itemsize * int(np.prod([int(n) for n in shape], dtype=object))
     if size > LARGEST:

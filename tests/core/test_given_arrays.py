@@ -47,15 +47,19 @@ def test_readings_of_another_shape_are_one_line(shape):
         ([[1.0, 2.0]], ["1", "2"]),
         (["A"], ["A"]),
         ([], []),
+        ([b"bolt", "Mutter größer".encode()], ["bolt", "Mutter größer"]),
+        (np.array(["bolt", b"nut"], dtype=object), ["bolt", "nut"]),
     ],
 )
 def test_names_are_texts_or_whole_numbers(values, names):
     assert names_of(np.array(values), "labels").tolist() == names
 
 
-@pytest.mark.parametrize("values", [[1.5], [np.nan], [np.inf], [1e300], [1j], [None], np.zeros((2, 2))])
+@pytest.mark.parametrize(
+    "values", [[1.5], [np.nan], [np.inf], [1e300], [1j], [None], [b"\xff"], np.zeros((2, 2))]
+)
 def test_what_names_nothing_is_refused(values):
-    with pytest.raises(InputError, match="labels are"):
+    with pytest.raises(InputError, match=r"labels (are|hold)"):
         names_of(values, "labels")
 
 

@@ -6,6 +6,7 @@ from command_line import refused
 from hostile import damaged
 from scipy.io import savemat
 
+from tactsim.bench import formats
 from tactsim.bench.formats.arrays_file import read_arrays
 from tactsim.core import InputError, Pad, Scan
 
@@ -56,6 +57,43 @@ def test_matlab_s_ways_of_saving_are_read(compress, tmp_path):
     assert scan.split.tolist() == ["train", "test", "train", "test"]
 
 
+@pytest.mark.parametrize("suffix", [".npz", ".mat"])
+def test_several_pictures_of_each_press_are_averaged(suffix, tmp_path):
+    images = READINGS.reshape(4, 1, 2, 3) + np.array([-1.0, 0.0, 1.0])[None, :, None, None]
+    scan = read_arrays(save(tmp_path / f"a{suffix}", readings=images), NAMES, PAD, "N")
+    assert np.abs(scan.readings - READINGS).max() < 1e-12
+
+
+@pytest.mark.parametrize(
+    ("arrays", "says"),
+    [
+        ({"labels": np.array(["A", "B", "A", "B"], dtype=object)}, "labels.astype(str)"),
+        ({"labels": np.array(["A", "none", "A", "none"])}, "a letter is called 'none'"),
+        ({"readings": READINGS[:0], "poses": POSES[:0], "labels": [""][:0], "split": [""][:0]}, "no presses"),
+    ],
+)  # fmt: skip
+def test_what_no_run_could_use_is_refused_at_import(arrays, says, tmp_path, here):
+    save(tmp_path / "a.npz", **arrays)
+    refused(here("import", "a.npz", "--split", "split", *WORDS), says)
+    assert not (tmp_path / "scan.npz").exists()
+
+
+def test_bytes_are_names(tmp_path):
+    scan = read_arrays(
+        save(tmp_path / "a.npz", labels=np.array([b"A", b"B", b"A", b"long"])), NAMES, PAD, "N"
+    )
+    assert scan.labels.tolist() == ["A", "B", "A", "long"]
+
+
+@pytest.mark.parametrize(
+    ("name", "says"), [("one.npy", "numpy.savez"), ("text.csv", "no format has such files")]
+)
+def test_files_of_no_format_are_refused_for_that(name, says, tmp_path, here):
+    np.save(tmp_path / "one.npy", READINGS)
+    (tmp_path / "text.csv").write_text("a,b\n1,2\n")
+    refused(here("import", name, *WORDS), says)
+
+
 def test_arrays_are_imported_by_their_names(tmp_path, here):
     np.savez(tmp_path / "a.npz", X=READINGS, T=POSES, y=np.array([0, 1, 0, 1]))
     done = here(
@@ -85,7 +123,9 @@ def test_arrays_are_imported_by_their_names(tmp_path, here):
 def test_a_mistake_is_one_line(words, says, tmp_path, here):
     save(tmp_path / "a.npz")
     save(tmp_path / "a.mat")
-    Scan.from_arrays(READINGS, POSES, list("ABAB"), pad=PAD, unit="N").save(tmp_path / "ours.npz")
+    ours = Scan.from_arrays(READINGS, POSES, list("ABAB"), pad=PAD, unit="N")
+    ours.save(tmp_path / "ours.npz")
+    formats.write(ours, tmp_path / "b.h5", "hdf5")
     refused(here("import", *words), says)
     assert not (tmp_path / "scan.npz").exists()
 
