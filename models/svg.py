@@ -1,173 +1,650 @@
-"""Read the filled outlines of an SVG drawing, in mm, as they are seen."""
+"""Read the filled outlines of an SVG drawing, in mm, as a renderer shows them."""
 
 from __future__ import annotations
 
 import math
 import re
-import warnings
-from collections.abc import Iterator
-from io import BytesIO
-from typing import TYPE_CHECKING, Any
-from xml.etree.ElementTree import Element, ParseError
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from functools import reduce
+from itertools import groupby
+from typing import TYPE_CHECKING, Any, NamedTuple
+from xml.etree import ElementTree
+from xml.etree.ElementTree import Element
 
 import numpy as np
 
-from tactsim.core.errors import InputError
+from tactsim.core.errors import InputError, short
 from tactsim.core.poses import FloatArray
+from tactsim.models.css import SVG, Paint, Rgb, Style, color, computed, declarations, share, url_in
 
 if TYPE_CHECKING:
     from manifold3d import CrossSection
 
-FLATTENING = 0.01  # mm: no chord of a curve is further from it
-MOST_CHORDS = 5_000
+FLATTENING = 5e-5  # share of the page's longer side: no chord of a curve is further from it
+LARGEST_FLATTENING = 0.002  # mm
+MOST_CHORDS = 20_000
+MOST_ELEMENTS = 100_000  # clones counted each time
 LARGEST_FILE = 2 << 20  # bytes
 LARGEST = 1e4  # mm
+WHOLE_PAGE = 1e-3  # share of the page that a fill may leave free and still be the page itself
+OPAQUE = 0.99  # a white fill hides what lies below it from this opacity on
+PIXEL = 25.4 / 96  # mm
 
-_SVG = "{http://www.w3.org/2000/svg}"
-_UNITS = {"": 25.4 / 96, "px": 25.4 / 96, "mm": 1.0, "cm": 10.0, "in": 25.4, "pt": 25.4 / 72, "pc": 25.4 / 6}
-_DRAWN = {"path", "rect", "circle", "ellipse", "polygon", "polyline"}
-_HARMLESS = {"svg", "g", "title", "desc", "metadata", "defs", "style"}
-_BAD_STYLE = re.compile(rb"\b(display|visibility|fill-rule|transform|clip-path|mask)\b|fill\s*:\s*none")
+_HREFS = ("href", "{http://www.w3.org/1999/xlink}href")
+_SHAPES = {"path", "rect", "circle", "ellipse", "polygon", "polyline", "line"}
+_GRADIENTS = (f"{SVG}linearGradient", f"{SVG}radialGradient")
+_UNITS = {
+    "": 1.0, "px": 1.0, "mm": 96 / 25.4, "cm": 960 / 25.4, "q": 24 / 25.4, "in": 96.0, "pt": 4 / 3, "pc": 16.0,
+}  # fmt: skip
+_LETTER = "16px"  # of 1em, where a page's size is so given
+_ANGLES = {"": 1.0, "deg": 1.0, "grad": 0.9, "rad": 180 / math.pi, "turn": 360.0}
+_DRAWN = {*_SHAPES, "g", "a", "switch", "svg", "use", "text", "image", "foreignObject"}
+_FOREIGN = {"text": "text", "image": "a picture", "foreignObject": "foreign content"}
+_WHITE = (255, 255, 255)
 
 
-def filled_region(content: bytes) -> CrossSection:
-    """Unite the filled outlines of a drawing into one region, mm, y upwards.
+class Drawing(NamedTuple):
+    """What of a drawing is seen: its region, mm, y upwards, and lines that say what was left out."""
 
-    Lengths follow the SVG standard: `width` and `height` with their units size the `viewBox`, and a plain
-    number is a pixel of 1/96 inch. Transforms, groups and fill rules count. Curves become chords within
-    FLATTENING. Raises InputError if the content is not SVG, or draws text or clones, or has no filled outline.
+    region: CrossSection
+    remarks: list[str]
+
+
+class _Fill(NamedTuple):
+    region: CrossSection
+    paint: Paint
+
+
+@dataclass(frozen=True)
+class _Context:
+    """What holds for an element from those around it.
+
+    matrix: (2, 3), from user units to mm, y upwards. view: width and height of the viewport, user units; None if
+    unknown. clip: what of it is seen. alpha: the opacity of the groups around it. hazard: what in them may change the
+    outline and is not understood. clones: the elements that are being cloned.
     """
-    from manifold3d import CrossSection, FillRule, OpType
 
+    style: Style
+    matrix: FloatArray
+    view: tuple[float, float] | None
+    clip: CrossSection | None = None
+    alpha: float = 1.0
+    hazard: str = ""
+    clones: tuple[Element, ...] = ()
+
+
+def filled_region(content: bytes) -> Drawing:
+    """Unite what a drawing fills into one region, mm, y upwards.
+
+    Lengths follow the SVG standard: `width` and `height` with their units size the `viewBox`, and a plain number is a
+    pixel of 1/96 inch. Styles, transforms, clones and clip paths count; what lies outside the page does not. A fill of
+    the whole page with others on it is the page. White on another fill is a hole. Curves become chords within
+    FLATTENING of the page, LARGEST_FLATTENING at most.
+
+    Raises InputError if the content is not SVG, fills nothing that is seen, or holds what changes the outline and is
+    not read: text, pictures, masks, filters, patterns, markers.
+    """
     if len(content) > LARGEST_FILE:
         raise InputError(f"the drawing has {len(content):,} bytes; the most is {LARGEST_FILE:,}")
-    regions, chords = [], 0
-    for contours, even_odd in _outlines(content):
-        chords += sum(map(len, contours))
-        if chords > MOST_CHORDS:
-            raise InputError(f"the drawing has more than {MOST_CHORDS:,} chords; simplify its paths")
-        regions.append(CrossSection(contours, FillRule.EvenOdd if even_odd else FillRule.NonZero))
-    if not regions:
-        raise InputError(
-            "there is no filled outline in the drawing; strokes do not count: convert them to paths"
-        )
-    return CrossSection.batch_boolean(regions, OpType.Add)
-
-
-def _outlines(content: bytes) -> Iterator[tuple[list[FloatArray], bool]]:
-    """Give each filled element's closed chords, (k, 2) mm each, and whether its fill rule is even-odd."""
     try:
-        with warnings.catch_warnings(), np.errstate(all="ignore"):
-            warnings.simplefilter("ignore")
-            yield from _flattened(content)
+        root = ElementTree.fromstring(content)
+    except (ElementTree.ParseError, LookupError, ValueError) as error:
+        raise InputError(f"not an SVG drawing: {error}") from error
+    if root.tag != f"{SVG}svg":
+        raise InputError(f'its root is <{short(root.tag)}>, not <svg xmlns="{SVG[1:-1]}">')
+    try:
+        with np.errstate(all="ignore"):
+            return _Reader(root).read()
     except InputError:
         raise
-    except ParseError as error:
-        raise InputError(f"not an SVG drawing: {error}") from error
-    except Exception as error:
-        # A parser may raise anything on untrusted bytes; to the user every exception means the same.
+    except (
+        ArithmeticError,
+        LookupError,
+        ValueError,
+        TypeError,
+        AttributeError,
+        AssertionError,
+        RecursionError,
+    ) as error:
         raise InputError(
-            "not a drawing that can be read: an outline, a length (a plain number) or a transform in it is cut off "
-            "or wrong; save it again as plain SVG"
+            "not a drawing that can be read: an outline, a length or a transform in it is cut off or wrong; save it "
+            "again as plain SVG"
         ) from error
 
 
-def _flattened(content: bytes) -> Iterator[tuple[list[FloatArray], bool]]:
-    from svgpathtools import Document
+class _Reader:
+    def __init__(self, root: Element) -> None:
+        self.root = root
+        self.declared = declarations(root)
+        self.named = {
+            element.attrib["id"]: element for element in reversed([*root.iter()]) if "id" in element.attrib
+        }
+        self.parents = {child: parent for parent in root.iter() for child in parent}
+        self.strokes = self.chords = self.elements = 0
 
-    if b"<!ENTITY" in content:
-        raise InputError("it defines XML entities; save it as plain SVG")
-    document = Document(BytesIO(content), strict_transform_parsing=True)
-    if document.root.tag != f"{_SVG}svg":
-        raise InputError(f'its root is <{document.root.tag}>, not <svg xmlns="{_SVG[1:-1]}">')
-    scale = _scale(document.root)
-    looks = _looks(document.root)
-    for path in document.paths(path_filter=lambda element: element.tag.removeprefix(_SVG) in _DRAWN):
-        look = looks[path.element]
-        hidden = look.get("display") == "none" or look.get("visibility", "visible") != "visible"
-        if hidden or look.get("fill") == "none":
-            continue
-        contours = [_chords(part, scale) for part in path.continuous_subpaths() if len(part)]
-        yield [contour for contour in contours if len(contour) > 2], look.get("fill-rule") == "evenodd"
+    def read(self) -> Drawing:
+        from manifold3d import CrossSection
 
-
-def _chords(segments: Any, scale: float) -> FloatArray:
-    """Flatten a run of lines, Bezier curves and arcs into corners (k, 2) mm, y upwards."""
-    found: list[complex] = []
-    for segment in segments:
-        count = _chord_count(segment, scale)
-        if len(found) + count > MOST_CHORDS:
-            raise InputError(f"the drawing has more than {MOST_CHORDS:,} chords; simplify its paths")
-        found += [complex(segment.point(k / count)) for k in range(count)]
-    found.append(complex(segments[-1].end))  # an open outline is filled as if it were closed
-    corners = np.array(found) * scale
-    if not np.isfinite(corners).all() or np.abs(corners).max(initial=0) > LARGEST:
-        raise InputError(f"a corner lies more than {LARGEST:g} mm from the drawing's origin")
-    return np.stack([corners.real, -corners.imag], axis=1)
-
-
-def _chord_count(segment: Any, scale: float) -> int:
-    """Count the chords that keep a segment within FLATTENING: a chord is off by its length^2 curvature / 8."""
-    from svgpathtools import Arc, Line
-
-    if isinstance(segment, Line):
-        return 1
-    if isinstance(segment, Arc):
-        radius = max(segment.radius.real, segment.radius.imag) * scale
-        bend = math.radians(abs(segment.delta)) ** 2 * radius
-    else:
-        p = np.array(segment.bpoints()) * scale
-        degree = len(p) - 1
-        bend = degree * (degree - 1) * float(np.abs(p[:-2] - 2 * p[1:-1] + p[2:]).max())
-    return math.ceil(min(max(math.sqrt(bend / (8 * FLATTENING)), 1), MOST_CHORDS + 1))
-
-
-def _scale(root: Element) -> float:
-    """Give the mm of one user unit: the drawing's width over that of its viewBox (SVG 2, section 8)."""
-    box = [float(number) for number in re.split(r"[\s,]+", root.get("viewBox", "").strip()) if number]
-    if box and (len(box) != 4 or min(box[2:]) <= 0):
-        raise InputError(
-            f"its viewBox is {root.get('viewBox')!r}; it needs four numbers, the last two positive"
-        )
-    ratios = []
-    for key, extent in zip(("width", "height"), box[2:4] or (0.0, 0.0), strict=True):
-        size = re.fullmatch(r"\s*([0-9.eE+-]+)\s*([a-z]*)\s*", root.get(key, ""))
-        if size is None:
-            continue  # absent or a share of the window: it says nothing about mm
-        if size[2] not in _UNITS:
+        matrix, view, size = _page(self.declared[self.root])
+        page = None
+        self.flattening = LARGEST_FLATTENING
+        if size is not None:
+            self.flattening = min(FLATTENING * max(size), LARGEST_FLATTENING)
+            page = CrossSection([np.array([[0, 0], [size[0], 0], size, [0, size[1]]])]).mirror((0, 1))
+        leaves = self._walk([(self.root, _Context({}, matrix, view))], self._fill)
+        fills = [fill for fill in leaves if not fill.region.is_empty()]
+        remarks = []
+        if self.strokes and fills:
+            remarks.append(f"{self.strokes:,} strokes are left out: only what is filled counts")
+        if not fills:
             raise InputError(
-                f"its {key} is {root.get(key)!r}; the units are {', '.join(filter(None, _UNITS))}"
+                "there is no filled outline in the drawing"
+                + (
+                    f", only strokes ({self.strokes:,}): convert them to paths"
+                    if self.strokes
+                    else " that is seen"
+                )
             )
-        if box:
-            ratios.append(float(size[1]) * _UNITS[size[2]] / extent)
-    scale = min(ratios, default=_UNITS["px"])
-    if not (math.isfinite(scale) and scale > 0):
-        raise InputError("its width, height and viewBox give no scale; give them as positive numbers")
-    return scale
+        if page is not None:
+            area = _united(fills).area()
+            fills = [_Fill(fill.region ^ page, fill.paint) for fill in fills]
+            inside = _united(fills).area()
+            if inside == 0:
+                raise InputError("all that it fills lies outside the page: fit the page to the drawing")
+            if inside < area * (1 - WHOLE_PAGE):
+                remarks.append(f"{area - inside:.4g} mm^2 that lie outside the page are left out")
+        on_page = fills
+        while (
+            page is not None
+            and len(on_page) > 1
+            and on_page[0].region.area() > (1 - WHOLE_PAGE) * page.area()
+        ):
+            on_page = on_page[1:]
+        if len(on_page) < len(fills):
+            remarks.append("a fill of the whole page is left out: it is the page and not the shape")
+        behind = fills[len(fills) - len(on_page) - 1].paint.rgb if len(on_page) < len(fills) else None
+        return Drawing(_seen(on_page, behind), remarks)
+
+    def _walk(
+        self, elements: list[tuple[Element, _Context]], leaf: Callable[[Element, _Context], Any]
+    ) -> Iterator[Any]:
+        """Give what `leaf` makes of each outline that is shown, in the order in which they are painted."""
+        stack = elements[::-1]
+        while stack:
+            element, around = stack.pop()
+            self.elements += 1
+            if self.elements > MOST_ELEMENTS:
+                raise InputError(f"it draws more than {MOST_ELEMENTS:,} elements: simplify it")
+            if not _is_shown(element):
+                continue
+            tag = element.tag.removeprefix(SVG)
+            declared = self.declared[element]
+            style = computed(declared, around.style)
+            alpha = around.alpha * share(style["opacity"])
+            if style["display"] == "none":
+                continue
+            here = replace(around, style=style, alpha=alpha)
+            if style["transform"] != "none":
+                if style["transform-box"] != "view-box" and style["transform-origin"] != "0 0":
+                    here = replace(here, hazard="a transform about the middle of an element")
+                matrix = _transform(style["transform"], style["transform-origin"], here.view)
+                here = replace(here, matrix=_joined(here.matrix, matrix))
+            for key, hazard in (("mask", "a mask"), ("filter", "a filter")):
+                if style[key] != "none" and url_in(style[key])[0] in {None, *self.named}:
+                    here = replace(here, hazard=hazard)
+            if style["clip-path"] != "none":
+                here = self._clipped(here)
+            if tag in _SHAPES:
+                yield from leaf(element, here)
+            elif tag in _FOREIGN:
+                self._refuse_foreign(element, tag, here)
+            elif tag in ("g", "a"):
+                stack += [(child, here) for child in reversed(element)]
+            elif tag == "switch":
+                stack += [(child, here) for child in element if _is_shown(child)][:1]
+            elif tag == "svg":
+                inner = here if element is self.root else self._viewport(declared, declared, here)
+                stack += [(child, inner) for child in reversed(element)]
+            elif tag == "use":
+                stack += self._cloned(element, here)
+
+    def _fill(self, element: Element, here: _Context) -> Iterator[_Fill]:
+        """Give the region of a shape that is filled, and count its stroke."""
+        style = here.style
+        if style["visibility"] != "visible":
+            return
+        stroke = self._paint("stroke", here)
+        self.strokes += stroke is not None and not re.fullmatch(r"0*\.?0*(px)?", style["stroke-width"])
+        fill = self._paint("fill", here)
+        if element.tag in (f"{SVG}path", f"{SVG}line", f"{SVG}polyline", f"{SVG}polygon"):
+            for key in ("marker", "marker-start", "marker-mid", "marker-end"):
+                if url_in(style[key])[0] in self.named:
+                    raise InputError(
+                        "it draws markers (arrow heads) at the ends of an outline: convert them to paths"
+                    )
+        if fill is None or element.tag == f"{SVG}line":
+            return
+        region = self._region(element, here, style["fill-rule"])
+        if region.is_empty():
+            return
+        if here.hazard:
+            raise InputError(
+                f"it has {here.hazard}, which can change the outline: apply it and save again as plain SVG"
+            )
+        yield _Fill(region, fill)
+
+    def _region(self, element: Element, here: _Context, rule: str) -> CrossSection:
+        """Give the region within a shape's outline, clipped, mm."""
+        from manifold3d import CrossSection, FillRule
+
+        contours = self._outlines(element, here)
+        region = CrossSection(contours, FillRule.EvenOdd if rule == "evenodd" else FillRule.NonZero)
+        return region if here.clip is None else region ^ here.clip
+
+    def _outlines(self, element: Element, here: _Context) -> list[FloatArray]:
+        """Flatten a shape's outlines into chords, mm; an open one is filled as if it were closed."""
+        contours = []
+        data = _path_data(element.tag.removeprefix(SVG), self.declared[element], here.view)
+        for part in _subpaths(data):
+            if len(part) > 1:
+                contours.append(_chords(part, here.matrix, self.flattening))
+                self.chords += len(contours[-1])
+                if self.chords > MOST_CHORDS:
+                    raise InputError(f"the drawing has more than {MOST_CHORDS:,} chords; simplify its paths")
+        return contours
+
+    def _paint(self, key: str, here: _Context) -> Paint | None:
+        """Tell what fills or strokes a shape; None if it cannot be seen."""
+        style = here.style
+        link, text = url_in(style[key])
+        paint = color(text, style)
+        if link is not None:
+            server = self.named.get(link)
+            if server is not None and server.tag == f"{SVG}pattern" and key == "fill":
+                raise InputError("it fills an outline with a pattern: give it one colour")
+            if server is not None and server.tag in _GRADIENTS:
+                paint = self._gradient(server)
+        alpha = here.alpha * share(style[f"{key}-opacity"])
+        if paint is None or paint.alpha * alpha == 0:
+            return None
+        return Paint(paint.rgb, paint.alpha * alpha)
+
+    def _gradient(self, server: Element | None) -> Paint | None:
+        """Take a gradient for its colour if it has one only; None if all of it is transparent."""
+        seen: list[Element] = []
+        stops: list[Paint | None] = []
+        while server is not None and server not in seen and not stops:
+            seen.append(server)
+            for stop in server.iter(f"{SVG}stop"):
+                style = self._style(stop)
+                paint = color(style["stop-color"], style)
+                stops.append(paint and Paint(paint.rgb, paint.alpha * share(style["stop-opacity"])))
+            server = self.named.get(_link(server.attrib))
+            server = server if server is not None and server.tag in _GRADIENTS else None
+        colours = {stop.rgb for stop in stops if stop is not None and stop.alpha > 0}
+        if not colours:
+            return None
+        least = min(stop.alpha if stop is not None else 0.0 for stop in stops)
+        return Paint(colours.pop() if len(colours) == 1 else None, max(least, 1 / 255))
+
+    def _style(self, element: Element) -> Style:
+        """Compute the properties of an element that is referred to, from where it stands."""
+        line = [element]
+        while line[-1] in self.parents:
+            line.append(self.parents[line[-1]])
+        return reduce(lambda style, inner: computed(self.declared[inner], style), reversed(line), {})
+
+    def _clipped(self, here: _Context) -> _Context:
+        """Add an element's clip path to what holds for it."""
+        from manifold3d import CrossSection, OpType
+
+        link = url_in(here.style["clip-path"])[0]
+        if link is None:
+            return replace(here, hazard=f"a clip of its style ({here.style['clip-path'][:40]})")
+        clip = self.named.get(link)
+        if clip is None or clip.tag != f"{SVG}clipPath":
+            return here
+        if clip in here.clones:
+            raise InputError("a clip path in it clips itself")
+        if self.declared[clip].get("clipPathUnits") == "objectBoundingBox":
+            return replace(here, hazard="a clip path in units of a box")
+        style = self._style(clip)
+        inner = replace(here, style=style, alpha=1.0, hazard="", clones=(*here.clones, clip))
+        if style["transform"] != "none":
+            matrix = _transform(style["transform"], style["transform-origin"], inner.view)
+            inner = replace(inner, matrix=_joined(inner.matrix, matrix))
+        if style["clip-path"] != "none":
+            inner = self._clipped(inner)
+        parts = [(child, inner) for child in clip if self._may_clip(child)]
+        regions = list(self._walk(parts, self._clip_part))
+        region = CrossSection.batch_boolean(regions, OpType.Add) if regions else CrossSection()
+        return replace(
+            here, clip=region if here.clip is None else region ^ here.clip, hazard=here.hazard or inner.hazard
+        )
+
+    def _may_clip(self, child: Element) -> bool:
+        """Tell whether a child of a clip path is a shape, a text or a clone of one: others do not count."""
+        drawn = self.named.get(_link(child.attrib)) if child.tag == f"{SVG}use" else child
+        return drawn is not None and drawn.tag in {f"{SVG}text", *(f"{SVG}{tag}" for tag in _SHAPES)}
+
+    def _clip_part(self, element: Element, here: _Context) -> Iterator[CrossSection]:
+        if here.hazard:
+            raise InputError(f"a clip path in it has {here.hazard}: apply it and save again as plain SVG")
+        if here.style["visibility"] == "visible":
+            yield self._region(element, here, here.style["clip-rule"])
+
+    def _viewport(self, declared: Style, size: Style, here: _Context) -> _Context:
+        """Enter an inner <svg> or a cloned <symbol>: what is declared of it, and the width and height that it gets."""
+        from manifold3d import CrossSection, FillRule
+
+        view = here.view
+        x, y = (_length(declared, key, view, index) for index, key in enumerate(("x", "y")))
+        width, height = (
+            _length({"width": "100%", "height": "100%"} | size, key, view, index)
+            for index, key in enumerate(("width", "height"))
+        )
+        box = _view_box(declared)
+        fit = _fit(box, width, height, declared.get("preserveAspectRatio", "")) if box else np.eye(2, 3)
+        clip = here.clip
+        if here.style["overflow"] in ("hidden", "scroll"):
+            corners = np.array([[x, y], [x + width, y], [x + width, y + height], [x, y + height]])
+            frame = CrossSection([_moved(here.matrix, corners)], FillRule.NonZero)
+            clip = frame if clip is None else frame ^ clip
+        matrix = _joined(here.matrix, _joined(np.array([[1.0, 0, x], [0, 1.0, y]]), fit))
+        return replace(here, matrix=matrix, clip=clip, view=(box[2], box[3]) if box else (width, height))
+
+    def _cloned(self, use: Element, here: _Context) -> list[tuple[Element, _Context]]:
+        """List what a <use> shows."""
+        declared = self.declared[use]
+        element = self.named.get(_link(declared))
+        if element is None or element in here.clones or use in element.iter():
+            return []
+        x, y = (_length(declared, key, here.view, index) for index, key in enumerate(("x", "y")))
+        moved = np.array([[1.0, 0, x], [0, 1.0, y]])
+        inner = replace(here, matrix=_joined(here.matrix, moved), clones=(*here.clones, element))
+        if element.tag not in (f"{SVG}symbol", f"{SVG}svg"):
+            return [(element, inner)]
+        own = self.declared[element]
+        size = {key: value for key, value in [*own.items(), *declared.items()] if key in ("width", "height")}
+        inner = replace(
+            inner, style=computed(own, here.style), alpha=inner.alpha * share(own.get("opacity", "1"))
+        )
+        if own.get("display") == "none" and element.tag == f"{SVG}svg":
+            return []
+        inner = self._viewport(own, size, inner)
+        return [(child, inner) for child in reversed(element)]
+
+    def _refuse_foreign(self, element: Element, tag: str, here: _Context) -> None:
+        """Refuse text or a picture that is seen."""
+        empty = not any(text.strip() for text in element.itertext()) and not len(element)
+        if tag == "image":
+            empty = not _link(element.attrib)
+        unseen = tag == "text" and self._paint("fill", here) is None and self._paint("stroke", here) is None
+        unseen |= here.alpha == 0
+        if not (empty or unseen or here.style["visibility"] != "visible"):
+            raise InputError(
+                f"it draws {_FOREIGN[tag]} (<{tag}>); only filled outlines are read: convert it to paths"
+            )
 
 
-def _looks(root: Element) -> dict[Element, dict[str, str]]:
-    """Find each element's fill, fill-rule, display and visibility; refuse elements that cannot be read."""
-    looks = {}
-    stack: list[tuple[Element, dict[str, str]]] = [(root, {})]
-    while stack:
-        element, inherited = stack.pop()
-        tag = element.tag.removeprefix(_SVG) if isinstance(element.tag, str) else "style"
-        if tag.startswith("{"):
-            continue  # an editor's own notes
-        if tag not in _DRAWN | _HARMLESS or (tag == "svg" and element is not root):
-            raise InputError(f"it draws a <{tag}>; only filled outlines are read: convert it to a path")
-        if tag == "style" and _BAD_STYLE.search((element.text or "").encode()):
-            raise InputError("its style sheet hides or clips; give each element its own style (plain SVG)")
-        style = (part.split(":", 1) for part in element.get("style", "").split(";") if ":" in part)
-        own = {**element.attrib, **{key.strip(): value.strip() for key, value in style}}
-        if own.get("clip-path", "none") != "none" or own.get("mask", "none") != "none":
-            raise InputError("it clips or masks an outline; apply the clip and save again")
-        keys = ("fill", "fill-rule", "display", "visibility")
-        look = {**inherited, **{key: own[key] for key in keys if key in own}}
-        if inherited.get("display") == "none":
-            look["display"] = "none"
-        looks[element] = look
-        if tag in ("svg", "g"):
-            stack += [(child, look) for child in element]
-    return looks
+def _united(fills: list[_Fill]) -> CrossSection:
+    from manifold3d import CrossSection, OpType
+
+    return CrossSection.batch_boolean([fill.region for fill in fills], OpType.Add)
+
+
+def _seen(fills: list[_Fill], page: Rgb | None) -> CrossSection:
+    """Paint the fills one over the other; white ones, and those of the page's colour, are holes where they are opaque.
+
+    page: the colour of a fill of the whole page. White that is on no other colour is the shape itself.
+    """
+    from manifold3d import CrossSection
+
+    own = set() if page is None else {page}
+    holes = {_WHITE, *own}
+    if all(fill.paint.rgb in holes for fill in fills):
+        holes = own
+        if all(fill.paint.rgb in holes for fill in fills):
+            raise InputError("nothing in it is seen: all fills have the colour of the page")
+    region = CrossSection()
+    for hole, group in groupby(fills, lambda fill: fill.paint.rgb in holes):
+        if hole:
+            region -= _united([fill for fill in group if fill.paint.alpha >= OPAQUE])
+        else:
+            region += _united(list(group))
+    return region
+
+
+def _page(declared: Style) -> tuple[FloatArray, tuple[float, float] | None, FloatArray | None]:
+    """Give the matrix from user units to mm, y upwards, the viewport in user units and the page's size in mm."""
+    box = _view_box(declared)
+    sides: list[float | None] = []
+    for key in ("width", "height"):
+        text = declared.get(key, "auto").strip()
+        text = _LETTER if text == "1em" and "font-size" not in declared else text
+        # A share of the window says nothing about mm.
+        known = text and text != "auto" and not text.endswith("%")
+        sides.append(PIXEL * _length({key: text}, key, None, 0) if known else None)
+        if known and not sides[-1] > 0:  # type: ignore[operator]
+            raise InputError(f"its {key} is {short(text)}: it must be positive")
+    width, height = sides
+    if box is None:
+        view = None if width is None or height is None else (width / PIXEL, height / PIXEL)
+        matrix = np.array([[PIXEL, 0, 0], [0, PIXEL, 0]])
+    else:
+        width, height = (
+            width or (box[2] * height / box[3] if height else box[2] * PIXEL),
+            height or (box[3] * width / box[2] if width else box[3] * PIXEL),
+        )
+        view = box[2], box[3]
+        matrix = _fit(box, width, height, declared.get("preserveAspectRatio", ""))
+    return np.diag([1.0, -1.0]) @ matrix, view, None if view is None else np.array([width, height])
+
+
+def _view_box(declared: Style) -> tuple[float, float, float, float] | None:
+    text = declared.get("viewBox", "").strip()
+    if not text:
+        return None
+    x, y, width, height = (float(number) for number in re.split(r"[\s,]+", text))
+    if not (width > 0 and height > 0 and math.isfinite(x + y + width + height)):
+        raise InputError(f"its viewBox is {short(text)}; it needs four numbers, the last two positive")
+    return x, y, width, height
+
+
+def _fit(box: tuple[float, float, float, float], width: float, height: float, ratio: str) -> FloatArray:
+    """Fit a viewBox into a width and a height as preserveAspectRatio says: a matrix (2, 3)."""
+    scale, spare = np.array([width / box[2], height / box[3]]), np.zeros(2)
+    words = ratio.split() or ["xMidYMid"]
+    if "none" not in words:
+        scale[:] = scale.max() if "slice" in words else scale.min()
+        align = next(word for word in words if word.startswith("x"))
+        shares = {"Min": 0.0, "Mid": 0.5, "Max": 1.0}
+        spare = ([width, height] - scale * box[2:]) * [shares[align[1:4]], shares[align[5:]]]
+    return np.column_stack([np.diag(scale), spare - scale * box[:2]])
+
+
+def _length(declared: Style, key: str, view: tuple[float, float] | None, axis: int) -> float:
+    """Read a length in user units, 0 by default; a percentage is of the viewport's side `axis`, 2 for its diagonal."""
+    text = declared.get(key, "0").strip()
+    match = re.fullmatch(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?)\s*(%|[a-z]*)", text, re.IGNORECASE)
+    if match is None or match[2].lower() not in {"%", *_UNITS}:
+        raise InputError(
+            f"its {key} is {short(text)}; a length is a number, or in {', '.join(filter(None, _UNITS))} or %"
+        )
+    if match[2] != "%":
+        return float(match[1]) * _UNITS[match[2].lower()]
+    if view is None:
+        raise InputError(
+            f"its {key} is {short(text)} of a page without a size: give width, height and viewBox"
+        )
+    return float(match[1]) / 100 * (*view, math.hypot(*view) / math.sqrt(2))[axis]
+
+
+def _transform(text: str, origin: str, view: tuple[float, float] | None) -> FloatArray:
+    """Read an SVG or CSS transform about an origin as a matrix (2, 3)."""
+    import tinycss2
+
+    words = {"left": "0", "top": "0", "center": "50%", "right": "100%", "bottom": "100%"}
+    places = (origin.lower().split() + ["center"])[:2]
+    if places[0] in ("top", "bottom") or places[1] in ("left", "right"):
+        places.reverse()
+    x0, y0 = (
+        _length({"origin": words.get(places[axis], places[axis])}, "origin", view, axis) for axis in (0, 1)
+    )
+    matrix = np.array([[1.0, 0, x0], [0, 1.0, y0]])
+    functions = re.sub(r"\s+\(", "(", text)  # an attribute may have blanks there, CSS may not
+    for token in tinycss2.parse_component_value_list(functions, skip_comments=True):
+        if token.type == "function":
+            matrix = _joined(matrix, _one_transform(token, view))
+        elif token.type != "whitespace" and token != ",":
+            raise InputError(f"its transform {short(text)} cannot be read")
+    return _joined(matrix, np.array([[1.0, 0, -x0], [0, 1.0, -y0]]))
+
+
+def _one_transform(token: Any, view: tuple[float, float] | None) -> FloatArray:
+    """Read one function of a transform as a matrix (2, 3)."""
+    name, values = token.lower_name, []
+    for part in token.arguments:
+        if part.type == "dimension" and part.lower_unit in _ANGLES:
+            values.append(part.value * _ANGLES[part.lower_unit])
+        elif part.type in ("number", "dimension", "percentage"):
+            axis = 1 if name == "translatey" or values else 0
+            values.append(_length({name: part.serialize()}, name, view, axis))
+        elif part.type != "whitespace" and part != ",":
+            raise InputError(f"its transform {token.serialize()[:80]!r} cannot be read")
+    if name == "matrix" and len(values) == 6:
+        return np.reshape(values, (3, 2)).T
+    a, b = values[0], values[1] if len(values) > 1 else None
+    if name == "rotate" and len(values) in (1, 3):
+        c, s = math.cos(math.radians(a)), math.sin(math.radians(a))
+        about = np.array(values[1:] or (0.0, 0.0))
+        turn = np.array([[c, -s], [s, c]])
+        return np.column_stack([turn, about - turn @ about])
+    c = 0.0 if b is None else b
+    lean, lift = math.tan(math.radians(a)), math.tan(math.radians(c))
+    known = {
+        "translate": ((1, 0, a), (0, 1, c)), "translatex": ((1, 0, a), (0, 1, 0)), "translatey": ((1, 0, 0), (0, 1, a)),
+        "scale": ((a, 0, 0), (0, a if b is None else b, 0)), "scalex": ((a, 0, 0), (0, 1, 0)),
+        "scaley": ((1, 0, 0), (0, a, 0)), "skew": ((1, lean, 0), (lift, 1, 0)), "skewx": ((1, lean, 0), (0, 1, 0)),
+        "skewy": ((1, 0, 0), (lean, 1, 0)),
+    }  # fmt: skip
+    if name not in known or len(values) > 2:
+        raise InputError(f"its transform {token.serialize()[:80]!r} cannot be read")
+    return np.array(known[name], dtype=float)
+
+
+def _joined(outer: FloatArray, inner: FloatArray) -> FloatArray:
+    """Apply `inner` and then `outer`: matrices (2, 3)."""
+    return outer @ np.vstack([inner, [0, 0, 1]])
+
+
+def _moved(matrix: FloatArray, points: FloatArray) -> FloatArray:
+    return points @ matrix[:, :2].T + matrix[:, 2]
+
+
+def _link(attributes: dict[str, str]) -> str:
+    return next((attributes[key].strip().removeprefix("#") for key in _HREFS if key in attributes), "")
+
+
+def _is_shown(element: Element) -> bool:
+    """Tell whether an element may be drawn, in English and without extensions; not a comment, nor an editor's notes."""
+    languages = element.get("systemLanguage", "en").lower().split(",")
+    return (
+        isinstance(element.tag, str)
+        and element.tag.removeprefix(SVG) in _DRAWN
+        and not element.get("requiredExtensions")
+        and any(language.strip().split("-")[0] == "en" for language in languages)
+    )
+
+
+def _path_data(tag: str, declared: Style, view: tuple[float, float] | None) -> str:
+    """Write a shape as path data, in user units; empty if it has no size."""
+    if tag == "path":
+        return declared.get("d", "")
+    if tag in ("polygon", "polyline"):
+        return f"M{declared['points']}z" if declared.get("points") else ""
+
+    def length(key: str, axis: int) -> float | None:
+        value = None if declared.get(key, "auto") == "auto" else _length(declared, key, view, axis)
+        return None if value is None or (value < 0 and key in ("rx", "ry")) else value
+
+    rx, ry = length("rx", 0), length("ry", 1)
+    rx, ry = (rx or 0.0 if ry is None else ry) if rx is None else rx, (rx or 0.0) if ry is None else ry
+    if tag == "circle":
+        rx = ry = length("r", 2) or 0.0
+    if tag == "rect":
+        x, y = length("x", 0) or 0.0, length("y", 1) or 0.0
+        width, height = length("width", 0) or 0.0, length("height", 1) or 0.0
+        rx, ry = min(rx, width / 2), min(ry, height / 2)
+    else:
+        x, y = (length("cx", 0) or 0.0) - rx, (length("cy", 1) or 0.0) - ry
+        width, height = 2 * rx, 2 * ry
+    if not (width > 0 and height > 0) or tag == "line":
+        return ""
+    right, low = x + width, y + height
+    arc = f"A{rx!r} {ry!r} 0 0 1"
+    return (
+        f"M{x + rx!r} {y!r}H{right - rx!r}{arc} {right!r} {y + ry!r}V{low - ry!r}{arc} {right - rx!r} {low!r}"
+        f"H{x + rx!r}{arc} {x!r} {low - ry!r}V{y + ry!r}{arc} {x + rx!r} {y!r}z"
+    )
+
+
+def _subpaths(data: str) -> Iterator[list[Any]]:
+    """Part path data into runs of segments that start with a move."""
+    from svg.path import Move, parse_path
+
+    run: list[Any] = []
+    for segment in parse_path(data):
+        if isinstance(segment, Move):
+            yield run
+            run = []
+        elif not run:
+            raise InputError("an outline in it does not begin with a move (M)")
+        run.append(segment)
+    yield run
+
+
+def _chords(segments: list[Any], matrix: FloatArray, flattening: float) -> FloatArray:
+    """Flatten a run of lines, Bezier curves and arcs into corners (k, 2) mm; chords are off by `flattening` at most."""
+    corners: list[FloatArray] = []
+    for segment in segments:
+        count = _chord_count(segment, matrix[:, :2], flattening)
+        if count > MOST_CHORDS:
+            raise InputError(f"the drawing has more than {MOST_CHORDS:,} chords; simplify its paths")
+        points = np.array([complex(segment.point(k / count)) for k in range(1, count + 1)])
+        corners.append(_moved(matrix, np.stack([points.real, points.imag], axis=1)))
+    flat = np.concatenate(corners)
+    if not np.isfinite(flat).all() or np.abs(flat).max() > LARGEST:
+        raise InputError(f"a corner lies more than {LARGEST:g} mm from the drawing's origin")
+    return flat
+
+
+def _chord_count(segment: Any, matrix: FloatArray, flattening: float) -> int:
+    """Count the chords that keep a segment within `flattening`: a chord is off by its length^2 curvature / 8."""
+    from svg.path import Arc, CubicBezier, QuadraticBezier
+
+    bend = 0.0
+    if (
+        isinstance(segment, Arc)
+        and segment.start != segment.end
+        and segment.radius.real
+        and segment.radius.imag
+    ):
+        radius = (
+            max(segment.radius.real, segment.radius.imag)
+            * segment.radius_scale
+            * float(np.linalg.norm(matrix, 2))
+        )
+        bend = math.radians(segment.delta) ** 2 * radius
+    elif isinstance(segment, (QuadraticBezier, CubicBezier)):
+        controls = (
+            [segment.control]
+            if isinstance(segment, QuadraticBezier)
+            else [segment.control1, segment.control2]
+        )
+        points = np.array([segment.start, *controls, segment.end])
+        bends = _moved(np.column_stack([matrix, [0, 0]]), np.stack([points.real, points.imag], axis=1))
+        degree = len(points) - 1
+        bend = degree * (degree - 1) * float(np.hypot(*(bends[:-2] - 2 * bends[1:-1] + bends[2:]).T).max())
+    return math.ceil(min(max(math.sqrt(bend / (8 * flattening)), 1), MOST_CHORDS + 1))

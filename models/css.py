@@ -1,0 +1,138 @@
+"""What an SVG drawing declares of its elements: attributes, style sheets and styles, by the CSS cascade."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any, NamedTuple
+from xml.etree.ElementTree import Element
+
+import tinycss2
+from cssselect2 import ElementWrapper, Matcher, SelectorError, compile_selector_list
+from tinycss2.color4 import parse_color
+
+SVG = "{http://www.w3.org/2000/svg}"
+
+Style = dict[str, str]
+Rgb = tuple[int, int, int]
+
+# Properties that children take over, and those that they do not, with what holds where nothing is declared.
+_INHERITED = {
+    "fill": "black", "fill-rule": "nonzero", "fill-opacity": "1", "clip-rule": "nonzero", "visibility": "visible",
+    "color": "black", "stroke": "none", "stroke-width": "1", "stroke-opacity": "1", "marker-start": "none",
+    "marker-mid": "none", "marker-end": "none", "marker": "none",
+}  # fmt: skip
+_OWN = {
+    "display": "inline", "opacity": "1", "clip-path": "none", "mask": "none", "filter": "none", "transform": "none",
+    "transform-origin": "0 0", "transform-box": "view-box", "overflow": "hidden", "stop-color": "black",
+    "stop-opacity": "1",
+}  # fmt: skip
+# Lengths are properties too, since SVG 2.
+_PROPERTIES = {*_INHERITED, *_OWN, "x", "y", "cx", "cy", "r", "rx", "ry", "width", "height", "font-size"}
+_SCREENS = ("", "all", "screen")  # the media for which rules count
+
+
+class Paint(NamedTuple):
+    """What fills or strokes an outline. rgb: red, green, blue, 0 to 255; None for a gradient of several colours."""
+
+    rgb: Rgb | None
+    alpha: float
+
+
+class _Rule(NamedTuple):
+    name: str
+    value: str
+    important: bool
+
+
+def declarations(root: Element) -> dict[Element, Style]:
+    """Collect what is declared of each element, the strongest of each property: attributes, sheets, its own style."""
+    matcher = Matcher()
+    for element in root.iter(f"{SVG}style"):
+        if element.get("type", "text/css") in ("", "text/css") and element.get("media", "") in _SCREENS:
+            _add_sheet(matcher, tinycss2.parse_stylesheet("".join(element.itertext()), True, True))
+    declared = {}
+    for wrapped in ElementWrapper.from_xml_root(root).iter_subtree():
+        element = wrapped.etree_element
+        rules = [rule for *_, pseudo, rules in matcher.match(wrapped) if pseudo is None for rule in rules]
+        own = list(_rules(tinycss2.parse_blocks_contents(element.get("style", ""))))
+        values = {name: value.strip() for name, value in element.attrib.items()}
+        for name in ("fill", "stroke"):
+            if name in values and not _is_paint(values[name]):
+                del values[name]
+        for important in (False, True):
+            values |= {rule.name: rule.value for rule in rules + own if rule.important is important}
+        declared[element] = values
+    return declared
+
+
+def computed(declared: Style, parent: Style) -> Style:
+    """Compute an element's properties from what is declared of it and from its parent's."""
+    style = {}
+    for name, initial in (_INHERITED | _OWN).items():
+        value = declared.get(name, "unset")
+        if value in ("unset", "revert"):
+            value = "inherit" if name in _INHERITED else "initial"
+        style[name] = {"inherit": parent.get(name, initial), "initial": initial}.get(value, value)
+    return style
+
+
+def share(text: str) -> float:
+    """Read an opacity, a number or a percentage, as 0 to 1; 1 for what is neither."""
+    token = tinycss2.parse_one_component_value(text, skip_comments=True)
+    if token.type not in ("number", "percentage"):
+        return 1.0
+    return min(max(token.value / (100 if token.type == "percentage" else 1), 0.0), 1.0)
+
+
+def url_in(text: str) -> tuple[str | None, str]:
+    """Part `url(#name) rest` into name and rest; the name is None for what is no link."""
+    tokens = tinycss2.parse_component_value_list(text, skip_comments=True)
+    first = tokens[0] if tokens else None
+    if first is not None and first.type == "url":
+        link = first.value
+    elif first is not None and first.type == "function" and first.lower_name == "url":
+        link = first.arguments[0].value if first.arguments else ""
+    else:
+        return None, text
+    return link.strip().removeprefix("#"), tinycss2.serialize(tokens[1:]).strip()
+
+
+def color(text: str, style: Style) -> Paint | None:
+    """Read a colour; None if it is none, or not valid."""
+    first = next(iter(tinycss2.parse_component_value_list(text, skip_comments=True)), "")
+    parsed = parse_color(first)
+    if parsed == "currentcolor":
+        parsed = parse_color(style["color"])
+    if parsed is None or isinstance(parsed, str):
+        return None
+    red, green, blue = (round(255 * (value or 0)) for value in parsed.to("srgb").coordinates)
+    return Paint((red, green, blue), parsed.alpha)
+
+
+def _add_sheet(matcher: Matcher, sheet: list[Any]) -> None:
+    for rule in sheet:
+        if rule.type == "at-rule" and rule.lower_at_keyword == "media" and rule.content is not None:
+            if tinycss2.serialize(rule.prelude).strip().lower() in _SCREENS:
+                _add_sheet(matcher, tinycss2.parse_rule_list(rule.content, True, True))
+        elif rule.type == "qualified-rule":
+            try:
+                selectors = compile_selector_list(rule.prelude)
+            except SelectorError:
+                continue  # as a renderer does with a selector that it does not know
+            rules = list(_rules(tinycss2.parse_blocks_contents(rule.content)))
+            for selector in selectors:
+                matcher.add_selector(selector, rules)
+
+
+def _rules(content: list[Any]) -> Iterator[_Rule]:
+    """Give the declarations that an outline depends on; a paint that is not valid does not count."""
+    for part in content:
+        if part.type == "declaration" and part.lower_name in _PROPERTIES:
+            value = tinycss2.serialize(part.value).strip()
+            if part.lower_name not in ("fill", "stroke") or _is_paint(value):
+                yield _Rule(part.lower_name, value, part.important)
+
+
+def _is_paint(value: str) -> bool:
+    words = ("none", "inherit", "initial", "unset", "context-fill", "context-stroke")
+    return value.lower() in words or url_in(value)[0] is not None or parse_color(value) is not None

@@ -1,0 +1,411 @@
+"""What a renderer fills is the shape: the drawings that people bring, with resvg as the referee."""
+
+import io
+import logging
+import math
+import random
+from xml.etree import ElementTree
+
+import numpy as np
+import octicons_pack
+import pytest
+import resvg_py
+import simple_icons_pack
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from PIL import Image
+
+from tactsim import models
+from tactsim.core.errors import InputError
+from tactsim.models.shapes import STRAIGHT
+from tactsim.models.svg import LARGEST_FLATTENING, filled_region
+
+D = 'd="M4 2h6v18h10v6h-16z"'  # an L of 204 mm^2
+L, WHITE = f"<path {D}/>", f'<path fill="white" {D}/>'
+RECT = 'width="28" height="28"'
+MASK = '<mask id="m"><rect width="5" height="5" fill="white"/></mask>'
+PAGE = 'width="30mm" height="30mm" viewBox="0 0 30 30"'
+UNKNOWN_TO_RESVG = ("@media screen", "rgb(0 0 0 / 0)", "height:10px", "90deg", "turn)")
+FILLS_ONLY = "*{stroke:none !important}"
+
+
+def drawing(body, head=PAGE):
+    return f'<svg xmlns="http://www.w3.org/2000/svg" xmlns:xlink="http://www.w3.org/1999/xlink" {head}>{body}</svg>'
+
+
+def write_svg(folder, body, head=PAGE):
+    path = folder / "thing.svg"
+    path.write_text(drawing(body, head), encoding="utf-8")
+    return path
+
+
+def refusal(path, **options):
+    """Return the one line with which a shape is refused."""
+    with pytest.raises(InputError) as error:
+        models.shape(path, **options)
+    message = str(error.value)
+    assert "\n" not in message
+    assert str(path) in message
+    return message.replace(str(path), "")
+
+
+def rendered(text, width=1000):
+    """Render what a drawing fills with resvg: (rows, columns, RGBA)."""
+    png = resvg_py.svg_to_bytes(
+        svg_string=text, style_sheet=FILLS_ONLY, dpi=96, width=width, languages=["en"], skip_system_fonts=True
+    )
+    return np.asarray(Image.open(io.BytesIO(bytes(png))).convert("RGBA")).astype(int)
+
+
+def difference(text, page, paper=None):
+    """Compare the region that is read with what resvg fills, as a share of its area.
+
+    page: the page's width and height, mm. paper: a colour that is no ink.
+    """
+    seen = rendered(text)
+    ink = seen[..., 3] > 127
+    if paper is not None:
+        ink &= np.abs(seen[..., :3] - paper).max(axis=2) > 1
+    contours = filled_region(text.encode()).region.to_polygons()
+    outline = "".join(
+        "M" + "L".join(f"{x!r},{-y!r}" for x, y in contour.tolist()) + "z" for contour in contours
+    )
+    box = f'width="{page[0]}mm" height="{page[1]}mm" viewBox="0 0 {page[0]} {page[1]}"'
+    mine = rendered(drawing(f'<path d="{outline}"/>', box))[..., 3] > 127
+    assert mine.shape == ink.shape
+    return max(abs(mine.sum() - ink.sum()), (mine ^ ink).sum() / 2) / ink.sum()
+
+
+# --- the kinds that people bring, each with its area
+
+SEEN = [
+    # style sheets: anywhere, by element, class, id, in CDATA; what is stronger counts
+    (f'<defs><style>.a{{fill:none;stroke:#000}}</style></defs><rect class="a" {RECT}/>{L}', 204),
+    (f'{L}<rect class="a b" {RECT}/><style type="text/css"><![CDATA[ .b {{fill:none}} ]]></style>', 204),
+    (f"<style>rect{{fill:none}}</style><rect {RECT}/>{L}", 204),
+    (f'<style>#r{{fill:none}} rect{{fill:red}}</style><rect id="r" {RECT}/>{L}', 204),
+    (f'<style>rect{{fill:none !important}}</style><rect style="fill:red" {RECT}/>{L}', 204),
+    (f'<style>g > rect{{fill:none}}</style><g><rect {RECT}/></g>{L}', 204),
+    (f'<style>/* a */ .x, .a{{fill:none}} @media print{{path{{fill:none}}}}</style><rect class="a" {RECT}/>{L}', 204),
+    (f'<style>@media screen{{.a{{fill:none}}}} :bad::x{{}} .b{{fill}}</style><rect class="a" {RECT}/>{L}', 204),
+    (f'<style>.a{{fill:#000}}</style><g fill="none"><path class="a" d="M4 2h6v18h10v6h-16z"/><rect {RECT}/></g>', 204),
+    (f'<style>.h{{display:none}}</style><g class="h"><rect {RECT}/></g>{L}', 204),
+    ('<style>.e{fill-rule:evenodd}</style><path class="e" d="M2 2h26v26h-26zM8 8h14v14h-14z"/>', 480),
+    (f'<g fill="none"><rect fill="inherit" {RECT}/></g>{L}', 204),
+    ('<rect fill="nonsense" width="9" height="9"/>', 81),
+    ('<g color="red" fill="none"><rect fill="currentColor" width="9" height="9"/></g>', 81),
+    # fills that are not seen
+    *[(f"<rect {fill} {RECT}/>{L}", 204) for fill in (
+        'fill-opacity="0"', 'opacity="0"', 'fill="#ffffff00"', 'fill=" none "', 'style="fill:rgba(0,0,0,0)"',
+        'fill="transparent"', 'fill="url(#nope) none"', 'fill="url(#nope)"',
+        'style="fill:#000;fill-opacity:0;stroke:#f00"',
+        'style="opacity:0%"', 'visibility="hidden"', 'style="visibility:collapse"', 'display="none"', 'fill="#0000"',
+        'fill="hsla(9, 9%, 9%, 0)"', 'fill="rgb(0 0 0 / 0)"',
+    )],
+    (f'<g opacity="0"><rect {RECT}/></g>{L}', 204),
+    (f'<g visibility="hidden"><rect {RECT}/><path visibility="visible" {D}/></g>', 204),
+    (f'<linearGradient id="g"><stop stop-opacity="0"/></linearGradient><rect fill="url(#g)" {RECT}/>{L}', 204),
+    # shapes, lengths and arcs
+    ('<rect x="2" y="2" width="20" height="10" rx="50"/>', 50 * math.pi),
+    ('<rect x="2" y="2" width="20" height="10" ry="5"/>', 100 + 25 * math.pi),
+    ('<circle cx="15px" cy="15px" r="10px"/>', 100 * math.pi),
+    ('<rect x="10%" y="10%" width="50%" height="30%"/>', 135),
+    ('<circle cx="50%" cy="50%" r="10%"/>', 9 * math.pi),
+    ('<rect x="2" width="10" style="height:10px"/>', 100),
+    ('<path d="M5 5h10A5 5 0 0 1 15 5v10h-10z"/>', 100),
+    ('<path d="M5 15a5 5 0 0120 0z"/>', 50 * math.pi),
+    ('<path d="M0 5.h4.V9.0H00z"/>', 16),
+    ('<path transform="scale(1,-1) translate(0,-30)" d="M5 15A10 10 0 0 1 25 15z"/>', 50 * math.pi),
+    ('<path transform="scale(2,.5)" d="M2 15A5 5 0 1 1 12 15A5 5 0 0 1 2 15"/>', 25 * math.pi),
+    ('<path transform="matrix(-1 0 .5 1 20 0)" d="M5 15A6 3 30 0 1 15 15z"/>', None),
+    # transforms
+    ('<path transform="translate(10-1)scale(.8)" d="M4 2h6v18h10v6h-16z"/>', 204 * 0.64),
+    ('<g style="transform:translate(15px,2px) rotate(.1turn) scale(.5)"><path d="M4 2h6v18h10v6h-16z"/></g>', 51),
+    ('<rect x="5" y="10" width="20" height="10" style="transform:rotate(90deg);transform-origin:50% 50%"/>', 200),
+    ('<rect x="5" y="10" width="20" height="10" transform="rotate(90)" transform-origin="center"/>', 200),
+    ('<rect x="-5" y="5" width="20" height="10" transform="skewX( 45 )"/>', None),
+    # clones, symbols, inner pages, clips
+    ('<defs><rect id="a" width="9" height="9"/></defs><use href="#a"/><use xlink:href="#a" x="12" y="1"/>', 162),
+    ('<g fill="none"><use href="#a"/></g><defs><rect id="a" width="9" height="9"/></defs><use href="#a" x="15"/>', 81),
+    ('<symbol id="s" viewBox="0 0 10 10"><rect width="5" height="20"/></symbol><use href="#s" width="20" height="20"/>',
+     200),
+    ('<svg x="5" y="5" width="10" height="20" viewBox="0 0 10 10"><rect width="40" height="5"/></svg>', 50),
+    ('<g id="a"><use href="#a"/><rect width="9" height="9"/></g>', 81),
+    (f'<clipPath id="c"><rect width="15" height="10"/></clipPath><g clip-path="url(#c)"><rect {RECT}/></g>', 150),
+    ('<clipPath id="c"><circle cx="9" cy="9" r="5"/></clipPath><rect style="clip-path:url(#c)" width="9" height="28"/>',
+     12.5 * math.pi),
+    ('<rect id="r" width="9" height="9"/><clipPath id="c"><use href="#r"/></clipPath><g clip-path="url(#c)"><rect '
+     'width="20" height="20"/></g>', 81),
+    # what changes no outline
+    (f'<clipPath id="c"><rect width="5" height="5"/></clipPath>{MASK}<filter id="f"/>{L}', 204),
+    (f'<symbol id="s"><rect {RECT}/></symbol><text display="none">A</text>{L}', 204),
+    (f'<g><linearGradient id="a"><stop stop-color="#000"/></linearGradient><path fill="url(#a)" {D}/></g>', 204),
+    (f'<a href="#x">{L}</a><script>1</script><view id="v"/><metadata/><g style="display:none"><text>A</text></g>', 204),
+    (f'<switch><foreignObject requiredExtensions="x"/><g>{L}</g><rect {RECT}/></switch>', 204),
+    (f'<g mask="url(#nope)" filter="none"/>{L}<g mask="url(#m)"/>{MASK}<text> </text><image/>', 204),
+    (f'{L}<line x2="20" y2="20" stroke="red"/>', 204),
+    (f'{L}<rect x="40" y="40" width="5" height="5"/>', 204),
+    ('<rect width="9" height="9" fill="#fff"/>', 81),
+    ('<rect width="30" height="30"/>', 900),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("body", "area"), SEEN)
+def test_what_is_seen_is_the_shape(tmp_path, body, area):
+    if area is not None:
+        assert models.shape(write_svg(tmp_path, body)).area == pytest.approx(area, rel=2e-3)
+    if not any(part in body for part in UNKNOWN_TO_RESVG):
+        assert difference(drawing(body), (30, 30)) < 0.005
+
+
+@pytest.mark.parametrize(
+    ("body", "area", "paper"),
+    [
+        (f'<rect width="30" height="30" fill="white"/>{L}', 204, [255, 255, 255]),
+        (f'<rect width="100%" height="100%" fill="#F00"/>{WHITE}', 204, [255, 0, 0]),
+        (
+            '<path d="M3 3h24v24h-24z"/><rect x="9" y="9" width="10" height="10" fill="#fff"/>',
+            476,
+            [255, 255, 255],
+        ),
+    ],
+)
+def test_the_page_is_no_ink_and_white_on_black_is_a_hole(tmp_path, body, area, paper):
+    assert models.shape(write_svg(tmp_path, body)).area == pytest.approx(area, rel=1e-4)
+    assert difference(drawing(body), (30, 30), np.array(paper)) < 0.005
+
+
+@pytest.mark.parametrize(
+    ("head", "area", "page"),
+    [
+        ('width="60mm" height="30mm" viewBox="0 0 30 30" preserveAspectRatio="none"', 408, (60, 30)),
+        (
+            'width="60mm" height="30mm" viewBox="0 0 30 30" preserveAspectRatio="xMidYMid slice"',
+            460,
+            (60, 30),
+        ),
+        ('width="60mm" height="30mm" viewBox="0 0 30 30" preserveAspectRatio="xMaxYMin meet"', 204, (60, 30)),
+        ('style="width:30mm;height:30mm" viewBox="0 0 30 30"', 204, (30, 30)),
+        ('width="3cm" viewBox="0 0 30 30"', 204, (30, 30)),
+        ('width="100%" height="100%" viewBox="0 0 30 30"', 204 * (25.4 / 96) ** 2, (30 * 25.4 / 96,) * 2),
+        ('width="1in" height="1in" viewBox="2 1 30 30"', 204 * (25.4 / 30) ** 2, (25.4, 25.4)),
+    ],
+)
+def test_pages(tmp_path, head, area, page):
+    assert models.shape(write_svg(tmp_path, L, head)).area == pytest.approx(area, rel=1e-4)
+    if "style" not in head:  # which resvg does not read
+        assert difference(drawing(L, head), page) < 0.005
+
+
+def icons():
+    """Draw 160 icons of two packages: text, and page in mm."""
+    for package, count in ((octicons_pack, 60), (simple_icons_pack, 100)):
+        texts = {name: getattr(getattr(package, name), "svg", None) for name in dir(package)}
+        names = sorted(name for name, text in texts.items() if isinstance(text, str))
+        for name in random.Random(0).sample(names, count):
+            box = ElementTree.fromstring(texts[name]).get("viewBox").split()
+            yield pytest.param(texts[name], tuple(float(size) * 25.4 / 96 for size in box[2:]), id=name)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(("text", "page"), icons())
+def test_icons_are_what_resvg_fills(text, page):
+    assert difference(text, page) < 0.005
+
+
+@pytest.mark.parametrize(
+    ("body", "remark"),
+    [
+        (
+            f'{L}<line x2="20" y2="20" stroke="red"/><rect fill="none" stroke="#000" {RECT}/>',
+            "2 strokes are left out",
+        ),
+        (f'{L}<rect x="40" y="40" width="5" height="5"/>', "25 mm^2 that lie outside the page are left out"),
+        (f'<rect width="30" height="30" fill="white"/>{L}', "it is the page and not the shape"),
+        (f'{L}<rect fill="none" stroke="none" {RECT}/>', ""),
+    ],
+)
+def test_what_is_left_out_is_said(tmp_path, caplog, body, remark):
+    with caplog.at_level(logging.WARNING):
+        models.shape(write_svg(tmp_path, body))
+    assert remark in caplog.text
+    assert len(caplog.records) == bool(remark)
+
+
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(data=st.data())
+def test_drawings_that_are_put_together_are_what_resvg_fills(data):
+    """Groups, transforms, styles and shapes at random: the same area as resvg's within 0.5 %, or a reason."""
+    number = st.integers(1, 20)
+    shapes = [
+        '<rect x="{}" y="{}" width="{}" height="{}" rx="{}" {{}}/>', '<circle cx="{}" cy="{}" r="{}" {{}}/>',
+        '<ellipse cx="{}" cy="{}" rx="{}" ry="{}" {{}}/>', '<path d="M{} {}A{} {} {} 1 0 {} {}z" {{}}/>',
+        '<path d="M{} {}C{} {} {} {} {} {}T{} {}z" {{}}/>', '<polygon points="{},{} {},{} {},{}" {{}}/>',
+    ]  # fmt: skip
+    looks = [
+        "", 'fill="none"', 'style="fill:#123"', 'class="a"', 'class="b"', 'fill-rule="evenodd"',
+        'opacity="0"', 'display="none"',
+        'transform="rotate({})"', 'transform="scale(.5 -1)translate(3,-20)"', 'transform="skewX({})"',
+        'visibility="hidden"',
+    ]  # fmt: skip
+    body = "<style>.a{fill:none} .b{fill-rule:evenodd;fill:red}</style>"
+    for _ in range(data.draw(st.integers(1, 4))):
+        part = data.draw(st.sampled_from(shapes))
+        part = part.format(*(data.draw(number) for _ in range(part.count("{}"))))
+        for tag in ("", "g", "g"):
+            look = data.draw(st.sampled_from(looks))
+            look = look.format(data.draw(number))
+            part = f"<{tag} {look}>{part}</{tag}>" if tag else part.format(look)
+        body += part
+    seen = rendered(drawing(body))[..., 3] > 127
+    try:
+        assert difference(drawing(body), (30, 30)) < max(0.005, 40 / seen.sum())
+    except InputError:
+        assert seen.sum() < 100
+
+
+# --- shapes and lengths
+
+
+@pytest.mark.parametrize(
+    ("body", "area"),
+    [
+        ('<rect x="2" y="2" width="20" height="10"/>', 200),
+        ('<rect width="20" height="10" rx="3"/>', 200 - (4 - math.pi) * 9),
+        ('<circle cx="12" cy="12" r="10"/>', 100 * math.pi),
+        ('<ellipse cx="12" cy="12" rx="10" ry="5"/>', 50 * math.pi),
+        ('<polygon points="0,0 20,0 20,20"/>', 200),
+        ('<polyline points="0,0 20,0 20,20"/>', 200),
+        ('<path d="M0 0 C 0 10 20 10 20 0 Z"/>', 120),
+        ('<path d="M0 0 Q 10 20 20 0"/>', 400 / 3),
+        ('<path d="M0 0L20 20L20 0L0 20z"/>', 200),
+        ('<path d="M2 2h20v20h-20zM6 6h12v12h-12z"/>', 400),
+        ('<path fill-rule="evenodd" d="M2 2h20v20h-20zM6 6h12v12h-12z"/>', 400 - 144),
+        ('<g style="fill-rule:evenodd"><path d="M2 2h20v20h-20zM6 6h12v12h-12z"/></g>', 400 - 144),
+        ('<path d="M2 2h20v20h-20zM6 6v12h12v-12z"/>', 400 - 144),
+        (
+            '<g transform="rotate(30)"><g transform="translate(15,-5) scale(2 1)"><rect width="5" height="9"/></g></g>',
+            90,
+        ),
+        (
+            '<g transform="translate(15 15)skewX(30)"><ellipse rx="8" ry="5" transform="rotate(20)"/></g>',
+            40 * math.pi,
+        ),
+        ('<rect width="9" height="9"/><rect width="30" height="30" fill="none" stroke="red"/>', 81),
+        ('<rect width="9" height="9"/><g display="none"><rect width="20" height="20"/></g>', 81),
+        ('<defs><rect width="20" height="20"/></defs><rect width="9" height="9"/><title>it</title>', 81),
+    ],
+)
+def test_drawings(tmp_path, body, area):
+    shape = models.shape(write_svg(tmp_path, body))
+    perimeter = sum(np.hypot(*(np.roll(c, -1, axis=0) - c).T).sum() for c in shape.contours)
+    assert shape.area == pytest.approx(area, abs=(LARGEST_FLATTENING + STRAIGHT) * perimeter)
+    assert shape.height == models.letter("A").height
+
+
+def test_a_drawing_is_pressed_as_it_is_seen(tmp_path):
+    """SVG's y looks down; an L drawn with its foot at the bottom right must have it there."""
+    shape = models.shape(write_svg(tmp_path, '<path d="M2 2h4v16h8v4h-12z"/>'))
+    corners = shape.contours[0]
+    lower = corners[corners[:, 1] < corners[:, 1].min() + 1]
+    assert np.ptp(lower[:, 0]) == pytest.approx(12, abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("head", "side"),
+    [
+        ("", 10 * 25.4 / 96),
+        ('width="100" height="100"', 10 * 25.4 / 96),
+        ('width="100mm" height="100mm" viewBox="0 0 100 100"', 10),
+        ('width="5cm" height="5cm" viewBox="0 0 50 50"', 10),
+        ('width="1in" viewBox="-3 7 25.4 10"', 10),
+        ('width="50mm" height="20mm" viewBox="0 7 10 10"', 20),
+        ('width="100%" viewBox="0 0 100 100"', 10 * 25.4 / 96),
+    ],
+)
+def test_lengths_of_drawings(tmp_path, head, side):
+    shape = models.shape(write_svg(tmp_path, '<rect y="7" width="10" height="10"/>', head))
+    assert math.sqrt(shape.area) == pytest.approx(side, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("body", "expected"),
+    [
+        ("<text>A</text>", "<text>"),
+        ('<image href="a.png"/>', "<image>"),
+        (f'{MASK}<rect width="9" height="9" mask="url(#m)"/>', "it has a mask"),
+        (f'{MASK}<g mask="url(#m)"><rect width="9" height="9"/></g>', "it has a mask"),
+        (
+            '<filter id="f"><feGaussianBlur/></filter><rect filter="url(#f)" width="9" height="9"/>',
+            "it has a filter",
+        ),
+        ('<rect width="9" height="9" style="clip-path:circle(3px)"/>', "a clip of its style"),
+        ('<pattern id="p"/><rect width="9" height="9" fill="url(#p)"/>', "a pattern"),
+        ('<marker id="m"/><path marker-end="url(#m)" d="M0 0h9v9z"/>', "markers"),
+        ('<line x2="9" y2="9" stroke="red"/>', "only strokes (1)"),
+        ('<rect x="40" width="9" height="9"/>', "outside the page"),
+        (
+            '<rect width="30" height="30" fill="white"/><rect width="9" height="9" fill="#fff"/>',
+            "the colour of the page",
+        ),
+        ('<rect width="20" height="20" fill="none"/>', "no filled outline"),
+        ("", "no filled outline"),
+        ('<path d=""/>', "no filled outline"),
+        ('<path d="M 0 0 L banana 5 5 Z"/>', "cannot|can be read"),
+        ('<path d="M 0 0 L 5"/>', "cut off or wrong; save it again as plain SVG"),
+        ('<rect width="nan" height="20"/>', "its width is 'nan'"),
+        ('<rect width="20furlong" height="20"/>', "a length is a number"),
+        ('<rect width="1e308" height="20"/>', "from the drawing's origin"),
+        ('<path d="M0 0L1e300 0L0 1e300z"/>', "from the drawing's origin"),
+        ('<path d="M0 0A1e300 1e300 0 0 1 10 10z"/>', "can be read"),
+        ('<rect width="20" height="20" transform="spin(3)"/>', "its transform"),
+        ('<circle r="5" transform="scale(0,0)"/>', "no filled outline"),
+    ],
+)
+def test_drawings_that_are_refused(tmp_path, body, expected):
+    message = refusal(write_svg(tmp_path, body))
+    assert any(word in message for word in expected.split("|")), message
+
+
+@pytest.mark.parametrize(
+    "head",
+    ['viewBox="0 0 0 0" width="3mm"', 'viewBox="1 2 3"', 'width="3furlong"', 'width="0mm" viewBox="0 0 3 3"'],
+)
+def test_drawings_without_a_scale(tmp_path, head):
+    refusal(write_svg(tmp_path, '<rect width="9" height="9"/>', head))
+
+
+@pytest.mark.long
+def test_a_scribble_ends_soon(tmp_path):
+    points = np.random.default_rng(0).random((3000, 2)) * 20
+    path = " ".join(f"{x:.3f},{y:.3f}" for x, y in points)
+    assert "corners" in refusal(write_svg(tmp_path, f'<path fill-rule="evenodd" d="M{path}z"/>'))
+
+
+def test_xml_that_is_no_drawing(tmp_path):
+    path = tmp_path / "thing.svg"
+    lol = "".join(f'<!ENTITY a{i} "{f"&a{i - 1};" * 10}">' for i in range(1, 12))
+    path.write_text(
+        f'<!DOCTYPE a [<!ENTITY a0 "lol">{lol}]><svg xmlns="http://www.w3.org/2000/svg">&a11;</svg>'
+    )
+    assert "not an SVG drawing" in refusal(path)
+    path.write_text("<html></html>")
+    assert "root" in refusal(path)
+    path.write_text('<svg><rect width="20" height="20"/></svg>')
+    assert 'xmlns="http://www.w3.org/2000/svg"' in refusal(path)
+
+
+def test_squares_that_touch_at_corners_are_parted(tmp_path):
+    chess = "".join(f"M{i * 3},{j * 3}h3v3h-3z" for i in range(5) for j in range(5) if (i + j) % 2)
+    for transform in ("", 'transform="translate(12,2) rotate(27)"'):
+        shape = models.shape(write_svg(tmp_path, f'<path {transform} d="{chess}"/>'))
+        assert len(shape.parts) == 12
+        assert shape.area == pytest.approx(12 * 9, abs=2e-3)
+        assert shape.symmetry == 4
+
+
+def test_islands_and_deep_groups(tmp_path):
+    squares = "".join(f"M{i * 0.8:.1f},{j * 0.8:.1f}h.5v.5h-.5z" for i in range(12) for j in range(12))
+    shape = models.shape(write_svg(tmp_path, "<g>" * 3000 + f'<path d="{squares}"/>' + "</g>" * 3000))
+    assert len(shape.parts) == 144
+    assert shape.area == pytest.approx(36, abs=1e-3)
