@@ -25,7 +25,7 @@ from tactsim.hardware.recorded import Replay
 from tactsim.models import shape
 from tactsim.core.errors import InputError
 from tactsim import Scan
-import trimesh, svgpathtools
+import trimesh, svg.path, tinycss2, cssselect2
 taken = int(re.search(r"VmSize:\\s+(\\d+)", Path("/proc/self/status").read_text())[1]) << 10
 resource.setrlimit(resource.RLIMIT_AS, (taken + (1 << 29),) * 2)
 readers = {

@@ -144,7 +144,7 @@ def test_the_radius_is_the_farthest_corner(letter):
 
 
 def test_importing_models_is_light():
-    heavy = "manifold3d trimesh pydantic scipy matplotlib svgpathtools mujoco"
+    heavy = "manifold3d trimesh pydantic scipy matplotlib svg.path tinycss2 cssselect2 mujoco"
     code = f"import sys, models; print([name for name in '{heavy}'.split() if name in sys.modules])"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
