@@ -124,8 +124,7 @@ class MapFilter(Estimator):
 
             open_set = OpenSet(options, scan, maps)
         self.pad_fit, self.open_set = pad_fit, open_set
-        self._set_options(options)
-        self._fit_with(maps, scan)
+        self.fit_with(options, maps, scan)
 
     def without(self, letter: str, scan: Scan) -> MapFilter:
         """Give a filter of the other letters, with the maps that are known and a measurement model of their own.
@@ -137,15 +136,19 @@ class MapFilter(Estimator):
         if self.pad_fit is not None:
             other.fit(rest)
             return other
-        other._set_options(self.fitted_options)
-        other._fit_with({label: chart for label, chart in self._maps.items() if label != letter}, rest)
+        maps = {label: chart for label, chart in self._maps.items() if label != letter}
+        other.fit_with(self.fitted_options, maps, rest)
         if self.open_set is not None:
             other.open_set = self.open_set.of(other.labels)
         return other
 
-    def _fit_with(self, maps: Mapping[str, OccupancyMap], scan: Scan) -> None:
-        """Learn the measurement model from the training readings, given the maps of all letters in the scan."""
+    def fit_with(self, options: FilterOptions, maps: Mapping[str, OccupancyMap], scan: Scan) -> None:
+        """Learn the measurement model from the training readings, given the maps of all letters in the scan.
+
+        options, maps, scan: in the units that the filter works in.
+        """
         self._started = False
+        self._set_options(options)
         self._maps = maps
         self.labels = tuple(maps)
         self.taxel_xy = scan.taxel_xy

@@ -79,7 +79,8 @@ class OpenSet:
     The filter's pose must be exact enough for a search to begin there: in the middle of a large bin, it may end
     in the wrong place.
 
-    mosaics: of all letters. misfit: by letter, how its own readings fit, at each load.
+    labels: the letters. mosaics: of all of them. misfit: by letter, how its own readings fit, at each load. doubts:
+    where an unknown object may differ from the letters; made when it is first asked.
     """
 
     def __init__(self, options: OpenSetOptions, scan: Scan, maps: Mapping[str, OccupancyMap]) -> None:
@@ -90,18 +91,18 @@ class OpenSet:
         if NONE in maps:
             raise InputError(f"a letter is called {NONE!r}: with unknown above 0 that means no known letter")
         self._unknown = options.unknown
-        self._labels = tuple(maps)
+        self.labels = tuple(maps)
         self._taxel_xy = scan.taxel_xy
         self.mosaics = TiltedMosaics(options)
         self.mosaics.fit(scan, maps)
         self.misfit = {label: learn_misfit(self.mosaics, label) for label in maps}
-        self._doubts: Doubts | None = None
+        self.doubts: Doubts | None = None
         self.reset()
 
     def of(self, labels: tuple[str, ...]) -> OpenSet:
         """Make one of some of the letters; what was learned of their misfits does not depend on the others."""
         other = copy.copy(self)
-        other._labels, other._doubts = labels, None
+        other.labels, other.doubts = labels, None
         other.mosaics = self.mosaics.of(labels)
         other.misfit = {label: self.misfit[label] for label in labels}
         other.reset()
@@ -134,12 +135,12 @@ class OpenSet:
 
         model: of the known letters. known, path: as for `estimate`.
         """
-        if self._doubts is None:
-            self._doubts = Doubts(model, self._taxel_xy)
+        if self.doubts is None:
+            self.doubts = Doubts(model, self._taxel_xy)
         readings, poses = self._history(known, path)
         pose = self.mosaics.fitting_pose(known.label, known.robot_in_object, readings, poses)
-        weights = self._doubts.weights(known.label, pose, readings, poses, self._unknown)
-        return self._doubts.information(known.label, pose, weights, candidates)
+        weights = self.doubts.weights(known.label, pose, readings, poses, self._unknown)
+        return self.doubts.information(known.label, pose, weights, candidates)
 
     def _log_odds(self, known: Estimate, path: FloatArray, states: Callable[[], WeightedStates]) -> float:
         """Weigh "none" against all letters: p(m | none) / p(m | letter), of which the inverse is averaged over them."""
@@ -170,7 +171,7 @@ class OpenSet:
 
     def _likeliest(self, label: str, belief: WeightedStates) -> FloatArray:
         """Find the most probable state of a letter, T_R^O."""
-        chosen = np.flatnonzero(belief.letter == self._labels.index(label))
+        chosen = np.flatnonzero(belief.letter == self.labels.index(label))
         return belief.state[:, chosen[belief.weights.log[chosen].argmax()]]
 
 
