@@ -170,16 +170,25 @@ class Letter:
 
     @cached_property
     def digest(self) -> str:
-        """Hash what is pressed: footprint, height and convex parts or mesh, not the name. 64 hex digits.
+        """Hash what is pressed: footprint, height, rounding and mesh, not the name. 64 hex digits.
 
         Readings can be cached under it.
         """
+        return self._hash(*self._mesh)
+
+    def has_digest(self, digest: str) -> bool:
+        """Tell whether a digest is this letter's. Those of older scans hash a letter's convex parts, too."""
+        return digest == self.digest or (
+            self.relief is None and digest == self._hash(*(part.vertices for part in self.parts))
+        )
+
+    @property
+    def _mesh(self) -> tuple[FloatArray, ...]:
+        return () if self.relief is None else (self.relief.vertices, self.relief.triangles.astype(float))
+
+    def _hash(self, *more: FloatArray) -> str:
         content = hashlib.sha256(np.array([self.height, self.rounding], dtype="<f8").tobytes())
-        if self.relief is None:
-            arrays = [part.vertices for part in self.parts]
-        else:
-            arrays = [self.relief.vertices, self.relief.triangles.astype(float)]
-        for array in (*self.contours, *arrays):
+        for array in (*self.contours, *more):
             content.update(np.array(array.shape, dtype="<i8").tobytes())
             content.update(np.ascontiguousarray(array, dtype="<f8").tobytes())
         return content.hexdigest()
