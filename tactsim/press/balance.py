@@ -17,14 +17,13 @@ import math
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
 from tactsim.core.poses import FloatArray
-from tactsim.press.bed import MM, Bed, Level, Springs, join, lay_bed, levels, slopes
+from tactsim.press.bed import MM, Bed, Level, Springs, lay_bed, levels, slopes
 from tactsim.press.clip import EVEN_MOMENTS, MOMENTS
 from tactsim.press.scan_options import ScanOptions
 from tactsim.press.scene import RADIUS, UNREAD_STAGES, Scene, Setup, scene
@@ -38,7 +37,7 @@ _BALANCE_OF_PARTS = (
     1e-4  # the same where the letter's parts are touched: MuJoCo keeps meshes in single precision
 )
 _REACH = 5.0  # mm, about half a pad
-_MOST_ROUNDS = 60
+_MOST_STEPS = 60
 _MOST_HALVINGS = 30
 _DEPTH = 1e-5  # m into the bed, for a step that shows that a press without contact has no forces
 MOST_TILT = 0.35  # rad, 20 degrees: a letter that tilts further has tipped over
@@ -46,56 +45,25 @@ TIPPED = "the wrist gives way until it tips over; press with less force or a sti
 
 
 @dataclass(frozen=True, eq=False)
-class _State:
-    """Where the letters of some presses are, and how they balance there.
+class _Contact:
+    """What touches in some presses where their letters are now, and how it balances there.
 
-    depth: (n,) mm at the pad's middle. tilt: (n, 2) rad. bed: what touches there. pressure, gradient: there,
-    as in Patches. foot: (contacts, 2) mm, the centre of pressure of each part. below: (contacts,) mm, the mean
-    depth of each. bending: (n, 2) N mm/rad, by which the parts resist a tilt about x and y, each about its own
-    centroid. energy: (n,) N mm. missing: (n,) how far force and moments are from balance, as a share of
-    the force, and of force times _REACH.
+    depth: (n,) mm at the pad's middle. tilt: (n, 2) rad. bed: what touches there. foot: (contacts, 2) mm, the centre
+    of pressure of each part. below: (contacts,) mm, the mean depth of each. bending: (n, 2) N mm/rad, by which the
+    parts resist a tilt about x and y, each about its own centroid. unbent: (n, 2) rad, the tilt at which springs at
+    the feet have all of the parts' moments. energy: (n,) N mm. missing: (n,) how far force and moments are from
+    balance, as a share of the force, and of force times _REACH.
     """
 
     depth: FloatArray
     tilt: FloatArray
     bed: Bed
-    pressure: FloatArray
-    gradient: FloatArray
-    foot: FloatArray
-    below: FloatArray
-    bending: FloatArray
-    energy: FloatArray
-    missing: FloatArray
-
-    def start(self, row: int) -> _Start:
-        """Describe where the next step of one press begins."""
-        springs = self.bed.springs[row]
-        rows = springs.rows
-        return _Start(
-            springs,
-            depth=self.depth[row] * MM,
-            tilt=self.tilt[row],
-            foot=self.foot[rows] * MM,
-            below=self.below[rows] * MM,
-            bending=self.bending[row],
-            unbent=self.tilt[row],
-        )
-
-
-class _Start(NamedTuple):
-    """Where a step begins: springs, depth (m) and tilt (2,); each spring's foot (n, 2) m and depth (n,) m.
-
-    bending: (2,) N mm/rad, as in _State. unbent: (2,) rad, the tilt at which the springs at their feet have all
-    of the parts' moments.
-    """
-
-    springs: Springs
-    depth: float
-    tilt: FloatArray
     foot: FloatArray
     below: FloatArray
     bending: FloatArray
     unbent: FloatArray
+    energy: FloatArray
+    missing: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,7 +93,28 @@ class _Problem:
             skip_empty=self.options.press.skip.cells,
         )
 
-    def at(self, rows: NDArray[np.intp], depth: FloatArray, tilt: FloatArray) -> _State:
+    def begin(self, bed: Bed) -> _Contact:
+        """Begin at the nominal tilts, and so deep that all of the face touches. bed: all of it, under every press."""
+        tilt, area = self.touches.tilts, bed.area_of_presses
+        touch = bed.gap - np.einsum("ci,ci->c", slopes(tilt)[bed.press], bed.centroid)
+        depth = np.full(len(tilt), -np.inf)
+        np.maximum.at(depth, bed.press, touch)
+        depth += 1.05 * self.force / (self.stiffness * np.where(area > 0, area, 1))
+        return _Contact(
+            depth,
+            tilt,
+            bed,
+            foot=bed.centroid,
+            below=depth[bed.press] - touch,
+            bending=self._bending(bed, np.arange(len(tilt))),
+            unbent=np.zeros_like(
+                tilt
+            ),  # with their feet at the centroids springs have the moments of a level face
+            energy=np.full(len(tilt), np.inf),
+            missing=np.full(len(tilt), np.inf),
+        )
+
+    def at(self, rows: NDArray[np.intp], depth: FloatArray, tilt: FloatArray) -> _Contact:
         """Clip the face where it touches, and integrate force, moments and energy there exactly."""
         press = self.options.press
         bed = self.lay(rows, tilt, depth)
@@ -147,8 +136,7 @@ class _Problem:
             return stiffness * np.bincount(bed.press, values, len(rows))
 
         energy = over_press(squared) / 2 - force_set * depth
-        carried = over_press(force)
-        missing = np.abs(carried - force_set) / force_set
+        missing = np.abs(over_press(force) - force_set) / force_set
         if press.wrist_stiffness is not None:
             bend = tilt - self.touches.tilts[rows]
             energy += press.wrist_stiffness * (bend**2).sum(axis=1) / 2
@@ -160,25 +148,14 @@ class _Problem:
             for about, gave in zip((about_x, about_y), bend.T, strict=True):
                 imbalance = np.abs(about + press.wrist_stiffness * gave)
                 missing = np.maximum(missing, imbalance / (force_set * _REACH))
-        # What is missing in the balance is made up for, so that every reading is one of exactly the press's force.
-        here = (stiffness * force_set / np.where(carried > 0, carried, np.inf))[bed.press]
         carrying = force > 0
-        return _State(
-            depth=depth,
-            tilt=tilt,
-            bed=bed,
-            pressure=here * at_centre,
-            gradient=here[:, None] * slope,
-            foot=bed.centre
-            + np.divide(leaning, force[:, None], out=np.zeros_like(leaning), where=carrying[:, None]),
-            below=np.divide(force, area, out=np.zeros_like(force), where=carrying),
-            bending=self.bending(bed, rows),
-            energy=energy,
-            missing=missing,
+        foot = bed.centre + np.divide(
+            leaning, force[:, None], out=np.zeros_like(leaning), where=carrying[:, None]
         )
+        below = np.divide(force, area, out=np.zeros_like(force), where=carrying)
+        return _Contact(depth, tilt, bed, foot, below, self._bending(bed, rows), tilt, energy, missing)
 
-    def bending(self, bed: Bed, rows: NDArray[np.intp]) -> FloatArray:
-        """Sum what the parts of each press add to the wrist's stiffness about x and y: (n, 2) N mm/rad."""
+    def _bending(self, bed: Bed, rows: NDArray[np.intp]) -> FloatArray:
         area, first, second = bed.moments[0], bed.moments[1:3], bed.moments[[3, 5]]
         own = second - np.divide(first**2, area, out=np.zeros_like(first), where=area > 0)
         about_y, about_x = (np.bincount(bed.press, along, len(rows)) for along in own)
@@ -220,90 +197,114 @@ def press_face(face: Sequence[Level], touches: Touches, options: ScanOptions) ->
     if not setup.skip.no_contact:
         for index in np.flatnonzero(area == 0).tolist():
             _fall(stage, whole.springs[index], touches, index, force[index])
-    load, blanks = _solve(problem, stage, whole, touching)
+    depth, tilt, blanks = _solve(problem, stage, problem.begin(whole), touching)
+    resting = np.setdiff1d(touching, list(blanks))
+    bed = problem.lay(resting, tilt[resting], depth[resting]).among(resting, len(touches))
+    load = Patches.under(bed, depth, tilt, force, even=not problem.tilted)
     return Pressed(touches, load, _work(whole, face, touches, options), blanks)
 
 
 def _solve(
-    problem: _Problem, stage: Setup, whole: Bed, touching: NDArray[np.intp]
-) -> tuple[Patches, dict[int, str]]:
-    """Step the presses `touching` towards their rest, all of them in turn, until every one is there or is given up.
+    problem: _Problem, stage: Setup, contact: _Contact, trying: NDArray[np.intp]
+) -> tuple[FloatArray, FloatArray, dict[int, str]]:
+    """Step the presses `trying` towards their rest, all of them in turn, until each is there or is given up.
 
-    whole: the springs under all of the face, which the first step begins with.
+    contact: where every press begins. Returns the depth (n,) mm and tilt (n, 2) rad of all presses at rest, and
+    why a press finds none.
     """
-    count = len(problem.touches)
-    depth, tilt = np.zeros(count), problem.touches.tilts.copy()
-    energy, missing = np.full(count, np.inf), np.full(count, np.inf)
-    done: list[tuple[NDArray[np.intp], _State]] = []
+    count = len(contact.depth)
+    depth, tilt, energy, missing = contact.depth, contact.tilt.copy(), contact.energy, contact.missing
+    # Where each press is tried next; by how much it was to tilt by its last step, and how often that was halved.
+    proposed, turned, turning = depth.copy(), tilt.copy(), np.zeros(count)
+    steps, halvings = np.zeros(count, dtype=int), np.zeros(count, dtype=int)
     blanks: dict[int, str] = {}
-    starts: dict[int, _Start] = {}
-    bending = problem.bending(whole, np.arange(count))
-    left = touching
-    for _ in range(_MOST_ROUNDS):
-        proposed, turned = np.empty(len(left)), np.empty((len(left), 2))
-        lost = np.zeros(len(left), dtype=bool)
-        for row, index in enumerate(left.tolist()):
-            force = float(problem.force[index])
-            springs = starts[index].springs if index in starts else whole.springs[index]
-            placed = _placed(stage, springs, problem.touches, index)
-            stiffness = 1e3 * problem.stiffness[index]
-            start = starts.get(index)
-            if start is None:
-                start = _all_touch(placed, springs, force / stiffness, bending[index])
-                depth[index] = start.depth / MM
-            try:
-                proposed[row], turned[row] = _step(placed, start, stiffness, force)
-            except UnsettledError as error:
-                blanks[index], lost[row] = str(error), True
-        trying, proposed, turned = left[~lost], proposed[~lost], turned[~lost]
-        turning = dict(zip(trying.tolist(), np.abs(turned).max(axis=1).tolist(), strict=True))
-        starts = {}
-        for _ in range(_MOST_HALVINGS):
-            state = problem.at(trying, proposed, turned)
-            worse = (state.energy > energy[trying]) & (state.missing > missing[trying] / 2)
-            worse |= (np.abs(turned) > 1).any(axis=1)
-            worse |= state.bed.area_of_presses == 0  # so far off that no spring is left to step with
-            balanced = state.missing <= problem.allowed
-            resting = ~worse & balanced
-            tipped = resting & (np.abs(turned) > MOST_TILT).any(axis=1)
-            blanks |= dict.fromkeys(trying[tipped].tolist(), TIPPED)
-            done.append((np.where(resting & ~tipped, trying, -1), state))
-            for row in np.flatnonzero(~worse & ~balanced).tolist():
-                starts[int(trying[row])] = state.start(row)
-            accepted = trying[~worse]
-            depth[accepted], tilt[accepted] = proposed[~worse], turned[~worse]
-            energy[accepted], missing[accepted] = state.energy[~worse], state.missing[~worse]
-            trying = trying[worse]
-            if not len(trying):
-                break
-            proposed = (proposed[worse] + depth[trying]) / 2
-            turned = (turned[worse] + tilt[trying]) / 2
-        for index in trying.tolist():
+    row, better = trying, np.ones(len(trying), dtype=bool)
+    while len(trying):
+        stepped, halved = trying[better], trying[~better]
+        lost = _step(problem, stage, contact, row[better], stepped, proposed, turned)
+        turning[stepped] = np.abs(turned[stepped]).max(axis=1)
+        steps[stepped] += 1
+        halvings[stepped] = 0
+        proposed[halved] = (proposed[halved] + depth[halved]) / 2
+        turned[halved] = (turned[halved] + tilt[halved]) / 2
+        halvings[halved] += 1
+        blanks |= lost
+        trying = trying[~np.isin(trying, list(lost))]
+        contact = problem.at(trying, proposed[trying], turned[trying])
+        leaning = np.abs(contact.tilt).max(axis=1)
+        better = (contact.energy <= energy[trying]) | (contact.missing <= missing[trying] / 2)
+        better &= leaning <= 1
+        better &= contact.bed.area_of_presses > 0  # else so far off that no spring is left to step with
+        accepted = trying[better]
+        depth[accepted], tilt[accepted] = contact.depth[better], contact.tilt[better]
+        energy[accepted], missing[accepted] = contact.energy[better], contact.missing[better]
+        resting = better & (contact.missing <= problem.allowed)
+        blanks |= dict.fromkeys(trying[resting & (leaning > MOST_TILT)].tolist(), TIPPED)
+        for index in trying[~better & (halvings[trying] == _MOST_HALVINGS)].tolist():
             blanks[index] = (
                 TIPPED if turning[index] > MOST_TILT else "no step brings its forces nearer to balance"
             )
-        left = np.array(sorted(starts), dtype=np.intp)
-        if not len(left):
-            break
-    blanks |= dict.fromkeys(left.tolist(), f"after {_MOST_ROUNDS} steps its forces do not balance")
-    return _gathered(done, problem), blanks
+        for index in trying[better & ~resting & (steps[trying] == _MOST_STEPS)].tolist():
+            blanks[index] = f"after {_MOST_STEPS} steps its forces do not balance"
+        row = np.flatnonzero(~resting & ~np.isin(trying, list(blanks)))
+        trying, better = trying[row], better[row]
+    return depth, tilt, blanks
 
 
-def _gathered(done: list[tuple[NDArray[np.intp], _State]], problem: _Problem) -> Patches:
-    """Put together what rests. done: states, and which press each of their presses is, -1 if not at rest."""
-    beds, presses, pressure, gradient = [], [], [], []
-    for own, state in done:
-        rows = np.flatnonzero(own[state.bed.press] >= 0)
-        beds.append(state.bed.of(rows, state.bed.press[rows], len(own)))
-        presses.append(own)
-        pressure.append(state.pressure[rows])
-        gradient.append(state.gradient[rows])
-    bed, order = join(beds, presses, len(problem.touches))
-    return Patches(
-        bed,
-        np.concatenate(pressure)[order],
-        np.concatenate(gradient)[order] if problem.tilted else None,
-    )
+def _step(
+    problem: _Problem,
+    stage: Setup,
+    contact: _Contact,
+    rows: NDArray[np.intp],
+    presses: NDArray[np.intp],
+    proposed: FloatArray,
+    turned: FloatArray,
+) -> dict[int, str]:
+    """Make one step of Newton's method in each press from its row of `contact`.
+
+    Fills proposed (all presses,) mm and turned (all presses, 2) rad, where the letters are after it. Returns why a
+    press finds no rest.
+    """
+    # Contacts push along the face's normal, which leans from the pad's by an angle whose cosine is `lean`. So stiff
+    # and so placed, a sphere's foot on the face is where its part presses, and it answers to the depth there along
+    # the pad's normal. The sphere stands above the face and feels it by its margin: one below the face could be
+    # nearer to a part's side.
+    bed, foot, above = contact.bed, contact.foot * MM, 2 * RADIUS
+    lean = np.cos(contact.tilt).prod(axis=1)
+    over, slope = above * lean[bed.press], slopes(contact.tilt)[bed.press]
+    position = np.empty((len(foot), 3))
+    position[:, :2] = foot - over[:, None] * slope
+    position[:, 2] = contact.depth[bed.press] * MM + np.einsum("ci,ci->c", foot, slope) - RADIUS + over
+    margin = above - RADIUS + lean[bed.press] * contact.below * MM
+    wrist, lost = stage.wrist_stiffness, {}
+    for row, index in zip(rows.tolist(), presses.tolist(), strict=True):
+        springs, stiffness = bed.springs[row], 1e3 * float(problem.stiffness[index])
+        placed = _placed(stage, springs, problem.touches, index)
+        bending = contact.bending[row]
+        placed.set_springs(
+            springs._replace(position=position[springs.rows]),
+            stiffness / lean[row] ** 2,
+            step=_time_step(stiffness * springs.area),
+            margin=margin[springs.rows],
+            bending=bending,
+        )
+        placed.reset(contact.depth[row] * MM, contact.tilt[row])
+        if wrist is not None:
+            target = wrist * placed.tilt + bending * contact.unbent[row]
+            placed.model.eq_data[:, 0] = target / (wrist + bending)
+        data = placed.data
+        data.qfrc_applied[0] = problem.force[index]
+        placed.model.opt.tolerance = 0.0  # the solver goes on as long as it improves
+        try:
+            placed.check_position()
+            mujoco.mj_step(placed.model, data)
+            placed.check_position()
+        except UnsettledError as error:
+            lost[index] = str(error)
+            continue
+        proposed[index] = data.qpos[0] / MM
+        turned[index] = placed.tilt if wrist is None else data.qpos[1:]
+    return lost
 
 
 def _placed(stage: Setup, springs: Springs, touches: Touches, index: int) -> Scene:
@@ -311,54 +312,6 @@ def _placed(stage: Setup, springs: Springs, touches: Touches, index: int) -> Sce
     placed = scene(stage, len(springs.share))
     placed.place_letter(touches.poses[index], touches.tilts[index])
     return placed
-
-
-def _all_touch(stage: Scene, springs: Springs, give: float, bending: FloatArray) -> _Start:
-    """Begin at the nominal tilt and so deep that all springs touch. give: F / stiffness, mm^2 m."""
-    touch = stage.depth_of_touch(springs)
-    depth = touch.max() + 1.05 * give / springs.area
-    below = depth - touch
-    # With their feet at the centroids the springs have the moments of a level face.
-    return _Start(
-        springs, depth, stage.tilt.copy(), springs.position[:, :2], below, bending, unbent=np.zeros(2)
-    )
-
-
-def _step(stage: Scene, start: _Start, stiffness: float, force: float) -> tuple[float, FloatArray]:
-    """Make one step of Newton's method with springs of `stiffness` (kPa/mm): depth (mm) and tilt (2,) after it.
-
-    Raises UnsettledError if the letter leaves the stage.
-    """
-    # Contacts push along the face's normal, which leans from the pad's by an angle whose cosine is `lean`. So stiff
-    # and so placed, a sphere's foot on the face is where its part presses, and it answers to the depth there along
-    # the pad's normal. The sphere stands above the face and feels it by its margin: one below the face could be
-    # nearer to a part's side.
-    springs, depth, tilt, foot, below, bending, unbent = start
-    lean = math.cos(tilt[0]) * math.cos(tilt[1])
-    slope = np.array([-math.tan(tilt[1]) / math.cos(tilt[0]), math.tan(tilt[0])])
-    above = 2 * RADIUS
-    position = np.empty_like(springs.position)
-    position[:, :2] = foot - above * lean * slope
-    position[:, 2] = depth + foot @ slope - RADIUS + above * lean
-    stage.set_springs(
-        springs._replace(position=position),
-        stiffness / lean**2,
-        step=_time_step(stiffness * springs.area),
-        margin=above - RADIUS + lean * below,
-        bending=bending,
-    )
-    stage.reset(depth, tilt)
-    wrist = stage.setup.wrist_stiffness
-    if wrist is not None:
-        stage.model.eq_data[:, 0] = (wrist * stage.tilt + bending * unbent) / (wrist + bending)
-    data = stage.data
-    data.qfrc_applied[0] = force
-    stage.model.opt.tolerance = 0.0  # the solver goes on as long as it improves
-    stage.check_position()
-    mujoco.mj_step(stage.model, data)
-    stage.check_position()
-    hinged = stage.setup.wrist_stiffness is not None
-    return data.qpos[0] / MM, data.qpos[1:].copy() if hinged else stage.tilt.copy()
 
 
 def _fall(stage: Setup, springs: Springs, touches: Touches, index: int, force: float) -> None:
@@ -377,7 +330,7 @@ def _fall(stage: Setup, springs: Springs, touches: Touches, index: int, force: f
 
 
 def _time_step(stiffness: float) -> float:
-    return float(np.sqrt(MASS / (_INERTIA * stiffness)))
+    return math.sqrt(MASS / (_INERTIA * stiffness))
 
 
 def _work(bed: Bed, face: Sequence[Level], touches: Touches, options: ScanOptions) -> Counter[str]:
@@ -392,6 +345,6 @@ def _work(bed: Bed, face: Sequence[Level], touches: Touches, options: ScanOption
         presses=pressed,
         no_contact=untouched if skip.no_contact else 0,
         cells=touching * cells - len(bed.area) if skip.cells else 0,
-        parts=pressed * len(touches.letter.parts) if skip.parts else 0,
+        parts=pressed if skip.parts else 0,
         stages=pressed * len(UNREAD_STAGES) if skip.stages else 0,
     )

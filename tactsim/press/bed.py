@@ -12,7 +12,7 @@ A face that is not flat is described by levels: flat regions, each at its own ga
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
@@ -172,32 +172,14 @@ class Bed:
             start=np.searchsorted(presses, np.arange(count + 1)),
         )
 
+    def among(self, presses: NDArray[np.intp], count: int) -> Bed:
+        """Say that its presses are `presses`, rising, out of `count`."""
+        return replace(self, start=np.searchsorted(presses[self.press], np.arange(count + 1)))
+
     def repeat(self, times: int) -> Bed:
         """List the contacts of a bed of one press `times` over, as if pressed again at the same pose."""
         rows = np.tile(np.arange(len(self.area)), times)
         return self.of(rows, np.repeat(np.arange(times), len(self.area)), times)
-
-
-def join(
-    beds: Sequence[Bed], presses: Sequence[NDArray[np.intp]], count: int
-) -> tuple[Bed, NDArray[np.intp]]:
-    """Put beds of different presses together. presses: which of `count` presses each bed's are.
-
-    Returns the bed, and for each of its contacts the index among all contacts of `beds`, one after the other.
-    """
-    every = Bed(
-        level=np.concatenate([bed.level for bed in beds]),
-        cell=np.concatenate([bed.cell for bed in beds]),
-        centre=np.concatenate([bed.centre for bed in beds]),
-        centroid=np.concatenate([bed.centroid for bed in beds]),
-        area=np.concatenate([bed.area for bed in beds]),
-        gap=np.concatenate([bed.gap for bed in beds]),
-        moments=np.concatenate([bed.moments for bed in beds], axis=1),
-        start=np.zeros(1, dtype=np.intp),
-    )
-    press = np.concatenate([own[bed.press] for own, bed in zip(presses, beds, strict=True)])
-    order = np.argsort(press, kind="stable")
-    return every.of(order, press[order], count), order
 
 
 def lay_bed(

@@ -30,6 +30,6 @@ def press(touches: Touches, options: ScanOptions) -> Pressed:
         no_contact=len(touches) - touching,
         solver=touching,
         cells=touching * cells - len(bed.area),
-        parts=touching * len(touches.letter.parts),
+        parts=touching,
     )
     return Pressed(touches, Patches(bed, pressure), work)

@@ -16,7 +16,7 @@ import numpy as np
 
 from tactsim.core.pad import Pad
 from tactsim.core.poses import FloatArray
-from tactsim.press.bed import Bed
+from tactsim.press.bed import Bed, slopes
 
 if TYPE_CHECKING:
     from tactsim.press.scan_options import ScanOptions
@@ -75,6 +75,25 @@ class Patches:
     bed: Bed
     pressure: FloatArray
     gradient: FloatArray | None = None
+
+    @classmethod
+    def under(
+        cls, bed: Bed, depth: FloatArray, tilt: FloatArray, force: FloatArray, *, even: bool = False
+    ) -> Patches:
+        """Share the force of each press among the parts, in proportion to the depth over them (springs).
+
+        bed: what touches. depth: (presses,) mm at the pad's middle. tilt: (presses, 2) rad. force: (presses,) N.
+        even: whether the face is level, so that the pressure is even within a cell.
+        """
+        slope = slopes(tilt)[bed.press]
+        at_centre = depth[bed.press] - bed.gap + np.einsum("ci,ci->c", slope, bed.centre)
+        volume = np.bincount(
+            bed.press,
+            at_centre * bed.area + np.einsum("ci,ic->c", slope, bed.moments[1:3]),
+            len(bed.start) - 1,
+        )
+        stiffness = force[bed.press] / volume[bed.press]  # N/mm^3, just so that all of the force is carried
+        return cls(bed, stiffness * at_centre, None if even else stiffness[:, None] * slope)
 
     @property
     def forces(self) -> FloatArray:
