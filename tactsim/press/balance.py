@@ -28,7 +28,7 @@ from tactsim.press.clip import EVEN_MOMENTS, MOMENTS
 from tactsim.press.scan_options import ScanOptions
 from tactsim.press.scene import RADIUS, UNREAD_STAGES, Scene, Setup, scene
 from tactsim.press.spread import Patches
-from tactsim.press.touches import Pressed, Touches, UnsettledError
+from tactsim.press.touches import MOST_TILT, TIPPED, Pressed, Touches, UnsettledError
 
 MASS = 0.01  # kg; an equilibrium does not depend on it
 _INERTIA = 1e-8  # m / h^2 as a share of the bed's stiffness
@@ -40,8 +40,6 @@ _REACH = 5.0  # mm, about half a pad
 _MOST_STEPS = 60
 _MOST_HALVINGS = 30
 _DEPTH = 1e-5  # m into the bed, for a step that shows that a press without contact has no forces
-MOST_TILT = 0.35  # rad, 20 degrees: a letter that tilts further has tipped over
-TIPPED = "the wrist gives way until it tips over; press with less force or a stiffer wrist"
 
 
 @dataclass(frozen=True, eq=False)

@@ -28,12 +28,11 @@ from tactsim.core.errors import InputError
 from tactsim.core.pad import Pad
 from tactsim.core.poses import FloatArray, invert
 from tactsim.models.letter import ConvexPart, Letter
-from tactsim.press.balance import MOST_TILT, TIPPED
 from tactsim.press.bed import MM, slopes
 from tactsim.press.points import Points, lattice, share
 from tactsim.press.scan_options import PressOptions, ScanOptions
 from tactsim.press.scene import UNREAD_STAGES, describe_carriage, describe_part
-from tactsim.press.touches import Pressed, Touches
+from tactsim.press.touches import MOST_TILT, TIPPED, Pressed, Touches
 
 # m. A sphere beside a letter's outline touches it from sqrt(2 radius depth) away, at most 3 um. Its centre stays above
 # the face: one that got below would be pushed out by the nearest side.

@@ -32,11 +32,10 @@ from scipy.special import erf
 from tactsim.core.errors import InputError
 from tactsim.core.pad import Pad
 from tactsim.core.poses import FloatArray
-from tactsim.press.balance import MOST_TILT, TIPPED
 from tactsim.press.bed import Bed, lay_bed, levels
 from tactsim.press.scan_options import PressOptions, ScanOptions
 from tactsim.press.spread import Patches, cell_lines
-from tactsim.press.touches import Pressed, Touches
+from tactsim.press.touches import MOST_TILT, TIPPED, Pressed, Touches
 
 _RATIO = 2**0.4  # between the widths of two Gaussians: their sum is then exact to 3e-5
 _NARROWEST = 0.05  # times a cell's width, or half a layer's thickness; narrower ones act on their point alone

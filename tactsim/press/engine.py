@@ -180,8 +180,8 @@ def engine_for(touches: Touches, options: ScanOptions) -> str:
         return "elastic"
     if _of_shape(touches, options):
         return "relief"
-    cheapest = press.skip.solver and press.skip.parts and not _obstacle("exact", touches, options)
-    return "exact" if cheapest else "bed"
+    level = press.wrist_stiffness is None and not touches.tilts.any() and not touches.letter.rounding
+    return "exact" if level and press.skip.solver and press.skip.parts else "bed"
 
 
 def _obstacle(engine: str, touches: Touches, options: ScanOptions) -> str:
@@ -195,14 +195,8 @@ def _obstacle(engine: str, touches: Touches, options: ScanOptions) -> str:
             return shape
     if engine == "collide" and touches.rotations is not None:
         return f"{touches.letter.name!r} is pressed from a side"
-    if engine != "exact":
-        return ""
-    if touches.letter.rounding:
+    if engine == "exact" and touches.letter.rounding:
         return f"{touches.letter.name!r} has rounded edges"
-    if press.wrist_stiffness is not None:
-        return "the wrist gives way (press.wrist_stiffness)"
-    if touches.tilts.any():
-        return "a press is tilted"
     return ""
 
 

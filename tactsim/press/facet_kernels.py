@@ -27,16 +27,18 @@ _LEAST_AREA = 1e-9  # mm^2; what touches less than this does not touch
 
 @compiled(int64(REALS_2D, int64, int64, float64, float64, REALS_2D), called_from_python=False)
 def cut(corner: Reals, count: int, axis: int, sign: float, line: float, spare: Reals) -> int:
-    """Cut a convex polygon to where sign * (its coordinate - line) >= 0; returns the number of its corners.
+    """Cut a polygon to where sign * (a coordinate - line) >= 0 (Sutherland and Hodgman); returns its corners' number.
 
-    corner: (_CORNERS, 3), of which the first `count` are used, changed in place. axis: 0, 1 or 2. spare: as large.
+    corner: (room, 3 or more), of which the first `count` are used, changed in place: x, y, depth or gap, and if there
+    is a fourth, what is true of the edge that begins there, 0 of an edge along a cut. axis: 0, 1 or 2. spare: as large.
+    Of a polygon that is not convex, pieces may run to and fro along a cut; they enclose nothing.
     """
     found = 0
     for i in range(count):
         j = i + 1 if i + 1 < count else 0
         here, there = sign * (corner[i, axis] - line), sign * (corner[j, axis] - line)
         if here >= 0:
-            for k in range(3):
+            for k in range(corner.shape[1]):
                 spare[found, k] = corner[i, k]
             found += 1
         if (here >= 0) != (there >= 0):
@@ -44,9 +46,11 @@ def cut(corner: Reals, count: int, axis: int, sign: float, line: float, spare: R
             for k in range(3):
                 spare[found, k] = corner[i, k] + share * (corner[j, k] - corner[i, k])
             spare[found, axis] = line
+            if corner.shape[1] > 3:
+                spare[found, 3] = 0.0 if here >= 0 else corner[i, 3]
             found += 1
     for i in range(found):
-        for k in range(3):
+        for k in range(corner.shape[1]):
             corner[i, k] = spare[i, k]
     return found
 

@@ -8,15 +8,18 @@ derivatives by the pose are integrals along the part of it that is the letter's 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
-from numba import float64, int64, void
+from numba import float64, int64, types, void
 
 from tactsim.core.compiling import INTS, REALS, REALS_2D, REALS_3D, Ints, Reals, compiled
+from tactsim.press.facet_kernels import cut
 
 LEAST_AREA = 1e-9  # mm^2; what touches less than this does not touch
-STEEPEST = 0.35  # rad; a letter that tilts further has tipped over
+STEEPEST = 0.35  # rad; a letter that tilts further has tipped over: `touches.MOST_TILT`
 _MOST_STEPS = 60
+_MOST_HALVINGS = 30
 _BALANCE = 1e-10  # share of the force that may be missing
 _REACH = 5.0  # mm, about half a pad: the arm by which a moment is compared with a force
 
@@ -25,76 +28,108 @@ _AT = (0.5 - math.sqrt(0.15), 0.5, 0.5 + math.sqrt(0.15))
 _WEIGHT = (5 / 18, 8 / 18, 5 / 18)
 
 
-@compiled(
-    int64(int64, REALS_2D, REALS_2D, float64, float64, float64), ordered=False, called_from_python=False
-)
-def cut(count: int, corner: Reals, spare: Reals, c: float, a: float, b: float) -> int:
-    """Cut a closed contour to where c + a x + b y >= 0 (Sutherland and Hodgman 1974); returns its corners' number.
+class Outline(NamedTuple):
+    """A flat face: corners (n, 2) mm in the object frame, of closed contours that begin at start (contours + 1,)."""
 
-    corner: (room, 3) x, y mm and 1 where the edge that begins there is the letter's, 0 where it lies on a cut.
-    Changed in place; spare: as large. Pieces that run to and fro along a cut enclose nothing.
+    corners: Reals
+    start: Ints
+
+
+class Layer(NamedTuple):
+    """What is pressed: bounds (4,) x low, x high, y low, y high of the pad, mm, and its springs and wrist.
+
+    springs: (4,) force N, stiffness N/mm^3, thickness mm, wrist N mm/rad (negative: rigid).
     """
-    found = 0
-    for i in range(count):
-        j = i + 1 if i + 1 < count else 0
-        here = c + a * corner[i, 0] + b * corner[i, 1]
-        there = c + a * corner[j, 0] + b * corner[j, 1]
-        if here >= 0:
-            spare[found, 0], spare[found, 1], spare[found, 2] = corner[i, 0], corner[i, 1], corner[i, 2]
-            found += 1
-        if (here >= 0) != (there >= 0):
-            share = here / (here - there)
-            spare[found, 0] = corner[i, 0] + share * (corner[j, 0] - corner[i, 0])
-            spare[found, 1] = corner[i, 1] + share * (corner[j, 1] - corner[i, 1])
-            spare[found, 2] = 0.0 if here >= 0 else corner[i, 2]
-            found += 1
-    for i in range(found):
-        corner[i, 0], corner[i, 1], corner[i, 2] = spare[i, 0], spare[i, 1], spare[i, 2]
-    return found
+
+    bounds: Reals
+    springs: Reals
 
 
-@compiled(
-    void(REALS_2D, INTS, REALS, REALS, REALS, int64, INTS, REALS_3D, REALS_2D, REALS),
-    called_from_python=False,
-)
-def lay(
-    outline: Reals, start: Ints, pose: Reals, bounds: Reals, state: Reals, lifts: int,
-    count: Ints, corner: Reals, spare: Reals, moment: Reals,
-) -> None:  # fmt: skip
-    """Find what of a posed and tilted outline touches the pad, and its moments 1, x, y, xx, xy, yy.
+class Touch(NamedTuple):
+    """What touches in one press, found or to be found.
 
-    outline: (corners, 2) mm in the object frame, of contours that begin at start (contours + 1,). pose: (3,)
-    sensor_in_object. bounds: (4,) x low, x high, y low, y high of the pad. state: (3,) depth mm and tilts rad; if
-    `lifts`, what is above the pad's surface does not touch. count: (contours,), corner: (contours, room, 3) as in
-    `cut`, moment: (6,): what is found.
+    corner: (contours, room, 4) x, y mm, depth mm, and 1 where the edge that begins there is the letter's, 0 where it
+    lies on a cut. counts: (contours,) how many. spare: (room, 4). state: (3,) depth mm and tilts rad. moment: (6,)
+    integrals of 1, x, y, xx, xy, yy. matrix: (3, 3), second derivatives of the energy by the depth and the slopes
+    along x and y.
     """
-    cos, sin = math.cos(pose[2]), math.sin(pose[2])
-    cos_x, sin_x, cos_y, sin_y = (
-        math.cos(state[1]),
-        math.sin(state[1]),
-        math.cos(state[2]),
-        math.sin(state[2]),
+
+    corner: Reals
+    counts: Ints
+    spare: Reals
+    state: Reals
+    moment: Reals
+    matrix: Reals
+
+
+class Felt(NamedTuple):
+    """What taxels feel of a unit force, at nodes equally far apart; it is linear between them.
+
+    x: (nodes, 3, columns) what a column of taxels feels, its integral from the left and that of x times it, 1/mm, 1
+    and mm. y: (nodes, 1, rows). nodes: (3,) first node along x and y and the distance of nodes, mm.
+    """
+
+    x: Reals
+    y: Reals
+    nodes: Reals
+
+
+OUTLINE = types.NamedTuple((REALS_2D, INTS), Outline)
+LAYER = types.NamedUniTuple(REALS, 2, Layer)
+TOUCH = types.NamedTuple((REALS_3D, INTS, REALS_2D, REALS, REALS, REALS_2D), Touch)
+FELT = types.NamedTuple((REALS_3D, REALS_3D, REALS), Felt)
+
+
+@compiled(TOUCH(OUTLINE), called_from_python=False)
+def room_for(outline: Outline) -> Touch:
+    """Make room for what touches of an outline."""
+    contours, room = len(outline.start) - 1, 0
+    for k in range(contours):
+        room = max(room, outline.start[k + 1] - outline.start[k])
+    room = 8 * room + 64
+    return Touch(
+        np.empty((contours, room, 4)),
+        np.zeros(contours, dtype=np.int64),
+        np.empty((room, 4)),
+        np.zeros(3),
+        np.zeros(6),
+        np.zeros((3, 3)),
     )
+
+
+@compiled(void(OUTLINE, REALS, REALS, int64, TOUCH), called_from_python=False)
+def lay(outline: Outline, pose: Reals, bounds: Reals, lifts: int, touch: Touch) -> None:
+    """Find what of an outline touches the pad in the state of `touch`, and its moments: fills the rest of `touch`.
+
+    pose: (3,) sensor_in_object. bounds: as in `Layer`. If `lifts`, what is above the pad's surface does not touch.
+    Pieces that run to and fro along a cut enclose nothing.
+    """
+    state, moment = touch.state, touch.moment
+    cos, sin = math.cos(pose[2]), math.sin(pose[2])
+    cos_x, sin_x = math.cos(state[1]), math.sin(state[1])
+    cos_y, sin_y = math.cos(state[2]), math.sin(state[2])
     slope_x, slope_y = -math.tan(state[2]) / cos_x, math.tan(state[1])
     moment[:] = 0.0
-    for k in range(len(start) - 1):
-        n = start[k + 1] - start[k]
-        mine = corner[k]
+    for k in range(len(outline.start) - 1):
+        first = outline.start[k]
+        n = outline.start[k + 1] - first
+        corner = touch.corner[k]
         for i in range(n):
-            u, v = outline[start[k] + i, 0] - pose[0], outline[start[k] + i, 1] - pose[1]
+            u, v = outline.corners[first + i, 0] - pose[0], outline.corners[first + i, 1] - pose[1]
             x, y = cos * u + sin * v, -sin * u + cos * v
             # Seen along the pad's normal, a tilted face is shorter.
-            mine[i, 0], mine[i, 1], mine[i, 2] = cos_y * x, sin_x * sin_y * x + cos_x * y, 1.0
-        n = cut(n, mine, spare, -bounds[0], 1.0, 0.0)
-        n = cut(n, mine, spare, bounds[1], -1.0, 0.0)
-        n = cut(n, mine, spare, -bounds[2], 0.0, 1.0)
-        n = cut(n, mine, spare, bounds[3], 0.0, -1.0)
+            x, y = cos_y * x, sin_x * sin_y * x + cos_x * y
+            corner[i, 0], corner[i, 1], corner[i, 3] = x, y, 1.0
+            corner[i, 2] = state[0] + slope_x * x + slope_y * y
+        for axis in range(2):
+            n = cut(corner, n, axis, 1.0, bounds[2 * axis], touch.spare)
+            n = cut(corner, n, axis, -1.0, bounds[2 * axis + 1], touch.spare)
         if lifts:
-            n = cut(n, mine, spare, state[0], slope_x, slope_y)
-        count[k] = n
+            n = cut(corner, n, 2, 1.0, 0.0, touch.spare)
+        touch.counts[k] = n
         for i in range(n):
             j = i + 1 if i + 1 < n else 0
-            x0, y0, x1, y1 = mine[i, 0], mine[i, 1], mine[j, 0], mine[j, 1]
+            x0, y0, x1, y1 = corner[i, 0], corner[i, 1], corner[j, 0], corner[j, 1]
             # Sums over the triangle to the origin, twice its signed area first.
             twice = x0 * y1 - x1 * y0
             moment[0] += twice / 2
@@ -119,113 +154,120 @@ def solve_3(matrix: Reals, vector: Reals) -> None:
     vector[1], vector[2] = y, z
 
 
-@compiled(
-    float64(REALS_2D, INTS, REALS, REALS, REALS, REALS, INTS, REALS_3D, REALS_2D, REALS, REALS, REALS_2D),
-    called_from_python=False,
-)
-def balance(
-    outline: Reals, start: Ints, pose: Reals, tilt: Reals, bounds: Reals, press: Reals,
-    count: Ints, corner: Reals, spare: Reals, state: Reals, moment: Reals, matrix: Reals,
-) -> float:  # fmt: skip
+@compiled(float64(OUTLINE, REALS, REALS, LAYER, TOUCH), called_from_python=False)
+def balance(outline: Outline, pose: Reals, tilt: Reals, layer: Layer, touch: Touch) -> float:
     """Find depth and tilts at rest by Newton's method; returns the springs' stiffness N/mm^3, 0 without contact.
 
-    tilt: (2,) nominal, rad. press: (4,) force N, stiffness N/mm^3, thickness mm, wrist N mm/rad (negative: rigid).
-    The energy k/2 int d^2 + wrist/2 |tilt - nominal|^2 - force depth is convex; a step that does not lower it is
-    halved. matrix: (3, 3), its second derivative by depth and the slopes along x and y.
+    pose: (3,) sensor_in_object. tilt: (2,) nominal, rad. Fills `touch`.
+    A step is halved where it neither lowers the energy k/2 int d^2 + wrist/2 |tilt - nominal|^2 - force depth nor
+    halves what is missing in the balance: the energy alone would not do, as a tilted face is shorter, seen along the
+    pad's normal, by which it loses energy without a force.
     """
-    force, wrist = press[0], press[3]
+    bounds, springs = layer.bounds, layer.springs
+    state, moment, matrix = touch.state, touch.moment, touch.matrix
+    force, wrist = springs[0], springs[3]
     state[0], state[1], state[2] = 0.0, tilt[0], tilt[1]
-    lay(outline, start, pose, bounds, state, 0, count, corner, spare, moment)
+    lay(outline, pose, bounds, 0, touch)
     if moment[0] < LEAST_AREA:
         return 0.0
-    stiffness = max(press[1], force / (moment[0] * press[2]))
+    stiffness = max(springs[1], force / (moment[0] * springs[2]))
     step, best = np.zeros(3), np.zeros(3)
-    lowest = math.inf
+    lowest = least = math.inf
     lifts, halvings = 0, 0
     for _ in range(_MOST_STEPS):
-        slope_x, slope_y = -math.tan(state[2]) / math.cos(state[1]), math.tan(state[1])
+        cos_x, sin_x, cos_y, sin_y = (
+            math.cos(state[1]),
+            math.sin(state[1]),
+            math.cos(state[2]),
+            math.sin(state[2]),
+        )
+        slope_x, slope_y = -math.tan(state[2]) / cos_x, math.tan(state[1])
         a, sx, sy, sxx, sxy, syy = moment[0], moment[1], moment[2], moment[3], moment[4], moment[5]
         depth = state[0]
         load = stiffness * (depth * a + slope_x * sx + slope_y * sy)
         moment_x = stiffness * (depth * sx + slope_x * sxx + slope_y * sxy)
         moment_y = stiffness * (depth * sy + slope_x * sxy + slope_y * syy)
+        energy = (depth * load + slope_x * moment_x + slope_y * moment_y) / 2 - force * depth
+        missing, by_x, by_y = abs(force - load) / force, 0.0, 0.0
+        if wrist >= 0:
+            gave_x, gave_y = state[1] - tilt[0], state[2] - tilt[1]
+            energy += wrist / 2 * (gave_x * gave_x + gave_y * gave_y)
+            # The work of the layer and the wrist by the tilts, as in `balance._Problem.at`.
+            by_x = moment_y / cos_x**2 - moment_x * sin_x * sin_y / (cos_y * cos_x**2) + wrist * gave_x
+            by_y = -moment_x / (cos_y**2 * cos_x) + wrist * gave_y
+            missing = max(missing, max(abs(by_x), abs(by_y)) / (_REACH * force))
         if lifts:
-            energy = (depth * load + slope_x * moment_x + slope_y * moment_y) / 2 - force * depth
-            if wrist >= 0:
-                energy += wrist / 2 * ((state[1] - tilt[0]) ** 2 + (state[2] - tilt[1]) ** 2)
-            if energy > lowest + 1e-12 * force and halvings < 30:
+            worse = a < LEAST_AREA or (energy > lowest and missing > least / 2)
+            if worse and halvings < _MOST_HALVINGS:
+                halvings += 1
                 for i in range(3):
                     step[i] /= 2
                     state[i] = best[i] + step[i]
-                halvings += 1
-                lay(outline, start, pose, bounds, state, 1, count, corner, spare, moment)
+                lay(outline, pose, bounds, 1, touch)
                 continue
-            lowest, halvings = energy, 0
+            if worse:
+                return 0.0
+            lowest, least, halvings = energy, missing, 0
         matrix[0, 0] = stiffness * a
         matrix[1, 0] = matrix[0, 1] = stiffness * sx
         matrix[2, 0] = matrix[0, 2] = stiffness * sy
         matrix[1, 1], matrix[2, 2] = stiffness * sxx + max(wrist, 0.0), stiffness * syy + max(wrist, 0.0)
         matrix[2, 1] = matrix[1, 2] = stiffness * sxy
-        best[0], best[1], best[2] = state[0], state[1], state[2]
-        missing = abs(force - load) / force
-        if wrist < 0:
-            step[0], step[1], step[2] = (force - load) / matrix[0, 0], 0.0, 0.0
-        else:
-            cos_x, sin_x = math.cos(state[1]), math.sin(state[1])
-            cos_y, sin_y = math.cos(state[2]), math.sin(state[2])
-            # The energy's derivatives by the tilts, as in `balance`.
-            by_x = moment_y / cos_x**2 - moment_x * sin_x * sin_y / (cos_y * cos_x**2)
-            by_y = -moment_x / (cos_y**2 * cos_x)
-            by_x += wrist * (state[1] - tilt[0])
-            by_y += wrist * (state[2] - tilt[1])
-            missing = max(missing, max(abs(by_x), abs(by_y)) / (_REACH * force))
-            # A step in the slopes along x and y, which are -tan(tilt_y) and tan(tilt_x), nearly.
-            step[0], step[1], step[2] = force - load, by_y, -by_x
-            solve_3(matrix, step)
-            step[1], step[2] = step[2] * cos_x**2, -step[1] * cos_y**2
         if lifts and missing <= _BALANCE:
             break
         lifts = 1  # the first step was that of a face which touches all over
+        # A step in depth and in the slopes along x and y, which are -tan(tilt_y) and tan(tilt_x), nearly.
+        step[0], step[1], step[2] = force - load, by_y, -by_x
+        if wrist < 0:
+            step[0] /= matrix[0, 0]
+        else:
+            solve_3(matrix, step)
+            step[1], step[2] = step[2] * cos_x**2, -step[1] * cos_y**2
         for i in range(3):
-            state[i] = best[i] + step[i]
-        lay(outline, start, pose, bounds, state, 1, count, corner, spare, moment)
-        if moment[0] < LEAST_AREA:  # stepped off the face: begin again, a little deeper
-            state[0] = best[0] + abs(step[0])
-            lay(outline, start, pose, bounds, state, 1, count, corner, spare, moment)
+            best[i] = state[i]
+            state[i] += step[i]
+        lay(outline, pose, bounds, 1, touch)
     if abs(state[1]) > STEEPEST or abs(state[2]) > STEEPEST or moment[0] < LEAST_AREA:
         return 0.0
     return stiffness
 
 
-@compiled(
-    void(
-        REALS_2D, INTS, REALS_2D, REALS_2D, REALS, REALS, REALS_3D, REALS_3D, REALS, int64,
-        REALS_2D, REALS_3D,
-    )
-)  # fmt: skip
+@compiled(void(OUTLINE, REALS_2D, REALS_2D, LAYER, REALS, REALS_2D))
+def rest_all(
+    outline: Outline, poses: Reals, tilts: Reals, layer: Layer, forces: Reals, states: Reals
+) -> None:
+    """Find where an outline rests at poses (n, 3) with tilts (n, 2) under forces (n,) N instead of the layer's.
+
+    Fills states (n, 4): depth mm, tilts rad and the springs' stiffness N/mm^3, 0 without contact or balance.
+    """
+    touch = room_for(outline)
+    under = Layer(layer.bounds, layer.springs.copy())
+    for n in range(len(poses)):
+        under.springs[0] = forces[n]
+        states[n, 3] = balance(outline, poses[n], tilts[n], under, touch)
+        states[n, :3] = touch.state
+
+
+@compiled(void(OUTLINE, REALS_2D, REALS_2D, LAYER, FELT, int64, REALS_2D, REALS_3D))
 def press_all(
-    outline: Reals, start: Ints, poses: Reals, tilts: Reals, bounds: Reals, press: Reals,
-    felt_x: Reals, felt_y: Reals, table: Reals, derive: int, mean: Reals, by: Reals,
-) -> None:  # fmt: skip
+    outline: Outline,
+    poses: Reals,
+    tilts: Reals,
+    layer: Layer,
+    felt: Felt,
+    derive: int,
+    mean: Reals,
+    by: Reals,
+) -> None:
     """Press an outline at poses (n, 3) with tilts (n, 2): mean (n, taxels) kPa; if `derive`, by (n, 6, taxels) too.
 
-    felt_x: (nodes, 3, columns) what a column of taxels feels of a unit force at a node, its integral from the left
-    and that of x times it, 1/mm, 1 and mm. felt_y: (nodes, 1, rows). table: (3,) first node along x and y and the
-    distance of nodes, mm; between nodes they are linear. by: derivatives by the sensor's own motion [mm, mm, rad],
-    the nominal tilts [rad, rad] and the log of the force.
+    by: derivatives by the sensor's own motion [mm, mm, rad], the nominal tilts [rad, rad] and the log of the force.
     """
+    springs, felt_x, felt_y, table = layer.springs, felt.x, felt.y, felt.nodes
     columns, rows = felt_x.shape[2], felt_y.shape[2]
-    contours = len(start) - 1
-    room = 0
-    for k in range(contours):
-        room = max(room, start[k + 1] - start[k])
-    room = 8 * room + 64
-    count, corner, spare = (
-        np.zeros(contours, dtype=np.int64),
-        np.empty((contours, room, 3)),
-        np.empty((room, 3)),
-    )
-    state, moment, matrix, unit = np.zeros(3), np.zeros(6), np.zeros((3, 3)), np.zeros(3)
+    touch = room_for(outline)
+    corner, count, state, matrix = touch.corner, touch.counts, touch.state, touch.matrix
+    contours, unit = len(count), np.zeros(3)
     # Of the felt base functions 1, x, y; and of what the moving outline brings, by each of the three motions.
     base, flux = np.empty((3, rows, columns)), np.empty((3, rows, columns))
     pushed = np.empty((3, 3))
@@ -233,9 +275,7 @@ def press_all(
     for n in range(len(poses)):
         mean[n] = 0.0
         by[n] = 0.0
-        stiffness = balance(
-            outline, start, poses[n], tilts[n], bounds, press, count, corner, spare, state, moment, matrix
-        )
+        stiffness = balance(outline, poses[n], tilts[n], layer, touch)
         if stiffness == 0:
             continue
         slope_x, slope_y = -math.tan(state[2]) / math.cos(state[1]), math.tan(state[1])
@@ -247,7 +287,7 @@ def press_all(
                 j = i + 1 if i + 1 < count[k] else 0
                 x0, y0 = corner[k, i, 0], corner[k, i, 1]
                 dx, dy = corner[k, j, 0] - x0, corner[k, j, 1] - y0
-                moves = derive and corner[k, i, 2] > 0
+                moves = derive and corner[k, i, 3] > 0
                 if dy == 0 and not moves:
                     continue
                 pieces = math.ceil(math.hypot(dx, dy) / (60 * table[2]))
@@ -313,12 +353,12 @@ def press_all(
             else:
                 unit[:] = 0.0
                 if m == 3:  # a nominal tilt about x makes the face slope along y
-                    unit[2] = press[3]
+                    unit[2] = springs[3]
                 elif m == 4:
-                    unit[1] = -press[3]
+                    unit[1] = -springs[3]
                 else:
-                    unit[0] = press[0]
-            if press[3] < 0:
+                    unit[0] = springs[0]
+            if springs[3] < 0:
                 turn_x = -1.0 if m == 4 else 0.0
                 turn_y = 1.0 if m == 3 else 0.0
                 lost = unit[0] if m < 3 or m == 5 else 0.0

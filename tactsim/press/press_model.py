@@ -1,8 +1,8 @@
 """The forward model of an estimator: what the simulated pad would read of a letter, and how that changes.
 
-It is the press of `balance` and `exact` for flat faces on springs, worked out another way: `balance` lays cells of
-springs and has MuJoCo balance them, while here everything is an integral along the border of what touches. So a press
-takes some 10 us, derivatives included, and there are no cells: with finer cells the press comes nearer to this.
+It is the press of `exact` and `balance` for flat faces on springs. `exact` balances in the same closed form, and
+`balance` has MuJoCo do it; both spread the pressure cell by cell, while here it is an integral along the border of what
+touches. So a press takes some 20 us, derivatives included: with finer cells the others come nearer to this.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ from tactsim.core.poses import FloatArray, compose
 from tactsim.core.scan import Scan
 from tactsim.models import Letter
 from tactsim.press.engine import check_flat
+from tactsim.press.exact import outline, springs
 from tactsim.press.scan_options import ScanOptions
 from tactsim.press.scanning import letters_of
 from tactsim.press.spread import felt_along
@@ -53,16 +54,9 @@ class PressModel:
         self.letters = tuple(letter.name for letter in letters)
         self._taxel = taxel
         self.taxels = pad.taxels if taxel is None else len(taxel)
-        self._outlines = {
-            letter.name: (
-                np.concatenate(letter.contours),
-                np.cumsum([0, *(len(contour) for contour in letter.contours)]),
-            )
-            for letter in letters
-        }
+        self._outlines = {letter.name: outline(letter) for letter in letters}
         self._bounds = np.array(pad.load_bounds)
-        wrist = -1.0 if press.wrist_stiffness is None else press.wrist_stiffness
-        self._press = np.array([press.force, 1e-3 * press.stiffness, press.thickness, wrist])
+        self._springs = springs(press)
         self._tilt = np.array([press.tilt_x, press.tilt_y])
         low_x, high_x, low_y, high_y = self._bounds.tolist()
         self._felt_x, first_x, gap = _felt(low_x, high_x, pad.column_edges.tobytes(), sensor.psf_sigma)
@@ -133,11 +127,10 @@ class PressModel:
         On springs everything is proportional: c times the load and c times the tilts give c times the pressures.
         """
         # Brings compiled loops, which a model that never presses does without.
-        from tactsim.press.forward_kernels import press_all
+        from tactsim.press.forward_kernels import Felt, Layer, Outline, press_all
 
         if letter not in self._outlines:
             raise unknown("letter of the forward model", letter, self.letters)
-        outline, start = self._outlines[letter]
         poses = np.array(poses, dtype=float, order="C")  # the compiled loops take no read-only array
         tilted = np.tile(self._tilt, (len(poses), 1)) if tilts is None else tilts + self._tilt
         if load is not None:
@@ -146,8 +139,8 @@ class PressModel:
         mean = np.empty((len(poses), taxels))
         by = np.empty((len(poses), 6, taxels))
         press_all(
-            outline, start, poses, tilted, self._bounds, self._press, self._felt_x, self._felt_y, self._table,
-            int(derive), mean, by,
+            Outline(*self._outlines[letter]), poses, tilted, Layer(self._bounds, self._springs),
+            Felt(self._felt_x, self._felt_y, self._table), int(derive), mean, by,
         )  # fmt: skip
         if load is not None:
             mean *= load[:, None]

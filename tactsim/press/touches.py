@@ -16,6 +16,9 @@ from tactsim.models.letter import Letter
 if TYPE_CHECKING:
     from tactsim.press.scan_options import ScanOptions
 
+MOST_TILT = 0.35  # rad, 20 degrees: a letter that tilts further has tipped over
+TIPPED = "the wrist gives way until it tips over; press with less force or a stiffer wrist"
+
 
 class UnsettledError(InputError):
     """A press does not come to rest; it has no reading."""
