@@ -17,7 +17,7 @@ from tactsim.bench.stress.case_data import (
     probabilities,
 )
 from tactsim.core.poses import FloatArray
-from tactsim.estimators.filters.multinomial import draw
+from tactsim.estimators.filters.particle_kernels import draw
 from tactsim.estimators.filters.parzen import PARZEN_STEP, parzen_mode
 
 
@@ -79,7 +79,7 @@ def resampling(worst: Worst) -> None:
     varied="particles across the seam of the circle, weights over 30 decades, one to 200 of them",
     deviation="height of the highest node over that of the mode found, relative, by brute force",
     limit=1e-9,
-    because="both add up the same cones; light particles are left out only where they cannot decide",
+    because="both add up the same cones; columns are left out only where their upper bound is lower",
     quick=True,
 )
 def mode_of_the_density(worst: Worst) -> None:

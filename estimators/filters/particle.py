@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -13,21 +14,19 @@ from pydantic import Field, model_validator
 from tactsim.core.errors import InputError
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.estimator import Estimate, Options, PlaneBelief, PoseSamples
-from tactsim.estimators.filters.injection import Injection
 from tactsim.estimators.filters.kld import OccupiedBins, enough
 from tactsim.estimators.filters.map_filter import MapFilter
 from tactsim.estimators.filters.motion import Motion
-from tactsim.estimators.filters.multinomial import draw
-from tactsim.estimators.filters.particle_kernels import move, sum_by_letter
+from tactsim.estimators.filters.particle_kernels import draw, move
 from tactsim.estimators.filters.parzen import parzen_mode
 from tactsim.estimators.filters.states import (
     WeightedStates,
+    letter_mass,
     probabilities,
     shared,
     uniform_states,
 )
 from tactsim.estimators.filters.weights import Weights
-from tactsim.estimators.filters.xoshiro import Words, seeded, spacings
 from tactsim.estimators.options import FilterOptions
 
 
@@ -94,8 +93,7 @@ class ParticleFilter(MapFilter):
     """Particle filter over letter, x, y and angle (paper, eq. 8 to 12), resampled at every reading.
 
     Letters whose tables are equal are one hypothesis, whose particles bear the first one's number: if each had its own,
-    resampling would leave one of them by chance. The random numbers of the command update come from generators of
-    `xoshiro`, which the generator of `reset` seeds.
+    resampling would leave one of them by chance.
     injection: which particles are replaced by random ones after resampling; None for none.
     """
 
@@ -104,7 +102,7 @@ class ParticleFilter(MapFilter):
     moves = True
     options: ParticleOptions
     fitted_options: ParticleOptions
-    _random: Words
+    _rng: np.random.Generator
     _particles: _Particles
     _weights: Weights
 
@@ -116,12 +114,11 @@ class ParticleFilter(MapFilter):
     def _fit(self) -> None:
         noise = self.fitted_options
         self._noise = np.array([noise.noise_mm, noise.noise_mm, noise.noise_rad])
-        self._distinct = len(set(self.field.alike.tolist())) == len(self.labels)
 
     def _reset(self, rng: np.random.Generator) -> None:
         """Spread the particles evenly over letters and uniformly over poses."""
         count = self.options.particles
-        self._rng, self._random = rng, seeded(rng)
+        self._rng = rng.spawn(1)[0]
         letter = np.sort(self.field.alike[np.arange(count) % len(self.labels)])
         scale = np.empty(0, dtype=np.int64)
         if self.motion is not None:
@@ -151,28 +148,18 @@ class ParticleFilter(MapFilter):
 
     def own_estimate(self) -> Estimate:
         """Sum the weights of each letter (eq. 9); find the mode (eq. 12) within the best letter."""
-        alike, mass = self.field.alike, np.empty(len(self.labels))
-        letter, state, weight = self._particles.letter, self._particles.state, self._weights.relative
-        sum_by_letter(mass, weight, letter)
-        mass = mass if self._distinct else shared(mass, alike)
+        alike, letter = self.field.alike, self._particles.letter
+        mass = shared(letter_mass(letter, self._weights, len(self.labels)), alike)
         best = int(mass.argmax())
-        mine = letter == alike[best]
-        count = int(np.count_nonzero(mine))
-        if count < len(mine):
-            first = int(mine.argmax())
-            some = slice(first, first + count)
-            # They stand in the order of letters, but for random ones that were injected.
-            chosen = some if mine[some].all() else mine
-            state, weight = np.ascontiguousarray(state[:, chosen]), weight[chosen]
-        mode, left_out = parzen_mode(state, weight, self.options.rho, self.options.skip)
-        self._cones += left_out
-        poses = state.T
-        poses.flags.writeable = False  # they are the filter's own
+        of_best = np.flatnonzero(letter == alike[best])
+        state, weight = self._particles.state.take(of_best, axis=1), self._weights.relative[of_best]
+        mode, skipped = parzen_mode(state, weight, self.options.rho, self.options.skip)
+        self._cones += skipped
         return Estimate(
             label=self.labels[best],
             probabilities=probabilities(self.labels, mass),
             robot_in_object=mode,
-            samples=PoseSamples(poses, weight / weight.sum()),
+            samples=PoseSamples(state.T, weight / weight.sum()),
         )
 
     def own_states(self) -> WeightedStates:
@@ -209,7 +196,7 @@ class ParticleFilter(MapFilter):
         drawn whichever bins they fall into. So the number is the same.
         """
         chosen, parts, count = self.fitted_options, [], 0
-        bins = OccupiedBins(chosen.kld_mm, chosen.kld_rad, self._most)
+        bins = OccupiedBins(chosen.kld_mm, chosen.kld_rad)
         wanted = chosen.min_particles
         while count < wanted:
             parts.append(self._draw(wanted - count))
@@ -221,7 +208,7 @@ class ParticleFilter(MapFilter):
     def _draw(self, count: int) -> _Particles:
         """Draw particles with replacement, with probability proportional to their weights, and move them."""
         chosen = np.empty(count, dtype=np.int64)
-        draw(chosen, self._weights.relative, spacings(self._random, count + 1))
+        draw(chosen, self._weights.relative, self._rng.standard_exponential(count + 1))
         drawn = self._moved(chosen) if self.motion is None else self._follow(self.motion, chosen)
         if self._injection is not None:
             replaced = self._injection.choose(count, self._rng)
@@ -235,9 +222,9 @@ class ParticleFilter(MapFilter):
     def _moved(self, chosen: NDArray[np.int64]) -> _Particles:
         """Copy the chosen particles with the noise of the command update."""
         old, count = self._particles, len(chosen)
-        letter, state = np.empty(count, dtype=np.int64), np.empty((3, count))
-        move(letter, state, old.letter, old.state, chosen, self._noise, self.reach, self._random)
-        return _Particles(letter, state, old.scale)
+        state, normal = np.empty((3, count)), self._rng.standard_normal((3, count))
+        move(state, old.state, chosen, normal, self._noise, self.reach)
+        return _Particles(old.letter[chosen], state, old.scale)
 
     def _follow(self, motion: Motion, chosen: NDArray[np.int64]) -> _Particles:
         """Move the chosen particles as the object may move, each with a scale of its own (command update).
@@ -255,6 +242,37 @@ class ParticleFilter(MapFilter):
         step = rng.standard_normal((count, 3)) * np.sqrt(variance)[:, None]
         state = motion.state(motion.placed(old.state.take(chosen, axis=1)) + step)
         return _Particles(old.letter[chosen], state, scale)
+
+
+class Injection:
+    """Replace each particle with probability max(0, 1 - w_fast / w_slow).
+
+    w_slow and w_fast follow the mean weight, with the decays `alpha_slow` and `alpha_fast`; both are kept as logs.
+    """
+
+    def __init__(self, alpha_slow: float, alpha_fast: float) -> None:
+        self._alpha_slow, self._alpha_fast = alpha_slow, alpha_fast
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the means."""
+        self._log_slow = self._log_fast = -math.inf
+
+    def follow(self, weights: Weights) -> None:
+        """Move both means towards the mean of these weights, which must not have lost a common factor."""
+        self._log_slow = _mix(self._log_slow, weights.log_mean, self._alpha_slow)
+        self._log_fast = _mix(self._log_fast, weights.log_mean, self._alpha_fast)
+
+    def choose(self, count: int, rng: np.random.Generator) -> NDArray[np.intp]:
+        """Choose which of `count` particles are to be replaced: their indices."""
+        share = max(0.0, -math.expm1(min(0.0, self._log_fast - self._log_slow)))
+        return np.flatnonzero(rng.random(count) < share) if share > 0 else np.empty(0, dtype=np.intp)
+
+
+def _mix(log_mean: float, log_value: float, share: float) -> float:
+    """Move a mean by a share towards a value, both in logs; a mean of nothing has log -inf."""
+    stay = math.log1p(-share) if share < 1 else -math.inf
+    return float(np.logaddexp(stay + log_mean, math.log(share) + log_value))
 
 
 class AugmentedOptions(ParticleOptions):

@@ -1,56 +1,41 @@
-"""The command update of a particle filter, and the sum of its weights, each in one pass (compiled)."""
+"""The inner loops of the particle filter: independent draws in proportion to weights, and the command update."""
 
 from __future__ import annotations
 
-import numpy as np
-from numba import float64, uint64, void
+import math
+
+from numba import float64, void
 
 from tactsim.core.compiling import INTS, REALS, REALS_2D, Ints, Reals, compiled
-from tactsim.estimators.filters.xoshiro import WORDS, Words, fill_words, normals
-
-_BATCH = 128  # particles, whose random numbers stay in the cache; three words each are a multiple of 2 LANES
 
 
-@compiled(void(INTS, REALS_2D, INTS, REALS_2D, INTS, REALS, float64, WORDS), ordered=False)
-def move(
-    letter: Ints, state: Reals, from_letter: Ints, from_state: Reals, chosen: Ints, noise: Reals, reach: float,
-    random: Words,
-) -> None:  # fmt: skip
-    """Copy the chosen particles and corrupt them with noise (command update); x and y stay within reach.
+@compiled(void(INTS, REALS, REALS))
+def draw(chosen: Ints, weight: Reals, spacing: Reals) -> None:
+    """Choose indices with probability proportional to their weights, with replacement; ascending.
 
-    letter: (particles,), state: (3, particles) T_R^O are overwritten. chosen: (particles,) indices into from_letter
-    and from_state. noise: (3,) standard deviations, mm, mm, rad. random: the state of `xoshiro`. Of every 128
-    particles the first 128 normal numbers are for x, the next for y, the last for the angle.
+    chosen: (draws,) is overwritten. weight: (n,). spacing: (draws + 1,) exponential random numbers: their running sums,
+    as shares of the sum of all, are uniform numbers in ascending order, so that nothing needs to be sorted (Devroye
+    1986, section V.3.1).
     """
-    words, normal = np.empty(3 * _BATCH, dtype=np.uint64), np.empty(3 * _BATCH)
-    sigma_x, sigma_y, sigma_angle = noise[0], noise[1], noise[2]
-    from_x, from_y, from_angle = from_state[0], from_state[1], from_state[2]
-    to_x, to_y, to_angle = state[0], state[1], state[2]
-    for begin in range(uint64(0), uint64(len(letter)), uint64(_BATCH)):
-        fill_words(random, words)
-        normals(words, normal)
-        for k in range(min(uint64(_BATCH), uint64(len(letter)) - begin)):
-            i = begin + k
-            one = uint64(chosen[i])
-            letter[i] = from_letter[one]
-            x = from_x[one] + sigma_x * normal[k]
-            y = from_y[one] + sigma_y * normal[k + uint64(_BATCH)]
-            to_x[i] = min(max(x, -reach), reach)
-            to_y[i] = min(max(y, -reach), reach)
-            to_angle[i] = from_angle[one] + sigma_angle * normal[k + uint64(2 * _BATCH)]
+    share, last = weight.sum() / spacing.sum(), len(weight) - 1
+    index, filled, reached = 0, weight[0], 0.0
+    for i in range(len(chosen)):
+        reached += spacing[i] * share
+        while reached >= filled and index < last:
+            index += 1
+            filled += weight[index]
+        chosen[i] = index
 
 
-@compiled(void(REALS, REALS, INTS))
-def sum_by_letter(mass: Reals, weight: Reals, letter: Ints) -> None:
-    """Sum the weights of each letter (eq. 9): mass (letters,) is overwritten. weight, letter: (particles,).
+@compiled(void(REALS_2D, REALS_2D, INTS, REALS_2D, REALS, float64))
+def move(state: Reals, before: Reals, chosen: Ints, normal: Reals, noise: Reals, reach: float) -> None:
+    """Copy the chosen states and corrupt them with noise (command update); x and y stay within reach.
 
-    It is quick where particles stand in runs of one letter: a sum in memory for each particle takes thrice as long.
+    state: (3, draws) T_R^O is overwritten. before: (3, n). chosen: (draws,) indices into it. normal: (3, draws) normal
+    random numbers of deviation 1. noise: (3,) standard deviations, mm, mm, rad. reach: mm.
     """
-    mass[:] = 0
-    current, total = letter[0], 0.0
-    for i in range(len(letter)):
-        if letter[i] != current:
-            mass[current] += total
-            current, total = letter[i], 0.0
-        total += weight[i]
-    mass[current] += total
+    for axis in range(3):
+        limit = reach if axis < 2 else math.inf
+        for i in range(len(chosen)):
+            moved = before[axis, chosen[i]] + noise[axis] * normal[axis, i]
+            state[axis, i] = min(max(moved, -limit), limit)

@@ -1,27 +1,25 @@
-"""The mode of the particles' kernel density (paper, eq. 10 to 12)."""
+"""The mode of the particles' kernel density (paper, eq. 10 to 12), on the paper's grid."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 
 import numpy as np
+from numba import boolean, float64, void
 from numpy.typing import NDArray
 
+from tactsim.core.compiling import INTS, REALS, REALS_2D, Ints, Reals, compiled
 from tactsim.core.poses import FloatArray
-from tactsim.estimators.filters.cone_search import search_grid
-from tactsim.estimators.filters.cones import (
-    PARZEN_STEP,
-    TURN,
-    cone_profiles,
-    heaviest,
-    window,
-)
 
-# Of the sum of the weights: the lightest particles that hold it are added only at nodes that may be the highest.
+# The grid on which the paper evaluates the density of eq. 11: mm, mm, rad.
+PARZEN_STEP = np.array([0.5, 0.5, 0.04 * np.pi])
+TURN = 50  # of its nodes in a circle
+# Particles with less than this share of the mean weight hold together less than this share of all weight.
 _LIGHT = 0.01
-# Nodes along a side of the tiles in which the density is worked out, 64 mm: the paper's poses fit into one.
-_TILE = 128
+# Upper bounds are raised by this share, so that rounding does not matter.
+_ROUNDING = 1e-9
+# Columns along a side of an array of bounds, 0.5 m: the paper's poses fit into one array.
+_LARGEST = 1000
 
 
 def parzen_mode(
@@ -29,77 +27,97 @@ def parzen_mode(
 ) -> tuple[FloatArray, int]:
     """Find the pose of highest density (eq. 10 to 12) on the grid of 0.5 mm and 0.04 pi rad.
 
-    state: (3, n) mm, mm, rad. weight: (n,). A grid gets upper bounds of the particles' cones; the exact density is
-    summed at the nodes that may be the highest. skip: the lightest particles are left out of the grid, and what they
-    hold together is added to every bound. Of equally high nodes the first counts, by y, x, angle. Also returns how
-    many particles' cones were left out.
+    state: (3, n) mm, mm, rad. weight: (n,) from 0, not all 0. Of equally high nodes the first counts, by y, x, angle.
+    Also returns how many particles were skipped.
+
+    A column is all nodes of one x and y. Nowhere in it is the density higher than if all particles had the node's
+    angle; of light particles, which are most of them, all weight is taken. Columns are summed in the order of these
+    upper bounds, until a bound is below the highest node; particles that reach none of them are skipped. skip=False:
+    all columns are summed.
     """
-    if not 0.5 <= weight.max() <= 1:
-        weight = weight / weight.max()  # of a size for float32
-    for share in (_LIGHT, 0.0) if skip else (0.0,):
-        mode, left_out = _highest_node(state, weight, rho, share)
-        if mode is not None:
-            return mode, left_out
-    # No cone reaches a node.
-    column, row, angle = np.rint(state[:, weight.argmax()] / PARZEN_STEP).astype(np.int64).tolist()
-    return _pose(column, row, angle % TURN), 0
+    state, weight = np.ascontiguousarray(state), weight / weight.max()
+    is_light = weight < (_LIGHT * weight.mean() if skip else 0.0)
+    heavy, light = np.flatnonzero(~is_light), float(weight @ is_light)
+    columns, bounds = _columns(state[:2].take(heavy, axis=1), weight[heavy], rho)
+    density, summed = np.empty(TURN), np.zeros(len(weight), dtype=np.bool_)
+    best, node = 0.0, (0, 0, 0)
+    for k in np.argsort(-bounds).tolist():
+        if skip and (bounds[k] + light) * (1 + _ROUNDING) < best:
+            break
+        column, row = columns[k].tolist()
+        sum_column(density, summed, columns[k] * PARZEN_STEP[:2], state, weight, rho)
+        angle = int(density.argmax())
+        here = row, column, angle
+        if density[angle] > best or (density[angle] == best > 0 and here < node):
+            best, node = float(density[angle]), here
+    if light > 0 and best <= light:  # the highest node may be in a column that light particles alone reach
+        return parzen_mode(state, weight, rho, skip=False)
+    if best == 0:  # no particle reaches a node
+        column, row, angle = np.rint(state[:, weight.argmax()] / PARZEN_STEP).astype(np.int64).tolist()
+        node = row, column, angle % TURN
+    row, column, angle = node
+    pose = PARZEN_STEP * [column, row, angle if 2 * angle < TURN else angle - TURN]
+    return pose, int(np.count_nonzero(~summed)) if skip else 0
 
 
-def _highest_node(
-    state: FloatArray, weight: FloatArray, rho: float, share: float
-) -> tuple[FloatArray | None, int]:
-    """Find the highest node of the density, with the lightest states, up to a share, left out of the grid.
+def _columns(place: FloatArray, weight: FloatArray, rho: float) -> tuple[NDArray[np.int64], FloatArray]:
+    """List the columns [x, y] (m, 2), in steps of the grid, that particles reach, and their upper bounds (m,).
 
-    Also returns how many are left out. Gives None if those left out may reach a node that no other one does, or must
-    be looked at in too many nodes.
+    place: (2, n) mm, weight: (n,). Particles that lie far apart are split into two parts. A column near the cut is then
+    listed twice, once with all its particles.
     """
-    chosen, box = np.empty(len(weight), dtype=np.int64), np.empty(4)
-    count, light = heaviest(chosen, box, state, weight, share)
-    best, place, profiles = light, np.zeros(3, dtype=np.int64), cone_profiles(rho)
-    tiles = list(_tiles(state, chosen[:count], box, rho))
-    for corner, size, mine in tiles:
-        best = search_grid(
-            place, state, weight, mine, corner, size, rho, profiles, light, best, len(tiles) == 1
+    lowest, highest = place.min(axis=1), place.max(axis=1)
+    first = np.floor((lowest - rho) / PARZEN_STEP[:2]).astype(np.int64)
+    size = np.floor((highest + rho) / PARZEN_STEP[:2]).astype(np.int64) - first + 2
+    if size.max() > _LARGEST:
+        axis = int(size.argmax())
+        cut = (lowest[axis] + highest[axis]) / 2
+        parts = place[axis] < cut + rho, place[axis] > cut - rho
+        listed = [_columns(place[:, part], weight[part], rho) for part in parts]
+        return np.concatenate([columns for columns, _ in listed]), np.concatenate(
+            [bound for _, bound in listed]
         )
-        if best < 0:
-            return None, 0
-    if best <= light:
-        return None, 0
-    row, column, angle = place.tolist()
-    return _pose(column, row, angle), len(weight) - count
+    bound = np.zeros(size[::-1])
+    add_bounds(bound, np.ascontiguousarray(place), weight, first, rho)
+    y, x = np.divmod(np.flatnonzero(bound), size[0])
+    return np.stack([x, y], axis=1) + first, bound[y, x]
 
 
-def _pose(column: int, row: int, angle: int) -> FloatArray:
-    """Give the pose of a node."""
-    dx, dy, turn = PARZEN_STEP.tolist()
-    return np.array([column * dx, row * dy, (angle if 2 * angle < TURN else angle - TURN) * turn])
+@compiled(void(REALS_2D, REALS_2D, REALS, INTS, float64), ordered=False)
+def add_bounds(bound: Reals, place: Reals, weight: Reals, first: Ints, rho: float) -> None:
+    """Add the weighted cones of particles to the upper bounds of columns, as if they had the angle of each node.
 
-
-def _tiles(
-    state: FloatArray, chosen: NDArray[np.int64], box: FloatArray, rho: float
-) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]]:
-    """Cut the plane into tiles, and leave out those that no cone reaches.
-
-    box: the least and the largest x, and y, of the chosen states. Gives each tile's first [column, row], how many
-    [columns, rows] it has, with a rim for cones that reach beyond it, and the states whose cones may reach it.
+    bound: (rows, columns) from the node first = [column, row], before all that a cone reaches, to one after them.
+    place: (2, n) mm. weight: (n,). rho: mm and rad.
     """
-    rim = window(rho)[0] + 2
-    dx, dy, _ = PARZEN_STEP.tolist()
-    # The first node of each cone along x and y, or one before it; it ends before `rim` nodes further.
-    left, right, low, high = (
-        math.floor((edge - rho) / step) for edge, step in zip(box.tolist(), (dx, dx, dy, dy), strict=True)
-    )
-    if max(right - left, high - low) + rim <= _TILE:
-        yield np.array([left, low]), np.array([right - left + rim, high - low + rim]), chosen
-        return
-    first = [
-        np.floor((state[k, chosen] - rho) / PARZEN_STEP[k]).astype(np.int64) - (left, low)[k] for k in (0, 1)
-    ]
-    x, y = ([one // _TILE, (one + rim) // _TILE] for one in first)
-    across, states = (right - left + rim) // _TILE + 1, state.shape[1]
-    tile = np.concatenate([j * across + i for i in x for j in y])
-    tile, owner = np.divmod(np.unique(tile * states + np.tile(chosen, 4)), states)
-    for near in np.split(np.arange(len(tile)), np.flatnonzero(np.diff(tile)) + 1):
-        row, column = divmod(int(tile[near[0]]), across)
-        corner = np.array([left + column * _TILE - rim, low + row * _TILE - rim])
-        yield corner, np.full(2, _TILE + 2 * rim), owner[near]
+    step = PARZEN_STEP[0]  # in x as in y
+    radius = rho / step
+    wide = math.ceil(2 * radius)
+    for i in range(len(weight)):
+        x, y = place[0, i] / step - first[0], place[1, i] / step - first[1]
+        left, low = int(x - radius) + 1, int(y - radius) + 1
+        for row in range(low, low + wide):
+            for column in range(left, left + wide):
+                away = math.sqrt((column - x) ** 2 + (row - y) ** 2)
+                bound[row, column] += weight[i] * max(0.0, 1 - away / radius)
+
+
+@compiled(void(REALS, boolean[::1], REALS, REALS_2D, REALS, float64), ordered=False)
+def sum_column(
+    density: Reals, summed: NDArray[np.bool_], column: Reals, state: Reals, weight: Reals, rho: float
+) -> None:
+    """Sum the weighted cones (eq. 10, 11) of particles at the nodes of a column, around the circle.
+
+    density: (TURN,) is overwritten. summed: (n,) becomes true for the particles that reach the column. column: [x, y]
+    mm. state: (3, n) mm, mm, rad. weight: (n,). The distance of eq. 10 counts mm and rad alike.
+    """
+    density[:] = 0
+    step = PARZEN_STEP[2]
+    for i in range(len(weight)):
+        square = (state[0, i] - column[0]) ** 2 + (state[1, i] - column[1]) ** 2
+        if square < rho * rho:
+            summed[i] = True
+            turn, reach = state[2, i] / step, math.sqrt(rho * rho - square) / step
+            for k in range(math.ceil(turn - reach), math.floor(turn + reach) + 1):
+                away = math.sqrt(square + ((k - turn) * step) ** 2)
+                density[k % TURN] += weight[i] * max(0.0, 1 - away / rho)

@@ -56,9 +56,8 @@ def test_a_reading_beside_the_plain_gather_and_the_likelihood(vowels, name, part
         gather.append(process_time() - start)
     whole, likelihood = np.median(seconds, axis=0)
     print(
-        f"\n{name}, {particles:,} particles: a reading takes {whole / likelihood:.2f} likelihood evaluations "
-        f"(asked of particle at 50,000: at most 2.0); it is {np.median(gather) / whole:.1f} times faster than the "
-        "plain gather (gate: 3.5)"
+        f"\n{name}, {particles:,} particles: a reading takes {whole / likelihood:.2f} likelihood evaluations; "
+        f"it is {np.median(gather) / whole:.1f} times faster than the plain gather (gate: 3.5)"
     )
     # The plain gather is the gate: it stays as it is when the filter's own likelihood becomes faster.
     assert np.median(gather) / whole > 3.5

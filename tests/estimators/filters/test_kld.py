@@ -38,7 +38,7 @@ def test_the_divergence_of_so_many_draws_is_below_the_error_as_often_as_promised
 def test_bins_are_counted_once_each_and_close_around_the_circle():
     rng = np.random.default_rng(0)
     letter, state = rng.integers(0, 3, 4000), rng.uniform(-1, 1, (3, 4000)) * [[6.0], [6.0], [40.0]]
-    bins = OccupiedBins(1.5, 0.5, 4000)
+    bins = OccupiedBins(1.5, 0.5)
     for part in np.array_split(np.arange(4000), 7):
         bins.add(letter[part], state[:, part])
     around = math.ceil(2 * math.pi / 0.5)
@@ -56,7 +56,7 @@ def particles(filter, readings, poses):
     for reading, pose in zip(readings, poses, strict=True):
         filter.update(reading, pose)
         belief = filter.weighted_states()
-        bins = OccupiedBins(1.0, 0.2, len(belief.letter))
+        bins = OccupiedBins(1.0, 0.2)
         bins.add(belief.letter, belief.state)
         yield len(belief.letter), len(bins)
 

@@ -1,47 +1,74 @@
-"""One step of a particle filter, against plain NumPy with the same random numbers."""
+"""The inner loops of the particle filter, against plain NumPy with the same random numbers."""
+
+import math
 
 import numpy as np
 import pytest
 
-from tactsim.estimators.filters.multinomial import draw
-from tactsim.estimators.filters.particle_kernels import move, sum_by_letter
-from tactsim.estimators.filters.xoshiro import fill_words, normals, seeded, spacings
+from tactsim.estimators.filters.particle_kernels import draw, move
 
 
-def numpys_step(letter, state, weight, noise, reach, random, count):
-    """Resample and move as one would with NumPy: sorted uniform numbers, searchsorted, fancy indexing, clip."""
-    gaps = spacings(random, count + 1)[: count + 1]
-    uniform = np.cumsum(gaps)[:-1] / gaps.sum()
-    chosen = np.searchsorted(np.cumsum(weight), uniform * weight.sum(), side="right")
-    normal, words = np.empty((3, -(-count // 128), 128)), np.empty(384, dtype=np.uint64)
-    for batch in range(normal.shape[1]):
-        three = np.empty(384)
-        fill_words(random, words)
-        normals(words, three)
-        normal[:, batch] = three.reshape(3, 128)
-    moved = state[:, chosen] + noise[:, None] * normal.reshape(3, -1)[:, :count]
-    moved[:2] = np.clip(moved[:2], -reach, reach)
-    return letter[chosen], moved
-
-
-@pytest.mark.parametrize("count", [1, 127, 128, 1000])
-def test_compiled_steps_give_the_particles_of_plain_numpy(count):
-    rng = np.random.default_rng(count)
-    letter, weight = rng.integers(0, 5, 700), 10.0 ** -rng.uniform(0, 12, 700)
-    state, noise = rng.uniform(-4, 4, (3, 700)), np.array([1.0, 0.5, 0.1])
-    random = seeded(rng)
-    theirs = numpys_step(letter, state, weight, noise, 4.0, random.copy(), count)
-    chosen, ours = np.empty(count, dtype=np.int64), (np.empty(count, dtype=np.int64), np.empty((3, count)))
-    draw(chosen, weight, spacings(random, count + 1))
-    move(*ours, letter, state, chosen, noise, 4.0, random)
-    assert ours[0].tolist() == theirs[0].tolist()
-    assert ours[1] == pytest.approx(theirs[1], abs=1e-12)
-    assert np.abs(ours[1][:2]).max() <= 4
-
-
-def test_weights_are_summed_by_letter_in_any_order():
+def test_draws_are_in_proportion_to_the_weights():
     rng = np.random.default_rng(0)
-    for letter in (np.zeros(9, dtype=np.int64), rng.integers(0, 4, 500), np.sort(rng.integers(0, 4, 500))):
-        weight, mass = rng.random(len(letter)), np.ones(5)
-        sum_by_letter(mass, weight, letter)
-        assert mass == pytest.approx(np.bincount(letter, weight, minlength=5))
+    weights = np.array([0.0, 3.0, 1.0, 0.0, 6.0, 0.0])
+    chosen = np.empty(100_000, dtype=np.int64)
+    draw(chosen, weights, rng.standard_exponential(len(chosen) + 1))
+    assert (np.diff(chosen) >= 0).all()
+    shares = np.bincount(chosen, minlength=6) / len(chosen)
+    # Five standard deviations of a binomial share.
+    assert shares == pytest.approx(weights / 10, abs=5 * 0.5 / math.sqrt(len(chosen)))
+    assert shares[[0, 3, 5]].tolist() == [0, 0, 0]
+
+
+def test_spacings_are_sorted_uniform_numbers():
+    # Drawn from equal weights, one number in each n-th part of [0, 1) with spacings all alike.
+    chosen = np.empty(9, dtype=np.int64)
+    draw(chosen, np.ones(10), np.ones(10))  # the numbers are 0.1, 0.2, ..., 0.9
+    assert chosen.tolist() in ([1, 2, 3, 4, 5, 6, 7, 8, 9], [0, 1, 2, 3, 4, 5, 6, 7, 8])
+    draw(chosen, np.ones(10), np.append(np.full(9, 1.0), 10.0))  # up to 9/19
+    assert chosen.tolist() == [0, 1, 1, 2, 2, 3, 3, 4, 4]
+
+
+@pytest.mark.parametrize("weights", [1, 2, 15, 1000])
+@pytest.mark.parametrize("draws", [1, 7, 16, 40, 1500])
+def test_draws_are_those_of_a_search_in_running_sums(weights, draws):
+    rng = np.random.default_rng(weights + draws)
+    for kind in range(4):
+        weight, spacing = rng.random(weights) ** 20, rng.standard_exponential(draws + 1)
+        if kind == 1:  # sums that are equal, which no rounding hides
+            weight, spacing = np.full(weights, 2.0**-3), np.full(draws + 1, 2.0**-3)
+        elif kind == 2:  # nothing at either end
+            weight = np.where(np.abs(np.arange(weights) - weights // 2) < 3, weight, 0.0)
+        elif kind == 3:  # all in one, now and then the last
+            weight = np.where(np.arange(weights) == rng.integers(max(0, weights - 2), weights), 1.0, 0.0)
+        chosen = np.empty(draws, dtype=np.int64)
+        draw(chosen, weight, spacing)
+        filled, reached = np.cumsum(weight), np.cumsum(spacing * (weight.sum() / spacing.sum()))
+        wanted = np.searchsorted(filled, reached[:-1], side="right")
+        # The sums are rounded differently, which may decide where two are equal.
+        rounded = np.isclose(filled[:, None], reached[:-1], rtol=1e-12).any(axis=0)
+        assert chosen[~rounded].tolist() == np.minimum(wanted, weights - 1)[~rounded].tolist()
+
+
+def test_draws_are_independent_of_each_other():
+    # Two equal halves of n draws: the count of the first is binomial, not as even as systematic resampling makes it.
+    rng = np.random.default_rng(4)
+    counts, chosen = [], np.empty(64, dtype=np.int64)
+    for _ in range(4000):
+        draw(chosen, np.ones(2), rng.standard_exponential(65))
+        counts.append(64 - chosen.sum())
+    # The standard error of a variance of 16 from 4,000 samples is 0.36.
+    assert np.var(counts) == pytest.approx(16, abs=1.5)
+    assert np.mean(counts) == pytest.approx(32, abs=5 * 4 / math.sqrt(4000))
+
+
+@pytest.mark.parametrize("count", [1, 127, 1000])
+def test_particles_move_as_in_plain_numpy(count):
+    rng = np.random.default_rng(count)
+    before, noise = rng.uniform(-4, 4, (3, 700)), np.array([1.0, 0.5, 0.1])
+    chosen, normal = rng.integers(700, size=count), rng.standard_normal((3, count))
+    state = np.empty((3, count))
+    move(state, before, chosen, normal, noise, 4.0)
+    wanted = before[:, chosen] + noise[:, None] * normal
+    wanted[:2] = np.clip(wanted[:2], -4, 4)
+    assert state == pytest.approx(wanted, abs=1e-12)

@@ -48,34 +48,42 @@ def beliefs(count, most=60):
         yield states, weights, float(rng.choice([0.3, 1.0, 3.0]))
 
 
-def test_tiles_find_the_same_mode(monkeypatch):
+def test_bounds_in_several_arrays_find_the_same_mode(monkeypatch):
     for states, weights, rho in beliefs(40):
-        monkeypatch.setattr(module, "_TILE", 1000)
         mode, _ = parzen_mode(states, weights, rho)
-        for tile in (24, 33, 64):
-            monkeypatch.setattr(module, "_TILE", tile)
-            assert parzen_mode(states, weights, rho)[0].tolist() == mode.tolist()
+        for largest in (30, 40, 64):
+            with monkeypatch.context() as patch:
+                patch.setattr(module, "_LARGEST", largest)
+                assert parzen_mode(states, weights, rho)[0].tolist() == mode.tolist()
 
 
-def test_leaving_light_particles_out_of_the_grid_changes_no_mode():
-    left_out = 0
+def test_skipped_columns_change_no_mode():
+    skipped = 0
     for states, weights, rho in beliefs(60, most=400):
-        mode, without = parzen_mode(states, weights, rho)
+        mode, left_out = parzen_mode(states, weights, rho)
         whole, none = parzen_mode(states, weights, rho, skip=False)
         assert mode.tolist() == whole.tolist()
-        assert none == 0 <= without < len(weights)
-        left_out += without
-    assert left_out > 1000
+        assert none == 0 <= left_out < len(weights)
+        skipped += left_out
+    assert skipped > 1000
 
 
-def test_many_nodes_that_light_particles_could_lift_are_left_to_the_whole_grid():
-    # Light particles everywhere, as heavy together as may be left out: no single one of the heavy stands out.
+def test_light_particles_everywhere_can_make_the_highest_node():
+    # As heavy together as light ones may be, where no single heavy one stands out.
     rng = np.random.default_rng(5)
     states = rng.uniform(-1, 1, (3, 4000)) * [[20.0], [20.0], [3.1]]
-    weights = np.where(np.arange(4000) < 300, 1.0, 0.0005)
-    mode, left_out = parzen_mode(states, weights)
-    assert mode.tolist() == parzen_mode(states, weights, skip=False)[0].tolist()
-    assert left_out == 0
+    for heavy, light in ((300, 0.0005), (1, 1e-5), (1, 1.0)):
+        weights = np.where(np.arange(4000) < heavy, 1.0, light)
+        mode, _ = parzen_mode(states, weights)
+        assert mode.tolist() == parzen_mode(states, weights, skip=False)[0].tolist()
+
+
+def test_a_node_that_light_particles_alone_reach_can_be_the_highest():
+    # The heavy one's cone ends before any node; those of the light ones, at a node, are added up there.
+    states = np.concatenate([[[0.25], [0.25], [0.06]], np.zeros((3, 500))], axis=1)
+    weights = np.append(1.0, np.full(500, 1e-5))
+    states[0, 1:] = 20.0
+    assert parzen_mode(states, weights, rho=0.3)[0] == pytest.approx([20.0, 0.0, 0.0])
 
 
 def test_particles_of_no_weight_can_still_be_the_only_ones():
