@@ -1,11 +1,13 @@
-"""Read an untrusted .npz file: nothing is unpickled, sizes are limited, and every fault is an InputError."""
+"""Write arrays as .npz, and read an untrusted file: nothing is unpickled, and every fault is an InputError."""
 
 from __future__ import annotations
 
+import json
 import zipfile
 import zlib
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from contextlib import nullcontext
+from hashlib import sha256
 from io import BytesIO
 from pathlib import Path
 from typing import IO, Any
@@ -14,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactsim.core.errors import InputError
-from tactsim.core.files import opened
+from tactsim.core.files import opened, replacing
 
 LARGEST = 1 << 30  # bytes that all arrays of a file may claim: 100,000 readings of 1,000 taxels fit
 
@@ -53,6 +55,29 @@ def read_npz(
         # A name that is not UTF-8 is a ValueError.
         except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, ValueError) as error:
             raise InputError(f"it is not a whole .npz file: {error}") from error
+
+
+def digest_of(meta: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> str:
+    """Name arrays and what is said of them by their content: equal ones have equal digests (SHA-256, hex)."""
+    content = sha256(json.dumps(meta, sort_keys=True).encode())
+    for name, given in arrays.items():
+        array = np.ascontiguousarray(given)
+        content.update(f"{name} {array.dtype.str} {array.shape}".encode())
+        content.update(array.tobytes())
+    return content.hexdigest()
+
+
+def write_npz(path: str | Path, meta: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> None:
+    """Write arrays and `meta`, a JSON string, as .npz: whole or not at all, and equal ones as equal bytes.
+
+    Raises InputError if `path` cannot be written.
+    """
+    content = BytesIO()
+    stated = np.array(json.dumps(meta, sort_keys=True))
+    # np.savez writes no dates and keeps the members' order, so the bytes depend on the content alone.
+    np.savez_compressed(content, allow_pickle=False, **arrays, meta=stated)
+    with replacing(path) as stream:
+        stream.write(content.getbuffer())
 
 
 def _members(

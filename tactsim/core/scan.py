@@ -15,21 +15,10 @@ from numpy.typing import NDArray
 
 from tactsim.core.documents import parse_json
 from tactsim.core.errors import InputError, short, unknown
-from tactsim.core.given_arrays import names_of, readings_a_press, splits_of
-from tactsim.core.npz import MissingArrayError, read_npz
+from tactsim.core.finite import finite
+from tactsim.core.npz import MissingArrayError, digest_of, read_npz, write_npz
 from tactsim.core.poses import FloatArray
 from tactsim.core.provenance import check_statements, spdx_name, statements
-from tactsim.core.scan_arrays import (
-    as_loads,
-    as_names,
-    as_numbers,
-    as_presses,
-    digest_of,
-    joined_loads,
-    joined_presses,
-    joined_sequences,
-    write_arrays,
-)
 
 if TYPE_CHECKING:
     from tactsim.core.pad import Pad
@@ -82,9 +71,9 @@ class Scan:
 
     def __post_init__(self) -> None:
         for name in ("readings", "poses", "taxel_xy"):
-            object.__setattr__(self, name, as_numbers(name, getattr(self, name), 2))
+            object.__setattr__(self, name, _as_numbers(name, getattr(self, name), 2))
         for name in ("labels", "split"):
-            object.__setattr__(self, name, as_names(name, getattr(self, name)))
+            object.__setattr__(self, name, _as_names(name, getattr(self, name)))
         count, taxels = self.readings.shape
         wanted = {"poses": (count, 3), "labels": (count,), "split": (count,), "taxel_xy": (taxels, 2)}
         for name, shape in wanted.items():
@@ -97,9 +86,9 @@ class Scan:
             raise InputError("scan: readings have no taxels")
         self._check_sequence()
         if self.loads is not None:
-            object.__setattr__(self, "loads", as_loads(self.loads, count))
+            object.__setattr__(self, "loads", _as_loads(self.loads, count))
         if self.presses is not None:
-            object.__setattr__(self, "presses", as_presses(self.presses, count))
+            object.__setattr__(self, "presses", _as_presses(self.presses, count))
         for label in self.letters:
             if not is_label(label):
                 raise InputError(
@@ -121,9 +110,9 @@ class Scan:
         if len(given) < len(_SEQUENCE):
             missing = next(name for name in _SEQUENCE if name not in given)
             raise InputError(f"scan: {given[0]} without {missing}; a sequence has {', '.join(_SEQUENCE)}")
-        sequence = as_numbers("sequence", self.sequence, 3, np.float32)
-        times = as_numbers("sequence_times", self.sequence_times, 1)
-        force = as_numbers("sequence_force", self.sequence_force, 2, np.float32)
+        sequence = _as_numbers("sequence", self.sequence, 3, np.float32)
+        times = _as_numbers("sequence_times", self.sequence_times, 1)
+        force = _as_numbers("sequence_force", self.sequence_force, 2, np.float32)
         (count, taxels), frames = self.readings.shape, sequence.shape[1]
         wanted = ((count, frames, taxels), (frames,), (count, frames))
         for name, array, shape in zip(_SEQUENCE, (sequence, times, force), wanted, strict=True):
@@ -243,8 +232,8 @@ class Scan:
         both = [np.concatenate([getattr(self, name), getattr(other, name)]) for name in _ARRAYS[:4]]
         readings, poses, labels, split = both
         return Scan(
-            readings, poses, labels, split, self.taxel_xy, meta, **joined_sequences(self, other),
-            loads=joined_loads(self, other), presses=joined_presses(self, other),
+            readings, poses, labels, split, self.taxel_xy, meta, **_joined_sequences(self, other),
+            loads=_joined_loads(self, other), presses=_joined_presses(self, other),
         )  # fmt: skip
 
     def licensed(self, licence: str) -> Scan:
@@ -287,7 +276,7 @@ class Scan:
 
         The same scan gives the same bytes. Raises InputError if `path` cannot be written.
         """
-        write_arrays(path, self.meta, {name: getattr(self, name) for name in self._arrays})
+        write_npz(path, self.meta, {name: getattr(self, name) for name in self._arrays})
 
     @classmethod
     def load(cls, path: str | Path) -> Scan:
@@ -335,4 +324,177 @@ def is_label(name: str) -> bool:
 def _meta(array: NDArray[Any]) -> dict[str, Any]:
     if array.shape != () or array.dtype.kind != "U":
         raise InputError(f"scan: meta must be a text, got {array.dtype} {array.shape}")
-    return parse_json(str(as_names("meta", array)), "scan: meta")
+    return parse_json(str(_as_names("meta", array)), "scan: meta")
+
+
+def _as_numbers(name: str, values: Any, axes: int, kind: Any = float) -> NDArray[Any]:
+    """Return finite numbers along so many axes, read only. Raises InputError for anything else."""
+    array = np.asarray(values)
+    if array.dtype.kind not in "fiu" or array.ndim != axes:
+        what = "a table of numbers" if axes == 2 else f"numbers along {axes} axes"
+        raise InputError(f"scan: {name} must be {what}, got {array.dtype} {array.shape}")
+    array = finite(array, f"scan: {name}").astype(kind)
+    array.setflags(write=False)
+    return array
+
+
+def _as_names(name: str, values: Any) -> NDArray[np.str_]:
+    """Return texts, read only. Raises InputError for anything else."""
+    array = np.asarray(values)
+    if array.dtype.kind != "U" and array.size:
+        raise InputError(f"scan: {name} must be names, got {array.dtype}")
+    array = array.astype(np.str_)
+    try:
+        longest = max(map(len, array.ravel().tolist()), default=0)
+    except (ValueError, SystemError) as error:  # a code beyond Unicode
+        raise InputError(f"scan: {name} are no text: {error}") from None
+    array = array.astype(f"U{max(longest, 1)}")  # so that equal scans are alike, bit for bit
+    array.setflags(write=False)
+    return array
+
+
+def _as_loads(values: Any, count: int) -> FloatArray:
+    """Return the loads of `count` presses, N, read only; NaN stands for one that is not known.
+
+    Raises InputError for a load below 0, and for what are no `count` numbers.
+    """
+    array = np.asarray(values)
+    if array.dtype.kind not in "fiu" or array.shape != (count,):
+        raise InputError(
+            f"scan: loads must be {count:,} numbers, one a press, got {array.dtype} {array.shape}"
+        )
+    array = array.astype(float)
+    known = ~np.isnan(array)
+    if (finite(array[known], "scan: loads") < 0).any():
+        raise InputError(
+            f"scan: a load is {short(float(array[known].min()))} N; a press is made with 0 or more"
+        )
+    array.setflags(write=False)
+    return array
+
+
+def _as_presses(values: Any, count: int) -> NDArray[np.int64]:
+    """Return the presses of `count` readings, whole numbers from 0 on, read only. Raises InputError for others."""
+    array = np.asarray(values)
+    if array.dtype.kind not in "iu" or array.shape != (count,) or (array.astype(np.int64) < 0).any():
+        raise InputError(
+            f"scan: presses must be {count:,} whole numbers from 0 on, one a reading, got {array.dtype} {array.shape}"
+        )
+    array = array.astype(np.int64)
+    array.setflags(write=False)
+    return array
+
+
+def _joined_sequences(first: Scan, second: Scan) -> dict[str, Any]:
+    """Append the sequences of two scans, the shorter ones held at their last image; nothing if times differ."""
+    times, more = first.sequence_times, second.sequence_times
+    if times is None or more is None:
+        return {}
+    if len(more) > len(times):
+        times, more = more, times
+    if not np.array_equal(times[: len(more)], more):
+        return {}
+    joined: dict[str, Any] = {"sequence_times": times}
+    for name in ("sequence", "sequence_force"):
+        longer = []
+        for array in (getattr(first, name), getattr(second, name)):
+            rest = [(0, 0)] * array.ndim
+            rest[1] = (0, len(times) - array.shape[1])
+            longer.append(np.pad(array, rest, mode="edge"))
+        joined[name] = np.concatenate(longer)
+    return joined
+
+
+def _joined_loads(first: Scan, second: Scan) -> FloatArray | None:
+    """Append the loads of two scans; those of a scan that says none are not known. None if neither says any."""
+    if first.loads is None and second.loads is None:
+        return None
+    return np.concatenate(
+        [np.full(len(scan), np.nan) if scan.loads is None else scan.loads for scan in (first, second)]
+    )
+
+
+def _joined_presses(first: Scan, second: Scan) -> NDArray[np.int64] | None:
+    """Append the presses of two scans, counted on; None if each reading of both is of a press of its own."""
+    if first.presses is None and second.presses is None:
+        return None
+    before, after = (
+        np.arange(len(scan)) if scan.presses is None else scan.presses for scan in (first, second)
+    )
+    return np.concatenate([before, after + before.max(initial=-1) + 1])
+
+
+def readings_a_press(values: Any, pad: Pad) -> NDArray[Any]:
+    """Bring readings into the shape (n, taxels): the pictures of a pad in a row, several images of a press averaged.
+
+    values: (n, taxels), (n, rows, columns), (n, images, taxels) or (n, images, rows, columns) numbers. Raises
+    InputError for another shape.
+    """
+    array = np.asarray(values)
+    if array.dtype.kind not in "fiu":
+        raise InputError(f"readings are {array.dtype}, no numbers")
+    picture = (pad.rows, pad.columns)
+    if array.ndim > 2 and array.shape[-2:] == picture:
+        array = array.reshape(*array.shape[:-2], pad.taxels)
+    if array.ndim not in (2, 3) or array.shape[-1] != pad.taxels or not all(array.shape[1:]):
+        raise InputError(
+            f"readings have the shape {np.shape(values)}; a pad of {pad.rows}x{pad.columns} taxels asks for (presses, "
+            f"{pad.taxels}), (presses, {pad.rows}, {pad.columns}), or several images of each press between the two"
+        )
+    return array if array.ndim == 2 else array.mean(axis=1)
+
+
+def names_of(values: Any, what: str) -> NDArray[np.str_]:
+    """Read names (n,): texts as they are without blanks around them, bytes as UTF-8, whole numbers written out.
+
+    Raises InputError for anything else.
+    """
+    array = np.asarray(values)
+    if array.dtype.kind in "SO":
+        array = np.array(_as_texts(array.ravel(), what), dtype=np.str_).reshape(array.shape)
+    array = array.reshape(-1) if array.size == max(array.shape, default=1) else array  # a row or a column
+    if array.ndim != 1 or array.dtype.kind not in "Ufiu":
+        raise InputError(f"{what} are {array.dtype} of shape {array.shape}, no row of names or whole numbers")
+    if array.dtype.kind == "U":
+        return np.char.strip(array)
+    if not (np.isfinite(array).all() and (array == np.round(array)).all() and (np.abs(array) < 2**53).all()):
+        raise InputError(
+            f"{what} are numbers that are not whole, such as {short(float(array[0]))}; give names"
+        )
+    return array.astype(np.int64).astype(np.str_)
+
+
+def _as_texts(values: NDArray[Any], what: str) -> list[str]:
+    """Read texts or bytes. Raises InputError for other objects, and for bytes that are no UTF-8."""
+    texts = []
+    for value in values.tolist():
+        if isinstance(value, bytes):
+            try:
+                value = value.decode()
+            except UnicodeDecodeError:
+                raise InputError(
+                    f"{what} hold {short(value)}, which is no UTF-8; give them as texts"
+                ) from None
+        if not isinstance(value, str):
+            raise InputError(
+                f"{what} hold {short(value)}, which is no text; give names, as in labels.astype(str)"
+            )
+        texts.append(value)
+    return texts
+
+
+def splits_of(values: Any, count: int) -> NDArray[np.str_]:
+    """Read a split (n,): "train" or "test", or whether each press is to train on; None: all are.
+
+    Raises InputError for anything else.
+    """
+    if values is None:
+        return np.full(count, "train")
+    array = np.asarray(values)
+    if array.dtype.kind in "fiu" and np.isin(array, (0, 1)).all():
+        array = array.astype(bool)
+    if array.dtype.kind == "b":
+        return np.where(array.reshape(-1), "train", "test")
+    if array.dtype.kind != "U":
+        raise InputError("the split is neither 'train' and 'test' nor 1 (to train on) and 0 (to test with)")
+    return names_of(array, "split")

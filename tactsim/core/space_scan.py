@@ -15,12 +15,11 @@ from numpy.typing import NDArray
 from tactsim.core.documents import parse_json
 from tactsim.core.errors import InputError, unknown
 from tactsim.core.finite import finite
-from tactsim.core.npz import read_npz
+from tactsim.core.npz import digest_of, read_npz, write_npz
 from tactsim.core.poses import FloatArray
 from tactsim.core.provenance import check_statements
 from tactsim.core.rigid import checked_poses
 from tactsim.core.scan import SPLITS, is_label
-from tactsim.core.scan_arrays import digest_of, write_arrays
 
 _ARRAYS = ("readings", "poses", "labels", "split", "taxel_points", "taxel_normals", "touch")
 _SEQUENCE = ("sequence", "sequence_force")
@@ -160,7 +159,7 @@ class SpaceScan:
 
         Raises InputError if `path` cannot be written.
         """
-        write_arrays(path, self.meta, {name: getattr(self, name) for name in self._arrays})
+        write_npz(path, self.meta, {name: getattr(self, name) for name in self._arrays})
 
     @classmethod
     def load(cls, path: str | Path) -> SpaceScan:

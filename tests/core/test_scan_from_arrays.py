@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from tactsim.core import InputError, Pad, Scan
-from tactsim.core.given_arrays import names_of, readings_a_press, splits_of
+from tactsim.core.scan import names_of, readings_a_press, splits_of
 
 PAD = Pad(rows=2, columns=3, seam=None)
 FLAT = np.arange(24.0).reshape(4, 6)
