@@ -11,8 +11,8 @@ from typing import Any, TypeVar
 from pydantic import BaseModel
 
 from tactsim.bench.config import RunConfig, ScanWords, run_config, scan_options
-from tactsim.bench.run import Run
-from tactsim.bench.runner import perform, silent
+from tactsim.bench.experiment import perform, silent
+from tactsim.bench.results import Run
 from tactsim.bench.tasks import task
 from tactsim.bench.trials import Progress
 from tactsim.core import InputError, Scan

@@ -11,7 +11,7 @@ import numpy as np
 from pydantic import BaseModel
 
 from tactsim.bench.config import RunConfig, flag_of
-from tactsim.bench.run import Run
+from tactsim.bench.results import Run
 from tactsim.bench.score import all_right_from, errors, settled_95
 from tactsim.core import InputError
 from tactsim.core.poses import FloatArray

@@ -30,7 +30,7 @@ def modules_with_kernels() -> list[str]:
     names = [
         "tactsim." + name.removesuffix(".py").replace(os.sep, ".")
         for name, path in python_files("tactsim")
-        if any(words in Path(path).read_bytes() for words in HOLDS_KERNELS)
+        if HOLDS_KERNELS in Path(path).read_bytes()
     ]
     return [name for name in names if not name.startswith(_OF_SOLIDS)]
 

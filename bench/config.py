@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -17,7 +18,6 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 from pydantic.fields import FieldInfo
 
-from tactsim.bench.settings import as_paths, merged, nested
 from tactsim.bench.slip import SLIPS, Slip
 from tactsim.core import InputError
 from tactsim.core.checking import checked
@@ -26,6 +26,80 @@ from tactsim.core.errors import unknown
 
 if TYPE_CHECKING:
     from tactsim.press import ScanOptions
+
+
+def key_values(pairs: Iterable[str], option: str) -> dict[str, Any]:
+    """Parse `key=value` words; dots nest: `press.force=3` gives {"press": {"force": "3"}}.
+
+    Values stay text, for the configuration's own types to read; `none` stands for None.
+    Raises InputError if a word has no `=`, or one name has two values or is both a value and a group.
+    """
+    result: dict[str, Any] = {}
+    for pair in pairs:
+        key, equals, value = pair.partition("=")
+        if not (equals and key.strip()):
+            raise InputError(f"{option} {pair!r}: write it as key=value")
+        *groups, last = key.strip().split(".")
+        inner = result
+        for group in groups:
+            inner = inner.setdefault(group, {})
+            if not isinstance(inner, dict):
+                raise InputError(f"{option} {pair!r}: {group!r} has a value already")
+        if isinstance(inner.get(last), dict):
+            raise InputError(f"{option} {pair!r}: {last!r} is a group of options")
+        if last in inner:
+            raise InputError(f"{option} {pair!r}: {key.strip()} is given twice")
+        inner[last] = None if value.strip().lower() == "none" else value.strip()
+    return result
+
+
+def nested(words: Any) -> Any:
+    """Let dots in names nest, as on the command line: {"press.force": 5} is {"press": {"force": 5}}.
+
+    Raises InputError if one option has two values.
+    """
+    if not isinstance(words, Mapping):
+        return words
+    result: dict[str, Any] = {}
+    for name, value in words.items():
+        for part in reversed(str(name).split(".")):
+            value = {part: value}
+        twice = _in_both(result, value)
+        if twice:
+            raise InputError(f"{twice} is given twice")
+        result = merged(result, value)
+    return result
+
+
+def _in_both(one: Mapping[str, Any], other: Mapping[str, Any]) -> str:
+    """Name an option that has a value in both of two nested tables, with dots; empty if there is none."""
+    for name in one.keys() & other.keys():
+        if not (isinstance(one[name], Mapping) and isinstance(other[name], Mapping)):
+            return name
+        if inner := _in_both(one[name], other[name]):
+            return f"{name}.{inner}"
+    return ""
+
+
+def merged(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
+    """Return nested values with nested changes applied; neither argument is modified."""
+    result = dict(base)
+    for key, value in changes.items():
+        inner = result.get(key)
+        result[key] = (
+            merged(inner, value) if isinstance(inner, Mapping) and isinstance(value, Mapping) else value
+        )
+    return result
+
+
+def as_paths(words: Any) -> Any:
+    """Take one path for a list of one."""
+    return (words,) if isinstance(words, str | Path) else words
+
+
+def whole_number(text: str) -> int | None:
+    """Read a count of at most nine digits; None if `text` is not one."""
+    return int(text) if re.fullmatch(r"[0-9]{1,9}", text) else None
 
 
 EACH = "each"  # of hold_out: every trial's own letter is held out, one after another
@@ -179,6 +253,10 @@ class RunConfig(ScanWords):
         None,
         description="Trials measured on a pad (--port), a folder: instead of a scan, each trial with its own presses.",
     )
+    bound: bool = Field(
+        False,
+        description="Also work out the Cramer-Rao bound of the error; it takes as long as the presses.",
+    )
     given: Annotated[str | None, Flag(None)] = Field(
         None, description="Digest of the readings that were given in Python."
     )
@@ -286,7 +364,8 @@ class RunConfig(ScanWords):
         """Hash what the run is asked to do; equal values have one digest, whatever world's file or task says them."""
         rest = self.model_dump(mode="json", include={"estimator", "trials", "readings", "explore", "seed"})
         moves = [] if self.moving.still else [self.moving.model_dump(mode="json")]
-        content = json.dumps([self.source, self.options, rest, *moves], sort_keys=True, default=str)
+        asked = ["bound"] if self.bound else []
+        content = json.dumps([self.source, self.options, rest, *moves, *asked], sort_keys=True, default=str)
         return hashlib.sha256(content.encode()).hexdigest()
 
 

@@ -11,9 +11,9 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, MaxNLocator, NullLocator
 
-from tactsim.bench.counted import counted
-from tactsim.bench.run import Run
+from tactsim.bench.results import Run
 from tactsim.core import InputError
+from tactsim.core.errors import counted
 
 BLUE, ORANGE, GREY = "#3366aa", "#cc6633", "#666666"
 

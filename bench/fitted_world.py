@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from pydantic import BaseModel
 
-from tactsim.bench.settings import merged
+from tactsim.bench.config import merged
 from tactsim.hardware.sensor_fit import SensorFit
 from tactsim.press.scan_options import PressOptions, ScanOptions, SensorOptions
 

@@ -10,7 +10,7 @@ from urllib.parse import quote
 import numpy as np
 from numpy.typing import NDArray
 
-from tactsim.bench.offered_touches import RecordedTouches
+from tactsim.bench.trials import RecordedTouches
 from tactsim.core import InputError, Pad, Scan
 from tactsim.core.poses import FloatArray
 from tactsim.core.seeds import stream

@@ -15,26 +15,19 @@ replaced.
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 
-import numpy as np
-
-from tactsim.bench.bound.efficiency import ENOUGH, determined
 from tactsim.bench.console import exit_status
-from tactsim.bench.counted import counted
 from tactsim.bench.page_blocks import fill_blocks, fill_page, markdown_table
 from tactsim.bench.places import SWEEPS
-from tactsim.bench.pooled import Figure, Pooled, pool
+from tactsim.bench.pooled import HEADINGS, Pooled, cell, pool
 from tactsim.bench.report.collect import find
-from tactsim.bench.report.pareto import recognition_seconds
-from tactsim.bench.results import load
-from tactsim.bench.run import Run
-from tactsim.bench.score import recoveries
-from tactsim.bench.trial_plan import source_of_trials
+from tactsim.bench.results import Run, load
+from tactsim.bench.trials import source_of_trials
 from tactsim.core import InputError
-from tactsim.core.errors import unknown
+from tactsim.core.errors import counted, unknown
 from tactsim.core.source_digest import short_commit
 
 # Of how many scans, of different seeds, a published figure is made at least: those of one scan share its maps.
@@ -136,106 +129,6 @@ def _by_method(pools: Sequence[Pooled], figures: Sequence[str]) -> list[list[str
 def _name(pools: Sequence[Pooled], protocol: str, task: str) -> str:
     """Name a condition by its task, and by its protocol if that is not the first one's."""
     return task if protocol == pools[0].protocol else f"{task} ({protocol})"
-
-
-def cell(one: Pooled, figure: str) -> str:
-    """Write one figure of a pool, such as right@5, with its interval; right@5,10 for two readings, without.
-
-    Raises InputError for an unknown figure or a reading that the runs do not have.
-    """
-    name, _, at = figure.partition("@")
-    if "," in at:
-        return " / ".join(cell(one, f"{name}@{reading}").partition(" (")[0] for reading in at.split(","))
-    if name in READINGS and not at:
-        found = READINGS[name](one)
-        value, low, high = (str(part or "later") for part in (found.value, found.low, found.high))
-        return value if low == high == value else f"{value} ({low}-{high})"
-    if name == "recovered_within_3" and not at:
-        found = _recovered(one)
-        return "-" if found.value is None else f"{found.value:.3f} ({found.low:.3f}-{found.high:.3f})"
-    if name == "ms" and not at:
-        return f"{1e3 * recognition_seconds(one.trials, one.runs[0].readings):.3g}"
-    if name in CURVES and at.isdigit():
-        reading, readings = int(at), one.runs[0].readings
-        if not 1 <= reading <= readings:
-            raise InputError(f"the figure {figure} asks for reading {reading} of {readings}")
-        found = CURVES[name](one, reading - 1)
-        if found.value is None:
-            return "-"
-        digits = 2 if name in ("error", "efficiency", "sharpness") else 3
-        return f"{found.value:.{digits}f} ({found.low:.{digits}f}-{found.high:.{digits}f})"
-    raise unknown(
-        "figure", figure, (*READINGS, "recovered_within_3", "ms", *(f"{curve}@5" for curve in CURVES))
-    )
-
-
-def _error(one: Pooled, k: int) -> Figure:
-    return one.mean(one.errors[:, k], of=one.trials.named[:, k])
-
-
-def _recovered(one: Pooled) -> Figure:
-    of_runs = [recoveries(run.trials, run.objects, 3) for run in one.runs]
-    jumps, found = (np.concatenate(column) for column in zip(*of_runs, strict=True))
-    return one.mean(found / np.maximum(jumps, 1), of=jumps > 0)
-
-
-def _bound(one: Pooled, k: int) -> Figure:
-    if one.bounds is None:
-        return Figure(None, None, None)
-    return one.mean(one.bounds[:, k], of=determined(one.bounds[:, k], one.trials))
-
-
-def _efficiency(one: Pooled, k: int) -> Figure:
-    if one.bounds is None or determined(one.bounds[:, k], one.trials).mean() < ENOUGH:
-        return Figure(None, None, None)
-    chosen = one.trials.named[:, k] & determined(one.bounds[:, k], one.trials)
-    return one.ratio(one.errors[:, k] * chosen, one.bounds[:, k] * chosen)
-
-
-def _coverage(one: Pooled, k: int, share: float) -> Figure:
-    return one.mean(one.trials.credibility[:, k] < share, of=one.trials.sure[:, k])
-
-
-def _sharpness(one: Pooled, k: int) -> Figure:
-    sure = one.trials.sure[:, k]
-    return one.mean(np.where(sure, one.trials.radius_90[:, k], 0), of=sure)
-
-
-# The figures that a table may ask for, of a pool of runs: after reading k + 1, and readings by which something holds.
-CURVES: dict[str, Callable[[Pooled, int], Figure]] = {
-    "right": lambda one, k: one.mean(one.trials.right[:, k]),
-    "error": _error,
-    "bound": _bound,
-    "efficiency": _efficiency,
-    "coverage_50": lambda one, k: _coverage(one, k, 0.5),
-    "coverage_90": lambda one, k: _coverage(one, k, 0.9),
-    "sharpness": _sharpness,
-    "calibration_gap": lambda one, k: one.mean(one.trials.p_label[:, k] - one.trials.right[:, k]),
-    "refused_unknown": lambda one, k: one.mean(one.trials.right[:, k], of=~one.trials.known),
-    "refused_known": lambda one, k: one.mean(one.trials.label[:, k] == "none", of=one.trials.known),
-}
-READINGS: dict[str, Callable[[Pooled], Figure]] = {
-    "settled_95": lambda one: one.settled(0.95),
-    "settled_50": lambda one: one.settled(0.5),
-    "all_right_from": Pooled.all_right_from,
-}
-HEADINGS = {
-    "right": "right after {}",
-    "error": "error after {}, mm",
-    "bound": "Cramer-Rao bound after {}, mm",
-    "efficiency": "error / bound after {}",
-    "coverage_50": "50 % regions hold the truth after {}",
-    "coverage_90": "90 % regions hold the truth after {}",
-    "sharpness": "90 % within, after {}, mm",
-    "calibration_gap": "letter's probability less its accuracy after {}",
-    "refused_unknown": "refused after {}",
-    "refused_known": "others refused after {}",
-    "settled_95": "95 % settled by",
-    "settled_50": "half settled by",
-    "all_right_from": "all right from",
-    "recovered_within_3": "jumps found again",
-    "ms": "ms a recognition",
-}
 
 
 def _heading(figure: str) -> str:

@@ -78,19 +78,17 @@ def save_beside(save: Callable[[Path], Path], folder: Path) -> Path:
         place = folder.with_name(f"{folder.name}-{number}")
 
 
-def save_and_show(save: Callable[[], Path], show: Callable[[Path | None], None]) -> None:
-    """Save results and show them, each also where the other fails: a full disk, a reader that is gone.
+def try_to_save(save: Callable[[], Path]) -> tuple[Path | None, InputError | None]:
+    """Save results; where that fails, for example on a full disk, they can still be shown before the error is raised.
 
-    save: writes them and returns where. show: is given that, or None if they could not be written. Raises InputError
-    if they could not, and what `show` raises.
+    save: writes them and returns where. Returns the place and None, or None and the error.
     """
-    place = None
     try:
-        place = save()
+        return save(), None
     except InputError as error:
-        raise InputError(f"{error}; the results are in no file, only in what was printed") from error
-    finally:
-        show(place)
+        failure = InputError(f"{error}; the results are in no file, only in what was printed")
+        failure.__cause__ = error
+        return None, failure
 
 
 def check_folder(path: Path) -> None:

@@ -9,7 +9,7 @@ more, and there are only five, they hold the truth in 85 to 90 % of cases instea
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import Any
@@ -17,11 +17,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tactsim.bench.report.collect import Budget, budget, method_name, task_name
-from tactsim.bench.run import Run
-from tactsim.bench.score import errors, settled_at, settled_by
+from tactsim.bench.naming import Budget, budget, method_name, task_name
+from tactsim.bench.results import Run
+from tactsim.bench.score import errors, recognition_seconds, recoveries, settled_at, settled_by
 from tactsim.bench.trials import Trials
 from tactsim.core import InputError
+from tactsim.core.errors import unknown
 from tactsim.core.poses import FloatArray
 
 DRAWS = 2000
@@ -157,3 +158,107 @@ def pool(runs: Iterable[Run]) -> list[Pooled]:
         pools.append(Pooled(method, of, protocol, task, tuple(alike)))
     kinds = list(dict.fromkeys((one.protocol, one.task) for one in pools))
     return sorted(pools, key=lambda one: kinds.index((one.protocol, one.task)))
+
+
+def cell(one: Pooled, figure: str) -> str:
+    """Write one figure of a pool, such as right@5, with its interval; right@5,10 for two readings, without.
+
+    Raises InputError for an unknown figure or a reading that the runs do not have.
+    """
+    name, _, at = figure.partition("@")
+    if "," in at:
+        return " / ".join(cell(one, f"{name}@{reading}").partition(" (")[0] for reading in at.split(","))
+    if name in READINGS and not at:
+        found = READINGS[name](one)
+        value, low, high = (str(part or "later") for part in (found.value, found.low, found.high))
+        return value if low == high == value else f"{value} ({low}-{high})"
+    if name == "recovered_within_3" and not at:
+        found = _recovered(one)
+        return "-" if found.value is None else f"{found.value:.3f} ({found.low:.3f}-{found.high:.3f})"
+    if name == "ms" and not at:
+        return f"{1e3 * recognition_seconds(one.trials, one.runs[0].readings):.3g}"
+    if name in CURVES and at.isdigit():
+        reading, readings = int(at), one.runs[0].readings
+        if not 1 <= reading <= readings:
+            raise InputError(f"the figure {figure} asks for reading {reading} of {readings}")
+        found = CURVES[name](one, reading - 1)
+        if found.value is None:
+            return "-"
+        digits = 2 if name in ("error", "efficiency", "sharpness") else 3
+        return f"{found.value:.{digits}f} ({found.low:.{digits}f}-{found.high:.{digits}f})"
+    raise unknown(
+        "figure", figure, (*READINGS, "recovered_within_3", "ms", *(f"{curve}@5" for curve in CURVES))
+    )
+
+
+def _error(one: Pooled, k: int) -> Figure:
+    return one.mean(one.errors[:, k], of=one.trials.named[:, k])
+
+
+def _recovered(one: Pooled) -> Figure:
+    of_runs = [recoveries(run.trials, run.objects, 3) for run in one.runs]
+    jumps, found = (np.concatenate(column) for column in zip(*of_runs, strict=True))
+    return one.mean(found / np.maximum(jumps, 1), of=jumps > 0)
+
+
+def _bound(one: Pooled, k: int) -> Figure:
+    from tactsim.bench.bound.efficiency import determined  # a default run does without the room of bounds
+
+    if one.bounds is None:
+        return Figure(None, None, None)
+    return one.mean(one.bounds[:, k], of=determined(one.bounds[:, k], one.trials))
+
+
+def _efficiency(one: Pooled, k: int) -> Figure:
+    from tactsim.bench.bound.efficiency import ENOUGH, determined
+
+    if one.bounds is None or determined(one.bounds[:, k], one.trials).mean() < ENOUGH:
+        return Figure(None, None, None)
+    chosen = one.trials.named[:, k] & determined(one.bounds[:, k], one.trials)
+    return one.ratio(one.errors[:, k] * chosen, one.bounds[:, k] * chosen)
+
+
+def _coverage(one: Pooled, k: int, share: float) -> Figure:
+    return one.mean(one.trials.credibility[:, k] < share, of=one.trials.sure[:, k])
+
+
+def _sharpness(one: Pooled, k: int) -> Figure:
+    sure = one.trials.sure[:, k]
+    return one.mean(np.where(sure, one.trials.radius_90[:, k], 0), of=sure)
+
+
+# The figures that a table may ask for, of a pool of runs: after reading k + 1, and readings by which something holds.
+CURVES: dict[str, Callable[[Pooled, int], Figure]] = {
+    "right": lambda one, k: one.mean(one.trials.right[:, k]),
+    "error": _error,
+    "bound": _bound,
+    "efficiency": _efficiency,
+    "coverage_50": lambda one, k: _coverage(one, k, 0.5),
+    "coverage_90": lambda one, k: _coverage(one, k, 0.9),
+    "sharpness": _sharpness,
+    "calibration_gap": lambda one, k: one.mean(one.trials.p_label[:, k] - one.trials.right[:, k]),
+    "refused_unknown": lambda one, k: one.mean(one.trials.right[:, k], of=~one.trials.known),
+    "refused_known": lambda one, k: one.mean(one.trials.label[:, k] == "none", of=one.trials.known),
+}
+READINGS: dict[str, Callable[[Pooled], Figure]] = {
+    "settled_95": lambda one: one.settled(0.95),
+    "settled_50": lambda one: one.settled(0.5),
+    "all_right_from": Pooled.all_right_from,
+}
+HEADINGS = {
+    "right": "right after {}",
+    "error": "error after {}, mm",
+    "bound": "Cramer-Rao bound after {}, mm",
+    "efficiency": "error / bound after {}",
+    "coverage_50": "50 % regions hold the truth after {}",
+    "coverage_90": "90 % regions hold the truth after {}",
+    "sharpness": "90 % within, after {}, mm",
+    "calibration_gap": "letter's probability less its accuracy after {}",
+    "refused_unknown": "refused after {}",
+    "refused_known": "others refused after {}",
+    "settled_95": "95 % settled by",
+    "settled_50": "half settled by",
+    "all_right_from": "all right from",
+    "recovered_within_3": "jumps found again",
+    "ms": "ms a recognition",
+}

@@ -1,27 +1,30 @@
-"""Write the files of a run, and read them back unchanged. `results/README.md` has the schema."""
+"""`Run`, a finished run, how it shows itself, and its folder, of which `results/README.md` has the schema."""
 
 from __future__ import annotations
 
 import csv
+import html
 import io
 import json
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict
 
+from tactsim.bench import score
 from tactsim.bench.config import EACH
-from tactsim.bench.placement_error import Properties
-from tactsim.bench.run import Run
-from tactsim.bench.trials import Trials
+from tactsim.bench.placement import Properties
+from tactsim.bench.score import Metric, summarise
+from tactsim.bench.trials import TrialPlan, Trials
 from tactsim.core import InputError
 from tactsim.core.checking import checked
 from tactsim.core.documents import read_json, read_text
-from tactsim.core.errors import short
+from tactsim.core.errors import counted, short
 from tactsim.core.files import new_folder, write_bytes, write_text
 from tactsim.core.finite import finite
 from tactsim.core.poses import FloatArray
@@ -29,6 +32,319 @@ from tactsim.core.scan import is_label
 
 if TYPE_CHECKING:
     from tactsim.bench.figures import Picture
+
+
+_ROWS = (1, 2, 3, 5, 7, 10, 15, 20, 30, 40, 60, 100, 150)  # readings that a small table shows
+
+
+class _Curve:
+    """A metric over the reading count 1..r as an attribute of a run: (r,), NaN where it is undefined."""
+
+    def __init__(self, metric: Metric) -> None:
+        self._name = metric.__name__
+        self.__doc__ = f"{metric.__doc__} Shape (readings,); NaN where it is undefined."
+
+    @overload
+    def __get__(self, run: None, owner: type) -> _Curve: ...
+    @overload
+    def __get__(self, run: Run, owner: type) -> FloatArray: ...
+    def __get__(self, run: Run | None, owner: type) -> _Curve | FloatArray:
+        return self if run is None else np.array(run.summary[self._name], dtype=float)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Run:
+    """A finished run: what was asked, what came out, and how good it is.
+
+    The curves are arrays over the reading count: `accuracy[4]` is the accuracy after five readings.
+
+    config: the configuration. about: versions, machine, protocol, the estimator's description and options, eq.
+    3's agreement. objects: each letter's properties for the error metric. work: counts of what was done and
+    skipped. trials: the raw result, an array a column. times: seconds of each stage and peak memory. plan: what
+    is needed to do trials again. maps: the occupancy maps that were learned. A loaded run has neither plan nor
+    maps. bounds: (n, r) mm, the Cramer-Rao bound of each trial after each reading (`tactsim.bench.bound`); None if it
+    is not known.
+    """
+
+    config: dict[str, Any]
+    about: dict[str, Any]
+    objects: dict[str, Properties]
+    work: dict[str, Any]
+    trials: Trials
+    times: dict[str, Any]
+    plan: TrialPlan | None = None
+    maps: Mapping[str, Any] = field(default_factory=dict)
+    bounds: FloatArray | None = None
+
+    accuracy = _Curve(score.accuracy)
+    accuracy_low = _Curve(score.accuracy_low)
+    accuracy_high = _Curve(score.accuracy_high)
+    error_mm = _Curve(score.error_mm)
+    error_standard_error_mm = _Curve(score.error_standard_error_mm)
+    error_all_mm = _Curve(score.error_all_mm)
+    negative_log_likelihood = _Curve(score.negative_log_likelihood)
+    calibration_gap = _Curve(score.calibration_gap)
+    coverage_50 = _Curve(score.coverage_50)
+    coverage_90 = _Curve(score.coverage_90)
+    sharpness_mm = _Curve(score.sharpness_mm)
+    refused_known = _Curve(score.refused_known)
+    refused_unknown = _Curve(score.refused_unknown)
+    evaluations = _Curve(score.evaluations)
+
+    @property
+    def bound_mm(self) -> FloatArray:
+        """Mean Cramer-Rao bound of the trials, (readings,) mm; NaN where it is the prior's or not known."""
+        return np.array(self.against_bound["bound_mm"], dtype=float)
+
+    @property
+    def efficiency(self) -> FloatArray:
+        """Mean error over mean bound of the same trials, (readings,); NaN where the bound is."""
+        return np.array(self.against_bound["efficiency"], dtype=float)
+
+    @cached_property
+    def summary(self) -> dict[str, Any]:
+        """Every metric by name, computed from the trials: lists over the reading count, and headlines."""
+        return summarise(self.trials, self.objects)
+
+    @cached_property
+    def against_bound(self) -> dict[str, Any]:
+        """The bound of the error, and error over bound, by reading: `bound_mm`, `determined`, `efficiency`."""
+        if self.bounds is None:
+            nothing = [None] * self.readings
+            return {"bound_mm": nothing, "determined": nothing, "efficiency": nothing}
+        from tactsim.bench.bound.efficiency import (
+            bound_curves,  # a run without bounds does without their room
+        )
+
+        return bound_curves(self.bounds, self.trials, self.objects)
+
+    @property
+    def all_right_from(self) -> int | None:
+        """The reading from which every trial is and stays right; None if there is none."""
+        return self.summary["all_right_from"]
+
+    @property
+    def settled_95(self) -> int | None:
+        """The reading by which 95 % of the trials are and stay right; None if there is none."""
+        return self.summary["settled_95"]
+
+    @property
+    def settled_50(self) -> int | None:
+        """The reading by which half of the trials are and stay right; None if there is none."""
+        return self.summary["settled_50"]
+
+    @property
+    def recovered_within_3(self) -> float | None:
+        """The share of the jumps after which an estimate is right to 1 mm within three readings; None without jumps."""
+        return self.summary["recovered_within_3"]
+
+    @property
+    def confusion(self) -> dict[str, dict[str, int]]:
+        """The estimates after the last reading: {true letter: {estimated letter: trials}}."""
+        return self.summary["confusion"]
+
+    @property
+    def estimator(self) -> str:
+        """The estimator's name."""
+        return self.config["estimator"]
+
+    @property
+    def described(self) -> str:
+        """The estimator's name, and in brackets how it was set up if it says so."""
+        how = self.about["description"]
+        return f"{self.estimator} ({how})" if how else self.estimator
+
+    @property
+    def options(self) -> dict[str, Any]:
+        """All options of the estimator, those that were not given included."""
+        return self.about["options"]
+
+    @property
+    def letters(self) -> list[str]:
+        """The letters that were tried."""
+        return self.about["letters"]
+
+    @property
+    def readings(self) -> int:
+        """The number of readings of a trial."""
+        return self.trials.label.shape[1]
+
+    @property
+    def on_demand(self) -> bool:
+        """Whether each touch of a trial was pressed when it was chosen."""
+        given = any(self.config.get(name) is not None for name in ("scan", "given", "presses"))
+        return self.config["explore"] != "random" and not given
+
+    @property
+    def seed(self) -> int:
+        """The seed of the trials."""
+        return self.config["seed"]
+
+    @property
+    def task(self) -> str | None:
+        """The frozen task whose run this is (`tactsim.bench.tasks`); None if it is none's."""
+        return self.config.get("task")
+
+    @property
+    def protocol(self) -> str:
+        """The name of the protocol; only runs of one protocol may be compared."""
+        return self.about["protocol"]
+
+    @property
+    def versions(self) -> dict[str, str]:
+        """The versions of Python and of the libraries that the result depends on."""
+        return self.about["versions"]
+
+    @property
+    def seconds(self) -> dict[str, float]:
+        """Seconds of each stage by the clock, and of an update, an estimate and a choice by the processor."""
+        return self.times["seconds"]
+
+    def as_json(self) -> dict[str, Any]:
+        """Put the run into one flat object, as `bench run --json` prints it."""
+        asked = ("estimator", "trials", "readings", "seed", "explore", "hold_out")
+        found = (
+            "letters",
+            "options",
+            "description",
+            "protocol",
+            "classifier_agreement",
+            "versions",
+            "machine",
+        )
+        return {
+            **self.summary,
+            **self.against_bound,
+            "task": self.task,
+            **{name: self.config[name] for name in asked},
+            **{name: self.about[name] for name in found},
+            "seconds": self.times["seconds"],
+            "peak_memory_mb": self.times["peak_memory_mb"],
+            "work": self.work,
+        }
+
+    def columns(self) -> dict[str, NDArray[Any]]:
+        """Give the trials as columns, one row a trial and reading, as trials.csv and times.csv name them."""
+        return columns(self.trials)
+
+    def table(self) -> Any:
+        """Give the columns as a pandas DataFrame; without pandas, as `columns` does."""
+        try:
+            from pandas import DataFrame
+        except ImportError:
+            return self.columns()
+        return DataFrame(self.columns())
+
+    def plot(self) -> Picture:
+        """Draw accuracy and placement error, with intervals, against readings seen (the paper's figure 7)."""
+        from tactsim.bench.figures import readings_figure
+
+        return readings_figure(self)
+
+    def plot_maps(self) -> Picture:
+        """Draw the learned occupancy maps (the paper's figure 4). Raises InputError if there are none."""
+        from tactsim.bench.figures import maps_figure
+
+        return maps_figure(self.maps)
+
+    def save(self, folder: str | Path) -> Path:
+        """Write the run's files and pictures to a new folder, whole or not at all, and return its path.
+
+        Raises InputError if the folder holds something or cannot be written.
+        """
+        with new_folder(folder) as inside:
+            save(self, inside)
+            write_bytes(inside / "readings.png", self.plot().png())
+            if self.maps:
+                write_bytes(inside / "maps.png", self.plot_maps().png())
+        return Path(folder)
+
+    @classmethod
+    def load(cls, folder: str | Path) -> Run:
+        """Read a run's folder. Raises InputError if it is not a run, is not whole or has another schema."""
+        return load(folder)
+
+    def report(self, path: str | Path) -> Path:
+        """Write one HTML page about this run, and its curves as CSV beside it; returns the page's path.
+
+        Raises InputError if it is not called so, cannot be written or would replace what is no report.
+        """
+        from tactsim.bench.report.write import write_pages
+
+        write_pages([(Path(self.estimator), self)], Path(path))
+        return Path(path)
+
+    def __repr__(self) -> str:
+        """Say in one line what was tried and how it ended."""
+        return f"<Run of {self._asked}: {self._headline}>"
+
+    @property
+    def _asked(self) -> str:
+        return (
+            f"{self.described}, {counted(len(self.trials.truth), 'trial')} of "
+            f"{counted(self.readings, 'reading')} over {' '.join(self.letters)}, {self.protocol}"
+        )
+
+    @property
+    def _headline(self) -> str:
+        summary, from_reading = self.summary, self.all_right_from
+        error = summary["error_mm"][-1]
+        return (
+            f"accuracy {summary['accuracy'][-1]:.3f} [{summary['accuracy_low'][-1]:.3f}, "
+            f"{summary['accuracy_high'][-1]:.3f}]"
+            + (f", error {error:.2f} mm" if error is not None else "")
+            + f" after {self.readings} readings; "
+            + (
+                f"every trial right from reading {from_reading}"
+                if from_reading
+                else "some trials still wrong"
+            )
+        )
+
+    def _repr_html_(self) -> str:
+        """Show the run in a notebook: what was tried, a small table and the curve of accuracy."""
+        rows = "".join(
+            "<tr>" + "".join(f"<td style='text-align:right'>{cell}</td>" for cell in cells) + "</tr>"
+            for cells in self._cells()
+        )
+        heads = "".join(f"<th>{head}</th>" for head in ("readings", "accuracy", "95 % interval", "error mm"))
+        return (
+            f"<div><p><b>{html.escape(self.estimator)}</b> {html.escape(self._asked[len(self.estimator) :])}<br/>"
+            f"{html.escape(self._headline)}</p>"
+            f"<div style='display:flex;gap:2em;align-items:flex-start'>"
+            f"<table><thead><tr>{heads}</tr></thead><tbody>{rows}</tbody></table>{self._svg()}</div></div>"
+        )
+
+    def _cells(self) -> Iterator[tuple[str, ...]]:
+        """Write some rows of the table over the reading count."""
+        for reading in sorted({row for row in (*_ROWS, self.readings) if row <= self.readings}):
+            accuracy, low, high, error = (
+                self.summary[name][reading - 1]
+                for name in ("accuracy", "accuracy_low", "accuracy_high", "error_mm")
+            )
+            shown = "" if error is None else f"{error:.2f}"
+            yield str(reading), f"{accuracy:.3f}", f"{low:.3f} to {high:.3f}", shown
+
+    def _svg(self) -> str:
+        """Draw accuracy with its interval against the readings, 0 to 1, as inline SVG."""
+        width, height, left, below = 320, 160, 30, 20
+        x = left + (width - left - 5) * np.arange(self.readings) / max(self.readings - 1, 1)
+
+        def line(values: FloatArray) -> list[str]:
+            y = 5 + (height - below - 5) * (1 - values)
+            return [f"{a:.1f},{b:.1f}" for a, b in zip(x, y, strict=True)]
+
+        band = " ".join([*line(self.accuracy_low), *reversed(line(self.accuracy_high))])
+        return (
+            f"<svg width='{width}' height='{height}' role='img' aria-label='accuracy against readings' "
+            "font-size='10' fill='currentColor'>"
+            f"<polygon points='{band}' fill='#3366aa' opacity='0.25'/>"
+            f"<polyline points='{' '.join(line(self.accuracy))}' fill='none' stroke='#3366aa' stroke-width='2'/>"
+            f"<text x='2' y='12'>1.0</text><text x='2' y='{height - below}'>0.0</text>"
+            f"<text x='{left}' y='{height - 4}'>1</text>"
+            f"<text x='{width - 5}' y='{height - 4}' text-anchor='end'>{self.readings} readings</text></svg>"
+        )
+
 
 SCHEMA = 3
 _LARGEST_TABLE = 1 << 30  # bytes
@@ -131,22 +447,9 @@ def save(run: Run, folder: Path) -> None:
     write_text(folder / "times.json", to_json(run.times | {"work": run.work}))
 
 
-def save_with_pictures(run: Run, folder: Path) -> Path:
-    """Write a run's folder, pictures included, whole or not at all, and return its path.
-
-    Raises InputError if the folder holds something or cannot be written.
-    """
-    with new_folder(folder) as inside:
-        save(run, inside)
-        for name, draw in pictures(run).items():
-            write_bytes(inside / name, draw().png())
-    return folder
-
-
-def pictures(run: Run) -> dict[str, Callable[[], Picture]]:
-    """Name the pictures of a run's folder, each with the function that draws it."""
-    maps = {"maps.png": run.plot_maps} if run.maps else {}
-    return {"readings.png": run.plot} | maps
+def picture_names(run: Run) -> list[str]:
+    """Name the pictures of a run's folder."""
+    return ["readings.png", "maps.png"] if run.maps else ["readings.png"]
 
 
 def load(path: str | Path) -> Run:
@@ -294,3 +597,12 @@ def _labels(table: Mapping[str, list[str]], name: str) -> NDArray[np.str_]:
         if not is_label(label):
             raise InputError(f"{name}: {short(label)} is empty, too long or not printable")
     return np.array(table[name])
+
+
+def sweep_order(path: Path) -> dict[str, int]:
+    """Give the names of a sweep's runs, each with its place in the sweep. Raises InputError if it lists none."""
+    content = read_json(path / "sweep.json", "sweep's list of runs")
+    try:
+        return {str(run["name"]): number for number, run in enumerate(content["runs"])}
+    except (KeyError, TypeError) as error:
+        raise InputError(f"{path / 'sweep.json'} lists no runs: {type(error).__name__}: {error}") from error

@@ -1,38 +1,264 @@
-"""Do many runs, and keep what is done, whenever and however the sweep is stopped.
+"""A sweep: read its runs from a file, do them, and keep what is done, whenever and however it is stopped.
 
-A sweep's folder holds `sweep.json` (the list of runs asked for), `chunks/` (finished chunks of runs that are not
-whole yet) and `runs/` (whole runs, as `bench run` writes them). Only this process writes there. Workers, local or
-on a Dask cluster, receive trials and send back their results.
+A sweep's file has a run for every combination of its lists. Its folder holds `sweep.json` (the list of runs asked
+for), `chunks/` (finished chunks of runs that are not whole yet) and `runs/` (whole runs, as `bench run` writes them).
+Only this process writes there. Workers, local or on a Dask cluster, receive trials and send back their results.
+
+A chunk holds the trials that a worker does at once. Its file begins with a seal: a hash of its content, and of the
+source code, the libraries and the readings that made it. A chunk whose seal differs is done again, so that no run
+mixes results of different source code.
 """
 
 from __future__ import annotations
 
 import fcntl
+import hashlib
+import itertools
+import json
 import os
 import re
 import shutil
-from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections import Counter, deque
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
 from contextlib import AbstractContextManager, contextmanager
+from dataclasses import dataclass, fields
+from importlib.resources import files
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from tactsim.bench import results
-from tactsim.bench.about_estimator import budget_of
-from tactsim.bench.chunks import Chunk, Waiting, chunks_of, load_chunk, save_chunk
-from tactsim.bench.config import RunConfig
-from tactsim.bench.report.collect import sweep_order
-from tactsim.bench.run import Run
-from tactsim.bench.runner import Gathered, finished_run, gather, plan_of
-from tactsim.bench.trial_plan import TrialPlan, source_of_trials
-from tactsim.bench.trial_workers import run_chunk
-from tactsim.bench.trials import Progress, Trials, check_readings
-from tactsim.bench.work_counts import unflatten_work
+from tactsim.bench.config import RunConfig, run_config
+from tactsim.bench.estimator_facts import budget_of, flatten_work, unflatten_work
+from tactsim.bench.experiment import Gathered, check_estimator, check_presses, finished_run, gather, plan_of
+from tactsim.bench.machine import versions
+from tactsim.bench.results import Run, sweep_order
+from tactsim.bench.tasks import task
+from tactsim.bench.trials import (
+    OneTrial,
+    Progress,
+    TrialPlan,
+    Trials,
+    check_readings,
+    run_chunk,
+    source_of_trials,
+)
 from tactsim.core import InputError
-from tactsim.core.files import new_folder, write_text
+from tactsim.core.documents import LARGE, parse_json, parse_toml, read_toml
+from tactsim.core.errors import unknown
+from tactsim.core.files import new_folder, read_bytes, replacing, write_text
+from tactsim.core.npz import read_npz
 from tactsim.core.workers import worker_processes
 from tactsim.estimators import create
+
+
+def read(source: str) -> tuple[str, list[RunConfig]]:
+    """Read a sweep from a TOML file or a suite's name: its name and its runs, in order.
+
+    The file has `[[run]]` tables, and `[defaults]` for what they leave out. Their keys are the long options of
+    `bench run` with underscores (`set` and `scan_set` are tables). A list stands for one run per entry, and
+    several lists for every combination. Where a task is named and no seed, there is a run for each of its seeds.
+
+    Raises InputError if the file cannot be read, a key is unknown or a value is wrong.
+    """
+    path = Path(source)
+    if not path.exists() and source in suites():
+        table, name = _suite(source), source
+    elif path.suffix or path.exists():
+        table, name = read_toml(path, "sweep"), path.stem
+    else:
+        raise unknown("suite or sweep file", source, suites())
+    return name, expand(table, f"sweep {source}")
+
+
+def count_runs(suite: str) -> int:
+    """Count the runs of a suite that comes with the project, without making their configurations."""
+    return sum(len(_seeds(words)) for _, words in _combinations(_suite(suite), f"suite {suite}"))
+
+
+def _suite(name: str) -> dict[str, Any]:
+    return parse_toml((files("tactsim.bench") / "suites" / f"{name}.toml").read_bytes(), f"suite {name}")
+
+
+def suites() -> tuple[str, ...]:
+    """List the named suites that come with the project."""
+    return tuple(
+        sorted(
+            entry.name.removesuffix(".toml")
+            for entry in (files("tactsim.bench") / "suites").iterdir()
+            if entry.name.endswith(".toml")
+        )
+    )
+
+
+def expand(table: Mapping[str, Any], what: str) -> list[RunConfig]:
+    """Turn a sweep's tables into its runs: every combination of every list, without repeats.
+
+    Raises InputError for an unknown key, a wrong value, no runs or more than 100,000, and, with the number of the
+    [[run]], for what `experiment` refuses before the work.
+    """
+    configs: dict[str, RunConfig] = {}
+    sources: set[tuple[str, int]] = set()
+    for where, words in _combinations(table, what):
+        try:
+            for seed in _seeds(words):
+                config = run_config(**words, **seed)
+                check_estimator(config, create(config.estimator, **config.options))
+                if (asked := (config.source, config.readings)) not in sources:
+                    check_presses(config)
+                    sources.add(asked)
+                configs.setdefault(config.digest, config)
+        except InputError as error:
+            raise InputError(f"{where}: {error}") from error
+    return list(configs.values())
+
+
+def _combinations(table: Mapping[str, Any], what: str) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Give where each combination of every list stands, and its words.
+
+    Raises InputError as `expand` does, but for wrong values.
+    """
+    strange = set(table) - {"run", "defaults"}
+    if strange:
+        raise unknown(f"table in {what}", strange.pop(), ("run", "defaults"))
+    defaults, runs = table.get("defaults", {}), table.get("run", [])
+    if not (isinstance(defaults, dict) and isinstance(runs, list) and all(isinstance(r, dict) for r in runs)):
+        raise InputError(f"{what}: write [defaults] once and [[run]] for each group of runs")
+    if not runs:
+        raise InputError(f"{what} has no [[run]]; write one for each group of runs")
+    total = 0
+    for number, run in enumerate(runs, start=1):
+        where = f"{what}, [[run]] {number}"
+        axes = list(_axes({**defaults, **run}))
+        empty = [".".join(key) for key, values in axes if not values]
+        if empty:
+            raise InputError(f"{where}: the list {empty[0]} is empty; give it a value or leave it out")
+        count = int(np.prod([len(values) for _, values in axes], dtype=object)) if axes else 1
+        if count + total > 100_000:
+            raise InputError(f"{where} asks for {count:,} runs; the most is 100,000")
+        total += count
+        for values in itertools.product(*(values for _, values in axes)):
+            words: dict[str, Any] = {}
+            for (key, _), value in zip(axes, values, strict=True):
+                inner = words
+                for group in key[:-1]:
+                    inner = inner.setdefault(group, {})
+                inner[key[-1]] = value
+            yield where, words
+
+
+def _seeds(words: Mapping[str, Any]) -> list[dict[str, int]]:
+    """Give what is to be added to a combination: each seed of the task that is named without one, or else nothing."""
+    if words.get("task") is None or "seed" in words:
+        return [{}]
+    return [{"seed": seed} for seed in task(str(words["task"])).seeds]
+
+
+def _axes(
+    table: Mapping[str, Any], prefix: tuple[str, ...] = ()
+) -> Iterator[tuple[tuple[str, ...], list[Any]]]:
+    """Walk a table: every key, dotted ones as tuples, with the list of values that it takes."""
+    for key, value in table.items():
+        if isinstance(value, dict):
+            yield from _axes(value, (*prefix, key))
+        else:
+            yield (*prefix, key), value if isinstance(value, list) else [value]
+
+
+MOST_TRIALS = 20  # trials of a chunk: the most that a worker loses when it is killed
+
+
+@dataclass(frozen=True)
+class Chunk:
+    """Some trials of one run. made_with: what their result depends on, for the seal."""
+
+    run: str
+    number: int
+    tasks: tuple[OneTrial, ...]
+    made_with: str
+
+    def path(self, folder: Path) -> Path:
+        """Name the chunk's file in a sweep's folder."""
+        return folder / "chunks" / f"{self.run}.{self.number:05d}.npz"
+
+    def seal(self, body: bytes) -> bytes:
+        """Hash a file's content with which trials it holds and what they were made with: 32 bytes."""
+        tasks = json.dumps([[task.truth, task.trial] for task in self.tasks])
+        return hashlib.sha256(f"{self.made_with} {tasks}".encode() + body).digest()
+
+
+def chunks_of(name: str, plan: TrialPlan, letters: Iterable[str], trials: int) -> list[Chunk]:
+    """Divide a run into chunks of at most MOST_TRIALS trials, letter after letter.
+
+    A chunk goes on with the next letter, so that a run of few trials is one chunk, for which one worker fits once.
+    """
+    trying = [plan.readings, plan.seed, plan.explore, plan.press is not None, plan.slip.model_dump()]
+    trying.append(plan.each_held_out)
+    made_with = json.dumps([plan.source, plan.digest, trying, versions()], sort_keys=True)
+    tasks = [OneTrial(letter, trial) for letter in letters for trial in range(trials)]
+    return [
+        Chunk(name, number, tuple(tasks[first : first + MOST_TRIALS]), made_with)
+        for number, first in enumerate(range(0, len(tasks), MOST_TRIALS))
+    ]
+
+
+class Waiting:
+    """Chunks that no worker has yet, handed out so that few workers fit the estimator of the same run."""
+
+    def __init__(self, chunks: Iterable[Chunk]) -> None:
+        self._of_run: dict[str, deque[Chunk]] = {}
+        for chunk in chunks:
+            self._of_run.setdefault(chunk.run, deque()).append(chunk)
+        self._untouched = deque(self._of_run)
+
+    def __len__(self) -> int:
+        """Count the runs with chunks left."""
+        return len(self._of_run)
+
+    def take(self, run: str | None = None) -> Chunk:
+        """Take a chunk: of `run` if it has one left, or else of a run of which none was taken, or of any.
+
+        Raises IndexError if no chunk is left.
+        """
+        if run not in self._of_run:
+            if not self._of_run:
+                raise IndexError("no chunk is left")
+            untouched = self._untouched.popleft() if self._untouched else None
+            run = untouched or max(self._of_run, key=lambda name: len(self._of_run[name]))
+        chunk = self._of_run[run].popleft()
+        if not self._of_run[run]:
+            del self._of_run[run]
+        return chunk
+
+
+def save_chunk(folder: Path, chunk: Chunk, trials: Trials, work: Mapping[str, int]) -> None:
+    """Keep a chunk that is done, whole or not at all. Raises InputError if it cannot be written."""
+    content = BytesIO()
+    arrays = {field.name: getattr(trials, field.name) for field in fields(Trials)}
+    np.savez(content, allow_pickle=False, work=np.array(json.dumps(work)), **arrays)
+    body = content.getvalue()
+    with replacing(chunk.path(folder)) as stream:
+        stream.write(chunk.seal(body) + body)
+
+
+def load_chunk(folder: Path, chunk: Chunk) -> tuple[Trials, dict[str, int]] | None:
+    """Read a chunk that is done; None if there is no file, or its seal differs."""
+    try:
+        content = read_bytes(chunk.path(folder), LARGE)
+    except InputError:
+        return None
+    if chunk.seal(content[32:]) != content[:32]:
+        return None
+    try:
+        arrays = read_npz(BytesIO(content[32:]), ("work", *(field.name for field in fields(Trials))))
+        work = parse_json(str(arrays.pop("work")), "work")
+    except InputError:
+        return None
+    return Trials(**arrays), work
+
 
 SCHEDULER_ANSWERS_IN = 10.0  # s, or it counts as none
 ATTEMPTS = 3  # how often trials are tried when workers die
@@ -200,8 +426,10 @@ def _write_run(folder: Path, config: RunConfig, gathered: Gathered, chunks: Sequ
         )
     work: Counter[str] = Counter()
     for _, of_chunk in pieces:
-        work.update(of_chunk)
-    run = finished_run(config, gathered, Trials.joined(trials for trials, _ in pieces), unflatten_work(work))
+        work.update(flatten_work(of_chunk))
+    estimator = create(config.estimator, **config.options)
+    joined = Trials.joined(trials for trials, _ in pieces)
+    run = finished_run(config, gathered, joined, unflatten_work(work), estimator)
     with new_folder(folder / "runs" / chunks[0].run) as inside:
         results.save(run, inside)
     for chunk in chunks:

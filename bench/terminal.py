@@ -21,16 +21,13 @@ from rich.progress import (
 from rich.table import Table
 
 from tactsim.bench.console import plain_console
-from tactsim.bench.counted import counted
-from tactsim.bench.page_tables import cell
-from tactsim.bench.pooled import Pooled, pool
-from tactsim.bench.report.collect import collect
-from tactsim.bench.results import load, pictures
-from tactsim.bench.run import Run
+from tactsim.bench.results import Run, load, picture_names
 from tactsim.bench.trials import Progress as Report
+from tactsim.core.errors import counted
 
 if TYPE_CHECKING:
     from tactsim.bench.bound.bound import Bound
+    from tactsim.bench.pooled import Pooled
     from tactsim.bench.space.space_run import SpaceRun
 
 STAGES = {
@@ -107,7 +104,7 @@ def print_places(run: Run, folder: Path) -> None:
     """Print where the results and pictures of a run are."""
     console = plain_console()
     console.print(f"results  {folder}")
-    for picture in pictures(run):
+    for picture in picture_names(run):
         console.print(f"picture  {folder / picture}")
 
 
@@ -116,6 +113,8 @@ def print_sweep(places: list[Path]) -> None:
 
     Runs that differ in the seed alone share a line, with intervals over scans and trials.
     """
+    from tactsim.bench.pooled import pool
+
     runs = [(place, load(place)) for place in places]
     pools = pool(run for _, run in runs)
     if len(pools) < len(runs):
@@ -125,6 +124,8 @@ def print_sweep(places: list[Path]) -> None:
 
 
 def _print_pooled(pools: Sequence[Pooled]) -> None:
+    from tactsim.bench.pooled import cell
+
     console = plain_console()
     for (protocol, task), alike in groupby(pools, key=lambda one: (one.protocol, one.task)):
         console.print(protocol, style="bold", end="; ")
@@ -141,6 +142,8 @@ def _print_pooled(pools: Sequence[Pooled]) -> None:
 
 
 def _print_single(runs: Sequence[tuple[Path, Run]]) -> None:
+    from tactsim.bench.naming import collect
+
     console = plain_console()
     for group in collect(runs):
         console.print(group.protocol, style="bold", end="; ")
@@ -184,7 +187,7 @@ def headlines(run: Run) -> list[str]:
         lines.append(
             f"bound of the error at reading {readings} (Cramer and Rao): {run.against_bound['bound_mm'][-1]:.3f} mm"
         )
-    if run.about.get("no_bound"):
+    if run.config.get("bound") and run.about.get("no_bound"):
         lines.append(f"no bound of the error is known: {run.about['no_bound']}")
     if run.summary["sharpness_mm"][-1] is not None:
         lines.append(

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactsim.bench.config import RunConfig
-from tactsim.bench.runner import perform
+from tactsim.bench.experiment import perform
 from tactsim.bench.score import wilson
 from tactsim.bench.trials import Progress
 from tactsim.core import Scan

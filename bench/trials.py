@@ -1,30 +1,91 @@
-"""The paper's protocol (section IV): hide an object at a random pose, feed readings, note every estimate."""
+"""Trials, the paper's protocol (section IV): hide an object at a random pose, feed readings, note every estimate.
+
+`run_trial` does one. `TrialPlan` is all that a process needs to do trials, and `run_trials` does many.
+"""
 
 from __future__ import annotations
 
+import hashlib
+import json
+import pickle
 import zlib
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, fields
+from collections import Counter, OrderedDict
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from concurrent.futures import Executor, Future
+from dataclasses import dataclass, fields, replace
+from itertools import groupby
 from time import process_time
-from typing import Literal
+from typing import TYPE_CHECKING, Any, Literal, Protocol, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tactsim.bench.certainty import certainty
-from tactsim.bench.offered_touches import Press, RecordedTouches
-from tactsim.bench.placement_error import Properties
+from tactsim.bench.estimator_facts import flatten_work, unflatten_work
+from tactsim.bench.placement import Properties, certainty, properties
 from tactsim.bench.slip import STILL, Slip
-from tactsim.bench.work_counts import flatten_work
-from tactsim.core import InputError, Scan
+from tactsim.core import InputError, Scan, compose, invert
 from tactsim.core.errors import short
+from tactsim.core.forward import ForwardModel
 from tactsim.core.lengths import OFFSET, offsets
 from tactsim.core.poses import FloatArray
-from tactsim.estimators import NONE, Estimate, Estimator
-from tactsim.estimators.estimator import check_estimate
+from tactsim.core.source_digest import source_digest
+from tactsim.core.workers import batches, wait_for
+from tactsim.estimators import NONE, Estimate, Estimator, create
+from tactsim.estimators.estimator import check_estimate, name_of, no_exit
+from tactsim.estimators.options import FilterOptions, wants_pad_fit
+from tactsim.estimators.registry import load
+
+if TYPE_CHECKING:
+    from tactsim.estimators.pad_fit import PadFit
+
+
+class Touches(Protocol):
+    """The touches that a trial offers, numbered from 0."""
+
+    def __len__(self) -> int: ...
+
+    def sensor_in_robot(self, robot_in_object: FloatArray) -> FloatArray:
+        """Give their poses (n, 3), the object being where it is."""
+
+    def reading(self, index: int, robot_in_object: FloatArray) -> FloatArray | None:
+        """Take one: (taxels,) kPa, or its images (frames, taxels), or None if it gives no reading."""
+
+
+class Press(Protocol):
+    """What presses an object on demand; see `on_demand.OnDemand`."""
+
+    def touches(self, truth: str, trial: int, seed: int) -> Touches:
+        """Offer the touches of one trial."""
+
+
+@dataclass(frozen=True, eq=False)
+class RecordedTouches:
+    """The test readings of a scan, around the object; with `sequences` the images of each, (frames, taxels)."""
+
+    test: Scan
+    sequences: bool = False
+
+    def __len__(self) -> int:
+        return len(self.test)
+
+    def sensor_in_robot(self, robot_in_object: FloatArray) -> FloatArray:
+        """Give the poses (n, 3) at which the readings were taken, moved with the object."""
+        return compose(invert(robot_in_object), self.test.poses)
+
+    def reading(self, index: int, robot_in_object: FloatArray) -> FloatArray | None:
+        """Give the reading of this index, wherever the object is."""
+        if self.sequences:
+            assert self.test.sequence is not None
+            return self.test.sequence[index].astype(float)
+        return self.test.readings[index]
+
 
 Explore = Literal["random", "information", "blind"]
 Progress = Callable[[str, int, int], None]
+
+
+def silent(stage: str, done: int, total: int) -> None:
+    """Report no progress."""
 
 
 @dataclass(frozen=True)
@@ -249,3 +310,211 @@ def _check_proposal(chosen: object, count: int, estimator: Estimator) -> None:
 
 def _evaluations(estimator: Estimator) -> int:
     return flatten_work(estimator.work).get("likelihood_evaluations", 0)
+
+
+def fit(estimator: Estimator, scan: Scan, forward: Callable[[Scan], ForwardModel] | None) -> None:
+    """Fit an estimator to the training readings of a scan; one that asks for it gets `forward` of the scan first.
+
+    Raises InputError if the estimator needs a forward model, and there is none, the scan does not say how it was
+    pressed, or its readings are not in kPa.
+    """
+    unit, name = scan.meta.get("unit", "kPa"), name_of(estimator)
+    if estimator.uses_forward_model and unit != "kPa":
+        raise InputError(
+            f"the readings are in {unit}; {name} presses the letters "
+            "itself, in kPa: convert the readings, or take an estimator that learns them, such as refined"
+        )
+    with no_exit(name):
+        if forward is not None and estimator.uses_forward_model:
+            estimator.bring(forward(scan))
+        estimator.fit(scan)
+
+
+def pad_fit_of(estimator: Estimator, scan: Scan) -> PadFit | None:
+    """Say what an estimator fits to the pad of a scan, whether it has done so yet or not; None if it does not."""
+    options = estimator.options
+    if not (
+        isinstance(options, FilterOptions) and hasattr(estimator, "pad_fit") and wants_pad_fit(options, scan)
+    ):
+        return None
+    if estimator.pad_fit is not None:
+        known: PadFit = estimator.pad_fit
+        return known
+    from tactsim.estimators.pad_fit import fit_to_pad
+
+    return fit_to_pad(scan, options)
+
+
+TrialsDone: TypeAlias = "Future[tuple[Trials, dict[str, Any]]]"
+
+
+@dataclass(frozen=True, eq=False)
+class TrialPlan:
+    """All that a worker needs to do trials: the estimator, the scan, and how many readings in which order.
+
+    press: what presses on demand; None if the readings are those of the scan. forward: what makes the forward model of
+    a scan, for an estimator that asks for one. given: an estimator made in Python, as
+    it is or pickled for a worker; None if `estimator` is a registered name. each_held_out: whether the letter of a
+    trial is left out of what the estimator knows.
+    """
+
+    estimator: str
+    options: Mapping[str, Any]
+    scan: Scan
+    readings: int
+    seed: int
+    explore: Explore = "random"
+    slip: Slip = STILL
+    press: Press | None = None
+    forward: Callable[[Scan], ForwardModel] | None = None
+    given: Estimator | bytes | None = None
+    each_held_out: bool = False
+
+    def letters_known(self, truth: str) -> tuple[str, ...]:
+        """List the letters that an estimator knows in the trials of the letter `truth`."""
+        trained = self.scan.where("train").letters
+        return tuple(letter for letter in trained if not (self.each_held_out and letter == truth))
+
+    def fitted_for(self, truth: str, estimator: Estimator) -> Estimator:
+        """Give what the trials of a letter need: the fitted `estimator`, without the letter if each is held out."""
+        return estimator.without(truth, self.scan) if self.each_held_out else estimator
+
+    def make(self) -> Estimator:
+        """Make the estimator, which is not fitted yet.
+
+        Raises InputError if it does not exist, or was given and cannot be made in another process.
+        """
+        if self.given is None:
+            return create(self.estimator, **self.options)
+        if not isinstance(self.given, bytes):
+            return self.given
+        try:
+            return pickle.loads(self.given)
+        except Exception as error:  # a user's class may raise anything when it is unpickled
+            raise _not_portable(self.estimator, error) from error
+
+    def fitted(self) -> Estimator:
+        """Make the estimator and fit it. Raises InputError as `make` and `fit` do."""
+        estimator = self.make()
+        fit(estimator, self.scan, self.forward)
+        return estimator
+
+    def portable(self) -> TrialPlan:
+        """Return a plan that can be sent to worker processes. Raises InputError if the estimator cannot be."""
+        if self.given is None or isinstance(self.given, bytes):
+            return self
+        try:
+            return replace(self, given=pickle.dumps(self.given))
+        except Exception as error:  # a user's class may raise anything when it is pickled
+            raise _not_portable(self.estimator, error) from error
+
+    @property
+    def source(self) -> str:
+        """Hash the source code that the trials depend on."""
+        given = self.given if isinstance(self.given, Estimator) else self.estimator
+        return source_of_trials(given)
+
+    @property
+    def digest(self) -> str:
+        """Identify the fitted estimator by what it depends on: its name, its options, the scan."""
+        options = json.dumps(self.options, sort_keys=True, default=str)
+        given = hashlib.sha256(self.given).hexdigest() if isinstance(self.given, bytes) else ""
+        return f"{self.estimator} {options} {self.scan.digest} {given}"
+
+
+def source_of_trials(estimator: str | Estimator) -> str:
+    """Hash the source code that trials of an estimator may depend on: tactsim's, and that of the estimator's packages.
+
+    Raises InputError if no estimator has that name.
+    """
+    kinds = [load(estimator)] if isinstance(estimator, str) else _kinds(estimator)
+    return source_digest(*(kind.__module__ for kind in kinds))
+
+
+def _kinds(estimator: Estimator) -> list[type[Estimator]]:
+    """List the class of an estimator and of those that it wraps."""
+    inner = [value for value in vars(estimator).values() if isinstance(value, Estimator)]
+    return [type(estimator), *(kind for one in inner for kind in _kinds(one))]
+
+
+def _not_portable(name: str, error: Exception) -> InputError:
+    return InputError(
+        f"a worker process cannot make the estimator {name} ({type(error).__name__}: {error}); "
+        "define its class in a module that can be imported, or use jobs=1"
+    )
+
+
+def run_trials(
+    plan: TrialPlan, estimator: Estimator, tasks: Sequence[OneTrial], *, progress: Progress
+) -> tuple[Trials, dict[str, Any]]:
+    """Do trials here with a fitted estimator; returns them in the order of `tasks`, and the estimator's work.
+
+    progress("trials", done, total) is called after each.
+    """
+    tests = {truth: plan.scan.where("test", truth) for truth in {task.truth for task in tasks}}
+    objects = properties(plan.scan)
+    work: Counter[str] = Counter()
+    done: list[Trials] = []
+    progress("trials", 0, len(tasks))
+    with no_exit(plan.estimator):
+        for truth, of_letter in groupby(tasks, key=lambda task: task.truth):
+            fitted, letters = plan.fitted_for(truth, estimator), plan.letters_known(truth)
+            before = Counter(flatten_work(fitted.work))
+            for task in of_letter:
+                done.append(
+                    run_trial(
+                        fitted, tests[truth], task, letters=letters,
+                        readings=plan.readings, seed=plan.seed, of=objects[truth], explore=plan.explore,
+                        slip=plan.slip, press=plan.press,
+                    )
+                )  # fmt: skip
+                progress("trials", len(done), len(tasks))
+            work.update(flatten_work(fitted.work))
+            work.subtract(before)
+    return Trials.joined(done), unflatten_work(work)
+
+
+def send_trials(
+    executor: Executor, plan: TrialPlan, tasks: Sequence[OneTrial], jobs: int
+) -> list[tuple[int, TrialsDone]]:
+    """Let worker processes begin with trials; they fit estimators of their own, and the results are the same.
+
+    Where each letter is held out, its trials are sent together, since they share an estimator that was fitted without
+    it. Returns for each part that was sent how many trials it has, and what will be its result. Raises InputError for
+    an estimator that cannot be sent.
+    """
+    plan = plan.portable()
+    if plan.each_held_out:
+        parts = [list(alike) for _, alike in groupby(tasks, key=lambda task: task.truth)]
+    else:
+        parts = batches(tasks, jobs)
+    return [(len(part), executor.submit(run_chunk, plan, part)) for part in parts]
+
+
+def received_trials(
+    sent: Sequence[tuple[int, TrialsDone]], progress: Progress
+) -> tuple[Trials, dict[str, Any]]:
+    """Wait for trials that were sent; returns them in their order, and the estimators' work, summed.
+
+    Raises what a trial raised, as soon as it did, and concurrent.futures.BrokenExecutor if a worker died.
+    """
+    results = wait_for(sent, lambda done, total: progress("trials", done, total))
+    work: Counter[str] = Counter()
+    for _, of_part in results:
+        work.update(flatten_work(of_part))
+    return Trials.joined(trials for trials, _ in results), unflatten_work(work)
+
+
+def run_chunk(plan: TrialPlan, tasks: Sequence[OneTrial]) -> tuple[Trials, dict[str, Any]]:
+    """Do some trials in a worker process; an estimator is fitted once for all chunks of a plan."""
+    key = plan.digest
+    if key not in _fitted:
+        _fitted[key] = plan.fitted()
+        if len(_fitted) > _MOST_FITTED:
+            _fitted.popitem(last=False)
+    _fitted.move_to_end(key)
+    return run_trials(plan, _fitted[key], tasks, progress=silent)
+
+
+_fitted: OrderedDict[str, Estimator] = OrderedDict()  # of a worker process, newest last
+_MOST_FITTED = 4

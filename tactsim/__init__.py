@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from tactsim import bench, core, estimators, hardware, models
     from tactsim.bench.api import run, scan
-    from tactsim.bench.run import Run
+    from tactsim.bench.results import Run
     from tactsim.core import InputError, Pad, Scan, compose, invert, transform, wrap_angle
     from tactsim.estimators import Estimate, Estimator, create
     from tactsim.press import (
@@ -46,7 +46,7 @@ _HOME = {
     ),
     "estimators": ("Estimate", "Estimator", "create"),
     "bench.api": ("run", "scan"),
-    "bench.run": ("Run",),
+    "bench.results": ("Run",),
 }
 _MODULE_OF = {name: module for module, names in _HOME.items() for name in names}
 _ROOMS = ("bench", "core", "env", "estimators", "hardware", "models", "press")

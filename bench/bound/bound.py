@@ -12,12 +12,11 @@ from tactsim.bench.bound.efficiency import bound_curves, determined_below_mm
 from tactsim.bench.bound.exact_bayes import ExactBayes
 from tactsim.bench.bound.scan_information import check_motion, scan_information
 from tactsim.bench.config import RunConfig
-from tactsim.bench.counted import counted
+from tactsim.bench.experiment import perform, silent
 from tactsim.bench.figures import BLUE, GREY, ORANGE, Picture
-from tactsim.bench.run import Run
-from tactsim.bench.runner import perform, silent
+from tactsim.bench.results import Run
 from tactsim.bench.trials import Progress
-from tactsim.core.errors import InputError
+from tactsim.core.errors import InputError, counted
 from tactsim.core.poses import FloatArray
 
 

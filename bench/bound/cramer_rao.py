@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tactsim.bench.placement_error import Properties
+from tactsim.bench.placement import Properties
 from tactsim.core.poses import FloatArray
 
 # A trial of an object at rest counts as determined by its readings if its bound is at most this. Beyond, what is known

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from tactsim.bench.bound.cramer_rao import MOST_MM
 from tactsim.bench.bound.response import is_quick
-from tactsim.bench.bound.scan_information import ScanInformation, pressed_letters, stated_options
-from tactsim.bench.placement_error import Properties
+from tactsim.bench.bound.scan_information import pressed_letters, scan_information, stated_options
+from tactsim.bench.placement import Properties
 from tactsim.bench.score import errors
 from tactsim.bench.slip import Slip
 from tactsim.bench.trials import Trials
@@ -24,14 +24,17 @@ _STEPS = 3.0  # rms steps of an object, which a few readings that touch nothing 
 
 
 def bounds_of_trials(
-    scan: Scan, trials: Trials, explore: str, slip: Slip, information: Callable[[], ScanInformation]
+    scan: Scan, trials: Trials, explore: str, slip: Slip, *, sequences: bool = False, cache: bool = True
 ) -> tuple[FloatArray | None, str]:
     """Bound the mean placement error of trials after each reading, (n, r) mm, by what their readings tell.
 
     Returns None and why, if nobody knows: the readings do not say how they were pressed, only a slow engine presses
     them (`bench bound` does), they were chosen by the estimator, or the object moved otherwise than by a random walk.
-    information: works out what the scan's test readings tell, or raises InputError.
+    sequences: whether the estimator saw several images of each touch. cache: whether what is worked out of the scan may
+    be read from the cache and kept there.
     """
+    if sequences:
+        return None, "a bound is of one image of each touch, and the estimator saw several"
     if explore != "random":
         return None, "the estimator chose the readings"
     if slip.still and (trials.true_pose != trials.true_pose[:, :1]).any():
@@ -40,23 +43,20 @@ def bounds_of_trials(
         options = stated_options(scan)
         if not all(is_quick(letter, options) for letter in pressed_letters(scan, options).values()):
             return None, "an engine has to press the letters; `bench bound` does"
-        return information().bounds(trials, slip=slip), ""
+        return scan_information(scan, cache=cache).bounds(trials, slip=slip), ""
     except InputError as error:
         return None, str(error)
 
 
 def bound_curves(
-    bounds: FloatArray | None, trials: Trials, objects: Mapping[str, Properties]
+    bounds: FloatArray, trials: Trials, objects: Mapping[str, Properties]
 ) -> dict[str, list[float | None]]:
     """Average bounds (n, r) over the trials that are determined by their readings, by reading.
 
     bound_mm: the mean. determined: the share of such trials. efficiency: the mean error of those whose letter is known
     and right, over the mean bound of the same trials. Before ENOUGH of the trials are determined the bound is the
-    prior's, and bound_mm and efficiency are None; all are if there are no bounds.
+    prior's, and bound_mm and efficiency are None.
     """
-    if bounds is None:
-        nothing: list[float | None] = [None] * trials.label.shape[1]
-        return {"bound_mm": nothing, "determined": nothing, "efficiency": nothing}
     counted = determined(bounds, trials)
     share = counted.mean(axis=0)
     enough = share >= ENOUGH

@@ -14,7 +14,7 @@ from pydantic import Field
 
 from tactsim.bench.bound.response import noise_variance
 from tactsim.bench.bound.scan_information import pressed_letters, stated_options
-from tactsim.bench.placement_error import Properties, fold_angle, properties
+from tactsim.bench.placement import Properties, fold_angle, properties
 from tactsim.core.errors import InputError
 from tactsim.core.forward import ForwardModel
 from tactsim.core.lengths import offsets

@@ -25,10 +25,9 @@ from rich.console import Console
 from rich.table import Table
 
 from tactsim.bench.bound.exact_bayes import ExactBayes, ExactBayesOptions
-from tactsim.bench.fitting import fit
-from tactsim.bench.placement_error import Properties, placement_error, properties
+from tactsim.bench.placement import Properties, placement_error, properties
 from tactsim.bench.terminal import progress_bars
-from tactsim.bench.trials import draw_true_pose
+from tactsim.bench.trials import draw_true_pose, fit
 from tactsim.core import InputError, Scan
 from tactsim.core.files import write_bytes
 from tactsim.core.poses import FloatArray, compose, invert

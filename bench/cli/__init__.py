@@ -6,11 +6,8 @@ the rest of `tactsim`, which it imports when it runs, so that `bench --help` ans
 
 from __future__ import annotations
 
-import atexit
-import gc
 import os
 import sys
-from contextlib import suppress
 from pathlib import Path
 from typing import NoReturn
 
@@ -18,17 +15,6 @@ INTERRUPTED = 130
 
 
 def main() -> NoReturn:
-    """Run the command `bench`, and end the process."""
-    gc.set_threshold(
-        50_000, 20, 20
-    )  # what modules make stays: looking through it for garbage is 4 % of a run
-    try:
-        run()
-    except SystemExit as ended:
-        _leave(ended.code if isinstance(ended.code, int) else 0)
-
-
-def run() -> NoReturn:
     """Run the command `bench`; raises SystemExit at its end."""
     if sys.platform == "win32":
         print("bench: tactsim runs on Linux and macOS; on Windows, use it within WSL", file=sys.stderr)
@@ -40,6 +26,8 @@ def run() -> NoReturn:
         run_app()
     except KeyboardInterrupt:
         end_interrupted()
+    except SystemExit as ended:
+        sys.exit(_printed(ended.code if isinstance(ended.code, int) else 0))
 
 
 def _let_matplotlib_keep_its_fonts() -> None:
@@ -58,20 +46,13 @@ def end_interrupted() -> NoReturn:
     sys.exit(INTERRUPTED)
 
 
-def _leave(status: int) -> NoReturn:
-    """End the process without freeing every object first, which takes half a second after a run.
-
-    What was registered for the end is done, and what was printed is written.
-    """
-    atexit._run_exitfuncs()
+def _printed(status: int) -> int:
+    """Write what was printed; returns the exit status, which is no longer 0 if that fails."""
     try:
         print(end="", flush=True)
-    except BrokenPipeError:  # nobody reads any more
-        status = status or 1
-    except OSError as error:
-        if not status:
+    except OSError as error:  # a full disk, or nobody reads any more
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # else Python would try again at its end, and complain
+        if not status and not isinstance(error, BrokenPipeError):
             print(f"bench: cannot write to standard output: {error.strerror}", file=sys.stderr)
-        status = status or 2
-    with suppress(OSError, ValueError):  # it may be closed
-        sys.stderr.flush()
-    os._exit(status)
+        status = status or (1 if isinstance(error, BrokenPipeError) else 2)
+    return status

@@ -40,7 +40,7 @@ def command(
 ) -> None:
     """Say how good an estimator can be: exact Bayes, and the Cramer-Rao bound of the error, by reading."""
     from tactsim.bench.bound.bound import find_bound
-    from tactsim.bench.places import check_new_file, save_and_show
+    from tactsim.bench.places import check_new_file, try_to_save
     from tactsim.bench.results import to_json
     from tactsim.bench.terminal import print_bound, progress_bars
     from tactsim.core.files import write_bytes
@@ -70,4 +70,7 @@ def command(
         write_bytes(picture, found.plot().png())
         return picture
 
-    save_and_show(save, show)
+    place, failure = try_to_save(save)
+    show(place)
+    if failure is not None:
+        raise failure

@@ -103,9 +103,8 @@ def command(
     """Present a simulated pad as a device that speaks its codec's bytes, or record one with --plan."""
     import numpy as np
 
-    from tactsim.bench.config import scan_options, slip_of_world
+    from tactsim.bench.config import key_values, scan_options, slip_of_world
     from tactsim.bench.console import plain_console
-    from tactsim.bench.settings import key_values
     from tactsim.core.errors import InputError
     from tactsim.hardware.device import load_device
     from tactsim.hardware.emulator import Faults, emulate
@@ -157,7 +156,7 @@ def command(
 
 def _of_taxels(words: list[str] | None, option: str, device: Device) -> dict[int, float]:
     """Read words like 17=30: a taxel of the device and a number."""
-    from tactsim.bench.settings import whole_number
+    from tactsim.bench.config import whole_number
     from tactsim.core.errors import InputError
 
     found = {}
@@ -258,7 +257,7 @@ def _wanted(
 
 
 def _serve(port: str, emulated: Emulated, faults: Faults, rng: np.random.Generator) -> None:
-    from tactsim.bench.settings import whole_number
+    from tactsim.bench.config import whole_number
     from tactsim.core.errors import InputError
     from tactsim.hardware.emulator import serve_pty, serve_tcp
 

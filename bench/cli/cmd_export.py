@@ -22,7 +22,7 @@ def command(
     from tactsim.bench import formats
     from tactsim.bench.console import plain_console
     from tactsim.bench.places import check_new_file, check_new_folder
-    from tactsim.bench.run import Run
+    from tactsim.bench.results import Run
     from tactsim.core import InputError, Scan
 
     form = formats.find(to)

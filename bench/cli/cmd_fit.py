@@ -44,10 +44,10 @@ def command(
     """Choose what depends on a pad's unit, pitch and response from training readings alone, and say why."""
     import tomli_w
 
+    from tactsim.bench.config import key_values
     from tactsim.bench.console import plain_console
     from tactsim.bench.places import check_new_file
     from tactsim.bench.results import to_json
-    from tactsim.bench.settings import key_values
     from tactsim.core import InputError, Scan
     from tactsim.core.files import replacing
     from tactsim.estimators import create

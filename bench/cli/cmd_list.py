@@ -152,7 +152,7 @@ def _metrics() -> list[Row]:
 
 
 def _suites() -> list[Row]:
-    from tactsim.bench.sweep_file import count_runs, suites
+    from tactsim.bench.sweep import count_runs, suites
 
     return [(suite, f"{count_runs(suite)} runs", "") for suite in suites()]
 

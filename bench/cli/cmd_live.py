@@ -71,8 +71,8 @@ def command(
 
     import numpy as np
 
+    from tactsim.bench.config import key_values
     from tactsim.bench.console import plain_console
-    from tactsim.bench.settings import key_values
     from tactsim.bench.terminal import progress_bars
     from tactsim.bench.watching.live_screen import live
     from tactsim.bench.watching.pad_view import PadReader
@@ -136,7 +136,7 @@ def command(
 
 def _training(path: Path | None, device: Device, progress: Progress) -> Scan:
     """Load the training readings, or press them."""
-    from tactsim.bench.placement_error import load_scan
+    from tactsim.bench.placement import load_scan
     from tactsim.press import ScanOptions, scan_letters
     from tactsim.press.simulated_source import on_pad_of
 

@@ -161,8 +161,8 @@ def _check_name(out: Path, suffix: str) -> None:
 def _poses(text: str, seed: int, pad: Pad, label: str) -> list[tuple[float, ...]]:
     import numpy as np
 
+    from tactsim.bench.config import whole_number
     from tactsim.bench.measured import known_letter
-    from tactsim.bench.settings import whole_number
     from tactsim.press.scan_poses import grid_poses, random_poses, stage_for
 
     stage = stage_for(pad, known_letter(label))

@@ -165,7 +165,7 @@ def _write_csv(source: Source, path: Path) -> None:
 
 def _moments(text: str) -> int | Literal["auto"]:
     """Read how many moments are wanted, from 2 on. Raises InputError for anything else."""
-    from tactsim.bench.settings import whole_number
+    from tactsim.bench.config import whole_number
     from tactsim.core.errors import InputError
     from tactsim.core.moments import MOST
 
@@ -200,7 +200,7 @@ def _found(scan: Scan) -> list[str]:
 
 def _window(text: str) -> tuple[int, int]:
     """Read a window written as ROWSxCOLUMNS."""
-    from tactsim.bench.settings import whole_number
+    from tactsim.bench.config import whole_number
     from tactsim.core.errors import InputError
 
     rows, columns = (whole_number(word) for word in text.partition("x")[::2])

@@ -10,10 +10,8 @@ import typer
 from tactsim.bench.cli import guide_options as guide
 from tactsim.bench.cli import shared_options as shared
 from tactsim.bench.cli import space_verbs as space
-from tactsim.bench.cli.outcome import save_and_print
 from tactsim.bench.cli.words import Words, is_typed, refuse_typed, with_options_of
 from tactsim.bench.config import RunConfig, run_config
-from tactsim.bench.space.space_config import TASK
 
 if TYPE_CHECKING:
     from tactsim.bench.guided import Station
@@ -67,8 +65,9 @@ def command(
 ) -> None:
     """Press the letters, learn their maps, recognise them in random places and score every reading."""
     from tactsim.bench.console import kept_clear, plain_console
-    from tactsim.bench.places import results_folder
-    from tactsim.bench.runner import perform
+    from tactsim.bench.experiment import perform
+    from tactsim.bench.places import results_folder, save_beside, try_to_save
+    from tactsim.bench.results import to_json
     from tactsim.bench.terminal import print_places, print_run, progress_bars
     from tactsim.core.errors import InputError
 
@@ -81,7 +80,7 @@ def command(
         name: value for name, value in words.items() if is_typed(context, name)
     }  # a task says the others
     of_space = {"objects": objects, "touches": touches, "hand": hand}
-    if words.get("task") == TASK:
+    if words.get("task") == space.TASK:
         words |= {name: value for name, value in of_space.items() if value is not None}
         space.run_in_space(words, jobs=jobs, out=out, as_json=as_json)
         return
@@ -107,24 +106,27 @@ def command(
         with kept_clear(as_json), progress_bars() as progress:
             run = perform(config, jobs=jobs, cache=cache, progress=progress)
 
-        def show(place: Path | None) -> None:
+        saved, failure = try_to_save(lambda: save_beside(run.save, folder))
+        if as_json:
+            typer.echo(to_json(run.as_json() | {"results": saved and str(saved)}), nl=False)
+        else:
             print_run(run)
-            if place is not None:
-                print_places(run, place)
+            if saved is not None:
+                print_places(run, saved)
             if port is not None:
                 plain_console().print(
                     f"presses  {config.presses}; `bench run --presses` tries other estimators on them"
                 )
-
-        save_and_print(run, folder, as_json=as_json, show=show)
+        if failure is not None:
+            raise failure
 
 
 def _measured(config: RunConfig, station: Station, settings: dict[str, Any]) -> bool:
     """Measure what is missing; tells whether all is there now, and if not, how to go on."""
     from tactsim.bench.config import chosen_letters
-    from tactsim.bench.fitting import fit
+    from tactsim.bench.experiment import train_scan
     from tactsim.bench.measuring import Wanted, check_pads, count_measured, measure
-    from tactsim.bench.runner import train_scan
+    from tactsim.bench.trials import fit
     from tactsim.core.errors import unknown
     from tactsim.estimators import create
     from tactsim.press import forward_model

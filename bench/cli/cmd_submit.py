@@ -42,12 +42,12 @@ def command(
     """Do all runs of a task with a method, and write one file that others can check; exit status 1 without a score."""
     import numpy as np
 
+    from tactsim.bench.config import key_values
     from tactsim.bench.console import plain_console
     from tactsim.bench.leaderboard.bundle import DONE, figures_of, write_bundle
     from tactsim.bench.leaderboard.submission import Method, submit
-    from tactsim.bench.places import check_new_file, save_and_show
+    from tactsim.bench.places import check_new_file, try_to_save
     from tactsim.bench.results import to_json
-    from tactsim.bench.settings import key_values
     from tactsim.bench.tasks import task as read_task
     from tactsim.bench.terminal import progress_bars
 
@@ -86,6 +86,9 @@ def command(
         if place is not None:
             console.print(f"bundle  {place}")
 
-    save_and_show(save, show)
+    place, failure = try_to_save(save)
+    show(place)
+    if failure is not None:
+        raise failure
     if not done:
         raise typer.Exit(1)

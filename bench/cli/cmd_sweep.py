@@ -34,13 +34,13 @@ def command(
     ] = None,
 ) -> None:
     """Do many runs; a sweep that was stopped goes on where it was when it is started again."""
-    from tactsim.bench import sweep, sweep_file
+    from tactsim.bench import sweep
     from tactsim.bench.console import plain_console
     from tactsim.bench.machine import cores
     from tactsim.bench.places import SWEEPS, check_folder
     from tactsim.bench.terminal import print_sweep, progress_bars
 
-    name, configs = sweep_file.read(source)
+    name, configs = sweep.read(source)
     folder = out or SWEEPS / name
     check_folder(folder)
     with progress_bars() as progress:

@@ -51,10 +51,10 @@ def command(
 
     from tactsim.bench import validation
     from tactsim.bench.cli.validation_report import show as show_report
+    from tactsim.bench.config import key_values
     from tactsim.bench.console import kept_clear
-    from tactsim.bench.placement_error import load_scan
-    from tactsim.bench.places import check_new_folder, save_and_show, save_beside
-    from tactsim.bench.settings import key_values
+    from tactsim.bench.placement import load_scan
+    from tactsim.bench.places import check_new_folder, save_beside, try_to_save
     from tactsim.bench.terminal import progress_bars
     from tactsim.core.files import new_folder
 
@@ -83,4 +83,7 @@ def command(
         show(None)
     else:
         wanted = out
-        save_and_show(lambda: save_beside(save, wanted), show)
+        place, failure = try_to_save(lambda: save_beside(save, wanted))
+        show(place)
+        if failure is not None:
+            raise failure

@@ -50,7 +50,7 @@ def command(
     from tactsim.bench.leaderboard.record import Machine, Record, bundle_hash, write_record
     from tactsim.bench.leaderboard.verification import verify
     from tactsim.bench.machine import machine, versions
-    from tactsim.bench.places import save_and_show
+    from tactsim.bench.places import try_to_save
     from tactsim.bench.terminal import progress_bars
     from tactsim.core.errors import InputError, printable
     from tactsim.core.source_digest import git_commit
@@ -99,7 +99,10 @@ def command(
             commit=git_commit(),
             made=datetime.now(UTC).isoformat(timespec="seconds"),
         )
-        save_and_show(lambda: write_record(made, bundle), show)
+        place, failure = try_to_save(lambda: write_record(made, bundle))
+        show(place)
+        if failure is not None:
+            raise failure
     else:
         show(None)
     if not verdict.verified:

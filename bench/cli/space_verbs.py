@@ -7,9 +7,9 @@ from typing import Annotated, Any
 
 import typer
 
-from tactsim.bench.cli.outcome import save_and_print
 from tactsim.bench.cli.words import Words
 
+TASK = "solids"  # the task whose objects are in space
 PANEL = "Objects in space (--task solids)"
 
 Objects = Annotated[
@@ -45,7 +45,8 @@ def refuse_outside_space(**words: Any) -> None:
 def run_in_space(words: Words, *, jobs: int, out: Path | None, as_json: bool) -> None:
     """Do `bench run --task solids` with the words that were typed."""
     from tactsim.bench.console import kept_clear
-    from tactsim.bench.places import results_folder
+    from tactsim.bench.places import results_folder, save_beside, try_to_save
+    from tactsim.bench.results import to_json
     from tactsim.bench.space.space_config import SpaceConfig, space_config, space_words
     from tactsim.bench.space.space_runner import perform_in_space
     from tactsim.bench.space.space_terminal import print_space_run
@@ -56,12 +57,15 @@ def run_in_space(words: Words, *, jobs: int, out: Path | None, as_json: bool) ->
         with kept_clear(as_json), progress_bars() as progress:
             run = perform_in_space(config, jobs=jobs, progress=progress)
 
-        def show(place: Path | None) -> None:
+        saved, failure = try_to_save(lambda: save_beside(run.save, folder))
+        if as_json:
+            typer.echo(to_json(run.as_json() | {"results": saved and str(saved)}), nl=False)
+        else:
             print_space_run(run)
-            if place is not None:
-                typer.echo(f"results  {place}\npicture  {place / 'touches.png'}")
-
-        save_and_print(run, folder, as_json=as_json, show=show)
+            if saved is not None:
+                typer.echo(f"results  {saved}\npicture  {saved / 'touches.png'}")
+        if failure is not None:
+            raise failure
 
 
 def scan_in_space(words: Words, *, out: Path) -> None:

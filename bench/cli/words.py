@@ -11,8 +11,7 @@ import typer
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-from tactsim.bench.config import flag_of
-from tactsim.bench.settings import key_values
+from tactsim.bench.config import flag_of, key_values
 from tactsim.core.errors import InputError
 
 Words = Mapping[str, Any]
@@ -55,7 +54,7 @@ def _parameter(name: str, field: FieldInfo) -> inspect.Parameter:
 def _typed(field: FieldInfo) -> Any:
     """Give the type of a field's option: a count, a path, a list if the option repeats, or else a text."""
     kind = field.annotation
-    if kind in (int, int | None, Path | None):
+    if kind in (bool, int, int | None, Path | None):
         return kind
     if kind == tuple[Path, ...]:
         return list[Path] | None

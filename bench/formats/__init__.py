@@ -16,7 +16,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from tactsim.bench.run import Run
+from tactsim.bench.results import Run
 from tactsim.core import InputError, Scan
 from tactsim.core.errors import unknown
 from tactsim.core.files import new_folder, replacing

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from tactsim.bench.run import Run
+from tactsim.bench.results import Run
 from tactsim.core import Scan
 from tactsim.core.scan import SPLITS
 

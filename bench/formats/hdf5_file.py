@@ -14,8 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactsim.bench.formats.scan_document import is_of_a_run
-from tactsim.bench.results import to_json
-from tactsim.bench.run import Run
+from tactsim.bench.results import Run, to_json
 from tactsim.core import InputError, Scan
 from tactsim.core.documents import LARGE, parse_json
 from tactsim.core.files import open_regular

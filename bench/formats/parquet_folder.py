@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 
 from tactsim.bench.formats.data_card import card_of_run, card_of_scan
 from tactsim.bench.formats.scan_document import document_of, is_of_a_run, loads_of, parts_of, presses_of
-from tactsim.bench.results import to_json
-from tactsim.bench.run import Run
+from tactsim.bench.results import Run, to_json
 from tactsim.core import InputError, Scan
 from tactsim.core.documents import read_json
 from tactsim.core.files import open_regular

@@ -26,7 +26,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from tactsim.bench import results
 from tactsim.bench.leaderboard.record import Hash, Line, Machine, Name
 from tactsim.bench.pooled import Pooled, pool
-from tactsim.bench.run import Run
+from tactsim.bench.results import Run
 from tactsim.bench.score import summarise
 from tactsim.bench.trials import Trials
 from tactsim.core import InputError

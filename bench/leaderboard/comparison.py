@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tactsim.bench.placement_error import Properties
+from tactsim.bench.placement import Properties
 from tactsim.bench.score import errors
 from tactsim.bench.trials import Trials
 from tactsim.core.poses import FloatArray

@@ -30,8 +30,8 @@ from numpy.random import SeedSequence
 from numpy.typing import ArrayLike
 from pydantic import ConfigDict
 
+from tactsim.bench.estimator_facts import unflatten_work
 from tactsim.bench.leaderboard.messages import Message, receive, send
-from tactsim.bench.work_counts import unflatten_work
 from tactsim.core import InputError, Scan
 from tactsim.core.cache_folder import FOLDER_VARIABLE, cache_folder
 from tactsim.core.compiling import kernel_folder

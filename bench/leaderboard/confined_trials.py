@@ -13,11 +13,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tactsim.bench.estimator_facts import flatten_work, unflatten_work
 from tactsim.bench.leaderboard.confined import Confined, Limits, NoScore, confined
-from tactsim.bench.placement_error import properties
-from tactsim.bench.trial_plan import TrialPlan
-from tactsim.bench.trials import OneTrial, Progress, Trials, run_trial
-from tactsim.bench.work_counts import flatten_work, unflatten_work
+from tactsim.bench.placement import properties
+from tactsim.bench.trials import OneTrial, Progress, TrialPlan, Trials, run_trial
 
 
 @contextmanager
@@ -37,7 +36,7 @@ def run_trials_confined(
     rng: np.random.Generator,
     progress: Progress,
 ) -> tuple[Trials, dict[str, Any]]:
-    """Do trials as `trial_workers.run_trials` does, behind fences, in an order that `rng` draws.
+    """Do trials as `trials.run_trials` does, behind fences, in an order that `rng` draws.
 
     processes: with the estimator of `plan`. Returns the trials in the order of `tasks`, and the work, summed.
     Raises NoScore if the estimator fails in one of the trials; all processes have then ended.

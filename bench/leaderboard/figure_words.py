@@ -5,8 +5,7 @@ from __future__ import annotations
 from xml.etree.ElementTree import Element
 
 from tactsim.bench.leaderboard.markup import h
-from tactsim.bench.page_tables import HEADINGS
-from tactsim.bench.pooled import Figure
+from tactsim.bench.pooled import HEADINGS, Figure
 
 MISSING = "–"
 _HEADINGS = HEADINGS | {

@@ -11,13 +11,13 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.stats import t as student_t
 
-from tactsim.bench import runner
+from tactsim.bench import experiment
 from tactsim.bench.config import RunConfig, run_config
 from tactsim.bench.leaderboard.bundle import Bundle
 from tactsim.bench.leaderboard.comparison import CHANCE
 from tactsim.bench.leaderboard.confined import Confined
 from tactsim.bench.leaderboard.confined_trials import run_trials_confined
-from tactsim.bench.placement_error import Properties, properties
+from tactsim.bench.placement import Properties, properties
 from tactsim.bench.score import errors
 from tactsim.bench.tasks import Task
 from tactsim.bench.trials import OneTrial, Progress, Trials
@@ -56,9 +56,9 @@ def compare_fresh(
     Student 1908, one-sided at CHANCE / 2 each). Their spread is at least what the number of trials alone would make
     it. Raises NoScore if the estimator fails.
     """
-    gathered = runner.gather(config, jobs=jobs, cache=False, progress=runner.silent)
+    gathered = experiment.gather(config, jobs=jobs, cache=False, progress=experiment.silent)
     tasks = [OneTrial(letter, trial) for letter in gathered.letters for trial in range(config.trials)]
-    plan = runner.plan_of(config, gathered.scan)
+    plan = experiment.plan_of(config, gathered.scan)
     trials, _ = run_trials_confined(plan, tasks, processes, rng=rng, progress=progress)
     fresh = _figures(trials, properties(gathered.scan))
     stated = [_figures(run.trials, run.objects) for run in bundle.runs]

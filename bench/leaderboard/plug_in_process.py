@@ -20,11 +20,10 @@ import numpy as np
 from numpy.random import PCG64, Generator, SeedSequence
 from numpy.random.bit_generator import ISpawnableSeedSequence
 
-from tactsim.bench.about_estimator import about_estimator
+from tactsim.bench.estimator_facts import about_estimator, flatten_work
 from tactsim.bench.leaderboard import fence
 from tactsim.bench.leaderboard.messages import Message, receive, send
 from tactsim.bench.machine import peak_memory_mb
-from tactsim.bench.work_counts import flatten_work
 from tactsim.core import InputError, Scan
 from tactsim.core.poses import FloatArray
 from tactsim.estimators import NONE, Estimator, create

@@ -12,7 +12,6 @@ from typing import TypeVar
 from urllib.parse import quote
 from xml.etree.ElementTree import Element
 
-from tactsim.bench.counted import counted
 from tactsim.bench.leaderboard.index_page import index_page
 from tactsim.bench.leaderboard.markup import h, html
 from tactsim.bench.leaderboard.method_page import method_page
@@ -23,6 +22,7 @@ from tactsim.bench.leaderboard.task_page import task_page
 from tactsim.bench.leaderboard.time_picture import time_picture
 from tactsim.bench.places import check_new_folder
 from tactsim.bench.whole_page import whole_page
+from tactsim.core.errors import counted
 from tactsim.core.files import new_folder, write_bytes, write_text
 
 Key = TypeVar("Key")

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from tactsim.bench.experiment import silent
 from tactsim.bench.leaderboard.bundle import DONE, Bundle, read_bundle
 from tactsim.bench.leaderboard.ranking import (
     LEVEL,
@@ -21,12 +22,9 @@ from tactsim.bench.leaderboard.ranking import (
     ranks,
 )
 from tactsim.bench.leaderboard.record import Record, read_record, record_path
-from tactsim.bench.page_tables import CURVES, READINGS
-from tactsim.bench.pooled import Figure, Pooled
-from tactsim.bench.report.pareto import recognition_seconds
-from tactsim.bench.runner import silent
+from tactsim.bench.pooled import CURVES, READINGS, Figure, Pooled
 from tactsim.bench.score import CURVES as METRICS
-from tactsim.bench.score import HEADLINES, wilson
+from tactsim.bench.score import HEADLINES, recognition_seconds, wilson
 from tactsim.bench.tasks import Task, names, task
 from tactsim.bench.trials import OneTrial, Progress, Trials, draw_true_pose, generator
 from tactsim.core import InputError

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from tactsim.bench import runner
+from tactsim.bench import experiment
 from tactsim.bench.config import RunConfig, run_config
 from tactsim.bench.leaderboard.bundle import DONE, Bundle
 from tactsim.bench.leaderboard.confined import (
@@ -26,11 +26,10 @@ from tactsim.bench.leaderboard.confined import (
 )
 from tactsim.bench.leaderboard.confined_trials import confined_processes, run_trials_confined
 from tactsim.bench.machine import machine, versions
-from tactsim.bench.run import Run
+from tactsim.bench.results import Run
 from tactsim.bench.tasks import Task, task
 from tactsim.bench.tasks.data import check_data
-from tactsim.bench.trial_plan import source_of_trials
-from tactsim.bench.trials import OneTrial, Progress, check_readings
+from tactsim.bench.trials import OneTrial, Progress, check_readings, source_of_trials
 from tactsim.core import InputError
 from tactsim.core.errors import short, unknown
 from tactsim.core.plug_ins import plug_ins
@@ -68,7 +67,7 @@ def submit(
     cache: bool = True,
     limits: Limits | None = None,
     rng: np.random.Generator,
-    progress: Progress = runner.silent,
+    progress: Progress = experiment.silent,
 ) -> tuple[Bundle, str]:
     """Do all runs of a task, one a seed; a plug-in runs confined, and gets a status instead of a score if it fails.
 
@@ -96,7 +95,7 @@ def submit(
                         run_confined(config, processes, rng=rng, jobs=jobs, cache=cache, progress=of_run)
                     )
                 else:
-                    runs.append(runner.perform(config, jobs=jobs, cache=cache, progress=of_run))
+                    runs.append(experiment.perform(config, jobs=jobs, cache=cache, progress=of_run))
     except NoScore as error:
         status, output, runs = error.status, error.output, []
     bundle = Bundle(
@@ -131,13 +130,19 @@ def stated(task_name: str) -> tuple[Task, str]:
 
 
 def configs_of(asked: Task, method: Method, processes: Sequence[Confined]) -> list[RunConfig]:
-    """Give the runs of a method on a task, one a seed; a plug-in says in its own process whether it chooses touches.
+    """Give the runs of a method on a task, one a seed, with the bound of their errors, which the tables show.
 
-    Raises InputError for an unknown estimator or option.
+    A plug-in says in its own process whether it chooses touches. Raises InputError for an unknown estimator or option.
     """
     if not method.plug_in:
-        return asked.configs(method.estimator, method.options)
-    words: dict[str, Any] = {"estimator": method.estimator, "set": dict(method.options), "task": asked.name}
+        configs = asked.configs(method.estimator, method.options)
+        return [config.model_copy(update={"bound": True}) for config in configs]
+    words: dict[str, Any] = {
+        "estimator": method.estimator,
+        "set": dict(method.options),
+        "task": asked.name,
+        "bound": True,
+    }
     if asked.words.get("explore") == "information":
         words["explore"] = "information" if processes[0].proposes else "blind"
     return [run_config(**words, seed=seed) for seed in asked.seeds]
@@ -150,25 +155,27 @@ def run_confined(
     rng: np.random.Generator,
     jobs: int = 1,
     cache: bool = True,
-    progress: Progress = runner.silent,
+    progress: Progress = experiment.silent,
 ) -> Run:
-    """Do a run as `runner.perform` does, with the estimator in processes of its own: it is not imported here.
+    """Do a run as `experiment.perform` does, with the estimator in processes of its own: it is not imported here.
 
     Raises InputError for a configuration that does not fit together, and NoScore if the estimator fails.
     """
     start = perf_counter()
-    gathered = runner.gather(config, jobs=jobs, cache=cache, progress=progress)
+    gathered = experiment.gather(config, jobs=jobs, cache=cache, progress=progress)
     check_readings(gathered.scan, gathered.letters, config.readings, config.hold_out)
     tasks = [OneTrial(letter, trial) for letter in gathered.letters for trial in range(config.trials)]
     trying = perf_counter()
-    plan = runner.plan_of(config, gathered.scan)
+    plan = experiment.plan_of(config, gathered.scan)
     trials, work = run_trials_confined(plan, tasks, processes, rng=rng, progress=progress)
     tried = perf_counter()
     seconds = {"trials": tried - trying, "total": tried - start}
     estimator = processes[0]
-    run = runner.finished_run(config, gathered, trials, work, estimator=estimator, seconds=seconds, jobs=jobs)
     source = source_of(Method(config.estimator, config.options))
-    return replace(run, about=run.about | {"settings": estimator.settings, "source": source})
+    run = experiment.finished_run(
+        config, gathered, trials, work, estimator, source=source, seconds=seconds, jobs=jobs
+    )
+    return replace(run, about=run.about | {"settings": estimator.settings})
 
 
 def source_of(method: Method) -> str:

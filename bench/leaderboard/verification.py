@@ -10,10 +10,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tactsim.bench import runner
-from tactsim.bench.about_estimator import about_estimator
+from tactsim.bench import experiment
 from tactsim.bench.bound.efficiency import bounds_of_trials
 from tactsim.bench.config import RunConfig, run_config
+from tactsim.bench.estimator_facts import about_estimator
+from tactsim.bench.experiment import Gathered
 from tactsim.bench.leaderboard.bundle import DONE, Bundle
 from tactsim.bench.leaderboard.comparison import alike, first_difference, improbable, rows
 from tactsim.bench.leaderboard.confined import Confined, Limits, NoScore
@@ -21,13 +22,11 @@ from tactsim.bench.leaderboard.confined_trials import confined_processes, run_tr
 from tactsim.bench.leaderboard.fresh import compare_fresh, fresh_config
 from tactsim.bench.leaderboard.submission import Method, package_of, source_of, stated
 from tactsim.bench.machine import machine, versions
-from tactsim.bench.placement_error import Properties, properties
-from tactsim.bench.run import Run
-from tactsim.bench.runner import Gathered
+from tactsim.bench.placement import Properties, properties
+from tactsim.bench.results import Run
 from tactsim.bench.tasks import Task, names
 from tactsim.bench.tasks.data import check_data
-from tactsim.bench.trial_workers import run_trials
-from tactsim.bench.trials import OneTrial, Progress, Trials
+from tactsim.bench.trials import OneTrial, Progress, Trials, run_trials
 from tactsim.core import InputError, Scan
 from tactsim.core.errors import short
 from tactsim.estimators import NONE, Estimate, Estimator, Options
@@ -36,7 +35,7 @@ from tactsim.estimators import names as estimators
 SHARE = 0.05
 LEAST = 20  # trials: with fewer the bound could not refuse anything, with 13 only the worst
 _SAME = 1e-6  # mm, rad: what the task itself says of a trial is worked out anew, perhaps by another library
-_NOT_COMPARED = ("estimator", "bins", "particles", "set", "explore", "task")
+_NOT_COMPARED = ("estimator", "bins", "particles", "set", "explore", "task", "bound")
 
 
 @dataclass(frozen=True)
@@ -65,7 +64,7 @@ def verify(
     jobs: int = 1,
     cache: bool = True,
     limits: Limits | None = None,
-    progress: Progress = runner.silent,
+    progress: Progress = experiment.silent,
 ) -> Verdict:
     """Check that a bundle's runs are those that its task asks for, and do a share of the trials again.
 
@@ -149,7 +148,7 @@ def _again(
         if said is not None:
             raise _OtherOptions(f"seed {run.seed}: {said}")
         if tasks:
-            plan = runner.plan_of(configs[run.seed], gathered[run.seed].scan)
+            plan = experiment.plan_of(configs[run.seed], gathered[run.seed].scan)
             yield run_trials_confined(plan, tasks, processes, rng=rng, progress=report)[0]
             done += len(tasks)
 
@@ -208,7 +207,7 @@ def _config(asked: Task, method: Method, run: Run) -> RunConfig:
 
 
 def _gathered(config: RunConfig, jobs: int, cache: bool) -> Gathered:
-    return runner.gather(config, jobs=jobs, cache=cache, progress=runner.silent)
+    return experiment.gather(config, jobs=jobs, cache=cache, progress=experiment.silent)
 
 
 def _fault(run: Run, config: RunConfig, gathered: Gathered) -> str | None:
@@ -222,22 +221,24 @@ def _fault(run: Run, config: RunConfig, gathered: Gathered) -> str | None:
     done = list(zip(run.trials.truth.tolist(), run.trials.trial.tolist(), strict=True))
     if done != [(task.truth, task.trial) for task in tasks] or run.readings != config.readings:
         return "its trials are not those of the task: some are missing, or there are more"
-    plan = runner.plan_of(config, gathered.scan, _Nobody(Options()))
+    plan = experiment.plan_of(config, gathered.scan, _Nobody(Options()))
     recorded = plan.press is None
     # What is pressed on demand need not be pressed: where the object is does not depend on it.
     plan = replace(plan, press=None, explore="random")
-    given, _ = run_trials(plan, _Nobody(Options()), tasks, progress=runner.silent)
+    given, _ = run_trials(plan, _Nobody(Options()), tasks, progress=experiment.silent)
     if not _close(given.true_pose, run.trials.true_pose):
         return "an object lies elsewhere than the task puts it (true_x, true_y, true_theta)"
     if recorded and config.explore == "random" and not np.array_equal(given.reading, run.trials.reading):
         return "a trial has other readings than the task gives it, or in another order"
     if not _alike_objects(run.objects, properties(gathered.scan)):
         return "what it says of the objects (symmetry, centre, inertia) is not what the task says"
-    bounds, _ = bounds_of_trials(
-        gathered.scan, run.trials, config.explore, config.moving, lambda: gathered.information
-    )
-    if run.bounds is not None and (bounds is None or not np.allclose(bounds, run.bounds, rtol=1e-3)):
-        return "its bounds of the error (bounds.csv) are not those of the task"
+    if run.bounds is not None:
+        bounds, _ = bounds_of_trials(
+            gathered.scan, run.trials, config.explore, config.moving,
+            sequences=config.sequences, cache=gathered.cache,
+        )  # fmt: skip
+        if bounds is None or not np.allclose(bounds, run.bounds, rtol=1e-3):
+            return "its bounds of the error (bounds.csv) are not those of the task"
     return None
 
 

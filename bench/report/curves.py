@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tactsim.bench.report.collect import Entry, Group
+from tactsim.bench.naming import Entry, Group
 from tactsim.bench.report.pareto import points
 from tactsim.bench.report.recognition import Replayed
 from tactsim.bench.score import Z_95

@@ -5,11 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
-from tactsim.bench.report.collect import Entry, Group
-from tactsim.bench.score import Z_95, settled_by
-from tactsim.bench.trials import Trials
+from tactsim.bench.naming import Entry, Group
+from tactsim.bench.score import Z_95, recognition_seconds, settled_by
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,15 +27,6 @@ class Point:
     settled: int | None
     error_frontier: bool = False
     settled_frontier: bool = False
-
-
-def recognition_seconds(trials: Trials, readings: int) -> float:
-    """Compute what a recognition costs: the median over the trials of the processor time of its readings.
-
-    Updates, estimates (one after each reading) and proposals are counted; pressing, mapping and the
-    tables made once are not.
-    """
-    return float(np.median(trials.seconds[:, :readings].sum(axis=1)))
 
 
 def points(group: Group) -> list[Point]:

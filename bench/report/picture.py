@@ -13,7 +13,7 @@ from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, MaxNLocator, NullFormatter, NullLocator
 
-from tactsim.bench.report.collect import Group
+from tactsim.bench.naming import Group
 from tactsim.bench.report.curves import error_band
 from tactsim.bench.report.pareto import Point, machine_line, points
 from tactsim.core.files import write_bytes

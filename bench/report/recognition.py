@@ -10,14 +10,13 @@ from typing import Any
 
 import numpy as np
 
-from tactsim.bench.certainty import covariance
 from tactsim.bench.config import RunConfig
-from tactsim.bench.placement_error import Properties
-from tactsim.bench.report.collect import Entry, Group
-from tactsim.bench.runner import gather, plan_of, silent
+from tactsim.bench.experiment import gather, plan_of, silent
+from tactsim.bench.naming import Entry, Group
+from tactsim.bench.placement import Properties, covariance
+from tactsim.bench.results import Run
 from tactsim.bench.score import errors, settled_at
-from tactsim.bench.trial_plan import TrialPlan
-from tactsim.bench.trials import OneTrial, Progress, Trials, check_readings, run_trial
+from tactsim.bench.trials import OneTrial, Progress, TrialPlan, Trials, check_readings, run_trial
 from tactsim.core import Scan, compose, invert
 from tactsim.core.checking import checked
 from tactsim.core.errors import InputError
@@ -109,14 +108,13 @@ def trials_to_show(entries: Sequence[Entry]) -> dict[str, OneTrial]:
 
 
 def replay_all(
-    groups: Sequence[Group], *, progress: Progress = silent
+    groups: Sequence[Group], scans: dict[str, Scan], *, progress: Progress = silent
 ) -> tuple[list[Replayed], dict[str, str]]:
-    """Do the chosen trials of the chosen runs again.
+    """Do the chosen trials of the chosen runs again. scans: see `readings_of`.
 
     Returns them, and for the runs that could not be done again the reason, by label.
     """
     chosen = representatives(groups)
-    scans: dict[str, Scan] = {}
     done: list[Replayed] = []
     failed: dict[str, str] = {}
     for number, (group, entry) in enumerate(chosen):
@@ -138,10 +136,21 @@ def _replay(entry: Entry, tasks: Mapping[str, OneTrial], scans: dict[str, Scan])
 
 
 def _plan_anew(entry: Entry, tasks: Mapping[str, OneTrial], scans: dict[str, Scan]) -> TrialPlan:
-    """Get the readings of a loaded run, each scan once. Raises InputError if they cannot be had again."""
+    """Put together what trials of a loaded run need. Raises InputError if its readings cannot be had again."""
+    scan = readings_of(entry.run, scans)
     config = checked(RunConfig, entry.run.config, "run")
+    check_readings(scan, sorted({task.truth for task in tasks.values()}), entry.readings, config.hold_out)
+    return plan_of(config, scan)
+
+
+def readings_of(run: Run, scans: dict[str, Scan]) -> Scan:
+    """Get the readings of a loaded run, each scan once. Raises InputError if they cannot be had again.
+
+    scans: those that were had already; the run's is added.
+    """
+    config = checked(RunConfig, run.config, "run")
     from_files = config.scan is not None or config.presses is not None
-    options = None if from_files else entry.run.about["scan"].get("options")
+    options = None if from_files else run.about["scan"].get("options")
     words = {"scan", "train_scan", "presses", "given", "letters", "hold_out"}
     if config.presses is not None:
         words |= {"trials", "readings"}
@@ -150,10 +159,7 @@ def _plan_anew(entry: Entry, tasks: Mapping[str, OneTrial], scans: dict[str, Sca
     if key not in scans:
         pressed = None if from_files else _pressed_again(options, config)
         scans[key] = gather(config, scan=pressed, jobs=1, cache=True, progress=silent).scan
-    check_readings(
-        scans[key], sorted({task.truth for task in tasks.values()}), entry.readings, config.hold_out
-    )
-    return plan_of(config, scans[key])
+    return scans[key]
 
 
 def _pressed_again(options: Any, config: RunConfig) -> Scan:

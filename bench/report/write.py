@@ -3,19 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
+from tactsim.bench.bound.efficiency import bounds_of_trials
+from tactsim.bench.config import RunConfig
+from tactsim.bench.experiment import NO_BOUND, silent
+from tactsim.bench.naming import collect
 from tactsim.bench.places import check_page, is_report
-from tactsim.bench.report.collect import collect, find
+from tactsim.bench.report.collect import find
 from tactsim.bench.report.curves import COLUMNS, tables
 from tactsim.bench.report.page import page
 from tactsim.bench.report.pareto import has_curves
-from tactsim.bench.report.recognition import replay_all
-from tactsim.bench.results import load
-from tactsim.bench.run import Run
-from tactsim.bench.runner import silent
+from tactsim.bench.report.recognition import readings_of, replay_all
+from tactsim.bench.results import Run, load
 from tactsim.bench.trials import Progress
-from tactsim.core import InputError
+from tactsim.core import InputError, Scan
+from tactsim.core.checking import checked
 from tactsim.core.files import opened, write_text
 
 _KINDS = ("png", "svg")
@@ -44,11 +48,12 @@ def write_pages(
     """
     if out.is_dir():
         raise InputError(f"cannot write {out}: it is a folder; name a file in it")
-    groups = collect(runs)
+    scans: dict[str, Scan] = {}
+    groups = collect((folder, _with_bounds(run, scans)) for folder, run in runs)
     prefix = "" if out.stem == "report" else f"{out.stem}-"
     with_curves = [group for group in groups if has_curves(group)]
     _check_beside(out, prefix, len(with_curves))
-    replayed, failed = replay_all(groups, progress=progress)
+    replayed, failed = replay_all(groups, scans, progress=progress)
     remarks = [*remarks]
     remarks += [f"no trial of {label} could be done again: {why}" for label, why in failed.items()]
     written = [out]
@@ -74,6 +79,21 @@ def write_pages(
             save(press_figure(moving), written[-1])
     write_text(out, page(groups, replayed, remarks))
     return written, remarks
+
+
+def _with_bounds(run: Run, scans: dict[str, Scan]) -> Run:
+    """Work out the bound of a run's error where the run was not asked for it and its readings can be had again."""
+    if run.bounds is not None or run.about.get("no_bound") != NO_BOUND:
+        return run
+    try:
+        scan = run.plan.scan if run.plan else readings_of(run, scans)
+        config = checked(RunConfig, run.config, "run")
+    except InputError:
+        return run
+    if scan.digest != run.about["readings_digest"]:  # another version of tactsim presses otherwise
+        return run
+    bounds, _ = bounds_of_trials(scan, run.trials, config.explore, config.moving, sequences=config.sequences)
+    return replace(run, bounds=bounds)
 
 
 def _numbered(name: str, number: int) -> str:

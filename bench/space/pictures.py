@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.ticker import MaxNLocator
 
-from tactsim.bench.counted import counted
 from tactsim.bench.figures import BLUE, GREY, ORANGE, Picture
 from tactsim.bench.space.space_run import SpaceRun
+from tactsim.core.errors import counted
 from tactsim.core.poses import FloatArray
 
 _AIMS = {"error_mm": 1.0, "angle_deg": 5.0}  # what a part is wanted to be found to, a dotted line

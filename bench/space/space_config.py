@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
-from tactsim.bench.config import Flag, Noise
-from tactsim.bench.settings import as_paths, merged, nested, whole_number
+from tactsim.bench.config import Flag, Noise, as_paths, merged, nested, whole_number
 from tactsim.core.checking import checked
 from tactsim.core.errors import InputError
 

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from tactsim.bench.counted import counted
 from tactsim.bench.places import REPORT_TITLE
 from tactsim.bench.report.page import Arrays
 from tactsim.bench.space.space_replay import Replayed, replay
@@ -19,7 +18,7 @@ from tactsim.bench.space.space_score import Scored
 from tactsim.bench.trials import Progress
 from tactsim.bench.whole_page import whole_page
 from tactsim.core import rigid
-from tactsim.core.errors import InputError
+from tactsim.core.errors import InputError, counted
 from tactsim.core.files import write_text
 
 _REPORT, _SPACE = "report/assets/", "space/assets/"

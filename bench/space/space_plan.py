@@ -3,30 +3,29 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass
-from functools import cached_property, partial
-from typing import TYPE_CHECKING, Any, TypeAlias, cast
+from functools import cached_property
+from time import perf_counter
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
-from tactsim.bench.in_chunks import begun
+from tactsim.bench.estimator_facts import flatten_work, unflatten_work
 from tactsim.bench.space.pads import pads
 from tactsim.bench.space.space_config import SpaceConfig
 from tactsim.bench.space.space_trials import SpaceTask, SpaceTrials, run_trial
 from tactsim.bench.space.surface_distance import POINTS, Surface
 from tactsim.bench.trials import Progress
-from tactsim.bench.work_counts import flatten_work, unflatten_work
 from tactsim.core.seeds import stream
 from tactsim.core.space_scan import SpaceScan
+from tactsim.core.workers import batches, wait_for, worker_processes
 from tactsim.estimators import Estimator, create
 from tactsim.estimators.estimator import no_exit
 
 if TYPE_CHECKING:
     from tactsim.models import Solid
-
-FinishTrials: TypeAlias = Callable[[Estimator, Progress], tuple[SpaceTrials, dict[str, Any]]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,20 +96,32 @@ def surface_of(solid: Solid) -> Surface:
     return Surface(points, np.asarray(solid.symmetry.rotations), solid.symmetry.axis)
 
 
-@contextmanager
-def begun_trials(plan: SpacePlan, tasks: list[SpaceTask], *, jobs: int) -> Iterator[FinishTrials]:
-    """Begin with trials in `jobs` - 1 worker processes, which fit their own estimators while one is fitted here.
+def try_in_space(
+    plan: SpacePlan, estimator: Estimator, tasks: list[SpaceTask], *, jobs: int, progress: Progress
+) -> tuple[SpaceTrials, dict[str, Any], float]:
+    """Fit the estimator and do the trials; with several jobs in worker processes, which fit their own meanwhile.
 
-    Gives a function that takes the estimator, fitted, and `progress`, and does all that is left. It returns the trials
-    in the order of `tasks` and the estimators' work, summed; neither depends on `jobs`.
+    Returns the trials in the order of `tasks`, the estimators' work, summed, and the seconds that the fit took; but for
+    these it does not depend on `jobs`.
     """
-
-    def finish(estimator: Estimator, progress: Progress) -> tuple[SpaceTrials, dict[str, Any]]:
-        parts, work = others.finish(partial(plan.run, estimator), progress)
-        return SpaceTrials.joined(parts), unflatten_work(work)
-
-    with begun(partial(_run_chunk, plan), tasks, jobs=jobs) as others:
-        yield finish
+    begin = perf_counter()
+    with nullcontext() if jobs == 1 else worker_processes(min(jobs, len(tasks))) as executor:
+        sent = []
+        if executor is not None:
+            parts = batches(tasks, jobs)
+            sent = [(len(part), executor.submit(_run_chunk, plan, part)) for part in parts]
+        progress("map", 0, 1)
+        fit_in_space(estimator, plan.scan)
+        progress("map", 1, 1)
+        fitting = perf_counter() - begin
+        if executor is None:
+            results = [plan.run(estimator, tasks, lambda done: progress("trials", done, len(tasks)))]
+        else:
+            results = wait_for(sent, lambda done, total: progress("trials", done, total))
+    work: Counter[str] = Counter()
+    for _, of_part in results:
+        work.update(of_part)
+    return SpaceTrials.joined(trials for trials, _ in results), unflatten_work(work), fitting
 
 
 _fitted: dict[str, tuple[SpacePlan, Estimator]] = {}  # of a worker process: the plan that it works on

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tactsim.bench.runner import silent
+from tactsim.bench.experiment import silent
 from tactsim.bench.score import settled_at
 from tactsim.bench.space.pads import pads
 from tactsim.bench.space.space_config import SpaceConfig

@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tactsim.bench.counted import counted
 from tactsim.bench.space.space_plan import SpacePlan
 from tactsim.bench.space.space_score import summarise
 from tactsim.bench.space.space_trials import SpaceTrials
 from tactsim.bench.space.surface_distance import Surface
+from tactsim.core.errors import counted
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.space.surface import Surface as LearnedSurface
 

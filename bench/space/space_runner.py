@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tactsim.bench.about_estimator import about_estimator
+from tactsim.bench.estimator_facts import about_estimator
+from tactsim.bench.experiment import silent
 from tactsim.bench.machine import machine, peak_memory_mb, versions
-from tactsim.bench.runner import silent
 from tactsim.bench.space.space_config import SpaceConfig
-from tactsim.bench.space.space_plan import SpacePlan, begun_trials, fit_in_space, solids_of, surface_of
+from tactsim.bench.space.space_plan import SpacePlan, solids_of, surface_of, try_in_space
 from tactsim.bench.space.space_run import Shape, SpaceRun
 from tactsim.bench.space.space_trials import tasks_of
 from tactsim.bench.trials import Progress
@@ -48,12 +48,7 @@ def perform_in_space(config: SpaceConfig, *, jobs: int = 1, progress: Progress =
     tasks = tasks_of([one.name for one in solids], config.trials)
 
     fitting = perf_counter()
-    progress("map", 0, 1)
-    with begun_trials(plan, tasks, jobs=jobs) as finish:
-        fit_in_space(estimator, scan)
-        progress("map", 1, 1)
-        trying = perf_counter()
-        trials, tried = finish(estimator, progress)
+    trials, tried, fit_seconds = try_in_space(plan, estimator, tasks, jobs=jobs, progress=progress)
     end = perf_counter()
     spent = trials.update_s + trials.estimate_s + trials.propose_s
     about: dict[str, Any] = {
@@ -73,8 +68,8 @@ def perform_in_space(config: SpaceConfig, *, jobs: int = 1, progress: Progress =
         "peak_memory_mb": peak_memory_mb(),
         "seconds": {
             "scan": fitting - start,
-            "fit": trying - fitting,
-            "trials": end - trying,
+            "fit": fit_seconds,
+            "trials": end - fitting - fit_seconds,
             "total": end - start,
             "update_per_touch": float(trials.update_s.mean()),
             "estimate_per_touch": float(trials.estimate_s.mean()),

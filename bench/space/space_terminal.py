@@ -5,9 +5,9 @@ from __future__ import annotations
 from rich.table import Table
 
 from tactsim.bench.console import plain_console
-from tactsim.bench.counted import counted
 from tactsim.bench.space.space_run import SpaceRun
 from tactsim.bench.terminal import print_method, when, work_line
+from tactsim.core.errors import counted
 
 _ROWS = (1, 2, 3, 4, 5, 6, 8, 10, 12, 15, 20, 30, 40, 60, 100)
 

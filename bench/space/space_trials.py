@@ -11,10 +11,10 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from tactsim.bench.estimator_facts import flatten_work
 from tactsim.bench.space.draws import draw_true_pose
 from tactsim.bench.space.pads import Touching
 from tactsim.bench.space.surface_distance import Surface, surface_distance
-from tactsim.bench.work_counts import flatten_work
 from tactsim.core import rigid
 from tactsim.core.errors import InputError, short
 from tactsim.core.poses import FloatArray

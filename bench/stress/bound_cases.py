@@ -8,7 +8,7 @@ from tactsim.bench.bound.cramer_rao import bound_mm, mean_length
 from tactsim.bench.bound.exact_bayes import least_expected_error
 from tactsim.bench.bound.pose_information import of_classes, of_pressures
 from tactsim.bench.bound.response import Response
-from tactsim.bench.placement_error import Properties, placement_error
+from tactsim.bench.placement import Properties, placement_error
 from tactsim.bench.stress.case import Worst, case
 from tactsim.core.poses import invert
 from tactsim.press import SensorOptions

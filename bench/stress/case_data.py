@@ -8,8 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from tactsim.bench.fitting import fit
-from tactsim.bench.trials import draw_true_pose
+from tactsim.bench.trials import draw_true_pose, fit
 from tactsim.core import InputError, Pad, Scan, compose, invert
 from tactsim.core.lengths import offsets
 from tactsim.core.poses import FloatArray

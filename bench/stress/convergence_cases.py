@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from tactsim.bench.placement_error import placement_error, properties
+from tactsim.bench.placement import placement_error, properties
 from tactsim.bench.stress.case import Worst, case
 from tactsim.bench.stress.case_data import few, fitted, hidden, pressed, probabilities
 from tactsim.bench.stress.likelihood_cases import exact_log_p, one_state

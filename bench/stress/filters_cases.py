@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from tactsim.bench.placement_error import placement_error, properties
+from tactsim.bench.placement import placement_error, properties
 from tactsim.bench.stress.case import Worst, case, refused
 from tactsim.bench.stress.case_data import (
     draws,

@@ -6,8 +6,7 @@ import math
 
 import numpy as np
 
-from tactsim.bench.certainty import certainty
-from tactsim.bench.placement_error import Properties, fold_angle, placement_error
+from tactsim.bench.placement import Properties, certainty, fold_angle, placement_error
 from tactsim.bench.stress.case import Worst, case
 from tactsim.bench.stress.case_data import every_estimator, few, fitted, hidden, pressed, probabilities
 from tactsim.core import compose, invert, transform, wrap_angle

@@ -13,11 +13,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tactsim.bench.config import run_config
-from tactsim.bench.placement_error import properties
-from tactsim.bench.runner import gather, plan_of, silent
+from tactsim.bench.experiment import gather, plan_of, silent
+from tactsim.bench.placement import properties
 from tactsim.bench.tasks.task import Task
-from tactsim.bench.trial_workers import run_trials
-from tactsim.bench.trials import OneTrial, Progress, check_readings
+from tactsim.bench.trials import OneTrial, Progress, check_readings, run_trials
 from tactsim.core import InputError, Scan
 from tactsim.core.poses import FloatArray
 from tactsim.estimators import NONE, Estimate, Estimator, Options

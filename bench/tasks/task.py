@@ -10,9 +10,8 @@ from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field, field_validator
 
-from tactsim.bench.config import RunConfig, run_config
+from tactsim.bench.config import RunConfig, merged, nested, run_config, whole_number
 from tactsim.bench.score import CURVES, HEADLINES
-from tactsim.bench.settings import merged, nested, whole_number
 from tactsim.core import InputError
 from tactsim.core.checking import checked
 from tactsim.core.documents import parse_toml, read_toml
@@ -20,7 +19,7 @@ from tactsim.core.errors import short, unknown
 from tactsim.estimators import create
 
 # What a task leaves to the method; all other fields of a run are the task's.
-OF_THE_METHOD = ("estimator", "bins", "particles", "set")
+OF_THE_METHOD = ("estimator", "bins", "particles", "set", "bound")
 # Fields of a run that have a place of their own in a task's file, or are none of its.
 _NOT_WORDS = (*OF_THE_METHOD, "task", "seed", "trials", "readings", "given")
 _PATHS = ("scan", "train_scan", "presses", "shapes", "world")

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tactsim.bench.fitting import fit
+from tactsim.bench.trials import fit
 from tactsim.core import InputError, Scan, compose
 from tactsim.core.poses import FloatArray
 from tactsim.estimators import Estimate, Estimator

@@ -8,8 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from tactsim.bench.certainty import certainty
-from tactsim.bench.placement_error import Properties, placement_error, properties
+from tactsim.bench.placement import Properties, certainty, placement_error, properties
 from tactsim.bench.report.outlines import outline
 from tactsim.bench.watching.pad_view import taxels_of
 from tactsim.bench.watching.recogniser import Belief

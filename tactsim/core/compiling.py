@@ -39,14 +39,7 @@ FLOATS_3D, FLOATS_4D = float32[:, :, ::1], float32[:, :, :, ::1]
 # Arrays of others that are only looked at: those that may not be written are taken too.
 GIVEN_REALS, GIVEN_REALS_2D = (types.Array(float64, dimensions, "C", readonly=True) for dimensions in (1, 2))
 
-# What a file holds that has compiled functions, or something that they are made of.
-HOLDS_KERNELS = (
-    b"\nfrom tactsim.core.compiling ",
-    b"\nfrom numba",
-    b"\nimport numba",
-    b"\nfrom llvmlite",
-    b"\nimport llvmlite",
-)
+HOLDS_KERNELS = b"\nfrom tactsim.core.compiling import "  # what a file with compiled functions holds
 _MOST_FOLDERS = 10  # of kernels of other source, each of some 10 MB
 
 

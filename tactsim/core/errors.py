@@ -30,6 +30,11 @@ _SHORT.maxtuple = _SHORT.maxlist = _SHORT.maxdict = 4
 _SHORT.maxstring = _SHORT.maxother = 80
 
 
+def counted(number: int, what: str) -> str:
+    """Write a number and what it counts, in the plural unless it is one: 1 trial, 20 trials."""
+    return f"{number} {what}{'' if number == 1 else 's'}"
+
+
 def short(value: Any) -> str:
     """Write an untrusted value so that it fits into a line; long values are cut."""
     try:

@@ -24,15 +24,15 @@ def source_digest(*modules: str) -> str:
 
 
 @cache
-def package_digest(package: str, holding: tuple[bytes, ...] = (b"",)) -> str:
-    """Hash a package's name and its Python files, or those that hold one of some words: 64 hex digits.
+def package_digest(package: str, holding: bytes = b"") -> str:
+    """Hash a package's name and those of its Python files that hold some bytes: 64 hex digits.
 
     Files count as they are at the first call in a process.
     """
     content = hashlib.sha256(package.encode())
     for name, path in python_files(package):
         source = Path(path).read_bytes()
-        if any(words in source for words in holding):
+        if holding in source:
             content.update(f"\n{name} {len(source)}\n".encode() + source)
     return content.hexdigest()
 

@@ -12,12 +12,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tactsim.bench.config import RunConfig
-from tactsim.bench.fitting import fit
-from tactsim.bench.runner import gather, silent
-from tactsim.bench.settings import merged
+from tactsim.bench.config import RunConfig, merged
+from tactsim.bench.experiment import gather, silent
 from tactsim.bench.slip import Slip
 from tactsim.bench.tasks import Task, task
+from tactsim.bench.trials import fit
 from tactsim.core import InputError, Scan
 from tactsim.core.checking import checked
 from tactsim.core.errors import short

@@ -11,10 +11,9 @@ import numpy as np
 
 from tactsim.bench import score
 from tactsim.bench.config import run_config
-from tactsim.bench.fitting import fit
-from tactsim.bench.placement_error import properties
-from tactsim.bench.runner import perform
-from tactsim.bench.trials import OneTrial, run_trial
+from tactsim.bench.experiment import perform
+from tactsim.bench.placement import properties
+from tactsim.bench.trials import OneTrial, fit, run_trial
 from tactsim.estimators import create
 from tactsim.estimators.registry import BUILT_IN, load
 from tactsim.press import ScanOptions, forward_model, scan_letters

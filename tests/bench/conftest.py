@@ -10,7 +10,7 @@ import pytest
 from small_runs import draw_nothing, make_run_in
 from typer.testing import CliRunner
 
-from tactsim.bench import results, runner
+from tactsim.bench import experiment, results
 from tactsim.bench.cli.app import app
 from tactsim.bench.config import run_config
 from tactsim.core import Scan
@@ -53,7 +53,7 @@ def open_set_run(tmp_path_factory):
 def hostile_run(tmp_path_factory):
     """Give a run whose every name tries to become markup."""
     folder = tmp_path_factory.mktemp("hostile")
-    scan = runner.gather(run_config(letters="AU"), jobs=1, cache=True, progress=runner.silent).scan
+    scan = experiment.gather(run_config(letters="AU"), jobs=1, cache=True, progress=experiment.silent).scan
     labels = np.where(scan.labels == "A", SCRIPT, IMAGE)
     Scan(scan.readings, scan.poses, labels, scan.split, scan.taxel_xy).save(folder / "scan.npz")
     place = make_run_in(

@@ -3,8 +3,8 @@
 import numpy as np
 
 from tactsim.bench.config import RunConfig
-from tactsim.bench.placement_error import Properties
-from tactsim.bench.run import Run
+from tactsim.bench.placement import Properties
+from tactsim.bench.results import Run
 from tactsim.bench.trials import Trials
 
 

@@ -18,9 +18,9 @@ os.environ["OPENBLAS_NUM_THREADS"] = "1"
 import numpy as np
 
 import tactsim
-from tactsim.bench.fitting import fit
-from tactsim.bench.placement_error import placement_error
+from tactsim.bench.placement import placement_error
 from tactsim.bench.score import JUMP, RECOVERED
+from tactsim.bench.trials import fit
 from tactsim.core import compose, invert, transform
 from tactsim.estimators import create
 from tactsim.estimators.filters.clouds import Cloud, advance

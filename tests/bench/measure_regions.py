@@ -13,7 +13,7 @@ from statistics import NormalDist
 import numpy as np
 
 from tactsim.bench.pooled import pool
-from tactsim.bench.run import Run
+from tactsim.bench.results import Run
 
 METHODS = ("refined", "force-mosaic", "graded")
 READINGS = (3, 5, 10, 20)

@@ -13,9 +13,9 @@ from made_up import make_run
 
 import tactsim
 from tactsim.bench.config import RunConfig, ScanWords, run_config, scan_options
+from tactsim.bench.experiment import perform
 from tactsim.bench.figures import readings_figure
 from tactsim.bench.results import to_json
-from tactsim.bench.runner import perform
 from tactsim.bench.terminal import headlines
 from tactsim.core import InputError
 from tactsim.estimators import Options
@@ -430,7 +430,7 @@ def test_a_picture_counts_whole_readings(run):
 @pytest.mark.parametrize("moments", [2, "2"])
 def test_a_run_of_moments_presses_the_sequences_that_it_needs(moments):
     words = {"letters": "I", "trials": 1, "readings": 2, "bins": 600}
-    run = tactsim.run(**words, set={"moments": moments})
+    run = tactsim.run(**words, set={"moments": moments}, bound=True)
     assert run.options["moments"] == 2
     assert run.bounds is None
     assert "several" in run.about["no_bound"]

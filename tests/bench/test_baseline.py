@@ -5,8 +5,8 @@ import json
 import pytest
 
 from tactsim.bench.config import run_config
-from tactsim.bench.runner import perform
-from tactsim.bench.sweep_file import read, suites
+from tactsim.bench.experiment import perform
+from tactsim.bench.sweep import read, suites
 
 # The paper's protocol tests at the training poses: there it is enough, which is why the default is another one.
 DEFAULT_TASKS = [name for name in suites() if not name.startswith("paper")]

@@ -17,7 +17,7 @@ from tactsim.bench.bound import cramer_rao, pose_information, response
 from tactsim.bench.bound.bound import find_bound
 from tactsim.bench.bound.scan_information import scan_information
 from tactsim.bench.config import run_config
-from tactsim.bench.placement_error import Properties
+from tactsim.bench.placement import Properties
 from tactsim.bench.score import errors
 from tactsim.core import InputError, compose
 from tactsim.estimators.likelihoods.classifier import CONTACT, NO_CONTACT, classify
@@ -228,7 +228,7 @@ def test_readings_that_do_not_say_how_they_were_pressed_have_no_bound():
 
 def test_a_run_on_a_walk_has_its_bound_beside_it_and_other_motions_have_none(here):
     order = ("--letters", "EO", "--trials", "2", "--readings", "12", "--json")
-    words = {"letters": "EO", "trials": 2, "readings": 12, "estimator": "nearest"}
+    words = {"letters": "EO", "trials": 2, "readings": 12, "estimator": "nearest", "bound": True}
     found = json.loads(here("bound", *order, "--slip", "walk_mm=0.5", "--slip", "walk_rad=0.03").stdout)
     assert "lie still" in found["no_bayes"]
     assert found["bound_mm"][-1] > 1.5 * tactsim.run(**words).bound_mm[-1]

@@ -13,12 +13,12 @@ import numpy as np
 import pytest
 from command_line import BENCH, Bench, refused
 
-from tactsim.bench import runner
-from tactsim.bench.cli import run
+from tactsim.bench import experiment
+from tactsim.bench.cli import main
 from tactsim.bench.cli.app import VERBS, load
+from tactsim.bench.experiment import perform
 from tactsim.bench.machine import versions
-from tactsim.bench.run import Run
-from tactsim.bench.runner import perform
+from tactsim.bench.results import Run
 from tactsim.core import InputError, Scan
 
 SMALL = ["--trials", "1", "--readings", "4", "--bins", "1000"]
@@ -30,9 +30,22 @@ def test_a_run_prints_its_table_and_leaves_its_files(bench, tmp_path):
     for word in ("accuracy", "95 % interval", "error mm", "eq. 3", "time", "work", "10 x 10 x 10"):
         assert word in result.stdout
     names = {path.name for path in (tmp_path / "here").iterdir()}
-    tables = {"trials.csv", "times.csv", "bounds.csv"}
+    tables = {"trials.csv", "times.csv"}
     assert names == tables | {"run.json", "summary.json", "times.json", "readings.png", "maps.png"}
     assert (tmp_path / "here" / "readings.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_a_run_that_is_asked_for_the_bound_shows_and_keeps_it(here, tmp_path):
+    words = ["run", "--estimator", "nearest", "--letters", "AE", "--trials", "2", "--readings", "12"]
+    plain, bounded = here(*words, "--out", "plain"), here(*words, "--bound", "--out", "bounded")
+    assert "bound" not in plain.stdout
+    assert "x bound" in bounded.stdout
+    assert {p.name for p in (tmp_path / "bounded").iterdir()} - {
+        p.name for p in (tmp_path / "plain").iterdir()
+    } == {"bounds.csv"}
+    same = [(tmp_path / folder / "trials.csv").read_bytes() for folder in ("plain", "bounded")]
+    assert same[0] == same[1]
+    assert "--bound" in json.loads((tmp_path / "plain" / "run.json").read_text())["no_bound"]
 
 
 def test_json_is_one_object_and_nothing_else_on_standard_output(here):
@@ -399,7 +412,7 @@ def test_a_run_whose_folder_another_one_took_is_saved_beside_it(here, monkeypatc
         (other / "run.json").write_text("another run")
         return perform(*words, **more)
 
-    monkeypatch.setattr(runner, "perform", perform_and_be_late)
+    monkeypatch.setattr(experiment, "perform", perform_and_be_late)
     result = here("run", *SMALL, "--letters", "IO", "--out", "same", "--json")
     assert result.returncode == 0, result.stderr
     assert "same was taken meanwhile; the results are in same-2" in result.stderr
@@ -432,7 +445,7 @@ def test_an_interrupt_while_modules_are_imported_ends_alike(monkeypatch, capsys)
     monkeypatch.delitem(sys.modules, "tactsim.bench.cli.app")
     monkeypatch.setattr(sys, "meta_path", [Interrupts(), *sys.meta_path])
     with pytest.raises(SystemExit, match="130"):
-        run()
+        main()
     assert capsys.readouterr().err == "bench: interrupted; nothing half-written was kept\n"
 
 

@@ -9,7 +9,7 @@ import pytest
 import tactsim
 from tactsim.bench.bound import references
 from tactsim.bench.bound.exact_bayes import ExactBayes, ExactBayesOptions, least_expected_error
-from tactsim.bench.placement_error import Properties, placement_error, properties
+from tactsim.bench.placement import Properties, placement_error, properties
 from tactsim.core import InputError, compose, invert
 from tactsim.press.press_model import forward_model
 
@@ -127,7 +127,7 @@ def test_distances_of_an_estimator_from_the_references():
 
 
 def test_a_runs_bound_is_kept_with_it(tmp_path):
-    run = tactsim.run(letters="AE", trials=2, readings=12, estimator="nearest")
+    run = tactsim.run(letters="AE", trials=2, readings=12, estimator="nearest", bound=True)
     run.save(tmp_path / "run")
     again = tactsim.Run.load(tmp_path / "run")
     np.testing.assert_array_equal(again.bounds, run.bounds)
@@ -142,7 +142,7 @@ def test_a_runs_bound_is_kept_with_it(tmp_path):
 
 def test_a_run_without_a_known_press_says_so(scan_file):
     scan = tactsim.Scan.load(scan_file)
-    run = tactsim.run(replace(scan, meta={}), trials=1, readings=2, estimator="nearest")
+    run = tactsim.run(replace(scan, meta={}), trials=1, readings=2, estimator="nearest", bound=True)
     assert run.bounds is None
     assert "do not say how they were pressed" in run.about["no_bound"]
     assert np.isnan(run.efficiency).all()

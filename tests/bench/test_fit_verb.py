@@ -9,7 +9,7 @@ import pytest
 from command_line import refused
 
 import tactsim
-from tactsim.bench.fitting import fit
+from tactsim.bench.trials import fit
 from tactsim.core import InputError
 
 

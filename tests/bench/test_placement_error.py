@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from tactsim.bench.placement_error import Properties, fold_angle, placement_error, properties
+from tactsim.bench.placement import Properties, fold_angle, placement_error, properties
 from tactsim.core import InputError, Scan, compose, invert, transform
 
 PLAIN = Properties(symmetry=1, centre=(0.0, 0.0), inertia_over_mass=60.0)

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tactsim.bench.placement_error import Properties, placement_error
+from tactsim.bench.placement import Properties, placement_error
 from tactsim.bench.placement_kernels import radius
 
 NUMBERS = st.lists(st.tuples(st.integers(0, 9), st.integers(0, 5)), min_size=1, max_size=40)

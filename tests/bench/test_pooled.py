@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from made_up import make_run
 
-from tactsim.bench.page_tables import cell
-from tactsim.bench.pooled import Pooled, pool, resampled
+from tactsim.bench.pooled import Pooled, cell, pool, resampled
 from tactsim.core import InputError
 
 

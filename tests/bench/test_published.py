@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tactsim.bench.config import run_config
-from tactsim.bench.runner import perform
+from tactsim.bench.experiment import perform
 
 pytestmark = pytest.mark.slow
 

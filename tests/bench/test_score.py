@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from tactsim.bench.placement_error import Properties
+from tactsim.bench.placement import Properties
 from tactsim.bench.score import (
     CURVES,
     HEADLINES,

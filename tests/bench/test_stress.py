@@ -138,10 +138,10 @@ def without_symmetry(estimated, true, symmetry, *of):
 PLANTED = {
     "frames.wrap": ("tactsim.bench.stress.frames_cases.wrap_angle", lambda angle: np.asarray(angle)),
     "frames.symmetric-objects": (
-        "tactsim.bench.placement_error.distances",
+        "tactsim.bench.placement.distances",
         without_symmetry,
     ),
-    "frames.error-at-the-seam": ("tactsim.bench.placement_error.distances", not_inverted),
+    "frames.error-at-the-seam": ("tactsim.bench.placement.distances", not_inverted),
     "maps.peak-near-one": ("tactsim.estimators.likelihoods.occupancy._NOTHING", 0.5),
     "likelihood.tables": (
         "tactsim.estimators.likelihoods.paper.sigmoid",

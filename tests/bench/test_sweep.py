@@ -15,9 +15,9 @@ import pytest
 from command_line import refused
 from small_runs import draw_nothing
 
-from tactsim.bench import chunks, results, runner, sweep, sweep_file, trial_plan
+from tactsim.bench import results, sweep, trials
 from tactsim.bench.config import run_config
-from tactsim.bench.runner import perform, silent
+from tactsim.bench.experiment import perform, silent
 from tactsim.core import InputError
 
 SMALL = """
@@ -46,7 +46,7 @@ def whole(tmp_path_factory, shared_cache):
     (folder / "s.toml").write_text(SMALL)
     with pytest.MonkeyPatch.context() as patch:
         draw_nothing(patch)
-        sweep.perform(sweep_file.read(str(folder / "s.toml"))[1], folder / "whole", jobs=1, progress=silent)
+        sweep.perform(sweep.read(str(folder / "s.toml"))[1], folder / "whole", jobs=1, progress=silent)
     return folder / "whole"
 
 
@@ -60,7 +60,7 @@ def contents(folder):
 
 
 def test_lists_stand_for_every_combination():
-    configs = sweep_file.expand(
+    configs = sweep.expand(
         {
             "defaults": {"trials": 3, "letters": "AE"},
             "run": [
@@ -106,18 +106,18 @@ def test_lists_stand_for_every_combination():
 def test_a_wrong_file_is_refused_in_one_line(tmp_path, content, message):
     (tmp_path / "s.toml").write_text(content)
     with pytest.raises(InputError, match=message) as caught:
-        sweep_file.read(str(tmp_path / "s.toml"))
+        sweep.read(str(tmp_path / "s.toml"))
     assert "\n" not in str(caught.value)
 
 
 def test_every_suite_can_be_read_and_names_known_estimators():
     from tactsim.estimators import create
 
-    assert {"quick", "paper"} <= set(sweep_file.suites())
-    for suite in sweep_file.suites():
-        name, configs = sweep_file.read(suite)
+    assert {"quick", "paper"} <= set(sweep.suites())
+    for suite in sweep.suites():
+        name, configs = sweep.read(suite)
         assert name == suite
-        assert sweep_file.count_runs(suite) == len(configs)
+        assert sweep.count_runs(suite) == len(configs)
         for config in configs:
             create(config.estimator, **config.options)
 
@@ -126,7 +126,7 @@ def test_every_suite_can_be_read_and_names_known_estimators():
 def test_a_sweep_gives_what_single_runs_give(here, tmp_path):
     (tmp_path / "s.toml").write_text(SMALL)
     output = here("sweep", "s.toml", "--out", "out", "--jobs", "2").stdout
-    _, configs = sweep_file.read(str(tmp_path / "s.toml"))
+    _, configs = sweep.read(str(tmp_path / "s.toml"))
     names = sorted(path.name for path in (tmp_path / "out" / "runs").iterdir())
     assert len(names) == len(configs) == 4
     assert not list((tmp_path / "out" / "chunks").iterdir())
@@ -152,10 +152,8 @@ def test_a_chunk_that_was_damaged_is_done_again(here, tmp_path, whole):
 
 OTHERS = {
     "nothing": lambda patch, plan: plan,
-    "version": lambda patch, plan: patch.setattr(chunks, "versions", lambda: {"tactsim": "0.0"}) or plan,
-    "source": lambda patch, plan: (
-        patch.setattr(trial_plan, "source_digest", lambda *modules: "0" * 64) or plan
-    ),
+    "version": lambda patch, plan: patch.setattr(sweep, "versions", lambda: {"tactsim": "0.0"}) or plan,
+    "source": lambda patch, plan: patch.setattr(trials, "source_digest", lambda *modules: "0" * 64) or plan,
     "readings": lambda patch, plan: replace(plan, scan=replace(plan.scan, poses=plan.scan.poses + 1)),
     "options": lambda patch, plan: replace(plan, options={"bins": 101}),
     "seed": lambda patch, plan: replace(plan, seed=1),
@@ -166,18 +164,18 @@ OTHERS = {
 def test_a_chunk_that_was_made_with_something_else_is_not_taken(tmp_path, other):
     run = perform(run_config(letters="IO", estimator="histogram", bins=100, trials=2, readings=3))
     with pytest.MonkeyPatch.context() as patch:
-        (made, *_) = chunks.chunks_of("a-run", OTHERS[other](patch, run.plan), ("I",), 2)
-        chunks.save_chunk(tmp_path, made, run.trials, {"likelihood_evaluations": 3})
-    (wanted, *_) = chunks.chunks_of("a-run", run.plan, ("I",), 2)
-    assert (chunks.load_chunk(tmp_path, wanted) is not None) == (other == "nothing")
+        (made, *_) = sweep.chunks_of("a-run", OTHERS[other](patch, run.plan), ("I",), 2)
+        sweep.save_chunk(tmp_path, made, run.trials, {"likelihood_evaluations": 3})
+    (wanted, *_) = sweep.chunks_of("a-run", run.plan, ("I",), 2)
+    assert (sweep.load_chunk(tmp_path, wanted) is not None) == (other == "nothing")
 
 
 def test_a_worker_stays_with_a_run_and_every_chunk_is_taken_once():
     run = perform(run_config(letters="IO", estimator="histogram", bins=100, trials=1, readings=3))
-    three = [chunks.chunks_of(name, run.plan, ("I", "O"), 25) for name in "abc"]
+    three = [sweep.chunks_of(name, run.plan, ("I", "O"), 25) for name in "abc"]
     assert [len(chunk.tasks) for chunk in three[0]] == [20, 20, 10]
     assert [task.truth for chunk in three[0] for task in chunk.tasks] == ["I"] * 25 + ["O"] * 25
-    waiting = chunks.Waiting(chunk for of_run in three for chunk in of_run)
+    waiting = sweep.Waiting(chunk for of_run in three for chunk in of_run)
     first, second = waiting.take(), waiting.take()
     assert (first.run, second.run) == ("a", "b")
     taken = [first, second, waiting.take("b"), waiting.take("b"), waiting.take("b")]
@@ -195,7 +193,7 @@ def test_a_worker_stays_with_a_run_and_every_chunk_is_taken_once():
 @pytest.mark.long
 def test_a_sweep_does_not_go_on_beside_runs_of_another_source(tmp_path, whole):
     shutil.copytree(whole, tmp_path / "out")
-    _, configs = sweep_file.read(str(whole.parent / "s.toml"))
+    _, configs = sweep.read(str(whole.parent / "s.toml"))
     first, second = sorted((tmp_path / "out" / "runs").iterdir())[:2]
     about = json.loads((first / "run.json").read_text())
     (first / "run.json").write_text(json.dumps(about | {"source": "0" * 64}))
@@ -311,25 +309,15 @@ def test_no_scheduler_is_said_in_one_line(here, tmp_path, monkeypatch):
         refused(here("sweep", "s.toml", "--dask", address), "no scheduler answers")
 
 
-def test_without_the_cache_runs_share_what_their_readings_tell(own_cache, tmp_path, monkeypatch):
-    """It is worked out once for the readings of all three runs, and kept nowhere; the files are the same."""
+def test_without_the_cache_nothing_is_kept_and_the_files_are_the_same(own_cache, tmp_path, monkeypatch):
     draw_nothing(monkeypatch)
-    words = {"letters": "I", "trials": 2, "readings": 2}
+    words = {"letters": "I", "trials": 2, "readings": 2, "bound": True}
     configs = [
         run_config(**words, estimator="nearest"),
         run_config(**words, estimator="histogram", bins=99),
     ]
     configs.append(run_config(**words, estimator="histogram", bins=200))
-    worked_out = []
-
-    def counted(scan, **choices):
-        worked_out.append(choices)
-        return plain(scan, **choices)
-
-    plain = runner.scan_information
-    monkeypatch.setattr(runner, "scan_information", counted)
     sweep.perform(configs, tmp_path / "without", jobs=1, cache=False, progress=silent)
-    assert worked_out == [{"cache": False}]
     assert not list(own_cache.rglob("*.readings"))
     sweep.perform(configs, tmp_path / "with", jobs=1, cache=True, progress=silent)
     assert list(own_cache.rglob("*.readings"))

@@ -5,9 +5,9 @@ import pytest
 
 from tactsim import models
 from tactsim.bench.config import run_config
-from tactsim.bench.placement_error import Properties
-from tactsim.bench.runner import perform
-from tactsim.bench.touching import OnDemand
+from tactsim.bench.experiment import perform
+from tactsim.bench.on_demand import OnDemand
+from tactsim.bench.placement import Properties
 from tactsim.bench.trials import OneTrial, run_trial
 from tactsim.core import InputError, Scan, compose
 from tactsim.estimators import Estimate, Estimator, Options

@@ -5,12 +5,20 @@ import pytest
 
 import tactsim
 from tactsim.bench.config import run_config
-from tactsim.bench.placement_error import Properties
-from tactsim.bench.runner import gather, silent
+from tactsim.bench.experiment import gather, silent
+from tactsim.bench.placement import Properties
 from tactsim.bench.score import wilson
-from tactsim.bench.trial_plan import TrialPlan
-from tactsim.bench.trial_workers import run_chunk, run_trials
-from tactsim.bench.trials import OneTrial, Trials, check_readings, draw_true_pose, generator, run_trial
+from tactsim.bench.trials import (
+    OneTrial,
+    TrialPlan,
+    Trials,
+    check_readings,
+    draw_true_pose,
+    generator,
+    run_chunk,
+    run_trial,
+    run_trials,
+)
 from tactsim.core import InputError, Scan, compose
 from tactsim.core.workers import worker_processes
 from tactsim.estimators import NONE, Estimate, Estimator, Options

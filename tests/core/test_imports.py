@@ -54,3 +54,28 @@ from tactsim.bench.cli.app import app
 app({[*words, "second"]!r}, standalone_mode=False)
 """
     assert not {"mujoco", "trimesh"} & imported(script)
+
+
+def test_a_default_run_brings_no_room_that_it_does_not_need(tmp_path):
+    words = [
+        "run",
+        "--letters",
+        "I",
+        "--trials",
+        "1",
+        "--readings",
+        "2",
+        "--bins",
+        "1000",
+        "--out",
+        str(tmp_path / "run"),
+    ]
+    script = f"""
+import sys
+from tactsim.bench.cli.app import app
+app({words!r}, standalone_mode=False)
+print('', *[name for name in sys.modules if name.startswith("tactsim.bench.")])
+"""
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    rooms = {name.split(".")[2] for name in done.stdout.splitlines()[-1].split()}
+    assert not rooms & {"bound", "report", "space", "leaderboard", "tasks", "stress", "formats", "watching"}

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from pages import BLOCKS, ROOT, SHELL, bench, blocks_of, commands, only
 
-from tactsim.bench import sweep_file
+from tactsim.bench import sweep
 from tactsim.bench.cli.app import VERBS, load
 
 SHELL_COMMANDS = [(block, words) for block in BLOCKS if block.language in SHELL for words in commands(block)]
@@ -30,7 +30,7 @@ def test_a_bench_command_is_understood(arguments):
     if not {"-h", "--help"} & set(rest):
         load(verb).make_context(f"bench {verb}", list(rest))
     if verb == "sweep":
-        assert rest[0] in sweep_file.suites() or rest[0].endswith(".toml")
+        assert rest[0] in sweep.suites() or rest[0].endswith(".toml")
 
 
 @pytest.mark.parametrize("arguments", calls(lambda words: only(words, "make")))

@@ -7,7 +7,7 @@ from pages import ROOT
 
 from tactsim.bench.page_blocks import blocks
 from tactsim.bench.page_tables import LEAST_SCANS
-from tactsim.bench.sweep_file import read, suites
+from tactsim.bench.sweep import read, suites
 
 PAGES = [
     "README.md",

@@ -8,7 +8,7 @@ import pytest
 from command_line import BENCH
 
 import tactsim
-from tactsim.bench import runner, sweep, sweep_file
+from tactsim.bench import experiment, sweep
 
 # A file system of one's own in a namespace of one's own: nothing is left mounted, whatever happens.
 IN_NAMESPACE = ["unshare", "--user", "--map-root-user", "--mount", "sh", "-eu", "-c"]
@@ -121,8 +121,8 @@ def test_a_sweep_on_a_full_disk_goes_on_when_there_is_room(bench, scan_file):
     assert int(before) < 2
     whole = bench.folder / "whole"
     whole.mkdir()
-    configs = sweep_file.read(str(bench.folder / "s.toml"))[1]
-    for run in sweep.perform(configs, whole, jobs=1, progress=runner.silent):
+    configs = sweep.read(str(bench.folder / "s.toml"))[1]
+    for run in sweep.perform(configs, whole, jobs=1, progress=experiment.silent):
         kept = bench.folder / "runs" / run.name / "trials.csv"
         assert kept.read_bytes() == (run / "trials.csv").read_bytes()
 

@@ -15,16 +15,17 @@ import trimesh
 from hostile import damaged, swapped
 
 from tactsim import models
-from tactsim.bench import chunks, regression, results, sweep_file
+from tactsim.bench import regression, results, sweep
 from tactsim.bench.compare import compare
 from tactsim.bench.config import run_config, scan_options
+from tactsim.bench.experiment import perform
 from tactsim.bench.leaderboard.bundle import DONE, Bundle, read_bundle, write_bundle
-from tactsim.bench.placement_error import properties
+from tactsim.bench.naming import collect
+from tactsim.bench.placement import properties
 from tactsim.bench.regression_timing import Measured
-from tactsim.bench.report.collect import collect, find
+from tactsim.bench.report.collect import find
 from tactsim.bench.report.curves import tables
 from tactsim.bench.report.page import page
-from tactsim.bench.runner import perform
 from tactsim.core import Pad, Scan
 from tactsim.core.errors import InputError
 from tactsim.core.reading import Reading
@@ -113,7 +114,7 @@ def read_pad(path):
 
 
 def read_sweep(path):
-    for config in sweep_file.read(str(path))[1]:
+    for config in sweep.read(str(path))[1]:
         create(config.estimator, **config.options)
 
 
@@ -456,7 +457,7 @@ def test_a_cache_file_or_chunk_of_a_sweep_that_was_sealed_by_an_enemy_is_not_use
     content = b"tactsim readings 2\n" + bytes.fromhex(key) + hashlib.sha256(body).digest() + body
     (tmp_path / f"{key[:40]}.readings").write_bytes(content)
     assert cache.load(key, (192, 36)) is None
-    chunk = chunks.Chunk("run", 0, (), "made with")
+    chunk = sweep.Chunk("run", 0, (), "made with")
     (tmp_path / "chunks").mkdir()
     archive = io.BytesIO()
     with zipfile.ZipFile(archive, "w") as stream:
@@ -464,7 +465,7 @@ def test_a_cache_file_or_chunk_of_a_sweep_that_was_sealed_by_an_enemy_is_not_use
             stream.writestr(f"{name}.npy", body)
     sealed = chunk.seal(archive.getvalue()) + archive.getvalue()
     chunk.path(tmp_path).write_bytes(sealed)
-    assert chunks.load_chunk(tmp_path, chunk) is None
+    assert sweep.load_chunk(tmp_path, chunk) is None
 
 
 # ---- what is no file

@@ -17,7 +17,7 @@ from tactsim.core import Pad, Scan
 READ = """
 import json, re, resource, sys
 from pathlib import Path
-from tactsim.bench import results, sweep_file
+from tactsim.bench import results, sweep
 from tactsim.bench.config import scan_options
 from tactsim.hardware.calibration import Calibration
 from tactsim.hardware.device import load_device
@@ -29,7 +29,7 @@ import trimesh, svg.path, tinycss2, cssselect2
 taken = int(re.search(r"VmSize:\\s+(\\d+)", Path("/proc/self/status").read_text())[1]) << 10
 resource.setrlimit(resource.RLIMIT_AS, (taken + (1 << 29),) * 2)
 readers = {
-    "npz": Scan.load, "toml": sweep_file.read, "world": lambda path: scan_options(world=path),
+    "npz": Scan.load, "toml": sweep.read, "world": lambda path: scan_options(world=path),
     "device": load_device, "calibration": Calibration.load, "run": results.load, "shape": shape,
     "recording": lambda path: list(Replay(path)),
 }

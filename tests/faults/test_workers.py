@@ -14,10 +14,10 @@ import numpy as np
 import pytest
 from test_kills import sweep_of, whole
 
-from tactsim.bench import runner, sweep, sweep_file
+from tactsim.bench import experiment, sweep
 from tactsim.core import InputError
 from tactsim.core.npz import MissingArrayError
-from tactsim.core.workers import worker_processes
+from tactsim.core.workers import batches, wait_for, worker_processes
 
 LARGE = 50_000_000  # bytes, far more than a pipe holds
 
@@ -57,22 +57,6 @@ def kill_oneself():
     os.kill(os.getpid(), signal.SIGKILL)
 
 
-def die_while_sending(size):
-    """Give a large result, and kill the process when it has begun to send it."""
-    main = threading.main_thread().ident
-
-    def wait_and_kill():
-        while True:
-            frame = sys._current_frames()[main]
-            while frame is not None:
-                if frame.f_code.co_name == "_send_bytes":
-                    kill_oneself()
-                frame = frame.f_back
-
-    threading.Thread(target=wait_and_kill, daemon=True).start()
-    return bytes(size)
-
-
 def refuse(value):
     raise InputError(f"{value} is wrong")
 
@@ -94,7 +78,7 @@ def test_a_run_whose_worker_dies_at_its_start_says_so_and_leaves_nothing(bench, 
 
 def test_workers_end_with_a_run_that_is_killed(bench, scan_file):
     process = bench.start(*RUN, scan_file, "--trials", "2000", "--jobs", "3")
-    wait_until(process, lambda: len(workers_of(process)) == 2)
+    wait_until(process, lambda: len(workers_of(process)) == 3)
     workers = workers_of(process)
     process.kill()  # it alone
     process.communicate(timeout=120)
@@ -105,10 +89,9 @@ def test_workers_end_with_a_run_that_is_killed(bench, scan_file):
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("task", [[kill_oneself], [die_while_sending, LARGE]])
-def test_whenever_a_worker_dies_its_result_says_so_and_the_block_ends(task):
-    with pytest.raises(BrokenExecutor, match="a worker process died"), worker_processes(2) as pool:
-        futures = [pool.submit(*task), pool.submit(np.zeros, LARGE // 8)]
+def test_when_a_worker_dies_its_result_says_so_and_the_block_ends():
+    with pytest.raises(BrokenExecutor), worker_processes(2) as pool:
+        futures = [pool.submit(kill_oneself), pool.submit(np.zeros, LARGE // 8)]
         for future in futures:
             future.result(timeout=60)
 
@@ -177,6 +160,30 @@ def test_a_lack_in_a_file_comes_back_as_what_it_is():
     assert (type(again), str(again), again.there) == (MissingArrayError, str(error), error.there)
 
 
+def test_batches_hold_every_task_once_in_its_order_and_never_differ_by_more_than_one():
+    for count in (1, 2, 7, 100):
+        parts = batches(list(range(count)), 3)
+        assert [task for part in parts for task in part] == list(range(count))
+        assert max(map(len, parts)) - min(map(len, parts)) <= 1
+
+
+def test_results_come_in_the_order_of_their_batches_and_are_counted_as_they_end():
+    told = []
+    with worker_processes(2) as pool:
+        sent = [(2, pool.submit(abs, -1)), (3, pool.submit(abs, -2)), (1, pool.submit(abs, -3))]
+        assert wait_for(sent, lambda *word: told.append(word)) == [1, 2, 3]
+    assert (told[0], told[-1]) == ((0, 6), (6, 6))
+    assert told == sorted(told)
+
+
+def test_an_error_of_a_worker_ends_the_work_at_once():
+    """Otherwise a user would read of a mistake when all other trials are done."""
+    began = time.monotonic()
+    with pytest.raises(InputError, match="3 is wrong"), worker_processes(2) as pool:
+        wait_for([(1, pool.submit(time.sleep, 600)), (1, pool.submit(refuse, 3))], lambda *word: None)
+    assert time.monotonic() - began < 300
+
+
 def write_and_wait(path):
     Path(path).write_text(str(os.getpid()))
     time.sleep(600)
@@ -243,6 +250,6 @@ def test_a_sweep_whose_workers_die_loses_nothing(bench, scan_file):
     assert process.returncode == 0, errors
     again = bench.folder / "again"
     again.mkdir()
-    configs = sweep_file.read(str(bench.folder / "s.toml"))[1]
-    sweep.perform(configs, again, jobs=1, progress=runner.silent)
+    configs = sweep.read(str(bench.folder / "s.toml"))[1]
+    sweep.perform(configs, again, jobs=1, progress=experiment.silent)
     assert whole(bench.folder / "out") == whole(again)

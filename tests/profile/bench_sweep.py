@@ -20,10 +20,9 @@ from flame_graphs import press
 
 from tactsim.bench import results
 from tactsim.bench.config import RunConfig, run_config
-from tactsim.bench.placement_error import Properties, fold_angle, placement_error
-from tactsim.bench.runner import finished_run, gather, plan_of, silent
-from tactsim.bench.trial_workers import run_trials
-from tactsim.bench.trials import OneTrial
+from tactsim.bench.experiment import finished_run, gather, plan_of, silent
+from tactsim.bench.placement import Properties, fold_angle, placement_error
+from tactsim.bench.trials import OneTrial, run_trials
 from tactsim.core import invert, transform
 from tactsim.press import balance, bed
 

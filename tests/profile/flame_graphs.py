@@ -64,9 +64,9 @@ def scan() -> Work:
 
 def sweep() -> Work:
     """Do 40 runs: ten worlds of the suite robustness with four estimators, 2 trials of 20 readings a letter each."""
+    from tactsim.bench import sweep
     from tactsim.bench import sweep as sweeps
-    from tactsim.bench import sweep_file
-    from tactsim.bench.runner import silent
+    from tactsim.bench.experiment import silent
 
     @contextmanager
     def here() -> Iterator[ThreadPoolExecutor]:
@@ -74,7 +74,7 @@ def sweep() -> Work:
             yield pool
 
     names = ("histogram", "particle", "refined", "force-mosaic")
-    _, suite = sweep_file.read("robustness")
+    _, suite = sweep.read("robustness")
     worlds = list(dict.fromkeys(config.source for config in suite if config.seed == 0))[:10]
     chosen = [
         config.model_copy(update={"trials": 2})

@@ -1,13 +1,13 @@
 """Small runs for the tests of the report."""
 
-from tactsim.bench import results, runner
+from tactsim.bench import experiment, results
 from tactsim.bench.config import run_config
 
 
 def make_run_in(folder, **words):
     """Run a few trials and write their results into a new folder; gives the folder."""
     small = {"estimator": "histogram", "letters": "AEU", "trials": 4, "readings": 8}
-    run = runner.perform(run_config(**(small | words)))
+    run = experiment.perform(run_config(**(small | words)))
     folder.mkdir(parents=True)
     results.save(run, folder)
     return folder

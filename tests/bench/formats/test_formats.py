@@ -159,7 +159,7 @@ def test_a_run_s_trials_are_the_same_in_every_format(run_folder, tmp_path, here)
     import h5py
     import pyarrow.parquet
 
-    from tactsim.bench.run import Run
+    from tactsim.bench.results import Run
 
     columns = Run.load(run_folder).columns()
     assert here("export", run_folder, "--to", "parquet", "--out", "trials").returncode == 0

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from tactsim.bench import runner
+from tactsim.bench import experiment
 from tactsim.bench.config import run_config
 
 PLUG_INS = Path(__file__).parent / "plug_ins"
@@ -54,4 +54,4 @@ def small_config():
 
 @pytest.fixture(scope="session")
 def gathered(small_config, shared_cache):
-    return runner.gather(small_config(), jobs=1, cache=True, progress=runner.silent)
+    return experiment.gather(small_config(), jobs=1, cache=True, progress=experiment.silent)

@@ -6,8 +6,8 @@ from made_up import make_run
 from tactsim.bench.config import RunConfig
 from tactsim.bench.leaderboard.bundle import DONE, Bundle
 from tactsim.bench.leaderboard.record import Machine, Record, bundle_hash, write_record
-from tactsim.bench.placement_error import Properties
-from tactsim.bench.run import Run
+from tactsim.bench.placement import Properties
+from tactsim.bench.results import Run
 from tactsim.bench.tasks import task
 from tactsim.bench.trials import OneTrial, Trials, draw_true_pose, generator
 from tactsim.core.poses import compose

@@ -5,12 +5,11 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
-from tactsim.bench import runner
-from tactsim.bench.about_estimator import about_estimator
+from tactsim.bench import experiment
+from tactsim.bench.estimator_facts import about_estimator
 from tactsim.bench.leaderboard.confined import Limits, NoScore
 from tactsim.bench.leaderboard.confined_trials import confined_processes, run_trials_confined
-from tactsim.bench.trial_workers import run_trials
-from tactsim.bench.trials import OneTrial, Trials
+from tactsim.bench.trials import OneTrial, Trials, run_trials
 from tactsim.core import InputError
 
 SMALL = Limits(fit_s=60, trial_s=60, memory_mb=400)
@@ -19,7 +18,7 @@ SMALL = Limits(fit_s=60, trial_s=60, memory_mb=400)
 def behind_fences(plan, tasks, jobs=1, limits=SMALL, rng=0):
     with confined_processes(plan.estimator, plan.options, jobs, limits) as processes:
         trials, work = run_trials_confined(
-            plan, tasks, processes, rng=np.random.default_rng(rng), progress=runner.silent
+            plan, tasks, processes, rng=np.random.default_rng(rng), progress=experiment.silent
         )
         return trials, work, processes[0]
 
@@ -30,7 +29,7 @@ def confine(plugged, gathered, small_config):
 
     def run(name, limits=SMALL, jobs=1, rng=0, count=2, **words):
         config = small_config(estimator=name, **words)
-        plan = runner.plan_of(config, gathered.scan)
+        plan = experiment.plan_of(config, gathered.scan)
         tasks = [OneTrial(letter, trial) for letter in gathered.letters for trial in range(count)]
         return behind_fences(plan, tasks, jobs, limits, rng)
 
@@ -63,9 +62,9 @@ def differing(one, other):
 )
 def test_a_built_in_estimator_answers_the_same_behind_the_fence(words, gathered, small_config):
     config = small_config(**words)
-    plan = runner.plan_of(config, gathered.scan)
+    plan = experiment.plan_of(config, gathered.scan)
     tasks = [OneTrial(letter, trial) for letter in gathered.letters for trial in range(2)]
-    free, work = run_trials(plan, plan.fitted(), tasks, progress=runner.silent)
+    free, work = run_trials(plan, plan.fitted(), tasks, progress=experiment.silent)
     behind, same_work, estimator = behind_fences(plan, tasks)
     assert differing(free, behind) == []
     assert work == same_work
@@ -85,12 +84,12 @@ def test_a_plug_in_answers_the_same_in_any_order_and_number_of_processes(confine
 
 @pytest.mark.parametrize("explore", ["random", "information"])
 def test_a_plug_in_answers_as_it_does_in_the_harness(explore, gathered, small_config, imported):
-    plan = replace(runner.plan_of(small_config(estimator="choosy"), gathered.scan), explore=explore)
+    plan = replace(experiment.plan_of(small_config(estimator="choosy"), gathered.scan), explore=explore)
     tasks = [OneTrial(letter, trial) for letter in gathered.letters for trial in range(2)]
     behind, *_ = behind_fences(plan, tasks)
     guess = imported("guess")
     given = replace(plan, given=guess.Choosy(guess.GuessOptions()))
-    free, _ = run_trials(given, given.fitted(), tasks, progress=runner.silent)
+    free, _ = run_trials(given, given.fitted(), tasks, progress=experiment.silent)
     assert differing(free, behind) == []
     assert len(np.unique(free.label)) == 2
 

@@ -9,7 +9,7 @@ import pytest
 from command_line import refused
 from test_confined import differing
 
-from tactsim.bench import runner
+from tactsim.bench import experiment
 from tactsim.bench.config import run_config
 from tactsim.bench.leaderboard.bundle import DONE, read_bundle, write_bundle
 from tactsim.bench.leaderboard.comparison import improbable
@@ -117,7 +117,7 @@ def test_a_plug_in_is_submitted_and_verified(bundle_of, here, folder):
 def test_a_built_in_estimator_runs_as_bench_run_does_and_is_verified_in_a_process_of_its_own(bundle_of, here):
     path = bundle_of("nearest")
     bundle = read_bundle(path)
-    run = runner.perform(run_config(estimator="nearest", task="small-v1.toml", seed=3))
+    run = experiment.perform(run_config(estimator="nearest", task="small-v1.toml", seed=3))
     assert differing(run.trials, bundle.runs[3].trials) == []
     assert bundle.runs[3].about["options"] == run.about["options"]
     assert bundle.source_hash == run.about["source"]

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from tactsim.bench import trials
-from tactsim.bench.runner import gather
+from tactsim.bench.experiment import gather
 from tactsim.bench.slip import Slip
 from tactsim.bench.tasks import data, names, task
 from tactsim.core import InputError
@@ -176,7 +176,7 @@ def test_the_hash_sees_what_a_trial_draws(monkeypatch, small, where, name, make)
 
 
 def test_other_touches_that_are_offered_change_the_hash(monkeypatch, small):
-    from tactsim.bench.touching import PressedTouches
+    from tactsim.bench.on_demand import PressedTouches
 
     offered = small('letters = "IO"', 'letters = "I"\nexplore = "information"')
     base = data.hash_data(offered, 0)

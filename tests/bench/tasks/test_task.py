@@ -6,7 +6,7 @@ import json
 import pytest
 
 import tactsim
-from tactsim.bench import sweep_file
+from tactsim.bench import sweep
 from tactsim.bench.config import RunConfig, run_config
 from tactsim.bench.tasks import names, task
 from tactsim.core import InputError
@@ -103,7 +103,7 @@ def test_the_name_of_a_task_changes_no_digest():
     ],
 )
 def test_a_suite_on_a_task_is_made_of_its_runs(suite, name):
-    configs = sweep_file.read(suite)[1]
+    configs = sweep.read(suite)[1]
     for config in configs:
         assert config.task == name
         assert config.seed in task(name).seeds
@@ -115,7 +115,7 @@ def test_a_suite_on_a_task_is_made_of_its_runs(suite, name):
 )
 def test_a_suite_in_a_tasks_world_has_its_first_trials(suite, name, trials):
     """`open-set` holds each letter out in its own trials: who refuses all is right there, so no task asks for that."""
-    digests = {config.digest for config in sweep_file.read(suite)[1] if config.estimator == "nearest"}
+    digests = {config.digest for config in sweep.read(suite)[1] if config.estimator == "nearest"}
     if name is None:
         assert task("open-set-v1").configs("refined")[0].digest not in digests
         return
@@ -128,12 +128,12 @@ def test_a_suite_in_a_tasks_world_has_its_first_trials(suite, name, trials):
 
 def test_a_sweep_of_a_task_has_its_seeds_unless_it_names_some():
     runs = {"estimator": "nearest", "task": ["slip-v1", "tilted-v1"]}
-    assert [(c.task, c.seed) for c in sweep_file.expand({"run": [runs]}, "sweep")] == [
+    assert [(c.task, c.seed) for c in sweep.expand({"run": [runs]}, "sweep")] == [
         (name, seed) for name in ("slip-v1", "tilted-v1") for seed in range(5)
     ]
-    assert [c.seed for c in sweep_file.expand({"run": [runs | {"seed": 3}]}, "sweep")] == [3, 3]
+    assert [c.seed for c in sweep.expand({"run": [runs | {"seed": 3}]}, "sweep")] == [3, 3]
     with pytest.raises(InputError, match="seed 5: task slip-v1 has the seeds 0, 1, 2, 3, 4"):
-        sweep_file.expand({"run": [runs | {"seed": [0, 5]}]}, "sweep")
+        sweep.expand({"run": [runs | {"seed": [0, 5]}]}, "sweep")
 
 
 def test_what_agrees_with_a_task_may_be_said():

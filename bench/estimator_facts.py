@@ -1,4 +1,7 @@
-"""The counts of work that an estimator did, nested for a reader and flat to be added up."""
+"""What results say of an estimator: how it is set up, its budget, and the counts of its work.
+
+A confined plug-in's process says it too, so little is imported.
+"""
 
 from __future__ import annotations
 
@@ -7,6 +10,30 @@ from typing import Any
 
 from tactsim.core import InputError
 from tactsim.core.errors import short
+from tactsim.estimators import Estimator
+from tactsim.estimators.estimator import no_exit
+
+
+def about_estimator(estimator: Estimator) -> dict[str, Any]:
+    """Describe how an estimator is set up, so that a report can do without the estimator's plug-in.
+
+    options: all of them. settings: those that are not the defaults. budget: see `budget_of`.
+    """
+    with no_exit(estimator):
+        description = estimator.describe()
+    return {
+        "description": description,
+        "options": estimator.options.model_dump(mode="json"),
+        "settings": estimator.options.model_dump(mode="json", exclude_defaults=True),
+        "budget": budget_of(estimator),
+    }
+
+
+def budget_of(estimator: Estimator) -> dict[str, Any] | None:
+    """Name the option that says how much an estimator may compute, and its value; None if it has none."""
+    if estimator.budget is None:
+        return None
+    return {"option": estimator.budget, "value": getattr(estimator.options, estimator.budget)}
 
 
 def flatten_work(work: Mapping[str, Any]) -> dict[str, int]:

@@ -1,4 +1,11 @@
-"""Where an object is placed: what the error of a placement needs of an object, and the error itself."""
+"""Where an object is placed: the error of a placement, and how sure a belief is of the place.
+
+A region is all placements at most so far from the estimated one, in the metric of the placement error, that they
+hold a share of the belief. So it respects a letter's symmetry and an O's free angle, and it takes any shape of
+belief as it is, weighted poses, without a kernel. Its radius is the error that the estimator itself expects not to
+exceed with that probability. An estimator is calibrated if regions of the share a hold the truth in the share a of
+trials: the test of Lemos et al. 2023 (expected coverage, with distances to a point) with the estimate as the point.
+"""
 
 from __future__ import annotations
 
@@ -10,12 +17,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 from pydantic import BaseModel, Field
 
-from tactsim.bench.placement_kernels import distances
-from tactsim.core import InputError, Scan, transform, wrap_angle
+from tactsim.bench.placement_kernels import distances, radius
+from tactsim.core import InputError, Scan, invert, transform, wrap_angle
 from tactsim.core.checking import checked
 from tactsim.core.errors import short
 from tactsim.core.finite import LARGEST
 from tactsim.core.poses import FloatArray
+from tactsim.estimators.estimator import Estimate, PoseSamples
 
 _Length = Annotated[float, Field(ge=-LARGEST, le=LARGEST)]
 
@@ -114,3 +122,40 @@ def fold_angle(angle: ArrayLike, symmetry: int) -> FloatArray:
     if symmetry == 0:
         return np.zeros_like(np.asarray(angle, dtype=float))
     return wrap_angle(np.asarray(angle, dtype=float) * symmetry) / symmetry
+
+
+@dataclass(frozen=True)
+class Certainty:
+    """How an estimator's belief of the place lies about its estimate.
+
+    credibility: the share of the belief that is nearer to the estimate than the truth is: a region of a larger
+    share holds the truth. radius: mm, of the region that holds 90 % of the belief. Both are NaN if the estimator
+    does not say how sure it is.
+    """
+
+    credibility: float
+    radius: float
+
+
+def certainty(estimate: Estimate, true: ArrayLike, of: Properties) -> Certainty:
+    """Compare an estimate's belief with the truth, T_R^O (3,), and the properties of the true letter."""
+    if estimate.samples is None:
+        return Certainty(np.nan, np.nan)
+    weights = estimate.samples.weights
+    away = placement_error(estimate.samples.poses, estimate.robot_in_object, of)
+    nearer = away < placement_error(true, estimate.robot_in_object, of)
+    return Certainty(float(weights[nearer].sum() / weights.sum()), radius(away, weights, 0.9))
+
+
+def covariance(samples: PoseSamples, estimated: ArrayLike, of: Properties) -> tuple[FloatArray, FloatArray]:
+    """Compute mean and covariance of the object's placement, about the estimated pose T_R^O (3,).
+
+    Returns the mean (3,) and the covariance (3, 3) of [x, y, turn]: the centre of mass in the robot's frame, mm, and
+    the turn from the estimated angle, rad, folded by the letter's symmetry; of a disc all turns are 0.
+    """
+    placed, centre = invert(samples.poses), np.array([of.centre])
+    turn = fold_angle(placed[:, 2] - invert(np.asarray(estimated, dtype=float))[2], of.symmetry)
+    place = np.column_stack([transform(placed, centre)[:, 0, :], turn])
+    weights = samples.weights / samples.weights.sum()
+    mean = weights @ place
+    return mean, (place - mean).T @ ((place - mean) * weights[:, None])

@@ -1,0 +1,346 @@
+"""An experiment, from top to bottom: readings, fit, trials, and the `Run` of what came out."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from contextlib import nullcontext
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
+from time import perf_counter
+from typing import Any
+
+from tactsim.bench.config import RunConfig, chosen_letters
+from tactsim.bench.estimator_facts import about_estimator
+from tactsim.bench.machine import machine, peak_memory_mb, versions
+from tactsim.bench.placement import load_scan, properties, stated_properties
+from tactsim.bench.results import Run
+from tactsim.bench.scan_quality import eq3_agreement, notes_on
+from tactsim.bench.trials import (
+    OneTrial,
+    Press,
+    Progress,
+    TrialPlan,
+    Trials,
+    check_count,
+    check_labels,
+    check_readings,
+    fit,
+    pad_fit_of,
+    received_trials,
+    run_trials,
+    send_trials,
+    silent,
+    source_of_trials,
+)
+from tactsim.core import InputError, Scan
+from tactsim.core.errors import unknown
+from tactsim.core.scan import train_on
+from tactsim.core.source_digest import git_commit
+from tactsim.core.workers import worker_processes
+from tactsim.estimators import Estimator, Options, create
+from tactsim.estimators.estimator import name_of, proposes_none
+from tactsim.estimators.likelihoods.occupancy import maps_of
+from tactsim.estimators.options import FilterOptions
+from tactsim.press import forward_model, scan_letters
+from tactsim.press.scan_poses import PAPER, stage_for
+from tactsim.press.scanning import letters_of
+
+NO_BOUND = "it was not asked for; `bench run --bound` works it out"
+
+
+@dataclass(frozen=True, eq=False)
+class Gathered:
+    """The readings of a run, which letters are tried, and what it took to get them.
+
+    cache: whether what else is worked out from the readings may be read from the cache and kept there.
+    """
+
+    scan: Scan
+    letters: tuple[str, ...]
+    work: dict[str, Any]
+    seconds: float
+    cache: bool
+
+
+def perform(
+    config: RunConfig,
+    *,
+    scan: Scan | None = None,
+    estimator: Estimator | None = None,
+    jobs: int = 1,
+    cache: bool = True,
+    progress: Progress = silent,
+) -> Run:
+    """Press or load the readings, fit the estimator, do all trials and score them.
+
+    scan: the readings that `config.given` names. estimator: replaces the one that `config` names. jobs:
+    processes. cache: whether pressed readings may be read from the cache and kept there. progress(stage, done,
+    total) is called for the stages "press", "map" and "trials".
+
+    Raises InputError for a configuration that does not fit together.
+    """
+    start = perf_counter()
+    if estimator is None:
+        fitted = create(config.estimator, **config.options)  # a wrong option is reported before the work
+    else:
+        config, fitted = _with_estimator(config, estimator), estimator
+    check_estimator(config, fitted)
+    about = about_estimator(fitted)  # before it is fitted, as a run of a sweep says it
+    gathered = gather(config, scan=scan, jobs=jobs, cache=cache, progress=progress)
+    check_readings(gathered.scan, gathered.letters, config.readings, config.hold_out)
+    plan = plan_of(config, gathered.scan, estimator)
+    tasks = [OneTrial(letter, trial) for letter in gathered.letters for trial in range(config.trials)]
+
+    fitting = perf_counter()
+    with nullcontext() if jobs == 1 else worker_processes(min(jobs, len(tasks))) as executor:
+        # Workers fit while this process does: its estimator's maps are shown, and with one job it does the trials.
+        sent = None if executor is None else send_trials(executor, plan, tasks, jobs)
+        progress("map", 0, 1)
+        fit(fitted, gathered.scan, forward_model)
+        progress("map", 1, 1)
+        trying = perf_counter()
+        if sent is None:
+            trials, work = run_trials(plan, fitted, tasks, progress=progress)
+        else:
+            trials, work = received_trials(sent, progress)
+    tried = perf_counter()
+    seconds = {"fit": trying - fitting, "trials": tried - trying, "total": tried - start}
+    source = None if estimator is None else source_of_trials(estimator)
+    run = finished_run(
+        config, gathered, trials, work, fitted, about=about, source=source, seconds=seconds, jobs=jobs
+    )
+    return replace(run, plan=plan, maps=maps_of(fitted))
+
+
+def check_estimator(config: RunConfig, estimator: Estimator) -> None:
+    """Raise InputError for an estimator that is not for runs in the plane, or cannot choose touches and should."""
+    if estimator.in_space:
+        raise InputError(f"estimator {config.estimator} recognises objects in space; add --task solids")
+    if config.explore == "information" and not estimator.proposes:
+        raise proposes_none(config.estimator)
+
+
+def check_presses(config: RunConfig) -> None:
+    """Raise InputError before the presses for letters to hold out that are not pressed, and for too many readings.
+
+    Readings that are not pressed are left to `check_readings`, once they are loaded.
+    """
+    if not config.pressed:
+        return
+    letters = letters_of(config.scan_options)
+    _held_out(config, [letter.name for letter in letters])
+    for letter in letters if config.readings > PAPER.poses else ():
+        stage = PAPER if config.on_demand else stage_for(config.scan_options.pad, letter)
+        check_count(letter.name, stage.poses, config.readings)
+
+
+def _with_estimator(config: RunConfig, estimator: Estimator) -> RunConfig:
+    """Name an estimator, by its class if it is not registered, and its options. Raises InputError if it has none."""
+    kind = type(estimator)
+    name = name_of(estimator)
+    if not isinstance(getattr(estimator, "options", None), Options):
+        raise InputError(
+            f"the estimator {name} has no options; its __init__ must call super().__init__(options)"
+        )
+    if config.options:
+        raise InputError(f"the estimator {name} was given with its options; leave out bins, particles, set")
+    options = estimator.options.model_dump(mode="json", exclude_defaults=True)
+    name = estimator.created_as or f"{kind.__module__}:{kind.__qualname__}"
+    return config.model_copy(update={"estimator": name, "set": options})
+
+
+def gather(
+    config: RunConfig, *, scan: Scan | None = None, jobs: int, cache: bool, progress: Progress
+) -> Gathered:
+    """Get the readings of a run: those given as `scan`, from the press or from files.
+
+    Raises InputError if a named letter is not among the readings, a letter is called NONE or two files do
+    not fit together.
+    """
+    if config.sequences and (config.on_demand or config.presses is not None):
+        raise InputError(
+            "moments of touches are in the sequences of a scan's test readings; leave out moments, or explore "
+            "at random on a scan"
+        )
+    start = perf_counter()
+    work: dict[str, Any] = {"presses": 0, "skipped": {}}
+    train = None if config.train_scan is None else train_scan(config)  # before the presses
+    if scan is not None:
+        stated_properties(scan)
+    elif config.scan is not None:
+        scan = load_scan(config.scan)
+    elif config.presses is not None:
+        from tactsim.bench.measured import measured_scan
+
+        assert train is not None  # as a configuration with presses has it
+        letters = chosen_letters(config, train.letters)
+        scan = measured_scan(config.presses, letters, config.trials, config.readings)
+    else:
+        check_presses(config)
+        scan, work = scan_letters(
+            config.scan_options,
+            jobs=jobs,
+            cache=cache,
+            sequence=config.sequences,
+            progress=lambda done, total: progress("press", done, total),
+        )
+    if train is not None:
+        scan = train_on(train, scan)
+    letters = chosen_letters(config, scan.letters)
+    if not scan.letters:
+        raise InputError(f"{config.scan or 'the scan'} holds no readings")
+    if not letters:
+        raise InputError(f"letters names none to try; the scan has {', '.join(scan.letters)}")
+    check_labels(letters)
+    scan = scan.of_letters(letters).untrained(_held_out(config, letters))
+    return Gathered(scan, letters, work, perf_counter() - start, cache)
+
+
+def _held_out(config: RunConfig, letters: Sequence[str]) -> tuple[str, ...]:
+    """Say which of the letters nothing is trained on in any trial. Raises InputError if they are not among them."""
+    held_out = () if config.each_held_out else config.hold_out
+    for letter in held_out:
+        if letter not in letters and len(letter) > 1 and set(letter) <= set(letters):
+            raise InputError(
+                f"--hold-out (in Python hold_out) {letter}: several letters have commas between them: "
+                f"{','.join(letter)}; one is left to train on"
+            )
+        if letter not in letters:
+            raise unknown("letter to hold out", letter, letters)
+    if set(letters) <= set(held_out) or (config.each_held_out and len(letters) == 1):
+        raise InputError("--hold-out (in Python hold_out) names every letter; leave one to train on")
+    return held_out
+
+
+def train_scan(config: RunConfig) -> Scan:
+    """Load the training readings that a run takes from a file of their own. Raises InputError if it has none."""
+    if config.train_scan is None:
+        raise InputError("a run on a pad's presses takes its training readings from --train-scan")
+    return load_scan(config.train_scan)
+
+
+def plan_of(config: RunConfig, scan: Scan, given: Estimator | None = None) -> TrialPlan:
+    """Put together what a worker needs to do this run's trials on these readings."""
+    return TrialPlan(
+        config.estimator,
+        config.options,
+        scan,
+        config.readings,
+        config.seed,
+        config.explore,
+        config.moving,
+        _press(config, scan),
+        forward_model,
+        given,
+        config.each_held_out,
+    )
+
+
+def _press(config: RunConfig, scan: Scan) -> Press | None:
+    """Choose where touches come from that are not simply the scan's."""
+    # Each is imported here: most runs take the scan's readings, and need neither a pad's files nor MuJoCo.
+    if config.presses is not None:
+        from tactsim.bench.measured import MeasuredTrials
+
+        return MeasuredTrials(scan, config.readings)
+    if config.on_demand:
+        from tactsim.bench.on_demand import OnDemand
+
+        return OnDemand(config.scan_options)
+    return None
+
+
+def finished_run(
+    config: RunConfig,
+    gathered: Gathered,
+    trials: Trials,
+    work: dict[str, Any],
+    estimator: Estimator,
+    *,
+    about: dict[str, Any] | None = None,
+    source: str | None = None,
+    seconds: dict[str, float] | None = None,
+    jobs: int | None = None,
+) -> Run:
+    """Score the trials and build the `Run`.
+
+    estimator: the one that did the trials, whose fit to the pad need not be found again, or one like it. about: what
+    `about_estimator` said of it before it was fitted. source: see `source_of_trials`, of an estimator that is not the
+    registered one. seconds: of the stages; a sweep, which does the trials of several runs at once, has none.
+    """
+    scan, options = gathered.scan, estimator.options
+    bounds, no_bound = None, NO_BOUND
+    if config.bound:
+        from tactsim.bench.bound.efficiency import bounds_of_trials
+
+        bounds, no_bound = bounds_of_trials(
+            scan, trials, config.explore, config.moving, sequences=config.sequences, cache=gathered.cache
+        )
+    about = dict(about or about_estimator(estimator))
+    pad_fit = pad_fit_of(estimator, scan)
+    if pad_fit is not None:
+        assert isinstance(options, FilterOptions)  # others fit nothing to the pad
+        options = pad_fit.outer(options)
+        about |= {"options": options.model_dump(mode="json"), "pad_fit": pad_fit.facts()}
+    notes = notes_on(scan)
+    about |= {
+        "protocol": _protocol_name(config, scan),
+        "letters": list(gathered.letters),
+        "slip": config.moving.describe(),
+        "no_bound": no_bound,
+        "classifier_agreement": eq3_agreement(scan, options),
+        "scan": dict(scan.meta),
+        "readings_digest": scan.digest,
+        "versions": versions(),
+        "source": source or source_of_trials(config.estimator),
+        "commit": git_commit(),
+        "machine": machine(),
+        **({"notes": notes} if notes else {}),
+    }
+    times = {
+        "started": datetime.now(UTC).isoformat(timespec="seconds"),
+        "jobs": jobs,
+        "peak_memory_mb": peak_memory_mb(),
+        "seconds": {
+            "scan": gathered.seconds,
+            **(seconds or {}),
+            "update_per_reading": float(trials.update_s.mean()),
+            "estimate_per_reading": float(trials.estimate_s.mean()),
+            "propose_per_reading": float(trials.propose_s.mean()),
+        },
+    }
+    return Run(
+        config=config.model_dump(mode="json"),
+        about=about,
+        objects=properties(scan),
+        work=gathered.work | work | {"skipped": gathered.work["skipped"] | work["skipped"]},
+        trials=trials,
+        times=times,
+        bounds=bounds,
+    )
+
+
+def _protocol_name(config: RunConfig, scan: Scan) -> str:
+    """Name the protocol of a run; only results of one protocol share a table."""
+    where = "test poses " + ("from a file" if config.scan else _stated_test_poses(scan) or "given")
+    if config.presses is not None:
+        where = "presses on a pad"
+    order = "random order"
+    if config.on_demand:
+        where = "touches in the robot's frame"
+    if config.explore == "information":
+        # Recorded readings lie around the object: the poses to choose among tell where it is.
+        order = "chosen by information" + (
+            "" if config.on_demand else " among recorded poses, which tell the place"
+        )
+    held_out = f", {' '.join(config.hold_out)} held out" if config.hold_out else ""
+    if config.each_held_out:
+        held_out = ", each letter held out in turn"
+    return f"{where}, {order}{held_out}"
+
+
+def _stated_test_poses(scan: Scan) -> str | None:
+    """Tell where the simulated pad was pressed for the test readings; None if the scan does not say."""
+    options = scan.meta.get("options")
+    stated = options.get("test_poses") if isinstance(options, Mapping) else None
+    return stated if stated in ("same", "random") else None
