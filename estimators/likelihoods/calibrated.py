@@ -12,7 +12,6 @@ from numpy.typing import ArrayLike, NDArray
 from tactsim.core import Scan, transform
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.likelihoods.class_table import calibrate, quantile_edges
-from tactsim.estimators.likelihoods.class_terms import class_terms
 from tactsim.estimators.likelihoods.classifier import UNKNOWN, classify
 from tactsim.estimators.likelihoods.folds import folds, touched_elsewhere
 from tactsim.estimators.likelihoods.likelihood import Evidence, Likelihood, covered
@@ -103,7 +102,7 @@ class CalibratedLikelihood(Likelihood):
 
     def evidence(self, reading: FloatArray) -> Evidence:
         """Classify the taxels; each is a term, an Unknown one too."""
-        return Evidence(*class_terms(reading, self.threshold, self.options.ratio, True))
+        return Evidence.of_classes(classify(reading, self.threshold, self.options.ratio), with_unknown=True)
 
 
 def steepness(

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from tactsim.core.poses import FloatArray
-from tactsim.estimators.likelihoods.least_squares import non_negative
 
 _ROUNDS = 20
 # Of the taxels; even if none was seen, one may come.
@@ -67,6 +66,21 @@ def learn_deviation(
         gaussian = (1 - stray) * _normal(away, spread)
         regular = gaussian / (gaussian + stray * background[place])
     return Deviation(variance, stray, levels, background)
+
+
+def non_negative(columns: FloatArray, wanted: FloatArray) -> FloatArray:
+    """Find the factors (n,) from 0 of columns (m, n) whose sum is nearest to `wanted` (m,), in least squares.
+
+    Columns may be of very different size (Lawson and Hanson 1974, `scipy.optimize.nnls`).
+    """
+    from scipy.optimize import nnls  # here, because its import takes 0.17 s
+
+    # The same least squares with n + 1 rows, however many there are.
+    triangle = np.asarray(np.linalg.qr(np.column_stack([columns, wanted]), mode="r"))
+    columns, wanted = triangle[:, :-1], triangle[:, -1]
+    size = np.linalg.norm(columns, axis=0)
+    size[size == 0] = 1.0
+    return np.asarray(nnls(columns / size, wanted)[0] / size, dtype=float)
 
 
 def integral(log_p: FloatArray, levels: FloatArray) -> FloatArray:

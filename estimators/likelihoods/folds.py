@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+from numba import boolean, float64
 from numpy.typing import NDArray
 
 from tactsim.core import Scan, transform
+from tactsim.core.compiling import INTS, REALS, Ints, Reals, compiled
 from tactsim.core.poses import FloatArray
-from tactsim.estimators.likelihoods.nearness_kernels import near_another_part
 
 # As many parts; each is predicted from the rest.
 FOLDS = 4
@@ -165,3 +166,20 @@ def touched_elsewhere(train: Scan, part: NDArray[np.intp]) -> NDArray[np.bool_]:
         found[order] = near_another_part(x[order], y[order], of_taxel[order], _NEAR)
         near[mine] = found.reshape(-1, len(train.taxel_xy))
     return near
+
+
+@compiled(boolean[::1](REALS, REALS, INTS, float64))
+def near_another_part(x: Reals, y: Reals, part: Ints, near: float) -> NDArray[np.bool_]:
+    """Tell which points (n,) lie less than `near` from a point of another part.
+
+    x, y: (n,), in order of x. part: (n,).
+    """
+    count = len(x)
+    found = np.zeros(count, dtype=np.bool_)
+    for i in range(count):
+        for step in (-1, 1):
+            j = i + step
+            while not found[i] and 0 <= j < count and abs(x[j] - x[i]) < near:
+                found[i] = part[j] != part[i] and (x[j] - x[i]) ** 2 + (y[j] - y[i]) ** 2 < near**2
+                j += step
+    return found

@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from tactsim.core import Scan
 from tactsim.core.errors import unknown
 from tactsim.core.poses import FloatArray
+from tactsim.estimators.likelihoods.classifier import UNKNOWN
 from tactsim.estimators.likelihoods.occupancy import OccupancyMap
 from tactsim.estimators.options import LikelihoodOptions
 
@@ -31,6 +32,15 @@ class Evidence:
     table: NDArray[np.int64]
     taxel: NDArray[np.int64]
     weight: NDArray[np.float32]
+
+    @classmethod
+    def of_classes(cls, classes: NDArray[np.int8], with_unknown: bool) -> Evidence:
+        """Make a term of weight 1 of each taxel's class, as from `classify`: the number of its table.
+
+        with_unknown: whether Unknown taxels are terms too.
+        """
+        taxel = np.arange(len(classes)) if with_unknown else np.flatnonzero(classes != UNKNOWN)
+        return cls(classes[taxel].astype(np.int64), taxel, np.ones(len(taxel), dtype=np.float32))
 
     def of_taxels(self, chosen: NDArray[np.bool_]) -> Evidence:
         """Keep the terms of chosen (taxels,) taxels."""

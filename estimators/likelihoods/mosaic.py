@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
+from numba import float64, void
 from numpy.typing import ArrayLike, NDArray
 
+from tactsim.core.compiling import REALS, REALS_2D, REALS_3D, Reals, compiled
 from tactsim.core.poses import FloatArray
-from tactsim.estimators.likelihoods.mosaic_kernels import add_moments
 from tactsim.estimators.likelihoods.occupancy import point_spread
 
 # Taxels farther away, in sigma, have less than 4e-4 of the weight and are left out.
@@ -113,3 +115,37 @@ def learn_with_spread(xy: FloatArray, values: FloatArray, weight: FloatArray, gr
     spread = np.asarray(np.linalg.inv(normal), dtype=float)
     plane = np.einsum("...ij,...j->...i", spread, sums[..., 6:])
     return LearnedMosaic(Mosaic(grid.origin, grid.cell, grid.sigma, plane), spread)
+
+
+@compiled(void(REALS_3D, REALS_2D, REALS, REALS, float64, float64))
+def add_moments(
+    moments: Reals, place: Reals, weight: Reals, value: Reals, sigma: float, reach: float
+) -> None:
+    """Add what taxels give to the normal equations of a plane around every node near them.
+
+    moments: (rows, columns, 9): of the offsets (1, x, y) from the node the sums 11, 1x, 1y, xx, xy, yy, and of
+    the value times (1, x, y). place: (n, 2) [x, y]. weight, value: (n,). sigma, reach: all lengths are in
+    cells. A taxel at distance d has the weight times exp(-2 d^2 / sigma^2), none beyond `reach` in x or y.
+    """
+    rows, columns, _ = moments.shape
+    along = np.empty(2 * math.ceil(reach) + 2)
+    for i in range(len(weight)):
+        x, y = place[i]
+        left, right = max(0, math.ceil(x - reach)), min(columns - 1, math.floor(x + reach))
+        for column in range(left, right + 1):
+            along[column - left] = math.exp(-2 * ((x - column) / sigma) ** 2)
+        for row in range(max(0, math.ceil(y - reach)), min(rows - 1, math.floor(y + reach)) + 1):
+            dy = y - row
+            across = weight[i] * math.exp(-2 * (dy / sigma) ** 2)
+            for column in range(left, right + 1):
+                dx, here = x - column, across * along[column - left]
+                sums = moments[row, column]
+                sums[0] += here
+                sums[1] += here * dx
+                sums[2] += here * dy
+                sums[3] += here * dx * dx
+                sums[4] += here * dx * dy
+                sums[5] += here * dy * dy
+                sums[6] += here * value[i]
+                sums[7] += here * value[i] * dx
+                sums[8] += here * value[i] * dy

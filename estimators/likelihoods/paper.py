@@ -9,8 +9,7 @@ from numpy.typing import ArrayLike
 
 from tactsim.core import Scan
 from tactsim.core.poses import FloatArray
-from tactsim.estimators.likelihoods.class_terms import class_terms
-from tactsim.estimators.likelihoods.classifier import CONTACT, NO_CONTACT
+from tactsim.estimators.likelihoods.classifier import CONTACT, NO_CONTACT, classify
 from tactsim.estimators.likelihoods.likelihood import Evidence, Likelihood, covered
 from tactsim.estimators.likelihoods.occupancy import OccupancyMap, sigmoid
 from tactsim.estimators.likelihoods.scale import threshold_of
@@ -45,4 +44,4 @@ class PaperLikelihood(Likelihood):
 
     def evidence(self, reading: FloatArray) -> Evidence:
         """Classify the taxels; an Unknown one has likelihood 1 everywhere, hence no term."""
-        return Evidence(*class_terms(reading, self._threshold, self.options.ratio, False))
+        return Evidence.of_classes(classify(reading, self._threshold, self.options.ratio), with_unknown=False)

@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 
 from tactsim.core import Scan, compose, transform
 from tactsim.core.poses import FloatArray
+from tactsim.estimators.likelihoods.deviation import non_negative
 from tactsim.estimators.likelihoods.folds import as_one, load_levels, positions
-from tactsim.estimators.likelihoods.least_squares import non_negative
 from tactsim.estimators.likelihoods.mosaic import Grid, LearnedMosaic, Mosaic, learn_with_spread
 from tactsim.estimators.likelihoods.occupancy import OccupancyMap
 from tactsim.estimators.likelihoods.plane_kernels import expand, fit_planes

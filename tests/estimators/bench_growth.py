@@ -88,11 +88,10 @@ def share_of_python(scan: Scan, trials: int) -> None:
     """Print what share of a reading of the histogram with 10,000 bins each kernel takes; the rest is Python."""
     from tactsim.estimators.field import field
     from tactsim.estimators.filters import binned
-    from tactsim.estimators.likelihoods import paper
 
     estimator = estimators.create("histogram", bins=10_000)
     estimator.fit(scan)
-    kernels = ((field, "record"), (binned, "advance"), (binned, "posterior"), (paper, "class_terms"))
+    kernels = ((field, "record"), (binned, "advance"), (binned, "posterior"))
     plain = [getattr(module, name) for module, name in kernels]
     inside = {name: 0.0 for _, name in kernels}
 

@@ -12,7 +12,7 @@ NAMES = [path.relative_to(ROOM).as_posix() for path in FILES]
 # open set predict readings with, which readings are left out together, the density that synthesis compares with, the
 # force model from which the network's training readings are rendered, and the sequences whose weight trust learns.
 SEEN_BY_FILTERS = {
-    *("likelihood", "occupancy", "calibrated", "tilted_mosaic", "folds", "gaussian_kernels"),
+    *("likelihood", "occupancy", "calibrated", "tilted_mosaic", "folds"),
     *("force", "rendered", "sequence"),
 }
 

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tactsim.estimators.likelihoods.deviation import Deviation, integral, learn_deviation
+from tactsim.estimators.likelihoods.deviation import Deviation, integral, learn_deviation, non_negative
 
 LEVELS = np.linspace(-0.25, 1.4, 16)
 
@@ -51,3 +51,24 @@ def test_it_finds_the_variance_and_the_share_of_strays_of_what_it_is_given():
     assert got.variance[0] == pytest.approx(4, rel=0.15)
     assert got.variance[2] == pytest.approx(0.03, rel=0.15)
     assert got.background.sum() * (LEVELS[1] - LEVELS[0]) == pytest.approx(1)
+
+
+@settings(deadline=None, max_examples=100)
+@given(st.integers(0, 2**32 - 1), st.integers(1, 4))
+def test_no_small_change_comes_nearer(seed, count):
+    """Karush, Kuhn and Tucker: the error falls in no direction that is allowed, however large columns are."""
+    rng = np.random.default_rng(seed)
+    size = 10.0 ** rng.integers(-12, 13, count)
+    columns = rng.normal(size=(count + rng.integers(0, 40), count))
+    wanted = rng.normal(size=len(columns))
+    factors = non_negative(columns * size, wanted) * size
+    rises = columns.T @ (columns @ factors - wanted)
+    assert (factors >= 0).all()
+    assert rises[factors > 0] == pytest.approx(0, abs=1e-9)
+    assert (rises[factors == 0] > -1e-9).all()
+
+
+def test_nothing_is_fitted_to_nothing_or_by_columns_that_lead_away():
+    assert (non_negative(np.eye(3), np.zeros(3)) == 0).all()
+    assert (non_negative(np.zeros((3, 2)), np.ones(3)) == 0).all()
+    assert (non_negative(np.ones((3, 2)), -np.ones(3)) == 0).all()

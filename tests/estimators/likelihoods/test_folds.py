@@ -4,6 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from synthetic import make_scan, paper_poses
 
 from tactsim.core import Scan, compose
@@ -13,6 +15,7 @@ from tactsim.estimators.likelihoods.folds import (
     by_letter,
     folds,
     load_levels,
+    near_another_part,
     positions,
     presses,
     touched_elsewhere,
@@ -122,3 +125,15 @@ def test_a_taxel_beyond_what_others_felt_is_not_touched_elsewhere():
         assert np.array_equal(known[k], away < 1.0)
     assert known.any()
     assert not known.all()
+
+
+@given(st.integers(0, 2**32 - 1), st.integers(0, 60), st.integers(1, 4), st.sampled_from([0.3, 1.0, 4.0]))
+def test_points_near_another_part_are_what_all_pairs_say(seed, count, parts, near):
+    rng = np.random.default_rng(seed)
+    x, y = rng.uniform(0, 8, (2, count))
+    x[: count // 2] = np.round(x[: count // 2])  # many in one column
+    x.sort()
+    part = rng.integers(0, parts, count)
+    away = np.hypot(x[:, None] - x, y[:, None] - y)
+    expected = ((away < near) & (part[:, None] != part)).any(axis=1)
+    assert np.array_equal(near_another_part(x, y, part, near), expected)

@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 
+from tactsim.estimators.likelihoods.classifier import CONTACT, NO_CONTACT, UNKNOWN
 from tactsim.estimators.likelihoods.likelihood import Evidence, covered
 from tactsim.estimators.likelihoods.occupancy import OccupancyMap
 
@@ -32,6 +33,16 @@ def test_a_taxel_that_does_not_exist_is_named(taxel):
 def test_a_weight_that_is_negative_or_not_finite_is_refused(weight):
     with pytest.raises(ValueError, match="weight"):
         evidence(weight=(1.0, weight, 1.0)).check(tables=2, taxels=36)
+
+
+@pytest.mark.parametrize("with_unknown", [True, False])
+def test_classes_are_terms_of_weight_1(with_unknown):
+    classes = np.array([UNKNOWN, CONTACT, NO_CONTACT, UNKNOWN, CONTACT], dtype=np.int8)
+    terms = Evidence.of_classes(classes, with_unknown)
+    taxels = [0, 1, 2, 3, 4] if with_unknown else [1, 2, 4]
+    assert terms.taxel.tolist() == taxels
+    assert terms.table.tolist() == classes[taxels].tolist()
+    assert terms.weight.tolist() == [1.0] * len(taxels)
 
 
 def test_what_maps_cover_reaches_a_cell_around_the_outermost_of_them():
