@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
-import struct
+import codecs
+import re
 import warnings
+import zipfile
 from io import BytesIO
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import BaseModel, Field, ValidationError
 
 from tactsim.core.errors import InputError
+from tactsim.models.shapes import UNITS
 
 if TYPE_CHECKING:
     from manifold3d import Manifold
@@ -18,54 +22,141 @@ if TYPE_CHECKING:
 
 MOST_FACES = 500_000
 MOST_BODIES = 2000  # uniting them takes a second or two
+MOST_UNPACKED = 256 << 20  # bytes in a .3mf
 LEAST_THICKNESS = 0.02  # mm
 LARGEST = 1e4  # mm: no coordinate of a thing that a pad could feel is larger
-_SCALE = {"stl": 1.0, "obj": 1.0, "glb": 1000.0}  # to mm; glTF prescribes metres
+WITHIN = 1e-6  # share of its volume that a body may reach out of another and count as inside it
+# glTF prescribes metres and +Y up (section 3.4): its (x, y, z) is (x, -z, y) where z is up.
+GLTF_TO_MM = 1000.0 * np.array([[1.0, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1e-3]])
 
 
 def read_solid(content: bytes, kind: str) -> Manifold:
-    """Read a mesh of `kind` "stl", "obj" or "glb" as a solid, mm; bodies that overlap are united.
+    """Read a mesh of `kind` "stl", "obj", "ply", "3mf", "glb" or "gltf" as a solid, mm, z up.
+
+    Bodies are turned right side out and united. One inside another that is the other way round is a void in it.
+    Facets with a repeated corner, and doubled ones, are dropped; polygons are cut into triangles.
 
     Raises InputError if the file is damaged, too large or refers to other files, or if the mesh is not
     watertight, is of too many bodies or has no thickness.
     """
-    from manifold3d import Error, Manifold, Mesh64, OpType
-
     _check_claims(content, kind)
     mesh = _load(content, kind)
-    if not mesh.is_watertight:
-        pairs, counts = np.unique(mesh.edges_sorted, axis=0, return_counts=True)
-        raise InputError(
-            f"the mesh is not watertight: {np.count_nonzero(counts != 2):,} of its {len(pairs):,} edges do not "
-            "join two faces; repair it, for example in MeshLab or Blender"
-        )
-    triangles = np.asarray(mesh.faces, dtype=np.uint64)
-    solid = Manifold(Mesh64(np.ascontiguousarray(mesh.vertices, dtype=float), triangles))
-    if solid.status() != Error.NoError:
-        raise InputError("the mesh's faces do not agree on what is inside; make its normals consistent")
-    if solid.volume() < 0:
-        triangles = np.ascontiguousarray(triangles[:, ::-1])
-        solid = Manifold(Mesh64(np.ascontiguousarray(mesh.vertices, dtype=float), triangles))
     bottom, top = float(mesh.bounds[0, 2]), float(mesh.bounds[1, 2])
     if not top - bottom > LEAST_THICKNESS:
+        raise InputError(f"the mesh is only {top - bottom:.2g} mm thick along z ({UNITS})")
+    bodies, signs = _bodies(_closed(mesh))
+    return _united(bodies, signs)
+
+
+def _closed(mesh: Trimesh) -> Trimesh:
+    """Drop facets with a repeated corner and doubled ones; raise InputError if what is left is not watertight."""
+    faces = np.asarray(mesh.faces)
+    faces = faces[(faces != np.roll(faces, 1, axis=1)).all(axis=1)]
+    _, first, counts = np.unique(np.sort(faces, axis=1), axis=0, return_index=True, return_counts=True)
+    open_edges = []
+    # A facet that is there twice is one facet; between two bodies that share a wall it is none.
+    for kept in (first, first[counts % 2 == 1]):
+        mesh.faces = faces[np.sort(kept)]
+        edges = np.column_stack([np.repeat(_labels(mesh), 3), mesh.edges_sorted])
+        joined = np.unique(edges, axis=0, return_counts=True)[1]
+        open_edges.append(np.count_nonzero(joined != 2))
+        if len(mesh.faces) and not open_edges[-1]:
+            return mesh
+    raise InputError(
+        f"the mesh is not watertight: {open_edges[0]:,} of its {len(np.unique(edges, axis=0)):,} edges do not join two "
+        "faces; repair it, for example in MeshLab or Blender"
+    )
+
+
+def _labels(mesh: Trimesh) -> NDArray[np.int64]:
+    """Tell which body each face is of; faces hang together at edges that join two of them."""
+    from trimesh.graph import connected_component_labels
+
+    return np.asarray(connected_component_labels(mesh.face_adjacency, node_count=len(mesh.faces)))
+
+
+def _bodies(mesh: Trimesh) -> tuple[list[Manifold], list[bool]]:
+    """Part a closed mesh into its bodies, each right side out, and tell which of them were so."""
+    from manifold3d import Error, Manifold, Mesh64
+    from trimesh.repair import fix_winding
+
+    if not mesh.is_winding_consistent:
+        fix_winding(mesh)
+    labels = _labels(mesh)
+    if labels.max() >= MOST_BODIES:
         raise InputError(
-            f"the mesh is only {top - bottom:.2g} mm thick along z (lengths are mm in .stl and .obj, metres in .glb)"
+            f"it is made of {labels.max() + 1:,} bodies, the most is {MOST_BODIES:,}: unite them"
         )
-    bodies = mesh.body_count
-    if bodies > MOST_BODIES:
-        raise InputError(f"it is made of {bodies:,} bodies, the most is {MOST_BODIES:,}: unite them")
-    return Manifold.batch_boolean(solid.decompose(), OpType.Add) if bodies > 1 else solid
+    bodies, signs = [], []
+    order = np.argsort(labels, kind="stable")
+    for rows in np.split(order, np.cumsum(np.bincount(labels))[:-1]):
+        used, faces = np.unique(mesh.faces[rows], return_inverse=True)
+        vertices = np.ascontiguousarray(mesh.vertices[used], dtype=float)
+        faces = faces.reshape(-1, 3).astype(np.uint64)
+        body = Manifold(Mesh64(vertices, faces))
+        signs.append(body.volume() > 0)
+        if not signs[-1]:
+            body = Manifold(Mesh64(vertices, np.ascontiguousarray(faces[:, ::-1])))
+        if body.status() != Error.NoError:
+            raise InputError("the mesh's faces do not agree on what is inside; make its normals consistent")
+        if body.volume() > 0:
+            bodies.append(body)
+        else:
+            signs.pop()
+    return bodies, signs
+
+
+def _united(bodies: list[Manifold], signs: list[bool]) -> Manifold:
+    """Unite bodies; one that lies within another and had the other sign is taken away from it."""
+    from manifold3d import Manifold, OpType
+
+    boxes = np.reshape([body.bounding_box() for body in bodies], (-1, 2, 3))
+    volumes = np.array([body.volume() for body in bodies])
+    inside: dict[int, list[int]] = {index: [] for index in range(-1, len(bodies))}
+    for index, (body, box) in enumerate(zip(bodies, boxes, strict=True)):
+        around = (
+            (boxes[:, 0] <= box[0]).all(axis=1)
+            & (boxes[:, 1] >= box[1]).all(axis=1)
+            & (volumes > volumes[index])
+        )
+        parents = sorted(np.flatnonzero(around).tolist(), key=lambda other: volumes[other])
+        limit = WITHIN * volumes[index]
+        inside[next((other for other in parents if (body - bodies[other]).volume() <= limit), -1)].append(
+            index
+        )
+    # From the inside out: the smaller of two is never around the larger.
+    for index in np.argsort(volumes).tolist():
+        for inner in inside[index]:
+            kept = (
+                bodies[index] + bodies[inner]
+                if signs[inner] == signs[index]
+                else bodies[index] - bodies[inner]
+            )
+            bodies[index] = kept
+    roots = [bodies[index] for index in inside[-1]]
+    return roots[0] if len(roots) == 1 else Manifold.batch_boolean(roots, OpType.Add)
 
 
 def _load(content: bytes, kind: str) -> Trimesh:
     import trimesh
 
+    if kind == "obj":
+        content = _triangulated(_text(content))
+    elif kind == "stl":
+        content = _whole_stl(content)
     try:
         with warnings.catch_warnings(), np.errstate(all="ignore"):
             warnings.simplefilter("ignore")
+            warnings.simplefilter(
+                "error", DeprecationWarning
+            )  # NumPy's, of numbers that end in something else
             # Without a resolver, nothing but these bytes is read. Processing would hide values that are not finite.
-            mesh = trimesh.load_mesh(BytesIO(content), file_type=kind, process=False)
-            mesh.apply_scale(_SCALE[kind])
+            scene = trimesh.load_scene(BytesIO(content), file_type=kind, process=False)
+            mesh = scene.to_mesh()
+            if kind in ("glb", "gltf"):
+                mesh.apply_transform(GLTF_TO_MM)
+            elif kind == "3mf" and scene.units:
+                mesh.apply_scale(trimesh.units.unit_conversion(scene.units, "mm"))
             _check_corners(mesh)
             mesh.merge_vertices(merge_tex=True, merge_norm=True)
     except InputError:
@@ -75,6 +166,57 @@ def _load(content: bytes, kind: str) -> Trimesh:
         reason = " ".join(f"{type(error).__name__}: {error}".split())
         raise InputError(f"not a whole {kind.upper()} file: {reason}") from error
     return mesh
+
+
+def _text(content: bytes) -> str:
+    """Decode a text file, with or without a byte order mark; what is no UTF-8 is Latin-1, as in names and comments."""
+    try:
+        text = content.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        text = content.decode("latin-1")
+    return text.replace("\r\n", "\n").replace("\r", "\n")
+
+
+def _whole_stl(content: bytes) -> bytes:
+    """Cut off what follows a binary STL's facets; give a text STL plain ends of lines and no names."""
+    if _binary_stl_faces(content) is not None:
+        return content[: 84 + 50 * _binary_stl_faces(content)]
+    return re.sub(r"(?im)^\s*(end)?solid\b.*$", r"\1solid", _text(content)).encode()
+
+
+def _triangulated(text: str) -> bytes:
+    """Write an OBJ's corners and faces alone, with its polygons cut into triangles: trimesh fans them."""
+    from manifold3d import triangulate
+
+    lines = [line.split() for line in text.replace("\\\n", " ").split("\n")]
+    try:
+        corners = np.array([line[1:4] for line in lines if line[:1] == ["v"]], dtype=float).reshape(-1, 3)
+        faces, known = [], 0
+        for line in lines:
+            known += line[:1] == ["v"]
+            if line[:1] != ["f"]:
+                continue
+            numbers = [int(word.split("/")[0]) for word in line[1:]]
+            polygon = [number - 1 if number > 0 else known + number for number in numbers]
+            if len(polygon) < 3 or not 0 <= min(polygon) <= max(polygon) < len(corners):
+                raise InputError("a face names a corner that is not there")
+            if len(polygon) == 3:
+                faces.append(polygon)
+                continue
+            points = corners[polygon]
+            # Newell's normal; seen along it, the polygon runs counter-clockwise.
+            normal = np.cross(points, np.roll(points, -1, axis=0)).sum(axis=0)
+            plane = np.linalg.svd(normal[None])[2][1:]
+            plane = plane if np.linalg.det([*plane, normal]) > 0 else plane[::-1]
+            faces += [[polygon[corner] for corner in three] for three in triangulate([points @ plane.T])]
+    except ValueError as error:
+        if isinstance(error, InputError):
+            raise
+        raise InputError(f"not a whole OBJ file: {error}") from error
+    return "\n".join(
+        [f"v {x!r} {y!r} {z!r}" for x, y, z in corners.tolist()]
+        + [f"f {a + 1} {b + 1} {c + 1}" for a, b, c in faces]
+    ).encode()
 
 
 def _check_corners(mesh: Trimesh) -> None:
@@ -87,43 +229,52 @@ def _check_corners(mesh: Trimesh) -> None:
     if np.abs(mesh.vertices).max() > LARGEST:
         raise InputError(
             f"a corner of the mesh is {np.abs(mesh.vertices).max():.3g} mm from the origin; "
-            f"the most is {LARGEST:g} mm (lengths are mm in .stl and .obj, metres in .glb)"
+            f"the most is {LARGEST:g} mm ({UNITS})"
         )
 
 
 def _check_claims(content: bytes, kind: str) -> None:
     """Refuse a file that claims too many faces, before anything is built from it."""
     if kind == "stl":
-        faces = _stl_faces(content)
+        faces = _binary_stl_faces(content)
+        if faces is None:
+            text = content.lower()
+            if not text.removeprefix(codecs.BOM_UTF8).lstrip().startswith(b"solid"):
+                raise InputError(
+                    f"not a whole STL file: its {len(content):,} bytes are not those that its header claims"
+                )
+            if b"endsolid" not in text:
+                raise InputError("not a whole STL file: it has no 'endsolid'")
+            faces = text.count(b"endfacet")
     elif kind == "obj":
-        _check_text(content, "OBJ")
-        faces = content.count(b"\nf ")
+        faces = len(re.findall(rb"[\r\n]f\s", content))
+    elif kind in ("glb", "gltf"):
+        faces = _gltf_faces(content, kind)
     else:
-        faces = _glb_faces(content)
+        faces = 0
+        if kind == "3mf":
+            _check_archive(content)
     if faces > MOST_FACES:
         raise InputError(f"it holds about {faces:,} faces; the most is {MOST_FACES:,}: simplify the mesh")
 
 
-def _stl_faces(content: bytes) -> int:
-    if len(content) >= 84:
-        (faces,) = struct.unpack_from("<I", content, 80)
-        if len(content) == 84 + 50 * faces:
-            return int(faces)
-    if not content.lstrip()[:5].lower() == b"solid":
-        raise InputError(
-            f"not a whole STL file: its {len(content):,} bytes are not those that its header claims"
-        )
-    _check_text(content, "STL")
-    if b"endsolid" not in content.lower():
-        raise InputError("not a whole STL file: it has no 'endsolid'")
-    return content.count(b"endfacet")
+def _binary_stl_faces(content: bytes) -> int | None:
+    """Count the facets that a binary STL claims and holds; None for a text, or a file cut short."""
+    if len(content) < 84:
+        return None
+    faces = int.from_bytes(content[80:84], "little")
+    whole = len(content) >= 84 + 50 * faces
+    return faces if whole and b"facet" not in content[:1000].lower() else None
 
 
-def _check_text(content: bytes, kind: str) -> None:
+def _check_archive(content: bytes) -> None:
     try:
-        content.decode("utf-8")
-    except UnicodeDecodeError as error:
-        raise InputError(f"not a whole {kind} file: it is not text in UTF-8") from error
+        with zipfile.ZipFile(BytesIO(content)) as archive:
+            size = sum(part.file_size for part in archive.infolist())
+    except (zipfile.BadZipFile, ValueError, NotImplementedError) as error:
+        raise InputError(f"not a whole 3MF file: {error}") from error
+    if size > MOST_UNPACKED:
+        raise InputError(f"it unpacks to {size:,} bytes; the most is {MOST_UNPACKED:,}: simplify the mesh")
 
 
 class _Buffer(BaseModel):
@@ -144,17 +295,18 @@ class _Gltf(BaseModel):
     extensionsRequired: list[str] = []
 
 
-def _glb_faces(content: bytes) -> int:
-    """Bound the faces of a .glb by its JSON chunk, which comes first (glTF 2.0, section 4.4)."""
-    if len(content) < 20 or content[:8] != b"glTF\2\0\0\0" or content[16:20] != b"JSON":
-        raise InputError("not a GLB file (binary glTF 2.0)")
-    (length,) = struct.unpack_from("<I", content, 12)
+def _gltf_faces(content: bytes, kind: str) -> int:
+    """Bound the faces by the JSON of glTF, which comes first in a .glb (glTF 2.0, section 4.4)."""
+    if kind == "glb":
+        if len(content) < 20 or content[:8] != b"glTF\2\0\0\0" or content[16:20] != b"JSON":
+            raise InputError("not a GLB file (binary glTF 2.0)")
+        content = content[20 : 20 + int.from_bytes(content[12:16], "little")]
     try:
-        tree = _Gltf.model_validate_json(content[20 : 20 + length])
+        tree = _Gltf.model_validate_json(content)
     except ValidationError as error:
         first = error.errors()[0]
         place = ".".join(map(str, first["loc"])) or "its JSON"
-        raise InputError(f"not a whole GLB file: {place}: {first['msg']}") from error
+        raise InputError(f"not a whole {kind.upper()} file: {place}: {first['msg']}") from error
     if tree.extensionsRequired:
         raise InputError(f"it needs the glTF extension {tree.extensionsRequired[0]!r}; export it without")
     if any(part.uri is not None and not part.uri.startswith("data:") for part in tree.buffers + tree.images):

@@ -30,7 +30,10 @@ TOUCHING = 1e-5  # mm: corners and edges nearer than this are moved apart by twi
 MOST_TRACED = 20_000  # corners before straightening, whose time grows with the square of their number
 UPRIGHT = 1e-6  # share of its volume by which a mesh may differ from its face raised
 LARGEST_FILE = 64 << 20  # bytes
-_UNITS = "lengths are mm in .stl and .obj, metres in .glb, and as the drawing says in .svg"
+ENDINGS = (".stl", ".obj", ".ply", ".3mf", ".glb", ".gltf")
+UNITS = (
+    "lengths are mm in .stl, .obj and .ply, metres in .glb and .gltf, and as the file says in .3mf and .svg"
+)
 
 
 def shape(
@@ -38,9 +41,10 @@ def shape(
 ) -> Letter:
     """Read a shape to press from a file.
 
-    path: a mesh or a drawing. A mesh is watertight, in mm (.stl, .obj) or metres (.glb); its upper side (+z) is
-    pressed. A flat face with upright sides becomes a letter, anything else a shape with relief. Of a drawing (.svg)
-    the filled outlines are pressed, as they are seen, raised like a letter.
+    path: a mesh or a drawing. A mesh is watertight, in mm and z up (.stl, .obj, .ply, .3mf) or in metres and y up
+    (.glb, .gltf); its upper side is pressed. A flat face with upright sides becomes a letter, anything else a shape
+    with relief. Of a drawing (.svg) what a renderer fills is pressed, as it is seen, raised like a letter; what is
+    left out of it is logged.
     height: thickness in mm; by default the mesh's own, or HEIGHT for a drawing. name: what a scan calls the
     shape, by default the file's name without its ending. rounding: radius (mm) of the face's edge.
 
@@ -53,9 +57,9 @@ def shape(
     if not (name.isprintable() and 0 < len(name) <= 40):
         raise InputError(f"{name!r} is no name for a shape; give one of 1 to 40 printable characters")
     suffix = path.suffix.lower()
-    if suffix not in (".stl", ".obj", ".glb", ".svg"):
+    if suffix not in (*ENDINGS, ".svg"):
         raise InputError(
-            f"{path}: shapes are read from .stl, .obj, .glb and .svg files, not {suffix or 'this'}"
+            f"{path}: shapes are read from {', '.join(ENDINGS)} and .svg files, not {suffix or 'this'}"
         )
     content = _read(path)
     try:
@@ -82,7 +86,7 @@ def _shape_of_mesh(name: str, content: bytes, kind: str, height: float | None, r
     bottom, top = solid.bounding_box()[2], solid.bounding_box()[5]
     if top - bottom > LARGEST_HEIGHT:
         raise InputError(
-            f"the mesh is {top - bottom:.4g} mm thick along z, the most is {LARGEST_HEIGHT:g} ({_UNITS})"
+            f"the mesh is {top - bottom:.4g} mm thick along z, the most is {LARGEST_HEIGHT:g} ({UNITS})"
         )
     _check_area(solid.project().area())
     if Relief.of(solid).flat_depth == math.inf:
@@ -153,7 +157,7 @@ def _read(path: Path) -> bytes:
         raise InputError(f"cannot read shape {path}: {error}") from error
     if not content:
         raise InputError(
-            f"shape {path}: it is empty; a shape is a mesh (.stl, .obj, .glb) or a drawing (.svg)"
+            f"shape {path}: it is empty; a shape is a mesh ({', '.join(ENDINGS)}) or a drawing (.svg)"
         )
     return content
 
@@ -166,7 +170,7 @@ def _check_detail(corners: int, most: int) -> None:
 def _check_area(area: float) -> None:
     if area < LEAST_AREA:
         raise InputError(
-            f"the face to press covers {area:.2g} mm^2, and a pad feels none below {LEAST_AREA:g} mm^2 ({_UNITS})"
+            f"the face to press covers {area:.2g} mm^2, and a pad feels none below {LEAST_AREA:g} mm^2 ({UNITS})"
         )
 
 
@@ -175,5 +179,5 @@ def _check_reach(corners: np.ndarray) -> None:
     if reach.max() > LARGEST_REACH:
         raise InputError(
             f"the face reaches {reach[0]:.4g} mm sideways and {reach[1]:.4g} mm up or down from its centre of "
-            f"area; the most is {LARGEST_REACH:g} mm: scale it down ({_UNITS})"
+            f"area; the most is {LARGEST_REACH:g} mm: scale it down ({UNITS})"
         )

@@ -8,15 +8,13 @@ from tactsim.core.errors import InputError, short
 from tactsim.core.files import read_bytes
 from tactsim.core.scan import is_label
 from tactsim.models.mesh import read_solid
-from tactsim.models.shapes import LARGEST_FILE
+from tactsim.models.shapes import ENDINGS, LARGEST_FILE
 from tactsim.models.solids.solid import Solid, solid_of
 from tactsim.models.solids.triangles import crossings
 
-_ENDINGS = (".stl", ".obj", ".glb")
-
 
 def read_solid_file(path: str | Path, name: str | None = None) -> Solid:
-    """Read a solid to touch from a mesh file: mm in .stl and .obj, metres in .glb.
+    """Read a solid to touch from a mesh file: mm, z up; in .glb and .gltf metres, y up.
 
     name: what a scan calls it, by default the file's name without its ending. The solid keeps its axes; the origin
     becomes the centre of mass. Bodies that overlap are united.
@@ -27,8 +25,8 @@ def read_solid_file(path: str | Path, name: str | None = None) -> Solid:
     path = Path(path)
     name = path.stem if name is None else name
     suffix = path.suffix.lower()
-    if suffix not in _ENDINGS:
-        raise InputError(f"{path}: solids are read from {', '.join(_ENDINGS)} files, not {suffix or 'this'}")
+    if suffix not in ENDINGS:
+        raise InputError(f"{path}: solids are read from {', '.join(ENDINGS)} files, not {suffix or 'this'}")
     try:
         content = read_bytes(path, LARGEST_FILE)
     except InputError as error:
