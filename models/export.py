@@ -10,22 +10,24 @@ import numpy as np
 
 from tactsim.core.errors import InputError
 from tactsim.core.files import write_bytes
+from tactsim.core.poses import FloatArray
 from tactsim.models.letter import DENSITY, Letter
 
 
 def export(letter: Letter, path: str | Path) -> None:
     """Write `letter` in the format that the ending of `path` names, whole or not at all.
 
-    .stl: the solid, mm, binary. .glb: the solid, metres, as glTF prescribes. .xml: MJCF, metres, one fixed
-    body with a box or a convex mesh for each part; x, y, z are the object frame's in all of them.
+    .stl: the solid, mm, binary. .glb: the solid, metres and y up, as glTF prescribes. .xml: MJCF, metres, one fixed
+    body with a box or a convex mesh for each part. In .stl and .xml x, y, z are the object frame's; in .glb (x, y, z)
+    is (x, z, -y).
 
     Raises InputError for another ending or a place that cannot be written.
     """
     suffix = Path(path).suffix.lower()
     if suffix == ".stl":
-        content = _mesh(letter, 1.0, "stl")
+        content = _mesh(letter, np.eye(3), "stl")
     elif suffix == ".glb":
-        content = _mesh(letter, 1e-3, "glb")
+        content = _mesh(letter, 1e-3 * np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]]), "glb")
     elif suffix == ".xml":
         content = _mjcf(letter)
     else:
@@ -33,11 +35,11 @@ def export(letter: Letter, path: str | Path) -> None:
     write_bytes(path, content)
 
 
-def _mesh(letter: Letter, scale: float, kind: str) -> bytes:
+def _mesh(letter: Letter, axes: FloatArray, kind: str) -> bytes:
     import trimesh
 
     solid = letter.solid.to_mesh64()
-    mesh = trimesh.Trimesh(solid.vert_properties[:, :3] * scale, solid.tri_verts, process=False)
+    mesh = trimesh.Trimesh(solid.vert_properties[:, :3] @ axes.T, solid.tri_verts, process=False)
     scene = trimesh.Scene()
     scene.add_geometry(mesh, node_name=letter.name, geom_name=letter.name)
     content = BytesIO()

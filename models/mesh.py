@@ -7,13 +7,14 @@ import re
 import warnings
 import zipfile
 from io import BytesIO
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, Field, ValidationError
 
 from tactsim.core.errors import InputError
+from tactsim.core.poses import FloatArray
 from tactsim.models.shapes import UNITS
 
 if TYPE_CHECKING:
@@ -44,96 +45,106 @@ def read_solid(content: bytes, kind: str) -> Manifold:
     bottom, top = float(mesh.bounds[0, 2]), float(mesh.bounds[1, 2])
     if not top - bottom > LEAST_THICKNESS:
         raise InputError(f"the mesh is only {top - bottom:.2g} mm thick along z ({UNITS})")
-    bodies, signs = _bodies(_closed(mesh))
-    return _united(bodies, signs)
+    return _united(_bodies(mesh))
 
 
-def _closed(mesh: Trimesh) -> Trimesh:
-    """Drop facets with a repeated corner and doubled ones; raise InputError if what is left is not watertight."""
+class _Body(NamedTuple):
+    """A body, right side out, and whether it was so in the file."""
+
+    solid: Manifold
+    sign: bool
+
+
+def _bodies(mesh: Trimesh) -> list[_Body]:
+    """Part a mesh into its bodies, each right side out."""
+    from manifold3d import Error, Manifold, Mesh64
+
+    parts = _closed_parts(mesh)
+    if len(parts) > MOST_BODIES:
+        raise InputError(f"it is made of {len(parts):,} bodies, the most is {MOST_BODIES:,}: unite them")
+    bodies = []
+    for vertices, faces in parts:
+        solid = Manifold(Mesh64(vertices, faces))
+        sign = solid.volume() > 0
+        if not sign:
+            solid = Manifold(Mesh64(vertices, np.ascontiguousarray(faces[:, ::-1])))
+        if solid.status() != Error.NoError:
+            raise InputError("the mesh's faces do not agree on what is inside; make its normals consistent")
+        if solid.volume() > 0:
+            bodies.append(_Body(solid, sign))
+    return bodies
+
+
+def _closed_parts(mesh: Trimesh) -> list[tuple[FloatArray, NDArray[np.uint64]]]:
+    """Part a mesh into closed surfaces, without facets that have a repeated corner or are there twice.
+
+    Each has vertices (v, 3) mm and faces (f, 3). Raises InputError if a surface is not closed.
+    """
+    from manifold3d import Error, Manifold, Mesh64
+    from trimesh.graph import connected_component_labels
+    from trimesh.repair import fix_winding
+
     faces = np.asarray(mesh.faces)
     faces = faces[(faces != np.roll(faces, 1, axis=1)).all(axis=1)]
     _, first, counts = np.unique(np.sort(faces, axis=1), axis=0, return_index=True, return_counts=True)
-    open_edges = []
     # A facet that is there twice is one facet; between two bodies that share a wall it is none.
     for kept in (first, first[counts % 2 == 1]):
         mesh.faces = faces[np.sort(kept)]
-        edges = np.column_stack([np.repeat(_labels(mesh), 3), mesh.edges_sorted])
+        if not len(kept):
+            continue
+        # Faces hang together at edges that join two of them.
+        labels = connected_component_labels(mesh.face_adjacency, node_count=len(mesh.faces))
+        edges = np.column_stack([np.repeat(labels, 3), mesh.edges_sorted])
         joined = np.unique(edges, axis=0, return_counts=True)[1]
-        open_edges.append(np.count_nonzero(joined != 2))
-        if len(mesh.faces) and not open_edges[-1]:
-            return mesh
-    raise InputError(
-        f"the mesh is not watertight: {open_edges[0]:,} of its {len(np.unique(edges, axis=0)):,} edges do not join two "
-        "faces; repair it, for example in MeshLab or Blender"
-    )
-
-
-def _labels(mesh: Trimesh) -> NDArray[np.int64]:
-    """Tell which body each face is of; faces hang together at edges that join two of them."""
-    from trimesh.graph import connected_component_labels
-
-    return np.asarray(connected_component_labels(mesh.face_adjacency, node_count=len(mesh.faces)))
-
-
-def _bodies(mesh: Trimesh) -> tuple[list[Manifold], list[bool]]:
-    """Part a closed mesh into its bodies, each right side out, and tell which of them were so."""
-    from manifold3d import Error, Manifold, Mesh64
-    from trimesh.repair import fix_winding
-
-    if not mesh.is_winding_consistent:
-        fix_winding(mesh)
-    labels = _labels(mesh)
-    if labels.max() >= MOST_BODIES:
+        if (joined == 2).all():
+            if not mesh.is_winding_consistent:
+                fix_winding(mesh)
+            rows = np.split(np.argsort(labels, kind="stable"), np.cumsum(np.bincount(labels))[:-1])
+            return [_compact(mesh.vertices, mesh.faces[own]) for own in rows]
+    # Where bodies share edges, manifold3d finds which faces belong together, if they agree on what is inside.
+    mesh.faces = faces[np.sort(first)]
+    vertices, corners = _compact(mesh.vertices, mesh.faces)
+    whole = Manifold(Mesh64(vertices, corners))
+    if whole.status() != Error.NoError or whole.is_empty():
+        joined = np.unique(mesh.edges_sorted, axis=0, return_counts=True)[1]
         raise InputError(
-            f"it is made of {labels.max() + 1:,} bodies, the most is {MOST_BODIES:,}: unite them"
+            f"the mesh is not watertight: {np.count_nonzero(joined != 2):,} of its {len(joined):,} edges do not join "
+            "two faces; repair it, for example in MeshLab or Blender"
         )
-    bodies, signs = [], []
-    order = np.argsort(labels, kind="stable")
-    for rows in np.split(order, np.cumsum(np.bincount(labels))[:-1]):
-        used, faces = np.unique(mesh.faces[rows], return_inverse=True)
-        vertices = np.ascontiguousarray(mesh.vertices[used], dtype=float)
-        faces = faces.reshape(-1, 3).astype(np.uint64)
-        body = Manifold(Mesh64(vertices, faces))
-        signs.append(body.volume() > 0)
-        if not signs[-1]:
-            body = Manifold(Mesh64(vertices, np.ascontiguousarray(faces[:, ::-1])))
-        if body.status() != Error.NoError:
-            raise InputError("the mesh's faces do not agree on what is inside; make its normals consistent")
-        if body.volume() > 0:
-            bodies.append(body)
-        else:
-            signs.pop()
-    return bodies, signs
+    pieces = [piece.to_mesh64() for piece in whole.decompose()]
+    return [_compact(piece.vert_properties[:, :3], piece.tri_verts) for piece in pieces]
 
 
-def _united(bodies: list[Manifold], signs: list[bool]) -> Manifold:
+def _compact(vertices: FloatArray, faces: NDArray[Any]) -> tuple[FloatArray, NDArray[np.uint64]]:
+    """Keep the vertices that faces use."""
+    used, corners = np.unique(faces, return_inverse=True)
+    return np.ascontiguousarray(vertices[used], dtype=float), corners.reshape(-1, 3).astype(np.uint64)
+
+
+def _united(bodies: list[_Body]) -> Manifold:
     """Unite bodies; one that lies within another and had the other sign is taken away from it."""
     from manifold3d import Manifold, OpType
 
-    boxes = np.reshape([body.bounding_box() for body in bodies], (-1, 2, 3))
-    volumes = np.array([body.volume() for body in bodies])
-    inside: dict[int, list[int]] = {index: [] for index in range(-1, len(bodies))}
-    for index, (body, box) in enumerate(zip(bodies, boxes, strict=True)):
-        around = (
-            (boxes[:, 0] <= box[0]).all(axis=1)
-            & (boxes[:, 1] >= box[1]).all(axis=1)
-            & (volumes > volumes[index])
-        )
-        parents = sorted(np.flatnonzero(around).tolist(), key=lambda other: volumes[other])
+    solids = [body.solid for body in bodies]
+    boxes = np.reshape([solid.bounding_box() for solid in solids], (-1, 2, 3))
+    volumes = np.array([solid.volume() for solid in solids])
+    order = np.argsort(volumes, kind="stable").tolist()
+    roots = []
+    # From the smallest on, so that what is within a body is in it before the body itself is put into another.
+    for place, index in enumerate(order):
+        low, high = boxes[index]
+        within = (boxes[:, 0] <= low).all(axis=1) & (boxes[:, 1] >= high).all(axis=1)
+        around = [larger for larger in order[place + 1 :] if within[larger]]
         limit = WITHIN * volumes[index]
-        inside[next((other for other in parents if (body - bodies[other]).volume() <= limit), -1)].append(
-            index
+        outer = next(
+            (other for other in around if (bodies[index].solid - bodies[other].solid).volume() <= limit), None
         )
-    # From the inside out: the smaller of two is never around the larger.
-    for index in np.argsort(volumes).tolist():
-        for inner in inside[index]:
-            kept = (
-                bodies[index] + bodies[inner]
-                if signs[inner] == signs[index]
-                else bodies[index] - bodies[inner]
-            )
-            bodies[index] = kept
-    roots = [bodies[index] for index in inside[-1]]
+        if outer is None:
+            roots.append(solids[index])
+        elif bodies[outer].sign == bodies[index].sign:
+            solids[outer] += solids[index]
+        else:
+            solids[outer] -= solids[index]
     return roots[0] if len(roots) == 1 else Manifold.batch_boolean(roots, OpType.Add)
 
 
@@ -179,8 +190,9 @@ def _text(content: bytes) -> str:
 
 def _whole_stl(content: bytes) -> bytes:
     """Cut off what follows a binary STL's facets; give a text STL plain ends of lines and no names."""
-    if _binary_stl_faces(content) is not None:
-        return content[: 84 + 50 * _binary_stl_faces(content)]
+    faces = _binary_stl_faces(content)
+    if faces is not None:
+        return content[: 84 + 50 * faces]
     return re.sub(r"(?im)^\s*(end)?solid\b.*$", r"\1solid", _text(content)).encode()
 
 

@@ -240,6 +240,10 @@ class _Reader:
 
         contours = self._outlines(element, here)
         region = CrossSection(contours, FillRule.EvenOdd if rule == "evenodd" else FillRule.NonZero)
+        if region.num_vert() > MOST_CHORDS:
+            raise InputError(
+                f"an outline crosses itself in {region.num_vert():,} corners; the most is {MOST_CHORDS:,}"
+            )
         return region if here.clip is None else region ^ here.clip
 
     def _outlines(self, element: Element, here: _Context) -> list[FloatArray]:

@@ -19,7 +19,7 @@ from tactsim.models.solids.space_symmetry import SpaceSymmetry, find_symmetry
 if TYPE_CHECKING:
     from manifold3d import Manifold
 
-LARGEST_SOLID = 100.0  # mm, the most that a solid may measure along an axis: the stage is no larger
+LARGEST_SOLID = 300.0  # mm, the most that a solid may measure along an axis: a household object
 LEAST_SOLID = 5.0  # mm, the least that it measures along its longest: a pad is 11 mm wide
 MOST_TRIANGLES = 20_000
 SLIVER = 1e-5  # mm: corners nearer than this are made one, so that no face is without area

@@ -1,9 +1,13 @@
 import copy
+import functools
 import json
 import math
 import os
 import re
 import struct
+import tempfile
+import zipfile
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -28,9 +32,13 @@ def refusal(path, **options):
 def write_mesh(folder, mesh, kind="stl"):
     path = folder / f"thing.{kind}"
     mesh = mesh.copy()
-    if kind == "glb":
-        mesh.apply_scale(1e-3)
-    mesh.export(path)
+    if kind in ("glb", "gltf"):
+        mesh.vertices = 1e-3 * mesh.vertices[:, [0, 2, 1]] * [1, 1, -1]  # metres, y up
+    if kind == "gltf":
+        files = trimesh.exchange.gltf.export_gltf(trimesh.Scene(mesh), embed_buffers=True)
+        path.write_bytes(files["model.gltf"])
+    else:
+        mesh.export(path)
     return path
 
 
@@ -47,7 +55,7 @@ def box(*size, at=(0, 0, 0)):
 # --- meshes that are good
 
 
-@pytest.mark.parametrize("kind", ["stl", "obj", "glb"])
+@pytest.mark.parametrize("kind", ["stl", "obj", "ply", "3mf", "glb", "gltf"])
 def test_a_box_is_a_rectangle_of_its_thickness(tmp_path, kind):
     shape = models.shape(write_mesh(tmp_path, box(20, 10, 3, at=(7, -50, 11)), kind))
     assert shape.name == "thing"
@@ -117,15 +125,134 @@ def test_an_open_mesh_says_how_many_edges_are_open(tmp_path):
     mesh = box(10, 10, 4)
     mesh.update_faces(np.arange(12) != 3)
     assert "not watertight: 3 of" in refusal(write_mesh(tmp_path, mesh))
-    touching = trimesh.util.concatenate([box(10, 10, 4), box(10, 10, 4, at=(10, 10, 0))])
-    assert "not watertight: 1 of" in refusal(write_mesh(tmp_path, touching))
 
 
-def test_a_flipped_face_is_named(tmp_path):
+BODIES = {  # boxes, which of them are inside out, footprint and volume
+    "apart, one inside out": ([box(10, 10, 4), box(10, 10, 4, at=(15, 0, 0))], [1], 200, 800),
+    "apart, two inside out": ([box(10, 10, 4), box(9, 9, 4, at=(15, 0, 0)), box(4, 4, 4, at=(-9, 0, 0))], [0, 2],
+                              197, 788),
+    "overlapping": ([box(10, 10, 4), box(10, 10, 4, at=(5, 0, 0))], [1], 150, 600),
+    "touching at an edge": ([box(10, 10, 4), box(10, 10, 4, at=(10, 10, 0))], [], 200, 800),
+    "sharing a wall": ([box(10, 10, 4), box(10, 10, 4, at=(10, 0, 0))], [], 200, 800),
+    "one of two there twice": ([box(10, 10, 4), box(10, 10, 4), box(9, 9, 4, at=(15, 0, 0))], [], 181, 724),
+    "a void": ([box(20, 20, 20), box(10, 10, 10, at=(3, 0, 0))], [1], 400, 7000),
+    "a void, all inside out": ([box(20, 20, 20), box(10, 10, 10, at=(3, 0, 0))], [0], 400, 7000),
+    "a solid in a solid": ([box(20, 20, 20), box(10, 10, 10)], [], 400, 8000),
+    "a core in a void": ([box(20, 20, 20), box(10, 10, 10), box(4, 4, 4)], [1], 400, 7064),
+    "a void beside a body": ([box(20, 20, 20), box(9, 9, 9), box(5, 5, 20, at=(20, 0, 0))], [1], 425, 8000 - 729 + 500),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", ["stl", "obj", "glb"])
+@pytest.mark.parametrize("name", BODIES)
+def test_bodies_are_turned_right_side_out_and_joined(tmp_path, name, kind):
+    bodies, inverted, area, volume = BODIES[name]
+    bodies = [body.copy() for body in bodies]
+    for index in inverted:
+        bodies[index].invert()
+    path = write_mesh(tmp_path, trimesh.util.concatenate(bodies), kind)
+    assert models.shape(path).area == pytest.approx(area, rel=1e-5)
+    assert models.shape(path).volume == pytest.approx(volume, rel=1e-5)
+    assert models.read_solid_file(path).volume == pytest.approx(volume, rel=1e-5)
+
+
+def test_a_flipped_face_is_turned_back(tmp_path):
     mesh = box(10, 10, 4)
     faces = mesh.faces.copy()
     faces[5] = faces[5][::-1]
-    assert "normals" in refusal(write_mesh(tmp_path, trimesh.Trimesh(mesh.vertices, faces, process=False)))
+    path = write_mesh(tmp_path, trimesh.Trimesh(mesh.vertices, faces, process=False))
+    assert models.shape(path).volume == pytest.approx(400)
+
+
+def test_facets_that_are_none_or_there_twice_are_dropped(tmp_path):
+    mesh = box(20, 10, 4)
+    for more in ([[1, 1, 2]], [[0, 3, 3]], mesh.faces[4:5], mesh.faces[[3, 3, 7]], mesh.faces[2:3, ::-1]):
+        faces = np.concatenate([mesh.faces, more])
+        for kind in ("stl", "obj", "ply"):
+            path = write_mesh(tmp_path, trimesh.Trimesh(mesh.vertices, faces, process=False), kind)
+            assert models.shape(path).volume == pytest.approx(800)
+
+
+OUTLINES = {
+    "E": [
+        (0, 0),
+        (16, 0),
+        (16, 4),
+        (4, 4),
+        (4, 9),
+        (13, 9),
+        (13, 13),
+        (4, 13),
+        (4, 20),
+        (16, 20),
+        (16, 24),
+        (0, 24),
+    ],
+    "U": [(0, 0), (18, 0), (18, 24), (13, 24), (13, 5), (5, 5), (5, 24), (0, 24)],
+    "dart": [(0, 0), (10, 4), (20, 0), (10, 20)],
+    "C": [(10 * math.cos(a), 10 * math.sin(a)) for a in np.linspace(0.6, 5.68, 14)]
+    + [(6 * math.cos(a), 6 * math.sin(a)) for a in np.linspace(5.68, 0.6, 14)],
+}
+
+
+def polygon_obj(outline, start):
+    """Write a prism as Blender writes it to OBJ: each flat face is one polygon, the first corner being any."""
+    outline = outline[start:] + outline[:start]
+    count = len(outline)
+    corners = "".join(f"v {x} {y} {z}\n" for z in (0, 4) for x, y in outline)
+    top = "f " + " ".join(f"{i + 1 + count}//1" for i in range(count)) + "\n"
+    bottom = "f " + " ".join(str(i - 2 * count) for i in reversed(range(count))) + "\n"
+    sides = "".join(
+        f"f {i + 1} {(i + 1) % count + 1} {(i + 1) % count + 1 + count} {i + 1 + count}\n"
+        for i in range(count)
+    )
+    return "mtllib a.mtl\no E\n" + corners + "vn 0 0 1\n" + top + bottom + "s off\n" + sides
+
+
+@pytest.mark.parametrize("name", OUTLINES)
+def test_polygons_are_cut_into_triangles_whatever_corner_they_begin_with(tmp_path, name):
+    outline = OUTLINES[name]
+    x, y = np.array(outline).T
+    area = abs(x @ np.roll(y, -1) - y @ np.roll(x, -1)) / 2
+    path = tmp_path / "thing.obj"
+    for start in range(len(outline)):
+        path.write_text(polygon_obj(outline, start))
+        shape = models.shape(path)
+        assert shape.relief is None
+        assert shape.area == pytest.approx(area, rel=1e-4)
+        assert models.read_solid_file(path).volume == pytest.approx(4 * area, rel=1e-6)
+
+
+def test_texts_as_programs_write_them(tmp_path):
+    stl = box(20, 10, 4).export(file_type="stl_ascii")
+    obj = "# \u00a9 Gr\u00fc\u00dfe\n" + polygon_obj([(0, 0), (20, 0), (20, 10), (0, 10)], 0)
+    named = stl.replace("solid ", "solid a solid of a vertex \u00fc", 1)
+    texts = {
+        "stl": [stl.encode("utf-8-sig"), stl.replace("\n", "\r").encode(), stl.replace("\n", "\r\n").encode(),
+                named.encode("latin-1"), named.encode(), stl.upper().encode(), stl.replace(" ", "\t").encode()],
+        "obj": [obj.encode("latin-1"), obj.encode("utf-8-sig"), obj.replace(" ", "\t").encode(),
+                obj.replace("\n", "\r").encode(), obj.replace("\n", "\r\n").encode(),
+                obj.replace("//1 ", "//1 \\\n").encode()],
+    }  # fmt: skip
+    for kind, contents in texts.items():
+        for content in contents:
+            path = tmp_path / f"thing.{kind}"
+            path.write_bytes(content)
+            assert models.shape(path).area == pytest.approx(200)
+    path = tmp_path / "thing.stl"
+    path.write_bytes(box(20, 10, 4).export(file_type="stl") + b"\n trailing")
+    assert models.shape(path).area == pytest.approx(200)
+
+
+def test_3mf_in_inches(tmp_path):
+    path = write_mesh(tmp_path, box(1, 0.5, 0.25), "3mf")
+    content = {}
+    with zipfile.ZipFile(path) as archive:
+        content = {name: archive.read(name) for name in archive.namelist()}
+    with zipfile.ZipFile(path, "w") as archive:
+        for name, part in content.items():
+            archive.writestr(name, part.replace(b'unit="millimeter"', b'unit="inch"'))
+    assert models.shape(path).area == pytest.approx(0.5 * 25.4**2, rel=1e-5)
 
 
 def test_height_and_rounding_are_not_for_relief(tmp_path):
@@ -226,7 +353,7 @@ def test_an_outline_with_too_many_corners(tmp_path):
     assert "corners" in refusal(write_svg(tmp_path, f'<polygon points="{rays}"/>'))
 
 
-@pytest.mark.parametrize("kind", ["stl", "obj", "glb", "svg"])
+@pytest.mark.parametrize("kind", ["stl", "obj", "ply", "3mf", "glb", "gltf", "svg"])
 def test_files_that_are_cut_short_or_of_another_kind(tmp_path, kind):
     path = tmp_path / f"thing.{kind}"
     if kind == "svg":
@@ -249,8 +376,8 @@ def test_paths_that_are_no_files(tmp_path):
     assert "not a regular file" in refusal(tmp_path / "folder.stl")
     os.mkfifo(tmp_path / "pipe.stl")
     assert "not a regular file" in refusal(tmp_path / "pipe.stl")
-    assert ".stl, .obj, .glb and .svg" in refusal(tmp_path / "thing.step")
-    assert ".stl, .obj, .glb and .svg" in refusal(tmp_path / "thing")
+    assert ".glb, .gltf and .svg" in refusal(tmp_path / "thing.step")
+    assert ".glb, .gltf and .svg" in refusal(tmp_path / "thing")
 
 
 TRIANGLE = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], "<f4").tobytes()
@@ -305,15 +432,23 @@ def test_glb_whose_json_is_none(tmp_path, text):
     assert "JSON" in refusal(path) or "GLB" in refusal(path)
 
 
-@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@functools.cache
+def whole_file(kind):
+    """Write a file once: a .3mf is named by chance."""
+    if kind == "svg":
+        body = '<g transform="rotate(20)"><path d="M3 3h9a4 4 0 0 1 3 9q2 3-9 1z"/></g>'
+        return f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="-20 -20 60 60">{body}</svg>'.encode()
+    with tempfile.TemporaryDirectory() as folder:
+        return write_mesh(Path(folder), box(20, 10, 3), kind).read_bytes()
+
+
+@settings(max_examples=100, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data())
 def test_damaged_files_are_read_or_refused(tmp_path, data):
     """Whatever a few bytes are changed to, the answer is a shape or one line."""
-    kind = data.draw(st.sampled_from(["stl", "obj", "glb", "svg"]))
-    if kind == "svg":
-        path = write_svg(tmp_path, '<g transform="rotate(20)"><path d="M3 3h9a4 4 0 0 1 3 9q2 3-9 1z"/></g>')
-    else:
-        path = write_mesh(tmp_path, box(20, 10, 3), kind)
+    kind = data.draw(st.sampled_from(["stl", "obj", "ply", "3mf", "glb", "gltf", "svg"]))
+    path = tmp_path / f"thing.{kind}"
+    path.write_bytes(whole_file(kind))
     content = bytearray(path.read_bytes())
     for _ in range(data.draw(st.integers(1, 6))):
         content[data.draw(st.integers(0, len(content) - 1))] = data.draw(st.integers(0, 255))

@@ -102,10 +102,10 @@ def test_a_mirror_image_is_another_solid_and_back_again():
     ("shape", "message"),
     [
         (Manifold(), "empty or damaged"),
-        (Manifold.cube((101, 5, 5)), r"101 x 5 x 5 mm; its longest side must measure 5 to 100 mm: scale it"),
+        (Manifold.cube((301, 5, 5)), r"301 x 5 x 5 mm; its longest side must measure 5 to 300 mm: scale it"),
         (
             Manifold.cube((0.04, 0.03, 0.04)),
-            r"0.04 x 0.03 x 0.04 mm; its longest side must measure 5 to 100 mm",
+            r"0.04 x 0.03 x 0.04 mm; its longest side must measure 5 to 300 mm",
         ),
         (Manifold.sphere(20, 400), r"has 80,000 faces, the most is 20,000: simplify it"),
     ],

@@ -19,11 +19,13 @@ def mesh_of(name):
     return solid.vertices.copy(), solid.faces.copy()
 
 
-@pytest.mark.parametrize("ending", ["stl", "obj", "glb"])
+@pytest.mark.parametrize("ending", ["stl", "obj", "ply", "3mf", "glb"])
 def test_a_mesh_becomes_the_same_solid(tmp_path, ending):
     vertices, faces = mesh_of("bracket")
-    scale = 1e-3 if ending == "glb" else 1.0
-    path = write(tmp_path / f"mine.{ending}", (vertices + [5, 6, 7]) * scale, faces)
+    vertices += [5, 6, 7]
+    if ending == "glb":
+        vertices = 1e-3 * vertices[:, [0, 2, 1]] * [1, 1, -1]
+    path = write(tmp_path / f"mine.{ending}", vertices, faces)
     solid = models.read_solid_file(path)
     assert solid.name == "mine"
     assert models.read_solid_file(path, "my bracket").name == "my bracket"
@@ -102,18 +104,32 @@ def test_bodies_that_overlap_are_united(tmp_path):
     assert solid.volume == pytest.approx(16_000 - 10 * 17 * 17, rel=1e-5)
 
 
+def test_a_fine_mesh_of_a_large_thing_is_thinned_out_and_that_is_said(tmp_path, caplog):
+    ball = trimesh.creation.icosphere(6, 50)
+    ball.apply_scale([3, 1, 2])
+    ball.export(tmp_path / "fine.stl")
+    solid = models.read_solid_file(tmp_path / "fine.stl")
+    assert len(ball.faces) > 80_000 > 20_000 >= len(solid.faces) > 2_000
+    assert solid.volume == pytest.approx(ball.volume, rel=5e-3)
+    assert "its 81,920 faces are thinned out to" in caplog.text
+    assert "mm at most" in caplog.text
+
+
 def test_what_is_no_solid_is_said_in_a_line(tmp_path):
     vertices, faces = mesh_of("egg")
-    far = write(tmp_path / "large.stl", vertices * 3, faces)
+    far = write(tmp_path / "large.stl", vertices * 9, faces)
     small = write(tmp_path / "metres.stl", vertices * 1e-3, faces)
     (tmp_path / "mine.step").write_text("x")
     for path, message in (
         (
             far,
-            r"large\.stl: 'large': the solid measures 120 x 120 x 156 mm; its longest side must measure 5 to 100 mm",
+            r"large\.stl: 'large': the solid measures 360 x 360 x 468 mm; its longest side must measure 5 to 300 mm",
         ),
         (small, r"metres\.stl: 'metres': the solid measures 0\.04 x 0\.04 x 0\.052 mm"),
-        (tmp_path / "mine.step", r"mine\.step: solids are read from \.stl, \.obj, \.glb files, not \.step"),
+        (
+            tmp_path / "mine.step",
+            r"mine\.step: solids are read from \.stl, \.obj, \.ply, \.3mf, \.glb, \.gltf files, not \.step",
+        ),
         (tmp_path / "none.stl", r"cannot read solid .*none\.stl"),
     ):
         with pytest.raises(InputError, match=message):
