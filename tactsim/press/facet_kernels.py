@@ -8,6 +8,7 @@ integral of polynomials: nothing is sampled.
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numba import float64, int64, types, void
@@ -23,6 +24,47 @@ _MOST_STEPS = 100
 _BALANCE = 1e-10  # share of the force that may be missing
 STEEPEST = math.radians(20)  # a shape that tilts further has tipped over
 _LEAST_AREA = 1e-9  # mm^2; what touches less than this does not touch
+
+
+class Field(NamedTuple):
+    """The shape, seen from above: facets (n, 3 corners, 3), [x, y, gap] mm, ordered by front (n,), each one's least gap."""
+
+    facets: Reals
+    front: Reals
+
+
+class Cells(NamedTuple):
+    """The pad: the edges of its cells along x (columns + 1,) and y (rows + 1,), mm."""
+
+    x_lines: Reals
+    y_lines: Reals
+
+
+class Layer(NamedTuple):
+    """What gives way: stiffness N/mm^3, thickness mm; wrist N mm / rad, infinite for a rigid one; height mm to which
+    the shape may sink in.
+    """
+
+    stiffness: float
+    thickness: float
+    wrist: float
+    height: float
+
+
+class Room(NamedTuple):
+    """Room to work in: four polygons (_CORNERS, 3), and total (_SUMS,), what `integrate` adds up."""
+
+    corner: Reals
+    spare: Reals
+    strip: Reals
+    part: Reals
+    total: Reals
+
+
+FIELD = types.NamedTuple((REALS_3D, REALS), Field)
+CELLS = types.NamedUniTuple(REALS, 2, Cells)
+LAYER = types.NamedUniTuple(float64, 4, Layer)
+ROOM = types.NamedTuple((REALS_2D, REALS_2D, REALS_2D, REALS_2D, REALS), Room)
 
 
 @compiled(int64(REALS_2D, int64, int64, float64, float64, REALS_2D), called_from_python=False)
@@ -56,23 +98,20 @@ def cut(corner: Reals, count: int, axis: int, sign: float, line: float, spare: R
 
 
 @compiled(
-    types.Tuple((REALS_3D, int64, float64))(
-        REALS_3D, REALS, REALS, REALS, float64, float64, REALS_3D, REALS_2D, REALS_2D
-    ),
+    types.Tuple((REALS_3D, int64, float64))(FIELD, REALS, REALS, float64, float64, REALS_3D, ROOM),
     called_from_python=False,
 )
 def gather(
-    facets: Reals, front: Reals, pose: Reals, bounds: Reals, thickness: float, lean: float, before: Reals,
-    corner: Reals, spare: Reals,
-) -> tuple[Reals, int, float]:  # fmt: skip
+    field: Field, pose: Reals, bounds: Reals, thickness: float, lean: float, before: Reals, room: Room
+) -> tuple[Reals, int, float]:
     """Put before the pad all facets that it can reach: triangles [x, y, gap] in the sensor frame, cut with the pad.
 
-    facets: (facets, 3 corners, 3), [x, y, gap] mm, ordered by front (facets,), the least gap of each. pose: (4,), x,
-    y, cos, sin of sensor_in_object. bounds: (4,) x low, x high, y low, y high of the pad. The pad reaches
+    pose: (4,) x, y, cos, sin of sensor_in_object. bounds: (4,) x low, x high, y low, y high of the pad, which reaches
     what lies less than `thickness` behind its first touch, and `lean` more because it may tilt.
     before: room for triangles. Returns the triangles, in `before` or larger room; their number; and the depth at which
     the pad, level, first touches: infinite if nothing lies before it.
     """
+    facets, front, corner, spare = field.facets, field.front, room.corner, room.spare
     used, touch = 0, np.inf
     cos, sin = pose[2], pose[3]
     for index in range(len(facets)):
@@ -151,31 +190,25 @@ def bear(before: Reals, count: int, depth: float, tilt_x: float, tilt_y: float) 
     return volume, contact
 
 
-@compiled(int64(REALS_3D, int64, float64, float64, float64, REALS_2D, REALS_2D), called_from_python=False)
-def touching(
-    before: Reals, index: int, depth: float, tilt_x: float, tilt_y: float, corner: Reals, spare: Reals
-) -> int:
-    """Take the part of a triangle that is in contact: fills corner with [x, y, depth] and returns their number."""
-    least = np.inf
+@compiled(int64(REALS_3D, int64, float64, float64, float64, ROOM), called_from_python=False)
+def touching(before: Reals, index: int, depth: float, tilt_x: float, tilt_y: float, room: Room) -> int:
+    """Take the part of a triangle that is in contact: fills room.corner with [x, y, depth] and returns their number."""
+    corner, least = room.corner, np.inf
     for i in range(3):
         x, y = before[index, i, 0], before[index, i, 1]
         corner[i, 0], corner[i, 1] = x, y
         corner[i, 2] = depth - before[index, i, 2] + y * tilt_x - x * tilt_y
         least = min(least, corner[i, 2])
-    return 3 if least >= 0 else cut(corner, 3, 2, 1.0, 0.0, spare)
+    return 3 if least >= 0 else cut(corner, 3, 2, 1.0, 0.0, room.spare)
 
 
-@compiled(
-    void(REALS_3D, int64, float64, float64, float64, REALS_2D, REALS_2D, REALS), called_from_python=False
-)
-def integrate(
-    before: Reals, count: int, depth: float, tilt_x: float, tilt_y: float, corner: Reals, spare: Reals,
-    total: Reals,
-) -> None:  # fmt: skip
-    """Add up over the contact what balances a press: fills total (_SUMS,), p standing for the depth, mm."""
+@compiled(void(REALS_3D, int64, float64, float64, float64, ROOM), called_from_python=False)
+def integrate(before: Reals, count: int, depth: float, tilt_x: float, tilt_y: float, room: Room) -> None:
+    """Add up over the contact what balances a press: fills room.total, p standing for the depth, mm."""
+    corner, total = room.corner, room.total
     total[:] = 0.0
     for index in range(count):
-        corners = touching(before, index, depth, tilt_x, tilt_y, corner, spare)
+        corners = touching(before, index, depth, tilt_x, tilt_y, room)
         x0, y0, p0 = corner[0, 0], corner[0, 1], corner[0, 2]
         for i in range(1, corners - 1):
             x1, y1, p1 = corner[i, 0], corner[i, 1], corner[i, 2]
@@ -220,23 +253,26 @@ def sink(
     return depth
 
 
-@compiled(
-    float64(REALS_3D, int64, REALS, REALS, float64, float64, float64, REALS_2D, REALS_2D, REALS),
-    called_from_python=False,
-)
+@compiled(float64(REALS_3D, int64, REALS, REALS, float64, float64, float64, ROOM), called_from_python=False)
 def turn(
-    before: Reals, count: int, tilt: Reals, at: Reals, wrist: float, force: float, stiffness: float,
-    corner: Reals, spare: Reals, total: Reals,
-) -> float:  # fmt: skip
+    before: Reals,
+    count: int,
+    tilt: Reals,
+    at: Reals,
+    wrist: float,
+    force: float,
+    stiffness: float,
+    room: Room,
+) -> float:
     """Find where springs, force and a wrist balance: the lowest point of a convex energy, by Newton's method.
 
     tilt: (2,) rad, where the wrist pushes nowhere. at: (3,) depth and tilts to begin with, which are changed.
     wrist: N mm / rad. Returns how it ended.
     """
-    lowest, share = np.inf, 1.0
+    total, lowest, share = room.total, np.inf, 1.0
     step, kept = np.zeros(3), at.copy()
     for _ in range(_MOST_STEPS):
-        integrate(before, count, at[0], at[1], at[2], corner, spare, total)
+        integrate(before, count, at[0], at[1], at[2], room)
         turn_x, turn_y = at[1] - tilt[0], at[2] - tilt[1]
         first = stiffness * total[6] - force
         second, third = stiffness * total[8] + wrist * turn_x, -stiffness * total[7] + wrist * turn_y
@@ -298,18 +334,14 @@ def add_part(
             load[cell + 5 * cells] += weight * at_v * at_v
 
 
-@compiled(
-    void(REALS_3D, int64, REALS, REALS, REALS, REALS, REALS_2D, REALS_2D, REALS_2D, REALS_2D),
-    called_from_python=False,
-)
-def carry(
-    before: Reals, count: int, state: Reals, x_lines: Reals, y_lines: Reals, load: Reals, corner: Reals,
-    spare: Reals, strip: Reals, part: Reals,
-) -> None:  # fmt: skip
+@compiled(void(REALS_3D, int64, REALS, CELLS, REALS, ROOM), called_from_python=False)
+def carry(before: Reals, count: int, state: Reals, pad: Cells, load: Reals, room: Room) -> None:
     """Add up what each cell of the pad carries in a press at rest: adds to load (6 * cells,)."""
+    x_lines, y_lines, corner, spare = pad.x_lines, pad.y_lines, room.corner, room.spare
+    strip, part = room.strip, room.part
     columns, rows = len(x_lines) - 1, len(y_lines) - 1
     for index in range(count):
-        corners = touching(before, index, state[0], state[1], state[2], corner, spare)
+        corners = touching(before, index, state[0], state[1], state[2], room)
         if corners < 3:
             continue
         low_x = high_x = corner[0, 0]
@@ -342,37 +374,47 @@ def carry(
                 add_part(part, wide, x, y, state[3], load, row * columns + column, columns * rows)
 
 
-@compiled(
-    void(
-        REALS_3D, REALS, REALS_2D, REALS_2D, REALS, REALS, REALS, float64, float64, float64, float64, REALS_2D,
-        REALS_2D,
-    )
-)  # fmt: skip
+@compiled(void(FIELD, REALS_2D, REALS_2D, REALS, CELLS, LAYER, REALS_2D, REALS_2D))
 def press_all(
-    facets: Reals, front: Reals, poses: Reals, tilts: Reals, x_lines: Reals, y_lines: Reals, forces: Reals,
-    stiffness: float, thickness: float, wrist: float, height: float, states: Reals, loads: Reals,
-) -> None:  # fmt: skip
+    field: Field,
+    poses: Reals,
+    tilts: Reals,
+    forces: Reals,
+    pad: Cells,
+    layer: Layer,
+    states: Reals,
+    loads: Reals,
+) -> None:
     """Find where each press rests, and what each cell of the pad carries there.
 
-    facets, front: as `gather` takes them. poses: (presses, 4) x, y, cos, sin. tilts: (presses, 2) rad. x_lines,
-    y_lines: edges of the cells, mm. forces: (presses,) N. stiffness: N/mm^3. thickness: mm of the layer.
-    wrist: N mm / rad, infinite for a rigid one. height: mm to which the shape may sink in.
+    poses: (presses, 4) x, y, cos, sin of sensor_in_object. tilts: (presses, 2) rad. forces: (presses,) N.
     Fills states (presses, STATE) and loads (presses, 6 * cells): of each cell N times 1, u, v, uu, uv, vv, mm from
     its centre.
     """
-    corner, spare = np.zeros((_CORNERS, 3)), np.zeros((_CORNERS, 3))
-    strip, part = np.zeros((_CORNERS, 3)), np.zeros((_CORNERS, 3))
-    total, at = np.zeros(_SUMS), np.zeros(3)
+    room = Room(
+        np.zeros((_CORNERS, 3)),
+        np.zeros((_CORNERS, 3)),
+        np.zeros((_CORNERS, 3)),
+        np.zeros((_CORNERS, 3)),
+        np.zeros(_SUMS),
+    )
+    x_lines, y_lines, thickness, wrist, at = (
+        pad.x_lines,
+        pad.y_lines,
+        layer.thickness,
+        layer.wrist,
+        np.zeros(3),
+    )
     bounds = np.array([x_lines[0], x_lines[-1], y_lines[0], y_lines[-1]])
     farthest = math.hypot(max(-bounds[0], bounds[1]), max(-bounds[2], bounds[3]))
-    before = np.empty((len(facets) + 4 * _CORNERS, 3, 3))
+    before = np.empty((len(field.facets) + 4 * _CORNERS, 3, 3))
     for press in range(len(poses)):
         state, tilt, force = states[press], tilts[press], forces[press]
         state[:] = 0.0
         loads[press, :] = 0.0
         slope = math.hypot(tilt[0], tilt[1]) if wrist == np.inf else STEEPEST
         before, count, touch = gather(
-            facets, front, poses[press], bounds, thickness, 2 * farthest * slope, before, corner, spare
+            field, poses[press], bounds, thickness, 2 * farthest * slope, before, room
         )
         state[4] = NO_CONTACT
         if count == 0:
@@ -381,7 +423,7 @@ def press_all(
         if contact < _LEAST_AREA:
             continue
         # A layer that the level shape would press by more than its thickness is just stiff enough not to give so far.
-        state[3] = max(stiffness, force / volume)
+        state[3] = max(layer.stiffness, force / volume)
         # The force on a paraboloid grows as the square of the depth.
         guess = thickness * math.sqrt(force / (state[3] * volume))
         at[1], at[2] = tilt[0], tilt[1]
@@ -392,9 +434,9 @@ def press_all(
         at[0] = sink(before, count, touch, guess, at[1], at[2], force, state[3])
         state[4] = SETTLED
         if wrist < np.inf:
-            state[4] = turn(before, count, tilt, at, wrist, force, state[3], corner, spare, total)
-        if state[4] == SETTLED and at[0] > height:
+            state[4] = turn(before, count, tilt, at, wrist, force, state[3], room)
+        if state[4] == SETTLED and at[0] > layer.height:
             state[4] = BURIED
         state[:3] = at
         if state[4] == SETTLED:
-            carry(before, count, state, x_lines, y_lines, loads[press], corner, spare, strip, part)
+            carry(before, count, state, pad, loads[press], room)

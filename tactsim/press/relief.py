@@ -17,7 +17,17 @@ import numpy as np
 from tactsim.core.poses import FloatArray
 from tactsim.models.relief import Relief, Window
 from tactsim.press.bed import Bed
-from tactsim.press.facet_kernels import BURIED, NO_CONTACT, STATE, STEEPEST, TIPPED, press_all
+from tactsim.press.facet_kernels import (
+    BURIED,
+    NO_CONTACT,
+    STATE,
+    STEEPEST,
+    TIPPED,
+    Cells,
+    Field,
+    Layer,
+    press_all,
+)
 from tactsim.press.scan_options import ScanOptions
 from tactsim.press.spread import contact_map
 from tactsim.press.touches import Pressed, Touches
@@ -87,8 +97,8 @@ def press(touches: Touches, options: ScanOptions) -> Pressed:
         ]
     for here, (facets, front, height) in fields:
         press_all(
-            facets, front, poses[here], tilts[here], x_lines, y_lines, forces[here], 1e-3 * layer.stiffness,
-            layer.thickness, float(wrist), height, states[here], loads[here],
+            Field(facets, front), poses[here], tilts[here], forces[here], Cells(x_lines, y_lines),
+            Layer(1e-3 * layer.stiffness, layer.thickness, float(wrist), height), states[here], loads[here],
         )  # fmt: skip
     ended = states[:, -1]
     blanks = {int(index): _REASONS[ended[index]] for index in np.flatnonzero(ended > NO_CONTACT)}
