@@ -27,7 +27,7 @@ _LEAST_AREA = 1e-9  # mm^2; what touches less than this does not touch
 
 
 class Field(NamedTuple):
-    """The shape, seen from above: facets (n, 3 corners, 3), [x, y, gap] mm, ordered by front (n,), each one's least gap."""
+    """The shape from above: facets (n, 3 corners, 3), [x, y, gap] mm, ordered by front (n,), each one's least gap."""
 
     facets: Reals
     front: Reals

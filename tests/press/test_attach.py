@@ -113,10 +113,14 @@ def test_the_image_does_not_depend_on_how_soft_mujocos_contacts_are():
         np.testing.assert_allclose(soft.kpa, hard.kpa, atol=2e-3 * hard.kpa.max())
 
 
+# MuJoCo before 3.17 refuses a number in XML that is no normal double.
+MILLIMETRES = st.floats(-6, 6).map(lambda x: round(x, 9))
+
+
 @given(
     st.sampled_from(['type="sphere" size=".004"', 'type="box" size=".003 .002 .004"', 'type="capsule" size=".003 .004"',
                      'type="ellipsoid" size=".003 .004 .005"', 'type="mesh" mesh="cube"']),
-    st.floats(-6, 6), st.floats(-6, 6), st.integers(0, 10**6),
+    MILLIMETRES, MILLIMETRES, st.integers(0, 10**6),
 )  # fmt: skip
 @example(
     'type="box" size=".003 .002 .004"', -4.3125, 0.0, 10**6
