@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -112,6 +113,7 @@ class ParticleFilter(MapFilter):
         self._evaluated = self._injected = self._cones = self._spared = 0
 
     def _fit(self) -> None:
+        self._injection = copy(self._injection)  # a filter that `without` copied has its own
         noise = self.fitted_options
         self._noise = np.array([noise.noise_mm, noise.noise_mm, noise.noise_rad])
 

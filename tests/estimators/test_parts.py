@@ -12,6 +12,7 @@ from tactsim.core import compose
 from tactsim.estimators import NONE, create
 from tactsim.estimators.filters.histogram import HistogramFilter
 from tactsim.estimators.filters.refined import RefinedFilter
+from tactsim.estimators.registry import load
 
 SMALL = {"bins": 500, "cells": 20, "cell": 0.8}
 PARTS = (
@@ -127,3 +128,23 @@ def test_all_parts_at_once_and_without_a_letter(scan):
     assert after.robot_in_object.tobytes() == before.robot_in_object.tobytes()
     assert whole.open_set is not left.open_set
     assert whole.propose(compose(poses, np.array([1.0, 0, 0]))) in range(4)
+
+
+@pytest.mark.parametrize(
+    "name", ["histogram", "particle", "augmented-mcl", "tempered", "refined", "scan-matching"]
+)
+def test_a_filter_without_a_letter_leaves_the_sequence_of_the_whole_alone(scan, name):
+    """A sequence of the whole filter with one of the copy in between, against one that nothing came between."""
+    budget = {"particles": 300} if load(name).budget == "particles" else {"bins": 500}
+    whole = create(name, cell=0.8, **budget)
+    whole.fit(scan)
+    drawn = [draw_trial(scan, label, 6, np.random.default_rng(4)) for label in "EL"]
+    # Readings that contradict the first ones: random particles are injected then.
+    readings, poses = (np.concatenate([trial[k][:4] for trial in drawn]) for k in (0, 1))
+    expected = follow(whole, readings, poses)[-1]
+    follow(whole, readings[:5], poses[:5])
+    follow(whole.without("I", scan), readings[::-1], poses[::-1], seed=1)
+    for reading, pose in zip(readings[5:], poses[5:], strict=True):
+        whole.update(reading, pose)
+    assert whole.estimate().probabilities == expected.probabilities
+    assert whole.estimate().robot_in_object.tobytes() == expected.robot_in_object.tobytes()
