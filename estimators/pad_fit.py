@@ -29,7 +29,7 @@ from tactsim.estimators.likelihoods.contact_information import (
 from tactsim.estimators.likelihoods.folds import can_leave_out
 from tactsim.estimators.likelihoods.occupancy import OccupancyMap
 from tactsim.estimators.likelihoods.scale import lehmer_mean
-from tactsim.estimators.options import FilterOptions, OpenSetOptions, wants_pad_fit
+from tactsim.estimators.options import FilterOptions, OpenSetOptions
 
 _PITCH = 1.9  # mm, of the paper's pad by `lengths.pitch`
 _SCALE = 36.0  # kPa, the median scale of simulated presses with 2 N on the paper's pad
@@ -197,9 +197,6 @@ class PadFit:
             "information_default": self.before,
             "information_chosen": self.after,
         }
-
-
-is_wanted = wants_pad_fit
 
 
 def fit_to_pad(scan: Scan, options: FilterOptions) -> PadFit:

@@ -13,7 +13,8 @@ from tactsim import estimators
 from tactsim.core import Scan
 from tactsim.estimators.filters.refined import ForceMosaicOptions, RefinedOptions
 from tactsim.estimators.likelihoods.contact_information import mutual_information, pressure_information
-from tactsim.estimators.pad_fit import PadUnits, climb, fit_to_pad, is_wanted, response, units_of
+from tactsim.estimators.options import wants_pad_fit
+from tactsim.estimators.pad_fit import PadUnits, climb, fit_to_pad, response, units_of
 
 SMALL = {
     "histogram": {"bins": 1000},
@@ -163,12 +164,12 @@ def test_the_response_is_the_one_with_which_most_is_said(scan, bent_by):
 def test_only_scans_of_a_real_pad_are_fitted_unless_it_is_asked_for(scan):
     recorded, imported = (replace(scan, meta={"source": word}) for word in ("recorded", "imported"))
     trained = replace(scan, meta={"source": "simulated", "train": {"source": "recorded"}})
-    assert [is_wanted(RefinedOptions(), one) for one in (scan, recorded, imported, trained)] == [
+    assert [wants_pad_fit(RefinedOptions(), one) for one in (scan, recorded, imported, trained)] == [
         False,
         *[True] * 3,
     ]
-    assert is_wanted(RefinedOptions(fit="auto"), scan)
-    assert not is_wanted(RefinedOptions(fit="off"), recorded)
+    assert wants_pad_fit(RefinedOptions(fit="auto"), scan)
+    assert not wants_pad_fit(RefinedOptions(fit="off"), recorded)
 
 
 def test_without_a_letter_is_as_if_it_had_never_been_there(scan):
