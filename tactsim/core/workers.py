@@ -41,8 +41,7 @@ def worker_processes(count: int) -> Iterator[Executor]:
     with _Pool(count, mp_context=get_context("spawn"), initializer=_begin) as pool:
         try:
             yield pool
-        except BaseException:
-            pool.shutdown(wait=False, cancel_futures=True)
+        except BaseException:  # without its processes the pool gives up all that is left
             for process in set(active_children()) - others:
                 process.kill()
             raise
