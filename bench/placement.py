@@ -9,7 +9,7 @@ trials: the test of Lemos et al. 2023 (expected coverage, with distances to a po
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -22,6 +22,7 @@ from tactsim.core import InputError, Scan, invert, transform, wrap_angle
 from tactsim.core.checking import checked
 from tactsim.core.errors import short
 from tactsim.core.finite import LARGEST
+from tactsim.core.idle import find_idle
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.estimator import Estimate, PoseSamples
 
@@ -56,11 +57,13 @@ class _Stated(BaseModel):
 def properties(scan: Scan) -> dict[str, Properties]:
     """Take the objects' properties from the scan, or estimate them from its training readings.
 
-    If the scan does not state them, the pressures of the training readings, at the places where they were
-    felt, stand for the mass, and no symmetry is assumed. The paper estimates the properties from its maps.
+    If the scan does not state them, the pressures of the training readings above the idle level, at the places where
+    they were felt, stand for the mass, and no symmetry is assumed. The paper estimates the properties from its maps.
     Raises InputError as `stated_properties` does.
     """
     known = stated_properties(scan)
+    if len(known) < len(scan.letters):
+        scan = replace(scan, readings=find_idle(scan.where("train").readings).rise(scan.readings))
     return {
         label: known.get(label) or _felt(scan.where("train", label), scan.where(label=label))
         for label in scan.letters

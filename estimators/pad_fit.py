@@ -1,8 +1,9 @@
-"""What is fitted to a pad from the training readings alone: unit, lengths, response curve, and options of maps.
+"""What is fitted to a pad from the training readings alone: idle level, unit, lengths, response, options of maps.
 
 Defaults were found for the paper's pad: lengths in mm for its pitch of 1.9 mm, the threshold of eq. 3 for presses in
 which a covered taxel reads 36 kPa. Readings of another pad are brought to that: lengths are divided by the ratio of
-the pitches, readings by their scale. So no default depends on a unit or a pitch, whatever filter it is a default of.
+the pitches, readings by their scale, above the level at which taxels idle. So no default depends on a unit, a zero, a
+sign or a pitch, whatever filter it is a default of.
 Then the options of the maps that were not given are chosen, one after another, by what the maps say of training
 readings that they were not made from.
 """
@@ -18,6 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tactsim.core import Scan
+from tactsim.core.idle import Idle, find_idle
 from tactsim.core.lengths import pitch
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.estimator import Estimate, PlaneBelief, PoseSamples
@@ -60,23 +62,28 @@ class PadUnits:
     """How lengths and readings of a pad are brought to those of the paper's pad.
 
     length: mm that count as 1 mm. pressure: what is read, in the scan's unit, that counts as 36 kPa. exponent: of the
-    response curve 36 kPa (z / pressure)^exponent of readings z, the same for all taxels; 1 is a straight line.
+    response curve 36 kPa (z / pressure)^exponent of readings z, the same for all taxels; 1 is a straight line. idle:
+    the level of each taxel above which z is taken, and its sign; None if readings are taken as they are.
     """
 
     length: float = 1.0
     pressure: float = _SCALE
     exponent: float = 1.0
+    idle: Idle | None = None
 
     def readings(self, readings: FloatArray) -> FloatArray:
-        """Bring readings (..., taxels) to kPa of the paper's pad; what is below 0 stays below 0.
+        """Bring readings (..., taxels) to kPa of the paper's pad; what is below the idle level is below 0.
 
         They are rounded to single precision, so that readings in another unit give the same to the last bit.
         """
-        values = _SCALE * np.sign(readings) * np.abs(readings / self.pressure) ** self.exponent
-        return _single(values)
+        return self.pressures(readings if self.idle is None else self.idle.rise(readings))
+
+    def pressures(self, rise: FloatArray) -> FloatArray:
+        """Bring what readings are above the idle level, of any shape, to kPa of the paper's pad, as `readings` does."""
+        return _single(_SCALE * np.sign(rise) * np.abs(rise / self.pressure) ** self.exponent)
 
     def reading_of(self, pressure: float) -> float:
-        """Give what a taxel reads, in the scan's unit, under a pressure in kPa of the paper's pad."""
+        """Give the rise of a taxel, in the scan's unit, under a pressure in kPa of the paper's pad."""
         share = abs(pressure) / _SCALE
         return float(np.copysign(self.pressure * share ** (1 / self.exponent), pressure))
 
@@ -159,7 +166,7 @@ class PadFit:
             if name in given and isinstance(value, float):
                 changed[name] = value / self.units.length
         if "threshold" in given and options.threshold != "auto":
-            changed["threshold"] = float(self.units.readings(np.array(options.threshold)))
+            changed["threshold"] = float(self.units.pressures(np.array(options.threshold)))
         if "motion" in given and "," in options.motion:
             mm, rad = options.motion.split(",", 1)
             changed["motion"] = f"{float(mm) / self.units.length},{rad}"
@@ -176,9 +183,10 @@ class PadFit:
 
     def describe(self) -> str:
         """Say in a few words what the lengths and readings of the paper's pad are here."""
+        idle = "" if self.units.idle is None else f"; {self.units.idle.describe()}"
         return (
             f"fitted to the pad: its 1 mm is {self.units.length:.3g} mm here, its 36 kPa a reading of "
-            f"{self.units.pressure:.4g}"
+            f"{self.units.pressure:.4g}{idle}"
         )
 
     def facts(self) -> dict[str, Any]:
@@ -192,6 +200,7 @@ class PadFit:
         return {
             "length_ratio": self.units.length,
             "typical_reading": self.units.pressure,
+            **({} if self.units.idle is None else self.units.idle.facts()),
             "response_exponent": self.units.exponent,
             "chosen": chosen,
             "information_default": self.before,
@@ -209,6 +218,13 @@ def fit_to_pad(scan: Scan, options: FilterOptions) -> PadFit:
 
     Raises InputError if the poses are too far apart for a map.
     """
+    idle = find_idle(scan.where("train").readings)
+    fitted = _fit_above(replace(scan, readings=idle.rise(scan.readings)), options)
+    return replace(fitted, units=replace(fitted.units, idle=idle))
+
+
+def _fit_above(scan: Scan, options: FilterOptions) -> PadFit:
+    """Fit units and options to readings that are 0 at rest and rise under load."""
     train = scan.where("train")
     if not train.readings.any() or not can_leave_out(train):
         return PadFit(units_of(scan))

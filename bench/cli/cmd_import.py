@@ -42,6 +42,8 @@ def command(
         ),
     ] = None,
     licence: shared.Licence = None,
+    zero: shared.Zero = "auto",
+    idle: shared.IdleFile = None,
 ) -> None:
     """Make a scan of what `bench export` wrote, bit for bit, or of arrays in a .npz or .mat file."""
     from tactsim.bench import formats
@@ -49,6 +51,7 @@ def command(
     from tactsim.bench.formats.arrays_file import SUFFIXES, read_arrays
     from tactsim.bench.places import check_new_file
     from tactsim.core import InputError, Pad, Scan
+    from tactsim.core.idle import settled
 
     check_new_file(out, source, pad, suffix=".npz")
     if source.suffix.lower() in SUFFIXES:
@@ -67,7 +70,7 @@ def command(
         called = {"readings": readings, "poses": poses, "labels": labels} | (
             {"split": split} if split else {}
         )
-        scan = read_arrays(source, called, Pad.load(pad), unit)
+        scan, told = settled(read_arrays(source, called, Pad.load(pad), unit), zero, shared.idle_frames(idle))
     else:
         formats.guess(source)  # a file of no format is refused for that
         if pad is not None or unit is not None:
@@ -77,10 +80,15 @@ def command(
             )
         names = ("readings", "poses", "labels", "split")
         refuse_typed(context, names, f"is of .npz and .mat files; {source} has names of its own")
-        scan = formats.read(source)
+        refuse_typed(
+            context, ("zero", "idle"), f"is of .npz and .mat files; {source} is a scan as it was exported"
+        )
+        scan, told = formats.read(source), ""
     if licence is not None:
         scan = scan.licensed(licence)
     scan.save(out)
+    if told:
+        plain_console().print(told)
     plain_console().print(
         f"{len(scan):,} readings of {' '.join(scan.letters)}, {scan.readings.shape[1]} taxels, in {out}"
     )

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from tactsim.bench.cli import pad_options as pads
+from tactsim.bench.cli import shared_options as shared
 from tactsim.bench.cli.words import refuse_typed
 
 if TYPE_CHECKING:
@@ -69,6 +70,8 @@ def command(
     stride: Annotated[int, typer.Option(min=1, help="Taxels from one cut to the next.")] = 1,
     device: pads.DeviceName = "emulated",
     calibration: pads.CalibrationFile = None,
+    zero: shared.Zero = "auto",
+    idle: shared.IdleFile = None,
 ) -> None:
     """Read recordings again, bit for bit: show what they hold, make a scan or a table of them."""
     from tactsim.bench.console import plain_console
@@ -76,6 +79,7 @@ def command(
     from tactsim.bench.places import check_new_file
     from tactsim.bench.trials import check_labels
     from tactsim.core.errors import InputError
+    from tactsim.core.idle import settled
     from tactsim.hardware.cutting import cut as cut_scan
     from tactsim.hardware.scans import read_intervals, scan_of_intervals, scan_of_sessions
     from tactsim.hardware.sources import open_source
@@ -94,9 +98,12 @@ def command(
         raise InputError("--shape says which shapes --marks names; guided sessions are of letters by name")
     if cut is None:
         refuse_typed(context, ("stride",), "says how far cuts are apart; say how large they are with --cut")
+    if scan is None:
+        refuse_typed(context, ("zero", "idle"), "is of the readings of a scan: name it with --scan")
     if (marks is not None or cut is not None or moments is not None) and scan is None:
         raise InputError("--marks, --cut and --moments make a scan: name it with --scan")
     described, correction = pads.load(device, calibration)
+    frames = shared.idle_frames(idle)
     window = None if cut is None else _window(cut)
     wanted = None if moments is None else _moments(moments)
     console = plain_console()
@@ -122,13 +129,14 @@ def command(
             with opened(recordings[0]) as source:
                 made = scan_of_intervals(source, read_intervals(marks), wanted)
         check_labels(made.letters)
+        made, told = settled(made, zero, frames)
         made = with_letters(made, parse_letters(letters) if letters else () if marks is not None else None)
         taken = taken_as_letters(made)
         made = with_shapes(made, shapes or ())
         if window is not None:
             made = cut_scan(made, *window, stride)
         made.save(scan)
-        lines += (*taken, *_found(made))
+        lines += (*taken, told, *_found(made))
         lines.append(
             f"{len(made):,} readings of {' '.join(made.letters)}, {made.readings.shape[1]} taxels, in {scan}"
         )

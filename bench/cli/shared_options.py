@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 from typing import Annotated, Any
 
 import typer
@@ -56,6 +57,21 @@ Cache = Annotated[
     bool,
     typer.Option("--cache/--no-cache", help="Take pressed readings from the cache, and keep them there."),
 ]
+Zero = Annotated[
+    str,
+    typer.Option(
+        help="What taxels read at rest: a number, auto to find the level and the sign of each taxel in the "
+        "readings, or off.",
+    ),
+]
+IdleFile = Annotated[
+    Path | None,
+    typer.Option(
+        "--idle",
+        help="Readings of the untouched pad instead: a table of text with a column a taxel, or a .npy file.",
+        show_default=False,
+    ),
+]
 Licence = Annotated[
     str | None,
     typer.Option(
@@ -63,3 +79,22 @@ Licence = Annotated[
         show_default=False,
     ),
 ]
+
+
+def idle_frames(path: Path | None) -> Any:
+    """Read idle readings (n, taxels) from a table of text or a .npy file. Raises InputError if it is neither."""
+    if path is None:
+        return None
+    import numpy as np
+
+    from tactsim.core.errors import InputError
+
+    try:
+        if path.suffix.lower() == ".npy":
+            return np.load(path, allow_pickle=False)
+        text = path.read_text(encoding="utf-8-sig")
+        return np.loadtxt(
+            text.replace(";", ",").splitlines(), delimiter="," if set(",;") & set(text) else None
+        )
+    except (OSError, ValueError) as error:
+        raise InputError(f"--idle {path}: no table of numbers with a column a taxel ({error})") from error

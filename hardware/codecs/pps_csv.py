@@ -43,6 +43,8 @@ class CsvFormat(CodecFormat):
         "kPa", description="unit of the numbers; readings in N, V or count keep theirs"
     )
 
+    zero: float = Field(0.0, description="value of an unloaded taxel, which is taken off all numbers")
+
     @property
     def reading_unit(self) -> str:
         """Give the unit of the readings that are made of the numbers."""
@@ -58,7 +60,11 @@ class CsvCodec(LinesCodec):
 
     def __init__(self, form: CsvFormat) -> None:
         lines = LinesFormat(
-            kind="csv", taxels=form.taxels, before=("clock",), kpa_per_count=_KPA.get(form.unit, 1.0)
+            kind="csv",
+            taxels=form.taxels,
+            before=("clock",),
+            zero=form.zero,
+            kpa_per_count=_KPA.get(form.unit, 1.0),
         )
         super().__init__(lines)
         self.tick_wrap = None

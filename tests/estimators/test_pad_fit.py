@@ -80,6 +80,19 @@ def test_no_filter_depends_on_unit_size_or_order_of_taxels(scan, name):
     assert 0 <= other.propose(np.array([[0.0, 0, 0], [4.0, 4.0, 1.0]])) <= 1
 
 
+@pytest.mark.parametrize("way", ["rising", "falling", "some fall"])
+@pytest.mark.parametrize("name", ["histogram", "refined", "scan-matching"])
+def test_no_filter_depends_on_offsets_and_signs_of_taxels(scan, name, way):
+    turned = {"rising": 1.0, "falling": -1.0, "some fall": np.where(np.arange(36) % 3, 1.0, -1.0)}[way]
+    offsets = np.random.default_rng(0).uniform(0, 4000, 36)
+    known, pose, _ = believed(name, scan)
+    again, there, other = believed(name, replace(scan, readings=20 * turned * scan.readings + offsets))
+    assert again.label == known.label == "E"
+    assert again.probabilities == pytest.approx(known.probabilities, abs=1e-6)
+    assert there == pytest.approx(pose, abs=1e-6)
+    assert np.array_equal(other.pad_fit.units.idle.sign, np.broadcast_to(turned, 36))
+
+
 def test_every_filter_that_is_fitted_to_a_pad_is_held_to_this():
     fitted = [name for name in estimators.names() if hasattr(estimators.create(name), "pad_fit")]
     assert set(fitted) == set(SMALL)

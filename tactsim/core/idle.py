@@ -1,0 +1,178 @@
+"""What taxels read that nothing touches, and whether more load reads more: found from the readings of many presses.
+
+Raw counts have a baseline, each taxel its own, and with some pads they fall under load. At rest a taxel reads the same
+again and again, at one end of its range; under load it reads this and that. So the end at which a tenth of its readings
+lie closer together is the idle one, and the mean of the shortest interval with half of the readings at that end (the
+shorth, Andrews et al. 1972) is the idle level.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from tactsim.core.errors import InputError
+from tactsim.core.finite import finite
+from tactsim.core.poses import FloatArray
+
+if TYPE_CHECKING:
+    from tactsim.core.scan import Scan
+
+_TAILS = (0.01, 0.99)  # quantiles between which a taxel's range lies
+_SHARED = 0.1  # the least share of a taxel's readings at its idle level
+_EQUAL = 1e-9  # of a taxel's range: distances that differ by less are equal, whatever rounding made of them
+_FELT = 0.1  # of the range of most taxels: one with less was hardly ever loaded, and has no say
+_QUIET = 4.0  # times as far apart as those of most taxels readings at rest may lie
+_OFF = 0.05  # of the typical rise: idle levels this far from 0 are not those of tared readings
+
+
+@dataclass(frozen=True, eq=False)
+class Idle:
+    """What idle taxels read. level: (taxels,) in the readings' unit. sign: (taxels,) 1, or -1 where readings fall
+    under load. known: (taxels,) whether the level could be told. typical: the median rise of loaded taxels.
+    """
+
+    level: FloatArray
+    sign: FloatArray
+    known: NDArray[np.bool_]
+    typical: float
+
+    def rise(self, readings: ArrayLike) -> FloatArray:
+        """Give how far readings (..., taxels) are above the idle level, towards the load."""
+        return np.asarray((np.asarray(readings, dtype=float) - self.level) * self.sign)
+
+    def __eq__(self, other: object) -> bool:
+        """Compare the arrays."""
+        return isinstance(other, Idle) and all(
+            np.array_equal(getattr(self, name), getattr(other, name)) for name in ("level", "sign", "known")
+        )
+
+    @property
+    def off_zero(self) -> bool:
+        """Tell whether readings fall, or half of the taxels rest clearly elsewhere than at 0."""
+        return bool((self.sign < 0).any() or np.median(np.abs(self.level)) > _OFF * self.typical)
+
+    def facts(self) -> dict[str, float | int]:
+        """Say what was found as numbers, for a file: the median level, and how many taxels fall or are not known."""
+        return {
+            "idle_level": float(np.median(self.level)),
+            "falling_taxels": int((self.sign < 0).sum()),
+            "taxels_of_unknown_idle_level": int((~self.known).sum()),
+        }
+
+    def describe(self) -> str:
+        """Say in a line what was found."""
+        low, middle, high = np.quantile(self.level, (0, 0.5, 1))
+        falling = int((self.sign < 0).sum())
+        which = "falls" if falling == len(self.sign) else f"falls in {falling} taxels" if falling else "rises"
+        unknown = int((~self.known).sum())
+        doubt = f"; of {unknown} taxels it cannot be told from the readings" if unknown else ""
+        return f"idle level {middle:.4g} ({low:.4g} to {high:.4g}), and under load it {which}{doubt}"
+
+
+def find_idle(readings: ArrayLike) -> Idle:
+    """Find the idle level and the sign of each taxel from readings (n, taxels) of presses.
+
+    Readings times a constant, plus an offset a taxel, or turned round give the same rise. A taxel that is not idle in a
+    tenth of the presses has the sign of most others.
+    """
+    values = np.asarray(readings, dtype=float)
+    taxels = values.shape[1]
+    if not len(values):
+        return Idle(np.zeros(taxels), np.ones(taxels), np.zeros(taxels, dtype=bool), 1.0)
+    halves = [(_lower_half(column), _lower_half(-column)) for column in values.T]
+    count = max(3, int(np.ceil(_SHARED * len(values))))
+    widths = np.array([[_shortest(half, count) for half in pair] for pair in halves])
+    extent = np.ptp(values, axis=0)
+    near_equal, felt = _EQUAL * extent, extent > _FELT * np.quantile(extent, 0.9)
+    with np.errstate(invalid="ignore"):
+        rises, falls = (felt & (widths[:, end] < widths[:, 1 - end] - near_equal) for end in (0, 1))
+    most = -1.0 if falls.sum() > rises.sum() else 1.0
+    # At rest all taxels are about as noisy. So where only one end holds readings enough, a wide one is no rest.
+    tight = widths.min(axis=1)
+    usual = float(np.median(tight[rises | falls])) if (rises | falls).any() else 0.0
+    quiet = (tight <= _QUIET * usual + near_equal) | np.isfinite(widths).all(axis=1)
+    rises, falls = rises & quiet, falls & quiet
+    sign = np.where(rises, 1.0, np.where(falls, -1.0, most))
+    chosen = [pair[0 if of_taxel > 0 else 1] for pair, of_taxel in zip(halves, sign, strict=True)]
+    level = np.array([_shorth(half, equal) for half, equal in zip(chosen, near_equal, strict=True)])
+    known = np.isfinite(np.where(sign > 0, widths[:, 0], widths[:, 1])) & (quiet | ~felt)
+    above = values * sign - level
+    loaded = above[:, felt][above[:, felt] > np.max(above[:, felt], axis=0) / 2]
+    return Idle(level * sign, sign, known, float(np.median(loaded)) if len(loaded) else 1.0)
+
+
+def given_idle(level: ArrayLike, readings: FloatArray) -> Idle:
+    """Take the idle level as it is known: a number, (taxels,), or idle frames (n, taxels), whose median it is.
+
+    readings: (n, taxels), which tell the sign: to the side on which a taxel's readings go further.
+    Raises InputError for another number of taxels, and for what is not finite.
+    """
+    taxels = readings.shape[1]
+    frames = np.atleast_1d(np.asarray(level, dtype=float))
+    if frames.shape[-1] not in (1, taxels) or frames.ndim > 2 or not frames.size:
+        raise InputError(f"idle readings have the shape {frames.shape}; the pad has {taxels} taxels")
+    middle = np.broadcast_to(np.median(finite(np.atleast_2d(frames), "idle readings"), axis=0), taxels)
+    low, high = (
+        np.abs(np.quantile(readings - middle, _TAILS, axis=0)) if len(readings) else np.ones((2, taxels))
+    )
+    felt = high + low > _FELT * np.quantile(high + low, 0.9)
+    most = -1.0 if low[felt].sum() > high[felt].sum() else 1.0
+    return Idle(
+        middle.copy(), np.where(felt, np.where(low > high, -1.0, 1.0), most), np.ones(taxels, dtype=bool), 1.0
+    )
+
+
+def settled(scan: Scan, zero: str = "auto", frames: ArrayLike | None = None) -> tuple[Scan, str]:
+    """Bring the readings of a scan to 0 at rest and above 0 under load; say in a line what was done.
+
+    zero: "auto" to find the idle level in the training readings, of which nothing is taken off where most taxels rest
+    near 0; a number, the level of all taxels; "off" to leave readings as they are. frames: idle readings (taxels,) or
+    (n, taxels) instead. Raises InputError for another word, and for frames of another pad.
+    """
+    if frames is not None:
+        if zero != "auto":
+            raise InputError("--zero and --idle both say what idle taxels read; leave one out")
+        idle = given_idle(frames, scan.readings)
+    elif zero == "off":
+        return scan, "readings are taken as they are"
+    elif zero == "auto":
+        train = scan.where("train")
+        idle = find_idle((train if len(train) else scan).readings)
+        if not idle.off_zero:
+            return scan, "readings rest near 0 and rise under load; they are taken as they are"
+    else:
+        try:
+            idle = given_idle(float(zero), scan.readings)
+        except ValueError:
+            raise InputError(f"--zero {zero!r}: give a number, auto or off") from None
+    about = {"level": idle.level.tolist(), "sign": idle.sign.tolist()}
+    sequence = None if scan.sequence is None else idle.rise(scan.sequence).astype(np.float32)
+    taken = replace(
+        scan, readings=idle.rise(scan.readings), sequence=sequence, meta={**scan.meta, "idle": about}
+    )
+    return taken, f"{idle.describe()}: readings are taken from there"
+
+
+def _lower_half(values: FloatArray) -> FloatArray:
+    """Give what of a taxel's readings (n,) lies in the lower half of its range, in order."""
+    low, high = np.quantile(values, _TAILS)
+    return np.sort(values[values <= (low + high) / 2 + _EQUAL * np.ptp(values)])
+
+
+def _shortest(ordered: FloatArray, count: int) -> float:
+    """Give the width of the shortest interval that holds so many values; infinity if there are fewer."""
+    if len(ordered) < count:
+        return float("inf")
+    return float(np.min(ordered[count - 1 :] - ordered[: len(ordered) - count + 1]))
+
+
+def _shorth(ordered: FloatArray, near_equal: float) -> float:
+    """Take the mean of the shortest interval that holds half of the readings (n,): of equal ones the lowest."""
+    half = (len(ordered) + 1) // 2
+    widths = ordered[half - 1 :] - ordered[: len(ordered) - half + 1]
+    first = int(np.argmax(widths <= widths.min() + near_equal))
+    return float(ordered[first : first + half].mean())

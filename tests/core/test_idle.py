@@ -1,0 +1,125 @@
+"""The idle level and the sign of each taxel, found from the readings of presses."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tactsim.core import InputError, Scan
+from tactsim.core.idle import find_idle, settled
+
+TAXELS = 36
+
+
+def pressed(seed=0, presses=120, noise=0.5, step=0.0):
+    """Make readings of a pad of which every press covers some third; at rest they are 0 but for noise."""
+    rng = np.random.default_rng(seed)
+    covered = rng.random((presses, TAXELS)) < rng.uniform(0.1, 0.5, TAXELS)
+    readings = covered * rng.uniform(5, 60, (presses, TAXELS)) + rng.normal(
+        scale=noise, size=(presses, TAXELS)
+    )
+    return np.round(readings / step) * step if step else readings
+
+
+def scan_of(readings):
+    count = len(readings)
+    return Scan.from_arrays(readings, np.zeros((count, 3)), ["A"] * count, unit="count")
+
+
+def test_readings_that_rest_at_0_are_found_to_do_so():
+    idle = find_idle(pressed())
+    assert np.abs(idle.level).max() < 0.5
+    assert (idle.sign == 1).all()
+    assert idle.known.all()
+    assert not idle.off_zero
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    st.integers(0, 5),
+    st.sampled_from([0.0, 0.7]),
+    st.floats(0.01, 100),
+    st.lists(st.floats(-1e4, 1e4), min_size=TAXELS, max_size=TAXELS),
+    st.sampled_from(["rising", "falling", "some fall"]),
+)
+def test_a_scale_offsets_and_a_sign_change_no_rise(seed, step, scale, offsets, way):
+    readings = pressed(seed, step=step)
+    sign = {"rising": 1.0, "falling": -1.0, "some fall": np.where(np.arange(TAXELS) % 3 == 0, -1.0, 1.0)}[way]
+    given_readings = scale * readings * sign + np.array(offsets)
+    rise = find_idle(given_readings).rise(given_readings)
+    wanted = scale * find_idle(readings).rise(readings)
+    assert np.abs(rise - wanted).max() < 1e-9 * (scale * 60 + 1e4)
+    assert find_idle(given_readings).off_zero or np.array_equal(sign, 1.0)
+
+
+def test_a_taxel_that_is_nearly_always_pressed_goes_with_the_others():
+    readings = pressed()
+    held = 30 + 30 * np.random.default_rng(1).random(len(readings))
+    readings[:, 7] = np.where(np.arange(len(readings)) % 20 == 0, 0.0, held)
+    idle = find_idle(readings + 400)
+    assert (idle.sign == 1).all()
+    assert not idle.known[7]
+    assert "of 1 taxels it cannot be told" in idle.describe()
+
+
+def test_dead_taxels_have_no_say():
+    readings = -pressed()
+    readings[:, :20] = np.random.default_rng(0).normal(size=(len(readings), 20)) * 0.01
+    assert (find_idle(readings).sign == -1).all()
+
+
+def test_no_readings_are_at_0():
+    assert find_idle(np.zeros((0, 4))).level.tolist() == [0, 0, 0, 0]
+    assert not find_idle(np.zeros((3, 4))).off_zero
+
+
+def test_a_scan_is_settled_once_and_says_so():
+    raw = scan_of(4095 - 20 * pressed())
+    taken, line = settled(raw)
+    assert "falls" in line
+    assert np.abs(np.quantile(taken.readings, 0.25, axis=0)).max() < 60
+    assert taken.readings.max() > 1000
+    again, line = settled(taken)
+    assert again is taken
+    assert "rest near 0" in line
+    assert taken.meta["idle"]["sign"] == [-1.0] * TAXELS
+    assert settled(raw, "off")[0] is raw
+
+
+@pytest.mark.parametrize("zero", ["400", "frames"])
+def test_a_level_that_is_known_is_taken_off(zero):
+    readings = 400 + 20 * pressed()
+    frames = np.full((5, TAXELS), 400.0) if zero == "frames" else None
+    for turned in (1.0, -1.0):
+        taken, _ = settled(
+            scan_of(400 + turned * (readings - 400)), "auto" if zero == "frames" else zero, frames
+        )
+        assert taken.readings == pytest.approx(readings - 400)
+
+
+@pytest.mark.parametrize(
+    ("zero", "frames", "says"),
+    [
+        ("much", None, "give a number, auto or off"),
+        ("3", np.zeros(TAXELS), "leave one out"),
+        ("auto", np.zeros(5), "the pad has 36 taxels"),
+        ("auto", np.full(TAXELS, np.nan), "idle readings"),
+    ],
+)
+def test_a_mistake_is_one_line(zero, frames, says):
+    with pytest.raises(InputError, match=says):
+        settled(scan_of(pressed()), zero, frames)
+
+
+def test_sequences_are_settled_too():
+    scan = scan_of(400 + pressed())
+    moving = replace(
+        scan,
+        sequence=np.repeat(scan.readings[:, None], 2, axis=1).astype(np.float32),
+        sequence_times=np.array([0.1, 0.2]),
+        sequence_force=np.ones((len(scan), 2), np.float32),
+    )
+    taken, _ = settled(moving)
+    assert taken.sequence[:, 1] == pytest.approx(taken.readings, abs=1e-3)
