@@ -21,6 +21,7 @@ from tactsim.core.poses import FloatArray
 if TYPE_CHECKING:
     from tactsim.core.scan import Scan
 
+_FEWEST = 10  # presses
 _TAILS = (0.01, 0.99)  # quantiles between which a taxel's range lies
 _SHARED = 0.1  # the least share of a taxel's readings at its idle level
 _EQUAL = 1e-9  # of a taxel's range: distances that differ by less are equal, whatever rounding made of them
@@ -77,11 +78,11 @@ def find_idle(readings: ArrayLike) -> Idle:
     """Find the idle level and the sign of each taxel from readings (n, taxels) of presses.
 
     Readings times a constant, plus an offset a taxel, or turned round give the same rise. A taxel that is not idle in a
-    tenth of the presses has the sign of most others.
+    tenth of the presses has the sign of most others. Of fewer than ten presses nothing can be told: taxels rest at 0.
     """
     values = np.asarray(readings, dtype=float)
     taxels = values.shape[1]
-    if not len(values):
+    if len(values) < _FEWEST:
         return Idle(np.zeros(taxels), np.ones(taxels), np.zeros(taxels, dtype=bool), 1.0)
     halves = [(_lower_half(column), _lower_half(-column)) for column in values.T]
     count = max(3, int(np.ceil(_SHARED * len(values))))

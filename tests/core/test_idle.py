@@ -70,7 +70,10 @@ def test_dead_taxels_have_no_say():
     assert (find_idle(readings).sign == -1).all()
 
 
-def test_no_readings_are_at_0():
+def test_few_readings_are_taken_as_they_are():
+    few = find_idle(pressed()[:9] + 400)
+    assert np.array_equal(few.rise([500.0] * TAXELS), [500.0] * TAXELS)
+    assert not few.known.any()
     assert find_idle(np.zeros((0, 4))).level.tolist() == [0, 0, 0, 0]
     assert not find_idle(np.zeros((3, 4))).off_zero
 
