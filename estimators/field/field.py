@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import math
 from collections.abc import Sequence
 from functools import cached_property
 
@@ -10,11 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tactsim.core.poses import FloatArray
-from tactsim.estimators.field.replay import replay
-from tactsim.estimators.field.slices import Layout, Slices, laid_out, layout_of
-from tactsim.estimators.field.tables import Tables, pooled, tabulate
-from tactsim.estimators.field.term_vectors import Vectors, most_vectors, no_vectors, put_in_vectors
-from tactsim.estimators.field.terms import Terms, record
+from tactsim.estimators.field.kernels import LANES, Lattice, Named, Ranges, Terms, record, replay
+from tactsim.estimators.field.tables import tabulate
 from tactsim.estimators.likelihoods.likelihood import Evidence, Likelihood
 
 
@@ -25,7 +23,7 @@ class LikelihoodField:
     neither themselves. `len` is the number of readings.
 
     labels: the letters. taxel_xy: (taxels, 2) mm. tables: on the lattice. terms: of all readings, for
-    compiled code. longest: terms of the longest reading.
+    compiled code.
     """
 
     def __init__(
@@ -51,7 +49,7 @@ class LikelihoodField:
             upper=np.zeros(65),
             slack=np.zeros(64),
         )
-        self._vectors = no_vectors(64, 512)
+        self._ranges = Ranges(self.tables.outside, self.tables.lowest, self.tables.highest)
         self.reset()
 
     def __len__(self) -> int:
@@ -73,7 +71,7 @@ class LikelihoodField:
 
     def reset(self) -> None:
         """Forget all readings."""
-        self._readings = self.longest = self._in_vectors = 0
+        self._readings = 0
 
     def append(self, evidence: Evidence, sensor_in_robot: FloatArray) -> None:
         """Add the terms of a reading taken at a pose [mm, mm, rad].
@@ -81,15 +79,11 @@ class LikelihoodField:
         Raises ValueError, and adds nothing, if the likelihood named a table or taxel that does not exist,
         or gave a weight that is negative or not finite.
         """
-        count, tables = len(evidence.table), self.tables
-        self._make_room(count)
-        if not record(
-            self.terms, self._readings, evidence.table, evidence.taxel, evidence.weight, self.taxel_xy,
-            sensor_in_robot, tables.outside, tables.lowest, tables.highest,
-        ):  # fmt: skip
-            evidence.check(len(tables.highest), len(self.taxel_xy))
+        self._make_room(len(evidence.table))
+        named = Named(evidence.table, evidence.taxel, evidence.weight)
+        if not record(self.terms, self._readings, named, self.taxel_xy, sensor_in_robot, self._ranges):
+            evidence.check(len(self.tables.highest), len(self.taxel_xy))
         self._readings += 1
-        self.longest = max(self.longest, count)
 
     def log_p(
         self, letter: ArrayLike, state: FloatArray, first: int = 0, last: int | None = None
@@ -107,31 +101,19 @@ class LikelihoodField:
         )  # fmt: skip
         return log_p
 
-    @property
-    def vectors(self) -> Vectors:
-        """Give the terms of all readings in vectors. They are put there only if somebody asks for it."""
-        if self._in_vectors < self._readings:
-            self._make_room_for_vectors()
-            nodes = self.tables.nodes
-            put_in_vectors(
-                self._vectors, self.terms, self._in_vectors, self._readings, self.tables.unit, nodes[0].size
-            )
-            self._in_vectors = self._readings
-        return self._vectors
-
-    def layout(self, first: FloatArray, spacing: tuple[float, float]) -> Layout:
-        """Say where a grid of bins finds what it reads. Arguments as for `slices`."""
-        return _layout(self.tables, first, spacing)
-
-    def slices(self, first: FloatArray, spacing: tuple[float, float], wide: int = 1, tall: int = 1) -> Slices:
-        """Lay out the tables for a grid of bins, or for upper bounds of blocks of wide x tall bins.
+    def lattice(self, first: FloatArray, spacing: FloatArray) -> Lattice:
+        """Lay out the tables for the planes of a grid of bins.
 
         first: [x, y] mm of the first bin's middle. spacing: of the bins in x and y, mm, as the field was made for.
         """
-        tables = self.tables if wide == tall == 1 else pooled(self.tables, wide, tall)
-        outside = np.zeros(len(tables.nodes), dtype=tables.nodes.dtype)
-        nodes = laid_out(tables.nodes, tables.nodes.shape, tables.phases, outside)
-        return Slices(nodes, tables.unit, _layout(tables, first, (wide * spacing[0], tall * spacing[1])))
+        tables, (phases_y, phases_x) = self.tables, self.tables.phases
+        kinds, letters, rows, columns = tables.nodes.shape
+        shape = kinds, letters, phases_y, phases_x, rows // phases_y, columns // phases_x
+        split = tables.nodes.reshape(kinds, letters, shape[4], phases_y, shape[5], phases_x)
+        flat = np.zeros(math.prod(shape[:5]) * (shape[5] + LANES) + LANES, dtype=np.int16)
+        flat[:-LANES].reshape(*shape[:5], -1)[..., LANES:] = split.transpose(0, 1, 3, 5, 2, 4)
+        place = np.concatenate([first - tables.origin, spacing])
+        return Lattice(flat, tables.unit, np.array(shape), place)
 
     def _make_room(self, count: int) -> None:
         terms = self.terms
@@ -142,21 +124,6 @@ class LikelihoodField:
             by_term = ("kind", "xy", "weight")
             terms = terms._replace(**{name: _doubled(getattr(terms, name)) for name in by_term})
         self.terms = terms
-
-    def _make_room_for_vectors(self) -> None:
-        vectors, start = self._vectors, self.terms.start
-        new = np.diff(start[self._in_vectors : self._readings + 1])
-        while len(vectors.places) <= self._readings:
-            vectors = vectors._replace(places=_doubled(vectors.places), terms=_doubled(vectors.terms))
-        filled = max(vectors.places[self._in_vectors], vectors.terms[self._in_vectors])
-        while len(vectors.at_place) < filled + sum(most_vectors(int(count)) for count in new):
-            by_vector = ("at_place", "x", "y", "factor", "table")
-            vectors = vectors._replace(**{name: _doubled(getattr(vectors, name)) for name in by_vector})
-        self._vectors = vectors
-
-
-def _layout(tables: Tables, first: FloatArray, spacing: tuple[float, float]) -> Layout:
-    return layout_of(tables.nodes.shape, tables.phases, np.concatenate([first - tables.origin, spacing]))
 
 
 def _doubled(array: np.ndarray) -> np.ndarray:

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tactsim.core.errors import InputError
 from tactsim.core.poses import FloatArray
-from tactsim.estimators.field.replay import Sampled
+from tactsim.estimators.field.kernels import Sampled
 from tactsim.estimators.likelihoods.likelihood import Likelihood
 
 _MOST_NODES = 50_000_000  # of all letters: 100 MB a table
@@ -115,36 +115,3 @@ def _unit(largest: float) -> float:
     """Find the smallest power of 2, at least 2^-100, of which at most `_LARGEST` are as much as `largest`."""
     share, exponent = math.frexp(largest / _LARGEST)
     return 2.0 ** max(-100, exponent - (share == 0.5)) if largest else 2.0**-100
-
-
-def pooled(tables: Tables, wide: int, tall: int) -> Tables:
-    """Bound what blocks of wide x tall bins read: tables with the blocks' spacing.
-
-    Each node gets the largest value of the nodes that the bins of a block beginning there can take
-    for it. So a block's sum, interpolated as if it were one bin, is not below that of any of its bins.
-    """
-    (phases_y, phases_x), nodes = tables.phases, tables.nodes
-    # Nodes a block spans, in y and x: it reaches the lattice from as far outside.
-    spans = ((tall - 1) * phases_y + 1, (wide - 1) * phases_x + 1)
-    for axis, (span, phases) in enumerate(zip(spans, (tall * phases_y, wide * phases_x), strict=True), 2):
-        count = math.ceil((nodes.shape[axis] + span + 1) / phases) * phases
-        frame = [(0, 0)] * 4
-        frame[axis] = (span, count - nodes.shape[axis] - 1)
-        nodes = _sliding_maximum(np.pad(nodes, frame), span, axis)
-    return replace(
-        tables,
-        nodes=np.ascontiguousarray(nodes),
-        phases=(tall * phases_y, wide * phases_x),
-        origin=tables.origin - np.array(spans[::-1]) * tables.step,
-    )
-
-
-def _sliding_maximum(values: NDArray[np.int16], span: int, axis: int) -> NDArray[np.int16]:
-    """Take the maximum over `span` neighbours along an axis: [i] becomes the largest of [i : i + span]."""
-    values = np.moveaxis(values, axis, -1)
-    reached = 1
-    while reached < span:
-        step = min(reached, span - reached)
-        values = np.maximum(values[..., :-step], values[..., step:])
-        reached += step
-    return np.moveaxis(values, -1, axis)

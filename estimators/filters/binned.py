@@ -1,29 +1,167 @@
-"""The log-belief of all bins of a grid, kept up to date with a field; bins that cannot matter may wait."""
+"""The log-belief of all bins of a grid, kept up to date with a field; planes of bins that cannot matter wait.
+
+A plane is all bins of one letter and one angle. Its upper bound is its highest log-belief so far, and what the readings
+that it waited for may give at most. While the bound is below what matters, its bins wait. A bin's terms are added in
+the same order and precision whenever it is evaluated, so what is not left alone is the same to the bit as without
+waiting (branch and bound: Land and Doig 1960; for matching scans to maps Olson 2009).
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
+from numba import boolean, float64, int64, types, void
 from numpy.typing import NDArray
 
+from tactsim.core.compiling import INTS, INTS_2D, REALS, REALS_2D, REALS_4D, Ints, Reals, compiled
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.estimator import PoseSamples
 from tactsim.estimators.field.field import LikelihoodField
-from tactsim.estimators.field.vectors import LANES, TALL
-from tactsim.estimators.filters.bin_sums import pick, posterior
-from tactsim.estimators.filters.branch_and_bound import Belief, advance
-from tactsim.estimators.filters.every_bin import take_in
+from tactsim.estimators.field.kernels import LANES, LATTICE, TERMS, Lattice, Terms, sum_plane
 from tactsim.estimators.filters.grid import StateGrid
-from tactsim.estimators.filters.states import CORNERS, SPREAD
+from tactsim.estimators.filters.states import pose_samples
+from tactsim.estimators.filters.weights import Weights
 
-# mm, about the side of a block of bins that is left alone or looked at together.
-_BLOCK = 4.0
-# Nats that rounding may move the highest log-belief of a block of bins.
+# Nats; bins that are as near to the last one that matters matter too.
 _ROUNDING = 1e-6
+# One in so many planes, those with the highest bounds, is looked at before the others.
+_FIRST = 10
+
+
+class Belief(NamedTuple):
+    """The log-belief of all bins, some of which wait.
+
+    log_p: (letters, angles, rows, columns) after the first `seen` readings. peak: (letters, angles) the highest of a
+    plane. seen: (letters, angles).
+    """
+
+    log_p: Reals
+    peak: Reals
+    seen: Ints
+
+
+BELIEF = types.NamedTuple((REALS_4D, REALS_2D, INTS_2D), Belief)
+
+
+@compiled(void(REALS, float64), called_from_python=False)
+def replace_least(kept: Reals, value: float) -> None:
+    """Put a value in the place of the least of `kept` if it is higher.
+
+    kept: (n,) the highest so far, a heap: [i] is not above [2 i + 1] and [2 i + 2].
+    """
+    if value <= kept[0]:
+        return
+    place = 0
+    while True:
+        below = 2 * place + 1
+        if below + 1 < len(kept) and kept[below + 1] < kept[below]:
+            below += 1
+        if below >= len(kept) or value <= kept[below]:
+            break
+        kept[place] = kept[below]
+        place = below
+    kept[place] = value
+
+
+@compiled(
+    types.Tuple((int64, float64, float64))(
+        BELIEF, LATTICE, TERMS, REALS_2D, int64, boolean, int64, float64
+    )
+)  # fmt: skip
+def advance(
+    belief: Belief, lattice: Lattice, terms: Terms, turns: Reals, count: int, skip: bool, keep: int, within: float
+) -> tuple[int, float, float]:  # fmt: skip
+    """Bring the bins up to date that can matter after `count` readings (eq. 13, in logs).
+
+    What matters is all bins at most `within` nats below the best, and in any case the best `keep` and one more. turns:
+    (angles, 2) cos and sin. skip: whether planes may wait. Returns how many times a plane took in a reading, the
+    highest log-belief, and from which log-belief on bins matter.
+    """
+    letters, angles, rows, columns = belief.log_p.shape
+    total = np.empty((rows, -(-columns // LANES) * LANES), dtype=np.float32)
+    gain, kept = terms.upper[count] - terms.upper[: count + 1], np.full(keep + 1, -np.inf)
+    evaluated, best, least = 0, -np.inf, -np.inf
+    bound = np.empty(letters * angles)
+    for plane in range(len(bound)):
+        letter, angle = divmod(plane, angles)
+        bound[plane] = belief.peak[letter, angle] + gain[belief.seen[letter, angle]]
+    # The most promising first: the sooner it is known from where on bins matter, the fewer planes do. The others letter
+    # by letter, so that its tables are in the cache.
+    order = np.argsort(-bound)
+    order[1 + len(order) // _FIRST :].sort()
+    for plane in order:
+        letter, angle = divmod(plane, angles)
+        log_p = belief.log_p[letter, angle]
+        while belief.seen[letter, angle] < count:
+            reading = belief.seen[letter, angle]
+            if skip and belief.peak[letter, angle] + gain[reading] < least:
+                break
+            sum_plane(total, lattice, terms, reading, letter, turns[angle, 0], turns[angle, 1])
+            constant, peak = terms.constant[reading, letter], -np.inf
+            for row in range(rows):
+                for column in range(columns):
+                    log_p[row, column] += constant + total[row, column]
+                    peak = max(peak, log_p[row, column])
+            belief.peak[letter, angle], belief.seen[letter, angle] = peak, reading + 1
+            evaluated += 1
+        if belief.seen[letter, angle] == count and belief.peak[letter, angle] > kept[0]:
+            best = max(best, belief.peak[letter, angle])
+            for row in range(rows):
+                for column in range(columns):
+                    replace_least(kept, log_p[row, column])
+            least = min(best - within, kept[0]) - _ROUNDING
+    return evaluated, best, least
+
+
+@compiled(void(BELIEF, int64, float64, float64, REALS, INTS))
+def summarise(belief: Belief, count: int, best: float, least: float, mass: Reals, mode: Ints) -> None:
+    """Sum the belief of each letter (eq. 14) and find its best bin (eq. 15), after `count` readings.
+
+    Bins below `least` are left out. Fills mass (letters,), relative to a bin with log-belief `best`, and mode
+    (letters,), flat index into its (angles, rows, columns), or -1.
+    """
+    letters, angles, rows, columns = belief.log_p.shape
+    for letter in range(letters):
+        mass[letter], mode[letter], highest = 0.0, -1, -np.inf
+        for angle in range(angles):
+            if belief.seen[letter, angle] != count or belief.peak[letter, angle] < least:
+                continue
+            for row in range(rows):
+                for column in range(columns):
+                    value = belief.log_p[letter, angle, row, column]
+                    if value >= least:
+                        mass[letter] += math.exp(value - best)
+                        if value > highest:
+                            highest, mode[letter] = value, (angle * rows + row) * columns + column
+
+
+@compiled(types.Tuple((INTS, REALS))(BELIEF, int64, float64, int64, int64))
+def bins_from(belief: Belief, count: int, least: float, first: int, last: int) -> tuple[Ints, Reals]:
+    """List the bins of letters first, ..., last - 1, up to date after `count` readings, from log-belief `least` on.
+
+    Returns flat indices into (letters, angles, rows, columns), ascending, and log-beliefs.
+    """
+    _, angles, rows, columns = belief.log_p.shape
+    number = 0
+    for fill in range(2):  # first they are counted
+        flat, log_p = np.empty(number, dtype=np.int64), np.empty(number)
+        number = 0
+        for letter in range(first, last):
+            for angle in range(angles):
+                if belief.seen[letter, angle] != count or belief.peak[letter, angle] < least:
+                    continue
+                for row in range(rows):
+                    for column in range(columns):
+                        value = belief.log_p[letter, angle, row, column]
+                        if value >= least:
+                            if fill:
+                                flat[number] = ((letter * angles + angle) * rows + row) * columns + column
+                                log_p[number] = value
+                            number += 1
+    return flat, log_p
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,73 +176,50 @@ class Certificate:
     robot_in_object: FloatArray
     lead: float
 
-    @classmethod
-    def of(
-        cls, labels: Sequence[str], grid: StateGrid, flat: NDArray[np.int64], log_p: FloatArray, others: float
-    ) -> Certificate:
-        """Find the best of bins, flat indices (n,) into (letters, angles, rows, columns), with log-beliefs (n,).
-
-        others: the upper bound of every bin that was left alone.
-        """
-        shape, (x, y, theta) = (len(labels), grid.angle, grid.y, grid.x), grid.centres
-        letter, angle, row, column = np.unravel_index(flat[log_p.argmax()], shape)
-        middle = np.array([x[column], y[row], theta[angle]])
-        return cls(labels[letter], middle, float(log_p.max()) - others)
-
 
 class BinnedBelief:
     """log p(letter, bin | readings) of all bins, not normalised (paper, eq. 13).
 
-    With `negligible`, blocks of bins that hold together at most this share of the belief are left alone. Without,
-    every bin is up to date after every reading.
+    With `skip`, planes of bins that cannot matter wait. Without, every bin is up to date after every reading.
     """
 
-    def __init__(self, field: LikelihoodField, grid: StateGrid, negligible: float | None = None) -> None:
-        letters = len(field.labels)
-        self._field, self._grid = field, grid
-        x, y, angle = self._axes = grid.centres
-        first, spacing = np.array([x[0], y[0]]), grid.spacing[:2]
-        wide, tall = _block(grid)
-        self._bins = field.slices(first, spacing)
-        # Where no bin is left alone nothing is bounded: the tables of blocks are not looked at.
-        self._blocks = self._bins if negligible is None else field.slices(first, spacing, wide, tall)
-        self._margin = math.inf if negligible is None else math.log(letters * grid.bins / negligible)
-        self._belief = _blank_belief(letters, grid, wide, tall)
+    def __init__(self, field: LikelihoodField, grid: StateGrid, *, skip: bool = False) -> None:
+        self._field, self._grid, self._skip = field, grid, skip
+        x, y, angle = grid.centres
+        self._lattice = field.lattice(np.array([x[0], y[0]]), np.array(grid.spacing[:2]))
         self._turns = np.column_stack([np.cos(angle), np.sin(angle)])
-        self._incumbent = 0
+        planes = len(field.labels), grid.angle
+        self._belief = Belief(
+            log_p=np.empty((*planes, grid.y, grid.x)),
+            peak=np.empty(planes),
+            seen=np.empty(planes, dtype=np.int64),
+        )
+        self.reset()
 
     def reset(self) -> None:
         """Make all bins of all letters equally probable."""
-        self._belief.upper[:] = 0
-        self._belief.summit[:] = 0
-        self._belief.seen[:] = 0
-        self._belief.bounded[:] = 0
-        self._incumbent = 0
+        self._forget(0)
+        self._best, self._least = 0.0, -math.inf
 
-    def update(self) -> tuple[int, int]:
-        """Multiply the belief by the likelihood of the field's last reading (eq. 13), in logs.
+    def update(self, within: float, keep: int = 0) -> tuple[int, int]:
+        """Multiply the belief by the likelihood of the field's new readings (eq. 13), in logs.
 
-        Returns how many times a bin took in a reading, and how many times a block's upper bound did.
+        Up to date are then all bins at most `within` nats below the best, and in any case the best `keep` and one
+        more. Returns how many times a bin took in a reading, and how many times it need not.
         """
-        field = self._field
-        if self._margin == math.inf:
-            take_in(self._belief, self._bins, field.terms, self._turns, len(field), field.longest)
-            self._incumbent = int(self._belief.upper.argmax())
-            return len(field.labels) * self._grid.bins, 0
-        bins, blocks, self._incumbent = advance(
-            self._belief, self._bins, self._blocks, field.terms, self._turns, len(field), field.longest,
-            self._margin, self._incumbent,
-        )  # fmt: skip
-        return bins, blocks
+        count = len(self._field)
+        planes, self._best, self._least = advance(
+            self._belief, self._lattice, self._field.terms, self._turns, count, self._skip, keep, within
+        )
+        bins, every = planes * self._grid.x * self._grid.y, len(self._field.labels) * self._grid.bins
+        new, self._taken_in = count - self._taken_in, count
+        return bins, new * every - bins
 
-    def of_last_reading(self) -> tuple[FloatArray, int]:
-        """Give log p(last reading | bin) of all bins, and how many bins took it in; earlier readings are forgotten.
-
-        No bin may have been left alone. Returns (letters, angles, rows, columns), and a count.
-        """
-        self._belief.log_p[:] = self._belief.edge
-        bins, _ = self.update()
-        return self.log_belief(), bins
+    def of_last_reading(self) -> FloatArray:
+        """Give log p(last reading | bin) of all bins (letters, angles, rows, columns); earlier ones are forgotten."""
+        self._forget(len(self._field) - 1)
+        self.update(math.inf)
+        return self._belief.log_p
 
     def summary(self, within: float) -> tuple[FloatArray, NDArray[np.int64], PoseSamples]:
         """Sum the bins of each letter (eq. 14), relative to the best bin, and find its mode (eq. 15): (letters,) each.
@@ -112,71 +227,47 @@ class BinnedBelief:
         A mode is a flat index into (angles, rows, columns). The samples are the bins of the letter that holds most,
         less than `within` nats below the best bin.
         """
-        mass, mode, poses, weights = posterior(
-            self._belief, self._field.terms.upper, len(self._field), self._margin, self._incumbent, within,
-            *self._axes, np.array(self._grid.spacing), CORNERS, SPREAD,
-        )  # fmt: skip
-        return mass, mode, PoseSamples(poses, weights)
+        letters, count = len(self._field.labels), len(self._field)
+        mass, mode = np.empty(letters), np.empty(letters, dtype=np.int64)
+        summarise(self._belief, count, self._best, self._least, mass, mode)
+        letter = int(mass.argmax())
+        flat, log_p = bins_from(self._belief, count, self._best - within, letter, letter + 1)
+        size = np.repeat(np.array(self._grid.spacing)[:, None], len(flat), axis=1)
+        return mass, mode, pose_samples(self._grid.states(flat), Weights(log_p), size)
+
+    def listed(self) -> tuple[NDArray[np.int64], FloatArray]:
+        """List the bins that `update` was asked for: flat indices into (letters, angles, y, x), and log-beliefs."""
+        return bins_from(self._belief, len(self._field), self._least, 0, len(self._field.labels))
 
     def certificate(self) -> Certificate:
         """Give the best bin, and how far below it the bins that were left alone are at least."""
-        any_state, waits = self._field.terms.upper[len(self._field)], self._belief.seen != len(self._field)
-        best = self._belief.upper.ravel()[self._incumbent] + any_state
-        flat, log_p = self._room
-        found = pick(self._belief, any_state, len(self._field), best - _ROUNDING, flat, log_p)
-        others = float(self._belief.upper[waits].max(initial=-math.inf)) + any_state
-        return Certificate.of(self._field.labels, self._grid, flat[:found], log_p[:found], others)
+        waits = self._belief.seen != len(self._field)
+        others = float(self._bounds()[waits].max(initial=-math.inf))
+        flat, log_p = self.listed()
+        best = flat[log_p.argmax()]
+        letter = int(best // self._grid.bins)
+        return Certificate(
+            self._field.labels[letter], self._grid.states(best[None])[:, 0], float(log_p.max()) - others
+        )
 
     def log_belief(self) -> FloatArray:
         """Give the log-belief of all bins: (letters, angles, rows, columns); of those left alone -inf."""
-        belief, count = self._belief, len(self._field)
-        letters, angles, tile_rows, tile_columns, _ = belief.log_p.shape
-        tiles = belief.log_p.reshape(letters, angles, tile_rows, tile_columns, TALL, LANES)
-        bins = tiles.transpose(0, 1, 2, 4, 3, 5).reshape(letters, angles, tile_rows * TALL, -1)
-        rows, columns, tall, wide = belief.size
-        current = (belief.seen == count).repeat(tall, axis=2).repeat(wide, axis=3)[:, :, :rows, :columns]
-        return np.where(current, bins[:, :, :rows, :columns] if count else 0.0, -np.inf)
+        current = self._belief.seen == len(self._field)
+        return np.where(current[:, :, None, None], self._belief.log_p, -np.inf)
 
     def upper_bounds(self) -> FloatArray:
-        """Give a bound that no bin is above: of the block of each bin, (letters, angles, rows, columns)."""
-        bound = self._belief.upper + self._field.terms.upper[len(self._field)]
-        rows, columns, tall, wide = self._belief.size
-        return bound.repeat(tall, axis=2).repeat(wide, axis=3)[:, :, :rows, :columns]
+        """Give a bound that no bin is above: of the plane of each bin, (letters, angles, rows, columns)."""
+        return np.broadcast_to(self._bounds()[:, :, None, None], self._belief.log_p.shape)
 
-    @cached_property
-    def _room(self) -> tuple[NDArray[np.int64], FloatArray]:
-        bins = len(self._field.labels) * self._grid.bins
-        return np.empty(bins, dtype=np.int64), np.empty(bins)
+    def _bounds(self) -> FloatArray:
+        upper = self._field.terms.upper
+        return np.asarray(
+            self._belief.peak + (upper[len(self._field)] - upper[self._belief.seen]), dtype=float
+        )
 
-
-def _block(grid: StateGrid) -> tuple[int, int]:
-    """Choose how many bins wide and tall a block is: whole tiles, or a tile cut into equal columns."""
-    dx, dy, _ = grid.spacing
-    wide = LANES * max(1, round(_BLOCK / dx / LANES))
-    if _BLOCK / dx < LANES:
-        wide = min(LANES, 2 ** max(0, round(math.log2(_BLOCK / dx))))
-    return wide, TALL * max(1, round(_BLOCK / dy / TALL))
-
-
-def bins_of_tiles(grid: StateGrid) -> NDArray[np.bool_]:
-    """Tell which places of the tiles of one angle are bins: (tile rows, tile columns, TALL * LANES)."""
-    rows, columns = -(-grid.y // TALL), -(-grid.x // LANES)
-    row = np.arange(rows * TALL).reshape(rows, 1, TALL, 1)
-    column = np.arange(columns * LANES).reshape(1, columns, 1, LANES)
-    return ((row < grid.y) & (column < grid.x)).reshape(rows, columns, -1)
-
-
-def _blank_belief(letters: int, grid: StateGrid, wide: int, tall: int) -> Belief:
-    """Make room for the log-belief of all bins, in tiles, and for the upper bounds of its blocks."""
-    inside = bins_of_tiles(grid)
-    tiles = inside.shape[:2]
-    blocks = (letters, grid.angle, -(-grid.y // tall), -(-grid.x // wide))
-    return Belief(
-        log_p=np.zeros((letters, grid.angle, *tiles, TALL * LANES)),
-        edge=np.where(inside, 0, -np.inf),
-        upper=np.zeros(blocks),
-        seen=np.zeros(blocks, dtype=np.int64),
-        bounded=np.zeros(blocks, dtype=np.int64),
-        summit=np.zeros(blocks[:2]),
-        size=np.array([grid.y, grid.x, tall, wide]),
-    )
+    def _forget(self, readings: int) -> None:
+        """Make all bins equally probable, as if after so many readings."""
+        self._taken_in = readings
+        self._belief.log_p[:] = 0
+        self._belief.peak[:] = 0
+        self._belief.seen[:] = readings

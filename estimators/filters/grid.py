@@ -1,4 +1,4 @@
-"""The bins of the histogram filter: how x, y and the angle of T_R^O are divided (paper, Table I)."""
+"""The bins of a grid filter: how x, y and the angle of T_R^O are divided (paper, Table I)."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tactsim.core.errors import InputError
 from tactsim.core.poses import FloatArray
@@ -45,6 +46,13 @@ class StateGrid:
         x = np.arange(0.5, self.x) * dx - self.reach
         y = np.arange(0.5, self.y) * dy - self.reach
         return x, y, np.arange(0.5, self.angle) * da - np.pi
+
+    def states(self, flat: NDArray[np.int64]) -> FloatArray:
+        """Give T_R^O (3, n), mm, mm, rad, in the middle of bins: flat indices (n,) into (letters, angles, y, x)."""
+        x, y, angle = self.centres
+        rest, column = np.divmod(flat, self.x)
+        rest, row = np.divmod(rest, self.y)
+        return np.stack([x[column], y[row], angle[rest % self.angle]])
 
     def describe(self) -> str:
         """Say the split in one line."""

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any
+import math
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from pydantic import Field
@@ -15,6 +16,9 @@ from tactsim.estimators.filters.map_filter import GridFilter
 from tactsim.estimators.filters.states import WeightedStates, probabilities
 from tactsim.estimators.filters.weights import Weights
 from tactsim.estimators.options import FilterOptions
+
+if TYPE_CHECKING:
+    from tactsim.estimators.filters.moving_bins import MovingBins
 
 # Nats below the best bin from which a bin is left out of the belief about the pose: all of them hold next to nothing.
 _IN_BELIEF = 20.0
@@ -33,10 +37,9 @@ class HistogramOptions(FilterOptions):
 class HistogramFilter(GridFilter):
     """Histogram filter over letter, x, y and angle (paper, eq. 13 to 16), in logs.
 
-    Which bins are evaluated is decided by branch and bound (Land and Doig 1960; for matching scans to maps
-    Olson 2009 and Hess et al. 2016). Bins are grouped in blocks. A block has an upper bound of the log-belief
-    of its bins; the incumbent is the best bin that is known. While a block's upper bound is so far below the
-    incumbent that all such blocks together hold a negligible share of the belief, its bins wait.
+    Bins are grouped in planes, all bins of one letter and one angle. A plane has an upper bound of the log-belief of
+    its bins. While that is so far below the best bin that all such planes together hold a negligible share of the
+    belief, its bins wait (`binned`).
     """
 
     options_type: type[Options] = HistogramOptions
@@ -54,17 +57,18 @@ class HistogramFilter(GridFilter):
 
             self._belief = MovingBins(self.field, self.grid, self.motion)
         else:
-            self._belief = BinnedBelief(self.field, self.grid, _NEGLIGIBLE if self.options.skip else None)
+            self._belief = BinnedBelief(self.field, self.grid, skip=self.options.skip)
+        self._margin = math.log(len(self.labels) * self.grid.bins / _NEGLIGIBLE)
 
     def _reset(self, rng: np.random.Generator) -> None:
         self._belief.reset()
 
     def measure(self) -> None:
         """Multiply the belief by the likelihood of the last reading (eq. 13), after the motion if there is one."""
-        bins, blocks = self._belief.update()
+        bins, skipped = self._belief.update(self._margin)
         self._evaluated += bins
-        self._bounds += blocks
-        self._skipped += len(self.labels) * self.grid.bins - bins
+        self._bounds += len(self.labels) * self.grid.angle if self.options.skip and self.motion is None else 0
+        self._skipped += skipped
 
     def own_estimate(self) -> Estimate:
         """Sum the bins of each letter (eq. 14); take the mode (eq. 15, 16) within the best letter."""
@@ -118,7 +122,7 @@ class HistogramFilter(GridFilter):
     def _own_work(self) -> dict[str, Any]:
         """Count evaluations, a bin in a reading each, made and skipped since the estimator was made.
 
-        bound_evaluations: of blocks of bins, made in order to skip bins.
+        bound_evaluations: of planes of bins, made in order to skip bins.
         """
         return {
             "likelihood_evaluations": self._evaluated,

@@ -14,8 +14,7 @@ import numpy as np
 from numba import float64, int64
 
 from tactsim.core.compiling import INTS_2D, REALS, REALS_2D, Ints, Reals, compiled
-from tactsim.estimators.field.replay import SAMPLED, Sampled, replay
-from tactsim.estimators.field.terms import TERMS, Terms
+from tactsim.estimators.field.kernels import SAMPLED, TERMS, Sampled, Terms, replay
 from tactsim.estimators.filters.placement import inverse
 
 # Moves with less than this of the belief of the likeliest, nats below it, are left out of a sequence's belief.
@@ -75,8 +74,8 @@ def influence_in_sequences(
 ) -> float:
     """Average `influence` over sequences of readings drawn from log p (readings, moves).
 
-    drawn, mirrored, sums: what `trust_kernels.sums_of_readings` takes and gives. weight: of log p. log_volume: (moves,)
-    of what a move stands for. shift: (2, moves) mm.
+    drawn, mirrored, sums: what `trust_learning.sums_of_readings` takes and gives. weight: of log p. log_volume:
+    (moves,) of what a move stands for. shift: (2, moves) mm.
     """
     sequences, count = drawn.shape
     half, belief = log_p.shape[1] // 2, np.empty(log_p.shape[1])

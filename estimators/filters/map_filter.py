@@ -155,7 +155,7 @@ class MapFilter(Estimator):
         self._reach_to(reach_of(self.fitted_options.reach, scan.taxel_xy))
         self.likelihood.fit(scan, maps)
         if self.takes_sequences:
-            from tactsim.estimators.filters.trust import images_count
+            from tactsim.estimators.filters.trust_learning import images_count
             from tactsim.estimators.likelihoods.sequence import SequenceLikelihood
 
             assert isinstance(self.likelihood, SequenceLikelihood)

@@ -9,7 +9,6 @@ from tactsim.core.poses import FloatArray
 from tactsim.estimators.estimator import PoseSamples
 from tactsim.estimators.field.field import LikelihoodField
 from tactsim.estimators.filters.binned import BinnedBelief
-from tactsim.estimators.filters.cells import Cells
 from tactsim.estimators.filters.grid import StateGrid
 from tactsim.estimators.filters.motion import EVIDENCE, Motion
 from tactsim.estimators.filters.states import pose_samples
@@ -45,20 +44,20 @@ class MovingBins:
         even = self._prior[:, None, None, None, None] / np.prod(self._shape)
         self._p = np.broadcast_to(even, (len(self._prior), *self._shape)).copy()
 
-    def update(self) -> tuple[int, int]:
+    def update(self, within: float) -> tuple[int, int]:
         """Move the belief, if it is not the first reading's, and multiply it by the likelihood of the last reading.
 
-        Returns how many times a bin took in a reading, and 0.
+        No bin waits, whatever `within` is. Returns how many times a bin took in a reading, and 0.
         """
         if len(self._field) > 1:
             self._move()
-        log_p, bins = self._last.of_last_reading()
+        log_p = self._last.of_last_reading()
         before = self._p.sum(axis=(1, 2, 3, 4))
         self._p *= np.exp(log_p - log_p.max())
         gained = self._p.sum(axis=(1, 2, 3, 4)) / np.maximum(before, _TINY)
         self._p *= np.maximum(gained, _TINY)[:, None, None, None, None] ** (EVIDENCE - 1)
         self._p /= self._p.sum()
-        return bins, 0
+        return log_p.size, 0
 
     def summary(self, within: float) -> tuple[FloatArray, NDArray[np.int64], PoseSamples]:
         """Sum the bins of each letter (eq. 14), and find its mode (eq. 15): (letters,) each.
@@ -78,8 +77,8 @@ class MovingBins:
     def _samples(self, letter: int, within: float) -> PoseSamples:
         log_p = self.log_belief()
         flat = np.flatnonzero(log_p[letter] >= log_p.max() - within)
-        cells = Cells(self._grid, np.zeros(len(flat), dtype=np.int64), flat)
-        return pose_samples(cells.states, Weights(log_p[letter].ravel()[flat]), cells.size)
+        size = np.repeat(np.array(self._grid.spacing)[:, None], len(flat), axis=1)
+        return pose_samples(self._grid.states(flat), Weights(log_p[letter].ravel()[flat]), size)
 
     def log_belief(self) -> FloatArray:
         """Give the log-belief of all bins: (letters, angles, rows, columns)."""

@@ -8,7 +8,6 @@ import numpy as np
 from numba import float64, int64, types
 
 from tactsim.core.compiling import REALS, REALS_2D, Reals, compiled
-from tactsim.estimators.field.series import cos_sin
 
 # The mean is over states whose placement is at most this far from the mode's: mm, in the metric of the placement
 # error for a radius of gyration of 8 mm. Only the choice of the neighbourhood depends on that radius.
@@ -31,7 +30,7 @@ def _wrapped(angle: float) -> float:
 @compiled(types.UniTuple(float64, 3)(float64, float64, float64), called_from_python=False)
 def inverse(x: float, y: float, angle: float) -> tuple[float, float, float]:
     """Invert a transform, as `core.invert` does."""
-    cos, sin = cos_sin(angle)
+    cos, sin = math.cos(angle), math.sin(angle)
     return -cos * x - sin * y, sin * x - cos * y, _wrapped(-angle)
 
 

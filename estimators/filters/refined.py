@@ -12,14 +12,14 @@ from tactsim.core import Scan
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.estimator import Estimate, Options, PlaneBelief
 from tactsim.estimators.filters.binned import Certificate
-from tactsim.estimators.filters.cells import Cells
-from tactsim.estimators.filters.coarse_bins import CoarseBins
-from tactsim.estimators.filters.halving import Limits, blank_halved, held, refine
+from tactsim.estimators.filters.cells import Cells, History, Limits, bins_of, blank_halved, held, refine
+from tactsim.estimators.filters.coarse_bounds import CoarseBins
 from tactsim.estimators.filters.jackknife import influence_at
 from tactsim.estimators.filters.map_filter import GridFilter
 from tactsim.estimators.filters.placement import mean_around
 from tactsim.estimators.filters.states import WeightedStates, letter_mass, pose_samples, probabilities
-from tactsim.estimators.filters.trust import Trust, learn_trust
+from tactsim.estimators.filters.trust import Trust
+from tactsim.estimators.filters.trust_learning import learn_trust
 from tactsim.estimators.filters.weights import Weights
 from tactsim.estimators.options import OpenSetOptions
 
@@ -75,7 +75,7 @@ class RefinedFilter(GridFilter):
 
     def __init__(self, options: RefinedOptions) -> None:
         super().__init__(options, options.bins, options.split)
-        self._evaluated = self._unreplayed = 0
+        self._evaluated = self._bounds = self._left_alone = self._unreplayed = 0
 
     def _own_setup(self) -> str:
         """Say how the state space is split, in one line."""
@@ -86,10 +86,11 @@ class RefinedFilter(GridFilter):
         )
 
     def _fit(self) -> None:
-        self._coarse = CoarseBins(self.field, self.grid, self.options.skip)
-        self._counts = np.array([self.grid.x, self.grid.y, self.grid.angle])
-        self._size = np.array(self.grid.spacing)
-        self._limits = Limits(self.options.cells, _AT_LEAST, self.options.halvings, _ENOUGH)
+        self._coarse = CoarseBins(self.field, self.grid, skip=self.options.skip)
+        self._bins = bins_of(self.grid)
+        self._limits = Limits(
+            self.options.cells, _AT_LEAST, self.options.halvings, _ENOUGH, self.options.skip
+        )
         self._before, self._halved = blank_halved(self._limits), blank_halved(self._limits)
 
     def _learn(self, scan: Scan) -> None:
@@ -107,15 +108,18 @@ class RefinedFilter(GridFilter):
     def measure(self) -> None:
         """Update the coarse bins (eq. 13), then split the best."""
         weight = self.trust(len(self.field))
-        cell, log_p = self._coarse.take_in(self.options.cells, _NEGLIGIBLE / weight)
+        bins, left_alone = self._coarse.update(_NEGLIGIBLE / weight, keep=self.options.cells)
+        self._left_alone += left_alone
+        self._bounds += bins + left_alone if self.options.skip else 0
+        cell, log_p = self._coarse.listed
         self._before, self._halved = self._halved, self._before
+        history = History(self.field.terms, self.field.tables.sampled, len(self.field))
         end, left, left_log_p, evaluated, unreplayed = refine(
-            cell, log_p, self._limits, weight, self.options.skip, self.field.terms, self.field.vectors, len(self.field),
-            self.field.tables.sampled, self._counts, self._size, self._before, self._halved,
-        )  # fmt: skip
+            cell, log_p, self._limits, weight, history, self._bins, self._before, self._halved
+        )
         self._leaves, self._weight = (end, left, left_log_p), weight
         self._weight = self.trust.given(len(self.field), self._influence())
-        self._evaluated += evaluated
+        self._evaluated += bins + evaluated
         self._unreplayed += unreplayed
 
     def own_estimate(self) -> Estimate:
@@ -127,7 +131,7 @@ class RefinedFilter(GridFilter):
         mine = np.flatnonzero(letter == best)
         mine = mine[log_weight[mine] > log_weight[mine].max() - _NEGLIGIBLE_IN_MEAN]
         # Only these cells are placed: at first there are many others.
-        weights, some = Weights(log_weight[mine]), cells.of(mine)
+        weights, some = Weights(log_weight[mine]), cells.some(mine)
         densest = int((weights.log + math.log(8) * some.times).argmax())
         return Estimate(
             label=self.labels[best],
@@ -168,9 +172,9 @@ class RefinedFilter(GridFilter):
         bound_evaluations: of bins, made in order to skip bins.
         """
         return {
-            "likelihood_evaluations": self._coarse.evaluated + self._evaluated,
-            "bound_evaluations": self._coarse.bounded,
-            "skipped": {"bins": self._coarse.left_alone, "replays": self._unreplayed},
+            "likelihood_evaluations": self._evaluated,
+            "bound_evaluations": self._bounds,
+            "skipped": {"bins": self._left_alone, "replays": self._unreplayed},
         }
 
     def _influence(self) -> float:
@@ -183,7 +187,7 @@ class RefinedFilter(GridFilter):
         mine = np.flatnonzero(cells.letter == best)
         some = Weights(weights.log[mine]).spaced(_STATES, 0.5)
         return influence_at(
-            cells.of(mine[some]).states, best, self.field.terms, max(0, count - _READINGS), count,
+            cells.some(mine[some]).states, best, self.field.terms, max(0, count - _READINGS), count,
             self.field.tables.sampled,
         )  # fmt: skip
 

@@ -12,7 +12,7 @@ from pydantic import Field
 
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.estimator import Estimate, Options
-from tactsim.estimators.field.replay import Sampled, replay
+from tactsim.estimators.field.kernels import Sampled, replay
 from tactsim.estimators.field.tables import Tables
 from tactsim.estimators.filters.binned import Certificate
 from tactsim.estimators.filters.map_filter import GridFilter
@@ -32,7 +32,7 @@ _HOPELESS = 50.0
 class Level:
     """What a block of `side` x `side` bins, given by the place of its first bin, may reach at most.
 
-    sampled: as `field.replay` takes it. Interpolated at the first bin's place, it is not below what any bin of the
+    sampled: as `field.kernels.replay` takes it. Interpolated at the first bin's place, it is not below what any bin of the
     block looks up. With a side of 1 it is the tables.
     """
 

@@ -7,7 +7,7 @@ model, learned from the training presses at that moment. With moments k of a tou
     log p(z | x) = c sum over k of log p_k(z_k | x).
 
 The images of one touch share where it was pressed, its tilt and the maps' errors. They count as c m images, and not as
-m: `filters.trust.images_count` learns c from left-out training touches.
+m: `filters.trust_learning.images_count` learns c from left-out training touches.
 """
 
 from __future__ import annotations

@@ -91,7 +91,7 @@ def share_of_python(scan: Scan, trials: int) -> None:
 
     estimator = estimators.create("histogram", bins=10_000)
     estimator.fit(scan)
-    kernels = ((field, "record"), (binned, "advance"), (binned, "posterior"))
+    kernels = ((field, "record"), (binned, "advance"), (binned, "summarise"), (binned, "bins_from"))
     plain = [getattr(module, name) for module, name in kernels]
     inside = {name: 0.0 for _, name in kernels}
 

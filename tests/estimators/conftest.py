@@ -14,7 +14,7 @@ from tactsim.press import ScanOptions, scan_letters
 def weights_are_learned_once():
     """Learn how much a sequence counts once from equal models and readings: it takes most of a fit.
 
-    It follows from them alone, however a filter is made besides. test_trust.py asks for it anew each time.
+    It follows from them alone, however a filter is made besides. test_trust_learning.py asks for it anew each time.
     """
     learn, known = refined.learn_trust, {}
 

@@ -59,7 +59,7 @@ def test_log_p_is_the_sum_of_interpolated_tables(model, scan, spacing):
     assert np.ptp(expected) > 1
     for first, last in ((0, None), (0, 3), (1, 2), (2, None), (1, 1)):
         got = field.log_p(letter, state, first, last)
-        assert got == pytest.approx(expected[first:last].sum(axis=0), abs=2e-4)
+        assert got == pytest.approx(expected[first:last].sum(axis=0), rel=1e-5, abs=1e-5)
 
 
 @pytest.mark.parametrize("states", [1, 128, 300])  # less, as many and more than are done at once

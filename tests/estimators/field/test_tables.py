@@ -1,8 +1,7 @@
 import numpy as np
 import pytest
-from numpy.lib.stride_tricks import sliding_window_view
 
-from tactsim.estimators.field.tables import pooled, tabulate
+from tactsim.estimators.field.tables import tabulate
 from tactsim.estimators.likelihoods.likelihood import Likelihood
 from tactsim.estimators.options import LikelihoodOptions
 
@@ -47,25 +46,6 @@ def test_nodes_hold_the_likelihood_at_their_place(spacing, finest):
     assert tables.outside.tolist() == [[-1, -1], [-2, -2]]
     assert tables.highest == pytest.approx((nodes + tables.outside[:, :, None, None]).max(axis=(1, 2, 3)))
     assert tables.lowest == pytest.approx((nodes + tables.outside[:, :, None, None]).min(axis=(1, 2, 3)))
-
-
-@pytest.mark.parametrize(("wide", "tall"), [(1, 1), (2, 3), (5, 4), (16, 8)])
-def test_pooled_nodes_are_the_maxima_over_a_block(wide, tall):
-    tables = tabulate(Bump(LikelihoodOptions()), "ab", (0.8, 0.6), 0.4)
-    blocks = pooled(tables, wide, tall)
-    py, px = tables.phases
-    span_y, span_x = (tall - 1) * py + 1, (wide - 1) * px + 1
-    far = 2 * max(span_y, span_x) + 40
-    nodes = np.pad(tables.nodes, ((0, 0), (0, 0), (far, far), (far, far)))
-    largest = sliding_window_view(nodes, (span_y, span_x), axis=(2, 3)).max(axis=(-2, -1))
-    before = np.rint((tables.origin - blocks.origin) / tables.step).astype(int)
-    rows, columns = blocks.nodes.shape[2:]
-    first_row, first_column = far - before[1], far - before[0]
-    there = largest[:, :, first_row : first_row + rows, first_column : first_column + columns]
-    assert (blocks.nodes == there).all()
-    # Beyond its rim the pooled lattice counts as 0, so nothing else may lie there.
-    there[:] = 0
-    assert not largest.any()
 
 
 def test_a_likelihood_that_is_not_finite_is_refused():

@@ -1,5 +1,7 @@
 """The log-belief of all bins: what compiled code reads, and the bounds that make skipping exact."""
 
+import math
+
 import numpy as np
 import pytest
 import reference
@@ -7,11 +9,12 @@ from synthetic import make_scan, paper_poses
 
 from tactsim.estimators.field.field import LikelihoodField
 from tactsim.estimators.filters.binned import BinnedBelief
-from tactsim.estimators.filters.cells import Cells
+from tactsim.estimators.filters.cells import Cells, bins_of, middles
 from tactsim.estimators.filters.grid import StateGrid
 from tactsim.estimators.filters.states import pose_samples
 from tactsim.estimators.filters.weights import Weights
 from tactsim.estimators.likelihoods import likelihood
+from tactsim.estimators.likelihoods.likelihood import Evidence
 from tactsim.estimators.likelihoods.occupancy import learn_maps
 from tactsim.estimators.options import LikelihoodOptions
 
@@ -24,28 +27,41 @@ def model():
     return made, scan
 
 
-def field_of(model, grid):
+def field_of(model, grid, finest=0.4):
     made, scan = model
-    return LikelihoodField(made, scan.letters, scan.taxel_xy, grid.spacing[:2], 0.4)
+    return LikelihoodField(made, scan.letters, scan.taxel_xy, grid.spacing[:2], finest)
+
+
+def margin(field, grid):
+    """Nats below the best from which bins hold next to nothing, all together."""
+    return math.log(len(field.labels) * grid.bins / 1e-8)
+
+
+def of_all_bins(field, grid):
+    """Replay all readings at the middle of every bin: (letters, angles, rows, columns)."""
+    flat, states = np.arange(grid.bins), np.empty((3, grid.bins))
+    middles(states, np.empty_like(flat), np.zeros_like(flat), flat, bins_of(grid))
+    log_p = [field.log_p(letter, states) for letter in range(len(field.labels))]
+    return np.reshape(log_p, (-1, grid.angle, grid.y, grid.x))
 
 
 @pytest.mark.parametrize("split", [(25, 25, 4), (3, 5, 2), (1, 1, 1), (17, 33, 2)])
 @pytest.mark.parametrize("what", [-32_768, 32_767])
-def test_tiles_that_hang_over_the_tables_read_nothing_beyond_them(model, split, what, monkeypatch):
-    plain = LikelihoodField.slices
+def test_planes_that_hang_over_the_tables_read_nothing_beyond_them(model, split, what, monkeypatch):
+    plain = LikelihoodField.lattice
 
     def amid(*args):
-        slices = plain(*args)
-        around = np.full(3 * slices.nodes.size, what, dtype=np.int16)
-        inside = around[slices.nodes.size : 2 * slices.nodes.size]
-        inside[:] = slices.nodes
-        return slices._replace(nodes=inside)
+        lattice = plain(*args)
+        around = np.full(3 * lattice.nodes.size, what, dtype=np.int16)
+        inside = around[lattice.nodes.size : 2 * lattice.nodes.size]
+        inside[:] = lattice.nodes
+        return lattice._replace(nodes=inside)
 
     grid = StateGrid(*split)
     field = field_of(model, grid)
-    expected = BinnedBelief(field, grid, negligible=1e-8)
-    monkeypatch.setattr(LikelihoodField, "slices", amid)
-    belief = BinnedBelief(field, grid, negligible=1e-8)
+    expected = BinnedBelief(field, grid, skip=True)
+    monkeypatch.setattr(LikelihoodField, "lattice", amid)
+    belief = BinnedBelief(field, grid, skip=True)
     rng = np.random.default_rng(0)
     for _ in range(10):
         field.reset()
@@ -55,8 +71,8 @@ def test_tiles_that_hang_over_the_tables_read_nothing_beyond_them(model, split, 
         for reach in (10, 30, 60, 1e4, 1e9):
             reading = model[1].readings[rng.integers(len(model[1]))]
             field.append(model[0].evidence(reading), rng.uniform(-reach, reach, 3))
-            belief.update()
-            expected.update()
+            belief.update(margin(field, grid))
+            expected.update(margin(field, grid))
         mass, mode, _ = belief.summary(20.0)
         assert np.array_equal(mass, expected.summary(20.0)[0])
         assert np.array_equal(belief.log_belief(), expected.log_belief())
@@ -67,7 +83,7 @@ def test_tiles_that_hang_over_the_tables_read_nothing_beyond_them(model, split, 
         assert not np.isnan(belief.log_belief()).any()
 
 
-@pytest.mark.parametrize("columns", [3, 17])  # less than a tile has, and a tile that hangs over
+@pytest.mark.parametrize("columns", [3, 17])  # fewer and more than are summed together
 @pytest.mark.parametrize(
     "away",
     [(25, 0), (-25, 0), (0, 25), (0, -25), (40, 3), (-3, -40), (9e8, 0), (-9e8, 0), (0, 9e8), (0, -9e8)],
@@ -79,7 +95,7 @@ def test_bins_beside_the_tables_are_those_of_the_field(model, away, columns):
     belief = BinnedBelief(field, grid)
     for index in (0, 7):
         field.append(model[0].evidence(model[1].readings[index]), np.array([*away, 0.3], dtype=float))
-        belief.update()
+        belief.update(margin(field, grid))
     x, y, angle = grid.centres
     turned, up, across = np.meshgrid(angle, y, x, indexing="ij")
     states = np.stack([across.ravel(), up.ravel(), turned.ravel()])
@@ -91,7 +107,7 @@ def test_no_bin_is_above_its_upper_bound(model):
     # The bound is what makes skipping exact; check it bin by bin against all bins.
     grid = StateGrid(20, 20, 6)
     field = field_of(model, grid)
-    lazy, full = BinnedBelief(field, grid, negligible=1e-8), BinnedBelief(field, grid)
+    lazy, full = BinnedBelief(field, grid, skip=True), BinnedBelief(field, grid)
     left_alone = 0
     for seed in range(5):
         rng = np.random.default_rng(seed)
@@ -101,8 +117,8 @@ def test_no_bin_is_above_its_upper_bound(model):
         for _ in range(8):
             reading = model[1].readings[rng.integers(len(model[1]))]
             field.append(model[0].evidence(reading), rng.uniform(-15, 15, 3))
-            lazy.update()
-            full.update()
+            lazy.update(margin(field, grid))
+            full.update(margin(field, grid))
             everything = full.log_belief()
             assert np.isfinite(everything).all()
             assert (everything <= lazy.upper_bounds() + 1e-9).all()
@@ -110,12 +126,12 @@ def test_no_bin_is_above_its_upper_bound(model):
     assert left_alone > 0
 
 
-@pytest.mark.parametrize("negligible", [None, 1e-8])
+@pytest.mark.parametrize("skip", [False, True])
 @pytest.mark.parametrize("readings", [0, 1, 2, 6])
-def test_the_summary_is_what_the_log_belief_of_all_bins_says(model, readings, negligible):
+def test_the_summary_is_what_the_log_belief_of_all_bins_says(model, readings, skip):
     grid = StateGrid(20, 17, 6)
     field = field_of(model, grid)
-    belief = BinnedBelief(field, grid, negligible)
+    belief = BinnedBelief(field, grid, skip=skip)
     rng = np.random.default_rng(readings)
     for count in (3, readings):  # the first sequence leaves something behind that the second must not see
         field.reset()
@@ -124,7 +140,7 @@ def test_the_summary_is_what_the_log_belief_of_all_bins_says(model, readings, ne
             field.append(
                 model[0].evidence(model[1].readings[rng.integers(len(model[1]))]), rng.uniform(-8, 8, 3)
             )
-            belief.update()
+            belief.update(margin(field, grid))
     mass, mode, samples = belief.summary(15.0)
     log_p = belief.log_belief().reshape(2, -1)
     best = log_p.max()
@@ -145,7 +161,7 @@ def test_a_sequence_that_was_left_alone_for_long_is_caught_up_reading_by_reading
     """Blocks far behind take in what they missed: the sums are those of a belief that never waits."""
     grid = StateGrid(12, 12, 4)
     field = field_of(model, grid)
-    lazy, full = BinnedBelief(field, grid, negligible=1e-8), BinnedBelief(field, grid)
+    lazy, full = BinnedBelief(field, grid, skip=True), BinnedBelief(field, grid)
     train = model[1].where("train")
     poses = np.zeros((400, 3))
     # A long time at one letter, then at the other, until it leads.
@@ -155,8 +171,8 @@ def test_a_sequence_that_was_left_alone_for_long_is_caught_up_reading_by_reading
         mine = train.where("train", label)
         index = k % len(mine)
         field.append(model[0].evidence(mine.readings[index]), mine.poses[index] + pose)
-        evaluated, _ = lazy.update()
-        full.update()
+        evaluated, _ = lazy.update(margin(field, grid))
+        full.update(margin(field, grid))
         behind = max(behind, evaluated)
         ours, whole = lazy.log_belief(), full.log_belief()
         known = ours > -np.inf
@@ -169,15 +185,15 @@ def test_ten_thousand_readings_do_not_drift(model):
     """Running sums, of a belief that waits and of one that does not, beside a replay and beside float64."""
     grid = StateGrid(5, 5, 2)
     field = field_of(model, grid)
-    lazy, full = BinnedBelief(field, grid, negligible=1e-8), BinnedBelief(field, grid)
+    lazy, full = BinnedBelief(field, grid, skip=True), BinnedBelief(field, grid)
     rng = np.random.default_rng(0)
     train = model[1].where("train", "E")
     different = [(train.readings[k], train.poses[k].copy()) for k in rng.permutation(len(train))[:25]]
     for k in range(10_000):
         reading, pose = different[k % 25]
         field.append(model[0].evidence(reading), pose)
-        lazy.update()
-        full.update()
+        lazy.update(margin(field, grid))
+        full.update(margin(field, grid))
     ours, whole = lazy.log_belief(), full.log_belief()
     known = ours > -np.inf
     assert known.any()
@@ -206,13 +222,13 @@ def test_the_certified_bin_is_the_best_of_the_whole_grid(model, readings):
     made, scan = model
     grid = StateGrid(25, 25, 8)
     field = field_of(model, grid)
-    skipping, every = BinnedBelief(field, grid, negligible=1e-8), BinnedBelief(field, grid)
+    skipping, every = BinnedBelief(field, grid, skip=True), BinnedBelief(field, grid)
     rng = np.random.default_rng(readings)
     letter = scan.labels == scan.letters[readings % 2]
     for k in rng.choice(np.flatnonzero(letter), readings, replace=False):
         field.append(made.evidence(scan.readings[k]), np.array(scan.poses[k]))
-        skipping.update()
-        every.update()
+        skipping.update(margin(field, grid))
+        every.update(margin(field, grid))
     proof, log_p = skipping.certificate(), every.log_belief()
     best = np.unravel_index(log_p.argmax(), log_p.shape)
     x, y, theta = grid.centres
@@ -222,3 +238,82 @@ def test_the_certified_bin_is_the_best_of_the_whole_grid(model, readings):
     gap = log_p.max() - log_p[waits].max(initial=-np.inf)
     assert 0 < proof.lead <= gap + 1e-6
     assert every.certificate().lead == np.inf
+
+
+@pytest.fixture(scope="module", params=["calibrated", "force"])
+def other_model(request):
+    """Tables of three classes that count fully, and of pressures between which each reading interpolates."""
+    scan = make_scan("EIL", poses=paper_poses(3, 4))
+    made = likelihood.create(LikelihoodOptions(likelihood=request.param))
+    made.fit(scan, learn_maps(scan))
+    return made, scan
+
+
+@pytest.mark.parametrize("split", [(25, 25, 4), (12, 12, 10), (3, 5, 2), (33, 7, 3)])
+@pytest.mark.parametrize(("keep", "within"), [(1, 0.0), (7, 3.0), (100, 20.0), (10**6, 1.0)])
+def test_the_best_bins_are_those_of_all_bins(other_model, split, keep, within):
+    made, scan = other_model
+    grid = StateGrid(*split)
+    field = field_of(other_model, grid)
+    beliefs = [BinnedBelief(field, grid, skip=skip) for skip in (True, False)]
+    counted = np.zeros((2, 2), dtype=int)
+    for seed in range(3):
+        rng = np.random.default_rng(seed)
+        field.reset()
+        for belief in beliefs:
+            belief.reset()
+        for reading in rng.integers(len(scan), size=7):
+            # One touch in seven contradicts the others, and one is off the map.
+            field.append(
+                made.evidence(scan.readings[reading]), rng.uniform(-1, 1, 3) * rng.choice([9, 9, 60])
+            )
+            counted += [belief.update(within, keep) for belief in beliefs]
+            everything = beliefs[1].log_belief().ravel()
+            rounding = field.terms.slack[: len(field)].sum()
+            assert np.allclose(everything, of_all_bins(field, grid).ravel(), rtol=0, atol=2 * rounding)
+            highest = np.sort(everything)[::-1]
+            least = min(highest[0] - within, highest[min(keep, len(highest) - 1)])
+            if keep >= len(highest):
+                least = -np.inf
+            for belief in beliefs:
+                flat, log_p = belief.listed()
+                assert np.array_equal(log_p, everything[flat])  # to the bit
+                assert (np.diff(flat) > 0).all()
+                assert np.array_equal(flat, np.flatnonzero(everything >= least - 1e-6))
+    assert counted[1].tolist() == [len(field.labels) * grid.bins * 21, 0]
+    assert counted[0].sum() == counted[1].sum()
+
+
+def test_several_readings_may_be_new_at_once(other_model):
+    made, scan = other_model
+    grid = StateGrid(12, 13, 10)
+    field = field_of(other_model, grid)
+    lazy, full = (BinnedBelief(field, grid, skip=skip) for skip in (True, False))
+    nothing = Evidence(
+        np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.float32)
+    )
+    rng = np.random.default_rng(4)
+    for number, reading in enumerate(rng.integers(len(scan), size=24)):
+        evidence = nothing if number in (0, 9) else made.evidence(scan.readings[reading])
+        # From the ninth on all touches agree. The first say little, so that much may lead for a while.
+        some = evidence if number > 8 else evidence.of_taxels(np.arange(36) < 3 * number)
+        field.append(some, scan.poses[reading].copy() if number > 8 else rng.uniform(-9, 9, 3))
+        if number % 5 == 2:
+            continue
+        taken_in = lazy.update(2.0, 30)
+        assert sum(taken_in) == sum(full.update(2.0, 30))
+        for part, whole in zip(lazy.listed(), full.listed(), strict=True):
+            assert np.array_equal(part, whole)
+        assert (full.log_belief() <= lazy.upper_bounds()).all()
+
+
+@pytest.mark.parametrize("reach", [1e39, np.inf])
+def test_a_place_that_is_nowhere_is_off_the_map(other_model, reach):
+    made, scan = other_model
+    grid = StateGrid(3, 3, 2)
+    field = field_of(other_model, grid)
+    belief = BinnedBelief(field, grid, skip=True)
+    field.append(made.evidence(scan.readings[0]), np.array([reach, 0.0, 0.0]))
+    belief.update(1.0, 1)
+    flat, _ = belief.listed()
+    assert len(flat) <= grid.bins * 3

@@ -9,7 +9,7 @@ from synthetic import make_scan, paper_poses
 from tactsim.core import invert
 from tactsim.estimators import create
 from tactsim.estimators.filters.jackknife import influence, influence_at, influence_in_sequences
-from tactsim.estimators.filters.trust_kernels import sums_of_readings
+from tactsim.estimators.filters.trust_learning import sums_of_readings
 
 
 def by_definition(log_p, weight, place):

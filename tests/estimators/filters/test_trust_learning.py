@@ -11,16 +11,16 @@ from synthetic import make_scan, paper_poses
 
 from tactsim.core import compose
 from tactsim.estimators import create
-from tactsim.estimators.filters import trust
-from tactsim.estimators.filters.trust import images_count, learn_trust
+from tactsim.estimators.filters import trust_learning
+from tactsim.estimators.filters.trust_learning import images_count, learn_trust, mostly_held, sums_of_readings
 
 
 def test_moves_turn_about_the_centre_and_have_the_sizes_that_are_said():
     centre = np.array([3.0, -2.0])
-    shift, size, states = trust._moves(centre)
+    shift, size, states = trust_learning._moves(centre)
     moved = np.array([compose(state, [*centre, 0.0]) for state in states.T])
     assert moved[:, :2] - centre == pytest.approx(shift)
-    assert np.hypot(np.hypot(*shift.T), trust._GYRATION * moved[:, 2]) == pytest.approx(size)
+    assert np.hypot(np.hypot(*shift.T), trust_learning._GYRATION * moved[:, 2]) == pytest.approx(size)
 
 
 LETTERS, READINGS = ("E", "I", "L", "O", "U"), 192
@@ -37,8 +37,8 @@ def gaussian(rng, too_sure, spoil=lambda seen: seen, share=0.0, sigma=(0.4, 0.4,
     whiten = np.linalg.inv(axes)
 
     def left_out(likelihood, train, labels, states, whole_positions):
-        shift, _, _ = trust._moves(np.zeros(2))
-        place = np.column_stack([shift, trust._GYRATION * states[2]])
+        shift, _, _ = trust_learning._moves(np.zeros(2))
+        place = np.column_stack([shift, trust_learning._GYRATION * states[2]])
         error = 1 / (1 - share) if whole_positions else 1 - share
         seen = spoil(rng.normal(size=(len(LETTERS), READINGS, 3))) * math.sqrt(error)
         whitened = place @ whiten.T
@@ -56,7 +56,7 @@ SCAN = SimpleNamespace(where=lambda split: Train(letters=LETTERS, poses=np.zeros
 
 
 def learned_from(monkeypatch, left_out):
-    monkeypatch.setattr(trust, "_left_out", left_out)
+    monkeypatch.setattr(trust_learning, "_left_out", left_out)
     learned = learn_trust(None, SCAN)
     return [1 / learned(n) for n in (3, 8, 20)]
 
@@ -77,15 +77,15 @@ def test_the_moments_of_a_touch_count_as_many_as_err_by_themselves(monkeypatch, 
         common = rng.normal(size=(1, len(LETTERS), READINGS, 3))
         own = rng.normal(size=(moments, len(LETTERS), READINGS, 3))
         seen = 0.4 * (math.sqrt(shared) * common + math.sqrt(1 - shared) * own)
-        shift, _, _ = trust._moves(np.zeros(2))
-        place = np.column_stack([shift, trust._GYRATION * states[2]])
+        shift, _, _ = trust_learning._moves(np.zeros(2))
+        place = np.column_stack([shift, trust_learning._GYRATION * states[2]])
         used, counts = (seen[-1:], 1.0) if model is last else (seen, likelihood.counts)
         return [
             counts * sum(-((place - at[:, None]) ** 2).sum(axis=2) / (2 * 0.4**2) for at in used[:, letter])
             for letter in range(len(LETTERS))
         ]
 
-    monkeypatch.setattr(trust, "_left_out", left_out)
+    monkeypatch.setattr(trust_learning, "_left_out", left_out)
     effective = moments / (1 + (moments - 1) * shared)
     assert moments * images_count(likelihood, SCAN) == pytest.approx(effective, rel=0.2)
 
@@ -104,8 +104,8 @@ def test_what_presses_at_one_position_share_is_found_from_both_ways_of_leaving_o
 
 
 def test_a_position_that_is_in_the_map_never_makes_it_worse():
-    assert trust._at_a_new_place(3.0, 2.0) == trust._at_a_new_place(2.0, 2.0) == 2.0
-    assert trust._at_a_new_place(1.0, 4.0) == pytest.approx(2 * 1.5)
+    assert trust_learning._at_a_new_place(3.0, 2.0) == trust_learning._at_a_new_place(2.0, 2.0) == 2.0
+    assert trust_learning._at_a_new_place(1.0, 4.0) == pytest.approx(2 * 1.5)
 
 
 @pytest.mark.long
@@ -129,12 +129,12 @@ def test_what_left_out_readings_share_and_new_ones_do_not_changes_nothing(monkey
 def test_with_few_training_readings_growth_is_that_of_the_sequences_there_are(monkeypatch, readings):
     def typical(log_p, count, shift, size, rng):
         used = min(len(log_p[0]), count)
-        return trust._Typical(1.5 + 0.8 * math.log(used), 0.9 - 0.3 / used, used)
+        return trust_learning._Typical(1.5 + 0.8 * math.log(used), 0.9 - 0.3 / used, used)
 
-    monkeypatch.setattr(trust, "_typical", typical)
-    monkeypatch.setattr(trust, "_left_out", lambda *ignored: [np.zeros((readings, 2))])
+    monkeypatch.setattr(trust_learning, "_typical", typical)
+    monkeypatch.setattr(trust_learning, "_left_out", lambda *ignored: [np.zeros((readings, 2))])
     learned = learn_trust(None, SCAN)
-    if readings <= trust.FEW:
+    if readings <= trust_learning.FEW:
         assert learned.growth == 0
         assert learned._seen(10) == learned.few
     else:
@@ -153,7 +153,7 @@ def test_one_letter_of_its_own_kind_does_not_decide_for_the_others(monkeypatch):
 
 @given(st.floats(0.5, 10), st.floats(0, 1), st.floats(0, 1))
 def test_more_readings_never_say_less(own, growth, shared):
-    learned = trust.Trust(own, growth * own, shared)
+    learned = trust_learning.Trust(own, growth * own, shared)
     said = [n * learned(n) for n in range(1, 300)]
     assert np.all(np.diff(said) > 0)
 
@@ -171,7 +171,7 @@ def test_it_is_learned_from_training_readings_alone(likelihood):
 
 
 def test_moves_come_in_pairs_there_and_back():
-    shift, size, states = trust._moves(np.array([3.0, -2.0]))
+    shift, size, states = trust_learning._moves(np.array([3.0, -2.0]))
     half = len(size) // 2
     assert shift[:half] == pytest.approx(-shift[half:])
     assert states[2, :half] == pytest.approx(-states[2, half:])
@@ -201,7 +201,7 @@ def expected_influence(learned, readings):
     return shown * (readings - 1) / (learned(readings) * readings**2)
 
 
-LEARNED = trust.Trust(own=1.5, growth=0.2, shared=0.01, few=0.7, many=0.9)
+LEARNED = trust_learning.Trust(own=1.5, growth=0.2, shared=0.01, few=0.7, many=0.9)
 
 
 @given(st.integers(1, 500))
@@ -226,21 +226,74 @@ def test_what_readings_tell_of_themselves_counts_as_their_number_says():
 
 @pytest.mark.parametrize("unknown", [math.nan, 5.0])
 def test_where_nothing_is_known_of_how_readings_disagree_the_weight_is_that_of_training(unknown):
-    learned = LEARNED if math.isnan(unknown) else trust.Trust(own=1.5, growth=0.2, shared=0.01)
+    learned = LEARNED if math.isnan(unknown) else trust_learning.Trust(own=1.5, growth=0.2, shared=0.01)
     assert [learned.given(n, unknown) for n in (1, 2, 9)] == [learned(n) for n in (1, 2, 9)]
     assert LEARNED.given(1, 5.0) == LEARNED(1)
 
 
 @pytest.mark.parametrize("too_sure", [1.0, 3.0])
 def test_the_jackknife_sees_all_of_a_normal_error(monkeypatch, too_sure):
-    monkeypatch.setattr(trust, "_left_out", gaussian(np.random.default_rng(1), too_sure))
+    monkeypatch.setattr(trust_learning, "_left_out", gaussian(np.random.default_rng(1), too_sure))
     learned = learn_trust(None, SCAN)
     assert (learned.few, learned.many) == pytest.approx((1, 1), rel=0.2)
 
 
 def test_one_reading_of_a_letter_tells_nothing_of_how_readings_disagree(monkeypatch):
     whole = gaussian(np.random.default_rng(1), 2.0)
-    monkeypatch.setattr(trust, "_left_out", lambda *of: [one[:1] for one in whole(*of)])
+    monkeypatch.setattr(trust_learning, "_left_out", lambda *of: [one[:1] for one in whole(*of)])
     learned = learn_trust(None, SCAN)
     assert learned.few == learned.many == 0
     assert learned.given(9, 5.0) == learned(9)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_sequences_whose_region_excludes_no_move_are_counted_as_defined(seed):
+    rng = np.random.default_rng(seed)
+    log_p, shift = rng.normal(scale=9, size=(40, 64)), rng.normal(size=(64, 2))
+    log_volume, weight = rng.normal(size=64), 0.4
+    shares = []
+    for of_sequence in log_p:
+        belief = np.exp(weight * of_sequence + log_volume)
+        belief /= belief.sum()
+        mean = belief @ shift
+        nearer = np.linalg.norm(shift - mean, axis=1) < np.linalg.norm(mean)
+        shares.append(belief[nearer].sum())
+    answers, order, along = [], rng.permutation(40), np.ascontiguousarray(shift.T)
+    for share in np.linspace(0.05, 0.95, 19):
+        answers.append(np.mean(np.array(shares) < share) > share)
+        # In any order, and in the one that the share before has left.
+        assert mostly_held(log_p, order, weight, log_volume, along, share) == answers[-1]
+        assert mostly_held(log_p, np.arange(40), weight, log_volume, along, share) == answers[-1]
+        assert sorted(order) == list(range(40))
+    assert 0 < np.mean(answers) < 1
+
+
+def test_as_many_as_the_share_are_not_more_than_it():
+    # One move; with it nowhere near the mean, and at it, nothing or all of the belief is nearer than no move at all.
+    held, left_out = np.array([0.0, -100.0]), np.array([-100.0, 0.0])
+    shift = np.array([[0.0, 1.0], [0.0, 0.0]])
+    for count in range(11):
+        log_p = np.array([held] * count + [left_out] * (10 - count))
+        assert mostly_held(log_p, np.arange(10), 1.0, np.zeros(2), shift, 0.5) == (count > 5)
+
+
+def test_what_all_moves_have_in_common_changes_nothing():
+    rng = np.random.default_rng(4)
+    log_p, shift = rng.normal(scale=200, size=(40, 64)), rng.normal(size=(2, 64))
+    for share in np.linspace(0.05, 0.95, 19):
+        found = [
+            mostly_held(log_p + offset, np.arange(40), 1.0, np.zeros(64), shift, share)
+            for offset in (0.0, -1e5)
+        ]
+        assert found[0] == found[1]
+
+
+def test_readings_are_summed_and_mirrored_ones_with_every_move_the_other_way():
+    rng = np.random.default_rng(5)
+    log_p = rng.normal(size=(12, 20))
+    drawn = np.array([rng.permutation(12)[:5] for _ in range(30)])
+    mirrored = rng.integers(2, size=drawn.shape)
+    other_way = np.concatenate([log_p[:, 10:], log_p[:, :10]], axis=1)
+    for found, which, turned in zip(sums_of_readings(log_p, drawn, mirrored), drawn, mirrored, strict=True):
+        expected = sum((other_way if turned[k] else log_p)[which[k]] for k in range(5))
+        assert found == pytest.approx(expected)

@@ -1,0 +1,282 @@
+"""The terms of the readings of a sequence, and their sums: at states anywhere, and on the planes of a grid (compiled).
+
+A plane is all bins of one letter and one angle: their x and y differ by whole bins. So a taxel sees, from bin to bin,
+nodes of its table that follow each other, and a sum over taxels is one of shifted slices.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import boolean, float32, float64, int16, int32, int64, types, uint32, uint64, void
+from numpy.typing import NDArray
+
+from tactsim.core.compiling import (
+    FLOATS,
+    FLOATS_2D,
+    INTS,
+    REALS,
+    REALS_2D,
+    Floats,
+    Ints,
+    Reals,
+    compiled,
+)
+
+# How far one operation in float32 may be off, relative to its result.
+ROUNDING = 2.0**-23
+# Terms of a reading, or bins of a row, that are summed together; and zeros between the rows of `Lattice.nodes`, which
+# a row of bins that hangs over reads.
+LANES = 16
+# Bins; a taxel that many bins from the first bin, or nowhere, is off the map, and its index might overflow.
+_FAR = 1e9
+
+
+class Terms(NamedTuple):
+    """The terms of all readings so far; arrays may be longer than what is filled.
+
+    start: (readings + 1,) where each reading's terms begin. kind, xy, weight: (terms,) the terms' table,
+    place in the robot frame (mm) and factor. constant: (readings, letters) what a state far off the map
+    gets. upper: (readings + 1,) cumulated, an upper bound of what any state gets. slack: (readings,) by
+    how much rounding may move a sum.
+    """
+
+    start: Ints
+    kind: Ints
+    xy: Reals
+    weight: Floats
+    constant: Reals
+    upper: Reals
+    slack: Reals
+
+
+TERMS = types.NamedTuple((INTS, INTS, REALS_2D, FLOATS, REALS_2D, REALS, REALS), Terms)
+
+
+class Ranges(NamedTuple):
+    """What tables say: outside (tables, letters), lowest and highest (tables,), as in `tables.Tables`, nats."""
+
+    outside: Reals
+    lowest: Reals
+    highest: Reals
+
+
+RANGES = types.NamedTuple((REALS_2D, REALS, REALS), Ranges)
+
+
+class Named(NamedTuple):
+    """The terms that a reading names: table and taxel (terms,) indices, weight (terms,), see `likelihood.Evidence`."""
+
+    table: Ints
+    taxel: Ints
+    weight: Floats
+
+
+NAMED = types.NamedTuple((INTS, INTS, FLOATS), Named)
+
+
+class Sampled(NamedTuple):
+    """Tables on a lattice.
+
+    nodes: (tables, letters, rows, columns), each times `unit` nats, less the value far away; 0 at the rim. lattice:
+    [x, y] of node (0, 0), then the step in x and y, mm.
+    """
+
+    nodes: NDArray[np.int16]
+    unit: float
+    lattice: Reals
+
+
+SAMPLED = types.NamedTuple((int16[:, :, :, ::1], float64, REALS), Sampled)
+
+
+class Lattice(NamedTuple):
+    """Tables as the bins of a plane read them: the nodes one bin apart follow each other.
+
+    nodes: flat, int16, each times `unit` nats: (tables, letters, phases_y, phases_x, rows, columns), where the lattice
+    node [row * phases_y + phase_y, column * phases_x + phase_x] is in that row and column of the plane of those phases.
+    Before each row, and after the last one, there are LANES zeros. shape: those six numbers. place: [x, y] of bin
+    (0, 0) less that of node (0, 0), then the bins' spacing in x and y, mm.
+    """
+
+    nodes: NDArray[np.int16]
+    unit: float
+    shape: Ints
+    place: Reals
+
+
+LATTICE = types.NamedTuple((int16[::1], float64, INTS, REALS), Lattice)
+
+
+@compiled(boolean(TERMS, int64, NAMED, REALS_2D, REALS, RANGES))
+def record(terms: Terms, reading: int, named: Named, taxel_xy: Reals, pose: Reals, ranges: Ranges) -> bool:
+    """Append a reading's terms, taken at the pose sensor_in_robot; the arrays must have room.
+
+    Returns False, and appends nothing, if a table or taxel does not exist or a weight is negative or not finite.
+    """
+    begin, count = terms.start[reading], len(named.table)
+    cos, sin = math.cos(pose[2]), math.sin(pose[2])
+    terms.constant[reading] = 0
+    most = slack = 0.0
+    for i in range(count):
+        kind, taxel, factor = named.table[i], named.taxel[i], float64(named.weight[i])
+        if not (0 <= kind < len(ranges.highest) and 0 <= taxel < len(taxel_xy) and 0 <= factor < np.inf):
+            return False
+        x, y = taxel_xy[taxel, 0], taxel_xy[taxel, 1]
+        terms.kind[begin + i], terms.weight[begin + i] = kind, factor
+        terms.xy[begin + i, 0] = pose[0] + cos * x - sin * y
+        terms.xy[begin + i, 1] = pose[1] + sin * x + cos * y
+        most += factor * ranges.highest[kind]
+        slack += factor * max(abs(ranges.lowest[kind]), abs(ranges.highest[kind]))
+        for letter in range(ranges.outside.shape[1]):
+            terms.constant[reading, letter] += factor * ranges.outside[kind, letter]
+    # Each of the additions may be off by that share of what the sum can have reached.
+    terms.slack[reading] = slack * ROUNDING * (count + 4)
+    terms.upper[reading + 1] = terms.upper[reading] + most + terms.slack[reading]
+    terms.start[reading + 1] = begin + count
+    return True
+
+
+@compiled(void(REALS, REALS_2D, INTS, TERMS, int64, int64, SAMPLED))
+def replay(
+    log_p: Reals, state: Reals, letter: Ints, terms: Terms, first: int, last: int, sampled: Sampled
+) -> None:
+    """Add log p(z | x) (eq. 7) of readings first, ..., last - 1 to the log-beliefs of states anywhere.
+
+    log_p: (states,). state: (3, states) T_R^O. letter: (states,). A state's readings are added one by one, in order: it
+    does not matter in how many calls, or beside which others. Each of three loops over a reading's terms is compiled to
+    instructions for many terms at once: find their places, read the nodes around them, interpolate.
+    """
+    lattice, unit, begin = sampled.lattice, sampled.unit, terms.start
+    _, letters, rows, columns = sampled.nodes.shape
+    nodes = sampled.nodes.reshape(sampled.nodes.size).view(np.uint16)
+    longest = 0
+    for reading in range(first, last):
+        longest = max(longest, begin[reading + 1] - begin[reading])
+    room = -(-longest // LANES) * LANES
+    # Places are in float32, twice as many to an instruction: a letter's nodes are some hundred, not thousands, apart.
+    x, y, weight = (
+        np.zeros(room, dtype=np.float32),
+        np.zeros(room, dtype=np.float32),
+        np.zeros(room, dtype=np.float32),
+    )
+    right, above, table = (
+        np.zeros(room, dtype=np.float32),
+        np.zeros(room, dtype=np.float32),
+        np.zeros(room, dtype=np.int64),
+    )
+    node, low, high = (
+        np.zeros(room, dtype=np.int32),
+        np.zeros(room, dtype=np.int32),
+        np.zeros(room, dtype=np.int32),
+    )
+    part, turn = np.empty(LANES, dtype=np.float32), np.empty((len(log_p), 2))
+    for k in range(len(log_p)):
+        turn[k, 0], turn[k, 1] = math.cos(state[2, k]), math.sin(state[2, k])
+    none, last_column, last_row = float32(0), float32(columns - 1), float32(rows - 1)
+    second_column, second_row, width = int32(columns - 2), int32(rows - 2), int32(columns)
+    half, next_node, next_row = uint32(16), uint64(1), uint64(columns)
+    for reading in range(first, last):
+        count = begin[reading + 1] - begin[reading]
+        padded = -(-count // LANES) * LANES
+        weight[:padded] = 0
+        for i in range(count):
+            term = begin[reading] + i
+            x[i], y[i], weight[i] = terms.xy[term, 0], terms.xy[term, 1], terms.weight[term] * unit
+            table[i] = terms.kind[term] * letters * rows * columns
+        for k in range(len(log_p)):
+            along_x, across_x = float32(turn[k, 0] / lattice[2]), float32(-turn[k, 1] / lattice[2])
+            along_y, across_y = float32(turn[k, 1] / lattice[3]), float32(turn[k, 0] / lattice[3])
+            origin_x = float32((state[0, k] - lattice[0]) / lattice[2])
+            origin_y = float32((state[1, k] - lattice[1]) / lattice[3])
+            for i in range(padded):
+                to_x, to_y = (
+                    origin_x + along_x * x[i] + across_x * y[i],
+                    origin_y + along_y * x[i] + across_y * y[i],
+                )
+                # Beyond the rim everything is as at the rim. A place that is no number is taken for the first node.
+                to_x, to_y = to_x if to_x > none else none, to_y if to_y > none else none
+                to_x, to_y = (
+                    to_x if to_x < last_column else last_column,
+                    to_y if to_y < last_row else last_row,
+                )
+                column, row = min(int32(to_x), second_column), min(int32(to_y), second_row)
+                right[i], above[i] = to_x - float32(column), to_y - float32(row)
+                node[i] = int32(row) * width + int32(column)
+            own = letter[k] * rows * columns
+            # Two neighbours are read as one number of 32 bits, the second in its upper half.
+            for i in range(count):
+                there = uint64(table[i] + own) + uint64(node[i])
+                low[i] = uint32(nodes[there]) | (uint32(nodes[there + next_node]) << half)
+                there += next_row
+                high[i] = uint32(nodes[there]) | (uint32(nodes[there + next_node]) << half)
+            part[:] = 0
+            for i in range(uint64(0), uint64(padded), uint64(LANES)):
+                for lane in range(uint64(LANES)):
+                    lower, upper, share = low[i + lane], high[i + lane], right[i + lane]
+                    lower_left, lower_right = (
+                        float32(int32(int32(lower << 16) >> 16)),
+                        float32(int32(lower >> 16)),
+                    )
+                    upper_left, upper_right = (
+                        float32(int32(int32(upper << 16) >> 16)),
+                        float32(int32(upper >> 16)),
+                    )
+                    below = lower_left + share * (lower_right - lower_left)
+                    beyond = upper_left + share * (upper_right - upper_left)
+                    part[lane] += weight[i + lane] * (below + above[i + lane] * (beyond - below))
+            total = none
+            for lane in range(LANES):
+                total += part[lane]
+            log_p[k] += terms.constant[reading, letter[k]] + total
+
+
+@compiled(void(FLOATS_2D, LATTICE, TERMS, int64, int64, float64, float64), called_from_python=False)
+def sum_plane(
+    total: Floats, lattice: Lattice, terms: Terms, reading: int, letter: int, cos: float, sin: float
+) -> None:
+    """Sum the terms of a reading for the bins of one letter and angle, less what a bin far off the map gets.
+
+    Fills total (rows, columns), columns rounded up to a multiple of LANES; what lies beyond is any number.
+    """
+    _, letters, phases_y, phases_x, rows, columns = lattice.shape
+    nodes, place, width = lattice.nodes, lattice.place, columns + LANES
+    plane, total_columns, sums = rows * width, total.shape[1], total.reshape(total.size)
+    sums[:] = 0
+    for i in range(terms.start[reading], terms.start[reading + 1]):
+        x = (cos * terms.xy[i, 0] - sin * terms.xy[i, 1] + place[0]) / place[2]
+        y = (sin * terms.xy[i, 0] + cos * terms.xy[i, 1] + place[1]) / place[3]
+        if not (abs(x) < _FAR and abs(y) < _FAR):
+            continue
+        # The node before the first bin's taxel: `left` whole bins, and so many nodes of those between two bins.
+        left, below = int64(math.floor(x)), int64(math.floor(y))
+        x, y = (x - left) * phases_x, (y - below) * phases_y
+        step_x, step_y = min(int64(x), phases_x - 1), min(int64(y), phases_y - 1)
+        right, above, weight = x - step_x, y - step_y, terms.weight[i] * lattice.unit
+        # The next node is in the next plane of nodes, or in the next column or row of the first.
+        over_x, over_y = step_x + 1 == phases_x, step_y + 1 == phases_y
+        to_right = 1 - step_x * plane if over_x else plane
+        to_above = width - step_y * phases_x * plane if over_y else phases_x * plane
+        share_1, share_2 = float32(weight * (1 - above) * (1 - right)), float32(weight * (1 - above) * right)
+        share_3, share_4 = float32(weight * above * (1 - right)), float32(weight * above * right)
+        first = (terms.kind[i] * letters + letter) * phases_y * phases_x * plane
+        first += (step_y * phases_x + step_x) * plane + LANES
+        # Beyond its rows and columns a table is 0, and so is its rim.
+        begin, end = max(0, -below), min(len(total), rows - below - over_y)
+        for column in range(0, total_columns, LANES):
+            if not -LANES < left + column < columns:
+                continue
+            for row in range(begin, end):
+                node = first + (row + below) * width + left + column
+                node_1, node_2 = uint64(node), uint64(node + to_right)
+                node_3, node_4 = uint64(node + to_above), uint64(node + to_right + to_above)
+                bin_1 = uint64(row * total_columns + column)
+                for lane in range(uint64(LANES)):
+                    sums[bin_1 + lane] += (
+                        share_1 * float32(nodes[node_1 + lane])
+                        + share_2 * float32(nodes[node_2 + lane])
+                        + share_3 * float32(nodes[node_3 + lane])
+                        + share_4 * float32(nodes[node_4 + lane])
+                    )
