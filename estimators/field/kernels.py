@@ -7,7 +7,7 @@ nodes of its table that follow each other, and a sum over taxels is one of shift
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import boolean, float32, float64, int16, int32, int64, types, uint32, uint64, void
@@ -202,7 +202,9 @@ def replay(
                     to_x if to_x < last_column else last_column,
                     to_y if to_y < last_row else last_row,
                 )
-                column, row = min(int32(to_x), second_column), min(int32(to_y), second_row)
+                near_x: Any = int32(to_x)  # type: ignore[arg-type]
+                near_y: Any = int32(to_y)  # type: ignore[arg-type]
+                column, row = min(near_x, second_column), min(near_y, second_row)
                 right[i], above[i] = to_x - float32(column), to_y - float32(row)
                 node[i] = int32(row) * width + int32(column)
             own = letter[k] * rows * columns

@@ -185,6 +185,7 @@ class BinnedBelief:
 
     def __init__(self, field: LikelihoodField, grid: StateGrid, *, skip: bool = False) -> None:
         self._field, self._grid, self._skip = field, grid, skip
+        self._taken_in = 0
         x, y, angle = grid.centres
         self._lattice = field.lattice(np.array([x[0], y[0]]), np.array(grid.spacing[:2]))
         self._turns = np.column_stack([np.cos(angle), np.sin(angle)])

@@ -32,7 +32,7 @@ _HOPELESS = 50.0
 class Level:
     """What a block of `side` x `side` bins, given by the place of its first bin, may reach at most.
 
-    sampled: as `field.kernels.replay` takes it. Interpolated at the first bin's place, it is not below what any bin of the
+    sampled: as `field.replay` takes it. Interpolated at the first bin's place, it is not below what any bin of the
     block looks up. With a side of 1 it is the tables.
     """
 
