@@ -34,6 +34,7 @@ from tactsim.bench.trials import (
 )
 from tactsim.core import InputError, Scan
 from tactsim.core.errors import unknown
+from tactsim.core.origins import object_origin, seen_from
 from tactsim.core.scan import train_on
 from tactsim.core.source_digest import git_commit
 from tactsim.core.workers import worker_processes
@@ -154,6 +155,7 @@ def gather(
 ) -> Gathered:
     """Get the readings of a run: those given as `scan`, from the press or from files.
 
+    Poses are seen from the centre of the training poses, if that is not the origin already; `meta` of the scan says so.
     Raises InputError if a named letter is not among the readings, a letter is called NONE or two files do
     not fit together.
     """
@@ -193,6 +195,8 @@ def gather(
         raise InputError(f"letters names none to try; the scan has {', '.join(scan.letters)}")
     check_labels(letters)
     scan = scan.of_letters(letters).untrained(_held_out(config, letters))
+    # T_R^O is drawn about 0: with 0 at the object the trials are the same, wherever poses have their origin.
+    scan = seen_from(scan, object_origin(scan))
     return Gathered(scan, letters, work, perf_counter() - start, cache)
 
 

@@ -1,9 +1,9 @@
 """What all filters over (letter, T_R^O) share: learning the maps, and the way of a reading.
 
-    reading -> pad fit -> likelihood's evidence -> field -> motion -> measurement update
+    reading -> frames -> pad fit -> likelihood's evidence -> field -> motion -> measurement update
 
-A filter has parts, each of which is made only if its options ask for it: a fit to the pad, a belief that moves, an open
-set. What proposes readings is made when it is first asked.
+A filter has parts. Frames are identity where origins are near the object. The others are made only if its options ask
+for them: a fit to the pad, a belief that moves, an open set. What proposes readings is made when it is first asked.
 """
 
 from __future__ import annotations
@@ -31,6 +31,7 @@ from tactsim.estimators.estimator import (
 from tactsim.estimators.field.field import LikelihoodField
 from tactsim.estimators.filters.grid import StateGrid, state_grid
 from tactsim.estimators.filters.states import WeightedStates, plane_histogram
+from tactsim.estimators.frames import Frames, reach_on_object
 from tactsim.estimators.likelihoods import likelihood
 from tactsim.estimators.likelihoods.likelihood import Likelihood
 from tactsim.estimators.likelihoods.occupancy import OccupancyMap, learn_maps
@@ -56,6 +57,8 @@ class MapFilter(Estimator):
     model. field: the log-likelihood of the readings so far, which has a new reading before `measure` is called.
     taxel_xy: (taxels, 2) mm. reach: mm, of x and y of T_R^O.
 
+    frames: where the origins of the filter's frames lie in those of its user, for the present sequence. All that the
+    filter holds is in its own.
     pad_fit: units and options that were fitted to the scan's pad; None if that was not asked for. With it, all that
     the filter holds, but for `options` and `maps`, is in mm and kPa of the paper's pad, as `fitted_options` are.
     motion: how the object moves between touches; None if it lies still. moving: the belief that follows the motion,
@@ -70,6 +73,7 @@ class MapFilter(Estimator):
     # By what power the likelihood of so many readings counts in the belief; None for 1, however many there are.
     trust: Trust | None = None
     pad_fit: PadFit | None = None
+    frames: Frames
     taxel_xy: FloatArray
     reach: float
     field: LikelihoodField
@@ -108,6 +112,8 @@ class MapFilter(Estimator):
         belief would not fit in memory, or with an open set if a letter is called "none".
         """
         options, pad_fit = self.options, None
+        frames = Frames.fitted(scan, reach_of(options.reach, scan.taxel_xy))
+        scan = frames.scan(scan)
         if wants_pad_fit(options, scan):
             from tactsim.estimators.pad_fit import fit_to_pad
 
@@ -123,7 +129,7 @@ class MapFilter(Estimator):
             from tactsim.estimators.filters.open_set import OpenSet
 
             open_set = OpenSet(options, scan, maps)
-        self.pad_fit, self.open_set = pad_fit, open_set
+        self.frames, self.pad_fit, self.open_set = frames, pad_fit, open_set
         self.fit_with(options, maps, scan)
 
     def without(self, letter: str, scan: Scan) -> MapFilter:
@@ -137,7 +143,7 @@ class MapFilter(Estimator):
             other.fit(rest)
             return other
         maps = {label: chart for label, chart in self._maps.items() if label != letter}
-        other.fit_with(self.fitted_options, maps, rest)
+        other.fit_with(self.fitted_options, maps, self.frames.scan(rest))
         if self.open_set is not None:
             other.open_set = self.open_set.of(other.labels)
         return other
@@ -145,14 +151,16 @@ class MapFilter(Estimator):
     def fit_with(self, options: FilterOptions, maps: Mapping[str, OccupancyMap], scan: Scan) -> None:
         """Learn the measurement model from the training readings, given the maps of all letters in the scan.
 
-        options, maps, scan: in the units that the filter works in.
+        options, maps, scan: in the units and the frame that the filter works in.
         """
         self._started = False
         self._set_options(options)
         self._maps = maps
         self.labels = tuple(maps)
         self.taxel_xy = scan.taxel_xy
-        self._reach_to(reach_of(self.fitted_options.reach, scan.taxel_xy))
+        self._reach_near = reach_of(self.fitted_options.reach, scan.taxel_xy)
+        self._reach_far = max(self._reach_near, reach_on_object(scan))
+        self._reach_to(self._reach_near)
         self.likelihood.fit(scan, maps)
         if self.takes_sequences:
             from tactsim.estimators.filters.trust_learning import images_count
@@ -161,18 +169,28 @@ class MapFilter(Estimator):
             assert isinstance(self.likelihood, SequenceLikelihood)
             self.likelihood.counts = images_count(self.likelihood, scan)
         self._learn(scan)
-        self.field = LikelihoodField(
-            self.likelihood, self.labels, self.taxel_xy, self._spacing, self.fitted_options.cell
-        )
         self._planner: Planner | None = None
         # Proposals need a calibrated model; readings are kept to learn one if the filter's own is another.
         calibrated = self.fitted_options.likelihood == "calibrated" and not self.takes_sequences
         self._train = None if calibrated else scan.where("train")
+        self._lay_out()
+
+    def _lay_out(self) -> None:
+        """Build what every sequence needs, for states within `reach`."""
+        self.field = LikelihoodField(
+            self.likelihood, self.labels, self.taxel_xy, self._spacing, self.fitted_options.cell
+        )
         self._fit()
 
     def reset(self, rng: np.random.Generator) -> None:
         """Forget the sequence: every state of every letter is equally probable again."""
         check_order(bool(self._maps), "fit", "reset")
+        self._begins_with: np.random.Generator | None = copy.deepcopy(rng)
+        self._begin(rng)
+        self._started = True
+
+    def _begin(self, rng: np.random.Generator) -> None:
+        """Begin a sequence, for states within `reach`."""
         self.field.reset()
         self._reset(rng)
         if self.moving is not None:
@@ -182,7 +200,21 @@ class MapFilter(Estimator):
         # Proposals have a random stream of their own. So the filter draws the same numbers whether proposals
         # are asked for or not, and proposals do not depend on how many numbers the filter draws.
         self._planning = rng.spawn(1)[0]
-        self._started = True
+
+    def _bring_poses(self, poses: FloatArray) -> FloatArray:
+        """Bring sensor_in_robot (..., 3), mm, into the filter's frame, which the first pose of a sequence decides.
+
+        With it the sequence begins anew where states within another reach are asked for than the sequence before.
+        """
+        if self._begins_with is not None:
+            rng, self._begins_with = self._begins_with, None
+            self.frames = self.frames.begun(poses.reshape(-1, 3)[0])
+            reach = self._reach_near if self.frames.first_touch is None else self._reach_far
+            if reach != self.reach:
+                self._reach_to(reach)
+                self._lay_out()
+                self._begin(rng)
+        return self.frames.poses(poses)
 
     def update(self, reading: ArrayLike, sensor_in_robot: ArrayLike) -> None:
         """Take in one reading (taxels,), in the scan's unit, at the pose sensor_in_robot [mm, mm, rad].
@@ -190,9 +222,12 @@ class MapFilter(Estimator):
         Raises InputError, and leaves the belief as it was, for a wrong length or a NaN.
         """
         self._check_started("update")
-        if self.pad_fit is not None:
-            reading, sensor_in_robot = self.pad_fit.units.bring(reading, sensor_in_robot)
         values, pose = check_reading(reading, sensor_in_robot, len(self.taxel_xy), self.takes_sequences)
+        if self.pad_fit is None:
+            pose = self._bring_poses(pose)
+        else:
+            brought = self.pad_fit.units.bring(values, self._bring_poses(pose))
+            values, pose = check_reading(*brought, len(self.taxel_xy), self.takes_sequences)
         self.field.append(self.likelihood.evidence(values), pose)
         if self.moving is not None:
             self.moving.update()  # it has the filter measure, too, where the object may lie still
@@ -207,7 +242,9 @@ class MapFilter(Estimator):
         known = self._known()
         if self.open_set is not None:
             known = self.open_set.estimate(known, self.path(known), self.weighted_states)
-        return known if self.pad_fit is None else self.pad_fit.units.estimate_back(known)
+        if self.pad_fit is not None:
+            known = self.pad_fit.units.estimate_back(known)
+        return self.frames.estimate_back(known)
 
     def propose(self, candidates: Sequence[FloatArray] | FloatArray) -> int:
         """Choose the index of the sensor_in_robot pose (n, 3) whose reading should say most about the state.
@@ -215,7 +252,7 @@ class MapFilter(Estimator):
         Raises InputError for candidates that are no poses.
         """
         self._check_started("propose")
-        poses = check_candidates(candidates)
+        poses = self._bring_poses(check_candidates(candidates))
         if self.pad_fit is not None:
             poses = self.pad_fit.units.poses(poses)
         from tactsim.estimators.filters.active_touch import STATES, Planner
@@ -245,12 +282,17 @@ class MapFilter(Estimator):
             plane = plane_histogram(self.labels, self.weighted_states(), self.reach)
         else:
             plane = self._own_plane()
-        return plane if self.pad_fit is None else self.pad_fit.units.plane_back(plane)
+        if self.pad_fit is not None:
+            plane = self.pad_fit.units.plane_back(plane)
+        return self.frames.plane_back(plane)
 
     @property
     def maps(self) -> Mapping[str, OccupancyMap]:
         """Give the maps that were learned, in mm."""
-        return self._maps if self.pad_fit is None else self.pad_fit.units.maps_back(self._maps)
+        if not self._maps:
+            return self._maps
+        maps = self._maps if self.pad_fit is None else self.pad_fit.units.maps_back(self._maps)
+        return self.frames.maps_back(maps)
 
     def describe(self) -> str:
         """Say in one line how the filter is set up, whether the object may move, and what is fitted to the pad."""

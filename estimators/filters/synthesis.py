@@ -28,6 +28,7 @@ from tactsim.estimators.filters.placement import mean_around
 from tactsim.estimators.filters.pose_bank import PoseBank
 from tactsim.estimators.filters.states import WeightedStates, plane_histogram
 from tactsim.estimators.filters.weights import Weights
+from tactsim.estimators.frames import Frames, reach_on_object
 from tactsim.estimators.options import REACH, Reach, reach_of
 
 if TYPE_CHECKING:
@@ -78,6 +79,8 @@ class Synthesis(Estimator):
     moving: a belief that moves, beside the modes of an object that lies still, from the reading on that says where the
     object is; None unless the options say that it may move. Its states are weighed with presses at each of them, so
     that the forward model need not be linear as far as the object may have moved.
+
+    frames: where the origins of the estimator's frames lie in those of its user, for the present sequence.
     """
 
     options_type: type[Options] = SynthesisOptions
@@ -85,6 +88,7 @@ class Synthesis(Estimator):
     draws = False
     uses_forward_model = True
     options: SynthesisOptions
+    frames: Frames
 
     def __init__(self, options: SynthesisOptions) -> None:
         super().__init__(options)
@@ -114,8 +118,10 @@ class Synthesis(Estimator):
             np.sqrt(np.mean([(bank.mean[bank.mean.any(axis=1)] ** 2).mean() for bank in self.banks]))
         )
         rng = np.random.default_rng(0)
-        reach = self._reach = reach_of(self.options.reach, scan.taxel_xy)
-        self._scout_states = rng.uniform([-reach, -reach, -math.pi], [reach, reach, math.pi], (_SCOUTS, 3))
+        reach = self._reach = self._reach_near = reach_of(self.options.reach, scan.taxel_xy)
+        self.frames = Frames.fitted(scan, reach)
+        self._reach_far = max(reach, reach_on_object(self.frames.scan(scan)))
+        self._near_scouts = rng.uniform([-reach, -reach, -math.pi], [reach, reach, math.pi], (_SCOUTS, 3))
         self._normal = rng.standard_normal((_STATES, 3))
 
     def reset(self, rng: np.random.Generator) -> None:
@@ -125,6 +131,7 @@ class Synthesis(Estimator):
         self._readings: list[FloatArray] = []
         self._poses: list[FloatArray] = []
         self._floor = np.empty(0)
+        self._reach, self._scout_states = self._reach_near, self._near_scouts
         self._scouts = np.zeros((len(self.labels), _SCOUTS))
         self._modes: Modes | None = None
         self._restarts = 0
@@ -143,8 +150,13 @@ class Synthesis(Estimator):
         """Add a reading and leave the belief alone. Raises InputError as `update`."""
         check_order(self._started, "reset" if self.labels else "fit", "update")
         values, pose = check_reading(reading, sensor_in_robot, self.forward.taxels)
+        if not self._poses:
+            self.frames = self.frames.begun(pose)
+            if self.frames.first_touch is not None:
+                wider = self._reach_far / self._reach_near
+                self._reach, self._scout_states = self._reach_far, self._near_scouts * [wider, wider, 1.0]
         self._readings.append(values)
-        self._poses.append(pose)
+        self._poses.append(self.frames.poses(pose))
         broad = max(float((values**2).mean()), self._typical**2) + self.noise**2
         self._floor = np.append(
             self._floor, math.log(_OUTLIER) - len(values) / 2 * (math.log(2 * math.pi * broad) + 1)
@@ -260,7 +272,8 @@ class Synthesis(Estimator):
     def estimate(self) -> Estimate:
         """Say which letter it is and where, after the readings so far."""
         check_order(self._started, "reset" if self.labels else "fit", "estimate")
-        return self.own_estimate() if self.moving is None else self.moving.estimate()
+        known = self.own_estimate() if self.moving is None else self.moving.estimate()
+        return self.frames.estimate_back(known)
 
     def own_estimate(self) -> Estimate:
         """Make the estimate of the modes, of an object that lies still."""
@@ -351,7 +364,7 @@ class Synthesis(Estimator):
         """Count the states of an object that may move in cells of about 1 mm; None for one that lies still."""
         if self.moving is None:
             return None
-        return plane_histogram(self.labels, self.weighted_states(), self._reach)
+        return self.frames.plane_back(plane_histogram(self.labels, self.weighted_states(), self._reach))
 
     @property
     def work(self) -> dict[str, Any]:

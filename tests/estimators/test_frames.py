@@ -1,0 +1,197 @@
+"""Estimates do not depend on where the origins of the poses are, nor on how a far base is turned."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose
+
+import tactsim
+from tactsim.core import compose, invert, wrap_angle
+from tactsim.estimators import create
+from tactsim.press import forward_model
+
+LETTERS, READINGS = "AEI", 5
+NEAR = np.zeros(3)
+FAR = [(500.0, 0.0, 0.0), (-3000.0, 271.8, 0.0), (7000.0, 7000.0, 0.0), (1234.5, -6000.0, 2.0)]
+# Deterministic ones, with options that make them quick.
+KINDS = {
+    "histogram": {"split": "20x20x24"},
+    "refined": {},
+    "force-mosaic": {},
+    "scan-matching": {"split": "20x20x24"},
+    "nearest": {},
+}
+
+
+@pytest.fixture(scope="module")
+def scan():
+    return tactsim.scan(letters=LETTERS, seed=2)
+
+
+def sequence(scan, letter, seed=0):
+    """Draw readings of a letter, and robot_in_object and sensor_in_robot (n, 3) with the robot near the object."""
+    rng = np.random.default_rng(seed)
+    test = scan.where("test", letter)
+    chosen = rng.permutation(len(test))[:READINGS]
+    hidden = np.array([*rng.uniform(-8, 8, 2), rng.uniform(-3, 3)])
+    return test.readings[chosen], hidden, compose(invert(hidden), test.poses[chosen])
+
+
+def estimates(estimator, readings, poses):
+    estimator.reset(np.random.default_rng(4))
+    answers = []
+    for reading, pose in zip(readings, poses, strict=True):
+        estimator.update(reading, pose)
+        answers.append(estimator.estimate())
+    return answers
+
+
+def fitted(name, scan):
+    estimator = create(name, **KINDS.get(name, {}))
+    if estimator.uses_forward_model:
+        estimator.bring(forward_model(scan))
+    estimator.fit(scan)
+    return estimator
+
+
+def assert_same_touches(one, poses, other, others, moved=(0.0, 0.0)):
+    """Check labels, probabilities and where on the object the pad was at each touch: 1e-6 mm, 1e-8 rad."""
+    for k, (first, second) in enumerate(zip(one, other, strict=True)):
+        assert first.label == second.label
+        assert_allclose(list(first.probabilities.values()), list(second.probabilities.values()), atol=1e-5)
+        touched = compose(first.robot_in_object, poses[k]) + [*moved, 0]
+        again = compose(second.robot_in_object, others[k])
+        assert_allclose(again[:2], touched[:2], rtol=0, atol=1e-6)
+        assert abs(wrap_angle(again[2] - touched[2])) < 1e-8
+
+
+@pytest.mark.parametrize("name", [*KINDS, "synthesis"])
+def test_the_object_may_lie_anywhere_in_its_frame(scan, name):
+    near = fitted(name, scan)
+    for away in FAR[:3]:
+        far = fitted(name, replace(scan, poses=scan.poses + away))
+        for letter in LETTERS[:2]:
+            readings, _, poses = sequence(scan, letter)
+            assert_same_touches(
+                estimates(near, readings, poses), poses, estimates(far, readings, poses), poses, away[:2]
+            )
+
+
+@pytest.mark.parametrize("name", [*KINDS, "synthesis"])
+def test_a_far_base_may_stand_anywhere_and_be_turned(scan, name):
+    estimator = fitted(name, scan)
+    for letter in LETTERS[:2]:
+        readings, _, poses = sequence(scan, letter)
+        bases = [compose(base, poses) for base in FAR]
+        first, *others = (estimates(estimator, readings, seen) for seen in bases)
+        for seen, answers in zip(bases[1:], others, strict=True):
+            assert_same_touches(first, bases[0], answers, seen)
+
+
+@pytest.mark.parametrize("name", ["refined", "force-mosaic", "synthesis"])
+@pytest.mark.parametrize("base", FAR)
+def test_a_far_base_recognises_and_places_as_a_near_one(scan, name, base):
+    estimator = fitted(name, scan)
+    for letter in LETTERS:
+        readings, hidden, poses = sequence(scan, letter)
+        seen = compose(base, poses)
+        answer = estimates(estimator, readings, seen)[-1]
+        assert answer.label == letter
+        true = compose(hidden, poses)
+        symmetry = scan.meta["objects"][letter]["symmetry"]
+        turned = compose(answer.robot_in_object, seen)
+        halves = [compose([0, 0, 2 * np.pi * k / symmetry], true) for k in range(symmetry)]
+        assert min(np.abs(turned - half)[:, :2].max() for half in halves) < 2.0
+
+
+@pytest.mark.parametrize("name", ["histogram", "refined", "synthesis"])
+def test_a_real_robot_where_both_frames_are_its_base(scan, name):
+    """Training and touches are both given in the base frame; the object has been moved and turned since."""
+    base = np.array([640.0, -210.0, 0.0])
+    near, far = fitted(name, scan), fitted(name, replace(scan, poses=scan.poses + base))
+    readings, hidden, poses = sequence(scan, "A")
+    seen = compose(base, poses)
+    answer = estimates(far, readings, seen)[-1]
+    assert answer.label == "A" == estimates(near, readings, poses)[-1].label
+    assert_allclose(
+        compose(answer.robot_in_object, seen)[:, :2], (compose(hidden, poses) + base)[:, :2], atol=3.0
+    )
+
+
+def test_near_and_far_sequences_do_not_disturb_each_other(scan):
+    estimator = fitted("refined", scan)
+    readings, _, poses = sequence(scan, "E")
+    far = compose(FAR[3], poses)
+    before = estimates(estimator, readings, poses), estimates(estimator, readings, far)
+    after = estimates(estimator, readings, poses), estimates(estimator, readings, far)
+    for one, other in zip(before, after, strict=True):
+        for first, second in zip(one, other, strict=True):
+            assert first.probabilities == second.probabilities
+            assert (first.robot_in_object == second.robot_in_object).all()
+
+
+@pytest.mark.parametrize("name", ["particle", "tempered"])
+def test_random_numbers_are_the_same_after_a_near_and_after_a_far_sequence(scan, name):
+    estimator = create(name, particles=300)
+    estimator.fit(scan)
+    readings, _, poses = sequence(scan, "E")
+    far = compose(FAR[1], poses)
+    first = estimates(estimator, readings, far)
+    again = estimates(estimator, readings, far)
+    estimates(estimator, readings, poses)
+    for answers in (again, estimates(estimator, readings, far)):
+        assert [one.probabilities for one in answers] == [one.probabilities for one in first]
+
+
+def test_a_fit_to_the_pad_sees_no_far_pose(scan):
+    imported = replace(scan, meta={**scan.meta, "source": "imported"})
+    near = fitted("refined", imported)
+    far = fitted("refined", replace(imported, poses=imported.poses + FAR[2]))
+    assert near.pad_fit is not None
+    assert far.pad_fit == near.pad_fit
+    readings, _, poses = sequence(scan, "A")
+    assert_same_touches(
+        estimates(near, readings, poses), poses, estimates(far, readings, poses), poses, FAR[2][:2]
+    )
+
+
+def test_maps_planes_and_samples_are_in_the_frame_of_the_user(scan):
+    near, far = fitted("histogram", scan), fitted("histogram", replace(scan, poses=scan.poses + FAR[0]))
+    readings, _, poses = sequence(scan, "A")
+    one, other = (estimates(estimator, readings, poses)[-1] for estimator in (near, far))
+    assert_allclose(other.samples.poses - FAR[0], one.samples.poses, atol=1e-6)
+    for label, chart in near.maps.items():
+        assert_allclose(far.maps[label].origin - FAR[0][:2], chart.origin, atol=1e-9)
+        assert_allclose(far.maps[label].log_odds, chart.log_odds, atol=1e-9)
+    plane, there = near.belief_over_plane(), far.belief_over_plane()
+    assert_allclose(there.x - FAR[0][0], plane.x, atol=1e-9)
+    assert_allclose(there.probability, plane.probability, atol=1e-6)
+
+
+def test_proposals_do_not_depend_on_where_a_far_base_stands(scan):
+    estimator = fitted("refined", scan)
+    readings, _, poses = sequence(scan, "A")
+    chosen = set()
+    for base in FAR[:3]:
+        estimator.reset(np.random.default_rng(0))
+        candidates = compose(base, poses)
+        estimator.update(readings[0], candidates[0])
+        chosen.add(int(estimator.propose(candidates[1:])))
+    assert len(chosen) == 1
+
+
+@given(x=st.floats(-7000, 7000), y=st.floats(-7000, 7000))
+def test_a_scan_that_lies_anywhere_gives_the_same_trials(scan, x, y):
+    scores = []
+    for away in (NEAR, np.array([x, y, 0.0])):
+        run = tactsim.run(
+            scan=replace(scan, poses=scan.poses + away), estimator="nearest", trials=2, readings=3
+        )
+        scores.append(run)
+    one, other = scores
+    assert (one.trials.label == other.trials.label).all()
+    assert_allclose(other.trials.pose, one.trials.pose, atol=2e-6)
+    assert_allclose(other.error_mm, one.error_mm, atol=2e-6)
