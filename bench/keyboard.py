@@ -5,8 +5,6 @@ from __future__ import annotations
 import os
 import select
 import sys
-import termios
-import tty
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 
@@ -15,6 +13,15 @@ from contextlib import contextmanager, suppress
 def keys() -> Iterator[Callable[[], list[str]]]:
     """Give a function that returns the keys typed since its last call; none if standard input is no terminal."""
     if not sys.stdin.isatty():
+        yield lambda: []
+        return
+    if sys.platform == "win32":
+        yield _typed_on_windows
+        return
+    try:
+        import termios
+        import tty
+    except ImportError:  # a Python without terminals
         yield lambda: []
         return
     settings = termios.tcgetattr(sys.stdin)
@@ -36,4 +43,14 @@ def _typed() -> list[str]:
         if not key:  # the terminal is gone
             return [*typed, "q"]
         typed.append(key.decode(errors="replace").lower())
+    return typed
+
+
+def _typed_on_windows() -> list[str]:
+    typed: list[str] = []
+    if sys.platform == "win32":
+        import msvcrt
+
+        while msvcrt.kbhit():
+            typed.append(msvcrt.getwch().lower())
     return typed

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import platform
-import resource
 import sys
 from functools import cache
 from importlib.metadata import version
@@ -33,7 +32,11 @@ def cores() -> int:
 
 
 def peak_memory_mb() -> float:
-    """Return the largest resident size that this process has had, in MB."""
+    """Return the largest resident size that this process has had, in MB; 0 where the system does not say (Windows)."""
+    try:
+        import resource
+    except ImportError:
+        return 0.0
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     return peak / (1e6 if sys.platform == "darwin" else 1e3)
 

@@ -10,7 +10,7 @@ from tempfile import TemporaryFile
 
 from tactsim.bench.console import plain_console
 from tactsim.core import InputError
-from tactsim.core.files import opened
+from tactsim.core.files import KeptBeside, opened
 
 RESULTS = Path("results")
 RUNS = RESULTS / "runs"
@@ -58,24 +58,16 @@ def _new_place(name: str) -> Path:
 
 
 def save_beside(save: Callable[[Path], Path], folder: Path) -> Path:
-    """Save a new folder as `folder`, or, if something took that name since it was checked, as folder-2, and say so.
+    """Save a new folder as `folder`, or, if it cannot be put there, beside it, and say so.
 
     save: writes a new folder whole or not at all, and returns its path. Returns the path that was written. Raises
-    InputError as `save` does for a reason other than the name.
+    InputError as `save` does where it could not be written.
     """
-    place, number = folder, 1
-    while True:
-        try:
-            saved = save(place)
-        except InputError:
-            if not (place.is_file() or (place.is_dir() and any(place.iterdir()))):
-                raise
-        else:
-            if place != folder:
-                plain_console(stderr=True).print(f"{folder} was taken meanwhile; the results are in {place}")
-            return saved
-        number += 1
-        place = folder.with_name(f"{folder.name}-{number}")
+    try:
+        return save(folder)
+    except KeptBeside as kept:
+        plain_console(stderr=True).print(str(kept))
+        return kept.place
 
 
 def try_to_save(save: Callable[[], Path]) -> tuple[Path | None, InputError | None]:
@@ -85,6 +77,8 @@ def try_to_save(save: Callable[[], Path]) -> tuple[Path | None, InputError | Non
     """
     try:
         return save(), None
+    except KeptBeside as kept:
+        return kept.place, kept
     except InputError as error:
         failure = InputError(f"{error}; the results are in no file, only in what was printed")
         failure.__cause__ = error

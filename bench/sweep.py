@@ -11,7 +11,6 @@ mixes results of different source code.
 
 from __future__ import annotations
 
-import fcntl
 import hashlib
 import itertools
 import json
@@ -49,7 +48,7 @@ from tactsim.bench.trials import (
 from tactsim.core import InputError
 from tactsim.core.documents import LARGE, parse_json, parse_toml, read_toml
 from tactsim.core.errors import unknown
-from tactsim.core.files import new_folder, read_bytes, replacing, write_text
+from tactsim.core.files import lock, new_folder, read_bytes, replacing, write_text
 from tactsim.core.npz import read_npz
 from tactsim.core.workers import worker_processes
 from tactsim.estimators import create
@@ -493,7 +492,7 @@ def _locked(folder: Path) -> Iterator[None]:
         ) from error
     try:
         try:
-            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            lock(descriptor)
         except OSError:
             raise InputError(
                 f"{folder}: another sweep is at work there; wait for it or name another folder with --out"

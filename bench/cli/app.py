@@ -162,7 +162,12 @@ def run_app() -> NoReturn:
 
 
 def _nobody_reads() -> bool:
-    """Tell whether standard output or standard error is a pipe that nobody reads any more."""
+    """Tell whether standard output or standard error is a pipe that nobody reads any more.
+
+    Windows does not say; an error of a broken pipe is taken for theirs there.
+    """
+    if not hasattr(select, "poll"):
+        return True
     watched = select.poll()
     for stream in (sys.stdout, sys.stderr):
         with suppress(OSError, ValueError):  # it is no file, or closed

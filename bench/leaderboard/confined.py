@@ -19,6 +19,7 @@ from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from importlib.util import find_spec
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from threading import Thread
@@ -261,8 +262,14 @@ def module_of(name: str) -> str:
 def confined(name: str, options: Mapping[str, Any], limits: Limits) -> Iterator[Confined]:
     """Start a process with the estimator of that name; the process ends with the block.
 
-    Raises InputError for an unknown name or a wrong option, and NoScore if the process fails.
+    Raises InputError for an unknown name or a wrong option, and on a system without the limits of POSIX, as Windows.
+    Raises NoScore if the process fails.
     """
+    if find_spec("resource") is None:
+        raise InputError(
+            f"{name} is a plug-in, and this system cannot confine one: its limits are those of Linux and macOS; "
+            "submit and verify there"
+        )
     with TemporaryDirectory(prefix="tactsim-") as folder:
         ours, theirs = socket.socketpair()
         with ours:

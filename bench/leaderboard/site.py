@@ -23,7 +23,7 @@ from tactsim.bench.leaderboard.time_picture import time_picture
 from tactsim.bench.places import check_new_folder
 from tactsim.bench.whole_page import whole_page
 from tactsim.core.errors import counted
-from tactsim.core.files import new_folder, write_bytes, write_text
+from tactsim.core.files import KeptBeside, new_folder, write_bytes, write_text
 
 Key = TypeVar("Key")
 _ASSETS = "leaderboard/assets/"
@@ -43,14 +43,21 @@ def write_site(folder: Folder, out: Path) -> None:
     Raises InputError as `check_out` does, or if `out` cannot be written.
     """
     check_out(out)
+    if not out.exists() or not any(out.iterdir()):
+        with new_folder(out) as inside:
+            _write(folder, inside)
+        return
+    out = out.resolve()  # of a link, or the working folder, it has a name
     made, before = (out.with_name(f".{out.name}.{word}") for word in ("new", "before"))
     for left in (made, before):  # by one that was killed
         shutil.rmtree(left, ignore_errors=True)
     with new_folder(made) as inside:
         _write(folder, inside)
-    if out.exists():
+    try:
         out.rename(before)
-    made.rename(out)
+        made.rename(out)
+    except OSError as error:
+        raise KeptBeside(out, error, made) from error
     shutil.rmtree(before, ignore_errors=True)
 
 

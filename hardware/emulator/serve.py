@@ -6,7 +6,6 @@ import os
 import select
 import socket
 import time
-import tty
 from collections.abc import Callable
 from pathlib import Path
 from threading import Event
@@ -54,7 +53,7 @@ def serve_pty(
 
     link: a symbolic link to the pty. When a fault cuts the line it is gone until another pty takes over: the system may
     give the old one's name to any other program.
-    Raises InputError if `link` exists and is no symbolic link, or cannot be made.
+    Raises InputError if `link` exists and is no symbolic link, or cannot be made, and where there are no ptys.
     """
     if link is not None and link.exists() and not link.is_symlink():
         raise InputError(f"{link} exists and is no link; name another place for the pty")
@@ -108,6 +107,7 @@ class _PtyLine:
     """The device's end of a pty."""
 
     def __init__(self, master: int) -> None:
+        os.set_blocking(master, False)
         self.fileno = master
 
     def connected(self) -> bool:
@@ -163,7 +163,6 @@ def _talk(
     stop: Event,
 ) -> None:
     """Let the device hear and speak until the host is gone, a fault cuts the line, or `stop`."""
-    os.set_blocking(line.fileno, False)
     pending = b""  # the rest of a frame that the host was too slow for
     cut_at = clock.now() + faults.disconnect if faults.disconnect else float("inf")
     while not stop.is_set():
@@ -203,7 +202,11 @@ def _write(line: _PtyLine | _TcpLine, data: bytes) -> bytes:
 
 
 def _open_pty() -> tuple[int, str]:
-    """Open a pty that passes bytes on as they are."""
+    """Open a pty that passes bytes on as they are. Raises InputError on a system that has none, as Windows."""
+    try:
+        import tty
+    except ImportError:
+        raise InputError("this system has no ptys; serve on a TCP port: --port tcp") from None
     master, slave = os.openpty()
     tty.setraw(slave)
     name = os.ttyname(slave)

@@ -41,6 +41,10 @@ def temporary_folder() -> Path | None:
     Compiled code is read from it, so nobody else may be able to put something there.
     """
     try:
+        if not hasattr(os, "getuid"):  # Windows has a folder of temporary files for each user
+            folder = Path(tempfile.gettempdir()) / "tactsim"
+            folder.mkdir(exist_ok=True)
+            return folder
         folder = Path(tempfile.gettempdir()) / f"tactsim-{os.getuid()}"
         folder.mkdir(mode=0o700, exist_ok=True)
         found = folder.lstat()

@@ -6,6 +6,7 @@ import errno
 import os
 import shutil
 import stat
+import sys
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -22,6 +23,16 @@ _IN_THE_WAY = {
     errno.EISDIR: "it is a folder; name a file in it",
     errno.ENOTDIR: "a file is in the way; name another folder",
 }
+
+
+class KeptBeside(InputError):
+    """A folder that was written whole and could not be put in its place. place: where it is."""
+
+    def __init__(self, target: Path, error: OSError, place: Path) -> None:
+        taken = error.errno in _IN_THE_WAY
+        why = "was taken meanwhile" if taken else f"cannot be replaced ({error.strerror or error})"
+        super().__init__(f"{target} {why}; the results are in {place}")
+        self.place = place
 
 
 @contextmanager
@@ -57,18 +68,32 @@ def replacing(path: str | Path) -> Iterator[IO[bytes]]:
 def new_folder(path: str | Path) -> Iterator[Path]:
     """Give a temporary folder to fill; it becomes `path` when all went well and vanishes otherwise.
 
-    `path` must not exist yet or be an empty folder. Raises InputError if it cannot be written.
+    `path` must not exist yet or be an empty folder. One that cannot be replaced, such as the working folder, a mounted
+    one or a link to one, gets what was filled. Raises InputError if it cannot be written, and KeptBeside if all was
+    written and cannot be put in its place: then it stays beside it.
     """
     target = Path(path)
     temporary: Path | None = None
     try:
-        target.parent.mkdir(parents=True, exist_ok=True)
-        temporary = Path(tempfile.mkdtemp(prefix=f".{target.name}.", suffix=".part", dir=target.parent))
+        stays = _stays(target)
+        if not stays:
+            target.parent.mkdir(parents=True, exist_ok=True)
+        room = target if stays else target.parent
+        temporary = Path(tempfile.mkdtemp(prefix=f".{target.name}.", suffix=".part", dir=room))
         yield temporary
         temporary.chmod(0o777 & ~_umask())
-        temporary.replace(target)
+        try:
+            if stays:
+                _move_up(temporary, target)
+            else:
+                temporary.replace(target)
+        except OSError as error:
+            kept, temporary = _kept_beside(temporary, target), None
+            raise KeptBeside(target, error, kept) from error
     except OSError as error:
         raise _unwritable(target, error) from error
+    except KeptBeside:
+        raise
     except InputError as error:  # of a file in it, by the name that the user knows
         raise InputError(str(error).replace(str(temporary), str(target))) from error
     finally:
@@ -84,7 +109,8 @@ def write_bytes(path: str | Path, content: bytes) -> None:
 
 def write_text(path: str | Path, content: str) -> None:
     """Replace the file at `path` by UTF-8 `content`, whole or not at all. Raises InputError."""
-    write_bytes(path, content.encode("utf-8"))
+    # Names of files need not be text: what stands for their other bytes is no UTF-8, and is written as an escape.
+    write_bytes(path, content.encode("utf-8", "backslashreplace"))
 
 
 def open_regular(path: str | Path) -> BufferedReader:
@@ -92,9 +118,11 @@ def open_regular(path: str | Path) -> BufferedReader:
 
     Raises InputError if `path` is not a regular file or cannot be opened. The message does not name the path.
     """
-    # Without O_NONBLOCK, opening a pipe that nobody writes to would wait for ever.
+    # Without O_NONBLOCK, opening a pipe that nobody writes to would wait for ever. Windows has no such pipes, and reads
+    # text unless it is told otherwise.
+    flags = getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
     try:
-        descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK)
+        descriptor = os.open(path, os.O_RDONLY | flags)
     except OSError as error:
         raise InputError(error.strerror or str(error)) from error
     except ValueError as error:  # the path holds a NUL character
@@ -125,6 +153,63 @@ def read_bytes(path: str | Path, most: int) -> bytes:
             if size > most:
                 raise InputError(f"it is larger than {most:,} bytes")
     return b"".join(pieces)
+
+
+def lock(descriptor: int) -> None:
+    """Keep an open file for this process alone, until it is closed; a system that locks no files does without.
+
+    Raises OSError if another process has it.
+    """
+    if sys.platform == "win32":
+        import msvcrt
+
+        msvcrt.locking(descriptor, msvcrt.LK_NBLCK, 1)
+        return
+    try:
+        import fcntl
+    except ImportError:
+        return
+    fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+
+
+def _stays(folder: Path) -> bool:
+    """Tell whether an existing folder is to be filled where it is: nothing can be renamed to it, or should be."""
+    if not folder.is_dir():
+        return False
+    with suppress(OSError):
+        if folder.samefile(Path.cwd()):
+            return True
+    fixed = folder.is_symlink() or os.path.ismount(folder) or sys.platform == "win32"
+    return fixed or not os.access(folder.absolute().parent, os.W_OK)
+
+
+def _move_up(filled: Path, target: Path) -> None:
+    """Move all that a folder in `target` holds into `target`, or nothing. Raises OSError."""
+    if any(entry != filled for entry in target.iterdir()):
+        raise OSError(errno.ENOTEMPTY, os.strerror(errno.ENOTEMPTY))
+    moved: list[str] = []
+    try:
+        for name in sorted(entry.name for entry in filled.iterdir()):
+            (filled / name).rename(target / name)
+            moved.append(name)
+        filled.rmdir()
+    except OSError:
+        for name in moved:
+            (target / name).rename(filled / name)
+        raise
+
+
+def _kept_beside(filled: Path, target: Path) -> Path:
+    """Rename a filled folder to a new name beside `target`, if that can be done; returns where it is."""
+    whole, number = target if target.name not in ("", "..") else target.resolve(), 2
+    beside = whole.with_name(f"{whole.name}-{number}")
+    while os.path.lexists(beside):
+        number += 1
+        beside = whole.with_name(f"{whole.name}-{number}")
+    try:
+        return filled.rename(beside)
+    except OSError:
+        return filled
 
 
 def _unwritable(target: Path, error: OSError) -> InputError:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import resource
 from pathlib import Path
 
 from tactsim.core.errors import InputError
@@ -45,6 +44,10 @@ def _of_group() -> float:
 
 
 def _of_limit() -> float:
+    try:
+        import resource
+    except ImportError:  # Windows knows no such limit
+        return float("inf")
     most = resource.getrlimit(resource.RLIMIT_AS)[0]
     pages = _text(Path("/proc/self/statm")).split()
     if most == resource.RLIM_INFINITY or not pages:

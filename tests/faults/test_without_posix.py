@@ -1,0 +1,136 @@
+"""Nothing refuses to start where Python lacks what only POSIX has, as on Windows.
+
+The verbs run in processes in which these modules cannot be imported by this package. What Python's own library and
+other packages do with them on this system is theirs, and they do without on Windows.
+"""
+
+import json
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from tactsim.core import Scan
+
+HIDDEN = """
+import builtins, os, select, signal, sys
+
+MODULES = {"fcntl", "resource", "termios", "tty", "pty", "grp", "pwd"}
+plain = builtins.__import__
+
+
+def hiding(name, globals=None, locals=None, fromlist=(), level=0):
+    asking = (globals or {}).get("__name__", "")
+    if name in MODULES and (asking.partition(".")[0] == "tactsim" or asking == "__main__"):
+        raise ImportError(f"no module named {name} on this system")
+    return plain(name, globals, locals, fromlist, level)
+
+
+builtins.__import__ = hiding
+"""
+# Where other packages are loaded already: attributes that Windows lacks.
+WITHOUT = """
+import os, select, signal, sys
+
+from tactsim.bench.cli import main
+
+for module, names in ((select, ["poll"]), (os, ["getuid", "sched_getaffinity", "O_NONBLOCK", "openpty"])):
+    for name in names:
+        if hasattr(module, name):
+            delattr(module, name)
+sys.argv[0] = "bench"
+main()
+"""
+
+
+@pytest.fixture(scope="module")
+def elsewhere(tmp_path_factory):
+    """Give what calls `bench` in a folder, as on a system without POSIX."""
+    folder = tmp_path_factory.mktemp("elsewhere")
+    (folder / "hidden").mkdir()
+    (folder / "hidden" / "sitecustomize.py").write_text(HIDDEN)
+    paths = [str(folder / "hidden"), *filter(None, [os.environ.get("PYTHONPATH")])]
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(paths), "COLUMNS": "120", "NO_COLOR": "1"}
+
+    def call(*words):
+        result = subprocess.run(
+            [sys.executable, "-c", WITHOUT, *map(str, words)],
+            cwd=folder,
+            env=environment,
+            text=True,
+            stdin=subprocess.DEVNULL,
+            capture_output=True,
+            timeout=240,
+            check=False,
+        )
+        assert "Traceback" not in result.stderr, result.stderr
+        return result
+
+    call.folder = folder
+    return call
+
+
+@pytest.fixture(scope="module")
+def scan(elsewhere):
+    made = elsewhere("scan", "--letters", "IO", "--out", "scan.npz")
+    assert made.returncode == 0, made.stderr
+    return "scan.npz"
+
+
+SMALL = ("--estimator", "histogram", "--bins", "100", "--trials", "2", "--readings", "3")
+
+
+def test_the_modules_are_hidden(elsewhere):
+    result = elsewhere("emulate", "--port", "pty")
+    assert result.returncode == 2
+    assert "no ptys" in result.stderr
+    assert "--port tcp" in result.stderr
+
+
+@pytest.mark.parametrize("words", [("--help",), ("--version",), ("list",), ("devices",)])
+def test_what_only_says_something(elsewhere, words):
+    result = elsewhere(*words)
+    assert result.returncode == 0, result.stderr
+    assert result.stdout
+
+
+def test_a_run_and_its_report(elsewhere, scan):
+    result = elsewhere("run", "--scan", scan, *SMALL, "--out", "run", "--json")
+    assert result.returncode == 0, result.stderr
+    assert json.loads(result.stdout)["letters"] == ["I", "O"]
+    for words in (("report", "run", "--out", "page.html"), ("compare", "run", "run")):
+        result = elsewhere(*words)
+        assert result.returncode == 0, result.stderr
+    assert (elsewhere.folder / "page.html").is_file()
+
+
+def test_a_run_in_worker_processes(elsewhere, scan):
+    result = elsewhere("run", "--scan", scan, *SMALL, "--jobs", "2", "--out", "run-2")
+    assert result.returncode == 0, result.stderr
+
+
+def test_a_sweep(elsewhere, scan):
+    (elsewhere.folder / "s.toml").write_text(
+        f'[defaults]\nscan = "{scan}"\ntrials = 2\nreadings = 2\n[[run]]\nestimator = "histogram"\nbins = 100\n'
+    )
+    result = elsewhere("sweep", "s.toml", "--out", "sweep")
+    assert result.returncode == 0, result.stderr
+
+
+def test_an_import(elsewhere, scan):
+    known = Scan.load(elsewhere.folder / scan)
+    arrays = {name: getattr(known, name) for name in ("readings", "poses", "labels", "split")}
+    np.savez(elsewhere.folder / "arrays.npz", **arrays)
+    (elsewhere.folder / "pad.toml").write_text("rows = 6\ncolumns = 6\n")
+    result = elsewhere("import", "arrays.npz", "--pad", "pad.toml", "--unit", "kPa", "--out", "imported.npz")
+    assert result.returncode == 0, result.stderr
+    assert len(Scan.load(elsewhere.folder / "imported.npz")) == len(known)
+
+
+def test_a_recording_and_its_replay(elsewhere):
+    result = elsewhere("record", "--port", "simulated:A@0,0,0", "--seconds", "0.5", "--out", "a.tactrec")
+    assert result.returncode == 0, result.stderr
+    result = elsewhere("replay", "a.tactrec")
+    assert result.returncode == 0, result.stderr
