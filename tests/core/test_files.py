@@ -78,12 +78,14 @@ def test_what_fails_while_a_folder_is_filled_leaves_nothing(tmp_path, monkeypatc
 def test_a_folder_whose_name_is_taken_meanwhile_is_kept_beside_it(tmp_path, what):
     out = tmp_path / "out"
     (tmp_path / "out-2").mkdir()
-    with pytest.raises(KeptBeside, match=r"out was taken meanwhile; the results are in .*out-3") as caught:
-        with new_folder(out) as folder:
-            (folder / "a.txt").write_text("a")
-            if what == "folder":
-                out.mkdir()
-            (out / "other" if what == "folder" else out).write_text("another's")
+    with (
+        pytest.raises(KeptBeside, match=r"out was taken meanwhile; the results are in .*out-3") as caught,
+        new_folder(out) as folder,
+    ):
+        (folder / "a.txt").write_text("a")
+        if what == "folder":
+            out.mkdir()
+        (out / "other" if what == "folder" else out).write_text("another's")
     assert caught.value.place == tmp_path / "out-3"
     assert names(tmp_path / "out-3") == ["a.txt"]
     assert (out / "other" if what == "folder" else out).read_text() == "another's"
