@@ -15,14 +15,15 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
+import numpy as np
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 from pydantic.fields import FieldInfo
 
-from tactsim.bench.slip import SLIPS, Slip
-from tactsim.core import InputError
+from tactsim.core import InputError, invert
 from tactsim.core.checking import checked
 from tactsim.core.documents import read_toml
 from tactsim.core.errors import unknown
+from tactsim.core.poses import FloatArray
 
 if TYPE_CHECKING:
     from tactsim.press import ScanOptions
@@ -160,6 +161,67 @@ def _held_out(words: Any) -> Any:
     return (EACH,) if words in (EACH, [EACH]) else _names(words)
 
 
+class Slip(BaseModel):
+    """How far the object moves between two touches, about its own origin; by default it lies still."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    walk_mm: float = Field(
+        0.0, ge=0, le=100, description="mm, standard deviation of a random step in x and in y"
+    )
+    walk_rad: float = Field(0.0, ge=0, le=3.2, description="rad, standard deviation of a random turn")
+    jump_mm: float = Field(
+        0.0, ge=0, le=1000, description="mm, one jump in a random direction before a random touch"
+    )
+    jump_rad: float = Field(
+        0.0, ge=0, le=3.2, description="rad, by which the jump turns the object either way"
+    )
+    drift_mm: float = Field(
+        0.0, ge=0, le=100, description="mm at each touch, in a direction that is random but stays"
+    )
+    drift_rad: float = Field(0.0, ge=0, le=3.2, description="rad at each touch, either way")
+
+    @property
+    def still(self) -> bool:
+        """Tell whether the object does not move at all."""
+        return not any(self.model_dump().values())
+
+    def describe(self) -> str:
+        """Say in a few words how the object moves."""
+        parts = []
+        for name in ("walk", "jump", "drift"):
+            mm, rad = getattr(self, f"{name}_mm"), getattr(self, f"{name}_rad")
+            sizes = [f"{size:g} {unit}" for size, unit in ((mm, "mm"), (rad, "rad")) if size]
+            if sizes:
+                parts.append(f"{name} {' '.join(sizes)}")
+        return ", ".join(parts)
+
+    def poses(self, first: FloatArray, readings: int, rng: np.random.Generator) -> FloatArray:
+        """Draw robot_in_object at each of `readings` touches (readings, 3), from the first (3,) on.
+
+        The object's place and angle in the robot's frame get independent steps, so a turn is about the object's
+        origin. As many random numbers are drawn whatever moves: worlds with one seed differ in size alone.
+        """
+        steps = rng.standard_normal((readings, 3)) * [self.walk_mm, self.walk_mm, self.walk_rad]
+        steps[0] = 0
+        drift, jump = rng.uniform(-np.pi, np.pi, 2)
+        turns = rng.choice([-1.0, 1.0], 2)
+        steps[1:] += [self.drift_mm * np.cos(drift), self.drift_mm * np.sin(drift), self.drift_rad * turns[0]]
+        touch = rng.integers(1, max(readings, 2))
+        if readings > 1:
+            steps[touch] += [
+                self.jump_mm * np.cos(jump),
+                self.jump_mm * np.sin(jump),
+                self.jump_rad * turns[1],
+            ]
+        return invert(invert(first) + steps.cumsum(axis=0))
+
+
+STILL = Slip()
+# Worlds in which the object moves. Its readings are those of the default world.
+SLIPS: dict[str, dict[str, Any]] = {"slip": {"slip": {"walk_mm": 0.5, "walk_rad": 0.03}}}
+
+
 class ScanWords(BaseModel):
     """What is pressed: the long options of `bench scan`."""
 
@@ -277,26 +339,19 @@ class RunConfig(ScanWords):
         return {**words, "letters": words["letters"].replace(",", " ").split()}
 
     @model_validator(mode="after")
-    def _no_press_options_without_a_press(self) -> RunConfig:
-        if self.pressed:
-            return self
-        for name in ("shapes", "test_poses", "world", "noise", "scan_set"):
-            if getattr(self, name) != RunConfig.model_fields[name].default:
+    def _options_fit_together(self) -> RunConfig:
+        if not self.pressed:
+            place = self.scan or self.presses
+            whence = f"come from {place}" if place else "are given"
+            for name in ("shapes", "test_poses", "world", "noise", "scan_set"):
+                if getattr(self, name) != RunConfig.model_fields[name].default:
+                    raise ValueError(
+                        f"{name} says how letters are pressed, but the readings {whence}; leave it out"
+                    )
+            if self.explore == "blind":
                 raise ValueError(
-                    f"{name} says how letters are pressed, but the readings {self._whence}; leave it out"
+                    f"explore=blind presses on demand, but the readings {whence}; give random or information"
                 )
-        return self
-
-    @model_validator(mode="after")
-    def _blind_touches_need_a_press(self) -> RunConfig:
-        if self.explore == "blind" and not self.pressed:
-            raise ValueError(
-                f"explore=blind presses on demand, but the readings {self._whence}; give random or information"
-            )
-        return self
-
-    @model_validator(mode="after")
-    def _measured_presses_only_test(self) -> RunConfig:
         if self.presses is not None and (self.scan is not None or self.given is not None):
             raise ValueError("presses and scan both say what is tested; leave one out")
         if self.presses is not None and self.train_scan is None:
@@ -304,10 +359,6 @@ class RunConfig(ScanWords):
                 "presses of a pad are for testing; name what is trained on with --train-scan (in Python train_scan), "
                 "a file of `bench record` or `bench scan`"
             )
-        return self
-
-    @model_validator(mode="after")
-    def _an_option_is_said_once(self) -> RunConfig:
         for name in ("bins", "particles"):
             if name in self.set and getattr(self, name) is not None:
                 raise ValueError(f"{name} is given by itself and in set; leave one out")
@@ -317,11 +368,6 @@ class RunConfig(ScanWords):
     def pressed(self) -> bool:
         """Tell whether the readings are pressed for this run."""
         return self.scan is None and self.given is None and self.presses is None
-
-    @property
-    def _whence(self) -> str:
-        place = self.scan or self.presses
-        return f"come from {place}" if place else "are given"
 
     @property
     def on_demand(self) -> bool:

@@ -10,7 +10,6 @@ from time import perf_counter
 from typing import Any
 
 from tactsim.bench.config import RunConfig, chosen_letters
-from tactsim.bench.estimator_facts import about_estimator
 from tactsim.bench.machine import machine, peak_memory_mb, versions
 from tactsim.bench.placement import load_scan, properties, stated_properties
 from tactsim.bench.results import Run
@@ -39,7 +38,7 @@ from tactsim.core.scan import train_on
 from tactsim.core.source_digest import git_commit
 from tactsim.core.workers import worker_processes
 from tactsim.estimators import Estimator, Options, create
-from tactsim.estimators.estimator import name_of, proposes_none
+from tactsim.estimators.estimator import about_estimator, name_of, proposes_none
 from tactsim.estimators.likelihoods.occupancy import maps_of
 from tactsim.estimators.options import FilterOptions
 from tactsim.press import forward_model, scan_letters

@@ -11,8 +11,7 @@ from tactsim import models
 from tactsim.core import Scan
 from tactsim.core.poses import transform, wrap_angle
 from tactsim.estimators import Options
-from tactsim.estimators.likelihoods.classifier import CONTACT, NO_CONTACT, classify
-from tactsim.estimators.likelihoods.scale import threshold_of
+from tactsim.estimators.likelihoods.classifier import CONTACT, NO_CONTACT, classify, threshold_of
 from tactsim.press.clip import covers
 
 

@@ -31,7 +31,6 @@ import numpy as np
 
 from tactsim.bench import results
 from tactsim.bench.config import RunConfig, run_config
-from tactsim.bench.estimator_facts import budget_of, flatten_work, unflatten_work
 from tactsim.bench.experiment import Gathered, check_estimator, check_presses, finished_run, gather, plan_of
 from tactsim.bench.machine import versions
 from tactsim.bench.results import Run, sweep_order
@@ -52,6 +51,7 @@ from tactsim.core.files import lock, new_folder, read_bytes, replacing, write_te
 from tactsim.core.npz import read_npz
 from tactsim.core.workers import worker_processes
 from tactsim.estimators import create
+from tactsim.estimators.estimator import budget_of, flatten_work, unflatten_work
 
 
 def read(source: str) -> tuple[str, list[RunConfig]]:

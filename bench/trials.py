@@ -20,18 +20,17 @@ from typing import TYPE_CHECKING, Any, Literal, Protocol, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from tactsim.bench.estimator_facts import flatten_work, unflatten_work
+from tactsim.bench.config import STILL, Slip
 from tactsim.bench.placement import Properties, certainty, properties
-from tactsim.bench.slip import STILL, Slip
 from tactsim.core import InputError, Scan, compose, invert
 from tactsim.core.errors import short
 from tactsim.core.forward import ForwardModel
-from tactsim.core.lengths import OFFSET, offsets
+from tactsim.core.pad import OFFSET, offsets
 from tactsim.core.poses import FloatArray
 from tactsim.core.source_digest import source_digest
 from tactsim.core.workers import batches, wait_for
 from tactsim.estimators import NONE, Estimate, Estimator, create
-from tactsim.estimators.estimator import check_estimate, name_of, no_exit
+from tactsim.estimators.estimator import check_estimate, flatten_work, name_of, no_exit, unflatten_work
 from tactsim.estimators.options import FilterOptions, wants_pad_fit
 from tactsim.estimators.registry import load
 

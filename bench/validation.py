@@ -18,8 +18,7 @@ from tactsim.core import Scan
 from tactsim.core.checking import checked
 from tactsim.core.poses import FloatArray
 from tactsim.estimators import create
-from tactsim.estimators.likelihoods.classifier import classify
-from tactsim.estimators.likelihoods.scale import threshold_of
+from tactsim.estimators.likelihoods.classifier import classify, threshold_of
 from tactsim.hardware.gain_fit import best_gain
 from tactsim.hardware.sensor_fit import SensorFit, fit_sensor
 from tactsim.hardware.taxel_error import TaxelError, class_agreement, taxel_error

@@ -7,8 +7,8 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from tactsim.core import Scan
-from tactsim.core.lengths import OFFSET, offsets
 from tactsim.core.moments import MOST
+from tactsim.core.pad import OFFSET, offsets
 from tactsim.core.poses import FloatArray
 from tactsim.core.provenance import statements
 from tactsim.estimators.estimator import Options

@@ -20,9 +20,10 @@ from numpy.typing import ArrayLike
 
 from tactsim.core import Scan
 from tactsim.core.idle import Idle, find_idle
-from tactsim.core.lengths import pitch
+from tactsim.core.pad import pitch
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.estimator import Estimate, PlaneBelief, PoseSamples
+from tactsim.estimators.likelihoods.classifier import lehmer_mean
 from tactsim.estimators.likelihoods.contact_information import (
     class_information,
     pressure_information,
@@ -30,7 +31,6 @@ from tactsim.estimators.likelihoods.contact_information import (
 )
 from tactsim.estimators.likelihoods.folds import can_leave_out
 from tactsim.estimators.likelihoods.occupancy import OccupancyMap
-from tactsim.estimators.likelihoods.scale import lehmer_mean
 from tactsim.estimators.options import FilterOptions, OpenSetOptions
 
 _PITCH = 1.9  # mm, of the paper's pad by `lengths.pitch`

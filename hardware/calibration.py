@@ -15,8 +15,7 @@ from tactsim.core.checking import checked
 from tactsim.core.documents import read_toml
 from tactsim.core.errors import InputError
 from tactsim.core.files import write_bytes
-from tactsim.core.lengths import pitch
-from tactsim.core.pad import Pad
+from tactsim.core.pad import Pad, pitch
 from tactsim.core.poses import FloatArray
 from tactsim.core.reading import Reading
 from tactsim.hardware.codecs.codec import STRICT

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from tactsim.bench.bound.cramer_rao import MOST_MM
 from tactsim.bench.bound.response import is_quick
 from tactsim.bench.bound.scan_information import pressed_letters, scan_information, stated_options
+from tactsim.bench.config import Slip
 from tactsim.bench.placement import Properties
 from tactsim.bench.score import errors
-from tactsim.bench.slip import Slip
 from tactsim.bench.trials import Trials
 from tactsim.core.errors import InputError
 from tactsim.core.poses import FloatArray, invert

@@ -17,7 +17,7 @@ from tactsim.bench.bound.scan_information import pressed_letters, stated_options
 from tactsim.bench.placement import Properties, fold_angle, properties
 from tactsim.core.errors import InputError
 from tactsim.core.forward import ForwardModel
-from tactsim.core.lengths import offsets
+from tactsim.core.pad import offsets
 from tactsim.core.poses import FloatArray, compose, invert
 from tactsim.core.scan import Scan
 from tactsim.estimators import Estimate, Estimator, Options

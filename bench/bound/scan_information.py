@@ -14,8 +14,8 @@ import numpy as np
 from tactsim.bench.bound.cramer_rao import bound_mm, walked
 from tactsim.bench.bound.pose_information import of_classes, of_pressures
 from tactsim.bench.bound.response import noise_variance, respond
+from tactsim.bench.config import STILL, Slip
 from tactsim.bench.placement import Properties, properties
-from tactsim.bench.slip import STILL, Slip
 from tactsim.bench.trials import Trials
 from tactsim.core.checking import checked
 from tactsim.core.errors import InputError

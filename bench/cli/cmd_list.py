@@ -117,7 +117,7 @@ def _solids() -> list[Row]:
 
 
 def _worlds() -> list[Row]:
-    from tactsim.bench.slip import SLIPS
+    from tactsim.bench.config import SLIPS
     from tactsim.press import WORLDS
 
     worlds = WORLDS | SLIPS
@@ -137,7 +137,7 @@ def _solid_options() -> list[Row]:
 
 
 def _slip() -> list[Row]:
-    from tactsim.bench.slip import Slip
+    from tactsim.bench.config import Slip
 
     return [("--slip NAME=VALUE", "default", ""), *_fields(Slip)]
 

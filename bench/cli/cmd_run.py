@@ -84,7 +84,7 @@ def command(
         words |= {name: value for name, value in of_space.items() if value is not None}
         space.run_in_space(words, jobs=jobs, out=out, as_json=as_json)
         return
-    space.refuse_outside_space(**of_space)
+    refuse_typed(context, of_space, space.OUTSIDE)
     if port is not None or "presses" in words:
         words = {**_BY_HAND, **words}
     config = run_config(**words)

@@ -9,7 +9,7 @@ import typer
 
 from tactsim.bench.cli import shared_options as shared
 from tactsim.bench.cli import space_verbs as space
-from tactsim.bench.cli.words import Words, dotted, is_typed, with_options_of
+from tactsim.bench.cli.words import Words, dotted, is_typed, refuse_typed, with_options_of
 from tactsim.bench.config import ScanWords, scan_options, slip_of_world
 
 
@@ -46,7 +46,7 @@ def command(
             typed["objects"] = objects
         space.scan_in_space(typed | {"task": task}, out=out)
         return
-    space.refuse_outside_space(objects=objects)
+    refuse_typed(context, ["objects"], space.OUTSIDE)
     check_new_file(out, suffix=".npz")
     options = scan_options(**words)
     with progress_bars() as progress:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
@@ -33,13 +33,9 @@ Hand = Annotated[
 ]
 
 
-def refuse_outside_space(**words: Any) -> None:
-    """Raise InputError for an option of objects in space where the task is another."""
-    from tactsim.core.errors import InputError
-
-    for name, value in words.items():
-        if value is not None:
-            raise InputError(f"--{name} is for objects in space; add --task solids, or leave it out")
+OUTSIDE = (
+    "is for objects in space; add --task solids, or leave it out"  # of an option, where the task is another
+)
 
 
 def run_in_space(words: Words, *, jobs: int, out: Path | None, as_json: bool) -> None:

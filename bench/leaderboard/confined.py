@@ -31,7 +31,6 @@ from numpy.random import SeedSequence
 from numpy.typing import ArrayLike
 from pydantic import ConfigDict
 
-from tactsim.bench.estimator_facts import unflatten_work
 from tactsim.bench.leaderboard.messages import Message, receive, send
 from tactsim.core import InputError, Scan
 from tactsim.core.cache_folder import FOLDER_VARIABLE, cache_folder
@@ -40,7 +39,7 @@ from tactsim.core.errors import printable
 from tactsim.core.plug_ins import plug_ins
 from tactsim.core.poses import FloatArray
 from tactsim.estimators import NONE, Estimate, Estimator, Options, PoseSamples
-from tactsim.estimators.estimator import check_estimate
+from tactsim.estimators.estimator import check_estimate, unflatten_work
 from tactsim.estimators.registry import BUILT_IN, GROUP
 
 _CHILD = "tactsim.bench.leaderboard.plug_in_process"

@@ -13,10 +13,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tactsim.bench.estimator_facts import flatten_work, unflatten_work
 from tactsim.bench.leaderboard.confined import Confined, Limits, NoScore, confined
 from tactsim.bench.placement import properties
 from tactsim.bench.trials import OneTrial, Progress, TrialPlan, Trials, run_trial
+from tactsim.estimators.estimator import flatten_work, unflatten_work
 
 
 @contextmanager

@@ -20,14 +20,13 @@ import numpy as np
 from numpy.random import PCG64, Generator, SeedSequence
 from numpy.random.bit_generator import ISpawnableSeedSequence
 
-from tactsim.bench.estimator_facts import about_estimator, flatten_work
 from tactsim.bench.leaderboard import fence
 from tactsim.bench.leaderboard.messages import Message, receive, send
 from tactsim.bench.machine import peak_memory_mb
 from tactsim.core import InputError, Scan
 from tactsim.core.poses import FloatArray
 from tactsim.estimators import NONE, Estimator, create
-from tactsim.estimators.estimator import check_estimate
+from tactsim.estimators.estimator import about_estimator, check_estimate, flatten_work
 
 
 class Words(ISpawnableSeedSequence):

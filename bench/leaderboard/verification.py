@@ -13,7 +13,6 @@ from numpy.typing import ArrayLike
 from tactsim.bench import experiment
 from tactsim.bench.bound.efficiency import bounds_of_trials
 from tactsim.bench.config import RunConfig, run_config
-from tactsim.bench.estimator_facts import about_estimator
 from tactsim.bench.experiment import Gathered
 from tactsim.bench.leaderboard.bundle import DONE, Bundle
 from tactsim.bench.leaderboard.comparison import alike, first_difference, improbable, rows
@@ -31,6 +30,7 @@ from tactsim.core import InputError, Scan
 from tactsim.core.errors import short
 from tactsim.estimators import NONE, Estimate, Estimator, Options
 from tactsim.estimators import names as estimators
+from tactsim.estimators.estimator import about_estimator
 
 SHARE = 0.05
 LEAST = 20  # trials: with fewer the bound could not refuse anything, with 13 only the worst

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
-from tactsim.bench.estimator_facts import flatten_work, unflatten_work
 from tactsim.bench.space.pads import pads
 from tactsim.bench.space.space_config import SpaceConfig
 from tactsim.bench.space.space_trials import SpaceTask, SpaceTrials, run_trial
@@ -22,7 +21,7 @@ from tactsim.core.seeds import stream
 from tactsim.core.space_scan import SpaceScan
 from tactsim.core.workers import batches, wait_for, worker_processes
 from tactsim.estimators import Estimator, create
-from tactsim.estimators.estimator import no_exit
+from tactsim.estimators.estimator import flatten_work, no_exit, unflatten_work
 
 if TYPE_CHECKING:
     from tactsim.models import Solid

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tactsim.bench.estimator_facts import about_estimator
 from tactsim.bench.experiment import silent
 from tactsim.bench.machine import machine, peak_memory_mb, versions
 from tactsim.bench.space.space_config import SpaceConfig
@@ -20,7 +19,7 @@ from tactsim.core.errors import InputError
 from tactsim.core.source_digest import git_commit
 from tactsim.core.space_scan import SpaceScan
 from tactsim.estimators import create
-from tactsim.estimators.estimator import proposes_none
+from tactsim.estimators.estimator import about_estimator, proposes_none
 from tactsim.estimators.space.space_field import surfaces_of
 
 if TYPE_CHECKING:

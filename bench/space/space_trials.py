@@ -11,7 +11,6 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from tactsim.bench.estimator_facts import flatten_work
 from tactsim.bench.space.draws import draw_true_pose
 from tactsim.bench.space.pads import Touching
 from tactsim.bench.space.surface_distance import Surface, surface_distance
@@ -19,7 +18,7 @@ from tactsim.core import rigid
 from tactsim.core.errors import InputError, short
 from tactsim.core.poses import FloatArray
 from tactsim.estimators import Estimate, Estimator
-from tactsim.estimators.estimator import check_estimate
+from tactsim.estimators.estimator import check_estimate, flatten_work
 
 Explore = Literal["random", "information"]
 OFFERED = 40  # touches among which an estimator may choose the next

@@ -10,7 +10,7 @@ import numpy as np
 
 from tactsim.bench.trials import draw_true_pose, fit
 from tactsim.core import InputError, Pad, Scan, compose, invert
-from tactsim.core.lengths import offsets
+from tactsim.core.pad import offsets
 from tactsim.core.poses import FloatArray
 from tactsim.estimators import Estimate, Estimator, create, names
 from tactsim.estimators.registry import load

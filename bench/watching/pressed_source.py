@@ -13,7 +13,7 @@ from tactsim.bench.watching.recogniser import Recogniser
 from tactsim.bench.watching.told import Truth
 from tactsim.bench.watching.touch_leader import Explore, Leading, MarkedTouches, Marks, TouchLeader
 from tactsim.core.errors import InputError
-from tactsim.core.lengths import offsets
+from tactsim.core.pad import offsets
 from tactsim.core.source import Source
 from tactsim.hardware.calibration import Calibration
 from tactsim.hardware.device import Device

@@ -12,11 +12,10 @@ from numpy.typing import ArrayLike, NDArray
 from tactsim.core import Scan, transform
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.likelihoods.class_table import calibrate, quantile_edges
-from tactsim.estimators.likelihoods.classifier import UNKNOWN, classify
+from tactsim.estimators.likelihoods.classifier import UNKNOWN, classify, threshold_of
 from tactsim.estimators.likelihoods.folds import folds, touched_elsewhere
 from tactsim.estimators.likelihoods.likelihood import Evidence, Likelihood, covered
 from tactsim.estimators.likelihoods.occupancy import OccupancyMap, log_odds, log_odds_of
-from tactsim.estimators.likelihoods.scale import threshold_of
 
 _CLASSES = UNKNOWN + 1
 # mm; log-odds are averaged so far around a place, for the presses' lattice is finer than that.

@@ -16,10 +16,10 @@ from tactsim.core import Scan
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.likelihoods.calibrated import CalibratedLikelihood
 from tactsim.estimators.likelihoods.class_table import quantile_edges
+from tactsim.estimators.likelihoods.classifier import threshold_of
 from tactsim.estimators.likelihoods.folds import by_letter, folds, touched_elsewhere
 from tactsim.estimators.likelihoods.force import ForceLikelihood
 from tactsim.estimators.likelihoods.occupancy import learn_maps
-from tactsim.estimators.likelihoods.scale import threshold_of
 from tactsim.estimators.options import LikelihoodOptions
 
 # Bins of equally many taxels in which predictions and pressures are counted.

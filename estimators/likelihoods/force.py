@@ -10,12 +10,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from tactsim.core import Scan, transform
 from tactsim.core.poses import FloatArray
+from tactsim.estimators.likelihoods.classifier import lehmer_mean
 from tactsim.estimators.likelihoods.deviation import Deviation, learn_deviation
 from tactsim.estimators.likelihoods.folds import FOLDS, as_one, by_letter, folds, touched_elsewhere
 from tactsim.estimators.likelihoods.likelihood import Evidence, Likelihood, covered
 from tactsim.estimators.likelihoods.mosaic import Grid, Mosaic, learn_mosaic, learn_with_spread
 from tactsim.estimators.likelihoods.occupancy import OccupancyMap
-from tactsim.estimators.likelihoods.scale import lehmer_mean
 
 # Relative pressures at which log p is tabulated; between two it is linear. Almost all lie in this range.
 _LEVELS = np.linspace(-0.25, 1.4, 16)

@@ -12,9 +12,9 @@ from tactsim.core import Scan, transform
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.likelihoods.calibrated import CalibratedLikelihood, steepness
 from tactsim.estimators.likelihoods.class_table import Calibration, calibrate, quantile_edges
+from tactsim.estimators.likelihoods.classifier import lehmer_mean, threshold_of
 from tactsim.estimators.likelihoods.likelihood import Evidence, Likelihood, covered
 from tactsim.estimators.likelihoods.occupancy import OccupancyMap
-from tactsim.estimators.likelihoods.scale import lehmer_mean, threshold_of
 
 # Shares of a reading's scale between which the grades lie. The lowest is about what noise reads in a usual press.
 _SHARES = np.array([0.05, 0.15, 0.3, 0.5, 0.7, 0.9])

@@ -14,8 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from tactsim.core import InputError, Scan, transform
 from tactsim.core.compiling import REALS_2D, Reals, compiled
 from tactsim.core.poses import FloatArray
-from tactsim.estimators.likelihoods.classifier import CONTACT, NO_CONTACT, classify
-from tactsim.estimators.likelihoods.scale import threshold_of
+from tactsim.estimators.likelihoods.classifier import CONTACT, NO_CONTACT, classify, threshold_of
 
 _NOTHING = 1e-12  # a taxel is left out of cells whose log-odds it would change by less than this
 _MOST_CELLS = 50_000_000  # of all maps together: 400 MB

@@ -9,10 +9,9 @@ from numpy.typing import ArrayLike
 
 from tactsim.core import Scan
 from tactsim.core.poses import FloatArray
-from tactsim.estimators.likelihoods.classifier import CONTACT, NO_CONTACT, classify
+from tactsim.estimators.likelihoods.classifier import CONTACT, NO_CONTACT, classify, threshold_of
 from tactsim.estimators.likelihoods.likelihood import Evidence, Likelihood, covered
 from tactsim.estimators.likelihoods.occupancy import OccupancyMap, sigmoid
-from tactsim.estimators.likelihoods.scale import threshold_of
 
 
 class PaperLikelihood(Likelihood):

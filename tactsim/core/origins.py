@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from tactsim.core.lengths import OFFSET
+from tactsim.core.pad import OFFSET
 from tactsim.core.poses import FloatArray
 from tactsim.core.scan import Scan
 

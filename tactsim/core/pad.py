@@ -1,7 +1,12 @@
-"""`Pad`: where the taxels of a tactile array lie, and how far the surface that carries load reaches."""
+"""`Pad`: where the taxels of a tactile array lie, and how far the surface that carries load reaches.
+
+The functions give the lengths of a pad of which only the taxels are known, which what is stated in mm for the default
+pad follows: its pitch and its size.
+"""
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -11,6 +16,12 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 from tactsim.core.checking import checked
 from tactsim.core.documents import read_toml
 from tactsim.core.poses import FloatArray
+
+OFFSET = 10.0  # mm: an object is hidden with x and y of T_R^O in [-OFFSET, OFFSET] (paper, section IV)
+_SIZE = math.sqrt(11.7 * 11.4)  # mm, of the paper's pad by `size`
+_ALIKE = (
+    0.03  # pads whose sizes differ by less are taken as equal: of one, a row may be masked or a seam narrower
+)
 
 Length = Annotated[float, Field(ge=1e-3, le=1000, allow_inf_nan=False)]
 
@@ -134,3 +145,38 @@ def _lines(edges: FloatArray, cells: int, gap_cells: bool) -> FloatArray:
     borders = np.concatenate([edges[:1, 0], (edges[:-1, 1] + edges[1:, 0]) / 2, edges[-1:, 1]])
     inside = borders[:-1, None] + np.diff(borders)[:, None] * np.arange(cells) / cells
     return np.append(inside.ravel(), borders[-1])
+
+
+def pitch(taxel_xy: FloatArray) -> float:
+    """Give the distance between neighbouring taxels at taxel_xy (taxels, 2) mm: the median to the nearest one.
+
+    A single taxel has none: 0.
+    """
+    if len(taxel_xy) < 2:
+        return 0.0
+    nearest = np.full(len(taxel_xy), np.inf)
+    for taxel, place in enumerate(taxel_xy):
+        away = np.hypot(*(taxel_xy - place).T)
+        away[taxel] = np.inf
+        nearest[taxel] = away.min()
+    return float(np.median(nearest))
+
+
+def size(taxel_xy: FloatArray) -> float:
+    """Give the side, mm, of a square as large as the rectangle that taxels at (taxels, 2) mm cover; 0 for one taxel."""
+    width, height = np.ptp(taxel_xy, axis=0) + pitch(taxel_xy)
+    return math.sqrt(width * height)
+
+
+def relative_size(taxel_xy: FloatArray) -> float:
+    """Give the size of a pad with taxels at (taxels, 2) mm beside that of the paper's pad; 1 for a single taxel."""
+    ratio = size(taxel_xy) / _SIZE
+    return 1.0 if ratio == 0 or abs(ratio - 1) < _ALIKE else ratio
+
+
+def offsets(taxel_xy: FloatArray) -> float:
+    """Give the range of an object's place, mm: x and y of T_R^O are in plus and minus this, for a pad of any size.
+
+    It is the paper's 10 mm for the paper's pad, and grows with the pad.
+    """
+    return OFFSET * relative_size(taxel_xy)

@@ -12,15 +12,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tactsim.bench.config import RunConfig, merged
+from tactsim.bench.config import RunConfig, Slip, merged
 from tactsim.bench.experiment import gather, silent
-from tactsim.bench.slip import Slip
 from tactsim.bench.tasks import Task, task
 from tactsim.bench.trials import fit
 from tactsim.core import InputError, Scan
 from tactsim.core.checking import checked
 from tactsim.core.errors import short
-from tactsim.core.lengths import offsets
+from tactsim.core.pad import offsets
 from tactsim.core.poses import FloatArray
 from tactsim.estimators import NONE, Estimator, create
 from tactsim.press import PressModel, forward_model

@@ -11,8 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tactsim.core.errors import InputError
-from tactsim.core.lengths import relative_size
-from tactsim.core.pad import Pad
+from tactsim.core.pad import Pad, relative_size
 from tactsim.core.poses import FloatArray
 from tactsim.models import Letter
 

@@ -9,7 +9,7 @@ from manifold3d import Manifold
 import tactsim
 from tactsim import models
 from tactsim.core import Pad
-from tactsim.core.lengths import offsets
+from tactsim.core.pad import offsets
 
 WORDS = {"estimator": "histogram", "bins": 100, "trials": 1, "readings": 3}
 

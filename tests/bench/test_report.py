@@ -18,7 +18,6 @@ from small_runs import make_run_in
 
 from tactsim.bench import results, score
 from tactsim.bench.config import run_config
-from tactsim.bench.estimator_facts import about_estimator
 from tactsim.bench.naming import budget, collect, method_name, task_name
 from tactsim.bench.placement import Properties
 from tactsim.bench.report import recognition as replay
@@ -33,7 +32,7 @@ from tactsim.bench.trials import OneTrial, Trials
 from tactsim.core import Scan, invert
 from tactsim.core.errors import InputError
 from tactsim.estimators import Estimate, create
-from tactsim.estimators.estimator import PoseSamples
+from tactsim.estimators.estimator import PoseSamples, about_estimator
 from tactsim.estimators.filters.histogram import HistogramFilter
 
 

@@ -8,10 +8,9 @@ from command_line import refused
 from test_score import make_trials
 from test_trials import PLAIN, Witness, make_scan
 
-from tactsim.bench.config import run_config
+from tactsim.bench.config import STILL, Slip, run_config
 from tactsim.bench.experiment import silent
 from tactsim.bench.score import Properties, recovered_within
-from tactsim.bench.slip import STILL, Slip
 from tactsim.bench.trials import OneTrial, TrialPlan, run_trial, run_trials
 from tactsim.core import InputError, invert, wrap_angle
 from tactsim.estimators import Options

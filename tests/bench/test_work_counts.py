@@ -1,6 +1,6 @@
 """Counts of work, nested and flat."""
 
-from tactsim.bench.estimator_facts import flatten_work, unflatten_work
+from tactsim.estimators.estimator import flatten_work, unflatten_work
 
 
 def test_work_survives_flattening():

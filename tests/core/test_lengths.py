@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tactsim.core import Pad
-from tactsim.core.lengths import OFFSET, offsets, pitch, relative_size, size
+from tactsim.core.pad import OFFSET, offsets, pitch, relative_size, size
 
 
 def test_the_paper_s_pad_is_the_measure():

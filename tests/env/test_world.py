@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tactsim.bench import tasks
-from tactsim.bench.slip import STILL
+from tactsim.bench.config import STILL
 from tactsim.core import InputError, compose
 from tactsim.env.world import NORMALS, World, world
 from tactsim.press.engine import ideal_readings, press_at

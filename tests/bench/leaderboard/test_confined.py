@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from tactsim.bench import experiment
-from tactsim.bench.estimator_facts import about_estimator
 from tactsim.bench.leaderboard.confined import Limits, NoScore
 from tactsim.bench.leaderboard.confined_trials import confined_processes, run_trials_confined
 from tactsim.bench.trials import OneTrial, Trials, run_trials
 from tactsim.core import InputError
+from tactsim.estimators.estimator import about_estimator
 
 SMALL = Limits(fit_s=60, trial_s=60, memory_mb=400)
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from tactsim.bench import trials
+from tactsim.bench.config import Slip
 from tactsim.bench.experiment import gather
-from tactsim.bench.slip import Slip
 from tactsim.bench.tasks import data, names, task
 from tactsim.core import InputError
 from tactsim.core.scan import Scan

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from synthetic import fitted, make_scan
 
-from tactsim.bench.slip import Slip
+from tactsim.bench.config import Slip
 from tactsim.bench.stress import chosen_cases, run_case
 from tactsim.core import InputError, compose, invert
 from tactsim.estimators import create

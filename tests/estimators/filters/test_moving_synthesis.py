@@ -7,7 +7,7 @@ import pytest
 from scipy.stats import multivariate_normal
 from synthetic import BarForward, make_scan, placement_error, pressures, square_pad
 
-from tactsim.bench.slip import Slip
+from tactsim.bench.config import Slip
 from tactsim.core import compose, invert, transform
 from tactsim.core.forward import Linearised
 from tactsim.estimators import create

@@ -8,8 +8,7 @@ from synthetic import draw_trial, fitted, make_scan, paper_poses
 
 from tactsim import estimators
 from tactsim.core import InputError, Scan
-from tactsim.estimators.likelihoods.classifier import classify
-from tactsim.estimators.likelihoods.scale import lehmer_mean, threshold_of
+from tactsim.estimators.likelihoods.classifier import classify, lehmer_mean, threshold_of
 
 SCAN = make_scan("EL", poses=paper_poses(4, 6))
 
