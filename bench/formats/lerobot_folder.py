@@ -188,12 +188,14 @@ def _write_tasks(tasks: list[str], path: Path) -> None:
         {"task_index": pa.array(range(len(tasks)), pa.int64()), "task": pa.array(tasks, pa.string())}
     )
     path.parent.mkdir(parents=True, exist_ok=True)
-    pa.parquet.write_table(table.replace_schema_metadata({"pandas": json.dumps(pandas)}), path)
+    with path.open("wb") as stream:  # of a path Arrow wants UTF-8
+        pa.parquet.write_table(table.replace_schema_metadata({"pandas": json.dumps(pandas)}), stream)
 
 
 def _write(columns: dict[str, Any], path: Path) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
-    pa.parquet.write_table(pa.table(columns), path, compression="snappy")
+    with path.open("wb") as stream:
+        pa.parquet.write_table(pa.table(columns), stream, compression="snappy")
 
 
 def _card(scan: Scan, frames: int) -> str:

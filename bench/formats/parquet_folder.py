@@ -81,7 +81,8 @@ def _file(folder: Path, split: str) -> Path:
 
 def _write(table: pa.Table, path: Path) -> None:
     size = max(1, table.nbytes // max(1, len(table)))
-    pa.parquet.write_table(table, path, compression="zstd", row_group_size=max(1, _ROW_GROUP // size))
+    with path.open("wb") as stream:  # of a path Arrow wants UTF-8
+        pa.parquet.write_table(table, stream, compression="zstd", row_group_size=max(1, _ROW_GROUP // size))
 
 
 def _table(scan: Scan, rows: NDArray[np.intp]) -> pa.Table:

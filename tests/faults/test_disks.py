@@ -196,3 +196,11 @@ def test_a_read_only_installation_without_a_home_gives_the_same_results(bench, s
         assert (bench.folder / "usual" / name).read_bytes() == (
             bench.folder / "read-only" / name
         ).read_bytes()
+
+
+def test_an_empty_mounted_folder_gets_the_results(bench, scan_file):
+    result = on_small_disk(
+        bench, f"$BENCH run --scan {scan_file} {SMALL} --out disk > /dev/null && ls -A disk", size="20m"
+    )
+    assert {"run.json", "trials.csv", "summary.json"} <= set(result.stdout.split())
+    assert not [name for name in result.stdout.split() if name.startswith(".")]

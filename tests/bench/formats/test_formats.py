@@ -1,6 +1,7 @@
 """What all formats of a scan have in common: bit for bit, whole or not at all, a mistake is one line."""
 
 import importlib
+import os
 
 import numpy as np
 import pytest
@@ -176,3 +177,13 @@ def test_a_run_s_trials_are_the_same_in_every_format(run_folder, tmp_path, here)
             stored = file[name].asstr()[()] if text else file[name][()]
             assert np.array_equal(stored, values, equal_nan=not text), name
             assert np.array_equal(np.array(table[name].to_pylist()), values, equal_nan=not text), name
+
+
+@pytest.mark.parametrize("name", formats.FORMATS)
+def test_names_of_files_need_not_be_utf_8(name, tmp_path, rng):
+    path = place(tmp_path, name, os.fsdecode(b"scan-\xff"))
+    scan = make_scan(rng)
+    formats.write(scan, path, name)
+    assert path.exists()
+    if name in READ:
+        assert formats.read(path, name).digest == scan.digest
