@@ -69,12 +69,16 @@ def new_folder(path: str | Path) -> Iterator[Path]:
     """Give a temporary folder to fill; it becomes `path` when all went well and vanishes otherwise.
 
     `path` must not exist yet or be an empty folder. One that cannot be replaced, such as the working folder, a mounted
-    one or a link to one, gets what was filled. Raises InputError if it cannot be written, and KeptBeside if all was
-    written and cannot be put in its place: then it stays beside it.
+    one or a link to one, gets what was filled. Raises InputError if it holds something or cannot be written, and KeptBeside
+    if all was written and cannot be put in its place: then it stays beside it.
     """
     target = Path(path)
     temporary: Path | None = None
     try:
+        if target.exists() and not target.is_dir():
+            raise OSError(errno.ENOTDIR, os.strerror(errno.ENOTDIR))
+        if target.is_dir() and any(target.iterdir()):
+            raise OSError(errno.ENOTEMPTY, os.strerror(errno.ENOTEMPTY))
         stays = _stays(target)
         if not stays:
             target.parent.mkdir(parents=True, exist_ok=True)
