@@ -63,11 +63,23 @@ def save_beside(save: Callable[[Path], Path], folder: Path) -> Path:
     save: writes a new folder whole or not at all, and returns its path. Returns the path that was written. Raises
     InputError as `save` does where it could not be written.
     """
-    try:
-        return save(folder)
-    except KeptBeside as kept:
-        plain_console(stderr=True).print(str(kept))
-        return kept.place
+    place, number = folder, 1
+    while True:
+        try:
+            saved = save(place)
+        except KeptBeside as kept:
+            plain_console(stderr=True).print(str(kept))
+            return kept.place
+        except InputError:
+            if not (place.is_file() or (place.is_dir() and any(place.iterdir()))):
+                raise
+        else:
+            if place != folder:
+                plain_console(stderr=True).print(f"{folder} was taken meanwhile; the results are in {place}")
+            return saved
+        number += 1
+        whole = folder if folder.name not in ("", "..") else folder.resolve()
+        place = whole.with_name(f"{whole.name}-{number}")
 
 
 def try_to_save(save: Callable[[], Path]) -> tuple[Path | None, InputError | None]:

@@ -69,8 +69,8 @@ def new_folder(path: str | Path) -> Iterator[Path]:
     """Give a temporary folder to fill; it becomes `path` when all went well and vanishes otherwise.
 
     `path` must not exist yet or be an empty folder. One that cannot be replaced, such as the working folder, a mounted
-    one or a link to one, gets what was filled. Raises InputError if it holds something or cannot be written, and KeptBeside
-    if all was written and cannot be put in its place: then it stays beside it.
+    one or a link to one, gets what was filled. Raises InputError if it holds something or cannot be written. Raises
+    KeptBeside if all was written and cannot be put in its place: then it stays beside it.
     """
     target = Path(path)
     temporary: Path | None = None
