@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from numbers import Real
+from typing import Literal
 
 import mujoco
 import numpy as np
@@ -17,7 +18,7 @@ from tactsim.core.errors import InputError, short, unknown
 from tactsim.core.finite import finite
 from tactsim.core.pad import Pad
 from tactsim.core.poses import FloatArray
-from tactsim.press.pad_reader import PadReader
+from tactsim.press.pad_reader import Layer, PadReader
 from tactsim.press.pad_surface import pad_surface
 
 
@@ -30,8 +31,7 @@ class AttachedPad:
     pad: Pad
     normal: FloatArray
     at: FloatArray
-    stiffness: float
-    psf_sigma: float
+    layer: Layer
 
     def bind(self, model: mujoco.MjModel) -> PadReader:
         """Find the geom in the compiled model.
@@ -59,7 +59,7 @@ class AttachedPad:
                 f"({surface.low[0]:.4g}, {surface.low[1]:.4g}) to ({surface.high[0]:.4g}, {surface.high[1]:.4g}) mm "
                 "about the pad's middle: choose a smaller pad"
             )
-        return PadReader(model, geom, self.pad, surface, self.stiffness, self.psf_sigma)
+        return PadReader(model, [geom], self.pad, surface, self.layer)
 
 
 def attach(
@@ -71,6 +71,7 @@ def attach(
     at: Sequence[float] = (0.0, 0.0),
     stiffness: float = 1000.0,
     psf_sigma: float = 1.0,
+    centre: Literal["auto", "press", "mujoco"] = "auto",
 ) -> AttachedPad:
     """Put a pad on a geom of `spec`; `bind` the result to the compiled model and `read` it after each step.
 
@@ -80,6 +81,9 @@ def attach(
     along +x = y cross normal. at: mm along the pad's x and y from the middle of the geom's face.
     stiffness: kPa/mm of the layer on the surface (assumed). psf_sigma: mm, standard deviation of the point
     spread (assumed), 0 for none.
+    centre: where a body's force is centred on the pad. "press": where such a face, held at the body's pose, would
+    carry it. "mujoco": where MuJoCo's contact forces are. "auto": the latter about axes about which joints leave
+    the body free to turn on the pad, the former about others.
 
     Raises InputError if there is no such geom, if it cannot touch anything, or if pad or a number is none.
     """
@@ -90,6 +94,9 @@ def attach(
         raise InputError(f"stiffness is {short(stiffness)}; it is a number of kPa/mm above 0")
     if not _is_number(psf_sigma) or not (psf_sigma == 0 or 0.3 <= psf_sigma < np.inf):
         raise InputError(f"psf_sigma is {short(psf_sigma)}; it is 0 or at least 0.3 mm")
+    if centre not in ("auto", "press", "mujoco"):
+        raise unknown("centre", centre, ["auto", "press", "mujoco"])
+    layer = Layer(stiffness, psf_sigma, centre)
     found, name, kind = _find(spec, geom)
     if normal is None:
         upright = kind in (mujoco.mjtGeom.mjGEOM_CAPSULE, mujoco.mjtGeom.mjGEOM_CYLINDER)
@@ -97,7 +104,7 @@ def attach(
     direction = _vector(normal, 3, "normal")
     if not direction.any():
         raise InputError("normal is (0, 0, 0); it is the direction in which the pad looks")
-    return AttachedPad(found, name, pad, direction, _vector(at, 2, "at"), stiffness, psf_sigma)
+    return AttachedPad(found, name, pad, direction, _vector(at, 2, "at"), layer)
 
 
 def _is_number(value: object) -> bool:

@@ -15,10 +15,11 @@ from typing import NamedTuple
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from tactsim.core.errors import InputError
 from tactsim.core.poses import FloatArray
-from tactsim.press.pad_kernels import SMALL, STEEP, cut_all, enter
+from tactsim.press.pad_kernels import SMALL, STEEP, cut_all, enter, unite
 from tactsim.press.pad_surface import Lines
 
 _MM = 1e3  # mm in a metre
@@ -121,12 +122,40 @@ class Cover(NamedTuple):
     gap: (n,) mm from the surface to the body along the normal, in the middle of the covered part of the cell;
     below 0 where the two overlap, infinite where the line misses the body. share: (n,) of the cell that is
     covered. shift: (2, n) in cells, from the cell's middle to the middle of the covered part along u and v, or
-    (2, 1) zeros.
+    (2, 1) zeros. Of a body of several geoms there is one row for each covered part of a cell.
     """
 
     gap: FloatArray
     share: FloatArray
     shift: FloatArray
+
+
+class Part(NamedTuple):
+    """One geom of a rigid body, and its frame in that of the lines: rotation (3, 3) and position (3,) mm."""
+
+    body: Body
+    rotation: FloatArray
+    position: FloatArray
+
+
+def union_gaps(
+    parts: list[Part], lines: Lines, steps: tuple[float, float], depth: float
+) -> tuple[NDArray[np.intp], Cover]:
+    """Measure from a surface to a body of several geoms, which may overlap: to the nearest of them at each point.
+
+    depth: mm below the surface, where nothing begins. Returns the k covered parts of cells, at most one for each cell
+    and geom, and the cell of each, (k,). Not more than the whole of a cell is covered. `steps` as in `gaps`.
+    """
+    covers = [gaps(*part, lines, steps) for part in parts]
+    cells = len(covers[0].gap)
+    gap, share = np.array([cover.gap for cover in covers]), np.array([cover.share for cover in covers])
+    shift = np.array([np.broadcast_to(cover.shift, (2, cells)) for cover in covers])
+    share[(gap <= -depth) | (gap == np.inf)] = 0
+    if len(parts) > 1:
+        unite(gap, share, shift)
+    some = share > 0
+    cell = np.nonzero(some)[1]
+    return cell, Cover(gap[some], share[some], shift.transpose(1, 0, 2)[:, some])
 
 
 def gaps(

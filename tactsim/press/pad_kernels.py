@@ -7,12 +7,13 @@ import math
 import numpy as np
 from numba import float64, int64, types, void
 
-from tactsim.core.compiling import REALS, REALS_2D, Reals, compiled
+from tactsim.core.compiling import REALS, REALS_2D, REALS_3D, Reals, compiled
 
 STEEP = 0.2  # a facet whose normal has a smaller part along the surface's normal is a wall: steeper than 78 degrees
 SMALL = 1e-12
 _ALIKE = 0.7  # walls at a smaller angle than 45 degrees cut a cell as one
 _SQUARE = 1e-3  # a wall nearer to a cell's side than this is taken to be so far from it
+_LEAST = 1e-9  # of a cell: less than this is not covered
 _NARROW = 1e-4  # of a cell, to which forces are spread at least
 _FAR = 8.0  # standard deviations of the point spread, beyond which it is less than what a double resolves
 
@@ -55,6 +56,66 @@ def cut_all(outside: Reals, across: Reals, share: Reals, shift: Reals) -> None:
     """Cut n cells, each by its own wall: as `cut`, of (n,) and (2, n). Fills share (n,) and shift (2, n)."""
     for i in range(len(outside)):
         share[i], shift[0, i], shift[1, i] = cut(outside[i], across[0, i], across[1, i])
+
+
+@compiled(
+    types.UniTuple(float64, 3)(float64, float64, float64, float64, float64, float64), called_from_python=False
+)
+def shared(
+    share: float, u: float, v: float, other: float, other_u: float, other_v: float
+) -> tuple[float, float, float]:
+    """Tell which part of a cell two bodies cover both, each by its share and the shift of its covered part, in cells.
+
+    Returns its share, and where its middle is along u and v, in cells. Covered parts are taken for upright rectangles;
+    how much two share is exact where one wall bounds each and the walls are parallel, too.
+    """
+    left, right = max(u, other_u, 0.0) * 2 - 0.5, min(u, other_u, 0.0) * 2 + 0.5
+    low, high = max(v, other_v, 0.0) * 2 - 0.5, min(v, other_v, 0.0) * 2 + 0.5
+    least, most = max(share + other - 1, 0.0), min(share, other)
+    long = math.sqrt((u * u + v * v) * (other_u * other_u + other_v * other_v))
+    alike = (u * other_u + v * other_v) / max(long, SMALL)
+    both = min(max(max(right - left, 0.0) * max(high - low, 0.0), least), most)
+    if alike > _ALIKE:
+        both = most
+    elif alike < -_ALIKE:
+        both = least
+    return both, (left + right) / 2, (low + high) / 2
+
+
+@compiled(void(REALS_2D, REALS_2D, REALS_3D))
+def unite(gap: Reals, share: Reals, shift: Reals) -> None:
+    """Leave to each of g bodies what of n cells no nearer one covers, so that no point counts twice.
+
+    gap (g, n) mm, share (g, n) and shift (g, 2, n) in cells, as in `Cover`; share and shift are changed.
+    """
+    bodies, cells = gap.shape
+    done = np.empty(bodies, dtype=np.bool_)
+    for i in range(cells):
+        covering = 0
+        for body in range(bodies):
+            done[body] = share[body, i] <= 0 or not np.isfinite(gap[body, i])
+            covering += not done[body]
+        if covering < 2:
+            continue
+        taken, taken_u, taken_v = 0.0, 0.0, 0.0
+        for _ in range(covering):
+            nearest = -1
+            for body in range(bodies):
+                if not done[body] and (nearest < 0 or gap[body, i] < gap[nearest, i]):
+                    nearest = body
+            done[nearest] = True
+            own, u, v = share[nearest, i], shift[nearest, 0, i], shift[nearest, 1, i]
+            both, both_u, both_v = shared(taken, taken_u, taken_v, own, u, v)
+            left = own - both
+            if left < _LEAST:
+                share[nearest, i] = 0.0
+                continue
+            u = min(max((own * u - both * both_u) / left, -0.5), 0.5)
+            v = min(max((own * v - both * both_v) / left, -0.5), 0.5)
+            share[nearest, i], shift[nearest, 0, i], shift[nearest, 1, i] = left, u, v
+            taken_u = (taken * taken_u + left * u) / (taken + left)
+            taken_v = (taken * taken_v + left * v) / (taken + left)
+            taken += left
 
 
 @compiled(float64(REALS_2D, int64, REALS_2D, int64), called_from_python=False)

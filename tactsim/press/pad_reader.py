@@ -1,23 +1,26 @@
-"""Read a pad on a geom of a compiled MuJoCo model: what each geom that touches it does to its taxels.
+"""Read a pad on geoms of a compiled MuJoCo model: what each rigid body that touches it does to its taxels.
 
-MuJoCo says how large the force of each pair of touching geoms is and where it acts. An elastic layer on the pad's
-surface (Winkler, as in docs/sensor.md) carries exactly that: the other geom's true shape, at its true pose, sinks in
-and turns until the layer's pressure balances it. So the image depends on the shapes and on the load, and not on how
-soft MuJoCo's contacts are. The pad's point spread then makes kPa of it.
+MuJoCo says how large the force of each body is. How it shares the force among the body's geoms and contact points means
+nothing: the body is one, of all its geoms. An elastic layer on the pad's surface (Winkler, as in docs/sensor.md)
+carries exactly that force: the body's true shape, at its true pose, sinks in until the layer's pressure adds up to it,
+and turns, where its joints leave it free to, until the pressure is centred where MuJoCo's forces are. So the image
+depends on the shapes and on the load, and not on how soft MuJoCo's contacts are. The pad's point spread then makes
+kPa of it.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
-from tactsim.core.errors import InputError
 from tactsim.core.pad import Pad
 from tactsim.core.poses import FloatArray
-from tactsim.press.geom_gap import Body, body_of, gaps
+from tactsim.press.geom_gap import Body, Part, body_of, union_gaps
 from tactsim.press.layer_balance import balance
 from tactsim.press.pad_kernels import spread_forces
 from tactsim.press.pad_surface import PadSurface
@@ -25,6 +28,7 @@ from tactsim.press.pad_surface import PadSurface
 _MM = 1e3  # mm in a metre
 _KPA = 1e3  # kPa in a N/mm^2
 _LINES = (24, 64)  # of the lattice that is laid over what touches, along each axis: at least and at most
+_LINES_OF_SEVERAL = 48  # at least, over a body of several geoms, each of which is a part of it
 _LINES_A_PITCH = 3  # between the two
 _SEARCH = 10  # of the lattices that find what touches
 _SEARCHES = 12
@@ -34,9 +38,19 @@ _FACING = (
     0.7  # a contact whose normal has a smaller part along the pad's is at the geom's rim or on another face
 )
 _GRAZING = 0.1  # of a curved pad, a point whose normal has a smaller part along the contact's touches nothing
+_HELD = 1e-9  # rad for a unit of all joints, below which they do not turn a body
+_NONE = 1e-300  # N
 _SPREAD = (
     0.01  # contact points wider apart than this share of the face's touching part say how the load is turned
 )
+
+
+class Layer(NamedTuple):
+    """What lies on a pad's surface, as `attach` takes it: kPa/mm, mm, and which centre of force is kept."""
+
+    stiffness: float
+    psf_sigma: float
+    centre: Literal["auto", "press", "mujoco"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,14 +76,26 @@ class _Turn(NamedTuple):
     axis: FloatArray
 
 
-class _Load(NamedTuple):
-    """What one other geom does to the pad's geom, in the pad's frame.
+class _Touch(NamedTuple):
+    """What one geom does to the pad's geoms at k contact points, in the pad's frame.
 
-    force: N, normal. direction: (3,) from the pad towards the other geom. points: (k, 3) mm of the contacts.
-    centre: (3,) mm, where the force acts.
+    forces: (k,) N, normal. points: (k, 3) mm. push: (3,) N, the sum of the forces, from the pad towards the geom.
     """
 
     geom: int
+    forces: FloatArray
+    points: FloatArray
+    push: FloatArray
+
+
+class _Load(NamedTuple):
+    """What one rigid body does to the pad's geoms, in the pad's frame.
+
+    geoms: those that touch. force: N, normal. direction: (3,) from the pad towards the body. points: (k, 3) mm of the
+    contacts. centre: (3,) mm, where the force acts.
+    """
+
+    geoms: list[int]
     force: float
     direction: FloatArray
     points: FloatArray
@@ -96,30 +122,40 @@ class PadReader:
     def __init__(
         self,
         model: mujoco.MjModel,
-        geom: int,
+        geoms: Sequence[int],
         pad: Pad,
         surface: PadSurface,
-        stiffness: float,
-        psf_sigma: float,
+        layer: Layer,
     ) -> None:
-        self.model, self.geom, self.pad, self.surface = model, geom, pad, surface
-        self._stiffness = stiffness / _KPA  # N/mm^3
-        self._sigma = psf_sigma
+        """Read a pad on `surface`, which is a face of the first of `geoms`; contacts of all of them are felt."""
+        self.model, self.geoms, self.pad, self.surface = model, tuple(geoms), pad, surface
+        self._layer = layer
+        self._stiffness = layer.stiffness / _KPA  # N/mm^3
         x_low, x_high, y_low, y_high = pad.load_bounds
         self._bounds = np.array([[x_low, x_high], [y_low, y_high]])
         self._columns, self._rows = pad.column_edges, pad.row_edges
         self._bodies: dict[int, Body] = {}
+        self._own = np.zeros(model.ngeom + 1, dtype=bool)  # the last: what is no geom
+        self._own[list(geoms)] = True
+        felt = touchable(model, self.geoms)
+        self._felt_geoms = [
+            np.flatnonzero(felt & (model.body_weldid[model.geom_bodyid] == body))
+            for body in range(model.nbody)
+        ]
+
+    @property
+    def geom(self) -> int:
+        """The number of the geom whose face carries the pad."""
+        return self.geoms[0]
 
     def read(self, data: mujoco.MjData) -> PadReading:
-        """Read the pad in the state whose contacts `data` holds: after mj_step, or mj_forward.
-
-        Raises InputError if a height field, a signed distance field or a flex touches the geom.
-        """
+        """Read the pad in the state whose contacts `data` holds: after mj_step, or mj_forward."""
         rotation, origin = self.frame(data)
         kpa, outside, shear = np.zeros(self.pad.taxels), 0.0, np.zeros(3)
-        loads, contacts = self._loads(data, rotation, origin, shear)
+        touches, contacts = self._touches(data, rotation, origin, shear)
+        loads = self._loads(touches, data, rotation)
         for load in loads:
-            felt, inside = self._felt(self._carried(load, data, rotation, origin))
+            felt, inside = self._felt(self._carried(load, loads, data, rotation, origin))
             kpa += felt
             outside += load.force - inside
         return PadReading(kpa, sum(load.force for load in loads), outside, shear, contacts)
@@ -129,52 +165,96 @@ class PadReader:
         geom = data.geom_xmat[self.geom].reshape(3, 3)
         return geom @ self.surface.axes, data.geom_xpos[self.geom] + geom @ self.surface.origin / _MM
 
-    def _loads(
+    def _touches(
         self, data: mujoco.MjData, rotation: FloatArray, origin: FloatArray, shear: FloatArray
-    ) -> tuple[list[_Load], int]:
-        """Gather the contact forces on the geom by what presses; adds the friction to `shear`."""
+    ) -> tuple[list[_Touch], int]:
+        """Gather the contact forces on the pad's geoms by what presses; adds the friction to `shear`."""
         first, second = data.contact.geom1, data.contact.geom2
         rows: dict[int, list[tuple[float, FloatArray, FloatArray]]] = {}
         six = np.zeros(6)
-        for index in np.flatnonzero((first == self.geom) | (second == self.geom)):
+        for index in np.flatnonzero(self._own[first] != self._own[second]):
             mujoco.mj_contactForce(self.model, data, index, six)
             if six[0] <= 0:
                 continue
             contact = data.contact[index]
             # The contact's frame has its normal from geom 1 to geom 2, and the force is that on geom 2.
-            sign, other = (
-                (1.0, int(second[index])) if first[index] == self.geom else (-1.0, int(first[index]))
-            )
-            if other < 0:
-                raise InputError(
-                    f"a flex touches geom {self.model.geom(self.geom).name!r}: a pad feels rigid geoms only"
-                )
+            sign, other = (1.0, second[index]) if self._own[first[index]] else (-1.0, first[index])
             frame = contact.frame.reshape(3, 3)
             shear -= sign * rotation.T @ (frame[1:].T @ six[1:3])
-            rows.setdefault(other, []).append(
+            rows.setdefault(int(other), []).append(
                 (six[0], sign * rotation.T @ frame[0], rotation.T @ (contact.pos - origin) * _MM)
             )
-        loads = []
+        touches = []
         for other, contacts in rows.items():
-            forces = np.array([force for force, _, _ in contacts])
-            direction = forces @ np.array([normal for _, normal, _ in contacts])
+            forces, normals, points = (np.array(column) for column in zip(*contacts, strict=True))
+            touches.append(_Touch(other, forces, points, forces @ normals))
+        return touches, sum(len(touch.forces) for touch in touches)
+
+    def _loads(self, touches: list[_Touch], data: mujoco.MjData, rotation: FloatArray) -> list[_Load]:
+        """Add up what the geoms of one rigid body do in about one direction."""
+        groups: list[tuple[int, FloatArray, list[_Touch]]] = []
+        for touch in sorted(touches, key=lambda touch: -touch.forces.sum()):
+            body = self.model.body_weldid[self.model.geom_bodyid[touch.geom]]
+            way = touch.push / np.sqrt(touch.push @ touch.push)
+            for known, along, members in groups:
+                if known == body and along @ way > _FACING:
+                    members.append(touch)
+                    break
+            else:
+                groups.append((body, way, [touch]))
+        loads = []
+        for body, _, members in groups:
+            forces = np.concatenate([touch.forces for touch in members])
+            points = np.concatenate([touch.points for touch in members])
+            direction = np.sum([touch.push for touch in members], axis=0)
             direction /= np.sqrt(direction @ direction)
-            points = np.array([point for _, _, point in contacts])
             force = float(forces.sum())
             centre = forces @ points / force
-            turns = _turns(points, centre, direction) if len(points) > 1 else []
-            loads.append(_Load(other, force, direction, points, centre, turns))
-        return loads, sum(len(contacts) for contacts in rows.values())
+            axes = self._free(data, body, direction, rotation) if len(points) > 1 else np.empty((0, 3))
+            turns = _turns(points, centre, direction, axes) if len(axes) else []
+            loads.append(_Load([touch.geom for touch in members], force, direction, points, centre, turns))
+        return loads
+
+    def _free(
+        self, data: mujoco.MjData, body: int, direction: FloatArray, rotation: FloatArray
+    ) -> FloatArray:
+        """List the axes (k, 3) across a load about which its centre, as MuJoCo has it, is to be kept.
+
+        Where joints let the body turn on the pad, the balance of moments alone says where the load is centred, and
+        MuJoCo keeps that balance. Where they hold it, its centre is that of MuJoCo's few contact points.
+        """
+        across = np.linalg.svd(direction[None])[2][1:]
+        if self._layer.centre != "auto":
+            return across if self._layer.centre == "mujoco" else across[:0]
+        turns, own = np.zeros((2, 3, self.model.nv))
+        mujoco.mj_jacBody(self.model, data, None, turns, body)
+        mujoco.mj_jacBody(self.model, data, None, own, self.model.geom_bodyid[self.geom])
+        sides, size, _ = np.linalg.svd(across @ rotation.T @ (turns - own), full_matrices=False)
+        return sides[:, size > _HELD].T @ across
+
+    def _parts(
+        self, load: _Load, loads: list[_Load], data: mujoco.MjData, rotation: FloatArray, origin: FloatArray
+    ) -> list[Part]:
+        """List the geoms of a load's body that may touch the face, but for those that touch it another way."""
+        body = self.model.body_weldid[self.model.geom_bodyid[load.geoms[0]]]
+        elsewhere = {geom for other in loads if other is not load for geom in other.geoms}
+        reach = self.surface.high - self.surface.low
+        parts = []
+        for geom in {*load.geoms, *self._felt_geoms[body].tolist()} - elsewhere:
+            position = rotation.T @ (data.geom_xpos[geom] - origin) * _MM
+            radius = self.model.geom_rbound[geom] * _MM
+            if geom not in load.geoms and 0 < radius < np.sqrt(position @ position) - np.sqrt(reach @ reach):
+                continue
+            if geom not in self._bodies:
+                self._bodies[geom] = body_of(self.model, geom)
+            parts.append(Part(self._bodies[geom], rotation.T @ data.geom_xmat[geom].reshape(3, 3), position))
+        return parts
 
     def _carried(
-        self, load: _Load, data: mujoco.MjData, rotation: FloatArray, origin: FloatArray
+        self, load: _Load, loads: list[_Load], data: mujoco.MjData, rotation: FloatArray, origin: FloatArray
     ) -> _Carried:
         """Let the layer carry a load. All forces are 0 where the geom is touched beside the face alone."""
-        if load.geom not in self._bodies:
-            self._bodies[load.geom] = body_of(self.model, load.geom)
-        turned = rotation.T @ data.geom_xmat[load.geom].reshape(3, 3)
-        position = rotation.T @ (data.geom_xpos[load.geom] - origin) * _MM
-        body = self._bodies[load.geom]
+        parts = self._parts(load, loads, data, rotation, origin)
         surface = self.surface
         places = surface.place(load.points)
         low = np.clip(places.min(axis=0) - _MARGIN, surface.low, surface.high)
@@ -184,7 +264,7 @@ class PadReader:
         for _ in range(_SEARCHES):
             if beside or (high <= low).any():
                 break
-            carried, pose = self._pressed(load, body, (turned, position), low, high, (_SEARCH, _SEARCH))
+            carried, moved = self._pressed(load, parts, low, high, (_SEARCH, _SEARCH))
             size, cell = high - low, (high - low) / _SEARCH
             rows, columns = np.nonzero(carried.forces)
             if not len(rows):  # too small to be seen
@@ -202,22 +282,19 @@ class PadReader:
             if (high - low < _POINT * pitch).all():
                 break
             if (high - low > size / 2).all():
-                columns, rows = np.clip(np.ceil(_LINES_A_PITCH * (high - low) / pitch), *_LINES).astype(int)
-                return self._pressed(load, body, pose, low, high, (columns, rows))[0]
+                least = _LINES[0] if len(parts) == 1 else _LINES_OF_SEVERAL
+                columns, rows = np.clip(
+                    np.ceil(_LINES_A_PITCH * (high - low) / pitch), least, _LINES[1]
+                ).astype(int)
+                return self._pressed(load, moved, low, high, (columns, rows))[0]
         return carried
 
     def _pressed(
-        self,
-        load: _Load,
-        body: Body,
-        pose: tuple[FloatArray, FloatArray],
-        low: FloatArray,
-        high: FloatArray,
-        count: tuple[int, int],
-    ) -> tuple[_Carried, tuple[FloatArray, FloatArray]]:
+        self, load: _Load, parts: list[Part], low: FloatArray, high: FloatArray, count: tuple[int, int]
+    ) -> tuple[_Carried, list[Part]]:
         """Balance a load on a lattice of columns x rows cells from low to high (2,) mm.
 
-        pose: (3, 3) and (3,) mm, the other geom's rotation and position; returned as it is where the load is balanced.
+        Returns also the body as it lies where the load is balanced.
         """
         columns, rows = count
         u, v = np.linspace(low[0], high[0], columns + 1), np.linspace(low[1], high[1], rows + 1)
@@ -225,25 +302,35 @@ class PadReader:
             np.tile((u[1:] + u[:-1]) / 2, rows), np.repeat((v[1:] + v[:-1]) / 2, columns)
         )
         du, dv = (high - low) / count
-        gap, share, shift = gaps(body, *pose, lines, (du, dv))
-        facing = lines.normals @ load.direction
-        weight = self._stiffness * du * dv * lines.area * share
-        some = (weight > 0) & (gap > -self.surface.depth) & (gap < np.inf) & (facing > _GRAZING)
-        forces = np.zeros(rows * columns)
-        if some.any():
-            normals, facing = lines.normals, np.broadcast_to(facing, some.shape)[some]
-            normals = normals[some] if len(normals) > 1 else normals
-            gap, weight, length = gap[some], weight[some], float((high - low).max()) / 2
-            points = lines.points
-            if load.turns and shift.shape[1] > 1:
-                points = (
-                    points + du * shift[0, :, None] * lines.along_u + dv * shift[1, :, None] * lines.along_v
+        cell, (gap, share, shift) = union_gaps(parts, lines, (du, dv), self.surface.depth)
+        many = len(lines.normals) > 1
+        facing = np.broadcast_to(lines.normals @ load.direction, rows * columns)[cell]
+        area = np.broadcast_to(lines.area, rows * columns)[cell]
+        some = facing > _GRAZING
+        if not some.all():
+            cell, gap, share, shift = cell[some], gap[some], share[some], shift[:, some]
+            facing, area = facing[some], area[some]
+        forces, moved = np.zeros(rows * columns), np.zeros((2, 1))
+        if len(cell):
+            normals = lines.normals[cell] if many else lines.normals
+            weight, length = self._stiffness * du * dv * area * share, float((high - low).max()) / 2
+            points = lines.points[cell]
+            if load.turns and shift.any():
+                along_u, along_v = (
+                    along[cell] if len(along) > 1 else along for along in (lines.along_u, lines.along_v)
                 )
-            basis, turns = _basis(load, points[some], normals, facing, length)
+                points = points + du * shift[0, :, None] * along_u + dv * shift[1, :, None] * along_v
+            basis, turns = _basis(load, points, normals, facing, length)
             motion = balance(gap, weight, basis, load.force)
-            forces[some] = weight * np.maximum(motion @ basis - gap, 0) * facing
-            pose = _moved(*pose, load, motion[0], motion[1:] @ turns)
-        return _Carried(forces.reshape(rows, columns), shift, u, v), pose
+            carried = weight * np.maximum(motion @ basis - gap, 0) * facing
+            np.add.at(forces, cell, carried)
+            if shift.any():
+                moved = np.zeros((2, rows * columns))
+                for axis in (0, 1):
+                    np.add.at(moved[axis], cell, carried * shift[axis])
+                moved /= np.maximum(forces, _NONE)
+            parts = _moved(parts, load, motion[0], motion[1:] @ turns)
+        return _Carried(forces.reshape(rows, columns), moved, u, v), parts
 
     def _felt(self, carried: _Carried) -> tuple[FloatArray, float]:
         """Spread forces over the taxels: (taxels,) kPa, and the force that the pad carries, N."""
@@ -251,7 +338,7 @@ class PadReader:
         image = np.zeros((len(rows), len(columns)))
         inside = spread_forces(
             carried.forces, carried.shift, carried.u, carried.v, self._bounds[0], self._bounds[1], columns, rows,
-            self._sigma, image,
+            self._layer.psf_sigma, image,
         )  # fmt: skip
         area = (columns[0, 1] - columns[0, 0]) * (rows[0, 1] - rows[0, 0])
         return _KPA / area * np.maximum(image.ravel(), 0), inside
@@ -275,19 +362,21 @@ def _basis(
     return np.array(basis), turns
 
 
-def _moved(
-    turned: FloatArray, position: FloatArray, load: _Load, approach: float, turn: FloatArray
-) -> tuple[FloatArray, FloatArray]:
+def _moved(parts: list[Part], load: _Load, approach: float, turn: FloatArray) -> list[Part]:
     """Move a body by what balances a load, so that it sinks `approach` mm in; turn: (3,) rad about the load's centre.
 
     The turn is that of the surface about the body, as in `_basis`: the body turns the other way.
     """
+    rotation = np.eye(3)
     if turn.any():
         angle = np.sqrt(turn @ turn)
         crossing = _crossing(turn / angle)  # Rodrigues' formula
-        rotation = np.eye(3) - np.sin(angle) * crossing + (1 - np.cos(angle)) * crossing @ crossing
-        turned, position = rotation @ turned, load.centre + rotation @ (position - load.centre)
-    return turned, position - approach * load.direction
+        rotation = rotation - np.sin(angle) * crossing + (1 - np.cos(angle)) * crossing @ crossing
+    shift = load.centre - approach * load.direction
+    return [
+        Part(part.body, rotation @ part.rotation, rotation @ (part.position - load.centre) + shift)
+        for part in parts
+    ]
 
 
 def _crossing(axis: FloatArray) -> FloatArray:
@@ -296,14 +385,23 @@ def _crossing(axis: FloatArray) -> FloatArray:
     return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
 
 
-def _turns(points: FloatArray, centre: FloatArray, direction: FloatArray) -> list[_Turn]:
-    """List the turns that bring a body nearer on one side, where contact points lie on both sides.
+def _turns(points: FloatArray, centre: FloatArray, direction: FloatArray, axes: FloatArray) -> list[_Turn]:
+    """List the turns about axes (k, 3) that bring a body nearer on one side, where contact points lie on both sides.
 
     There, and only there, MuJoCo's forces say where between the sides the load acts.
     """
-    offsets = points - centre
-    _, spread, across = np.linalg.svd(offsets - np.outer(offsets @ direction, direction), full_matrices=False)
-    return [
-        _Turn(wide, direction @ _crossing(side))
-        for wide, side in zip(spread[:2].tolist(), across, strict=False)
-    ]
+    sides = axes @ _crossing(direction)  # where a turn about each axis brings the body away
+    _, spread, mixed = np.linalg.svd((points - centre) @ sides.T, full_matrices=False)
+    return [_Turn(wide, axis) for wide, axis in zip(spread.tolist(), mixed @ axes, strict=False)]
+
+
+def touchable(model: mujoco.MjModel, geoms: Sequence[int]) -> NDArray[np.bool_]:
+    """Tell which geoms (ngeom,) of a model can touch any of `geoms`, by MuJoCo's rules for types and pairs."""
+    felt = np.zeros(model.ngeom, dtype=bool)
+    for geom in geoms:
+        felt |= (model.geom_contype & model.geom_conaffinity[geom]) != 0
+        felt |= (model.geom_conaffinity & model.geom_contype[geom]) != 0
+        felt[model.pair_geom2[model.pair_geom1 == geom]] = True
+        felt[model.pair_geom1[model.pair_geom2 == geom]] = True
+    felt &= model.body_weldid[model.geom_bodyid] != model.body_weldid[model.geom_bodyid[geoms[0]]]
+    return felt

@@ -106,3 +106,72 @@ def roll(force, radius, half, angle=0.0, x=0.0, y=0.0, stiffness=1.0):
         return stiffness * (np.abs(along) <= half) * np.maximum(depth - radius + height, 0)
 
     return pressure
+
+
+def springs(pad, gap, force, *, stiffness=1.0, sigma=1.0, fine=0.01, beyond=5.0):
+    """Press a height field on a bed of springs by brute force: the taxels (taxels,) kPa, and the force on the pad, N.
+
+    gap: of x and y, mm, how far what presses is above the pad where it first touches; infinite where there is none.
+    stiffness: N/mm^3. fine: mm. What lies beside the pad up to `beyond` mm away is pressed, too.
+    """
+    x_low, x_high, y_low, y_high = pad.load_bounds
+    x, y = (
+        np.arange(low - beyond + fine / 2, high + beyond, fine)
+        for low, high in ((x_low, x_high), (y_low, y_high))
+    )
+    away = gap(*np.meshgrid(x, y))
+    met = np.sort(away[np.isfinite(away)])
+    unit = stiffness * fine**2
+    depths = (force / unit + np.cumsum(met)) / np.arange(1, len(met) + 1)
+    depth = depths[np.searchsorted(met - depths, 0) - 1]
+    load = unit * np.maximum(depth - away, 0)
+    load[(y < y_low) | (y > y_high)] = 0
+    load[:, (x < x_low) | (x > x_high)] = 0
+
+    def felt(at, edges):
+        return np.diff(ndtr((edges - at[:, None, None]) / sigma), axis=-1)[..., 0] / (
+            edges[0, 1] - edges[0, 0]
+        )
+
+    kpa = 1e3 * (felt(y, pad.row_edges).T @ load @ felt(x, pad.column_edges)).ravel()
+    return kpa, load.sum()
+
+
+def within(contours, x, y):
+    """Tell which points lie in a shape, by counting how often a line from each crosses the contours."""
+    inside = np.zeros(x.shape, dtype=bool)
+    for contour in contours:
+        for (ax, ay), (bx, by) in zip(contour, np.roll(contour, -1, axis=0), strict=True):
+            if ay != by:
+                inside ^= ((ay > y) != (by > y)) & (x < ax + (y - ay) * (bx - ax) / (by - ay))
+    return inside
+
+
+def settle(
+    geoms, pad=None, *, joint='<joint type="slide" axis="0 0 1"/>', pose="", steps=1500, assets="", **options
+):
+    """Let a body of several geoms, MJCF in mm, come to rest on a box of 60 x 60 mm: its reader, data and reading.
+
+    The face is at z = 0. pose: MJCF attributes of the body.
+    """
+    spec = mujoco.MjSpec.from_string(f"""
+        <mujoco><option timestep="0.001"/><compiler angle="radian"/><asset>{assets}</asset><worldbody>
+          <geom name="finger" type="box" size=".03 .03 .005" pos="0 0 -.005"/>
+          <body name="body" {pose}>{joint}
+            <inertial pos="0 0 0" mass="0.2" diaginertia="1e-5 1e-5 1e-5"/>{geoms}</body>
+        </worldbody></mujoco>""")
+    reader = tactsim.press.attach(spec, "finger", pad, **options).bind(model := spec.compile())
+    data = mujoco.MjData(model)
+    for _ in range(steps):
+        mujoco.mj_step(model, data)
+    return reader, data, reader.read(data)
+
+
+def letter_geoms(letter):
+    """Write a letter's convex parts as mesh geoms, its face down at z = 0: assets and geoms, MJCF."""
+    assets, geoms = [], []
+    for number, part in enumerate(letter.parts):
+        places = (part.vertices - [0, 0, letter.height]) * [1, -1, -1] / 1e3
+        assets.append(f'<mesh name="m{number}" vertex="{" ".join(map(repr, places.ravel().tolist()))}"/>')
+        geoms.append(f'<geom type="mesh" mesh="m{number}"/>')
+    return "".join(assets), "".join(geoms)

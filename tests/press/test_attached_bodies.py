@@ -1,0 +1,151 @@
+"""Pads under bodies of several geoms, which are read as one: against springs by brute force, and a closed form."""
+
+import mujoco
+import numpy as np
+import pytest
+from attached_scenes import block, errors, image, letter_geoms, settle, springs, within
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import tactsim
+from tactsim import Pad, models
+from tactsim.press.pad_kernels import unite
+
+PAD = Pad()
+PLATE = [(-3, 0, 3, 4), (3, 0, 3, 4)]  # x, y, half along x, half along y, mm
+
+
+def box(x, y, half_x, half_y, above=0.0):
+    return f"""<geom type="box" size="{half_x / 1e3} {half_y / 1e3} .002"
+        pos="{x / 1e3} {y / 1e3} {0.002 + above / 1e3}"/>"""
+
+
+def gap_of(boxes):
+    def gap(x, y):
+        away = np.full(x.shape, np.inf)
+        for at_x, at_y, half_x, half_y, *above in boxes:
+            inside = (np.abs(x - at_x) < half_x) & (np.abs(y - at_y) < half_y)
+            away[inside] = np.minimum(away[inside], sum(above))
+        return away
+
+    return gap
+
+
+@pytest.mark.parametrize(
+    "boxes",
+    [
+        PLATE,
+        [(-2, 0.13, 4, 4), (3, 0.13, 3, 4), (0.3, 0.13, 1, 4)],  # they overlap
+        [(0.2, 0.1, 5, 1.3), (0.2, 0.1, 1.1, 4)],  # a cross
+        [(-6, 0, 5, 4), (4.3, 0, 5.3, 4)],  # beyond the pad's rim
+        [(-3, 0, 3, 4, 0.0), (3, 0, 3, 4, 0.02)],  # steps
+        [(-3, 0, 3, 4, 0.0), (3, 0, 3, 4, 0.2)],
+    ],
+)
+def test_boxes_of_one_body_are_one_face(boxes):
+    _, _, reading = settle("".join(box(*each) for each in boxes), pose='pos="0 0 1e-5"')
+    truth, inside = springs(PAD, gap_of(boxes), reading.force)
+    assert errors(reading.kpa, truth)[1] < 0.001
+    assert reading.outside == pytest.approx(reading.force - inside, abs=5e-4)
+
+
+def test_a_plate_of_two_boxes_reads_the_force_over_its_area_everywhere():
+    """Taxels without gaps and no point spread: those wholly under the plate read F / A."""
+    pad = Pad(taxel_width=1.9, taxel_height=1.9, seam=None, unread_columns=0)
+    _, _, reading = settle("".join(box(*each) for each in PLATE), pad, pose='pos="0 0 1e-5"', psf_sigma=0)
+    x, y = pad.taxel_xy.T
+    covered = (np.abs(x) + 0.95 < 6) & (np.abs(y) + 0.95 < 4)
+    assert covered.sum() >= 16
+    assert reading.kpa[covered] == pytest.approx(reading.force / (12 * 8) * 1e3, rel=1e-4)
+
+
+def test_the_dots_of_a_braille_cell_share_the_force():
+    dots = [(x, y) for x in (-1.25, 1.25) for y in (-2.5, 0, 2.5)]
+    geoms = "".join(f'<geom size=".001" pos="{x / 1e3} {y / 1e3} .001"/>' for x, y in dots)
+
+    def gap(x, y):
+        away = [(x - a) ** 2 + (y - b) ** 2 for a, b in dots]
+        return np.min([np.where(r < 1, 1 - np.sqrt(np.maximum(1 - r, 0)), np.inf) for r in away], axis=0)
+
+    _, _, reading = settle(geoms, pose='pos="0 0 1e-5"')
+    assert errors(reading.kpa, springs(PAD, gap, reading.force)[0])[1] < 0.01
+
+
+@pytest.mark.parametrize(("name", "tilt"), [("A", 0.0), ("E", 0.004), ("E", 0.02)])
+def test_the_convex_parts_of_a_letter_are_one_letter(name, tilt):
+    """Parts lie wall to wall along slanted lines. Held by a slide, tilted about y."""
+    letter = models.letter(name)
+    assets, geoms = letter_geoms(letter)
+    pose = f'pos="0 0 {5e-3 * np.sin(tilt) + 1e-5}" euler="0 {tilt} 0"'
+    _, _, reading = settle(geoms, assets=assets, pose=pose)
+
+    def gap(x, y):
+        return np.where(within(letter.contours, x / np.cos(tilt), -y), (5 - x) * np.tan(tilt), np.inf)
+
+    truth, _ = springs(PAD, gap, reading.force, fine=0.02, beyond=16)
+    assert errors(reading.kpa, truth)[1] < 0.01
+
+
+@pytest.mark.parametrize("lever", [0.0, 0.6])
+def test_a_body_that_is_free_to_turn_is_centred_where_its_weight_is(lever):
+    """The plate's seam is off its middle and the contacts lie unevenly; a stiff layer, so that it does not lean."""
+    geoms = box(-4, 0, 2, 4) + box(2, 0, 4, 4)
+    spec = mujoco.MjSpec.from_string(f"""<mujoco><option timestep="0.001"/><worldbody>
+        <geom name="finger" type="box" size=".03 .03 .005" pos="0 0 -.005"/>
+        <body name="body" pos="0 0 1e-5"><freejoint/>
+          <inertial pos="{lever / 1e3} 0 .002" mass="0.2" diaginertia="1e-5 1e-5 1e-5"/>{geoms}</body>
+        </worldbody></mujoco>""")
+    reader = tactsim.press.attach(spec, "finger", PAD, stiffness=1e5).bind(model := spec.compile())
+    data = mujoco.MjData(model)
+    for _ in range(3000):
+        mujoco.mj_step(model, data)
+    reading = reader.read(data)
+    truth = image(PAD, block(reading.force, 6, 4, x=data.body("body").xpos[0] * 1e3, lever=lever))
+    assert errors(reading.kpa, truth)[1] < 0.02
+
+
+def test_the_centre_of_force_may_be_mujocos_own():
+    """A body that a slide holds: MuJoCo's corners of the smaller box draw its centre to that side."""
+    geoms = box(-4, 0, 2, 4) + box(2, 0, 4, 4)
+    kpa = {
+        centre: settle(geoms, pose='pos="0 0 1e-5"', centre=centre)[2].kpa @ PAD.taxel_xy[:, 0]
+        for centre in ("auto", "press", "mujoco")
+    }
+    assert kpa["auto"] == kpa["press"]
+    assert kpa["mujoco"] < kpa["press"]
+
+
+def test_two_faces_of_one_body_that_hold_a_finger_are_two_loads():
+    """A fork's prongs press a ball from either side; each is felt where it is."""
+    spec = mujoco.MjSpec.from_string("""<mujoco><option timestep="0.001" gravity="0 0 0"/><worldbody>
+        <body name="fork"><geom type="box" size=".002 .01 .01" pos="-.0119 0 0"/>
+          <geom type="box" size=".002 .01 .01" pos=".0119 0 0"/></body>
+        <body><freejoint/><geom name="finger" size=".01" mass=".1"/></body></worldbody></mujoco>""")
+    sides = [tactsim.press.attach(spec, "finger", PAD, normal=(x, 0, 0), stiffness=300) for x in (1, -1)]
+    data = mujoco.MjData(model := spec.compile())
+    for _ in range(200):
+        mujoco.mj_step(model, data)
+    right, left = (side.bind(model).read(data) for side in sides)
+    assert right.force == left.force
+    assert right.outside == pytest.approx(right.force / 2, rel=1e-3)
+    assert right.kpa.sum() == pytest.approx(left.kpa.sum(), rel=1e-6)
+    assert right.kpa.max() > 1
+
+
+@given(st.integers(0, 10**6), st.integers(2, 4))
+@settings(max_examples=50, deadline=None)
+def test_no_more_than_the_whole_of_a_cell_is_covered(seed, count):
+    """Half planes along the cell's sides: what each of two has left adds up to what they cover together."""
+    rng = np.random.default_rng(seed)
+    ends = rng.uniform(0, 1, count)  # from the left, or from the right
+    right = rng.integers(0, 2, count).astype(bool)
+    share = ends[:, None].copy()
+    shift = np.zeros((count, 2, 1))
+    shift[:, 0, 0] = np.where(right, 1, -1) * (1 - ends) / 2
+    before = share.copy()
+    unite(rng.uniform(0, 1, (count, 1)), share, shift)
+    covered = min(ends[~right].max(initial=0) + ends[right].max(initial=0), 1.0)
+    assert (share <= before + 1e-12).all()
+    assert ends.max() - 1e-9 <= share.sum() <= 1 + 1e-9
+    if count == 2:
+        assert share.sum() == pytest.approx(covered, abs=1e-9)
