@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
+from numba import boolean, float64, types, void
 from numpy.typing import NDArray
 
+from tactsim.core.compiling import REALS, REALS_2D, REALS_3D, REALS_4D, Reals, compiled
 from tactsim.core.poses import FloatArray
-from tactsim.estimators.filters.mode_kernels import solve_modes
 
 _OF_READINGS = ("at", "log_p", "gradient", "information")
 _OF_MODES = (
@@ -97,16 +99,11 @@ class Modes:
         return self._solved(floor, doubt=False)._solved(floor, doubt=True)
 
     def _solved(self, floor: FloatArray, *, doubt: bool) -> Modes:
-        mean, cov, log_weight = (
-            np.empty_like(self.mean),
-            np.empty_like(self.cov),
-            np.empty_like(self.log_weight),
-        )
-        solve_modes(
-            self.prior_mean, self.prior_cov, self.log_prior, self.at, self.log_p, self.gradient, self.information,
-            floor[self.number], self.mean, doubt, mean, cov, log_weight,
-        )  # fmt: skip
-        return replace(self, mean=mean, cov=cov, log_weight=log_weight)
+        prior = Gaussians(self.prior_mean, self.prior_cov, self.log_prior)
+        readings = Expansions(self.at, self.log_p, self.gradient, self.information)
+        result = Gaussians(*(np.empty_like(values) for values in (self.mean, self.cov, self.log_weight)))
+        solve_modes(prior, readings, floor[self.number], self.mean, doubt, result)
+        return replace(self, **result._asdict())
 
     def log_p_of_readings(self) -> FloatArray:
         """Give the log-likelihood (n, k) of the readings at the modes' means."""
@@ -202,3 +199,92 @@ def sensor_motion(state: FloatArray, sensor_in_robot: FloatArray) -> FloatArray:
     motion[:, 1, 0], motion[:, 1, 1], motion[:, 1, 2] = -sin, cos, -sin * arm_x + cos * arm_y
     motion[:, 2, 2] = 1
     return motion
+
+
+class Gaussians(NamedTuple):
+    """n weighted Gaussians: mean (n, 3), cov (n, 3, 3), log_weight (n,)."""
+
+    mean: Reals
+    cov: Reals
+    log_weight: Reals
+
+
+GAUSSIANS = types.NamedTuple((REALS_2D, REALS_3D, REALS), Gaussians)
+
+
+class Expansions(NamedTuple):
+    """The log-likelihoods of k readings around n states, to the second order, as `Modes` holds them."""
+
+    at: Reals
+    log_p: Reals
+    gradient: Reals
+    information: Reals
+
+
+EXPANSIONS = types.NamedTuple((REALS_3D, REALS_2D, REALS_3D, REALS_4D), Expansions)
+
+
+@compiled(float64(REALS_2D, REALS_2D), called_from_python=False)
+def invert_3(matrix: Reals, inverse: Reals) -> float:
+    """Invert a symmetric positive definite matrix (3, 3); returns its determinant."""
+    a, b, c = matrix[0, 0], matrix[0, 1], matrix[0, 2]
+    d, e, f = matrix[1, 1], matrix[1, 2], matrix[2, 2]
+    aa, bb, cc = d * f - e * e, c * e - b * f, b * e - c * d
+    determinant = a * aa + b * bb + c * cc
+    inverse[0, 0] = aa / determinant
+    inverse[0, 1] = inverse[1, 0] = bb / determinant
+    inverse[0, 2] = inverse[2, 0] = cc / determinant
+    inverse[1, 1] = (a * f - c * c) / determinant
+    inverse[1, 2] = inverse[2, 1] = (b * c - a * e) / determinant
+    inverse[2, 2] = (a * d - b * b) / determinant
+    return determinant
+
+
+@compiled(void(GAUSSIANS, EXPANSIONS, REALS, REALS_2D, boolean, GAUSSIANS))
+def solve_modes(
+    prior: Gaussians, readings: Expansions, floor: Reals, now: Reals, doubt: bool, result: Gaussians
+) -> None:
+    """Multiply the Gaussian priors of n modes with the expanded likelihoods of k readings; fills result.
+
+    floor: (k,) the log-density of each reading as an outlier. now: (n, 3) where the modes are. If `doubt`, a reading
+    that is less likely than its floor there is one, and says nothing of the pose.
+    """
+    precision, of_prior, inverse = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
+    away, slope, step, bent = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
+    for n in range(len(prior.log_weight)):
+        from_prior = now[n] - prior.mean[n]
+        prior_det = invert_3(prior.cov[n], of_prior)
+        value = prior.log_weight[n]
+        for i in range(3):
+            slope[i] = 0.0
+            for j in range(3):
+                precision[i, j] = of_prior[i, j]
+                slope[i] -= of_prior[i, j] * from_prior[j]
+            value += slope[i] * from_prior[i] / 2
+        for k in range(len(floor)):
+            here = readings.log_p[n, k]
+            for i in range(3):
+                away[i] = now[n, i] - readings.at[n, k, i]
+            for i in range(3):
+                bent[i] = 0.0
+                for j in range(3):
+                    bent[i] += readings.information[n, k, i, j] * away[j]
+                here += (readings.gradient[n, k, i] - bent[i] / 2) * away[i]
+            if doubt and here < floor[k]:
+                value += floor[k]
+                continue
+            value += here
+            for i in range(3):
+                slope[i] += readings.gradient[n, k, i] - bent[i]
+                for j in range(3):
+                    precision[i, j] += readings.information[n, k, i, j]
+        determinant = invert_3(precision, inverse)
+        for i in range(3):
+            step[i] = 0.0
+            for j in range(3):
+                step[i] += inverse[i, j] * slope[j]
+                result.cov[n, i, j] = inverse[i, j]
+        for i in range(3):
+            result.mean[n, i] = now[n, i] + step[i]
+            value += slope[i] * step[i] / 2
+        result.log_weight[n] = value - 0.5 * math.log(prior_det * determinant)

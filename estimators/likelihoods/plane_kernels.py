@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
-from numba import float64, void
+from numba import float64, types, void
 
 from tactsim.core.compiling import (
     GIVEN_REALS,
@@ -19,6 +20,62 @@ from tactsim.core.compiling import (
 
 # Passes in which the plane of a reading, and where it is below 0, are found.
 _PASSES = 3
+
+
+class PressureModel(NamedTuple):
+    """What a press that tilts does to the taxels, as in `TiltedMosaics`.
+
+    gain: (taxels,). plane: (taxels, 3) 1, u and v. parts: (3,) of a taxel's variance. prior: (3,) kPa, deviations of p,
+    q and r.
+    """
+
+    gain: Reals
+    plane: Reals
+    parts: Reals
+    prior: Reals
+
+
+PRESSURE_MODEL = types.NamedTuple((REALS, REALS_2D, REALS, REALS), PressureModel)
+
+
+class Plane(NamedTuple):
+    """What was fitted to one reading: coefficients (3,) p, q, r; pressure, variance, error (taxels,) as in `Planes`."""
+
+    coefficients: Reals
+    pressure: Reals
+    variance: Reals
+    error: Reals
+
+
+PLANE = types.NamedUniTuple(REALS, 4, Plane)
+
+
+class Planes(NamedTuple):
+    """What was fitted to n readings.
+
+    coefficients: (n, 3) p, q, r, kPa. pressure: (n, taxels) kPa, the plane, from 0. variance: (n, taxels) kPa^2, of the
+    last pass, and error: (n, taxels) kPa, in it. misfit: (n,) nats.
+    """
+
+    coefficients: Reals
+    pressure: Reals
+    variance: Reals
+    error: Reals
+    misfit: Reals
+
+
+PLANES = types.NamedTuple((REALS_2D, REALS_2D, REALS_2D, REALS_2D, REALS), Planes)
+
+
+class Nodes(NamedTuple):
+    """The nodes of a `Mosaic`: plane (rows, columns, 3), origin (2,) mm, cell mm."""
+
+    plane: Reals
+    origin: Reals
+    cell: float
+
+
+NODES = types.NamedTuple((REALS_3D, REALS, float64), Nodes)
 
 
 @compiled(void(REALS_2D, REALS), called_from_python=False)
@@ -43,20 +100,18 @@ def _divide(vector: Reals, factor: Reals) -> None:
 
 
 @compiled(
-    float64(
-        GIVEN_REALS, REALS, REALS, REALS, REALS_2D, REALS, REALS, REALS, REALS_2D, REALS, REALS, REALS, REALS
-    ),
-    called_from_python=False,
+    float64(GIVEN_REALS, REALS, REALS, PRESSURE_MODEL, PLANE, REALS_2D, REALS), called_from_python=False
 )
 def _fit_plane(
-    reading: Reals, cover: Reals, slope: Reals, gain: Reals, plane: Reals, parts: Reals, prior: Reals,
-    found: Reals, factor: Reals, pressure: Reals, seen: Reals, variance: Reals, error: Reals,
-) -> float:  # fmt: skip
+    reading: Reals, cover: Reals, slope: Reals, model: PressureModel, fit: Plane, factor: Reals, seen: Reals
+) -> float:
     """Do for one reading what `fit_planes` does for all; returns its misfit, nats.
 
     factor: (3, 3) becomes Cholesky's factor of the normal equations of the last pass. seen: (taxels,) what a pressure
     of 1 kPa was taken to give in it.
     """
+    gain, plane, parts, prior = model.gain, model.plane, model.parts, model.prior
+    found, pressure, variance, error = fit.coefficients, fit.pressure, fit.variance, fit.error
     misfit = 0.0
     for number in range(_PASSES):
         factor[:] = 0
@@ -90,52 +145,35 @@ def _fit_plane(
     return misfit
 
 
-@compiled(
-    void(
-        GIVEN_REALS_2D, REALS_2D, REALS_2D, REALS, REALS_2D, REALS, REALS, REALS_2D, REALS_2D, REALS_2D, REALS_2D, REALS
-    )
-)  # fmt: skip
-def fit_planes(
-    reading: Reals, cover: Reals, slope: Reals, gain: Reals, plane: Reals, parts: Reals, prior: Reals,
-    found: Reals, pressure: Reals, variance: Reals, error: Reals, misfit: Reals,
-) -> None:  # fmt: skip
-    """Fit p, q and r to readings (n, taxels) kPa, given cover and its squared slope (n, taxels) mm^-2.
+@compiled(void(GIVEN_REALS_2D, REALS_2D, REALS_2D, PRESSURE_MODEL, PLANES))
+def fit_planes(reading: Reals, cover: Reals, slope: Reals, model: PressureModel, planes: Planes) -> None:
+    """Fit p, q and r to readings (n, taxels) kPa, given cover and its squared slope (n, taxels) mm^-2; fills planes.
 
-    gain: (taxels,). plane: (taxels, 3) 1, u and v. parts: (3,) of a taxel's variance; prior: (3,) kPa, as in
-    `TiltedMosaics`. Where the plane falls below 0 the pad has left the object: nothing is felt.
-    Results: found (n, 3) kPa; pressure (n, taxels) the plane, from 0; variance (n, taxels) of the last pass and error
-    (n, taxels) in it; misfit (n,) nats.
+    Where the plane falls below 0 the pad has left the object: nothing is felt.
     """
-    factor, seen = np.empty((3, 3)), np.empty(len(gain))
+    factor, seen = np.empty((3, 3)), np.empty(len(model.gain))
     for n in range(len(reading)):
-        misfit[n] = _fit_plane(
-            reading[n], cover[n], slope[n], gain, plane, parts, prior, found[n], factor, pressure[n], seen,
-            variance[n], error[n],
-        )  # fmt: skip
+        fit = Plane(planes.coefficients[n], planes.pressure[n], planes.variance[n], planes.error[n])
+        planes.misfit[n] = _fit_plane(reading[n], cover[n], slope[n], model, fit, factor, seen)
 
 
-@compiled(
-    float64(
-        REALS, GIVEN_REALS_2D, GIVEN_REALS_2D, REALS_2D, REALS_3D, REALS, float64, REALS, REALS_2D, REALS, REALS,
-        REALS, REALS_2D
-    )
-)  # fmt: skip
+@compiled(float64(REALS, GIVEN_REALS_2D, GIVEN_REALS_2D, REALS_2D, NODES, PRESSURE_MODEL, REALS, REALS_2D))
 def expand(
-    pose: Reals, reading: Reals, sensor_in_robot: Reals, taxel_xy: Reals, mosaic: Reals, origin: Reals, cell: float,
-    gain: Reals, plane: Reals, parts: Reals, prior: Reals, slope: Reals, curvature: Reals,
+    pose: Reals, reading: Reals, sensor_in_robot: Reals, taxel_xy: Reals, mosaic: Nodes, model: PressureModel,
+    slope: Reals, curvature: Reals,
 ) -> float:  # fmt: skip
     """Expand -log p of readings (n, taxels) kPa, less a constant, around a pose T_R^O (3,) of the object.
 
-    sensor_in_robot: (n, 3). taxel_xy: (taxels, 2) mm. mosaic: (rows, columns, 3), origin, cell: as in `Mosaic`. The
-    others are as in `fit_planes`. p, q and r are fitted along (variable projection, Golub and Pereyra 1973), and what
-    changes variances with the pose is left out. Returns the value at the pose; fills slope (3,), how fast it falls, and
-    curvature (3, 3), as Gauss and Newton have it.
+    sensor_in_robot: (n, 3). taxel_xy: (taxels, 2) mm. p, q and r are fitted along (variable projection, Golub and
+    Pereyra 1973), and what changes variances with the pose is left out. Returns the value at the pose; fills slope
+    (3,), how fast it falls, and curvature (3, 3), as Gauss and Newton have it.
     """
-    taxels, rows, columns = len(gain), mosaic.shape[0], mosaic.shape[1]
+    nodes, origin, cell, gain, plane = mosaic.plane, mosaic.origin, mosaic.cell, model.gain, model.plane
+    taxels, rows, columns = len(gain), nodes.shape[0], nodes.shape[1]
     cover, steep, gradient = np.empty(taxels), np.empty(taxels), np.empty((taxels, 3))
-    pressure, seen = np.empty(taxels), np.empty(taxels)
-    variance, error = np.empty(taxels), np.empty(taxels)
-    found, factor, along, moved = np.empty(3), np.empty((3, 3)), np.empty((3, 3)), np.empty(3)
+    fit = Plane(np.empty(3), np.empty(taxels), np.empty(taxels), np.empty(taxels))
+    pressure, variance, error, seen = fit.pressure, fit.variance, fit.error, np.empty(taxels)
+    factor, along, moved = np.empty((3, 3)), np.empty((3, 3)), np.empty(3)
     slope[:] = 0
     curvature[:] = 0
     total, turned_x, turned_y = 0.0, math.cos(pose[2]), math.sin(pose[2])
@@ -155,27 +193,13 @@ def expand(
             u, v = u - column, v - row
             for a in range(3):
                 gradient[t, a] = (1 - v) * (
-                    (1 - u) * mosaic[row, column, a] + u * mosaic[row, column + 1, a]
-                ) + v * ((1 - u) * mosaic[row + 1, column, a] + u * mosaic[row + 1, column + 1, a])
+                    (1 - u) * nodes[row, column, a] + u * nodes[row, column + 1, a]
+                ) + v * ((1 - u) * nodes[row + 1, column, a] + u * nodes[row + 1, column + 1, a])
             cover[t] = gradient[t, 0]
             by_x, by_y = gradient[t, 1] / cell, gradient[t, 2] / cell
             steep[t] = by_x * by_x + by_y * by_y
             gradient[t, 0], gradient[t, 1], gradient[t, 2] = by_x, by_y, by_y * away_x - by_x * away_y
-        total += _fit_plane(
-            reading[n],
-            cover,
-            steep,
-            gain,
-            plane,
-            parts,
-            prior,
-            found,
-            factor,
-            pressure,
-            seen,
-            variance,
-            error,
-        )
+        total += _fit_plane(reading[n], cover, steep, model, fit, factor, seen)
         along[:] = 0
         for t in range(taxels):
             total += math.log(variance[t]) / 2

@@ -23,7 +23,7 @@ from tactsim.estimators.likelihoods.deviation import non_negative
 from tactsim.estimators.likelihoods.folds import as_one, load_levels, positions
 from tactsim.estimators.likelihoods.mosaic import Grid, LearnedMosaic, Mosaic, learn_with_spread
 from tactsim.estimators.likelihoods.occupancy import OccupancyMap
-from tactsim.estimators.likelihoods.plane_kernels import expand, fit_planes
+from tactsim.estimators.likelihoods.plane_kernels import Nodes, Planes, PressureModel, expand, fit_planes
 from tactsim.estimators.options import LikelihoodOptions
 
 # How often mosaics are learned from pressures, and these from the mosaics.
@@ -182,24 +182,24 @@ class TiltedMosaics:
     ) -> tuple[float, FloatArray, FloatArray]:
         """Give -log p of readings at a pose, less a constant, how fast it falls (3,) and its curvature (3, 3)."""
         slope, curvature, mosaic = np.empty(3), np.empty((3, 3)), self.mosaics[label]
+        nodes = Nodes(mosaic.plane, mosaic.origin, mosaic.cell)
         total = expand(
-            pose, readings, sensor_in_robot, self.taxel_xy, mosaic.plane, mosaic.origin, mosaic.cell,
-            self.gain, self._plane, self.variance, self.prior, slope, curvature,
-        )  # fmt: skip
+            pose, readings, sensor_in_robot, self.taxel_xy, nodes, self._pressure_model(), slope, curvature
+        )
         return total, slope, curvature
 
-    def _planes(self, readings: FloatArray, cover: FloatArray, slope: FloatArray) -> _Planes:
+    def _planes(self, readings: FloatArray, cover: FloatArray, slope: FloatArray) -> Planes:
         """Fit p, q and r to readings (n, taxels), given cover and its squared slope (n, taxels).
 
         Where the plane falls below 0 the pad has left the object: nothing is felt.
         """
-        found, misfit = np.empty((len(readings), 3)), np.empty(len(readings))
-        pressure, variance, error = np.empty((3, *readings.shape))
-        fit_planes(
-            readings, cover, slope, self.gain, self._plane, self.variance, self.prior,
-            found, pressure, variance, error, misfit,
-        )  # fmt: skip
-        return _Planes(found, pressure, variance, error, misfit)
+        n, shape = len(readings), readings.shape
+        planes = Planes(np.empty((n, 3)), np.empty(shape), np.empty(shape), np.empty(shape), np.empty(n))
+        fit_planes(readings, cover, slope, self._pressure_model(), planes)
+        return planes
+
+    def _pressure_model(self) -> PressureModel:
+        return PressureModel(self.gain, self._plane, self.variance, self.prior)
 
     def _cover(self, readings: FloatArray, pressure: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Tell what part of each taxel was covered under a pressure, and how much that counts: (n, taxels) all."""
@@ -249,23 +249,8 @@ class TiltedMosaics:
             expected = fit.variance.ravel()
             variance = non_negative(sources / expected[:, None], fit.error.ravel() ** 2 / expected)
             self.variance = np.maximum(variance, [(_LEAST_ERROR * self.typical) ** 2, 0, 0])
-        spread = np.sqrt((fit.found**2).mean(axis=0))
+        spread = np.sqrt((fit.coefficients**2).mean(axis=0))
         self.prior = np.maximum([spread[0], *[np.sqrt((spread[1:] ** 2).mean())] * 2], _LEAST)
-
-
-@dataclass(frozen=True, eq=False)
-class _Planes:
-    """What was fitted to n readings.
-
-    found: (n, 3) p, q, r, kPa. pressure: (n, taxels) the plane, from 0. variance, error: (n, taxels). misfit: (n,)
-    nats.
-    """
-
-    found: FloatArray
-    pressure: FloatArray
-    variance: FloatArray
-    error: FloatArray
-    misfit: FloatArray
 
 
 def _sources(predicted: FloatArray, slope: FloatArray) -> FloatArray:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
-from numba import float64, int8, void
+from numba import float64, int8, types, void
 from numpy.typing import NDArray
 
 from tactsim.core.compiling import FLOATS_3D, REALS, REALS_2D, REALS_3D, Floats, Reals, compiled
@@ -13,23 +14,34 @@ from tactsim.core.compiling import FLOATS_3D, REALS, REALS_2D, REALS_3D, Floats,
 UNKNOWN, INSIDE, OUTSIDE = 0, 1, 2  # of voxels
 
 
-@compiled(
-    void(
-        FLOATS_3D, FLOATS_3D, REALS, float64, REALS_2D, REALS_3D, REALS_3D, REALS_3D, REALS, float64, float64
-    )
-)
+class HeightMaps(NamedTuple):
+    """How high a surface lies over the nodes of a lattice on the pad, in n touches.
+
+    places: (n, 3) mm and turns: (n, 3, 3), the sensor in the object. heights: (n, rows, columns) mm above the pad's
+    plane; trusted: (n, rows, columns) the weight of that, 0 for none. frame: [x of the first node, y of the first node,
+    spacing] mm.
+    """
+
+    places: Reals
+    turns: Reals
+    heights: Reals
+    trusted: Reals
+    frame: Reals
+
+
+HEIGHT_MAPS = types.NamedTuple((REALS_2D, REALS_3D, REALS_3D, REALS_3D, REALS), HeightMaps)
+
+
+@compiled(void(FLOATS_3D, FLOATS_3D, REALS, float64, HEIGHT_MAPS, float64, float64))
 def merge(
-    total: Floats, weight: Floats, corner: Reals, cell: float, places: Reals, turns: Reals, heights: Reals,
-    trusted: Reals, frame: Reals, before: float, behind: float,
-) -> None:  # fmt: skip
+    total: Floats, weight: Floats, corner: Reals, cell: float, maps: HeightMaps, before: float, behind: float
+) -> None:
     """Add to the voxels what touches say of their signed distances (Curless and Levoy 1996).
 
     total, weight: (a, b, c) sums of weighted distances mm and of weights, changed in place. corner: (3,) mm, cell: mm.
-    places: (n, 3) mm and turns: (n, 3, 3), the sensor in the object. heights: (n, rows, columns) mm, how high above the
-    pad's plane a surface lies over each node of a lattice; trusted: (n, rows, columns) the weight of that, 0 for none.
-    frame: [x of the first node, y of the first node, spacing] mm. before, behind: how far from the surface voxels are
-    changed, mm.
+    before, behind: how far from the surface voxels are changed, mm.
     """
+    places, turns, heights, trusted, frame = maps.places, maps.turns, maps.heights, maps.trusted, maps.frame
     rows, columns = heights.shape[1:]
     left, low, step = frame[0], frame[1], frame[2]
     middle_x, middle_y = left + step * (columns - 1) / 2, low + step * (rows - 1) / 2

@@ -11,7 +11,16 @@ from scipy.ndimage import label
 from tactsim.core import rigid
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.space.feeling_kernels import feel_all
-from tactsim.estimators.space.fusion_kernels import INSIDE, OUTSIDE, UNKNOWN, carve, merge, redistance, settle
+from tactsim.estimators.space.fusion_kernels import (
+    INSIDE,
+    OUTSIDE,
+    UNKNOWN,
+    HeightMaps,
+    carve,
+    merge,
+    redistance,
+    settle,
+)
 from tactsim.estimators.space.rays import Rays
 from tactsim.estimators.space.surface import Surface, surface_of
 from tactsim.estimators.space.voxels import Voxels, sparse
@@ -72,9 +81,8 @@ def fuse(
     shape = tuple(np.ceil((points.max(axis=0) + _MARGIN - corner) / cell).astype(int) + 1)
     total, weight, free = (np.zeros(shape, dtype=np.float32) for _ in range(3))
     frame = rays.frame
-    merge(
-        total, weight, corner, cell, touches.places, touches.turns, heights, touched, frame, _BEFORE, _BEHIND
-    )
+    maps = HeightMaps(touches.places, touches.turns, heights, touched, frame)
+    merge(total, weight, corner, cell, maps, _BEFORE, _BEHIND)
     ends = np.where(touched > 0, heights - cell, rays.base)
     carve(free, corner, cell, touches.places, touches.turns, np.ascontiguousarray(ends), frame, stroke)
     known = weight > free  # else a contact that was none: more touches have passed there than felt something

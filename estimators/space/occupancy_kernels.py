@@ -3,30 +3,53 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
-from numba import float64, int64, void
+from numba import float64, types, void
 
-from tactsim.core.compiling import FLOATS_3D, REALS, REALS_2D, REALS_3D, Floats, Ints, Reals, compiled
+from tactsim.core.compiling import (
+    FLOATS_3D,
+    INTS_2D,
+    REALS,
+    REALS_2D,
+    REALS_3D,
+    Floats,
+    Ints,
+    Reals,
+    compiled,
+)
 
 
-@compiled(
-    void(
-        FLOATS_3D, REALS, float64, REALS_2D, REALS_3D, REALS_2D, REALS_2D, int64[:, ::1], REALS_2D, float64, float64
-    )
-)  # fmt: skip
+class TaxelWays(NamedTuple):
+    """The ways that taxels came along in n touches.
+
+    places: (n, 3) mm and turns: (n, 3, 3), the sensor in the object. taxel: (taxels, 2) mm. ends: (n, taxels) mm above
+    the pad's plane, where each taxel's way ended: at the surface, or with the pad. kinds: (n, taxels) 0 No Contact,
+    1 In Contact, 2 Unknown.
+    """
+
+    places: Reals
+    turns: Reals
+    taxel: Reals
+    ends: Reals
+    kinds: Ints
+
+
+TAXEL_WAYS = types.NamedTuple((REALS_2D, REALS_3D, REALS_2D, REALS_2D, INTS_2D), TaxelWays)
+
+
+@compiled(void(FLOATS_3D, REALS, float64, TAXEL_WAYS, REALS_2D, float64, float64))
 def add_evidence(
-    odds: Floats, corner: Reals, cell: float, places: Reals, turns: Reals, taxel: Reals, ends: Reals, kinds: Ints,
-    added: Reals, reach: float, stroke: float,
-) -> None:  # fmt: skip
+    odds: Floats, corner: Reals, cell: float, ways: TaxelWays, added: Reals, reach: float, stroke: float
+) -> None:
     """Add to voxels (a, b, c) the log-odds that taxels give them (paper, eq. 4 to 6, in space).
 
-    corner: (3,) mm of the first voxel, cell: mm. places: (n, 3) mm and turns: (n, 3, 3), the sensor in the object.
-    taxel: (taxels, 2) mm. ends: (n, taxels) mm above the pad's plane, where each taxel's way ended: at the surface, or
-    with the pad. kinds: (n, taxels) 0 No Contact, 1 In Contact, 2 Unknown. added: (2, steps) the log-odds by kind and
-    squared distance, even steps up to reach^2. A taxel In Contact says that its way's end is occupied and that the
-    way, `stroke` mm long, is free up to 2 reach before that; No Contact, that all of it is free.
+    corner: (3,) mm of the first voxel, cell: mm. added: (2, steps) the log-odds by kind and squared distance, even
+    steps up to reach^2. A taxel In Contact says that its way's end is occupied and that the way, `stroke` mm long, is
+    free up to 2 reach before that; No Contact, that all of it is free.
     """
+    places, turns, taxel, ends, kinds = ways.places, ways.turns, ways.taxel, ways.ends, ways.kinds
     finest = added.shape[1] / reach**2
     first, last = np.empty(3, dtype=np.int64), np.empty(3, dtype=np.int64)
     low_u, high_u = taxel[:, 0].min() - reach, taxel[:, 0].max() + reach

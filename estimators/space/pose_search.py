@@ -13,10 +13,10 @@ from tactsim.core.poses import FloatArray
 from tactsim.estimators.space import pose_cells
 from tactsim.estimators.space.pose_cells import CellSizes
 from tactsim.estimators.space.rotation_cells import ACROSS, every_cell, middles
-from tactsim.estimators.space.screen_kernels import TouchPoints, screen
+from tactsim.estimators.space.screen_kernels import PadWay, Slack, TouchPoints, screen
 from tactsim.estimators.space.space_field import SpaceField
 from tactsim.estimators.space.surface import Surface
-from tactsim.estimators.space.touch_points import PointReader, joined
+from tactsim.estimators.space.touch_points import PointReader, joined, since
 
 _WIDTH = 0.4  # mm by which a touched point misses the map
 _NEAR = 2.0  # times that: what is so near to the surface may be the touched point
@@ -239,18 +239,17 @@ class PoseSearch:
         """Call `screen` for poses (n, 7) of objects (n,): moves the poses by so many steps and adds to score (n,)."""
         assert self._points is not None
         assert self.anchor is not None
-        last = len(self._points.sensor)
+        touches = since(self._points, first)
+        slack = Slack(self.anchor, sizes.turn, sizes.shift, _WIDTH)
         for one in np.unique(label).tolist():
             mine = np.flatnonzero(label == one)
             moved, part = poses[mine], score[mine]
-            screen(
-                self._charts[one], self._points, self._lattice, self._reach[one], moved, first, last, self.anchor,
-                sizes.turn, sizes.shift, _WIDTH, steps, least, part,
-            )  # fmt: skip
+            way = PadWay(self._lattice, self._reach[one])
+            screen(self._charts[one], touches, way, moved, slack, steps, least, part)
             score[mine] = part
             if steps:
                 poses[mine] = moved
-        self.screened += len(poses) * (last - first) * (steps + 1)
+        self.screened += len(poses) * len(touches.sensor) * (steps + 1)
 
     def _slack(self, poses: FloatArray, sizes: CellSizes) -> float:
         """Give how far an object's origin may be from that of its cell's middle, mm."""

@@ -36,6 +36,28 @@ class TouchPoints(NamedTuple):
     begin: Reals
 
 
+class PadWay(NamedTuple):
+    """What tells where the pad came along.
+
+    lattice: (points, 2) mm over the pad. radius: mm about the object's origin that holds the object.
+    """
+
+    lattice: Reals
+    radius: float
+
+
+class Slack(NamedTuple):
+    """How far poses may be off.
+
+    turn: rad about the anchor (3,) mm in the robot frame. shift: mm. width: mm, how far off the map's distances are.
+    """
+
+    anchor: Reals
+    turn: float
+    shift: float
+    width: float
+
+
 class Step(NamedTuple):
     """Room for a Gauss-Newton step: the normal equations, matrix (6, 6) and vector (6,), and two vectors to work in."""
 
@@ -45,6 +67,8 @@ class Step(NamedTuple):
     slope: Reals
 
 
+PAD_WAY = types.NamedTuple((REALS_2D, float64), PadWay)
+SLACK = types.NamedTuple((REALS, float64, float64, float64), Slack)
 TOUCH_POINTS = types.NamedTuple((REALS_2D, REALS_3D, INTS, REALS_3D, INTS, REALS), TouchPoints)
 
 
@@ -79,26 +103,21 @@ def _ask(voxels: Voxels, place: Reals, center: Reals, away: float, by: float, ro
             room.matrix[i, j] += by * change[i] * change[j]
 
 
-@compiled(
-    void(
-        VOXELS, TOUCH_POINTS, REALS_2D, float64, REALS_2D, int64, int64, REALS, float64, float64, float64, int64,
-        float64, REALS,
-    )
-)  # fmt: skip
+@compiled(void(VOXELS, TOUCH_POINTS, PAD_WAY, REALS_2D, SLACK, int64, float64, REALS))
 def screen(
-    voxels: Voxels, touches: TouchPoints, lattice: Reals, radius: float, object_in_robot: Reals, first: int, last: int,
-    anchor: Reals, turn: float, shift: float, width: float, steps: int, least: float, score: Reals,
+    voxels: Voxels, touches: TouchPoints, way: PadWay, object_in_robot: Reals, slack: Slack, steps: int, least: float,
+    score: Reals,
 ) -> None:  # fmt: skip
-    """Add to score (n,) what touches first, ..., last - 1 say of poses object_in_robot (n, 7), in nats, at most 0.
+    """Add to score (n,) what touches say of poses object_in_robot (n, 7), in nats, at most 0.
 
-    A pose stands for those that are turned from it about the anchor (3,) mm by about `turn` rad and moved by about
-    `shift` mm. Distances change by at most as much as places move: so the variance of a point's distance is that of the
-    map, `width`^2, and how far the point may move, squared. lattice: (points, 2) mm over the pad. radius: mm about the
-    object's origin that holds it. A score that falls to `least` or below is not worked out further.
+    A pose stands for those around it that `slack` tells. Distances change by at most as much as places move: so the
+    variance of a point's distance is that of the map, `width`^2, and how far the point may move, squared. A score that
+    falls to `least` or below is not worked out further.
 
     Before they are scored poses are moved, in place, by so many Gauss-Newton steps to where touches agree better. Each
     leaves them `_SHRINK` times as far from where they might be.
     """
+    lattice, radius, anchor, width = way.lattice, way.radius, slack.anchor, slack.width
     pad = 0.0
     for k in range(len(lattice)):
         pad = max(pad, math.sqrt(lattice[k, 0] ** 2 + lattice[k, 1] ** 2))
@@ -106,7 +125,7 @@ def screen(
     center, place = np.empty(3), np.empty(3)
     for n in range(len(object_in_robot)):
         pose = object_in_robot[n]
-        may_turn, may_shift = turn, shift
+        may_turn, may_shift = slack.turn, slack.shift
         for done in range(steps + 1):
             stepping = done < steps
             fixed, turns = width * width + may_shift * may_shift, may_turn * may_turn
@@ -125,7 +144,7 @@ def screen(
                     room.matrix[axis, axis] = 1 / may_shift**2
                     room.matrix[axis + 3, axis + 3] = 1 / may_turn**2
             total = score[n]
-            for m in range(first, last):
+            for m in range(len(touches.sensor)):
                 if total <= least:
                     break
                 lost = 0.0

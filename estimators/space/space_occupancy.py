@@ -14,7 +14,7 @@ from tactsim.core.space_scan import SpaceScan
 from tactsim.estimators.likelihoods.classifier import CONTACT, classify
 from tactsim.estimators.likelihoods.occupancy import log_odds, point_spread, taxel_log_odds
 from tactsim.estimators.space.learning import Touches
-from tactsim.estimators.space.occupancy_kernels import add_evidence
+from tactsim.estimators.space.occupancy_kernels import TaxelWays, add_evidence
 
 _BLOCK = 8  # voxels along the side of what is kept or left out together
 _REACH = 2.0  # sigma; a taxel farther away than that changes a voxel by less than 0.0015
@@ -101,19 +101,8 @@ def learn_occupancy(
         blocks = np.ceil((met.max(axis=0) + _MARGIN - corner) / cell / _BLOCK).astype(int)
         odds = np.full(blocks * _BLOCK, log_odds(prior), dtype=np.float32)
         taxel = np.ascontiguousarray(train.taxel_points[:, :2])
-        add_evidence(
-            odds,
-            corner,
-            cell,
-            touches.places,
-            touches.turns,
-            taxel,
-            ends,
-            kinds,
-            added,
-            _REACH * sigma,
-            stroke,
-        )
+        ways = TaxelWays(touches.places, touches.turns, taxel, ends, kinds)
+        add_evidence(odds, corner, cell, ways, added, _REACH * sigma, stroke)
         maps[label] = _sparse(odds, corner, cell, prior)
     return maps
 

@@ -71,3 +71,8 @@ def _some(which: np.ndarray, count: int) -> np.ndarray:
 def joined(first: TouchPoints, second: TouchPoints) -> TouchPoints:
     """Put the points of one touch after another."""
     return TouchPoints(*(np.concatenate(pair) for pair in zip(first, second, strict=True)))
+
+
+def since(touches: TouchPoints, first: int) -> TouchPoints:
+    """Give the touches from number `first` on."""
+    return TouchPoints(*(part[first:] for part in touches))  # type: ignore[arg-type]

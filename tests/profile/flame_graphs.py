@@ -131,7 +131,7 @@ def do(name: str) -> None:
 
 def name_loops() -> None:
     """Put a Python frame with a name around every compiled loop that Python calls."""
-    from numba.core.dispatcher import Dispatcher
+    from numba.extending import is_jitted
 
     from tactsim.bench.compile_kernels import modules_with_kernels
 
@@ -139,7 +139,7 @@ def name_loops() -> None:
         import_module(module)
     for module in [module for name, module in sys.modules.items() if name.startswith("tactsim.")]:
         for name, value in list(vars(module).items()):
-            if isinstance(value, Dispatcher):
+            if is_jitted(value):
                 setattr(module, name, _named(value))
 
 

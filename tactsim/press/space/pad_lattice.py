@@ -5,12 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tactsim.core.errors import InputError
 from tactsim.core.poses import FloatArray
 from tactsim.press.space.space_options import SpaceOptions
-from tactsim.press.space.touch_kernels import COARSE
+from tactsim.press.space.touch_kernels import COARSE, Lattice
 from tactsim.press.spread import felt_along
 
 _KPA = 1e3  # kPa in a N/mm^2
@@ -20,26 +19,13 @@ _EDGE = 1e-9  # mm by which a point may lie beside the pad and still be on it
 
 @dataclass(frozen=True, eq=False)
 class PadLattice:
-    """Points of the pad's unloaded surface, even along its x and y.
+    """The points of the pad's surface, and its taxels.
 
-    origin, step: (2,) mm, the first point and the way to the next. columns, rows: how many along x and y.
-    surface: (points,) mm, z there, NaN beside the pad. facing: (points,), the part along z of the normal.
-    cell: (points, 2), where each is in felt_u (2, cells, columns of taxels) and felt_v (2, cells, rows of taxels): the
-    share of a force that the taxels feel along the surface, for points on all lines and on every COARSE-th.
-    bounds: (4,) mm, x low, x high, y low, y high of a flat pad, NaN of a curved one. kpa: what a taxel reads of 1 N.
-    taxel_points, taxel_normals: (taxels, 3) mm and unit vectors, where the taxels' middles are and look.
+    kpa: what a taxel reads of 1 N. taxel_points, taxel_normals: (taxels, 3) mm and unit vectors, where the taxels'
+    middles are and look.
     """
 
-    origin: FloatArray
-    step: FloatArray
-    columns: int
-    rows: int
-    bounds: FloatArray
-    surface: FloatArray
-    facing: FloatArray
-    cell: NDArray[np.int64]
-    felt_u: FloatArray
-    felt_v: FloatArray
+    points: Lattice
     kpa: float
     taxel_points: FloatArray
     taxel_normals: FloatArray
@@ -65,30 +51,19 @@ def pad_lattice(options: SpaceOptions) -> PadLattice:
     taxels = pad.taxel_xy
     if options.radius is None:
         surface, facing = np.zeros(len(at)), np.ones(len(at))
-        points = np.column_stack([taxels, np.zeros(len(taxels))])
+        taxel_points = np.column_stack([taxels, np.zeros(len(taxels))])
         normals = np.tile((0.0, 0.0, 1.0), (len(taxels), 1))
     else:
-        at, surface, facing, points, normals = _laid(at, taxels, low, high, options.radius, options.body)
+        at, surface, facing, taxel_points, normals = _laid(
+            at, taxels, low, high, options.radius, options.body
+        )
     cell = np.clip(np.floor((at - low) / (high - low) * count), 0, count - 1).astype(np.int64)
     felt_u = _felt(x_low, x_high, columns, pad.column_edges, sigma)
     felt_v = _felt(y_low, y_high, rows, pad.row_edges, sigma)
     kpa = _KPA / (pad.taxel_width * pad.taxel_height)
     bounds = np.array(pad.load_bounds) if options.radius is None else np.full(4, np.nan)
-    return PadLattice(
-        start + step / 2,
-        step,
-        columns,
-        rows,
-        bounds,
-        surface,
-        facing,
-        cell,
-        felt_u,
-        felt_v,
-        kpa,
-        points,
-        normals,
-    )
+    points = Lattice(start + step / 2, step, columns, rows, bounds, surface, facing, cell, felt_u, felt_v)
+    return PadLattice(points, kpa, taxel_points, normals)
 
 
 def _shadow(edge: FloatArray, options: SpaceOptions) -> FloatArray:

@@ -83,7 +83,7 @@ class HandPress:
         self._strokes = np.array([pad.stroke for pad in hand.pads])
         lattice = pad_lattice(self.options)
         x_low, x_high, y_low, y_high = options.pad.load_bounds
-        back = float(np.nanmin(lattice.surface)) - options.thickness
+        back = float(np.nanmin(lattice.points.surface)) - options.thickness
         self._box = np.array([[x_low, y_low, back], [x_high, y_high, 0.0]])
         for first, second in combinations(range(len(self._pads)), 2):
             if _overlap(self._pads[[first]], self._pads[[second]], self._box, 0.0)[0]:

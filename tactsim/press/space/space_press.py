@@ -16,7 +16,7 @@ from tactsim.press.scan_options import ScanOptions
 from tactsim.press.sensor import gains, sense
 from tactsim.press.space.pad_lattice import pad_lattice
 from tactsim.press.space.space_options import SpaceOptions
-from tactsim.press.space.touch_kernels import STATE, touch_all
+from tactsim.press.space.touch_kernels import STATE, Layer, Mesh, Starts, touch_all
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,12 +79,14 @@ class SpacePress:
         states = np.empty((len(start), STATE))
         images = np.empty((len(start), len(forces), options.pad.taxels))
         touch_all(
-            solid.vertices.astype(float), solid.faces.astype(np.int64),
-            np.ascontiguousarray(true[:, :3]), np.ascontiguousarray(matrix(true[:, 3:])),
-            lattice.origin, lattice.step, lattice.columns, lattice.rows, lattice.bounds, lattice.surface,
-            lattice.facing, lattice.cell, lattice.felt_u, lattice.felt_v,
-            forces, 1e-3 * options.stiffness, options.thickness, stroke, states, images,
-        )  # fmt: skip
+            Mesh(solid.vertices.astype(float), solid.faces.astype(np.int64)),
+            Starts(np.ascontiguousarray(true[:, :3]), np.ascontiguousarray(matrix(true[:, 3:])), stroke),
+            lattice.points,
+            Layer(1e-3 * options.stiffness, float(options.thickness)),
+            forces,
+            states,
+            images,
+        )
         images *= lattice.kpa
         travel, force = states[:, 0], states[:, 1]
         return Touched(

@@ -9,9 +9,10 @@ and then again on all lines about what touches, if that is small.
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
-from numba import float64, int64, void
+from numba import float64, int64, types, void
 
 from tactsim.core.compiling import INTS, INTS_2D, REALS, REALS_2D, REALS_3D, Ints, Reals, compiled
 from tactsim.press.facet_kernels import cut
@@ -25,6 +26,64 @@ _MARGIN = 0.5  # mm that the pad may go further, or less far, on all lines
 
 _EDGE_ON = 1e-9  # a facet with a smaller share of its area across the stroke is a wall that the pad passes
 _ON_EDGE = 1e-9  # by which a point may miss a facet and still be on it, so that none falls between two
+
+
+class Mesh(NamedTuple):
+    """The object: vertices (v, 3) mm, and faces (f, 3), the numbers of corners, counter-clockwise seen from outside."""
+
+    vertices: Reals
+    faces: Ints
+
+
+MESH = types.NamedTuple((REALS_2D, INTS_2D), Mesh)
+
+
+class Starts(NamedTuple):
+    """Where n touches begin: places (n, 3) mm and rotations (n, 3, 3), sensor_in_object; strokes (n,) mm at most."""
+
+    places: Reals
+    rotations: Reals
+    strokes: Reals
+
+
+STARTS = types.NamedTuple((REALS_2D, REALS_3D, REALS), Starts)
+
+
+class Lattice(NamedTuple):
+    """Points of the pad's unloaded surface, even along its x and y.
+
+    origin, step: (2,) mm, the first point and the way to the next. columns, rows: how many along x and y, multiples of
+    COARSE. bounds: (4,) mm, x low, x high, y low, y high of a flat pad, NaN of a curved one. surface: (points,) mm, z
+    there, NaN beside the pad. facing: (points,), the part along z of the normal.
+    cell: (points, 2), where each is in felt_u (2, cells, columns of taxels) and felt_v (2, cells, rows of taxels): the
+    share of a force that the taxels feel along the surface, for points on all lines and on every COARSE-th.
+    """
+
+    origin: Reals
+    step: Reals
+    columns: int
+    rows: int
+    bounds: Reals
+    surface: Reals
+    facing: Reals
+    cell: Ints
+    felt_u: Reals
+    felt_v: Reals
+
+
+LATTICE = types.NamedTuple(
+    (REALS, REALS, int64, int64, REALS, REALS, REALS, INTS_2D, REALS_3D, REALS_3D), Lattice
+)
+
+
+class Layer(NamedTuple):
+    """The pad's layer: its stiffness, N/mm^3, and its thickness, mm."""
+
+    stiffness: float
+    thickness: float
+
+
+LAYER = types.NamedUniTuple(float64, 2, Layer)
 
 
 @compiled(void(REALS_2D, REALS, REALS_2D, REALS_2D), called_from_python=False)
@@ -111,17 +170,17 @@ def foremost(corners: Reals, faces: Ints, bounds: Reals, corner: Reals, spare: R
     return first
 
 
-@compiled(int64(REALS, REALS, INTS, int64, int64, float64, float64, INTS, REALS), called_from_python=False)
+@compiled(int64(REALS, LATTICE, INTS, int64, float64, float64, INTS, REALS), called_from_python=False)
 def gather(
-    height: Reals, surface: Reals, window: Ints, stride: int, columns: int, front: float, reach: float, at: Ints,
+    height: Reals, lattice: Lattice, window: Ints, stride: int, front: float, reach: float, point_number: Ints,
     gap: Reals,
 ) -> int:  # fmt: skip
     """List the points of a window that lie less than `reach` mm behind the foremost; returns how many.
 
-    height: mm, of the window, on every stride-th line of the lattice. surface: (points,) mm, the pad's z on the whole
-    lattice, which has `columns` lines along y. front: mm, where something is known to be, or infinite.
-    Fills gap with the ways mm from the pad and at with the points' numbers on the lattice.
+    height: mm, of the window, on every stride-th line of the lattice. front: mm, where something is known to be, or
+    infinite. Fills gap with the ways mm from the pad and point_number with the points' numbers on the lattice.
     """
+    surface, columns = lattice.surface, lattice.columns
     first = front
     for turn in range(2):
         count = 0
@@ -133,7 +192,7 @@ def gather(
                     if away < first:  # not where the surface is NaN
                         first = away
                 elif away <= first + reach and away < np.inf:
-                    gap[count], at[count] = away, start + stride * column
+                    gap[count], point_number[count] = away, start + stride * column
                     count += 1
     return count
 
@@ -170,13 +229,13 @@ def balance(gap: Reals, rate: Reals, count: int, travel: float, wanted: float) -
 
 @compiled(int64(INTS, REALS, int64, int64, int64, float64, INTS), called_from_python=False)
 def surround(
-    at: Ints, gap: Reals, count: int, columns: int, rows: int, limit: float, window: Ints
+    point_number: Ints, gap: Reals, count: int, columns: int, rows: int, limit: float, window: Ints
 ) -> int:  # fmt: skip
     """Find the window of the whole lattice about the points whose gap is less than `limit` mm; returns its size."""
     left, right, low, high = columns, -1, rows, -1
     for point in range(count):
         if gap[point] < limit:
-            row, column = at[point] // columns, at[point] % columns
+            row, column = point_number[point] // columns, point_number[point] % columns
             left, right, low, high = min(left, column), max(right, column), min(low, row), max(high, row)
     window[0], window[1] = max(left - COARSE, 0), max(low - COARSE, 0)
     window[2] = min(right + COARSE, columns - 1) - window[0] + 1
@@ -184,37 +243,28 @@ def surround(
     return window[2] * window[3]
 
 
-@compiled(
-    void(
-        REALS_2D, INTS_2D, REALS_2D, REALS_3D, REALS, REALS, int64, int64, REALS, REALS, REALS, INTS_2D, REALS_3D,
-        REALS_3D, REALS, float64, float64, REALS, REALS_2D, REALS_3D,
-    )
-)  # fmt: skip
+@compiled(void(MESH, STARTS, LATTICE, LAYER, REALS, REALS_2D, REALS_3D))
 def touch_all(
-    vertices: Reals, faces: Ints, places: Reals, rotations: Reals, origin: Reals, step: Reals, columns: int, rows: int,
-    bounds: Reals, surface: Reals, facing: Reals, cell: Ints, felt_u: Reals, felt_v: Reals, forces: Reals,
-    stiffness: float, thickness: float, strokes: Reals, states: Reals, images: Reals,
-) -> None:  # fmt: skip
+    mesh: Mesh, starts: Starts, lattice: Lattice, layer: Layer, forces: Reals, states: Reals, images: Reals
+) -> None:
     """Let the pad come along its z axis until it carries a force, from n starts.
 
-    vertices (v, 3) mm, faces (f, 3): the mesh. places (n, 3) mm, rotations (n, 3, 3): sensor_in_object at the starts.
-    origin, step (2,) mm, columns, rows: the lattice along the pad's x and y, columns and rows multiples of COARSE.
-    bounds: (4,) mm, x low, x high, y low, y high of a flat pad, NaN of a curved one. surface: (points,) mm, its z,
-    NaN beside the pad. facing: (points,), the part along z of the normal. cell: (points, 2), where felt_u (2, cells,
-    columns of taxels) and felt_v (2, cells, rows of taxels) hold what the taxels feel along u and v of a force there,
-    that of a point on all lines and on every COARSE-th. forces: (frames,) N, rising, the last at rest. stiffness:
-    N/mm^3 and thickness: mm, of the layer. strokes: (n,) mm at most.
+    forces: (frames,) N, rising, the last at rest.
     Fills states (n, STATE) and images (n, frames, taxels) N. A touch that meets nothing has a force of 0; one that the
     stroke ends before the force is reached rests there with what it carries.
     """
+    vertices, faces, bounds = mesh.vertices, mesh.faces, lattice.bounds
+    origin, step, columns, rows = lattice.origin, lattice.step, lattice.columns, lattice.rows
+    stiffness, thickness = layer.stiffness, layer.thickness
     corners, height = np.empty_like(vertices), np.empty(columns * rows)
-    gap, rate, at = np.empty(columns * rows), np.empty(columns * rows), np.empty(columns * rows, np.int64)
+    gap, rate = np.empty(columns * rows), np.empty(columns * rows)
+    point_number = np.empty(columns * rows, np.int64)
     window, corner, spare = np.empty(4, np.int64), np.empty((_CORNERS, 3)), np.empty((_CORNERS, 3))
     coarse_origin = origin + (COARSE // 2) * step
-    across = felt_u.shape[2]
-    for touch in range(len(places)):
-        seen_from(vertices, places[touch], rotations[touch], corners)
-        travel, stiff, stroke = strokes[touch], stiffness, strokes[touch]
+    across = lattice.felt_u.shape[2]
+    for touch in range(len(starts.places)):
+        seen_from(vertices, starts.places[touch], starts.rotations[touch], corners)
+        travel, stiff, stroke = starts.strokes[touch], stiffness, starts.strokes[touch]
         states[touch, 0], states[touch, 1], states[touch, 2] = stroke, 0.0, stiffness
         images[touch, :, :] = 0.0
         window[0], window[1], window[2], window[3] = 0, 0, columns // COARSE, rows // COARSE
@@ -223,12 +273,12 @@ def touch_all(
         level, stride, deep = 1, COARSE, True
         while True:
             area = stride * stride * step[0] * step[1]
-            count = gather(height, surface, window, stride, columns, front, thickness, at, gap)
+            count = gather(height, lattice, window, stride, front, thickness, point_number, gap)
             first = front
             for point in range(count):
                 # A surface under a force along its normal, by a depth along its normal: of both the part along z
                 # counts, over an area larger than its shadow by one such part.
-                rate[point] = area * facing[at[point]]
+                rate[point] = area * lattice.facing[point_number[point]]
                 first = min(first, gap[point])
             if not (count and first < stroke):
                 break
@@ -236,7 +286,10 @@ def touch_all(
                 # A layer that would be pressed by more than its thickness is just stiff enough not to give so far.
                 stiff = max(stiffness, forces[-1] / springs(gap, rate, count, first + thickness))
             travel = balance(gap, rate, count, first + thickness, forces[-1] / stiff)
-            if level == 0 or surround(at, gap, count, columns, rows, travel + _MARGIN, window) > _FINE:
+            if (
+                level == 0
+                or surround(point_number, gap, count, columns, rows, travel + _MARGIN, window) > _FINE
+            ):
                 break
             draw(corners, faces, origin, step, window, height)
             level, stride, deep = 0, 1, travel + _MARGIN >= first + thickness
@@ -250,8 +303,10 @@ def touch_all(
             for point in range(count):
                 if gap[point] < rest:
                     force = stiff * area * (rest - gap[point])
-                    u, v = cell[at[point], 0], cell[at[point], 1]
-                    for row in range(felt_v.shape[2]):
-                        strip = force * felt_v[level, v, row]
+                    u, v = lattice.cell[point_number[point], 0], lattice.cell[point_number[point], 1]
+                    for row in range(lattice.felt_v.shape[2]):
+                        strip = force * lattice.felt_v[level, v, row]
                         for column in range(across):
-                            images[touch, frame, row * across + column] += strip * felt_u[level, u, column]
+                            images[touch, frame, row * across + column] += (
+                                strip * lattice.felt_u[level, u, column]
+                            )

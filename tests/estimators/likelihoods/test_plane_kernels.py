@@ -5,7 +5,7 @@ import pytest
 from synthetic import square_pad
 
 from tactsim.core import compose, transform
-from tactsim.estimators.likelihoods.plane_kernels import expand, fit_planes
+from tactsim.estimators.likelihoods.plane_kernels import Nodes, Planes, PressureModel, expand, fit_planes
 
 PAD = square_pad()
 PLANE = np.column_stack([np.ones(36), PAD / np.abs(PAD).max()])
@@ -15,11 +15,10 @@ PARTS, PRIOR = np.array([4.0, 0.01, 0.5]), np.array([50.0, 20.0, 20.0])
 
 
 def fitted(readings, cover, slope, parts, prior):
-    """Call the kernel: found, pressure, variance, error, misfit."""
-    found, misfit = np.empty((len(readings), 3)), np.empty(len(readings))
-    pressure, variance, error = np.empty((3, *readings.shape))
-    fit_planes(readings, cover, slope, GAIN, PLANE, parts, prior, found, pressure, variance, error, misfit)
-    return found, pressure, variance, error, misfit
+    """Call the kernel: coefficients, pressure, variance, error, misfit."""
+    planes = Planes(np.empty((len(readings), 3)), *np.empty((3, *readings.shape)), np.empty(len(readings)))
+    fit_planes(readings, cover, slope, PressureModel(GAIN, PLANE, parts, prior), planes)
+    return planes
 
 
 def by_matrices(reading, cover, slope, parts, prior):
@@ -93,9 +92,8 @@ def looked_up(nodes, xy):
 
 def expanded(pose, readings, poses, nodes, parts, prior):
     slope, curvature = np.empty(3), np.empty((3, 3))
-    total = expand(
-        pose, readings, poses, PAD, nodes, ORIGIN, CELL, GAIN, PLANE, parts, prior, slope, curvature
-    )
+    model = PressureModel(GAIN, PLANE, parts, prior)
+    total = expand(pose, readings, poses, PAD, Nodes(nodes, ORIGIN, CELL), model, slope, curvature)
     return total, slope, curvature
 
 

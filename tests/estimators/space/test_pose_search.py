@@ -11,7 +11,7 @@ from tactsim.estimators.space import screen_kernels
 from tactsim.estimators.space.pose_cells import CellSizes
 from tactsim.estimators.space.pose_search import PoseSearch
 from tactsim.estimators.space.pose_steps import advance, advance_about, shortened, solve
-from tactsim.estimators.space.screen_kernels import TouchPoints, distances, screen
+from tactsim.estimators.space.screen_kernels import PadWay, Slack, TouchPoints, distances, screen
 from tactsim.estimators.space.voxels import sparse
 
 BLOCK = toy.Box((15.0, 10.0, 6.0))
@@ -42,10 +42,8 @@ def points_on(solid, count, rng):
 
 def looked(voxels, touches, poses, steps, turn=0.0, shift=0.0, least=-np.inf):
     poses, score = np.array(poses), np.zeros(len(poses))
-    screen(
-        voxels, touches, LATTICE, 20.0, poses, 0, len(touches.sensor), np.zeros(3), turn, shift, WIDTH, steps, least,
-        score,
-    )  # fmt: skip
+    slack = Slack(np.zeros(3), turn, shift, WIDTH)
+    screen(voxels, touches, PadWay(LATTICE, 20.0), poses, slack, steps, least, score)
     return poses, score
 
 
