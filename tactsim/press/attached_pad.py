@@ -18,8 +18,11 @@ from tactsim.core.errors import InputError, short, unknown
 from tactsim.core.finite import finite
 from tactsim.core.pad import Pad
 from tactsim.core.poses import FloatArray
-from tactsim.press.pad_reader import Layer, PadReader
+from tactsim.press.geom_gap import body_of
+from tactsim.press.pad_reader import Layer, PadReader, touchable
 from tactsim.press.pad_surface import pad_surface
+
+_UNFELT = [int(mujoco.mjtGeom.mjGEOM_HFIELD), int(mujoco.mjtGeom.mjGEOM_SDF)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,8 +39,8 @@ class AttachedPad:
     def bind(self, model: mujoco.MjModel) -> PadReader:
         """Find the geom in the compiled model.
 
-        Raises InputError if the model has no such geom, if the geom has no face there, or if the pad is larger
-        than the face.
+        Raises InputError if the model has no such geom, if the geom has no face there, if the pad is larger
+        than the face, or if a height field, a signed distance field or a flex can touch the geom.
         """
         if not isinstance(model, mujoco.MjModel):
             raise InputError(
@@ -59,6 +62,7 @@ class AttachedPad:
                 f"({surface.low[0]:.4g}, {surface.low[1]:.4g}) to ({surface.high[0]:.4g}, {surface.high[1]:.4g}) mm "
                 "about the pad's middle: choose a smaller pad"
             )
+        _refuse_unfelt(model, [geom])
         return PadReader(model, [geom], self.pad, surface, self.layer)
 
 
@@ -107,6 +111,21 @@ def attach(
     return AttachedPad(found, name, pad, direction, _vector(at, 2, "at"), layer)
 
 
+def _refuse_unfelt(model: mujoco.MjModel, geoms: list[int]) -> None:
+    """Raise InputError if a height field, a signed distance field or a flex can touch the pad's geoms."""
+    felt = touchable(model, geoms)
+    for geom in np.flatnonzero(felt & np.isin(model.geom_type, _UNFELT)):
+        body_of(model, int(geom))
+    own = model.geom_contype[geoms], model.geom_conaffinity[geoms]
+    for flex in range(model.nflex):
+        if ((own[0] & model.flex_conaffinity[flex]) | (own[1] & model.flex_contype[flex])).any():
+            name = mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_FLEX, flex)
+            raise InputError(
+                f"flex {name!r} can touch the pad's geom {model.geom(geoms[0]).name!r}: a pad feels "
+                "rigid geoms only, so keep the two apart by contype and conaffinity"
+            )
+
+
 def _is_number(value: object) -> bool:
     return isinstance(value, Real) and not isinstance(value, bool)
 
@@ -140,7 +159,12 @@ def _find(
         named = spec.geom(geom) or spec.body(geom)
         if named is None:
             names = [one.name for one in [*spec.geoms, *spec.bodies] if one.name]
-            raise unknown("geom or body", geom, names)
+            hint = (
+                "; a geom without a name is spec.body(NAME).geoms[i]"
+                if any(not one.name for one in spec.geoms)
+                else ""
+            )
+            raise InputError(f"{unknown('geom or body', geom, names)}{hint}")
     elif isinstance(geom, mujoco.MjsGeom | mujoco.MjsBody):
         named = geom
     else:
@@ -160,9 +184,14 @@ def _find(
 def _only_geom(spec: mujoco.MjSpec, body: mujoco.MjsBody) -> mujoco.MjsGeom:
     touching = [one for one in body.geoms if _touches(spec, one)]
     if len(touching) != 1:
-        names = ", ".join(one.name or "one without a name" for one in touching) or "none"
+        names = ", ".join(
+            one.name or f"spec.body({body.name!r}).geoms[{i}]"
+            for i, one in enumerate(body.geoms)
+            if _touches(spec, one)
+        )
         raise InputError(
-            f"body {body.name!r} has {len(touching)} geoms that can touch: name the geom ({names})"
+            f"body {body.name!r} has {len(touching)} geoms that can touch"
+            + (f": give one of them ({names})" if names else "; a pad lies on one that can")
         )
     return touching[0]
 

@@ -99,7 +99,8 @@ def body_of(model: mujoco.MjModel, geom: int) -> Body:
         return _hull(model, model.geom_dataid[geom])
     what = kind.name.removeprefix("mjGEOM_").lower()
     raise InputError(
-        f"the pad touches geom {model.geom(geom).name!r} (number {geom}), a {what}: give it a primitive or a mesh"
+        f"geom {model.geom(geom).name!r} (number {geom}) is a {what}, which a pad cannot feel: make it of "
+        "primitives or meshes, or keep it from touching the pad's geom by contype and conaffinity"
     )
 
 

@@ -10,9 +10,11 @@ kPa of it.
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
+from weakref import WeakKeyDictionary
 
 import mujoco
 import numpy as np
@@ -38,6 +40,7 @@ _FACING = (
     0.7  # a contact whose normal has a smaller part along the pad's is at the geom's rim or on another face
 )
 _GRAZING = 0.1  # of a curved pad, a point whose normal has a smaller part along the contact's touches nothing
+_SLEEP = int(getattr(mujoco.mjtEnableBit, "mjENBL_SLEEP", 0))
 _HELD = 1e-9  # rad for a unit of all joints, below which they do not turn a body
 _NONE = 1e-300  # N
 _SPREAD = (
@@ -80,23 +83,27 @@ class _Touch(NamedTuple):
     """What one geom does to the pad's geoms at k contact points, in the pad's frame.
 
     forces: (k,) N, normal. points: (k, 3) mm. push: (3,) N, the sum of the forces, from the pad towards the geom.
+    shear: (3,) N, the friction on the pad's geoms.
     """
 
     geom: int
     forces: FloatArray
     points: FloatArray
     push: FloatArray
+    shear: FloatArray
 
 
 class _Load(NamedTuple):
     """What one rigid body does to the pad's geoms, in the pad's frame.
 
-    geoms: those that touch. force: N, normal. direction: (3,) from the pad towards the body. points: (k, 3) mm of the
-    contacts. centre: (3,) mm, where the force acts.
+    body: its number. geoms: those that touch. force: N, normal. shear: (3,) N, friction. direction: (3,) from the pad
+    towards the body. points: (k, 3) mm of the contacts. centre: (3,) mm, where the force acts.
     """
 
+    body: int
     geoms: list[int]
     force: float
+    shear: FloatArray
     direction: FloatArray
     points: FloatArray
     centre: FloatArray
@@ -135,6 +142,9 @@ class PadReader:
         self._bounds = np.array([[x_low, x_high], [y_low, y_high]])
         self._columns, self._rows = pad.column_edges, pad.row_edges
         self._bodies: dict[int, Body] = {}
+        self._last: WeakKeyDictionary[mujoco.MjData, tuple[float, dict[int, list[PadReading]]]]
+        self._last = WeakKeyDictionary()
+        self._warned = False
         self._own = np.zeros(model.ngeom + 1, dtype=bool)  # the last: what is no geom
         self._own[list(geoms)] = True
         felt = touchable(model, self.geoms)
@@ -151,26 +161,45 @@ class PadReader:
     def read(self, data: mujoco.MjData) -> PadReading:
         """Read the pad in the state whose contacts `data` holds: after mj_step, or mj_forward."""
         rotation, origin = self.frame(data)
-        kpa, outside, shear = np.zeros(self.pad.taxels), 0.0, np.zeros(3)
-        touches, contacts = self._touches(data, rotation, origin, shear)
-        loads = self._loads(touches, data, rotation)
+        loads = self._loads(self._touches(data, rotation, origin), data, rotation)
+        felt: dict[int, list[PadReading]] = {}
         for load in loads:
-            felt, inside = self._felt(self._carried(load, loads, data, rotation, origin))
-            kpa += felt
-            outside += load.force - inside
-        return PadReading(kpa, sum(load.force for load in loads), outside, shear, contacts)
+            kpa, inside = self._felt(self._carried(load, loads, data, rotation, origin))
+            felt.setdefault(load.body, []).append(
+                PadReading(kpa, load.force, load.force - inside, load.shear, len(load.points))
+            )
+        if self.model.opt.enableflags & _SLEEP:
+            felt = self._asleep(data) | felt
+            self._last[data] = (data.time, felt)
+        readings = [reading for one in felt.values() for reading in one]
+        return PadReading(
+            sum((reading.kpa for reading in readings), np.zeros(self.pad.taxels)),
+            sum(reading.force for reading in readings),
+            sum(reading.outside for reading in readings),
+            sum((reading.shear for reading in readings), np.zeros(3)),
+            sum(reading.contacts for reading in readings),
+        )
+
+    def _asleep(self, data: mujoco.MjData) -> dict[int, list[PadReading]]:
+        """Find what bodies did when last read that sleep since then: MuJoCo drops their contacts. A reset forgets."""
+        time, felt = self._last.get(data, (0.0, {}))
+        if data.time < time:
+            return {}
+        trees, own = self.model.body_treeid, self.model.geom_bodyid[self.geom]
+        sleeps = [
+            body for body in felt if any(t >= 0 and data.tree_asleep[t] >= 0 for t in trees[[body, own]])
+        ]
+        return {body: felt[body] for body in sleeps}
 
     def frame(self, data: mujoco.MjData) -> tuple[FloatArray, FloatArray]:
         """Return where the pad is in the world: rotation (3, 3) and its middle (3,) m."""
         geom = data.geom_xmat[self.geom].reshape(3, 3)
         return geom @ self.surface.axes, data.geom_xpos[self.geom] + geom @ self.surface.origin / _MM
 
-    def _touches(
-        self, data: mujoco.MjData, rotation: FloatArray, origin: FloatArray, shear: FloatArray
-    ) -> tuple[list[_Touch], int]:
-        """Gather the contact forces on the pad's geoms by what presses; adds the friction to `shear`."""
+    def _touches(self, data: mujoco.MjData, rotation: FloatArray, origin: FloatArray) -> list[_Touch]:
+        """Gather the contact forces on the pad's geoms by what presses."""
         first, second = data.contact.geom1, data.contact.geom2
-        rows: dict[int, list[tuple[float, FloatArray, FloatArray]]] = {}
+        rows: dict[int, list[tuple[float, FloatArray, FloatArray, FloatArray]]] = {}
         six = np.zeros(6)
         for index in np.flatnonzero(self._own[first] != self._own[second]):
             mujoco.mj_contactForce(self.model, data, index, six)
@@ -180,21 +209,20 @@ class PadReader:
             # The contact's frame has its normal from geom 1 to geom 2, and the force is that on geom 2.
             sign, other = (1.0, second[index]) if self._own[first[index]] else (-1.0, first[index])
             frame = contact.frame.reshape(3, 3)
-            shear -= sign * rotation.T @ (frame[1:].T @ six[1:3])
-            rows.setdefault(int(other), []).append(
-                (six[0], sign * rotation.T @ frame[0], rotation.T @ (contact.pos - origin) * _MM)
-            )
+            turned = sign * frame @ rotation
+            point = (contact.pos - origin) @ rotation * _MM
+            rows.setdefault(int(other), []).append((six[0], turned[0], point, -six[1:3] @ turned[1:]))
         touches = []
         for other, contacts in rows.items():
-            forces, normals, points = (np.array(column) for column in zip(*contacts, strict=True))
-            touches.append(_Touch(other, forces, points, forces @ normals))
-        return touches, sum(len(touch.forces) for touch in touches)
+            forces, normals, points, shear = (np.array(column) for column in zip(*contacts, strict=True))
+            touches.append(_Touch(other, forces, points, forces @ normals, shear.sum(axis=0)))
+        return touches
 
     def _loads(self, touches: list[_Touch], data: mujoco.MjData, rotation: FloatArray) -> list[_Load]:
         """Add up what the geoms of one rigid body do in about one direction."""
         groups: list[tuple[int, FloatArray, list[_Touch]]] = []
         for touch in sorted(touches, key=lambda touch: -touch.forces.sum()):
-            body = self.model.body_weldid[self.model.geom_bodyid[touch.geom]]
+            body = int(self.model.body_weldid[self.model.geom_bodyid[touch.geom]])
             way = touch.push / np.sqrt(touch.push @ touch.push)
             for known, along, members in groups:
                 if known == body and along @ way > _FACING:
@@ -212,7 +240,11 @@ class PadReader:
             centre = forces @ points / force
             axes = self._free(data, body, direction, rotation) if len(points) > 1 else np.empty((0, 3))
             turns = _turns(points, centre, direction, axes) if len(axes) else []
-            loads.append(_Load([touch.geom for touch in members], force, direction, points, centre, turns))
+            geoms, shear = (
+                [touch.geom for touch in members],
+                np.sum([touch.shear for touch in members], axis=0),
+            )
+            loads.append(_Load(body, geoms, force, shear, direction, points, centre, turns))
         return loads
 
     def _free(
@@ -236,11 +268,10 @@ class PadReader:
         self, load: _Load, loads: list[_Load], data: mujoco.MjData, rotation: FloatArray, origin: FloatArray
     ) -> list[Part]:
         """List the geoms of a load's body that may touch the face, but for those that touch it another way."""
-        body = self.model.body_weldid[self.model.geom_bodyid[load.geoms[0]]]
         elsewhere = {geom for other in loads if other is not load for geom in other.geoms}
         reach = self.surface.high - self.surface.low
         parts = []
-        for geom in {*load.geoms, *self._felt_geoms[body].tolist()} - elsewhere:
+        for geom in {*load.geoms, *self._felt_geoms[load.body].tolist()} - elsewhere:
             position = rotation.T @ (data.geom_xpos[geom] - origin) * _MM
             radius = self.model.geom_rbound[geom] * _MM
             if geom not in load.geoms and 0 < radius < np.sqrt(position @ position) - np.sqrt(reach @ reach):
@@ -264,7 +295,7 @@ class PadReader:
         for _ in range(_SEARCHES):
             if beside or (high <= low).any():
                 break
-            carried, moved = self._pressed(load, parts, low, high, (_SEARCH, _SEARCH))
+            carried, moved, sunk = self._pressed(load, parts, 0.0, low, high, (_SEARCH, _SEARCH))
             size, cell = high - low, (high - low) / _SEARCH
             rows, columns = np.nonzero(carried.forces)
             if not len(rows):  # too small to be seen
@@ -286,15 +317,31 @@ class PadReader:
                 columns, rows = np.clip(
                     np.ceil(_LINES_A_PITCH * (high - low) / pitch), least, _LINES[1]
                 ).astype(int)
-                return self._pressed(load, moved, low, high, (columns, rows))[0]
+                carried, _, sunk = self._pressed(load, moved, sunk, low, high, (columns, rows))
+                if sunk > surface.depth and not self._warned:
+                    self._warned = True
+                    warnings.warn(
+                        f"the layer on geom {self.model.geom(self.geom).name!r} gives way by {sunk:.3g} mm under "
+                        f"{load.force:.3g} N, by more than its geom is thick ({surface.depth:.3g} mm): "
+                        "give it a larger stiffness",
+                        stacklevel=3,
+                    )
+                return carried
         return carried
 
     def _pressed(
-        self, load: _Load, parts: list[Part], low: FloatArray, high: FloatArray, count: tuple[int, int]
-    ) -> tuple[_Carried, list[Part]]:
+        self,
+        load: _Load,
+        parts: list[Part],
+        sunk: float,
+        low: FloatArray,
+        high: FloatArray,
+        count: tuple[int, int],
+    ) -> tuple[_Carried, list[Part], float]:
         """Balance a load on a lattice of columns x rows cells from low to high (2,) mm.
 
-        Returns also the body as it lies where the load is balanced.
+        sunk: mm by which the body was moved along the load already. Returns also the body as it lies where the
+        load is balanced, and how far it is sunk there.
         """
         columns, rows = count
         u, v = np.linspace(low[0], high[0], columns + 1), np.linspace(low[1], high[1], rows + 1)
@@ -302,7 +349,7 @@ class PadReader:
             np.tile((u[1:] + u[:-1]) / 2, rows), np.repeat((v[1:] + v[:-1]) / 2, columns)
         )
         du, dv = (high - low) / count
-        cell, (gap, share, shift) = union_gaps(parts, lines, (du, dv), self.surface.depth)
+        cell, (gap, share, shift) = union_gaps(parts, lines, (du, dv), self.surface.depth + sunk)
         many = len(lines.normals) > 1
         facing = np.broadcast_to(lines.normals @ load.direction, rows * columns)[cell]
         area = np.broadcast_to(lines.area, rows * columns)[cell]
@@ -329,8 +376,8 @@ class PadReader:
                 for axis in (0, 1):
                     np.add.at(moved[axis], cell, carried * shift[axis])
                 moved /= np.maximum(forces, _NONE)
-            parts = _moved(parts, load, motion[0], motion[1:] @ turns)
-        return _Carried(forces.reshape(rows, columns), moved, u, v), parts
+            parts, sunk = _moved(parts, load, motion[0], motion[1:] @ turns), sunk + float(motion[0])
+        return _Carried(forces.reshape(rows, columns), moved, u, v), parts, sunk
 
     def _felt(self, carried: _Carried) -> tuple[FloatArray, float]:
         """Spread forces over the taxels: (taxels,) kPa, and the force that the pad carries, N."""

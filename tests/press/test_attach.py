@@ -1,5 +1,7 @@
 """Pads on geoms of other models: closed forms, sums of forces, motions that change nothing, and wrong input."""
 
+import warnings
+
 import mujoco
 import numpy as np
 import pytest
@@ -411,11 +413,20 @@ def test_a_pad_is_found_in_a_model_that_its_own_was_attached_to():
 @pytest.mark.parametrize(
     ("geom", "options", "message"),
     [
-        ("bix", {}, "unknown geom or body 'bix': did you mean 'box'?"),
+        (
+            "bix",
+            {},
+            "unknown geom or body 'bix': did you mean 'box'? known are bone, box, capsule, empty, ghost, other, "
+            "palm, plain, scan, tiny, two, world; a geom without a name is spec.body(NAME).geoms[i]",
+        ),
         ("ghost", {}, "geom 'ghost' cannot touch anything: its contype and conaffinity are 0"),
         ("palm", {"normal": (1, 1, 0)}, "geom 'box' is a box: its pad looks along an axis"),
-        ("two", {}, "body 'two' has 2 geoms that can touch: name the geom"),
-        ("empty", {}, "body 'empty' has 0 geoms that can touch: name the geom (none)"),
+        (
+            "two",
+            {},
+            "body 'two' has 2 geoms that can touch: give one of them (spec.body('two').geoms[0], other)",
+        ),
+        ("empty", {}, "body 'empty' has 0 geoms that can touch; a pad lies on one that can"),
         ("scan", {}, "geom 'scan' is a mesh: a pad lies on a box"),
         ("tiny", {}, "the pad reaches from (-7.7, -5.65) to (7.7, 5.65) mm and geom 'tiny' from"),
         ("box", {"at": (15, 0)}, "the pad reaches from (-7.7, -5.65) to (7.7, 5.65) mm and geom 'box' from"),
@@ -464,16 +475,75 @@ def test_what_is_known_is_named_once():
         tactsim.press.attach(spec, "palm")
 
 
-def test_a_height_field_is_refused_when_it_touches():
-    spec = mujoco.MjSpec.from_string("""<mujoco><asset><hfield name="h" nrow="2" ncol="2"
-          size="1 1 1 1" elevation="1 1 1 1"/></asset>
-        <worldbody><geom name="ground" type="hfield" hfield="h"/><body pos="0 0 .0199"><freejoint/>
-        <geom name="finger" type="box" size=".02 .02 .02"/></body></worldbody></mujoco>""")
-    reader = tactsim.press.attach(spec, "finger", normal=(0, 0, -1)).bind(model := spec.compile())
-    data = mujoco.MjData(model)
+@pytest.mark.filterwarnings("ignore:flex 'cloth' is not rigid")
+@pytest.mark.parametrize(
+    ("asset", "body", "message"),
+    [
+        (
+            '<hfield name="h" nrow="2" ncol="2" size="1 1 1 1" elevation="1 1 1 1"/>',
+            '<geom name="ground" type="hfield" hfield="h" {apart}/>',
+            "geom 'ground' (number 0) is a hfield, which a pad cannot feel",
+        ),
+        (
+            "",
+            """<flexcomp name="cloth" type="grid" count="3 3 1" spacing=".05 .05 .05" dim="2" radius=".005">
+              <contact {apart}/></flexcomp>""",
+            "flex 'cloth' can touch the pad's geom 'finger': a pad feels rigid geoms only",
+        ),
+    ],
+)
+def test_what_a_pad_cannot_feel_is_refused_at_bind(asset, body, message):
+    def bound(apart):
+        spec = mujoco.MjSpec.from_string(f"""<mujoco><asset>{asset}</asset><worldbody>{body.format(apart=apart)}
+            <body pos="0 0 1"><freejoint/><geom name="finger" type="box" size=".02 .02 .02"/></body>
+            </worldbody></mujoco>""")
+        return tactsim.press.attach(spec, "finger", normal=(0, 0, -1)).bind(spec.compile())
+
+    with pytest.raises(InputError) as error:
+        bound("")
+    assert str(error.value).startswith(message)
+    assert "\n" not in str(error.value)
+    assert bound('contype="2" conaffinity="2"').geom >= 0
+
+
+def test_a_layer_too_soft_for_its_load_warns_once_and_loses_nothing():
+    """It gives way by F / k A = 54.5 mm, less what MuJoCo's contact does."""
+    with pytest.warns(
+        UserWarning, match="the layer on geom 'finger' gives way by 54.4 mm under 1.96 N"
+    ) as warned:
+        reader, data, reading = rest('type="box" size=".003 .003 .003"', PAD, height=3, stiffness=1.0)
+    assert len(warned) == 1
+    assert reading.outside == pytest.approx(0, abs=1e-9)
+    assert errors(reading.kpa, image(PAD, block(reading.force, 3, 3)))[1] < 0.003
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        reader.read(data)
+
+
+@pytest.mark.skipif(not hasattr(mujoco.mjtEnableBit, "mjENBL_SLEEP"), reason="this MuJoCo knows no sleep")
+def test_a_body_that_falls_asleep_is_felt_until_it_wakes_or_all_begins_anew():
+    spec = mujoco.MjSpec.from_string("""<mujoco><option timestep="0.002"><flag sleep="enable"/></option><worldbody>
+        <geom name="finger" type="box" size=".02 .02 .005"/>
+        <body pos="0 0 .0081"><freejoint/><geom type="box" size=".003 .003 .003" mass=".2"/></body>
+        </worldbody></mujoco>""")
+    reader = tactsim.press.attach(spec, "finger", PAD).bind(model := spec.compile())
+    data, other = mujoco.MjData(model), mujoco.MjData(model)
+    for _ in range(2000):
+        mujoco.mj_step(model, data)
+        reading = reader.read(data)
+    assert data.ncon == 0
+    assert reading.force == pytest.approx(0.2 * GRAVITY, rel=0.01)
+    assert reading.kpa.max() > 50
+    mujoco.mj_forward(model, other)
+    assert reader.read(other).force == 0
+    data.qvel[2] = 0.5
     for _ in range(20):
         mujoco.mj_step(model, data)
-    with pytest.raises(
-        InputError, match=r"the pad touches geom 'ground' .*, a hfield: give it a primitive or a mesh"
-    ):
-        reader.read(data)
+    assert reader.read(data).force == 0
+    for _ in range(2000):
+        mujoco.mj_step(model, data)
+        reading = reader.read(data)
+    assert data.ncon == 0
+    assert reading.force > 1
+    mujoco.mj_resetData(model, data)
+    assert reader.read(data).force == 0
