@@ -181,7 +181,9 @@ def test_where_nothing_differs_the_bound_is_what_the_bins_have(scan):
     """Off the map every bin is alike: a bound above that would have all of them looked at."""
     estimator = made(scan, "40x40x8")
     estimator.reset(np.random.default_rng(0))
-    estimator.update(scan.readings[0], [1e3, 0, 0])
+    # In the filter's own frame; `update` would begin the sequence at a first touch that is so far away.
+    estimator.field.append(estimator.likelihood.evidence(scan.readings[0]), np.array([1e3, 0, 0]))
+    estimator.measure()
     assert estimator.work["likelihood_evaluations"] == len(LETTERS)
     assert estimator.certificate().lead == 0
 
