@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import tomllib
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import tomli_w
 from pydantic import BaseModel
 
 from tactsim.bench.config import merged
+from tactsim.core.checking import checked
 from tactsim.hardware.sensor_fit import SensorFit
 from tactsim.press.scan_options import PressOptions, ScanOptions, SensorOptions
 
@@ -28,15 +31,41 @@ def fitted_world(options: ScanOptions, fit: SensorFit, unit: str) -> dict[str, A
     fitted noise. A response and a spread of loads whose intervals include none are left out. What is
     beyond the bounds of a scan's options is put on the nearest bound: `clipped` names it.
     """
-    stated = options.model_dump(
-        mode="json", exclude_defaults=True, exclude={"seed", "test_poses", "test_load"}
-    )
-    stated.setdefault("letters", list(options.letters))
+    return merged(stated_world(options, unit), _rounded(_changes(options, fit)))
+
+
+def stated_world(options: ScanOptions, unit: str) -> dict[str, Any]:
+    """Say in TOML's types how a simulation was made, in another unit: what `fitted_world` changes.
+
+    TOML has no null. So a pad without a seam says `no_seam = true`, a wrist that does not give way is "rigid", and
+    what else is None has that as its default.
+    """
+    left_out = {"seed", "test_poses", "test_load"}
+    stated = options.model_dump(mode="json", exclude_defaults=True, exclude=left_out)
+    stated |= {"letters": list(options.letters), "unit": unit}
     if "shapes" in stated:
         stated["shapes"] = [str(Path(path).resolve()) for path in stated["shapes"]]
-    changes = _changes(options, fit)
-    world = merged(stated, {"unit": unit, **_rounded(changes)})
-    return _without_none(world)
+    if options.pad.seam is None:
+        stated["pad"]["no_seam"] = True
+    if options.press.wrist_stiffness is None:
+        stated["press"]["wrist_stiffness"] = "rigid"
+    return _without_none(stated)
+
+
+def check_world(options: ScanOptions, unit: str) -> None:
+    """Write the world of a simulation as TOML and read it back, before a long fit of which only numbers are added.
+
+    Raises InputError if it cannot be read back, RuntimeError if it is read as another world.
+    """
+    written = tomllib.loads(tomli_w.dumps(stated_world(options, unit)))
+    again = checked(ScanOptions, written, "world to be written")
+    if (again.pad, again.press, again.sensor, again.unit) != (
+        options.pad,
+        options.press,
+        options.sensor,
+        unit,
+    ):
+        raise RuntimeError(f"a world is read back as another one: {again!r}, not {options!r}")
 
 
 def clipped(options: ScanOptions, fit: SensorFit) -> dict[str, float]:

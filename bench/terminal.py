@@ -33,6 +33,7 @@ if TYPE_CHECKING:
 STAGES = {
     "press": "pressing",
     "map": "mapping",
+    "fit": "fitting",
     "trials": "trials",
     "sweep": "trials",
     "replay": "replaying",

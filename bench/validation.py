@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tactsim.bench.explained import Part, ablation, explained
-from tactsim.bench.fitted_world import clipped, fitted_world
+from tactsim.bench.fitted_world import check_world, clipped, fitted_world
 from tactsim.bench.recorded_presses import PressesAsRecorded
 from tactsim.bench.trained_elsewhere import drop, recognised
 from tactsim.bench.trials import Progress
@@ -20,7 +20,7 @@ from tactsim.core.poses import FloatArray
 from tactsim.estimators import create
 from tactsim.estimators.likelihoods.classifier import classify, threshold_of
 from tactsim.hardware.gain_fit import best_gain
-from tactsim.hardware.sensor_fit import SensorFit, fit_sensor
+from tactsim.hardware.sensor_fit import SensorFit, fit_sensor, noise_of
 from tactsim.hardware.taxel_error import TaxelError, class_agreement, taxel_error
 from tactsim.press.scan_options import ScanOptions
 from tactsim.press.scanning import scan_letters
@@ -36,6 +36,7 @@ ROWS = {
 _MOST_TAXELS = 9000  # in all presses that a fit uses: more cost time, and change an interval little
 _FEWEST_PRESSES = 60
 _FOLDS = 6
+_ALIKE = 0.999  # correlation of two presses at one pose, from which on they are one press for a fit
 _TOUCH = 5  # after which the drop is given
 
 
@@ -43,9 +44,10 @@ _TOUCH = 5  # after which the drop is given
 class Validation:
     """The result of comparing a simulated and a recorded scan.
 
-    readings: of the recording. used: those that the fit used, and whether they are all training readings. unit:
-    of the recording. errors: by the names of ROWS. outlined: letters whose outlines were fitted, in the order of
-    `fit.grown`. threshold, ratio: of eq. 3, as the first estimator had them.
+    readings: of the recording. used: those that the fit used, and whether they are all training readings; apart: how
+    many are left of them when near copies are averaged. unit: of the recording. errors: by the names of ROWS.
+    outlined: letters whose outlines were fitted, in the order of `fit.grown`. threshold, ratio: of eq. 3, as the first
+    estimator had them.
     class_agreement: the
     share of taxels that eq. 3 puts in the same class for recorded readings and those of the fitted simulation.
     class_ceiling: the same for two simulations with different noise, which is as good as it can get. class_counts:
@@ -57,6 +59,7 @@ class Validation:
 
     readings: int
     used: int
+    apart: int
     trained_apart: bool
     unit: str
     letters: tuple[str, ...]
@@ -93,6 +96,7 @@ def validate(
 
     The readings are compared at the recorded poses, which the simulated scan need not have. If the recording has
     training and test presses, the simulation is fitted to the training presses, and recognises the test presses.
+    Near copies of a press are averaged for the fit (`near_copies`); its noise is that of single presses.
     ablate: whether scans are made, and the first estimator trained, with one part of the fit more at a time.
     Raises InputError if the recorded letters or taxels are not in the simulation, or for an estimator or option that
     does not exist.
@@ -100,11 +104,24 @@ def validate(
     for name in estimators:
         create(name, **(options or {}))  # a wrong name or option is reported before the work
     apart = bool(len(recorded.where("train")) and len(recorded.where("test")))
-    few = some_presses(recorded.where("train") if apart else recorded)
+    single = recorded.where("train") if apart else recorded
+    copies = near_copies(single)
+    averaged = means(single, copies)
+    chosen = some_presses(averaged)
+    few = averaged.chosen(chosen)
     presses = PressesAsRecorded(simulated, few)
+    unit = str(recorded.meta.get("unit", "kPa"))
+    check_world(presses.options, unit)
     as_it_is = presses(presses.stated, presses.level)
-    fit = fit_sensor(few.readings, presses, presses.stated, presses.bending(), folds(few), presses.outline)
+    fit = fit_sensor(
+        few.readings, presses, presses.stated, presses.bending(), folds(few), presses.outline,
+        lambda done, total: progress("fit", done, total),
+    )  # fmt: skip
     fitted = fit.answered(presses(fit.guess, fit.errors))
+    used = chosen[copies]
+    if used.sum() > len(few):
+        expected = fitted[(np.cumsum(chosen) - 1)[copies[used]]]
+        fit = replace(fit, noise=noise_of(single.readings[used] - expected, expected))
     errors = dict(
         zip(
             ROWS,
@@ -117,20 +134,23 @@ def validate(
             strict=True,
         )
     )  # fmt: skip
-    unit = str(recorded.meta.get("unit", "kPa"))
     world = fitted_world(presses.options, fit, unit)
     scan_options = checked(ScanOptions, {**world, "seed": seed}, "fitted world")
-    trained = {"simulated": _in_unit(simulated, unit), "fitted": scan_letters(scan_options)[0]}
+    fitted_scan, _ = scan_letters(scan_options, progress=lambda done, total: progress("press", done, total))
+    trained = {"simulated": _in_unit(simulated, unit), "fitted": fitted_scan}
     if apart:
         trained["recorded"] = recorded.where("train")
     rng = np.random.default_rng(seed)
     recognition, drops, rights = {}, {}, {}
     touch = _TOUCH
-    for name in estimators:
+    for number, name in enumerate(estimators):
         found = {
-            side: recognised(scan, recorded, name, options or {}, trials, seed, progress)
-            for side, scan in trained.items()
-        }
+            side: recognised(
+                scan, recorded, name, options or {}, trials, seed,
+                _part_of(progress, number * len(trained) + part, len(estimators) * len(trained)),
+            )
+            for part, (side, scan) in enumerate(trained.items())
+        }  # fmt: skip
         recognition[name] = {side: figures for side, (figures, _) in found.items()}
         rights[name] = {side: right for side, (_, right) in found.items()}
         touch = min(touch, *(right.shape[1] for right in rights[name].values()))
@@ -139,9 +159,9 @@ def validate(
             drops[name] = {
                 side: drop(right[side], right["recorded"], touch, rng) for side in ("simulated", "fitted")
             }
-    used = recognition[estimators[0]]["recorded" if apart else "fitted"]["options"]
-    threshold = threshold_of(used.get("threshold", 2.0), recorded.readings)
-    ratio = float(used.get("ratio", 0.3))
+    learned = recognition[estimators[0]]["recorded" if apart else "fitted"]["options"]
+    threshold = threshold_of(learned.get("threshold", 2.0), recorded.readings)
+    ratio = float(learned.get("ratio", 0.3))
     one, other = (_noisy(fitted, fit, np.random.default_rng([seed, k])) for k in range(2))
     rested = np.isfinite(one + other).all(axis=1)
     classes = [classify(readings[rested], threshold, ratio) for readings in (few.readings, one, other)]
@@ -154,7 +174,8 @@ def validate(
         )
     return Validation(
         readings=len(recorded),
-        used=len(few),
+        used=int(used.sum()),
+        apart=len(few),
         trained_apart=apart,
         unit=unit,
         letters=recorded.letters,
@@ -177,11 +198,37 @@ def validate(
     )
 
 
-def some_presses(scan: Scan) -> Scan:
-    """Choose presses for a fit, evenly from all letters and poses: so many that more would not help."""
+def near_copies(scan: Scan) -> NDArray[np.intp]:
+    """Give presses numbers (n,), the same to near copies: of one label and one stated pose, with nearly one picture.
+
+    A robot that presses one place twenty times says once where it is and what it looks like.
+    """
+    numbers = np.full(len(scan), -1)
+    places = np.column_stack([np.unique(scan.labels, return_inverse=True)[1], scan.poses])
+    about = scan.readings - scan.readings.mean(axis=1, keepdims=True)
+    about /= np.maximum(np.linalg.norm(about, axis=1, keepdims=True), 1e-12)
+    for press in range(len(scan)):
+        if numbers[press] < 0:
+            alike = (places == places[press]).all(axis=1) & (about @ about[press] >= _ALIKE)
+            alike[press] = True
+            numbers[alike & (numbers < 0)] = numbers.max() + 1
+    return numbers
+
+
+def means(scan: Scan, copies: NDArray[np.intp]) -> Scan:
+    """Put the mean of all presses of a number, (n,) `copies`, in the place of the first, and leave out the others."""
+    first = np.unique(copies, return_index=True)[1]
+    mask = np.zeros(len(scan), dtype=bool)
+    mask[first] = True
+    readings = np.array([scan.readings[copies == number].mean(axis=0) for number in range(len(first))])
+    return replace(scan.chosen(mask), readings=readings)
+
+
+def some_presses(scan: Scan) -> NDArray[np.bool_]:
+    """Choose presses (n,) for a fit, evenly from all letters and poses: so many that more would not help."""
     most = max(_FEWEST_PRESSES, _MOST_TAXELS // scan.readings.shape[1])
     if len(scan) <= most:
-        return scan
+        return np.ones(len(scan), dtype=bool)
     each = max(1, most // len(scan.letters))
     chosen = []
     for letter in scan.letters:
@@ -189,7 +236,7 @@ def some_presses(scan: Scan) -> Scan:
         chosen.append(rows[np.unique(np.linspace(0, len(rows) - 1, min(each, len(rows))).astype(int))])
     mask = np.zeros(len(scan), dtype=bool)
     mask[np.concatenate(chosen)] = True
-    return scan.chosen(mask)
+    return mask
 
 
 def folds(scan: Scan) -> NDArray[np.intp]:
@@ -206,9 +253,17 @@ def folds(scan: Scan) -> NDArray[np.intp]:
 
 def _in_unit(scan: Scan, unit: str) -> Scan:
     """State another unit of a simulated scan, so that it can be tested on a recording: its numbers stay as they are."""
-    from dataclasses import replace
-
     return replace(scan, meta={**scan.meta, "unit": unit})
+
+
+def _part_of(progress: Progress, number: int, parts: int) -> Progress:
+    """Report the trials of one run as its part of those of all, so that the time left is that of all."""
+
+    def report(stage: str, done: int, total: int) -> None:
+        if stage == "trials":
+            progress("trials", number * total + done, parts * total)
+
+    return report
 
 
 def _noisy(fitted: FloatArray, fit: SensorFit, rng: np.random.Generator) -> FloatArray:

@@ -89,7 +89,7 @@ class PressModel:
 
     fold: (n,) the group of each press; gains are judged on a group that they were not fitted to. outline: (n,) which
     outline each press is of; -1 for those whose outlines are taken as drawn.
-    stated, bending: as in `tactsim.hardware.sensor_fit.fit_sensor`. typical: kPa, p0 of the response curve.
+    stated, bending, progress: as in `tactsim.hardware.sensor_fit.fit_sensor`. typical: kPa, p0 of the response curve.
     """
 
     recorded: FloatArray
@@ -99,6 +99,7 @@ class PressModel:
     fold: NDArray[np.intp]
     typical: float
     outline: NDArray[np.intp]
+    progress: Callable[[int, int], None]
 
     @property
     def outlines(self) -> int:

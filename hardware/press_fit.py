@@ -27,6 +27,7 @@ _REACH = np.array([3.0, 3.0, 3.0, 10.0, np.inf, np.inf])  # of errors, times the
 _FIRST_GIVE = 0.5
 _LONGEST = 0.3  # of a step of the give, and, as a share, of point spread and response
 _LEVEL_ROUNDS, _TILTED_ROUNDS = 6, 12
+ROUNDS = _LEVEL_ROUNDS + 2 * _TILTED_ROUNDS  # at most
 _SETTLED = 0.003  # of the mean square: a round that takes less is the last
 # Shares of a round's step that are tried: of what presses share, and of their errors. Errors may follow a wrist that
 # gives way so steeply that they must not go ahead of it.
@@ -92,6 +93,7 @@ class PressFit(PressModel):
         """Fit level presses on a rigid wrist, and judge whether taxels have gains of their own."""
         state = self.started()
         for number in range(_LEVEL_ROUNDS):
+            self.progress(number, ROUNDS)
             variance = self.residual(state)[3]
             found = self.linearised(state, variance, leans=False).found(False, False)
             state = self.advanced(state, found, variance, yields=False)
@@ -155,7 +157,9 @@ class PressFit(PressModel):
         ratio = 1e-3 * self.stated.stiffness * self.bending / self.stated.wrist
         state = replace(level, give=min(ratio / (1 + ratio), _FIRST_GIVE) if yields else 0.0)
         leans = True
+        before = _LEVEL_ROUNDS + (0 if yields else _TILTED_ROUNDS)
         for number in range(_TILTED_ROUNDS):
+            self.progress(before + number, ROUNDS)
             variance = self.residual(state)[3]
             round_ = self.linearised(state, variance)
             now = round_.found(leans, yields)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -27,7 +28,7 @@ from tactsim.hardware.guessed_press import (
 )
 from tactsim.hardware.held_out import held_out
 from tactsim.hardware.press_errors import PressErrors
-from tactsim.hardware.press_fit import BELIEVED, CONFIDENT, PressFit, known
+from tactsim.hardware.press_fit import BELIEVED, CONFIDENT, ROUNDS, PressFit, known
 from tactsim.hardware.taxel_error import untouched
 
 _DECADES = 0.5  # between the layers of the profile likelihood
@@ -133,12 +134,14 @@ def fit_sensor(
     bending: float,
     fold: NDArray[np.intp] | None = None,
     outline: NDArray[np.intp] | None = None,
+    progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> SensorFit:
     """Fit point spread, response, gain, noise, placement, load, tilt and stiffness to readings (n, taxels) of any unit.
 
     stated: the simulation's own parameters. bending: mm^4, a typical second moment of the area that touches.
     fold: (n,) groups of presses that are held out in turn to judge the fit; every sixth press if there are none.
     outline: (n,) which outline each press is of, where outlines may differ from their drawings; none may otherwise.
+    progress: is told after each round how many are done, and how many there are at most.
 
     The unit is found first, as the gain of all readings, and everything after is as if it were 1.
     Level presses on a rigid wrist are fitted first. Then presses may tilt and the wrist give way; this is kept
@@ -164,8 +167,10 @@ def fit_sensor(
     typical = float(ideal[touched].mean())
     groups = np.arange(len(recorded)) % _FOLDS if fold is None else fold
     drawn = np.full(len(recorded), -1) if outline is None else outline
-    fit = PressFit(recorded / unit, predict, stated, bending, groups, typical, drawn)
-    return _summary(fit, fit.tilted(fit.level()), unit)
+    fit = PressFit(recorded / unit, predict, stated, bending, groups, typical, drawn, progress)
+    found = _summary(fit, fit.tilted(fit.level()), unit)
+    progress(ROUNDS, ROUNDS)
+    return found
 
 
 def _summary(fit: PressFit, state: State, unit: float) -> SensorFit:
@@ -196,7 +201,7 @@ def _summary(fit: PressFit, state: State, unit: float) -> SensorFit:
         gain_per_taxel=state.relative * np.ones(fit.recorded.shape[1]),
         gains_saved=state.gains_saved,
         gain_spread=0.0 if state.gains is None else _gain_spread(fit, predicted) / state.response,
-        noise=_noise(left[rested], predicted[rested]) * unit,
+        noise=noise_of(left[rested], predicted[rested]) * unit,
         placement=state.errors[:, :3],
         offset=np.median(state.errors[:, :3], axis=0),
         placement_mm=float(found.sd[0]),
@@ -290,7 +295,7 @@ def _lifts(found: PressErrors, predicted: FloatArray, bending: float) -> bool:
     return float(found.sd[LEAN.start]) * half > _LIFTED * float(predicted[~untouched(predicted)].mean())
 
 
-def _noise(left: FloatArray, predicted: FloatArray) -> float:
+def noise_of(left: FloatArray, predicted: FloatArray) -> float:
     """Take the spread of what is `left` at taxels that nothing touches; at all, if all are touched."""
     free = untouched(predicted)
     values = left[free] if free.sum() >= 10 else left.ravel()

@@ -4,13 +4,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import tomli_w
 
 from tactsim import models
 from tactsim.bench import explained
 from tactsim.bench.config import scan_options
-from tactsim.bench.fitted_world import clipped, fitted_world
+from tactsim.bench.fitted_world import check_world, clipped, fitted_world, stated_world
 from tactsim.bench.recorded_presses import PressesAsRecorded, wider
-from tactsim.core import Scan
+from tactsim.bench.validation import means, near_copies
+from tactsim.core import Pad, Scan
 from tactsim.hardware.sensor_fit import fit_sensor
 from tactsim.press import ScanOptions, scan_letters
 
@@ -155,10 +157,40 @@ def test_an_ablation_ends_in_the_fitted_world(monkeypatch):
     assert all(row["gained"] == (0.0, 0.0, 0.0) for row in rows)
 
 
+@pytest.mark.parametrize(
+    "pad",
+    [Pad(), Pad(seam=None), Pad(rows=16, columns=13, seam=None, unread_columns=2), Pad(columns=1, seam=None)],
+)
+@pytest.mark.parametrize("press", [{}, RIGID, {**SOFT, "stiffness": 50.0}])
+@pytest.mark.parametrize("unit", ["kPa", "N", "V", "count"])
+def test_a_world_is_read_as_it_was_simulated(tmp_path, pad, press, unit):
+    options = ScanOptions(letters=("E",), pad=pad, press=press)
+    check_world(options, unit)
+    (tmp_path / "world.toml").write_bytes(tomli_w.dumps(stated_world(options, unit)).encode())
+    again = scan_options(world=str(tmp_path / "world.toml"))
+    assert again == options.model_copy(update={"unit": unit})
+
+
+def test_near_copies_of_a_press_are_averaged_and_no_others():
+    """Of one label and one stated pose, each group about its first press; a lighter press is a copy, too."""
+    rng = np.random.default_rng(4)
+    pictures = rng.uniform(0, 100, (3, 30))
+    kinds = np.array([0, 1, 0, 0, 2, 1, 2, 0])
+    labels = np.array(["A", "A", "A", "A", "A", "A", "B", "A"])
+    poses = np.zeros((8, 3))
+    poses[7, 0] = 0.1
+    readings = pictures[kinds] * rng.uniform(0.8, 1.2, (8, 1)) + rng.normal(0, 0.2, (8, 30))
+    scan = Scan(readings, poses, labels, np.full(8, "train"), np.zeros((30, 2)))
+    copies = near_copies(scan)
+    assert copies.tolist() == [0, 1, 0, 0, 2, 1, 3, 4]
+    averaged = means(scan, copies)
+    assert np.allclose(averaged.readings[0], readings[[0, 2, 3]].mean(axis=0))
+    assert averaged.labels.tolist() == ["A", "A", "A", "B", "A"]
+    assert np.array_equal(averaged.poses, poses[[0, 1, 4, 6, 7]])
+
+
 def test_a_world_that_is_written_is_accepted(tmp_path):
     import dataclasses
-
-    import tomli_w
 
     fit, _ = fitted(RIGID, angles=2, **RIGID)
     wild = dataclasses.replace(
