@@ -344,8 +344,8 @@ def test_a_pad_of_odd_columns_without_a_seam_is_validated_in_counts(here, tmp_pa
     assert found["parameters"]["sensor"]["noise"] == pytest.approx(found["fit"]["noise"], rel=1e-4)
     right(here("scan", "--world", "result/world.toml", "--out", "fitted.npz"))
     fitted = Scan.load(tmp_path / "fitted.npz")
-    assert fitted.meta["pad"] == other.meta["pad"]
-    assert fitted.meta["unit"] == "count"
+    assert fitted.meta["options"]["pad"] == other.meta["options"]["pad"]
+    assert fitted.about["units"]["readings"] == "count"
     assert np.array_equal(fitted.taxel_xy, other.taxel_xy)
 
 
