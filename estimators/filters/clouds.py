@@ -8,10 +8,11 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numba import float64, void
 from numpy.typing import ArrayLike, NDArray
 
+from tactsim.core.compiling import INTS, REALS, REALS_2D, Ints, Reals, compiled
 from tactsim.core.poses import FloatArray
-from tactsim.estimators.filters.mixture import add_densities
 from tactsim.estimators.filters.motion import Motion
 from tactsim.estimators.filters.weights import Weights, highest_power
 
@@ -20,6 +21,7 @@ DRAWN = 600  # states of a letter in a round
 _ROUNDS = 4
 _ENOUGH = 60.0  # effective states that a round aims at
 _NEGLIGIBLE = 20.0
+_REACH = 14.0  # a part of a mixture is left out where it is below exp(-_REACH) of its height
 _FEWEST = 24  # centres from which wide steps go out
 # The weight of a centre lies as far around it as the belief is thin there: its variance is this share of the squared
 # distance to the third nearest centre. Tuned on jumps of scans 31 to 34.
@@ -244,3 +246,31 @@ def _gaps(place: FloatArray, around: float, nearest: int) -> FloatArray:
     step[..., 2] -= around * np.rint(step[..., 2] / around)
     nearest = min(nearest, len(place) - 1)
     return np.asarray(np.sqrt(np.partition((step**2).sum(axis=-1), nearest, axis=1)[:, nearest]), dtype=float)
+
+
+@compiled(void(REALS_2D, REALS_2D, REALS_2D, REALS, REALS, INTS, float64))
+def add_densities(
+    density: Reals, place: Reals, centre: Reals, weight: Reals, variance: Reals, mixture: Ints, around: float
+) -> None:
+    """Add the densities of several mixtures of round normal distributions.
+
+    density: (places, mixtures), in mm^-3, is added to. place: (places, 3), centre: (parts, 3) mm, of which the
+    third is an angle as a length that closes after `around` mm. weight, variance, mixture: (parts,) of each part its
+    weight, its mm^2 along each axis, and of which mixture it is.
+    """
+    height, rate, reach = np.empty(len(centre)), np.empty(len(centre)), np.empty(len(centre))
+    for i in range(len(centre)):
+        height[i] = weight[i] / (2 * math.pi * variance[i]) ** 1.5
+        rate[i] = 0.5 / variance[i]
+        reach[i] = _REACH / rate[i] if weight[i] > 0 else 0.0
+    for j in range(len(place)):
+        for i in range(len(centre)):
+            dx, dy = place[j, 0] - centre[i, 0], place[j, 1] - centre[i, 1]
+            away = dx * dx + dy * dy
+            if away >= reach[i]:
+                continue
+            turn = abs(place[j, 2] - centre[i, 2])
+            turn = min(turn, abs(around - turn))
+            away += turn * turn
+            if away < reach[i]:
+                density[j, mixture[i]] += height[i] * math.exp(-away * rate[i])

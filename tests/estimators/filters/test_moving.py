@@ -12,8 +12,7 @@ from tactsim.bench.config import Slip
 from tactsim.bench.stress import chosen_cases, run_case
 from tactsim.core import InputError, compose, invert
 from tactsim.estimators import create
-from tactsim.estimators.filters.clouds import Cloud, advance
-from tactsim.estimators.filters.mixture import add_densities
+from tactsim.estimators.filters.clouds import Cloud, add_densities, advance
 from tactsim.estimators.filters.motion import Motion, parse_motion
 from tactsim.estimators.filters.moving_bins import MovingBins, heat_kernel
 from tactsim.estimators.filters.weights import Weights
