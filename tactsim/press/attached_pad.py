@@ -20,6 +20,7 @@ from tactsim.core.pad import Pad
 from tactsim.core.poses import FloatArray
 from tactsim.press.geom_gap import body_of
 from tactsim.press.pad_reader import Layer, PadReader, touchable
+from tactsim.press.pad_relief import relief_surface
 from tactsim.press.pad_surface import pad_surface
 
 _UNFELT = [int(mujoco.mjtGeom.mjGEOM_HFIELD), int(mujoco.mjtGeom.mjGEOM_SDF)]
@@ -27,9 +28,9 @@ _UNFELT = [int(mujoco.mjtGeom.mjGEOM_HFIELD), int(mujoco.mjtGeom.mjGEOM_SDF)]
 
 @dataclass(frozen=True, eq=False)
 class AttachedPad:
-    """A pad on a geom of a model that is not compiled yet; `attach` makes it."""
+    """A pad on geoms of a model that is not compiled yet; `attach` makes it."""
 
-    geom: mujoco.MjsGeom | mujoco.MjModel
+    geoms: tuple[mujoco.MjsGeom | str, ...]
     name: str
     pad: Pad
     normal: FloatArray
@@ -47,23 +48,30 @@ class AttachedPad:
                 f"a pad is bound to a compiled mujoco.MjModel, got {short(type(model).__name__)}"
             )
         # A model that was attached to another one with a prefix renames its geoms.
-        name = self.geom.name if isinstance(self.geom, mujoco.MjsGeom) else self.name
-        geom = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, name)
-        if geom < 0:
+        names = [geom if isinstance(geom, str) else geom.name for geom in self.geoms]
+        geoms = [mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, name) for name in names]
+        if min(geoms) < 0:
             raise InputError(
-                f"the model has no geom {name!r}: compile it from the spec that the pad is attached to"
+                f"the model has no geom {names[geoms.index(-1)]!r}: compile it from the spec that the pad is "
+                "attached to"
             )
-        surface = pad_surface(int(model.geom_type[geom]), model.geom_size[geom], self.normal, self.at, name)
+        what, first = (f"geom {names[0]!r}" if len(names) == 1 else self.name), geoms[0]
+        if len(geoms) > 1 or model.geom_type[first] == mujoco.mjtGeom.mjGEOM_MESH:
+            surface = relief_surface(model, geoms, self.normal, self.at, what)
+        else:
+            surface = pad_surface(
+                int(model.geom_type[first]), model.geom_size[first], self.normal, self.at, names[0]
+            )
         x_low, x_high, y_low, y_high = self.pad.load_bounds
         free = np.minimum(np.array([x_low, y_low]) - surface.low, surface.high - np.array([x_high, y_high]))
         if (free < -1e-9).any():
             raise InputError(
-                f"the pad reaches from ({x_low:g}, {y_low:g}) to ({x_high:g}, {y_high:g}) mm and geom {name!r} from "
+                f"the pad reaches from ({x_low:g}, {y_low:g}) to ({x_high:g}, {y_high:g}) mm and {what} from "
                 f"({surface.low[0]:.4g}, {surface.low[1]:.4g}) to ({surface.high[0]:.4g}, {surface.high[1]:.4g}) mm "
                 "about the pad's middle: choose a smaller pad"
             )
-        _refuse_unfelt(model, [geom])
-        return PadReader(model, [geom], self.pad, surface, self.layer)
+        _refuse_unfelt(model, geoms)
+        return PadReader(model, geoms, self.pad, surface, self.layer)
 
 
 def attach(
@@ -79,10 +87,12 @@ def attach(
 ) -> AttachedPad:
     """Put a pad on a geom of `spec`; `bind` the result to the compiled model and `read` it after each step.
 
-    spec: or a compiled model. geom: the geom, or a body with one geom that can touch, or the name of either.
-    normal: (3,) in the geom's frame, where the pad's middle looks; by default +z, and +x on a capsule or a
-    cylinder. The pad's rows run along +y, which is the geom's z (its y where the pad looks along z); columns
-    along +x = y cross normal. at: mm along the pad's x and y from the middle of the geom's face.
+    spec: or a compiled model. geom: the geom, or a body, or the name of either; on a body
+    the pad lies on all of its geoms that can touch, on what is seen of them against `normal`.
+    normal: (3,) in the geom's frame, and in the body's for a mesh or several geoms: where the pad's middle looks, by
+    default +z, and +x on a capsule or a cylinder. The pad's rows run along +y, which is the frame's z (its y where
+    the pad looks along z); columns along +x = y cross normal. at: mm along the pad's x and y from the middle of the
+    geom's face, or of all that is seen of a mesh or of several geoms.
     stiffness: kPa/mm of the layer on the surface (assumed). psf_sigma: mm, standard deviation of the point
     spread (assumed), 0 for none.
     centre: where a body's force is centred on the pad. "press": where such a face, held at the body's pose, would
@@ -101,14 +111,14 @@ def attach(
     if centre not in ("auto", "press", "mujoco"):
         raise unknown("centre", centre, ["auto", "press", "mujoco"])
     layer = Layer(stiffness, psf_sigma, centre)
-    found, name, kind = _find(spec, geom)
+    geoms, name, kind = _find(spec, geom)
     if normal is None:
         upright = kind in (mujoco.mjtGeom.mjGEOM_CAPSULE, mujoco.mjtGeom.mjGEOM_CYLINDER)
         normal = (1.0, 0.0, 0.0) if upright else (0.0, 0.0, 1.0)
     direction = _vector(normal, 3, "normal")
     if not direction.any():
         raise InputError("normal is (0, 0, 0); it is the direction in which the pad looks")
-    return AttachedPad(found, name, pad, direction, _vector(at, 2, "at"), layer)
+    return AttachedPad(geoms, name, pad, direction, _vector(at, 2, "at"), layer)
 
 
 def _refuse_unfelt(model: mujoco.MjModel, geoms: list[int]) -> None:
@@ -139,8 +149,8 @@ def _vector(values: Sequence[float], size: int, what: str) -> FloatArray:
 
 def _find(
     spec: mujoco.MjSpec | mujoco.MjModel, geom: str | mujoco.MjsGeom | mujoco.MjsBody
-) -> tuple[mujoco.MjsGeom | mujoco.MjModel, str, int]:
-    """Find the geom in a spec or in a model: the geom (or the model), its name and its type."""
+) -> tuple[tuple[mujoco.MjsGeom | str, ...], str, int]:
+    """Find the geoms in a spec or in a model: each (or its name), what to call them, and the type of the first."""
     if isinstance(spec, mujoco.MjModel):
         if not isinstance(geom, str):
             raise InputError(f"a compiled model's geom is given by its name, got {short(geom)}")
@@ -150,7 +160,7 @@ def _find(
         pairs = [*spec.pair_geom1, *spec.pair_geom2]
         if not (spec.geom_contype[number] or spec.geom_conaffinity[number] or number in pairs):
             raise _cannot_touch(geom)
-        return spec, geom, int(spec.geom_type[number])
+        return (geom,), geom, int(spec.geom_type[number])
     if not isinstance(spec, mujoco.MjSpec):
         raise InputError(
             f"a pad is attached to a mujoco.MjSpec or an MjModel, got {short(type(spec).__name__)}"
@@ -169,31 +179,24 @@ def _find(
         named = geom
     else:
         raise InputError(f"geom is {short(geom)}; give a geom or a body of the spec, or the name of one")
-    if isinstance(named, mujoco.MjsBody):
-        named = _only_geom(spec, named)
-    if not named.name:
-        taken = {one.name for one in spec.geoms}
-        named.name = next(
-            name for i in range(len(taken) + 1) if (name := f"{named.parent.name}_pad{i}") not in taken
-        )
-    if not _touches(spec, named):
-        raise _cannot_touch(named.name)
-    return named, named.name, int(named.type)
-
-
-def _only_geom(spec: mujoco.MjSpec, body: mujoco.MjsBody) -> mujoco.MjsGeom:
-    touching = [one for one in body.geoms if _touches(spec, one)]
-    if len(touching) != 1:
-        names = ", ".join(
-            one.name or f"spec.body({body.name!r}).geoms[{i}]"
-            for i, one in enumerate(body.geoms)
-            if _touches(spec, one)
-        )
-        raise InputError(
-            f"body {body.name!r} has {len(touching)} geoms that can touch"
-            + (f": give one of them ({names})" if names else "; a pad lies on one that can")
-        )
-    return touching[0]
+    if isinstance(named, mujoco.MjsGeom):
+        geoms = [named]
+    else:
+        geoms = [one for one in named.geoms if _touches(spec, one)]
+        if not geoms:
+            raise InputError(f"body {named.name!r} has no geom that can touch: a pad lies on one that can")
+    taken = {one.name for one in spec.geoms}
+    for one in geoms:
+        if not one.name:
+            one.name = next(
+                name for i in range(len(taken) + 1) if (name := f"{one.parent.name}_pad{i}") not in taken
+            )
+            taken.add(one.name)
+    if not _touches(spec, geoms[0]):
+        raise _cannot_touch(geoms[0].name)
+    name = geoms[0].name if len(geoms) == 1 else f"body {named.name!r}"
+    kind = int(geoms[0].type) if len(geoms) == 1 else int(mujoco.mjtGeom.mjGEOM_MESH)
+    return tuple(geoms), name, kind
 
 
 def _touches(spec: mujoco.MjSpec, geom: mujoco.MjsGeom) -> bool:

@@ -31,6 +31,8 @@ _MM = 1e3  # mm in a metre
 _KPA = 1e3  # kPa in a N/mm^2
 _LINES = (24, 64)  # of the lattice that is laid over what touches, along each axis: at least and at most
 _LINES_OF_SEVERAL = 48  # at least, over a body of several geoms, each of which is a part of it
+_LINES_OF_STEPS = 200  # at most, on a surface that may jump, which the lattice samples
+_LINES_A_PITCH_OF_STEPS = 25
 _LINES_A_PITCH = 3  # between the two
 _SEARCH = 10  # of the lattices that find what touches
 _SEARCHES = 12
@@ -313,10 +315,11 @@ class PadReader:
             if (high - low < _POINT * pitch).all():
                 break
             if (high - low > size / 2).all():
-                least = _LINES[0] if len(parts) == 1 else _LINES_OF_SEVERAL
-                columns, rows = np.clip(
-                    np.ceil(_LINES_A_PITCH * (high - low) / pitch), least, _LINES[1]
-                ).astype(int)
+                least, most = _LINES if len(parts) == 1 else (_LINES_OF_SEVERAL, _LINES[1])
+                per_pitch = _LINES_A_PITCH
+                if surface.stepped:
+                    most, per_pitch = _LINES_OF_STEPS, _LINES_A_PITCH_OF_STEPS
+                columns, rows = np.clip(np.ceil(per_pitch * (high - low) / pitch), least, most).astype(int)
                 carried, _, sunk = self._pressed(load, moved, sunk, low, high, (columns, rows))
                 if sunk > surface.depth and not self._warned:
                     self._warned = True
@@ -353,7 +356,7 @@ class PadReader:
         many = len(lines.normals) > 1
         facing = np.broadcast_to(lines.normals @ load.direction, rows * columns)[cell]
         area = np.broadcast_to(lines.area, rows * columns)[cell]
-        some = facing > _GRAZING
+        some = (facing > _GRAZING) & (area > 0)
         if not some.all():
             cell, gap, share, shift = cell[some], gap[some], share[some], shift[:, some]
             facing, area = facing[some], area[some]

@@ -44,7 +44,7 @@ class PadSurface:
     origin: (3,) mm and axes: (3, 3), columns x, y, z, the pad's frame in the geom's. low, high: (2,) mm, where
     the face ends in (u, v). depth: mm of the geom below the face; no contact reaches deeper.
     lines: gives the points at u (n,) and v (n,) mm and the surface's normals there. place: gives (k, 2) mm, the
-    (u, v) of the surface below points (k, 3) mm of the pad's frame.
+    (u, v) of the surface below points (k, 3) mm of the pad's frame. stepped: whether it may jump between geoms.
     """
 
     origin: FloatArray
@@ -54,6 +54,7 @@ class PadSurface:
     depth: float
     lines: Callable[[FloatArray, FloatArray], Lines]
     place: Callable[[FloatArray], FloatArray]
+    stepped: bool = False
 
     @property
     def curved(self) -> bool:
@@ -69,12 +70,9 @@ def pad_surface(kind: int, size: FloatArray, normal: FloatArray, at: FloatArray,
     its x is y cross normal. Raises InputError, naming the geom, where it has no such face.
     """
     size = np.asarray(size) * _MM
-    normal = normal / np.linalg.norm(normal)
+    axes = pad_axes(normal)
+    normal = axes[:, 2]
     along = normal[2]
-    y = np.array([0.0, 1.0, 0.0]) if abs(along) > 1 - _PARALLEL else np.array([0.0, 0.0, 1.0])
-    y = y - (y @ normal) * normal
-    y /= np.linalg.norm(y)
-    axes = np.column_stack([np.cross(y, normal), y, normal])
     geom = mujoco.mjtGeom
     if kind == geom.mjGEOM_PLANE:
         _require(along > 1 - _PARALLEL, name, "is a plane, whose pad looks along +z: give normal=(0, 0, 1)")
@@ -117,9 +115,19 @@ def pad_surface(kind: int, size: FloatArray, normal: FloatArray, at: FloatArray,
     if kind == geom.mjGEOM_CAPSULE:
         raise InputError(f"geom {name!r} is a capsule: its pad's normal lies across its axis z or along it")
     what = geom(kind).name.removeprefix("mjGEOM_").lower()
-    raise InputError(
-        f"geom {name!r} is a {what}: a pad lies on a box, a plane, a cylinder, a capsule, a sphere or an ellipsoid"
-    )
+    raise InputError(f"geom {name!r} is a {what}: a pad lies on a primitive or a mesh")
+
+
+def pad_axes(normal: FloatArray) -> FloatArray:
+    """Lay a pad's axes into a frame in which it looks along `normal` (3,): (3, 3), columns x, y, z.
+
+    y is the frame's z axis, or its y axis where the pad looks along z; x is y cross normal.
+    """
+    normal = normal / np.linalg.norm(normal)
+    y = np.array([0.0, 1.0, 0.0]) if abs(normal[2]) > 1 - _PARALLEL else np.array([0.0, 0.0, 1.0])
+    y = y - (y @ normal) * normal
+    y /= np.linalg.norm(y)
+    return np.column_stack([np.cross(y, normal), y, normal])
 
 
 def _require(holds: bool, name: str, message: str) -> None:

@@ -423,11 +423,11 @@ def test_a_pad_is_found_in_a_model_that_its_own_was_attached_to():
         ("palm", {"normal": (1, 1, 0)}, "geom 'box' is a box: its pad looks along an axis"),
         (
             "two",
-            {},
-            "body 'two' has 2 geoms that can touch: give one of them (spec.body('two').geoms[0], other)",
+            {"pad": Pad(rows=20)},
+            "the pad reaches from (-7.7, -18.95) to (7.7, 18.95) mm and body 'two' from",
         ),
-        ("empty", {}, "body 'empty' has 0 geoms that can touch; a pad lies on one that can"),
-        ("scan", {}, "geom 'scan' is a mesh: a pad lies on a box"),
+        ("empty", {}, "body 'empty' has no geom that can touch: a pad lies on one that can"),
+        ("scan", {}, "the pad reaches from (-7.7, -5.65) to (7.7, 5.65) mm and geom 'scan' from (-"),
         ("tiny", {}, "the pad reaches from (-7.7, -5.65) to (7.7, 5.65) mm and geom 'tiny' from"),
         ("box", {"at": (15, 0)}, "the pad reaches from (-7.7, -5.65) to (7.7, 5.65) mm and geom 'box' from"),
         (

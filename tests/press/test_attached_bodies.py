@@ -149,3 +149,55 @@ def test_no_more_than_the_whole_of_a_cell_is_covered(seed, count):
     assert ends.max() - 1e-9 <= share.sum() <= 1 + 1e-9
     if count == 2:
         assert share.sum() == pytest.approx(covered, abs=1e-9)
+
+
+def press_on(link, normal=(0, 0, 1), *, pad=PAD, object_geom, steps=1200, **options):
+    """Let a body slide down on a link of geoms, MJCF: the reading."""
+    assets = options.pop("assets", "")
+    spec = mujoco.MjSpec.from_string(f"""<mujoco><option timestep="0.001"/><asset>{assets}</asset><worldbody>
+        <body name="link">{link}</body>
+        <body name="body"><joint type="slide" axis="0 0 1"/>{object_geom}</body></worldbody></mujoco>""")
+    reader = tactsim.press.attach(spec, "link", pad, normal=normal, **options).bind(model := spec.compile())
+    data = mujoco.MjData(model)
+    for _ in range(steps):
+        mujoco.mj_step(model, data)
+    return reader.read(data)
+
+
+def test_an_array_spans_the_boxes_of_a_link():
+    """Four small boxes stand 1 mm before a large one, as on the fingers of Franka's hand; a plate rests on them."""
+    small = [(x, y, 2.5, 1.5) for x in (-4, 4) for y in (-3, 3)]
+    link = '<geom type="box" size=".012 .01 .005" pos="0 0 -.006"/>' + "".join(
+        f'<geom type="box" size="{a / 1e3} {b / 1e3} .002" pos="{x / 1e3} {y / 1e3} -.002"/>'
+        for x, y, a, b in small
+    )
+    reading = press_on(link, object_geom='<geom type="box" size=".02 .02 .002" pos="0 0 .00201" mass=".2"/>')
+    assert reading.force == pytest.approx(0.2 * 9.81, rel=1e-3)
+    assert reading.outside == pytest.approx(0, abs=1e-6)
+    truth, _ = springs(PAD, gap_of(small), reading.force)
+    assert errors(reading.kpa, truth)[1] < 0.02  # the lattice samples the steps between the boxes
+
+
+def mesh_of(points):
+    return f'<mesh name="tip" vertex="{" ".join(map(repr, points.ravel().tolist()))}"/>'
+
+
+def test_a_mesh_that_is_a_box_carries_a_pad_as_the_box_does():
+    corners = np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, 8).T * [0.012, 0.01, 0.005]
+    ball = '<geom size=".006" pos=".001 .0007 .01101" mass=".2"/>'
+    mesh = press_on('<geom type="mesh" mesh="tip"/>', assets=mesh_of(corners), object_geom=ball)
+    plain = press_on('<geom type="box" size=".012 .01 .005"/>', object_geom=ball)
+    assert mesh.force == pytest.approx(plain.force, rel=1e-3)
+    assert errors(mesh.kpa, plain.kpa)[1] < 0.005
+
+
+def test_a_fine_mesh_of_an_ellipsoid_carries_a_pad_as_the_ellipsoid_does():
+    polar, around = np.meshgrid(np.linspace(0, np.pi, 61), np.linspace(0, 2 * np.pi, 121)[:-1])
+    way = np.stack([np.sin(polar) * np.cos(around), np.sin(polar) * np.sin(around), np.cos(polar)], -1)
+    ball = '<geom type="box" size=".02 .02 .002" pos="0 0 .01401" mass=".2"/>'
+    pad = Pad(unread_columns=0)
+    given = {"pad": pad, "object_geom": ball, "stiffness": 200}
+    mesh = press_on('<geom type="mesh" mesh="tip"/>', assets=mesh_of(way * [0.02, 0.016, 0.012]), **given)
+    plain = press_on('<geom type="ellipsoid" size=".02 .016 .012"/>', **given)
+    assert mesh.force == pytest.approx(plain.force, rel=1e-2)
+    assert errors(mesh.kpa, plain.kpa)[1] < 0.03

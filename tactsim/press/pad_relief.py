@@ -1,0 +1,128 @@
+"""The surface of meshes and of bodies of several geoms that carry a pad: what is seen of them along the pad's normal.
+
+A pad on such a body is projected along its normal, as on an ellipsoid: (u, v) are x and y of the pad's frame. A mesh is
+its convex hull, as in MuJoCo's collision. The heights are looked up on a fine grid, with the slope on each point's
+flatter side, so that a step between two geoms stays one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import mujoco
+import numpy as np
+
+from tactsim.core.errors import InputError
+from tactsim.core.poses import FloatArray
+from tactsim.press.geom_gap import Part, body_of, gaps
+from tactsim.press.pad_surface import Lines, PadSurface, pad_axes
+
+_MM = 1e3  # mm in a metre
+_SEEN = 200  # points along each axis of the grid that finds the body's outline
+_FINE = 400, 1000  # and of that of its heights, at most: of one mesh, and of several geoms
+_STEP = 0.02  # mm between the latter's points, at least
+_STEEPEST = 3.0  # mm of height for a mm along the pad; what is steeper carries no pad
+_NO_WIDTH = 1e-6, 1e-6  # mm of a cell that no wall cuts
+_UP, _DOWN = np.array([[0.0, 0.0, 1.0]]), np.array([[0.0, 0.0, -1.0]])
+
+
+def relief_surface(
+    model: mujoco.MjModel, geoms: Sequence[int], normal: FloatArray, at: FloatArray, name: str
+) -> PadSurface:
+    """Find the surface of geoms of one body that is seen against `normal`, (3,) in the body's frame.
+
+    at: (2,) mm, the pad's middle from that of what is seen, along the pad's x and y, which lie to the body's frame as
+    to a geom's in `pad_surface`. The frame of the result is in that of the first geom.
+    Raises InputError, naming the pad's place, if nothing is seen there.
+    """
+    axes = pad_axes(normal)
+    parts = [
+        Part(
+            body_of(model, geom), axes.T @ _matrix(model.geom_quat[geom]), axes.T @ model.geom_pos[geom] * _MM
+        )
+        for geom in geoms
+    ]
+    middles, radii = np.array([part.position for part in parts]), model.geom_rbound[list(geoms)] * _MM
+    far = float((np.abs(middles[:, 2]) + radii).max()) + 1
+    low, high = (middles[:, :2] - radii[:, None]).min(axis=0), (middles[:, :2] + radii[:, None]).max(axis=0)
+    x, y = (np.linspace(low[axis], high[axis], _SEEN) for axis in (0, 1))
+    rows, columns = np.nonzero(np.isfinite(_seen(parts, x, y, far)[0]))
+    if not len(rows):
+        raise InputError(f"{name} has no face that looks along normal={tuple(np.round(normal, 3).tolist())}")
+    apart = (high - low) / (_SEEN - 1)
+    low = np.array([x[columns.min()], y[rows.min()]]) - apart
+    high = np.array([x[columns.max()], y[rows.max()]]) + apart
+    count = np.clip(np.ceil((high - low) / _STEP), 2, _FINE[len(geoms) > 1]).astype(int)
+    x, y = (np.linspace(low[axis], high[axis], count[axis]) for axis in (0, 1))
+    height, depth = _seen(parts, x, y, far)
+    steps = x[1] - x[0], y[1] - y[0]
+    slope_y, slope_x = (_slopes(height, steps[1 - axis], axis) for axis in (0, 1))
+    seen = np.isfinite(height) & (np.hypot(slope_x, slope_y) < _STEEPEST)
+    rows, columns = np.nonzero(seen)
+    low = np.array([x[columns.min()], y[rows.min()]]) - np.array(steps)
+    high = np.array([x[columns.max()], y[rows.max()]]) + np.array(steps)
+    middle = (low + high) / 2 + at
+    column, row = np.abs(x - middle[0]).argmin(), np.abs(y - middle[1]).argmin()
+    top = height[row, column] if seen[row, column] else height[seen].max()
+    flat = np.where(seen, height - top, 0.0)
+    slope_x, slope_y = np.where(seen, slope_x, 0.0), np.where(seen, slope_y, 0.0)
+
+    def lines(u: FloatArray, v: FloatArray) -> Lines:
+        column = np.clip(np.rint((u + middle[0] - x[0]) / steps[0]).astype(int), 0, len(x) - 1)
+        row = np.clip(np.rint((v + middle[1] - y[0]) / steps[1]).astype(int), 0, len(y) - 1)
+        along_x, along_y = slope_x[row, column], slope_y[row, column]
+        z = flat[row, column] + along_x * (u + middle[0] - x[column]) + along_y * (v + middle[1] - y[row])
+        zero, one = np.zeros_like(u), np.ones_like(u)
+        area = np.sqrt(1 + along_x**2 + along_y**2)
+        return Lines(
+            np.stack([u, v, z], 1),
+            np.stack([-along_x, -along_y, one], 1) / area[:, None],
+            np.stack([one, zero, along_x], 1),
+            np.stack([zero, one, along_y], 1),
+            np.where(seen[row, column], area, 0.0),
+        )
+
+    first = _matrix(model.geom_quat[geoms[0]])
+    origin = axes @ np.array([*middle, top]) - model.geom_pos[geoms[0]] * _MM
+    return PadSurface(
+        first.T @ origin, first.T @ axes, low - middle, high - middle, depth, lines, lambda points: points[:, :2],
+        stepped=len(geoms) > 1,
+    )  # fmt: skip
+
+
+def _matrix(quat: FloatArray) -> FloatArray:
+    matrix = np.empty(9)
+    mujoco.mju_quat2Mat(matrix, quat)
+    return matrix.reshape(3, 3)
+
+
+def _seen(parts: list[Part], x: FloatArray, y: FloatArray, far: float) -> tuple[FloatArray, float]:
+    """Look at a body from `far` mm above on a grid: z of what is seen (rows, columns), -inf for nothing.
+
+    Returns also how thick the body is from the highest point to the lowest, mm.
+    """
+    at_x, at_y = (each.ravel() for each in np.meshgrid(x, y))
+    top, lowest = np.full(at_x.size, -np.inf), np.inf
+    for part in parts:
+        ends = []
+        for side, way in ((far, _DOWN), (-far, _UP)):
+            points = np.stack([at_x, at_y, np.full(at_x.size, side)], 1)
+            lines = Lines(points, way, np.eye(3)[:1], np.eye(3)[1:2], np.ones(1))
+            gap, share, _ = gaps(part.body, part.rotation, part.position, lines, _NO_WIDTH)
+            ends.append(side + way[0, 2] * np.where(share > 0.5, gap, np.inf))
+        met = np.isfinite(ends[0]) & np.isfinite(ends[1]) & (ends[0] > ends[1])
+        top = np.where(met, np.maximum(top, ends[0]), top)
+        lowest = min(lowest, ends[1][met].min(initial=np.inf))
+    return top.reshape(len(y), len(x)), float(top.max() - lowest)
+
+
+def _slopes(height: FloatArray, step: float, axis: int) -> FloatArray:
+    """Take the smaller of the slopes to both sides, along an axis of a grid; where there is nothing, 0."""
+    with np.errstate(invalid="ignore"):
+        rise = np.diff(height, axis=axis) / step
+    rise = np.where(np.isfinite(rise), rise, np.inf)
+    edge = [(1, 0) if i == axis else (0, 0) for i in (0, 1)]
+    before = np.pad(rise, edge, constant_values=np.inf)
+    after = np.pad(rise, [pair[::-1] for pair in edge], constant_values=np.inf)
+    least = np.where(np.abs(before) < np.abs(after), before, after)
+    return np.where(np.isfinite(least), least, 0.0)
