@@ -29,6 +29,7 @@ VERBS = {
     "report": "Write one HTML page that opens without a network, and beside it every curve as CSV.",
     "export": "Write a scan, or the trials of a run, in a format of others: Parquet, LeRobot, MCAP or HDF5.",
     "import": "Make a scan of what `bench export` wrote, bit for bit, or of arrays in a .npz or .mat file.",
+    "data": "List public recordings of real pads, or `get` one: download, check and import it as a scan.",
     "fit": "Choose what depends on a pad's unit, pitch and response from training readings alone, and say why.",
     "bound": "Say how good an estimator can be: exact Bayes, and the Cramer-Rao bound of the error, by reading.",
     "compare": "Compare two runs on the same trials; exit status 1 if NEW is worse beyond the interval.",

@@ -31,7 +31,8 @@ def read_arrays(path: Path, names: Mapping[str, str], pad: Pad, unit: str) -> Sc
     """
     wanted = list(dict.fromkeys(names.values()))
     try:
-        found = _of_mat(path, wanted) if path.suffix.lower() == ".mat" else read_npz(path, wanted)
+        mat = path.suffix.lower() == ".mat"
+        found = mat_arrays(read_bytes(path, LARGEST), wanted) if mat else read_npz(path, wanted)
         arrays: dict[str, Any] = {role: found[name] for role, name in names.items()}
         scan = Scan.from_arrays(**arrays, pad=pad, unit=unit)
         if not len(scan):
@@ -42,8 +43,11 @@ def read_arrays(path: Path, names: Mapping[str, str], pad: Pad, unit: str) -> Sc
         raise InputError(f"cannot read {path}: {error}") from error
 
 
-def _of_mat(path: Path, names: Sequence[str]) -> dict[str, NDArray[Any]]:
-    content = read_bytes(path, LARGEST)
+def mat_arrays(content: bytes, names: Sequence[str]) -> dict[str, NDArray[Any]]:
+    """Read arrays of a MAT file in a process of its own; `TS{2}` is the second array of the cell `TS`.
+
+    Raises InputError if the file is not whole, is of version 7.3, lacks an array or holds one of another kind.
+    """
     if b"MATLAB 7.3" in content[:128]:
         raise InputError("it is a MAT file of version 7.3; save it with -v7")
     # A thread more is a stack more, and the child's memory is limited.

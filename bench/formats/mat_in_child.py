@@ -2,8 +2,8 @@
 
     python mat_in_child.py MOST_BYTES NAME... <FILE.mat >FILE.npz
 
-The arrays come out in the order of the names, as arr_0 and so on. Exit status 2: one line on standard error says what
-is wrong with the file.
+The arrays come out in the order of the names, as arr_0 and so on; NAME{2} is the second array of a cell. Exit status 2:
+one line on standard error says what is wrong with the file.
 """
 
 import sys
@@ -30,7 +30,8 @@ def main(most: int, names: list[str]) -> None:
     content = sys.stdin.buffer.read()
     try:
         there = {name: (shape, kind) for name, shape, kind in whosmat(BytesIO(content))}
-        for name in names:
+        variables = [name.partition("{")[0] for name in names]
+        for name in variables:
             if name not in there:
                 refuse(f"it has no array {name!r}; it has {', '.join(map(repr, there))}")
             shape, kind = there[name]
@@ -39,8 +40,11 @@ def main(most: int, names: list[str]) -> None:
             most -= 8 * prod(shape)
             if most < 0:
                 refuse(f"array {name!r} claims {8 * prod(shape):,} bytes, more than a scan may hold")
-        read = loadmat(BytesIO(content), variable_names=names)
-        arrays = [plain(read[name], name) for name in names]
+        read = loadmat(BytesIO(content), variable_names=variables)
+        arrays = [
+            plain(read[variable], name) if name == variable else in_cell(read[variable], name)
+            for name, variable in zip(names, variables, strict=True)
+        ]
     except Exception as error:
         refuse(f"it is no whole MAT file: {type(error).__name__} {error}")
     found = BytesIO()
@@ -58,6 +62,17 @@ def plain(array: NDArray[Any], name: str) -> NDArray[Any]:
             refuse(f"array {name!r} is a cell of more than texts")
         words.append(str(cell.reshape(-1)[0]))
     return np.array(words, dtype=np.str_)
+
+
+def in_cell(cell: NDArray[Any], name: str) -> NDArray[Any]:
+    """Take the array of numbers that `name`, such as TS{2}, means."""
+    number = int(name.partition("{")[2].rstrip("}"))
+    if cell.dtype.kind != "O" or not 1 <= number <= cell.size:
+        refuse(f"it has no {name!r}")
+    array = cell.reshape(-1, order="F")[number - 1]
+    if not isinstance(array, np.ndarray) or array.dtype.kind not in "biuf":
+        refuse(f"{name!r} is no array of numbers")
+    return array
 
 
 def refuse(message: str) -> NoReturn:

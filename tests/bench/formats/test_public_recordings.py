@@ -1,0 +1,186 @@
+"""Public recordings: what is listed, and files of the same layouts, small and made here, as scans."""
+
+import hashlib
+import io
+import json
+import zipfile
+
+import numpy as np
+import pytest
+import tomli_w
+from command_line import refused
+from PIL import Image
+from scipy.io import savemat
+
+from tactsim.bench.formats import public_recordings as public
+from tactsim.core import InputError, Scan
+
+RISE = np.array([0, 0, 0.5, 1, 1, 1, 0.5, 0, 0, 0.95])  # the last frame is of the next press
+
+
+def trials(name, rng):
+    """Press a pad four times: its readout has some columns in reverse."""
+    images = rng.uniform(10, 90, (4, 16, 16))
+    readout = images.copy()
+    readout[..., 5:14] = readout[..., 13:4:-1]
+    frames = 7 + readout.reshape(4, 256, 1) * RISE
+    return {f"{name}_raster.mat": mat({"all_trials": frames})}, images.reshape(4, 256)
+
+
+def grasps(name, rng):
+    arrays = [rng.uniform(10, 90, (14 - number % 2, 6)) for number in range(6)]
+    cell = np.empty((1, 6), dtype=object)
+    for number, image in enumerate(arrays):
+        cell[0, number] = 30 + image[..., None] * RISE
+    filled = [np.vstack([image, np.zeros((14 - len(image), 6))]).ravel() for image in arrays]
+    return {f"{name}/grasp-1.mat": mat({"TS": cell, "seqLength": len(RISE)})}, np.array(filled)
+
+
+def images(names, rng):
+    content, kept = io.BytesIO(), {}
+    with zipfile.ZipFile(content, "w") as archive:
+        for name in names:
+            for number in (10, 9, 1, 2, 3):
+                level = float(rng.integers(20, 200))
+                kept[name, number] = level
+                image = io.BytesIO()
+                Image.fromarray(np.full((28, 50), level, np.uint8)).save(image, "JPEG", quality=100)
+                archive.writestr(f"Images/{name}/{name}{number}.jpg", image.getvalue())
+    return {"images.zip": content.getvalue()}, kept
+
+
+def mat(arrays):
+    content = io.BytesIO()
+    savemat(content, arrays)
+    return content.getvalue()
+
+
+def described(like, files, **changes):
+    """Describe files as one of the known recordings describes its own."""
+    known = public.recordings()[like].model_dump(mode="json", exclude_none=True)
+    known["pad"] |= {"no_seam": True}
+    return (
+        known
+        | {"files": {path: hashlib.sha256(content).hexdigest() for path, content in files.items()}}
+        | changes
+    )
+
+
+def laid(folder, files):
+    for path, content in files.items():
+        (folder / path).parent.mkdir(parents=True, exist_ok=True)
+        (folder / path).write_bytes(content)
+    return folder
+
+
+def scanned(like, files, **changes):
+    return public.scan_of(
+        public.Recording.model_validate(described(like, files, **changes)), iter(files.items())
+    )
+
+
+def test_a_press_is_the_rise_of_its_longest_plateau():
+    files, readings = trials("X", np.random.default_rng(1))
+    more, others = trials("triangle", np.random.default_rng(2))
+    scan = scanned("dtmf7", files | more)
+    assert np.allclose(scan.readings, np.vstack([readings, others]))
+    assert scan.letters == ("cross", "triangle")
+    assert scan.split.tolist() == 2 * ["train", "train", "test", "test"]
+    assert scan.presses.tolist() == list(range(8))
+    assert scan.meta["poses"] == "one"
+    assert scan.meta["unit"] == "count"
+
+
+def test_arrays_of_a_hand_are_readings_of_one_press():
+    files, readings = grasps("DUCK", np.random.default_rng(3))
+    more, others = grasps("BALL", np.random.default_rng(4))
+    scan = scanned("schunk5", files | more)
+    assert np.allclose(scan.readings, np.vstack([readings, others]))
+    assert scan.labels.tolist() == 6 * ["DUCK"] + 6 * ["BALL"]
+    assert scan.presses.tolist() == 6 * [0] + 6 * [1]
+    assert scan.about["licence"] == "LicenseRef-st-hmp"
+
+
+def test_images_are_presses_in_the_order_of_their_numbers():
+    files, levels = images(["key", "arm"], np.random.default_rng(5))
+    scan = scanned("tekscan22", files)
+    expected = [levels[name, number] for name in ("arm", "key") for number in (1, 2, 3, 9, 10)]
+    assert np.allclose(scan.readings, np.array(expected)[:, None], atol=1)
+    assert scan.split.tolist() == 2 * (4 * ["train"] + ["test"])
+    assert scan.about["licence"] is None
+
+
+@pytest.mark.parametrize(
+    ("like", "files", "says"),
+    [
+        ("dtmf7", {"a_raster.mat": mat({"all_trials": np.ones((2, 255, 5))})}, "shape"),
+        ("dtmf7", {"a_raster.mat": mat({"all_trials": np.ones((2, 256, 5))})}, "no rise"),
+        ("dtmf7", {"a_raster.mat": mat({"other": np.ones(2)})}, "no array 'all_trials'"),
+        ("dtmf7", {"a_raster.mat": b"cut short"}, "no whole MAT file"),
+        ("schunk5", {"A/g.mat": mat({"TS": np.ones((2, 2))})}, "no 'TS{1}'"),
+        ("tekscan22", {"i.zip": b"PK"}, "no whole ZIP file"),
+        ("tekscan22", {"i.zip": images([], np.random.default_rng(0))[0]["images.zip"]}, "no images"),
+    ],
+)
+def test_files_of_another_layout_are_refused(like, files, says):
+    with pytest.raises(InputError, match=next(iter(files)).split("/")[0]) as error:
+        scanned(like, files)
+    assert says in str(error.value)
+
+
+def test_a_recording_is_got_from_a_folder(here, tmp_path, monkeypatch):
+    """As a user calls it, with a list of our own: whole, then with a file that is not the one that is known."""
+    files, readings = trials("X", np.random.default_rng(1))
+    (tmp_path / "known.toml").write_text(tomli_w.dumps({"mine": described("dtmf7", files)}))
+    monkeypatch.setattr(public, "KNOWN", tmp_path / "known.toml")
+    laid(tmp_path / "there", files)
+    got = here("data", "get", "mine", "--from", "there", "--out", "s.npz")
+    assert got.returncode == 0, got.stderr
+    assert "4 readings of cross" in got.stdout
+    assert "ask them" in got.stdout
+    assert np.allclose(Scan.load(tmp_path / "s.npz").readings, readings)
+    again = here("data", "get", "mine", "--from", "there/X_raster.mat", "--json")
+    assert json.loads(again.stdout)["letters"] == ["cross"]
+    refused(here("data", "get", "mine", "--from", "there", "--out", "s.npz"), "s.npz exists")
+    (tmp_path / "there" / "X_raster.mat").write_bytes(b"other")
+    refused(
+        here("data", "get", "mine", "--from", "there", "--out", "t.npz"),
+        "X_raster.mat",
+        "SHA-256",
+        "at commit",
+    )
+    refused(here("data", "get", "mine", "--from", "nowhere", "--out", "t.npz"), "nowhere")
+    assert not (tmp_path / "t.npz").exists()
+
+
+def test_without_a_network_it_is_said_where_a_file_is_to_be_put(here, tmp_path, monkeypatch):
+    """A port on which nothing listens stands for no network; a file that is put there is taken."""
+    files, _ = trials("X", np.random.default_rng(1))
+    known = described("dtmf7", files, address="http://127.0.0.1:9/some%20folder/")
+    (tmp_path / "known.toml").write_text(tomli_w.dumps({"mine": known}))
+    monkeypatch.setattr(public, "KNOWN", tmp_path / "known.toml")
+    monkeypatch.setenv("TACTSIM_CACHE_DIR", str(tmp_path / "kept"))
+    place = tmp_path / "kept" / "recordings" / "mine" / "X_raster.mat"
+    refused(
+        here("data", "get", "mine"),
+        "http://127.0.0.1:9/some%20folder/X_raster.mat",
+        f"put it at {place}",
+        "--from",
+    )
+    laid(place.parent, files)
+    assert here("data", "get", "mine").returncode == 0
+    assert len(Scan.load(tmp_path / "mine.npz")) == 4
+
+
+def test_what_is_known_is_listed_and_names_are_checked(here):
+    listed = here("data").stdout
+    for word in ("dtmf7", "tekscan22", "schunk5", "none stated", "LicenseRef-st-hmp", "nominal", "17.9 MB"):
+        assert word in listed
+    known = json.loads(here("data", "--json").stdout)
+    assert [len(one["files"]) for one in known.values()] == [7, 1, 51]
+    assert all(one["commit"] in one["address"] for one in known.values())
+    refused(here("data", "get", "dtmf8"), "dtmf8", "dtmf7")
+    refused(here("data", "got", "dtmf7"), "bench data get NAME")
+    refused(here("data", "get"), "bench data get NAME")
+    refused(here("data", "--out", "x.npz"), "bench data get NAME")
+    refused(here("data", "get", "schunk5", "--from", "known.npz", "--out", "x.npz"), "51 files", "folder")
