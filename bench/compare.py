@@ -12,7 +12,7 @@ from pydantic import BaseModel
 
 from tactsim.bench.config import RunConfig, flag_of
 from tactsim.bench.results import Run
-from tactsim.bench.score import all_right_from, errors, settled_95
+from tactsim.bench.score import HEADLINES, errors
 from tactsim.core import InputError
 from tactsim.core.poses import FloatArray
 
@@ -70,9 +70,9 @@ def compare(base: Run, new: Run) -> list[Difference]:
         rows.append(
             Difference(f"accuracy @{reading}", float(pair[0].mean()), float(pair[1].mean()), p=mcnemar(*pair))
         )
-    for metric in (all_right_from, settled_95):
-        first, then = (metric(run.trials, run.objects) for run in (base, new))
-        rows.append(Difference(metric.__name__.replace("_", " "), first, then))
+    for name in ("all_right_from", "settled_95"):
+        first, then = (HEADLINES[name].compute(run.trials, run.objects) for run in (base, new))
+        rows.append(Difference(name.replace("_", " "), first, then))
     before, after = (1e3 * float(run.trials.seconds.mean()) for run in (base, new))
     rows.append(Difference("ms a reading", before, after))
     return rows

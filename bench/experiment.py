@@ -224,6 +224,16 @@ def train_scan(config: RunConfig) -> Scan:
 
 def plan_of(config: RunConfig, scan: Scan, given: Estimator | None = None) -> TrialPlan:
     """Put together what a worker needs to do this run's trials on these readings."""
+    press: Press | None = None  # where touches come from that are not simply the scan's
+    # Each is imported here: most runs take the scan's readings, and need neither a pad's files nor MuJoCo.
+    if config.presses is not None:
+        from tactsim.bench.measured import MeasuredTrials
+
+        press = MeasuredTrials(scan, config.readings)
+    elif config.on_demand:
+        from tactsim.bench.on_demand import OnDemand
+
+        press = OnDemand(config.scan_options)
     return TrialPlan(
         config.estimator,
         config.options,
@@ -232,25 +242,11 @@ def plan_of(config: RunConfig, scan: Scan, given: Estimator | None = None) -> Tr
         config.seed,
         config.explore,
         config.moving,
-        _press(config, scan),
+        press,
         forward_model,
         given,
         config.each_held_out,
     )
-
-
-def _press(config: RunConfig, scan: Scan) -> Press | None:
-    """Choose where touches come from that are not simply the scan's."""
-    # Each is imported here: most runs take the scan's readings, and need neither a pad's files nor MuJoCo.
-    if config.presses is not None:
-        from tactsim.bench.measured import MeasuredTrials
-
-        return MeasuredTrials(scan, config.readings)
-    if config.on_demand:
-        from tactsim.bench.on_demand import OnDemand
-
-        return OnDemand(config.scan_options)
-    return None
 
 
 def finished_run(
@@ -325,7 +321,11 @@ def finished_run(
 
 def _protocol_name(config: RunConfig, scan: Scan) -> str:
     """Name the protocol of a run; only results of one protocol share a table."""
-    where = "test poses " + ("from a file" if config.scan else _stated_test_poses(scan) or "given")
+    options = scan.meta.get("options")  # of the press, if the scan says them
+    stated = options.get("test_poses") if isinstance(options, Mapping) else None
+    where = (
+        f"test poses {'from a file' if config.scan else stated if stated in ('same', 'random') else 'given'}"
+    )
     if config.presses is not None:
         where = "presses on a pad"
     order = "random order"
@@ -340,10 +340,3 @@ def _protocol_name(config: RunConfig, scan: Scan) -> str:
     if config.each_held_out:
         held_out = ", each letter held out in turn"
     return f"{where}, {order}{held_out}"
-
-
-def _stated_test_poses(scan: Scan) -> str | None:
-    """Tell where the simulated pad was pressed for the test readings; None if the scan does not say."""
-    options = scan.meta.get("options")
-    stated = options.get("test_poses") if isinstance(options, Mapping) else None
-    return stated if stated in ("same", "random") else None

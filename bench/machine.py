@@ -6,15 +6,17 @@ import os
 import platform
 import sys
 from functools import cache
-from importlib.metadata import version
+from importlib.metadata import version as read_version
 from pathlib import Path
+
+version = cache(read_version)  # which reads the library's metadata from disk
 
 LIBRARIES = ("tactsim", "numpy", "scipy", "mujoco", "manifold3d", "numba")
 
 
 def versions() -> dict[str, str]:
     """Name the versions of Python and of the libraries that a result depends on."""
-    return {"python": platform.python_version()} | {name: _version(name) for name in LIBRARIES}
+    return {"python": platform.python_version()} | {name: version(name) for name in LIBRARIES}
 
 
 def machine() -> dict[str, str | int]:
@@ -39,11 +41,6 @@ def peak_memory_mb() -> float:
         return 0.0
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     return peak / (1e6 if sys.platform == "darwin" else 1e3)
-
-
-@cache
-def _version(name: str) -> str:
-    return version(name)  # reads the library's metadata from disk
 
 
 def _processor() -> str:

@@ -16,10 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict
 
-from tactsim.bench import score
 from tactsim.bench.config import EACH
 from tactsim.bench.placement import Properties
-from tactsim.bench.score import Metric, summarise
+from tactsim.bench.score import CURVES, summarise
 from tactsim.bench.trials import TrialPlan, Trials
 from tactsim.core import InputError
 from tactsim.core.checking import checked
@@ -40,9 +39,9 @@ _ROWS = (1, 2, 3, 5, 7, 10, 15, 20, 30, 40, 60, 100, 150)  # readings that a sma
 class _Curve:
     """A metric over the reading count 1..r as an attribute of a run: (r,), NaN where it is undefined."""
 
-    def __init__(self, metric: Metric) -> None:
-        self._name = metric.__name__
-        self.__doc__ = f"{metric.__doc__} Shape (readings,); NaN where it is undefined."
+    def __init__(self, name: str) -> None:
+        self._name = name
+        self.__doc__ = f"{CURVES[name].description} Shape (readings,); NaN where it is undefined."
 
     @overload
     def __get__(self, run: None, owner: type) -> _Curve: ...
@@ -76,20 +75,20 @@ class Run:
     maps: Mapping[str, Any] = field(default_factory=dict)
     bounds: FloatArray | None = None
 
-    accuracy = _Curve(score.accuracy)
-    accuracy_low = _Curve(score.accuracy_low)
-    accuracy_high = _Curve(score.accuracy_high)
-    error_mm = _Curve(score.error_mm)
-    error_standard_error_mm = _Curve(score.error_standard_error_mm)
-    error_all_mm = _Curve(score.error_all_mm)
-    negative_log_likelihood = _Curve(score.negative_log_likelihood)
-    calibration_gap = _Curve(score.calibration_gap)
-    coverage_50 = _Curve(score.coverage_50)
-    coverage_90 = _Curve(score.coverage_90)
-    sharpness_mm = _Curve(score.sharpness_mm)
-    refused_known = _Curve(score.refused_known)
-    refused_unknown = _Curve(score.refused_unknown)
-    evaluations = _Curve(score.evaluations)
+    accuracy = _Curve("accuracy")
+    accuracy_low = _Curve("accuracy_low")
+    accuracy_high = _Curve("accuracy_high")
+    error_mm = _Curve("error_mm")
+    error_standard_error_mm = _Curve("error_standard_error_mm")
+    error_all_mm = _Curve("error_all_mm")
+    negative_log_likelihood = _Curve("negative_log_likelihood")
+    calibration_gap = _Curve("calibration_gap")
+    coverage_50 = _Curve("coverage_50")
+    coverage_90 = _Curve("coverage_90")
+    sharpness_mm = _Curve("sharpness_mm")
+    refused_known = _Curve("refused_known")
+    refused_unknown = _Curve("refused_unknown")
+    evaluations = _Curve("evaluations")
 
     @property
     def bound_mm(self) -> FloatArray:

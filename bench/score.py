@@ -1,4 +1,4 @@
-"""Metrics: a table of named functions from the raw trials to numbers.
+"""Metrics: a table of names, what each is, and how it is computed from the raw trials.
 
 They need only `Trials` and the objects' properties, both of which a run's folder keeps, so a metric
 added later applies to every old run.
@@ -7,6 +7,7 @@ added later applies to every old run.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -55,33 +56,8 @@ def settled_by(right: NDArray[np.bool_], share: float) -> int | None:
 Curve = FloatArray | list[float | None]
 
 
-def accuracy(trials: Trials, objects: Mapping[str, Properties]) -> Curve:
-    """Share of the trials whose letter is right, after each reading."""
-    return trials.right.mean(axis=0)
-
-
-def accuracy_low(trials: Trials, objects: Mapping[str, Properties]) -> Curve:
-    """Lower end of the accuracy's 95 % Wilson interval."""
-    return wilson(trials.right.sum(axis=0), len(trials.truth))[0]
-
-
-def accuracy_high(trials: Trials, objects: Mapping[str, Properties]) -> Curve:
-    """Upper end of the accuracy's 95 % Wilson interval."""
-    return wilson(trials.right.sum(axis=0), len(trials.truth))[1]
-
-
-def error_mm(trials: Trials, objects: Mapping[str, Properties]) -> Curve:
-    """Mean placement error of the trials whose letter is known and right (as the paper averages it)."""
-    return _mean(errors(trials, objects), trials.named)
-
-
-def error_all_mm(trials: Trials, objects: Mapping[str, Properties]) -> Curve:
-    """Mean placement error over all trials of known letters, the wrong estimates included."""
-    return _mean(errors(trials, objects), trials.known[:, None] & np.ones_like(trials.right))
-
-
-def error_standard_error_mm(trials: Trials, objects: Mapping[str, Properties]) -> Curve:
-    """Give the standard error of `error_mm`."""
+def error_standard_error(trials: Trials, objects: Mapping[str, Properties]) -> Curve:
+    """Compute the standard error of the mean placement error (r,) mm of the trials whose letter is known and right."""
     values, right = errors(trials, objects), trials.named
     count = right.sum(axis=0)
     squares = np.asarray(_mean(values**2, right), dtype=float)
@@ -90,69 +66,14 @@ def error_standard_error_mm(trials: Trials, objects: Mapping[str, Properties]) -
         return _nones(np.sqrt(np.clip(squares - means**2, 0, None) / (count - 1)))
 
 
-def negative_log_likelihood(trials: Trials, objects: Mapping[str, Properties]) -> Curve:
-    """Mean of -log p(right label), in nats; p is floored at the smallest normal float."""
-    return -np.log(np.clip(trials.p_truth, np.finfo(float).tiny, None)).mean(axis=0)
-
-
-def calibration_gap(trials: Trials, objects: Mapping[str, Properties]) -> Curve:
-    """Mean stated probability of the estimate minus its accuracy: above 0 is overconfident."""
-    return trials.p_label.mean(axis=0) - trials.right.mean(axis=0)
-
-
-def coverage_50(trials: Trials, objects: Mapping[str, Properties]) -> Curve:
-    """Share of the trials whose letter is known and right in which the 50 % region of the place holds the truth."""
-    return coverage(trials, 0.5)
-
-
-def coverage_90(trials: Trials, objects: Mapping[str, Properties]) -> Curve:
-    """Share of the trials whose letter is known and right in which the 90 % region of the place holds the truth."""
-    return coverage(trials, 0.9)
-
-
 def coverage(trials: Trials, share: float) -> Curve:
     """Count how often the region that holds this share of the belief holds the truth: as often, if all is well."""
     return _mean((trials.credibility < share).astype(float), trials.sure)
 
 
-def sharpness_mm(trials: Trials, objects: Mapping[str, Properties]) -> Curve:
-    """Mean radius of the 90 % region, in the metric of the error, where the letter is known and right."""
-    return _mean(trials.radius_90, trials.sure)
-
-
-def refused_known(trials: Trials, objects: Mapping[str, Properties]) -> Curve:
-    """Share of the trials of known letters whose estimate is 'none'; None without such trials."""
-    return _mean((trials.label == NONE).astype(float), trials.known[:, None] & np.ones_like(trials.right))
-
-
-def refused_unknown(trials: Trials, objects: Mapping[str, Properties]) -> Curve:
-    """Share of the trials of held-out letters whose estimate is 'none'; None without such trials."""
-    return _mean((trials.label == NONE).astype(float), ~trials.known[:, None] & np.ones_like(trials.right))
-
-
-def evaluations(trials: Trials, objects: Mapping[str, Properties]) -> Curve:
-    """Mean number of likelihood evaluations of the update at each reading."""
-    return trials.evaluations.mean(axis=0)
-
-
-def all_right_from(trials: Trials, objects: Mapping[str, Properties]) -> int | None:
-    """Find the reading from which every trial is and stays right."""
-    return settled_by(trials.right, 1.0)
-
-
-def settled_95(trials: Trials, objects: Mapping[str, Properties]) -> int | None:
-    """Find the reading by which 95 % of the trials are and stay right."""
-    return settled_by(trials.right, 0.95)
-
-
-def settled_50(trials: Trials, objects: Mapping[str, Properties]) -> int | None:
-    """Find the reading by which half of the trials are and stay right."""
-    return settled_by(trials.right, 0.5)
-
-
-def recovered_within_3(trials: Trials, objects: Mapping[str, Properties]) -> float | None:
-    """Share of the jumps (steps of 4 mm or more) after which one of the next three estimates is right to 1 mm."""
-    return recovered_within(trials, objects, 3)
+def refused(trials: Trials, among: NDArray[np.bool_]) -> Curve:
+    """Give the share (r,) of the trials `among` (n,) whose estimate is 'none'; None without such trials."""
+    return _mean((trials.label == NONE).astype(float), among[:, None] & np.ones_like(trials.right))
 
 
 def recovered_within(trials: Trials, objects: Mapping[str, Properties], readings: int) -> float | None:
@@ -185,7 +106,7 @@ def recoveries(
     return jumped.sum(axis=1), np.bincount(trial[again], minlength=count)
 
 
-def confusion(trials: Trials, objects: Mapping[str, Properties]) -> dict[str, dict[str, int]]:
+def confusion(trials: Trials) -> dict[str, dict[str, int]]:
     """Count the estimates after the last reading: {true letter: {estimated letter: trials}}."""
     last = trials.label[:, -1]
     return {
@@ -206,27 +127,100 @@ def recognition_seconds(trials: Trials, readings: int) -> float:
     return float(np.median(trials.seconds[:, :readings].sum(axis=1)))
 
 
-Metric = Callable[[Trials, Mapping[str, Properties]], Any]
+@dataclass(frozen=True)
+class Metric:
+    """A figure of a run: what it is, in one line, and how it follows from the trials and the objects' properties."""
 
-# CURVES run over the reading count; HEADLINES are one number or table a run. `bench list` shows the first line of
-# each docstring.
+    description: str
+    compute: Callable[[Trials, Mapping[str, Properties]], Any]
+
+
+# Metrics over the reading count, arrays (r,) or lists with None where undefined. `bench list` shows them in this order.
 CURVES: dict[str, Metric] = {
-    metric.__name__: metric
-    for metric in (
-        accuracy, accuracy_low, accuracy_high, error_mm, error_standard_error_mm, error_all_mm,
-        negative_log_likelihood, calibration_gap, coverage_50, coverage_90, sharpness_mm,
-        refused_known, refused_unknown, evaluations,
-    )
-}  # fmt: skip
+    "accuracy": Metric(
+        "Share of the trials whose letter is right, after each reading.",
+        lambda trials, _: trials.right.mean(axis=0),
+    ),
+    "accuracy_low": Metric(
+        "Lower end of the accuracy's 95 % Wilson interval.",
+        lambda trials, _: wilson(trials.right.sum(axis=0), len(trials.truth))[0],
+    ),
+    "accuracy_high": Metric(
+        "Upper end of the accuracy's 95 % Wilson interval.",
+        lambda trials, _: wilson(trials.right.sum(axis=0), len(trials.truth))[1],
+    ),
+    "error_mm": Metric(
+        "Mean placement error of the trials whose letter is known and right (as the paper averages it).",
+        lambda trials, objects: _mean(errors(trials, objects), trials.named),
+    ),
+    "error_standard_error_mm": Metric("Give the standard error of `error_mm`.", error_standard_error),
+    "error_all_mm": Metric(
+        "Mean placement error over all trials of known letters, the wrong estimates included.",
+        lambda trials, objects: _mean(
+            errors(trials, objects), trials.known[:, None] & np.ones_like(trials.right)
+        ),
+    ),
+    "negative_log_likelihood": Metric(
+        "Mean of -log p(right label), in nats; p is floored at the smallest normal float.",
+        lambda trials, _: -np.log(np.clip(trials.p_truth, np.finfo(float).tiny, None)).mean(axis=0),
+    ),
+    "calibration_gap": Metric(
+        "Mean stated probability of the estimate minus its accuracy: above 0 is overconfident.",
+        lambda trials, _: trials.p_label.mean(axis=0) - trials.right.mean(axis=0),
+    ),
+    "coverage_50": Metric(
+        "Share of the trials whose letter is known and right in which the 50 % region of the place holds the truth.",
+        lambda trials, _: coverage(trials, 0.5),
+    ),
+    "coverage_90": Metric(
+        "Share of the trials whose letter is known and right in which the 90 % region of the place holds the truth.",
+        lambda trials, _: coverage(trials, 0.9),
+    ),
+    "sharpness_mm": Metric(
+        "Mean radius of the 90 % region, in the metric of the error, where the letter is known and right.",
+        lambda trials, _: _mean(trials.radius_90, trials.sure),
+    ),
+    "refused_known": Metric(
+        "Share of the trials of known letters whose estimate is 'none'; None without such trials.",
+        lambda trials, _: refused(trials, trials.known),
+    ),
+    "refused_unknown": Metric(
+        "Share of the trials of held-out letters whose estimate is 'none'; None without such trials.",
+        lambda trials, _: refused(trials, ~trials.known),
+    ),
+    "evaluations": Metric(
+        "Mean number of likelihood evaluations of the update at each reading.",
+        lambda trials, _: trials.evaluations.mean(axis=0),
+    ),
+}
+# One number or table a run.
 HEADLINES: dict[str, Metric] = {
-    metric.__name__: metric
-    for metric in (all_right_from, settled_95, settled_50, recovered_within_3, confusion)
+    "all_right_from": Metric(
+        "Find the reading from which every trial is and stays right.",
+        lambda trials, _: settled_by(trials.right, 1.0),
+    ),
+    "settled_95": Metric(
+        "Find the reading by which 95 % of the trials are and stay right.",
+        lambda trials, _: settled_by(trials.right, 0.95),
+    ),
+    "settled_50": Metric(
+        "Find the reading by which half of the trials are and stay right.",
+        lambda trials, _: settled_by(trials.right, 0.5),
+    ),
+    "recovered_within_3": Metric(
+        "Share of the jumps (steps of 4 mm or more) after which one of the next three estimates is right to 1 mm.",
+        lambda trials, objects: recovered_within(trials, objects, 3),
+    ),
+    "confusion": Metric(
+        "Count the estimates after the last reading: {true letter: {estimated letter: trials}}.",
+        lambda trials, _: confusion(trials),
+    ),
 }
 
 
 def summarise(trials: Trials, objects: Mapping[str, Properties]) -> dict[str, Any]:
     """Compute every metric: lists over the reading count 1..r (None where undefined) and headlines."""
-    summary: dict[str, Any] = {name: metric(trials, objects) for name, metric in (CURVES | HEADLINES).items()}
+    summary = {name: metric.compute(trials, objects) for name, metric in (CURVES | HEADLINES).items()}
     return {
         name: value.tolist() if isinstance(value, np.ndarray) else value for name, value in summary.items()
     }

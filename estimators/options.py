@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
@@ -10,7 +11,6 @@ from tactsim.core import Scan
 from tactsim.core.moments import MOST
 from tactsim.core.pad import OFFSET, offsets
 from tactsim.core.poses import FloatArray
-from tactsim.core.provenance import statements
 from tactsim.estimators.estimator import Options
 
 Reach = Annotated[float, Field(gt=0, le=10_000)] | Literal["auto"]
@@ -93,6 +93,7 @@ def wants_pad_fit(options: FilterOptions, scan: Scan) -> bool:
     """Tell whether options ask to be fitted to a scan's pad: if they do not say, those of a real pad are."""
     if options.fit is not None:
         return options.fit == "auto"
-    stated = statements(scan.meta)
-    sources = (stated["source"], (stated["train"] or {}).get("source"))
-    return "recorded" in sources or "imported" in sources
+    stated = (scan.meta, scan.meta.get("train"))
+    return any(
+        isinstance(meta, Mapping) and meta.get("source") in ("recorded", "imported") for meta in stated
+    )

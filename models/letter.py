@@ -174,17 +174,14 @@ class Letter:
 
         Readings can be cached under it.
         """
-        return self._hash(*self._mesh)
+        mesh = () if self.relief is None else (self.relief.vertices, self.relief.triangles.astype(float))
+        return self._hash(*mesh)
 
     def has_digest(self, digest: str) -> bool:
         """Tell whether a digest is this letter's. Those of older scans hash a letter's convex parts, too."""
         return digest == self.digest or (
             self.relief is None and digest == self._hash(*(part.vertices for part in self.parts))
         )
-
-    @property
-    def _mesh(self) -> tuple[FloatArray, ...]:
-        return () if self.relief is None else (self.relief.vertices, self.relief.triangles.astype(float))
 
     def _hash(self, *more: FloatArray) -> str:
         content = hashlib.sha256(np.array([self.height, self.rounding], dtype="<f8").tobytes())

@@ -145,10 +145,7 @@ def _slip() -> list[Row]:
 def _metrics() -> list[Row]:
     from tactsim.bench.score import CURVES, HEADLINES
 
-    return [
-        (name, "", (metric.__doc__ or "").strip().partition("\n")[0])
-        for name, metric in (CURVES | HEADLINES).items()
-    ]
+    return [(name, "", metric.description) for name, metric in (CURVES | HEADLINES).items()]
 
 
 def _suites() -> list[Row]:

@@ -28,8 +28,12 @@ def with_options_of(model: type[BaseModel]) -> Callable[[Callable[..., None]], C
 
     def decorate(verb: Callable[..., None]) -> Callable[..., None]:
         def command(**typed: Any) -> None:
-            words = {name: _read(name, field, typed.pop(name)) for name, field in fields.items()}
-            verb({name: value for name, value in words.items() if value is not None}, **typed)
+            words = {name: typed.pop(name) for name in fields}
+            words = {name: value for name, value in words.items() if value is not None}
+            for name, field in fields.items():
+                if name in words and get_origin(field.annotation) is dict:
+                    words[name] = key_values(words[name], str(flag_of(name, field)))
+            verb(words, **typed)
 
         own = [
             parameter.replace(kind=inspect.Parameter.KEYWORD_ONLY)
@@ -59,13 +63,6 @@ def _typed(field: FieldInfo) -> Any:
     if kind == tuple[Path, ...]:
         return list[Path] | None
     return list[str] | None if get_origin(kind) is dict else str | None
-
-
-def _read(name: str, field: FieldInfo, typed: Any) -> Any:
-    """Turn a typed option into what the model takes; None if it was not typed."""
-    if get_origin(field.annotation) is dict and typed is not None:
-        return key_values(typed, str(flag_of(name, field)))
-    return typed
 
 
 def is_typed(context: typer.Context, name: str) -> bool:

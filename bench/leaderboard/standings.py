@@ -96,7 +96,7 @@ class Entrant:
         curve = CURVES.get({"error_mm": "error"}.get(metric, metric))
         if curve is not None:
             return curve(self.pooled, reading - 1)
-        found = (METRICS | HEADLINES)[metric](self.pooled.trials, self.bundle.runs[0].objects)
+        found = (METRICS | HEADLINES)[metric].compute(self.pooled.trials, self.bundle.runs[0].objects)
         return Figure(found[reading - 1] if at else found, None, None)
 
     def _accuracy(self, reading: int) -> Figure:

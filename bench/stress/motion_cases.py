@@ -11,8 +11,7 @@ from tactsim.estimators.estimator import Estimate
 from tactsim.estimators.filters.motion import Motion, parse_motion
 from tactsim.estimators.filters.moving import MovingBelief
 from tactsim.estimators.filters.moving_bins import heat_kernel
-from tactsim.estimators.filters.states import WeightedStates
-from tactsim.estimators.filters.weights import Weights
+from tactsim.estimators.filters.states import WeightedStates, Weights
 
 _READINGS = 12
 

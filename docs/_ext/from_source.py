@@ -79,13 +79,10 @@ def scan_options() -> Iterator[str]:
 
 
 def metrics() -> Iterator[str]:
-    """Write every metric of a run, in the words of its docstring."""
+    """Write every metric of a run, and what it is."""
     from tactsim.bench.score import CURVES, HEADLINES
 
-    rows = [
-        (code(name), (metric.__doc__ or "").strip().partition("\n")[0])
-        for name, metric in (CURVES | HEADLINES).items()
-    ]
+    rows = [(code(name), metric.description) for name, metric in (CURVES | HEADLINES).items()]
     yield from table(("name", "what it is"), rows)
 
 

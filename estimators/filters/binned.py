@@ -22,8 +22,7 @@ from tactsim.estimators.estimator import PoseSamples
 from tactsim.estimators.field.field import LikelihoodField
 from tactsim.estimators.field.kernels import LANES, LATTICE, TERMS, Lattice, Terms, sum_plane
 from tactsim.estimators.filters.grid import StateGrid
-from tactsim.estimators.filters.states import pose_samples
-from tactsim.estimators.filters.weights import Weights
+from tactsim.estimators.filters.states import Weights, pose_samples
 
 # Nats; bins that are as near to the last one that matters matter too.
 _ROUNDING = 1e-6

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from tactsim.core.compiling import INTS, REALS, REALS_2D, Ints, Reals, compiled
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.filters.motion import Motion
-from tactsim.estimators.filters.weights import Weights, highest_power
+from tactsim.estimators.filters.states import Weights, highest_power
 
 CENTRES = 240  # of a letter's belief that is moved, and of each round of proposals
 DRAWN = 600  # states of a letter in a round

@@ -13,8 +13,7 @@ from tactsim.core.poses import FloatArray
 from tactsim.estimators.estimator import Estimate, Options, PlaneBelief
 from tactsim.estimators.filters.binned import BinnedBelief, Certificate
 from tactsim.estimators.filters.map_filter import GridFilter
-from tactsim.estimators.filters.states import WeightedStates, probabilities
-from tactsim.estimators.filters.weights import Weights
+from tactsim.estimators.filters.states import WeightedStates, Weights, probabilities
 from tactsim.estimators.options import FilterOptions
 
 if TYPE_CHECKING:

@@ -14,8 +14,13 @@ from tactsim.estimators.estimator import Estimate, PoseSamples
 from tactsim.estimators.filters.clouds import CENTRES, DRAWN, Cloud, Drawn, advance, log
 from tactsim.estimators.filters.motion import Motion
 from tactsim.estimators.filters.placement import mean_around
-from tactsim.estimators.filters.states import WeightedStates, letter_mass, pose_samples, probabilities
-from tactsim.estimators.filters.weights import Weights
+from tactsim.estimators.filters.states import (
+    WeightedStates,
+    Weights,
+    letter_mass,
+    pose_samples,
+    probabilities,
+)
 
 _BROAD = 5  # at the second reading, when the belief is broad, so many times as many states are drawn
 _SETTING_OFF = 80  # centres of a letter's belief at rest, from which it may begin to move

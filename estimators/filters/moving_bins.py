@@ -11,8 +11,7 @@ from tactsim.estimators.field.field import LikelihoodField
 from tactsim.estimators.filters.binned import BinnedBelief
 from tactsim.estimators.filters.grid import StateGrid
 from tactsim.estimators.filters.motion import EVIDENCE, Motion
-from tactsim.estimators.filters.states import pose_samples
-from tactsim.estimators.filters.weights import Weights
+from tactsim.estimators.filters.states import Weights, pose_samples
 
 _TINY = np.finfo(float).tiny
 

@@ -22,12 +22,12 @@ from tactsim.estimators.filters.particle_kernels import draw, move
 from tactsim.estimators.filters.parzen import parzen_mode
 from tactsim.estimators.filters.states import (
     WeightedStates,
+    Weights,
     letter_mass,
     probabilities,
     shared,
     uniform_states,
 )
-from tactsim.estimators.filters.weights import Weights
 from tactsim.estimators.options import FilterOptions
 
 

@@ -17,10 +17,15 @@ from tactsim.estimators.filters.coarse_bounds import CoarseBins
 from tactsim.estimators.filters.jackknife import influence_at
 from tactsim.estimators.filters.map_filter import GridFilter
 from tactsim.estimators.filters.placement import mean_around
-from tactsim.estimators.filters.states import WeightedStates, letter_mass, pose_samples, probabilities
+from tactsim.estimators.filters.states import (
+    WeightedStates,
+    Weights,
+    letter_mass,
+    pose_samples,
+    probabilities,
+)
 from tactsim.estimators.filters.trust import Trust
 from tactsim.estimators.filters.trust_learning import learn_trust
-from tactsim.estimators.filters.weights import Weights
 from tactsim.estimators.options import OpenSetOptions
 
 # Cells are halved so often in any case, and on until the smallest hold the belief in so many cells (effective sample

@@ -16,8 +16,7 @@ from tactsim.estimators.field.kernels import Sampled, replay
 from tactsim.estimators.field.tables import Tables
 from tactsim.estimators.filters.binned import Certificate
 from tactsim.estimators.filters.map_filter import GridFilter
-from tactsim.estimators.filters.states import WeightedStates, probabilities
-from tactsim.estimators.filters.weights import Weights
+from tactsim.estimators.filters.states import WeightedStates, Weights, probabilities
 from tactsim.estimators.options import FilterOptions
 
 # mm, about the side of the largest blocks, whose bounds are kept for all readings.

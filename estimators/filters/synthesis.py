@@ -26,8 +26,7 @@ from tactsim.estimators.filters.modes import GYRATION, Modes
 from tactsim.estimators.filters.motion import parse_motion
 from tactsim.estimators.filters.placement import mean_around
 from tactsim.estimators.filters.pose_bank import PoseBank
-from tactsim.estimators.filters.states import WeightedStates, plane_histogram
-from tactsim.estimators.filters.weights import Weights
+from tactsim.estimators.filters.states import WeightedStates, Weights, plane_histogram
 from tactsim.estimators.frames import Frames, reach_on_object
 from tactsim.estimators.options import REACH, Reach, reach_of
 

@@ -17,11 +17,12 @@ from tactsim.estimators.filters.map_filter import MapFilter
 from tactsim.estimators.filters.placement import mean_around
 from tactsim.estimators.filters.states import (
     WeightedStates,
+    Weights,
+    highest_power,
     pose_samples,
     probabilities,
     uniform_states,
 )
-from tactsim.estimators.filters.weights import Weights, highest_power
 from tactsim.estimators.options import OpenSetOptions
 
 # A move is the difference of two other particles of the letter times one of these factors, drawn for each

@@ -8,8 +8,9 @@ which table to look up at which taxel. The log-likelihood of a state is the sum 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from importlib import import_module
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -98,36 +99,12 @@ class Likelihood(ABC):
         return None
 
 
-def _paper() -> type[Likelihood]:
-    from tactsim.estimators.likelihoods.paper import PaperLikelihood
-
-    return PaperLikelihood
-
-
-def _calibrated() -> type[Likelihood]:
-    from tactsim.estimators.likelihoods.calibrated import CalibratedLikelihood
-
-    return CalibratedLikelihood
-
-
-def _force() -> type[Likelihood]:
-    from tactsim.estimators.likelihoods.force import ForceLikelihood
-
-    return ForceLikelihood
-
-
-def _graded() -> type[Likelihood]:
-    from tactsim.estimators.likelihoods.graded import GradedLikelihood
-
-    return GradedLikelihood
-
-
-# name: what gives its class; nothing is imported before its name is asked for.
-LIKELIHOODS: dict[str, Callable[[], type[Likelihood]]] = {
-    "paper": _paper,
-    "calibrated": _calibrated,
-    "force": _force,
-    "graded": _graded,
+# name: the module here and its class; nothing is imported before its name is asked for.
+LIKELIHOODS = {
+    "paper": ("paper", "PaperLikelihood"),
+    "calibrated": ("calibrated", "CalibratedLikelihood"),
+    "force": ("force", "ForceLikelihood"),
+    "graded": ("graded", "GradedLikelihood"),
 }
 
 
@@ -142,7 +119,9 @@ def create(options: LikelihoodOptions) -> Likelihood:
         from tactsim.estimators.likelihoods.sequence import SequenceLikelihood
 
         return SequenceLikelihood(options)
-    return LIKELIHOODS[options.likelihood]()(options)
+    module, kind = LIKELIHOODS[options.likelihood]
+    made: Likelihood = getattr(import_module(f"tactsim.estimators.likelihoods.{module}"), kind)(options)
+    return made
 
 
 def covered(maps: Mapping[str, OccupancyMap]) -> tuple[FloatArray, FloatArray]:

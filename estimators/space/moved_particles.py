@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from tactsim.core import rigid
 from tactsim.core.poses import FloatArray
-from tactsim.estimators.filters.weights import Weights, highest_power
+from tactsim.estimators.filters.states import Weights, highest_power
 
 # log p of the touches so far for labels (n,) and object_in_robot (n, 7).
 LogP = Callable[[NDArray[np.int64], FloatArray], FloatArray]

@@ -16,7 +16,7 @@ from tactsim.core.poses import FloatArray
 from tactsim.core.rigid import checked_poses
 from tactsim.core.space_scan import SpaceScan
 from tactsim.estimators.estimator import Estimate, Estimator, PoseSamples, check_order, name_of
-from tactsim.estimators.filters.weights import Weights
+from tactsim.estimators.filters.states import Weights
 from tactsim.estimators.space.se3_states import mean_around
 from tactsim.estimators.space.space_field import SpaceField, SpaceMapOptions
 from tactsim.estimators.space.space_information import STATES, information

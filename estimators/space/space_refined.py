@@ -10,7 +10,7 @@ from pydantic import Field
 
 from tactsim.core import rigid
 from tactsim.core.poses import FloatArray
-from tactsim.estimators.filters.weights import Weights
+from tactsim.estimators.filters.states import Weights
 from tactsim.estimators.space.moved_particles import MovedParticles, born, evidence
 from tactsim.estimators.space.pose_cells import check_room
 from tactsim.estimators.space.pose_modes import draw, find_modes

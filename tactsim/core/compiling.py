@@ -11,7 +11,7 @@ import logging
 import os
 import shutil
 import tempfile
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
@@ -118,16 +118,11 @@ def kernel_folder(package: str) -> Path | None:
             folder.mkdir(parents=True, exist_ok=True)
             Path(tempfile.mkdtemp(dir=folder)).rmdir()  # a full disk refuses this
             os.utime(folder)
-            _remove_oldest(folder.parent.glob(f"{package}-{'[0-9a-f]' * 16}"))
+            kept = folder.parent.glob(f"{package}-{'[0-9a-f]' * 16}")
+            for unused in sorted(kept, key=lambda one: one.stat().st_mtime)[:-_MOST_FOLDERS]:
+                shutil.rmtree(unused, ignore_errors=True)
             return folder
     return None
-
-
-def _remove_oldest(folders: Iterable[Path]) -> None:
-    """Remove what was compiled of other source, but for the folders that were used last."""
-    used = sorted((folder.stat().st_mtime, folder) for folder in folders)
-    for _, folder in used[:-_MOST_FOLDERS]:
-        shutil.rmtree(folder, ignore_errors=True)
 
 
 @cache

@@ -7,6 +7,7 @@ from pathlib import Path
 from tactsim.core.errors import InputError
 
 _GB = 1e9
+_SMALL = 64e6  # bytes that no machine lacks: less is not asked for
 
 
 def require(needed: float, what: str, remedy: str) -> None:
@@ -14,6 +15,8 @@ def require(needed: float, what: str, remedy: str) -> None:
 
     what: what they are for, such as "36 letters with 1,000,000 bins each". remedy: what to choose instead.
     """
+    if needed < _SMALL:
+        return
     free = free_memory()
     if needed > free:
         raise InputError(

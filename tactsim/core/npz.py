@@ -7,7 +7,6 @@ import zipfile
 import zlib
 from collections.abc import Iterable, Mapping
 from contextlib import nullcontext
-from hashlib import sha256
 from io import BytesIO
 from pathlib import Path
 from typing import IO, Any
@@ -55,16 +54,6 @@ def read_npz(
         # A name that is not UTF-8 is a ValueError.
         except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, ValueError) as error:
             raise InputError(f"it is not a whole .npz file: {error}") from error
-
-
-def digest_of(meta: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> str:
-    """Name arrays and what is said of them by their content: equal ones have equal digests (SHA-256, hex)."""
-    content = sha256(json.dumps(meta, sort_keys=True).encode())
-    for name, given in arrays.items():
-        array = np.ascontiguousarray(given)
-        content.update(f"{name} {array.dtype.str} {array.shape}".encode())
-        content.update(array.tobytes())
-    return content.hexdigest()
 
 
 def write_npz(path: str | Path, meta: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> None:

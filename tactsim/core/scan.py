@@ -6,6 +6,7 @@ import json
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from hashlib import sha256
 from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,7 +17,7 @@ from numpy.typing import NDArray
 from tactsim.core.documents import parse_json
 from tactsim.core.errors import InputError, short, unknown
 from tactsim.core.finite import finite
-from tactsim.core.npz import MissingArrayError, digest_of, read_npz, write_npz
+from tactsim.core.npz import MissingArrayError, read_npz, write_npz
 from tactsim.core.poses import FloatArray
 from tactsim.core.provenance import check_statements, spdx_name, statements
 
@@ -314,6 +315,16 @@ def train_on(train: Scan, test: Scan) -> Scan:
     stated = (scan.meta.get("objects") for scan in (test, train))
     objects = {label: facts for of in stated if isinstance(of, Mapping) for label, facts in of.items()}
     return halves[0].joined(halves[1], {**test.meta, "train": dict(train.meta), "objects": objects})
+
+
+def digest_of(meta: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> str:
+    """Name arrays and what is said of them by their content: equal ones have equal digests (SHA-256, hex)."""
+    content = sha256(json.dumps(meta, sort_keys=True).encode())
+    for name, given in arrays.items():
+        array = np.ascontiguousarray(given)
+        content.update(f"{name} {array.dtype.str} {array.shape}".encode())
+        content.update(array.tobytes())
+    return content.hexdigest()
 
 
 def is_label(name: str) -> bool:

@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 from tactsim.core.documents import parse_json
 from tactsim.core.errors import InputError, unknown
 from tactsim.core.finite import finite
-from tactsim.core.npz import digest_of, read_npz, write_npz
+from tactsim.core.npz import read_npz, write_npz
 from tactsim.core.poses import FloatArray
 from tactsim.core.provenance import check_statements
 from tactsim.core.rigid import checked_poses
-from tactsim.core.scan import SPLITS, is_label
+from tactsim.core.scan import SPLITS, digest_of, is_label
 
 _ARRAYS = ("readings", "poses", "labels", "split", "taxel_points", "taxel_normals", "touch")
 _SEQUENCE = ("sequence", "sequence_force")

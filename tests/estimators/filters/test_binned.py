@@ -11,8 +11,7 @@ from tactsim.estimators.field.field import LikelihoodField
 from tactsim.estimators.filters.binned import BinnedBelief
 from tactsim.estimators.filters.cells import Cells, bins_of, middles
 from tactsim.estimators.filters.grid import StateGrid
-from tactsim.estimators.filters.states import pose_samples
-from tactsim.estimators.filters.weights import Weights
+from tactsim.estimators.filters.states import Weights, pose_samples
 from tactsim.estimators.likelihoods import likelihood
 from tactsim.estimators.likelihoods.likelihood import Evidence
 from tactsim.estimators.likelihoods.occupancy import learn_maps

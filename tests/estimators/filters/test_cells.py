@@ -9,7 +9,7 @@ from synthetic import draw_trial, make_scan, paper_poses
 from tactsim.estimators.filters.cells import Cells, held, least_chosen
 from tactsim.estimators.filters.grid import StateGrid
 from tactsim.estimators.filters.refined import RefinedFilter, RefinedOptions
-from tactsim.estimators.filters.weights import Weights
+from tactsim.estimators.filters.states import Weights
 
 LETTERS = "EIL"
 

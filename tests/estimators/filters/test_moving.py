@@ -15,7 +15,7 @@ from tactsim.estimators import create
 from tactsim.estimators.filters.clouds import Cloud, add_densities, advance
 from tactsim.estimators.filters.motion import Motion, parse_motion
 from tactsim.estimators.filters.moving_bins import MovingBins, heat_kernel
-from tactsim.estimators.filters.weights import Weights
+from tactsim.estimators.filters.states import Weights
 
 MAP_FILTERS = {
     "histogram": {"bins": 1000, "cell": 0.8},

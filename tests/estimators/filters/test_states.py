@@ -6,8 +6,7 @@ from synthetic import draw_trial, fitted, make_scan, paper_poses
 
 from tactsim import estimators
 from tactsim.estimators.filters.map_filter import MapFilter
-from tactsim.estimators.filters.states import WeightedStates
-from tactsim.estimators.filters.weights import Weights
+from tactsim.estimators.filters.states import WeightedStates, Weights
 from tactsim.estimators.registry import BUILT_IN, load
 
 FILTERS = [name for name in BUILT_IN if issubclass(load(name), MapFilter)]

@@ -6,7 +6,7 @@ from synthetic import draw_trial, make_scan, paper_poses
 
 from tactsim import estimators
 from tactsim.core import Scan, invert, transform, wrap_angle
-from tactsim.estimators.filters.weights import Weights
+from tactsim.estimators.filters.states import Weights
 
 LETTERS = "EIL"
 

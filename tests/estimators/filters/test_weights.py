@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tactsim.estimators.filters.weights import Weights, highest_power
+from tactsim.estimators.filters.states import Weights, highest_power
 
 
 def of(weight):
