@@ -27,20 +27,6 @@ class Agreement(NamedTuple):
     taxels: int
 
 
-def true_contact(scan: Scan, letters: dict[str, models.Letter]) -> NDArray[np.bool_]:
-    """Tell which taxels lie on the letter: (n, taxels), True for a centre on the footprint.
-
-    The centre is taken at the stated pose. So a placement error counts as the classifier's error, as it does
-    when real readings are labelled by their stated poses.
-    """
-    truth = np.zeros(scan.readings.shape, dtype=bool)
-    for label in scan.letters:
-        rows = scan.labels == label
-        points = transform(scan.poses[rows], scan.taxel_xy)
-        truth[rows] = covers(letters[label].contours, points.reshape(-1, 2)).reshape(points.shape[:-1])
-    return truth
-
-
 def classifier_agreement(
     scan: Scan,
     in_contact: NDArray[np.bool_],
@@ -49,10 +35,15 @@ def classifier_agreement(
 ) -> Agreement:
     """Score a classification of every taxel against the letters' outlines.
 
-    in_contact, no_contact: (n, taxels); a taxel in neither is Unknown and does not count as decided. The
-    paper reports about 90 % right.
+    in_contact, no_contact: (n, taxels); a taxel in neither is Unknown and does not count as decided. A taxel lies on
+    the letter if its centre is on the footprint at the stated pose. So a placement error counts as the classifier's
+    error, as it does when real readings are labelled by their stated poses. The paper reports about 90 % right.
     """
-    truth = true_contact(scan, letters)
+    truth = np.zeros(scan.readings.shape, dtype=bool)
+    for label in scan.letters:
+        rows = scan.labels == label
+        points = transform(scan.poses[rows], scan.taxel_xy)
+        truth[rows] = covers(letters[label].contours, points.reshape(-1, 2)).reshape(points.shape[:-1])
     decided = in_contact | no_contact
     right = (in_contact & truth) | (no_contact & ~truth)
     count = int(decided.sum())

@@ -112,8 +112,12 @@ def kernel_folder(package: str) -> Path | None:
     temporary files.
     """
     name = f"{package}-{package_digest(package, holding=HOLDS_KERNELS)[:16]}"
-    parents = [os.environ.get("NUMBA_CACHE_DIR"), cache_folder() / "kernels", temporary_folder()]
-    for folder in (Path(parent) / name for parent in parents if parent):
+    # A temporary folder is made only where nothing else will do.
+    for choice in (os.environ.get("NUMBA_CACHE_DIR"), cache_folder() / "kernels", temporary_folder):
+        parent = choice() if callable(choice) else choice
+        if not parent:
+            continue
+        folder = Path(parent) / name
         with suppress(OSError):
             folder.mkdir(parents=True, exist_ok=True)
             Path(tempfile.mkdtemp(dir=folder)).rmdir()  # a full disk refuses this
