@@ -148,6 +148,10 @@ def union_gaps(
     and geom, and the cell of each, (k,). Not more than the whole of a cell is covered. `steps` as in `gaps`.
     """
     covers = [gaps(*part, lines, steps) for part in parts]
+    if len(parts) == 1:  # the same, sooner
+        gap, share, shift = covers[0]
+        cell = np.flatnonzero((share > 0) & (gap > -depth) & (gap < np.inf))
+        return cell, Cover(gap[cell], share[cell], shift[:, cell] if shift.shape[1] > 1 else shift)
     cells = len(covers[0].gap)
     gap, share = np.array([cover.gap for cover in covers]), np.array([cover.share for cover in covers])
     shift = np.array([np.broadcast_to(cover.shift, (2, cells)) for cover in covers])

@@ -354,11 +354,13 @@ class PadReader:
         du, dv = (high - low) / count
         cell, (gap, share, shift) = union_gaps(parts, lines, (du, dv), self.surface.depth + sunk)
         many = len(lines.normals) > 1
-        facing = np.broadcast_to(lines.normals @ load.direction, rows * columns)[cell]
-        area = np.broadcast_to(lines.area, rows * columns)[cell]
+        facing = lines.normals @ load.direction
+        facing = facing[cell] if many else np.full(len(cell), facing[0])
+        area = lines.area[cell] if len(lines.area) > 1 else np.full(len(cell), lines.area[0])
         some = (facing > _GRAZING) & (area > 0)
         if not some.all():
-            cell, gap, share, shift = cell[some], gap[some], share[some], shift[:, some]
+            cell, gap, share = cell[some], gap[some], share[some]
+            shift = shift[:, some] if shift.shape[1] > 1 else shift
             facing, area = facing[some], area[some]
         forces, moved = np.zeros(rows * columns), np.zeros((2, 1))
         if len(cell):
