@@ -351,7 +351,7 @@ def test_a_foreign_folder_among_a_sweeps_runs_is_named(runs, copied, tmp_path):
 
 def test_a_trial_done_again_is_the_recorded_one(runs):
     groups = collect(loaded([runs.small, runs.large]))
-    replayed, failed = replay.replay_all(groups)
+    replayed, failed = replay.replay_all(groups, {})
     assert not failed
     (one,) = replayed
     assert one.entry.folder == runs.large  # of a method, the largest budget
@@ -367,7 +367,7 @@ def test_a_trial_done_again_is_the_recorded_one(runs):
 
 
 def test_where_the_estimate_is_drawn_has_the_placement_error(runs):
-    (one,), _ = replay.replay_all(collect(loaded([runs.large])))
+    (one,), _ = replay.replay_all(collect(loaded([runs.large])), {})
     trial = one.recognitions[0]
     assert score.placement_error(
         np.zeros(3), trial.estimate_in_object, one.entry.run.objects[trial.task.truth]
@@ -377,7 +377,7 @@ def test_where_the_estimate_is_drawn_has_the_placement_error(runs):
 def test_a_trial_that_comes_out_differently_is_marked(runs, changed):
     run = results.load(runs.large)
     pose = run.trials.pose + 0.5
-    (one,), _ = replay.replay_all(collect(loaded([changed(runs.large, pose=pose)])))
+    (one,), _ = replay.replay_all(collect(loaded([changed(runs.large, pose=pose)])), {})
     assert not any(trial.same for trial in one.recognitions)
 
 
@@ -457,7 +457,7 @@ def test_a_letter_held_out_is_right_when_it_is_refused(open_set_run):
     labels, counts = confusion_counts(entry)
     assert labels == ["A", "E", "U", "none"]
     assert counts.sum() == entry.run.trials.label.size
-    (replayed,), _ = replay.replay_all(groups)
+    (replayed,), _ = replay.replay_all(groups, {})
     answers = {(trial.task.truth, trial.answer) for trial in replayed.recognitions}
     assert answers <= {("A", "A"), ("E", "E"), ("U", "none")}
     assert all(trial.same for trial in replayed.recognitions)
