@@ -14,6 +14,8 @@ from tactsim.core.poses import FloatArray
 from tactsim.estimators.estimator import Options
 
 Reach = Annotated[float, Field(gt=0, le=10_000)] | Literal["auto"]
+# Names those of `likelihoods.likelihood.LIKELIHOODS`.
+MODELS = "the measurement model: paper, calibrated, force, graded"
 REACH = "T_R^O has x and y in [-reach, reach], mm; auto: 10 for the paper's pad, as much more as another is larger"
 
 
@@ -42,7 +44,7 @@ class MapOptions(Options):
 class LikelihoodOptions(MapOptions):
     """Which measurement model, and its parameters (paper, eq. 7)."""
 
-    likelihood: str = Field("paper", description="the measurement model: paper, calibrated, force, graded")
+    likelihood: str = Field("paper", description=MODELS)
     gamma: float = Field(0.1, ge=1e-300, lt=1, description="gamma of eq. 7: how often the classifier fails")
     failure: Literal["printed", "complement"] = Field(
         "printed", description="No Contact after a failure in eq. 7: p(m) as printed, or 1 - p(m)"

@@ -30,6 +30,7 @@ from tactsim.estimators.likelihoods.contact_information import (
     some_letters,
 )
 from tactsim.estimators.likelihoods.folds import can_leave_out
+from tactsim.estimators.likelihoods.likelihood import kind_of
 from tactsim.estimators.likelihoods.occupancy import OccupancyMap
 from tactsim.estimators.options import FilterOptions, OpenSetOptions
 
@@ -229,7 +230,7 @@ def _fit_above(scan: Scan, options: FilterOptions) -> PadFit:
     if not train.readings.any() or not can_leave_out(train):
         return PadFit(units_of(scan))
     some, given = some_letters(train), options.model_fields_set
-    forces = options.likelihood == "force"
+    forces = kind_of(options.likelihood).of_pressures
     # A curve changes no class but for the threshold and the ratio, which are chosen anyway.
     open_set = isinstance(options, OpenSetOptions) and options.unknown > 0
     exponent, straight, _ = response(scan, options) if forces or open_set else (1.0, None, None)

@@ -26,7 +26,7 @@ from tactsim.estimators.filters.states import (
 )
 from tactsim.estimators.filters.trust import Trust
 from tactsim.estimators.filters.trust_learning import learn_trust
-from tactsim.estimators.options import OpenSetOptions
+from tactsim.estimators.options import MODELS, OpenSetOptions
 
 # Cells are halved so often in any case, and on until the smallest hold the belief in so many cells (effective sample
 # size): then they are about as large as the belief is wide.
@@ -40,9 +40,7 @@ _STATES, _READINGS = 32, 64
 class RefinedOptions(OpenSetOptions):
     """Options of the coarse-to-fine histogram filter."""
 
-    likelihood: str = Field(
-        "calibrated", description="the measurement model: paper, calibrated, force, graded"
-    )
+    likelihood: str = Field("calibrated", description=MODELS)
     bins: int = Field(5_000, description="coarse bins per letter; Table I's counts split as printed")
     split: str | None = Field(
         None, description="coarse bins in x, y and angle such as 16x16x36, instead of bins"
@@ -206,7 +204,7 @@ class RefinedFilter(GridFilter):
 class ForceMosaicOptions(RefinedOptions):
     """Options of the coarse-to-fine filter, with pressures instead of classes unless said otherwise."""
 
-    likelihood: str = Field("force", description="the measurement model: paper, calibrated, force, graded")
+    likelihood: str = Field("force", description=MODELS)
 
 
 class ForceMosaicFilter(RefinedFilter):
@@ -218,7 +216,7 @@ class ForceMosaicFilter(RefinedFilter):
 class GradedOptions(RefinedOptions):
     """Options of the coarse-to-fine filter, with grades of the reading's own pressure unless said otherwise."""
 
-    likelihood: str = Field("graded", description="the measurement model: paper, calibrated, force, graded")
+    likelihood: str = Field("graded", description=MODELS)
     threshold: Annotated[float, Field(ge=-1e9, le=1e9)] | Literal["auto"] = Field(
         "auto", description="T of eq. 3, kPa; auto: 1/18 of the training readings' median scale"
     )

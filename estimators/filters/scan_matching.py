@@ -17,7 +17,7 @@ from tactsim.estimators.field.tables import Tables
 from tactsim.estimators.filters.binned import Certificate
 from tactsim.estimators.filters.map_filter import GridFilter
 from tactsim.estimators.filters.states import WeightedStates, Weights, probabilities
-from tactsim.estimators.options import FilterOptions
+from tactsim.estimators.options import MODELS, FilterOptions
 
 # mm, about the side of the largest blocks, whose bounds are kept for all readings.
 _LARGEST = 4.0
@@ -42,9 +42,7 @@ class Level:
 class ScanMatchingOptions(FilterOptions):
     """Options of the scan matcher."""
 
-    likelihood: str = Field(
-        "calibrated", description="the measurement model: paper, calibrated, force, graded"
-    )
+    likelihood: str = Field("calibrated", description=MODELS)
     bins: int = Field(300_000, description="poses of each letter among which the best is found")
     split: str | None = Field(None, description="bins in x, y and angle such as 80x80x180, instead of bins")
     motion: Literal["off"] = Field("off", description="all readings are matched with one pose: nothing moves")

@@ -23,7 +23,7 @@ from tactsim.estimators.filters.states import (
     probabilities,
     uniform_states,
 )
-from tactsim.estimators.options import OpenSetOptions
+from tactsim.estimators.options import MODELS, OpenSetOptions
 
 # A move is the difference of two other particles of the letter times one of these factors, drawn for each
 # particle: so some particles move within a mode and some between modes.
@@ -39,9 +39,7 @@ _HOPELESS = 60.0
 class TemperedOptions(OpenSetOptions):
     """Options of the tempered particle filter."""
 
-    likelihood: str = Field(
-        "calibrated", description="the measurement model: paper, calibrated, force, graded"
-    )
+    likelihood: str = Field("calibrated", description=MODELS)
     particles: int = Field(
         10_000, ge=1, le=10_000_000, description="n_P over all letters together; each has an equal part"
     )

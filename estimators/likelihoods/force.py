@@ -47,6 +47,8 @@ class ForceLikelihood(Likelihood):
     by letter.
     """
 
+    of_pressures = True
+
     def fit(self, scan: Scan, maps: Mapping[str, OccupancyMap]) -> None:
         """Learn the taxels' gains, the mosaics, and how far readings deviate from them."""
         train = scan.where("train")

@@ -11,6 +11,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib import import_module
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -60,8 +61,11 @@ class Evidence:
 class Likelihood(ABC):
     """A measurement model. A subclass implements `fit`, `log_tables`, `evidence` and `extent`.
 
-    It is registered in `LIKELIHOODS`; `create` makes it by name.
+    It is registered in `LIKELIHOODS`; `create` makes it by name. of_pressures: whether its tables are of pressures
+    rather than of classes by eq. 3, so that the response curve matters to it, and threshold and ratio do not.
     """
+
+    of_pressures: ClassVar[bool] = False
 
     def __init__(self, options: LikelihoodOptions) -> None:
         self.options = options
@@ -113,15 +117,21 @@ def create(options: LikelihoodOptions) -> Likelihood:
 
     Raises InputError if there is none of that name.
     """
-    if options.likelihood not in LIKELIHOODS:
-        raise unknown("likelihood", options.likelihood, LIKELIHOODS)
+    kind = kind_of(options.likelihood)
     if options.moments > 1:
         from tactsim.estimators.likelihoods.sequence import SequenceLikelihood
 
         return SequenceLikelihood(options)
-    module, kind = LIKELIHOODS[options.likelihood]
-    made: Likelihood = getattr(import_module(f"tactsim.estimators.likelihoods.{module}"), kind)(options)
-    return made
+    return kind(options)
+
+
+def kind_of(name: str) -> type[Likelihood]:
+    """Import the class of that name. Raises InputError if there is none."""
+    if name not in LIKELIHOODS:
+        raise unknown("likelihood", name, LIKELIHOODS)
+    module, kind = LIKELIHOODS[name]
+    found: type[Likelihood] = getattr(import_module(f"tactsim.estimators.likelihoods.{module}"), kind)
+    return found
 
 
 def covered(maps: Mapping[str, OccupancyMap]) -> tuple[FloatArray, FloatArray]:
