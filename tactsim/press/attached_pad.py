@@ -37,6 +37,21 @@ class AttachedPad:
     at: FloatArray
     layer: Layer
 
+    @property
+    def geom(self) -> mujoco.MjsGeom | str:
+        """Give the first of the geoms, which is the only one of most pads."""
+        return self.geoms[0]
+
+    @property
+    def stiffness(self) -> float:
+        """Give the layer's stiffness, kPa/mm."""
+        return self.layer.stiffness
+
+    @property
+    def psf_sigma(self) -> float:
+        """Give the width of the point spread, mm."""
+        return self.layer.psf_sigma
+
     def bind(self, model: mujoco.MjModel) -> PadReader:
         """Find the geom in the compiled model.
 
