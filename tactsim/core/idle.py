@@ -27,6 +27,7 @@ _SHARED = 0.1  # the least share of a taxel's readings at its idle level
 _EQUAL = 1e-9  # of a taxel's range: distances that differ by less are equal, whatever rounding made of them
 _FELT = 0.1  # of the range of most taxels: one with less was hardly ever loaded, and has no say
 _QUIET = 4.0  # times as far apart as those of most taxels readings at rest may lie
+_FEW = 0.05  # of the taxels: so many may be judged wrongly where a pad is pressed at a few places
 _OFF = 0.05  # of the typical rise: idle levels this far from 0 are not those of tared readings
 
 
@@ -53,8 +54,8 @@ class Idle:
 
     @property
     def off_zero(self) -> bool:
-        """Tell whether readings fall, or half of the taxels rest clearly elsewhere than at 0."""
-        return bool((self.sign < 0).any() or np.median(np.abs(self.level)) > _OFF * self.typical)
+        """Tell whether more than a few taxels fall, or half of them rest clearly elsewhere than at 0."""
+        return bool((self.sign < 0).mean() > _FEW or np.median(np.abs(self.level)) > _OFF * self.typical)
 
     def facts(self) -> dict[str, float | int]:
         """Say what was found as numbers, for a file: the median level, and how many taxels fall or are not known."""

@@ -151,14 +151,14 @@ PLANTED = {
         "tactsim.estimators.likelihoods.paper.sigmoid",
         lambda odds: np.exp(odds) / (1 + np.exp(odds)),
     ),
-    "filters.skipping": ("tactsim.estimators.filters.histogram._NEGLIGIBLE", 0.1),
+    "filters.skipping": ("tactsim.estimators.filters.histogram._NEGLIGIBLE", 1e6),
     "filters.refused-readings": (
         "tactsim.estimators.estimator.finite",
         lambda values, name: np.asarray(values),
     ),
     "particles.mode-of-the-density": (
-        "tactsim.estimators.filters.parzen._highest_node",
-        lambda state, weight, rho, share: (state.mean(axis=1), 0),
+        "tactsim.bench.stress.particles_cases.parzen_mode",
+        lambda state, weight: (state.mean(axis=1), 0),
     ),
     "particles.resampling": (
         "tactsim.bench.stress.particles_cases.draw",
