@@ -57,7 +57,8 @@ class HistogramFilter(GridFilter):
             self._belief = MovingBins(self.field, self.grid, self.motion)
         else:
             self._belief = BinnedBelief(self.field, self.grid, skip=self.options.skip)
-        self._margin = math.log(len(self.labels) * self.grid.bins / _NEGLIGIBLE)
+        every = len(self.labels) * self.grid.bins
+        self._margin = math.log(every / _NEGLIGIBLE) if self.options.skip else math.inf
 
     def _reset(self, rng: np.random.Generator) -> None:
         self._belief.reset()
