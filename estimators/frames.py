@@ -28,6 +28,8 @@ from tactsim.estimators.likelihoods.occupancy import OccupancyMap
 _DIGITS = 9  # decimals of mm and rad of a pose seen from a far touch: the others are rounding
 # Test poses off the grid reach farther out than what is trained on: 12 mm beside 10.2.
 _FARTHER = 1.2
+# mm; a first touch may miss an object that is near by so much and say nothing.
+_BESIDE = 100.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,7 +58,7 @@ class Frames:
         pad = float(np.hypot(*scan.taxel_xy.T).max())
         radius = float(np.hypot(*trained.T).max(initial=0.0))
         # From the robot's origin to the object's, to the outermost touch there, and half a pad for either touch.
-        return cls(origin, np.sqrt(2) * reach + _FARTHER * radius + 2 * pad)
+        return cls(origin, max(_BESIDE, np.sqrt(2) * reach + _FARTHER * radius + 2 * pad))
 
     def scan(self, scan: Scan) -> Scan:
         """Bring a scan into the frame of the object."""
