@@ -10,6 +10,9 @@ import pytest
 from make import ESTIMATORS, SPACE_ESTIMATORS, STEP, WORLDS, make
 
 KEPT = Path(__file__).parent / "0.1"
+# What changed on purpose since, file by file; that of 0.1 stays beside it.
+# recording.csv: a fit to the pad takes readings from the idle level that it finds.
+RENEWED = Path(__file__).parent / "renewed"
 # Their random numbers may come in another order than those of 95d8bf5; all others must say the same.
 STOCHASTIC = ("particle", "augmented-mcl", "tempered", "synthesis", "mlp")
 EQUAL_LABELS = 0.995
@@ -29,7 +32,8 @@ def table(text):
 
 def old_and_new(name):
     """Read a golden, and make it again; both as columns."""
-    old, new = table((KEPT / name).read_text()), table(make(name))
+    kept = RENEWED / name if (RENEWED / name).exists() else KEPT / name
+    old, new = table(kept.read_text()), table(make(name))
     assert list(old) == list(new)
     for column in ("truth", "trial", "reading_number", "reading", "touch_number"):
         if column in old:
