@@ -21,13 +21,13 @@ from tactsim.core.poses import FloatArray
 if TYPE_CHECKING:
     from tactsim.core.scan import Scan
 
-_FEWEST = 10  # presses
+_FEWEST = 50  # presses
 _TAILS = (0.01, 0.99)  # quantiles between which a taxel's range lies
 _SHARED = 0.1  # the least share of a taxel's readings at its idle level
 _EQUAL = 1e-9  # of a taxel's range: distances that differ by less are equal, whatever rounding made of them
 _FELT = 0.1  # of the range of most taxels: one with less was hardly ever loaded, and has no say
 _QUIET = 4.0  # times as far apart as those of most taxels readings at rest may lie
-_FEW = 0.05  # of the taxels: so many may be judged wrongly where a pad is pressed at a few places
+_FEW = 0.2  # of the taxels: so many may be judged wrongly where a pad is pressed at a few places
 _OFF = 0.05  # of the typical rise: idle levels this far from 0 are not those of tared readings
 
 
@@ -79,7 +79,7 @@ def find_idle(readings: ArrayLike) -> Idle:
     """Find the idle level and the sign of each taxel from readings (n, taxels) of presses.
 
     Readings times a constant, plus an offset a taxel, or turned round give the same rise. A taxel that is not idle in a
-    tenth of the presses has the sign of most others. Of fewer than ten presses nothing can be told: taxels rest at 0.
+    tenth of the presses has the sign of most others. Of fewer than fifty presses nothing can be told: taxels rest at 0.
     """
     values = np.asarray(readings, dtype=float)
     taxels = values.shape[1]
