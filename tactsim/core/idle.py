@@ -144,6 +144,11 @@ def settled(scan: Scan, zero: str = "auto", frames: ArrayLike | None = None) -> 
     elif zero == "auto":
         train = scan.where("train")
         idle = find_idle((train if len(train) else scan).readings)
+        if not idle.known.any():
+            return (
+                scan,
+                "what taxels read at rest cannot be told from these readings; say it by --zero or --idle",
+            )
         if not idle.off_zero:
             return scan, "readings rest near 0 and rise under load; they are taken as they are"
     else:
