@@ -27,9 +27,11 @@ from tactsim.core.compiling import (
 
 # How far one operation in float32 may be off, relative to its result.
 ROUNDING = 2.0**-23
-# Terms of a reading, or bins of a row, that are summed together; and zeros between the rows of `Lattice.nodes`, which
-# a row of bins that hangs over reads.
+# States, or bins of a row, that are summed together; and zeros between the rows of `Lattice.nodes`, which a row of bins
+# that hangs over reads.
 LANES = 16
+# States that `replay` takes one term after another for: what it keeps of them stays in the nearest cache.
+_BLOCK = 128
 # Bins; a taxel that many bins from the first bin, or nowhere, is off the map, and its index might overflow.
 _FAR = 1e9
 
@@ -145,79 +147,57 @@ def replay(
 ) -> None:
     """Add log p(z | x) (eq. 7) of readings first, ..., last - 1 to the log-beliefs of states anywhere.
 
-    log_p: (states,). state: (3, states) T_R^O. letter: (states,). A state's readings are added one by one, in order: it
-    does not matter in how many calls, or beside which others. Each of three loops over a reading's terms is compiled to
-    instructions for many terms at once: find their places, read the nodes around them, interpolate.
+    log_p: (states,). state: (3, states) T_R^O. letter: (states,). A state's terms are added one by one, in order: it
+    does not matter in how many calls, or beside which others. Each of three loops over a block of states is compiled to
+    instructions for many states at once: find their places, read the nodes around them, interpolate.
     """
-    lattice, unit, begin = sampled.lattice, sampled.unit, terms.start
+    lattice, begin = sampled.lattice, terms.start
     _, letters, rows, columns = sampled.nodes.shape
-    nodes = sampled.nodes.reshape(sampled.nodes.size).view(np.uint16)
-    longest = 0
-    for reading in range(first, last):
-        longest = max(longest, begin[reading + 1] - begin[reading])
-    room = -(-longest // LANES) * LANES
+    nodes, plane = sampled.nodes.reshape(sampled.nodes.size).view(np.uint16), rows * columns
     # Places are in float32, twice as many to an instruction: a letter's nodes are some hundred, not thousands, apart.
-    x, y, weight = (
-        np.zeros(room, dtype=np.float32),
-        np.zeros(room, dtype=np.float32),
-        np.zeros(room, dtype=np.float32),
-    )
-    right, above, table = (
-        np.zeros(room, dtype=np.float32),
-        np.zeros(room, dtype=np.float32),
-        np.zeros(room, dtype=np.int64),
-    )
-    node, low, high = (
-        np.zeros(room, dtype=np.int32),
-        np.zeros(room, dtype=np.int32),
-        np.zeros(room, dtype=np.int32),
-    )
-    part, turn = np.empty(LANES, dtype=np.float32), np.empty((len(log_p), 2))
-    for k in range(len(log_p)):
-        turn[k, 0], turn[k, 1] = math.cos(state[2, k]), math.sin(state[2, k])
+    x, along_x, across_x, y, along_y, across_y, right, above, total = np.zeros((9, _BLOCK), dtype=np.float32)
+    own, node, low, high = np.zeros((4, _BLOCK), dtype=np.int32)
     none, last_column, last_row = float32(0), float32(columns - 1), float32(rows - 1)
     second_column, second_row, width = int32(columns - 2), int32(rows - 2), int32(columns)
     half, next_node, next_row = uint32(16), uint64(1), uint64(columns)
-    for reading in range(first, last):
-        count = begin[reading + 1] - begin[reading]
-        padded = -(-count // LANES) * LANES
-        weight[:padded] = 0
-        for i in range(count):
-            term = begin[reading] + i
-            x[i], y[i], weight[i] = terms.xy[term, 0], terms.xy[term, 1], terms.weight[term] * unit
-            table[i] = terms.kind[term] * letters * rows * columns
-        for k in range(len(log_p)):
-            along_x, across_x = float32(turn[k, 0] / lattice[2]), float32(-turn[k, 1] / lattice[2])
-            along_y, across_y = float32(turn[k, 1] / lattice[3]), float32(turn[k, 0] / lattice[3])
-            origin_x = float32((state[0, k] - lattice[0]) / lattice[2])
-            origin_y = float32((state[1, k] - lattice[1]) / lattice[3])
-            for i in range(padded):
-                to_x, to_y = (
-                    origin_x + along_x * x[i] + across_x * y[i],
-                    origin_y + along_y * x[i] + across_y * y[i],
-                )
-                # Beyond the rim everything is as at the rim. A place that is no number is taken for the first node.
-                to_x, to_y = to_x if to_x > none else none, to_y if to_y > none else none
-                to_x, to_y = (
-                    to_x if to_x < last_column else last_column,
-                    to_y if to_y < last_row else last_row,
-                )
-                near_x: Any = int32(to_x)  # type: ignore[arg-type]
-                near_y: Any = int32(to_y)  # type: ignore[arg-type]
-                column, row = min(near_x, second_column), min(near_y, second_row)
-                right[i], above[i] = to_x - float32(column), to_y - float32(row)
-                node[i] = int32(row) * width + int32(column)
-            own = letter[k] * rows * columns
-            # Two neighbours are read as one number of 32 bits, the second in its upper half.
-            for i in range(count):
-                there = uint64(table[i] + own) + uint64(node[i])
-                low[i] = uint32(nodes[there]) | (uint32(nodes[there + next_node]) << half)
-                there += next_row
-                high[i] = uint32(nodes[there]) | (uint32(nodes[there + next_node]) << half)
-            part[:] = 0
-            for i in range(uint64(0), uint64(padded), uint64(LANES)):
-                for lane in range(uint64(LANES)):
-                    lower, upper, share = low[i + lane], high[i + lane], right[i + lane]
+    for block in range(0, len(log_p), _BLOCK):
+        count = min(_BLOCK, len(log_p) - block)
+        states, padded = uint64(count), uint64(-(-count // LANES) * LANES)
+        for k in range(count):
+            cos, sin = math.cos(state[2, block + k]), math.sin(state[2, block + k])
+            along_x[k], across_x[k] = cos / lattice[2], -sin / lattice[2]
+            along_y[k], across_y[k] = sin / lattice[3], cos / lattice[3]
+            x[k] = (state[0, block + k] - lattice[0]) / lattice[2]
+            y[k] = (state[1, block + k] - lattice[1]) / lattice[3]
+            own[k] = letter[block + k] * plane
+        for reading in range(first, last):
+            total[:] = 0
+            for term in range(begin[reading], begin[reading + 1]):
+                term_x, term_y = float32(terms.xy[term, 0]), float32(terms.xy[term, 1])
+                for k in range(padded):
+                    to_x = x[k] + along_x[k] * term_x + across_x[k] * term_y
+                    to_y = y[k] + along_y[k] * term_x + across_y[k] * term_y
+                    # Beyond the rim all is as at the rim. A place that is no number is taken for the first node.
+                    to_x, to_y = to_x if to_x > none else none, to_y if to_y > none else none
+                    to_x, to_y = (
+                        to_x if to_x < last_column else last_column,
+                        to_y if to_y < last_row else last_row,
+                    )
+                    near_x: Any = int32(to_x)  # type: ignore[arg-type]
+                    near_y: Any = int32(to_y)  # type: ignore[arg-type]
+                    column, row = min(near_x, second_column), min(near_y, second_row)
+                    right[k], above[k] = to_x - float32(column), to_y - float32(row)
+                    node[k] = own[k] + int32(row) * width + int32(column)
+                table = uint64(terms.kind[term] * letters * plane)
+                # Two neighbours are read as one number of 32 bits, the second in its upper half.
+                for k in range(states):
+                    there = table + uint64(node[k])
+                    low[k] = uint32(nodes[there]) | (uint32(nodes[there + next_node]) << half)
+                    there += next_row
+                    high[k] = uint32(nodes[there]) | (uint32(nodes[there + next_node]) << half)
+                weight = float32(terms.weight[term] * sampled.unit)
+                for k in range(padded):
+                    lower, upper = low[k], high[k]
                     lower_left, lower_right = (
                         float32(int32(int32(lower << 16) >> 16)),
                         float32(int32(lower >> 16)),
@@ -226,13 +206,11 @@ def replay(
                         float32(int32(int32(upper << 16) >> 16)),
                         float32(int32(upper >> 16)),
                     )
-                    below = lower_left + share * (lower_right - lower_left)
-                    beyond = upper_left + share * (upper_right - upper_left)
-                    part[lane] += weight[i + lane] * (below + above[i + lane] * (beyond - below))
-            total = none
-            for lane in range(LANES):
-                total += part[lane]
-            log_p[k] += terms.constant[reading, letter[k]] + total
+                    below = lower_left + right[k] * (lower_right - lower_left)
+                    beyond = upper_left + right[k] * (upper_right - upper_left)
+                    total[k] += weight * (below + above[k] * (beyond - below))
+            for k in range(count):
+                log_p[block + k] += terms.constant[reading, letter[block + k]] + total[k]
 
 
 @compiled(void(FLOATS_2D, LATTICE, TERMS, int64, int64, float64, float64), called_from_python=False)
