@@ -19,12 +19,8 @@ PROFILE_LOCK   := tests/profile/requirements.lock
 FORMATS        := $(VENV)/formats
 FORMATS_LOCK   := tests/bench/formats/requirements.lock
 
-REGRESSION := $(BIN)/python -m tactsim.bench.regression
-BENCHMARKS := tests/bench/bench_regression.py
-
-# How many checks `make bench-rate` does of unchanged code, and of code with every benchmark slowed down.
-CHECKS ?= 20
-SLOWED ?= 1
+# The commit that `make bench-check` compares with; that of the newest release in results/benchmarks unless it is given.
+BASE ?=
 
 # For how long `make soak` reads.
 MINUTES ?= 30
@@ -35,7 +31,7 @@ LONG ?=
 # What `make mutants` is given, such as MUTANTS="--all tactsim/press/clip.py".
 MUTANTS ?=
 
-.PHONY: run test test-long check docs setup lock test-slow test-formats soak mutants bench-check bench-baseline bench-rate profile tables renew leaderboard references stress release-check image clean help
+.PHONY: run test test-long check docs setup lock test-slow test-formats soak mutants bench bench-check profile tables renew leaderboard references stress release-check image clean help
 
 help:            ## list these commands
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 18
@@ -81,14 +77,13 @@ soak: $(DEVELOP)   ## read two devices under random faults for MINUTES (30)
 mutants: $(MUTATION)  ## break formulas in a copy: do the tests notice? hours
 	@nice $(BIN)/python tests/mutants/mutate.py $(MUTANTS)
 
-bench-check: $(DEVELOP)  ## compare times with the code of the baseline's commit, and errors with results/baseline.json
-	@$(REGRESSION) check results/baseline.json $(BENCHMARKS)
+bench: $(DEVELOP)  ## time presses, maps, estimators and a run; keep it as results/benchmarks/VERSION.json, and draw the history
+	@OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -q -m benchmark --benchmark-only tests/benchmarks \
+		--benchmark-json=results/benchmarks/$$(sed -n 's/^version = "\(.*\)"/\1/p' pyproject.toml).json
+	@$(BIN)/python tests/benchmarks/history.py
 
-bench-baseline: $(DEVELOP)  ## renew results/baseline.json: this commit and its errors
-	@$(REGRESSION) write results/baseline.json $(BENCHMARKS)
-
-bench-rate: $(DEVELOP)  ## how often bench-check is wrong: CHECKS (20) of one commit, SLOWED (1) of a slower one
-	@$(BIN)/python -m tactsim.bench.regression_rate $(BENCHMARKS) $(CHECKS) $(SLOWED)
+bench-check: $(DEVELOP)  ## is anything slower than at the newest release, or at BASE=COMMIT, or an error another one?
+	@$(BIN)/python tests/benchmarks/check.py $(BASE)
 
 profile: $(PROFILE)  ## draw where the time of presses, a scan, a sweep and a run goes, and measure what bounds it
 	@OPENBLAS_NUM_THREADS=1 $(BIN)/python tests/profile/flame_graphs.py

@@ -15,14 +15,13 @@ import trimesh
 from hostile import damaged, swapped
 
 from tactsim import models
-from tactsim.bench import regression, results, sweep
+from tactsim.bench import results, sweep
 from tactsim.bench.compare import compare
 from tactsim.bench.config import run_config, scan_options
 from tactsim.bench.experiment import perform
 from tactsim.bench.leaderboard.bundle import DONE, Bundle, read_bundle, write_bundle
 from tactsim.bench.naming import collect
 from tactsim.bench.placement import properties
-from tactsim.bench.regression_timing import Measured
 from tactsim.bench.report.collect import find
 from tactsim.bench.report.curves import tables
 from tactsim.bench.report.page import page
@@ -101,7 +100,6 @@ MARKS = b"label,split,x_mm,y_mm,theta_rad,first_s,last_s\nI,train,0,0,0,0,0.2\nO
 CSV = b"Time [ms],Elem0,Elem1,Elem2,Elem3,Elem4,Elem5\n" + b"".join(
     b"%d,1,2,3,4,5,6\n" % (10 * k) for k in range(60)
 )
-BASELINE = {"schema": 2, "commit": "0123456789" * 4, "benchmarks": {"a": {"error_mm": 0.3, "right": 1}}}
 
 
 def read_world(path):
@@ -173,10 +171,6 @@ def read_run(path):
     tables(groups, [])
 
 
-def read_baseline(path):
-    regression.check(regression.read_baseline(path).figures, Measured({"a": {"error_mm": 0.3}}, {}, {}))
-
-
 def recording(path):
     device = dict(DEVICE, codec={k: v for k, v in DEVICE["codec"].items() if k != "request"})
     with Recorder(path) as recorder:
@@ -198,7 +192,6 @@ TEXTS = {
     "sweep.toml": (SWEEP, read_sweep),
     "device.toml": (DEVICE, read_device),
     "calibration.toml": (CALIBRATION, read_calibration),
-    "baseline.json": (BASELINE, read_baseline),
 }
 FILES = {
     "marks.csv": (lambda folder: MARKS, read_marks),
