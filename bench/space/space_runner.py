@@ -114,4 +114,4 @@ def gather_in_space(
             raise InputError(
                 f"--scan {config.scan} holds no training readings of {name}; it has {', '.join(trained)}"
             )
-    return scan.some(np.isin(scan.labels, names)), solids, work
+    return scan.chosen(np.isin(scan.labels, names)), solids, work

@@ -21,12 +21,12 @@ class SpaceCase(Case):
     def __init__(self, make: Callable[[], Estimator], scan: SpaceScan) -> None:
         """Take a function that makes a new estimator each time, and a scan of at least two objects."""
         self.make = make
-        self.scan = scan  # type: ignore[assignment]
+        self.scan: SpaceScan = scan
 
     @property
     def labels(self) -> tuple[str, ...]:
         """List the objects that were learned."""
-        return self.scan.objects  # type: ignore[attr-defined]
+        return self.scan.objects
 
     def trial(self, label: str | None = None, count: int = 4, seed: int = 5) -> tuple[FloatArray, FloatArray]:
         """Draw a hidden object: readings (count, taxels) and sensor_in_robot (count, 7)."""

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 FloatArray = NDArray[np.float64]
+POSE = ("x", "y", "theta")  # the numbers of a pose in the plane; `rigid.POSE` has those of one in space
 
 
 def wrap_angle(angle: ArrayLike) -> FloatArray:

@@ -12,6 +12,7 @@ from tactsim.core.errors import InputError, short
 from tactsim.core.finite import finite
 from tactsim.core.poses import FloatArray
 
+POSE = ("x", "y", "z", "qw", "qx", "qy", "qz")
 IDENTITY = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
 _ROUND_OFF = 1e-6  # by which a given rotation may miss being one
 

@@ -9,7 +9,7 @@ from functools import cached_property
 from hashlib import sha256
 from importlib.metadata import version
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,14 +18,13 @@ from tactsim.core.documents import parse_json
 from tactsim.core.errors import InputError, short, unknown
 from tactsim.core.finite import finite
 from tactsim.core.npz import MissingArrayError, read_npz, write_npz
-from tactsim.core.poses import FloatArray
+from tactsim.core.poses import POSE, FloatArray
 from tactsim.core.provenance import check_statements, spdx_name, statements
 
 if TYPE_CHECKING:
     from tactsim.core.pad import Pad
 
 SPLITS = ("train", "test")
-_ARRAYS = ("readings", "poses", "labels", "split", "taxel_xy")
 _SEQUENCE = ("sequence", "sequence_times", "sequence_force")
 _OF_PRESSES = ("loads", "presses")
 _LONGEST_NAME = 100  # characters of a label
@@ -33,7 +32,7 @@ _LONGEST_NAME = 100  # characters of a label
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Scan:
-    """Readings of objects pressed against a pad at known poses.
+    """Readings of objects pressed against a pad at known poses, in the plane; `SpaceScan` is one in space.
 
     readings: (n, taxels) kPa. poses: (n, 3) sensor_in_object [mm, mm, rad]. labels: (n,) names of
     the objects. split: (n,) "train" or "test". taxel_xy: (taxels, 2) mm, the taxels' centres in the
@@ -70,26 +69,46 @@ class Scan:
     loads: FloatArray | None = None
     presses: NDArray[np.int64] | None = None
 
+    # What differs of a scan in space, see `space_scan`: the numbers of a pose, the arrays of a file, which of them have
+    # an entry a reading, and the command that makes one.
+    POSE: ClassVar[tuple[str, ...]] = POSE
+    ARRAYS: ClassVar[tuple[str, ...]] = ("readings", "poses", "labels", "split", "taxel_xy")
+    OPTIONAL: ClassVar[tuple[str, ...]] = _SEQUENCE + _OF_PRESSES
+    A_READING: ClassVar[tuple[str, ...]] = (
+        "readings", "poses", "labels", "split", "sequence", "sequence_force", "loads", "presses",
+    )  # fmt: skip
+    MADE_BY: ClassVar[str] = "bench scan --out FILE"
+
     def __post_init__(self) -> None:
+        self._check_arrays()
+        self._check_sequence()
+        self._check_names()
+
+    def _check_arrays(self) -> None:
         for name in ("readings", "poses", "taxel_xy"):
-            object.__setattr__(self, name, _as_numbers(name, getattr(self, name), 2))
+            object.__setattr__(self, name, as_numbers(name, getattr(self, name), 2))
         for name in ("labels", "split"):
-            object.__setattr__(self, name, _as_names(name, getattr(self, name)))
+            object.__setattr__(self, name, as_names(name, getattr(self, name)))
         count, taxels = self.readings.shape
-        wanted = {"poses": (count, 3), "labels": (count,), "split": (count,), "taxel_xy": (taxels, 2)}
+        self._check_shapes(
+            poses=(count, len(self.POSE)), labels=(count,), split=(count,), taxel_xy=(taxels, 2)
+        )
+        if self.loads is not None:
+            object.__setattr__(self, "loads", _as_loads(self.loads, count))
+        if self.presses is not None:
+            object.__setattr__(self, "presses", _as_presses(self.presses, count))
+
+    def _check_shapes(self, **wanted: tuple[int, ...]) -> None:
         for name, shape in wanted.items():
             if getattr(self, name).shape != shape:
                 raise InputError(
                     f"scan: {name} has shape {getattr(self, name).shape}, but readings of shape "
                     f"{self.readings.shape} ask for {shape}"
                 )
-        if not taxels:
+        if not self.readings.shape[1]:
             raise InputError("scan: readings have no taxels")
-        self._check_sequence()
-        if self.loads is not None:
-            object.__setattr__(self, "loads", _as_loads(self.loads, count))
-        if self.presses is not None:
-            object.__setattr__(self, "presses", _as_presses(self.presses, count))
+
+    def _check_names(self) -> None:
         for label in self.letters:
             if not is_label(label):
                 raise InputError(
@@ -111,9 +130,9 @@ class Scan:
         if len(given) < len(_SEQUENCE):
             missing = next(name for name in _SEQUENCE if name not in given)
             raise InputError(f"scan: {given[0]} without {missing}; a sequence has {', '.join(_SEQUENCE)}")
-        sequence = _as_numbers("sequence", self.sequence, 3, np.float32)
-        times = _as_numbers("sequence_times", self.sequence_times, 1)
-        force = _as_numbers("sequence_force", self.sequence_force, 2, np.float32)
+        sequence = as_numbers("sequence", self.sequence, 3, np.float32)
+        times = as_numbers("sequence_times", self.sequence_times, 1)
+        force = as_numbers("sequence_force", self.sequence_force, 2, np.float32)
         (count, taxels), frames = self.readings.shape, sequence.shape[1]
         wanted = ((count, frames, taxels), (frames,), (count, frames))
         for name, array, shape in zip(_SEQUENCE, (sequence, times, force), wanted, strict=True):
@@ -130,7 +149,7 @@ class Scan:
         """Say in one line what was read: a notebook shows it."""
         counts = ", ".join(f"{np.count_nonzero(self.split == split):,} to {split}" for split in SPLITS)
         names = short(" ".join(self.letters)).strip("'\"")
-        return f"<Scan of {names}: {counts}, {self.readings.shape[1]} taxels>"
+        return f"<{type(self).__name__} of {names}: {counts}, {self.readings.shape[1]} taxels>"
 
     @classmethod
     def from_arrays(
@@ -184,15 +203,14 @@ class Scan:
 
     @property
     def _arrays(self) -> tuple[str, ...]:
-        moving = () if self.sequence is None else _SEQUENCE
-        return _ARRAYS + moving + tuple(name for name in _OF_PRESSES if getattr(self, name) is not None)
+        return self.ARRAYS + tuple(name for name in self.OPTIONAL if getattr(self, name) is not None)
 
     @cached_property
     def digest(self) -> str:
         """Name the scan by its content: equal scans have equal digests (SHA-256, hex)."""
         return digest_of(self.meta, {name: getattr(self, name) for name in self._arrays})
 
-    def where(self, split: str | None = None, label: str | None = None) -> Scan:
+    def where(self, split: str | None = None, label: str | None = None) -> Self:
         """Select the readings of one split and/or one label, in their order; none of a label that is not there.
 
         Raises InputError for a split that is neither "train" nor "test".
@@ -206,11 +224,11 @@ class Scan:
             chosen &= self.labels == label
         return self.chosen(chosen)
 
-    def of_letters(self, letters: Iterable[str]) -> Scan:
+    def of_letters(self, letters: Iterable[str]) -> Self:
         """Select the readings of these letters, in their order."""
         return self.chosen(np.isin(self.labels, list(letters)))
 
-    def untrained(self, letters: Iterable[str]) -> Scan:
+    def untrained(self, letters: Iterable[str]) -> Self:
         """Leave out the training readings of these letters, so that they are unknown objects."""
         return self.chosen((self.split != "train") | ~np.isin(self.labels, list(letters)))
 
@@ -230,7 +248,7 @@ class Scan:
                 f"two scans of different pads cannot be one: {len(self.taxel_xy)} and "
                 f"{len(other.taxel_xy)} taxels, or the same number at other places"
             )
-        both = [np.concatenate([getattr(self, name), getattr(other, name)]) for name in _ARRAYS[:4]]
+        both = [np.concatenate([getattr(self, name), getattr(other, name)]) for name in self.ARRAYS[:4]]
         readings, poses, labels, split = both
         return Scan(
             readings, poses, labels, split, self.taxel_xy, meta, **_joined_sequences(self, other),
@@ -264,13 +282,10 @@ class Scan:
             self, readings=self.readings[:, shared], taxel_xy=self.taxel_xy[shared], sequence=sequence
         )
 
-    def chosen(self, chosen: NDArray[np.bool_]) -> Scan:
+    def chosen(self, chosen: NDArray[np.bool_]) -> Self:
         """Select readings by a mask (n,), in their order."""
-        of_presses = ["readings", "poses", "labels", "split"]
-        if self.sequence is not None:
-            of_presses += ["sequence", "sequence_force"]
-        of_presses += [name for name in _OF_PRESSES if getattr(self, name) is not None]
-        return replace(self, **{name: getattr(self, name)[chosen] for name in of_presses})
+        given = [name for name in self.A_READING if getattr(self, name) is not None]
+        return replace(self, **{name: getattr(self, name)[chosen] for name in given})
 
     def save(self, path: str | Path) -> None:
         """Write the scan as .npz: its arrays and `meta`, a JSON string. Whole or not at all.
@@ -280,20 +295,20 @@ class Scan:
         write_npz(path, self.meta, {name: getattr(self, name) for name in self._arrays})
 
     @classmethod
-    def load(cls, path: str | Path) -> Scan:
+    def load(cls, path: str | Path) -> Self:
         """Read a scan written by `save`; nothing in the file is unpickled or run.
 
         Raises InputError if the file is missing, cut short, of another kind, claims more than 1 GiB
         or holds what `Scan` refuses.
         """
         try:
-            arrays = read_npz(path, (*_ARRAYS, "meta"), _SEQUENCE + _OF_PRESSES)
+            arrays = read_npz(path, (*cls.ARRAYS, "meta"), cls.OPTIONAL)
         except InputError as error:
-            if isinstance(error, MissingArrayError) and "taxel_points" in error.there:
+            if cls is Scan and isinstance(error, MissingArrayError) and "taxel_points" in error.there:
                 raise InputError(
                     f"scan {path}: it holds objects in space, which only `bench run --task solids` takes"
                 ) from None
-            raise InputError(f"scan {path}: {error}; make one with `bench scan --out FILE`") from error
+            raise InputError(f"scan {path}: {error}; make one with `{cls.MADE_BY}`") from error
         try:
             return cls(meta=_meta(arrays.pop("meta")), **arrays)
         except InputError as error:
@@ -335,10 +350,10 @@ def is_label(name: str) -> bool:
 def _meta(array: NDArray[Any]) -> dict[str, Any]:
     if array.shape != () or array.dtype.kind != "U":
         raise InputError(f"scan: meta must be a text, got {array.dtype} {array.shape}")
-    return parse_json(str(_as_names("meta", array)), "scan: meta")
+    return parse_json(str(as_names("meta", array)), "scan: meta")
 
 
-def _as_numbers(name: str, values: Any, axes: int, kind: Any = float) -> NDArray[Any]:
+def as_numbers(name: str, values: Any, axes: int, kind: Any = float) -> NDArray[Any]:
     """Return finite numbers along so many axes, read only. Raises InputError for anything else."""
     array = np.asarray(values)
     if array.dtype.kind not in "fiu" or array.ndim != axes:
@@ -349,7 +364,7 @@ def _as_numbers(name: str, values: Any, axes: int, kind: Any = float) -> NDArray
     return array
 
 
-def _as_names(name: str, values: Any) -> NDArray[np.str_]:
+def as_names(name: str, values: Any) -> NDArray[np.str_]:
     """Return texts, read only. Raises InputError for anything else."""
     array = np.asarray(values)
     if array.dtype.kind != "U" and array.size:

@@ -68,10 +68,7 @@ def main() -> None:
     met = test.readings.max(axis=1) > LEAST
     labels = scan.objects
     truth = np.array([labels.index(label) for label in test.labels])[met]
-    test = SpaceScan(
-        test.readings[met], test.poses[met], test.labels[met], test.split[met], test.taxel_points, test.taxel_normals,
-        test.touch[met], test.meta,
-    )  # fmt: skip
+    test = test.chosen(met)
     rng, count = np.random.default_rng(0), len(test)
     displaced = []
     for mm, rad in DISPLACED:

@@ -65,8 +65,8 @@ def test_facts_go_into_a_scan_and_its_file(tmp_path):
     solid = models.solid("nut")
     facts = solid.facts()
     scan = SpaceScan(
-        np.zeros((1, 4)), rigid.IDENTITY[None], ["nut"], ["train"], np.zeros((4, 3)), np.tile([0.0, 0, 1], (4, 1)),
-        np.zeros(1, int), {"objects": {"nut": facts}},
+        np.zeros((1, 4)), rigid.IDENTITY[None], ["nut"], ["train"], {"objects": {"nut": facts}},
+        taxel_points=np.zeros((4, 3)), taxel_normals=np.tile([0.0, 0, 1], (4, 1)), touch=np.zeros(1, int),
     )  # fmt: skip
     scan.save(tmp_path / "scan.npz")
     back = SpaceScan.load(tmp_path / "scan.npz").meta["objects"]["nut"]
