@@ -26,13 +26,13 @@ def draw(kept, path):
             panel.plot(np.where(processors == processor, times, np.nan), "o-", label=processor)
         panel.set_xticks(range(len(kept)), [one["release"] for one in kept])
         panel.set_title(name.removeprefix("test_").replace("_", " "), fontsize=9)
-        panel.set_ylim(bottom=0)
+        panel.set_ylim(0, 1.1 * np.nanmax(times))
         panel.tick_params(labelsize=8)
     for panel in panels.flat[len(names) :]:
         panel.axis("off")
     figure.supylabel("least processor time, ms", fontsize=9)
     figure.legend(*panels.flat[0].get_legend_handles_labels(), loc="lower right", fontsize=9)
-    with plt.rc_context({"svg.hashsalt": "tactsim"}):
+    with plt.rc_context({"svg.hashsalt": "tactsim", "svg.fonttype": "none"}):
         figure.savefig(path, metadata={"Date": None})
 
 
