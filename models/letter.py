@@ -175,17 +175,8 @@ class Letter:
         Readings can be cached under it.
         """
         mesh = () if self.relief is None else (self.relief.vertices, self.relief.triangles.astype(float))
-        return self._hash(*mesh)
-
-    def has_digest(self, digest: str) -> bool:
-        """Tell whether a digest is this letter's. Those of older scans hash a letter's convex parts, too."""
-        return digest == self.digest or (
-            self.relief is None and digest == self._hash(*(part.vertices for part in self.parts))
-        )
-
-    def _hash(self, *more: FloatArray) -> str:
         content = hashlib.sha256(np.array([self.height, self.rounding], dtype="<f8").tobytes())
-        for array in (*self.contours, *more):
+        for array in (*self.contours, *mesh):
             content.update(np.array(array.shape, dtype="<i8").tobytes())
             content.update(np.ascontiguousarray(array, dtype="<f8").tobytes())
         return content.hexdigest()

@@ -28,6 +28,11 @@ LEAST_THICKNESS = 0.02  # mm
 LARGEST = 1e4  # mm: no coordinate of a thing that a pad could feel is larger
 WITHIN = 1e-6  # share of its volume that a body may reach out of another and count as inside it
 # glTF prescribes metres and +Y up (section 3.4): its (x, y, z) is (x, -z, y) where z is up.
+_PLY_NUMBERS = {
+    "char": "i1", "int8": "i1", "uchar": "u1", "uint8": "u1", "short": "i2", "int16": "i2", "ushort": "u2",
+    "uint16": "u2", "int": "i4", "int32": "i4", "uint": "u4", "uint32": "u4", "float": "f4", "float32": "f4",
+    "double": "f8", "float64": "f8",
+}  # fmt: skip
 GLTF_TO_MM = 1000.0 * np.array([[1.0, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1e-3]])
 
 
@@ -151,23 +156,23 @@ def _united(bodies: list[_Body]) -> Manifold:
 def _load(content: bytes, kind: str) -> Trimesh:
     import trimesh
 
-    if kind == "obj":
-        content = _triangulated(_text(content))
-    elif kind == "stl":
-        content = _whole_stl(content)
     try:
         with warnings.catch_warnings(), np.errstate(all="ignore"):
             warnings.simplefilter("ignore")
-            warnings.simplefilter(
-                "error", DeprecationWarning
-            )  # NumPy's, of numbers that end in something else
-            # Without a resolver, nothing but these bytes is read. Processing would hide values that are not finite.
-            scene = trimesh.load_scene(BytesIO(content), file_type=kind, process=False)
-            mesh = scene.to_mesh()
-            if kind in ("glb", "gltf"):
-                mesh.apply_transform(GLTF_TO_MM)
-            elif kind == "3mf" and scene.units:
-                mesh.apply_scale(trimesh.units.unit_conversion(scene.units, "mm"))
+            # NumPy's, of numbers that end in something else.
+            warnings.simplefilter("error", DeprecationWarning)
+            if kind in ("obj", "ply"):
+                corners, polygons = (_obj if kind == "obj" else _ply)(content)
+                mesh = trimesh.Trimesh(corners, _triangles(corners, polygons), process=False)
+            else:
+                content = _whole_stl(content) if kind == "stl" else content
+                # Without a resolver, nothing but these bytes is read. Processing would hide values that are not finite.
+                scene = trimesh.load_scene(BytesIO(content), file_type=kind, process=False)
+                mesh = scene.to_mesh()
+                if kind in ("glb", "gltf"):
+                    mesh.apply_transform(GLTF_TO_MM)
+                elif kind == "3mf" and scene.units:
+                    mesh.apply_scale(trimesh.units.unit_conversion(scene.units, "mm"))
             _check_corners(mesh)
             mesh.merge_vertices(merge_tex=True, merge_norm=True)
     except InputError:
@@ -196,39 +201,96 @@ def _whole_stl(content: bytes) -> bytes:
     return re.sub(r"(?im)^\s*(end)?solid\b.*$", r"\1solid", _text(content)).encode()
 
 
-def _triangulated(text: str) -> bytes:
-    """Write an OBJ's corners and faces alone, with its polygons cut into triangles: trimesh fans them."""
+def _obj(content: bytes) -> tuple[FloatArray, list[list[int]]]:
+    """Read the corners (v, 3) and polygons of an OBJ file; trimesh fans polygons, which is wrong for concave ones."""
+    corners: list[list[float]] = []
+    polygons = []
+    for line in _text(content).replace("\\\n", " ").split("\n"):
+        word, *values = line.split() or [""]
+        if word == "v":
+            corners.append([float(value) for value in values[:3]])
+        elif word == "f":
+            numbers = [int(value.split("/")[0]) for value in values]
+            polygons.append([number - 1 if number > 0 else len(corners) + number for number in numbers])
+    return np.reshape(corners, (-1, 3)), polygons
+
+
+def _ply(content: bytes) -> tuple[FloatArray, list[list[int]]]:
+    """Read the corners (v, 3) and polygons of a PLY file.
+
+    trimesh fans polygons, and reads no binary files in which they have different numbers of corners.
+    """
+    head, body = re.fullmatch(rb"ply\b(.*?)\bend_header[ \t]*(?:\r\n|\r|\n)(.*)", content, re.DOTALL).groups()  # type: ignore[union-attr]
+    elements: list[
+        tuple[str, int, list[tuple[str, str, str]]]
+    ] = []  # name, count, (property, type of its count, type)
+    order = ""
+    for line in head.decode("latin-1").splitlines():
+        match line.split():
+            case ["format", form, *_]:
+                order = {"binary_little_endian": "<", "binary_big_endian": ">"}.get(form, "")
+            case ["element", name, count]:
+                elements.append((name, int(count), []))
+            case ["property", "list", size, kind, name]:
+                elements[-1][2].append((name, order + _PLY_NUMBERS[size], order + _PLY_NUMBERS[kind]))
+            case ["property", kind, name]:
+                elements[-1][2].append((name, "", order + _PLY_NUMBERS[kind]))
+    if not order:  # a text: all of its numbers as they would be in memory
+        body = np.fromstring(body.decode("ascii"), sep=" ").tobytes()
+        elements = [
+            (name, count, [(label, size and "f8", "f8") for label, size, _ in properties])
+            for name, count, properties in elements
+        ]
+    corners, polygons, place = np.empty((0, 3)), [], 0
+
+    def take(kind: Any, count: int) -> NDArray[Any]:
+        nonlocal place
+        values = np.frombuffer(body, kind, count, place)
+        place += values.nbytes
+        return values
+
+    for name, count, properties in elements:
+        if not any(size for _, size, _ in properties):
+            table = take([(label, kind) for label, _, kind in properties], count)
+            if name == "vertex":
+                corners = np.column_stack([table[axis] for axis in "xyz"]).astype(float)
+            continue
+        for _ in range(count):
+            for label, size, kind in properties:
+                values = take(kind, int(take(size, 1)[0]) if size else 1)
+                if label in ("vertex_indices", "vertex_index"):
+                    polygons.append([int(corner) for corner in values])
+    return corners, polygons
+
+
+def _triangles(corners: FloatArray, polygons: list[list[int]]) -> NDArray[np.int64]:
+    """Cut polygons into triangles: (f, 3). A polygon that is there twice is cut the same way both times."""
     from manifold3d import triangulate
 
-    lines = [line.split() for line in text.replace("\\\n", " ").split("\n")]
-    try:
-        corners = np.array([line[1:4] for line in lines if line[:1] == ["v"]], dtype=float).reshape(-1, 3)
-        faces, known = [], 0
-        for line in lines:
-            known += line[:1] == ["v"]
-            if line[:1] != ["f"]:
-                continue
-            numbers = [int(word.split("/")[0]) for word in line[1:]]
-            polygon = [number - 1 if number > 0 else known + number for number in numbers]
-            if len(polygon) < 3 or not 0 <= min(polygon) <= max(polygon) < len(corners):
-                raise InputError("a face names a corner that is not there")
-            if len(polygon) == 3:
-                faces.append(polygon)
-                continue
-            points = corners[polygon]
-            # Newell's normal; seen along it, the polygon runs counter-clockwise.
-            normal = np.cross(points, np.roll(points, -1, axis=0)).sum(axis=0)
-            plane = np.linalg.svd(normal[None])[2][1:]
-            plane = plane if np.linalg.det([*plane, normal]) > 0 else plane[::-1]
-            faces += [[polygon[corner] for corner in three] for three in triangulate([points @ plane.T])]
-    except ValueError as error:
-        if isinstance(error, InputError):
-            raise
-        raise InputError(f"not a whole OBJ file: {error}") from error
-    return "\n".join(
-        [f"v {x!r} {y!r} {z!r}" for x, y, z in corners.tolist()]
-        + [f"f {a + 1} {b + 1} {c + 1}" for a, b, c in faces]
-    ).encode()
+    if not polygons:
+        raise InputError("there is no face in it")
+    if not 0 <= min(map(min, polygons)) <= max(map(max, polygons)) < len(corners):
+        raise InputError("a face names a corner that is not there")
+    faces = [np.array([polygon for polygon in polygons if len(polygon) == 3], np.int64).reshape(-1, 3)]
+    same = np.unique(corners, axis=0, return_inverse=True)[1]
+    for polygon in polygons:
+        if len(polygon) <= 3:
+            continue
+        # From the first corner in space towards the first of its neighbours, without repeated ones.
+        around = np.roll(polygon, -int(same[polygon].argmin()))
+        around = around[same[around] != np.roll(same[around], 1)]
+        if len(around) < 3:
+            continue
+        backward = same[around[-1]] < same[around[1]]
+        around = np.roll(around[::-1], 1) if backward else around
+        outline = corners[around]
+        # Seen along Newell's normal it runs counter-clockwise, and so it does along the nearest axis.
+        normal = np.cross(outline, np.roll(outline, -1, axis=0)).sum(axis=0)
+        axis = int(np.abs(normal).argmax())
+        plane = [(axis + 1) % 3, (axis + 2) % 3] if normal[axis] > 0 else [(axis + 2) % 3, (axis + 1) % 3]
+        threes = around[triangulate([outline[:, plane]])]
+        faces.append(threes[:, ::-1] if backward else threes)
+    return np.concatenate(faces)
 
 
 def _check_corners(mesh: Trimesh) -> None:
@@ -262,21 +324,23 @@ def _check_claims(content: bytes, kind: str) -> None:
         faces = len(re.findall(rb"[\r\n]f\s", content))
     elif kind in ("glb", "gltf"):
         faces = _gltf_faces(content, kind)
+    elif kind == "ply":
+        counts = re.findall(rb"element\s+face\s+(\d+)", content[:10_000])
+        faces = int(counts[0]) if counts else 0
     else:
         faces = 0
-        if kind == "3mf":
-            _check_archive(content)
+        _check_archive(content)
     if faces > MOST_FACES:
         raise InputError(f"it holds about {faces:,} faces; the most is {MOST_FACES:,}: simplify the mesh")
 
 
 def _binary_stl_faces(content: bytes) -> int | None:
-    """Count the facets that a binary STL claims and holds; None for a text, or a file cut short."""
-    if len(content) < 84:
-        return None
+    """Count the facets that a binary STL claims and holds; None for a text, or a file cut short.
+
+    A text has characters where the number stands: as a number they claim gigabytes, whatever the header says.
+    """
     faces = int.from_bytes(content[80:84], "little")
-    whole = len(content) >= 84 + 50 * faces
-    return faces if whole and b"facet" not in content[:1000].lower() else None
+    return faces if len(content) >= 84 + 50 * faces else None
 
 
 def _check_archive(content: bytes) -> None:

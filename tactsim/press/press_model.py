@@ -173,7 +173,7 @@ def forward_model(scan: Scan) -> PressModel:
         if label not in letters:
             raise unknown("letter of the scan's meta.options", label, letters)
         fact = facts.get(label) if isinstance(facts, Mapping) else None
-        if isinstance(fact, Mapping) and "digest" in fact and not letters[label].has_digest(fact["digest"]):
+        if isinstance(fact, Mapping) and fact.get("digest", letters[label].digest) != letters[label].digest:
             raise InputError(f"{label!r} has another shape now than when the scan was made; scan again")
     apart = np.abs(scan.taxel_xy[:, None] - options.pad.taxel_xy[None]).max(axis=-1)
     taxel = apart.argmin(axis=1)
