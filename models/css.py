@@ -10,6 +10,8 @@ import tinycss2
 from cssselect2 import ElementWrapper, Matcher, SelectorError, compile_selector_list
 from tinycss2.color4 import parse_color
 
+from tactsim.core.errors import InputError, short
+
 SVG = "{http://www.w3.org/2000/svg}"
 
 Style = dict[str, str]
@@ -56,8 +58,8 @@ def declarations(root: Element) -> dict[Element, Style]:
         rules = [rule for *_, pseudo, rules in matcher.match(wrapped) if pseudo is None for rule in rules]
         own = list(_rules(tinycss2.parse_blocks_contents(element.get("style", ""))))
         values = {name: value.strip() for name, value in element.attrib.items()}
-        for name in ("fill", "stroke"):
-            if name in values and not _is_paint(values[name]):
+        for name in _PROPERTIES & values.keys():
+            if not _is_valid(name, values[name]):
                 del values[name]
         for important in (False, True):
             values |= {rule.name: rule.value for rule in rules + own if rule.important is important}
@@ -125,14 +127,20 @@ def _add_sheet(matcher: Matcher, sheet: list[Any]) -> None:
 
 
 def _rules(content: list[Any]) -> Iterator[_Rule]:
-    """Give the declarations that an outline depends on; a paint that is not valid does not count."""
+    """Give the declarations that an outline depends on."""
     for part in content:
         if part.type == "declaration" and part.lower_name in _PROPERTIES:
             value = tinycss2.serialize(part.value).strip()
-            if part.lower_name not in ("fill", "stroke") or _is_paint(value):
+            if _is_valid(part.lower_name, value):
                 yield _Rule(part.lower_name, value, part.important)
 
 
-def _is_paint(value: str) -> bool:
+def _is_valid(name: str, value: str) -> bool:
+    """Tell whether a property's value counts: a paint that is not valid does not."""
+    if "var(" in value:
+        raise InputError(
+            f"its {name} is {short(value)}, a variable: give it a value and save again as plain SVG"
+        )
     words = ("none", "inherit", "initial", "unset", "context-fill", "context-stroke")
-    return value.lower() in words or url_in(value)[0] is not None or parse_color(value) is not None
+    paint = name not in ("fill", "stroke") or value.lower() in words
+    return paint or url_in(value)[0] is not None or parse_color(value) is not None

@@ -258,7 +258,7 @@ def _ply(content: bytes) -> tuple[FloatArray, list[list[int]]]:
         for _ in range(count):
             for label, size, kind in properties:
                 values = take(kind, int(take(size, 1)[0]) if size else 1)
-                if label in ("vertex_indices", "vertex_index"):
+                if name == "face" and label in ("vertex_indices", "vertex_index"):
                     polygons.append([int(corner) for corner in values])
     return corners, polygons
 
@@ -315,7 +315,8 @@ def _check_claims(content: bytes, kind: str) -> None:
             text = content.lower()
             if not text.removeprefix(codecs.BOM_UTF8).lstrip().startswith(b"solid"):
                 raise InputError(
-                    f"not a whole STL file: its {len(content):,} bytes are not those that its header claims"
+                    f"not a whole STL file: it does not begin with 'solid', and its {len(content):,} bytes are not "
+                    "those that a binary header claims"
                 )
             if b"endsolid" not in text:
                 raise InputError("not a whole STL file: it has no 'endsolid'")
@@ -361,9 +362,18 @@ class _Accessor(BaseModel):
     count: int = Field(ge=0)
 
 
-class _Gltf(BaseModel):
-    """The fields of glTF 2.0 that say how much there is to read, and from where."""
+class _Primitive(BaseModel):
+    mode: int = 4
 
+
+class _Mesh(BaseModel):
+    primitives: list[_Primitive] = []
+
+
+class _Gltf(BaseModel):
+    """The fields of glTF 2.0 that say what and how much there is to read, and from where."""
+
+    meshes: list[_Mesh] = []
     accessors: list[_Accessor] = []
     nodes: list[dict[str, Any]] = []
     buffers: list[_Buffer] = []
@@ -385,6 +395,8 @@ def _gltf_faces(content: bytes, kind: str) -> int:
         raise InputError(f"not a whole {kind.upper()} file: {place}: {first['msg']}") from error
     if tree.extensionsRequired:
         raise InputError(f"it needs the glTF extension {tree.extensionsRequired[0]!r}; export it without")
+    if any(primitive.mode == 6 for mesh in tree.meshes for primitive in mesh.primitives):
+        raise InputError("it has fans of triangles (mode 6), which are not read; export it with triangles")
     if any(part.uri is not None and not part.uri.startswith("data:") for part in tree.buffers + tree.images):
         raise InputError("it refers to other files; export it again as one self-contained .glb")
     # Three corners make a face. Placing a node costs as much as a hundred faces.

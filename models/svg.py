@@ -87,6 +87,8 @@ def filled_region(content: bytes) -> Drawing:
     """
     if len(content) > LARGEST_FILE:
         raise InputError(f"the drawing has {len(content):,} bytes; the most is {LARGEST_FILE:,}")
+    if content.startswith(b"\x1f\x8b"):
+        raise InputError("it is compressed (.svgz): save it as plain SVG")
     try:
         root = ElementTree.fromstring(content)
     except (ElementTree.ParseError, LookupError, ValueError) as error:

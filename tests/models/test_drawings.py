@@ -1,5 +1,6 @@
 """What a renderer fills is the shape: the drawings that people bring, with resvg as the referee."""
 
+import gzip
 import io
 import logging
 import math
@@ -340,6 +341,11 @@ def test_lengths_of_drawings(tmp_path, head, side):
             "it has a filter",
         ),
         ('<rect width="9" height="9" style="clip-path:circle(3px)"/>', "a clip of its style"),
+        (
+            '<style>:root{--c:none} path{fill:var(--c)}</style><path d="M0 0h9v9z"/>',
+            "its fill is 'var(--c)', a variable",
+        ),
+        ('<rect width="9" height="9" fill="var(--c, none)"/>', "a variable"),
         ('<pattern id="p"/><rect width="9" height="9" fill="url(#p)"/>', "a pattern"),
         ('<marker id="m"/><path marker-end="url(#m)" d="M0 0h9v9z"/>', "markers"),
         ('<line x2="9" y2="9" stroke="red"/>', "only strokes (1)"),
@@ -391,6 +397,8 @@ def test_xml_that_is_no_drawing(tmp_path):
     assert "not an SVG drawing" in refusal(path)
     path.write_text("<html></html>")
     assert "root" in refusal(path)
+    path.write_bytes(gzip.compress(drawing(L).encode()))
+    assert "it is compressed (.svgz)" in refusal(path)
     path.write_text('<svg><rect width="20" height="20"/></svg>')
     assert 'xmlns="http://www.w3.org/2000/svg"' in refusal(path)
 

@@ -244,6 +244,38 @@ def test_texts_as_programs_write_them(tmp_path):
     assert models.shape(path).area == pytest.approx(200)
 
 
+def test_what_is_no_polygon_of_a_ply_is_no_face(tmp_path):
+    corners = "".join(f"{x} {y} {z}\n" for x, y, z in [(0, 0, 0), (9, 0, 0), (0, 9, 0), (0, 0, 9)])
+    head = "ply\nformat ascii 1.0\nelement vertex 4\n" + "".join(f"property float {axis}\n" for axis in "xyz")
+    strips = "element tristrips 1\nproperty list int int vertex_indices\n"
+    path = tmp_path / "thing.ply"
+    for element, row in (("", ""), (strips, "6 0 1 2 3 0 1\n")):
+        path.write_text(f"{head}{element}end_header\n{corners}{row}")
+        assert "there is no face in it" in refusal(path)
+
+
+def test_a_ply_as_blender_and_meshlab_write_it(tmp_path):
+    """With normals, colours and flags, and faces of three, four and more corners in one binary file."""
+    outline = OUTLINES["E"]
+    count = len(outline)
+    faces = [[*range(count - 1, -1, -1)], [*range(count, 2 * count)]]
+    for i, k in enumerate([*range(1, count), 0]):
+        faces += [[i, k, k + count, i + count]] if i % 2 else [[i, k, k + count], [i, k + count, i + count]]
+    for order, name in (("<", "little"), (">", "big")):
+        head = f"ply\nformat binary_{name}_endian 1.0\ncomment a b c\nelement vertex {2 * count}\n"
+        head += "".join(f"property float {axis}\n" for axis in ("x", "y", "z", "nx")) + "property uchar red\n"
+        head += f"element face {len(faces)}\nproperty uchar flags\nproperty list uchar uint vertex_indices\n"
+        head += "property list uchar float texcoord\nend_header\n"
+        body = b"".join(struct.pack(f"{order}4fB", x, y, z, 1, 7) for z in (0, 4) for x, y in outline)
+        for face in faces:
+            body += struct.pack(f"{order}BB{len(face)}IB2f", 1, len(face), *face, 2, 0, 1)
+        path = tmp_path / "thing.ply"
+        path.write_bytes(head.encode() + body)
+        assert models.shape(path).volume == pytest.approx(4 * 228)
+        path.write_bytes(path.read_bytes()[:-5])
+        assert "not a whole PLY file" in refusal(path)
+
+
 def test_3mf_in_inches(tmp_path):
     path = write_mesh(tmp_path, box(1, 0.5, 0.25), "3mf")
     content = {}
@@ -414,6 +446,7 @@ def glb(tree):
         ({"nodes": [{"mesh": 0}] * 100_000}, "faces; the most"),
         ({"nodes": [{"mesh": 0, "children": [0]}]}, "not watertight"),
         ({"nodes": [{"mesh": 0, "matrix": [1e300] * 16}]}, ""),
+        ({"meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "mode": 6}]}]}, "fans of triangles"),
         ({"meshes": None}, "GLB"),
     ],
 )
