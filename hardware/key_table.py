@@ -2,7 +2,7 @@
 
     python -m tactsim.hardware.key_table
 
-prints what stands in docs/hardware.md; a test compares the two.
+prints them; docs/reference/device-files.md is filled with them when the site is built.
 """
 
 from __future__ import annotations

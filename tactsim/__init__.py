@@ -6,7 +6,7 @@
     run = tactsim.run(scan, estimator="refined", trials=20, readings=10)
     run.accuracy[4]  # share of the trials that are right after five readings
 
-Rooms, each importing only those before it: `core`, `models`, `press`, `estimators` and `hardware`, `bench`, `env`,
+Packages, each importing only those before it: `core`, `models`, `press`, `estimators` and `hardware`, `bench`, `env`,
 which is an extra.
 Everything is imported when it is first used.
 """

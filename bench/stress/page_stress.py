@@ -32,13 +32,13 @@ def check(text: str) -> None:
 def fill(text: str, outcomes: Sequence[Outcome]) -> str:
     """Replace the table of a page by outcomes. Raises InputError, naming a case, if one does not keep to its limit."""
     check(text)
-    rows = [["case", "what is varied", "deviation", "worst", "limit"]]
+    rows = [["case", "worst", "limit"]]
     for one in outcomes:
         case = one.case
         if not one.passed:
             raise InputError(f"the case {case.name} fails at {one.at}: see `bench stress --case {case.name}`")
         limit = f"at {'least' if case.at_least else 'most'} {case.limit:g}"
-        rows.append([case.name, case.varied, case.deviation, f"{one.worst:.2g}", limit])
+        rows.append([f"`{case.name}`", f"{one.worst:.2g}", limit])
     minutes = sum(one.seconds for one in outcomes) / 60
     known, on = versions(), machine()
     libraries = f"Python {known['python']}, NumPy {known['numpy']}, MuJoCo {known['mujoco']}"

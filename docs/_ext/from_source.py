@@ -86,11 +86,19 @@ def metrics() -> Iterator[str]:
     yield from table(("name", "what it is"), rows)
 
 
+def device_file_keys() -> Iterator[str]:
+    """Write every key of a device file, a table for each of its tables."""
+    from tactsim.hardware.key_table import key_tables
+
+    yield from key_tables().splitlines()
+
+
 WRITERS: dict[str, Callable[[], Iterator[str]]] = {
     "commands": commands,
     "estimator options": estimator_options,
     "scan options": scan_options,
     "metrics": metrics,
+    "device file keys": device_file_keys,
 }
 
 
