@@ -101,8 +101,14 @@ class _Heard:
             text = "".join(chr(byte) if 0x20 <= byte < 0x7F else "." for byte in part)
             typer.echo(f"{at:4}  {part.hex(' '):47}  {text}", err=True)
         guess = guess_lines(self._first) if is_text(self._first) else None
-        if guess is not None:
+        if guess is not None and guess.read:
             typer.echo(f"\nThe device prints {guess.describe()}. A device file that reads them:\n", err=True)
             typer.echo(f"{guess.device_file()}\n", err=True)
+        elif guess is not None:
+            typer.echo(
+                f"\nThe device prints lines of {guess.columns} fields, which no device file reads: {guess.odd!r} is no "
+                "number. Let it print decimal numbers.\n",
+                err=True,
+            )
         elif is_text(self._first):
             typer.echo("\nThe device prints text, but no lines of numbers.\n", err=True)

@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import math
+import tomllib
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 
-from tactsim.hardware.codecs.lines import numbers_in, split_line
+from tactsim.core.counters import Counters
+from tactsim.hardware.codecs.lines import LinesFormat, numbers_in, split_line
+from tactsim.hardware.framing import Framer
 
-_PRINTABLE = frozenset(b"\t\r\n\0" + bytes(range(0x20, 0x7F)))
+_PRINTABLE = frozenset(b"\t\r\n\0\x1b" + bytes(range(0x20, 0x7F)))
+_NO_VALUE = (b"ovf", b"nan", b"inf")  # for a number that cannot be said
 _LEAST_TEXT = 0.95  # share of printable characters in a text
 
 
@@ -20,9 +24,10 @@ _LEAST_TEXT = 0.95  # share of printable characters in a text
 class GuessedLines:
     """Lines of numbers.
 
-    columns: numbers in a frame. rows: lines in a frame, with an empty line between frames; 1 if every line is one.
-    before: what the first number is if it rises steadily, "clock", or "index" where it rises by 1; else "". decimal:
-    the decimal point. odd: a field that is no number where others are, such as "ovf"; "" if there is none.
+    columns: fields in a frame. rows: lines in a frame, with an empty line between frames; 1 if every line is one.
+    before: what the first field is if it rises steadily, "clock", "index" where it rises by 1, or "skip" where it is
+    never a number; else "". decimal: the decimal point. odd: a field that is no number where others are, such as
+    "ovf"; "" if there is none. read: whether most of these lines are read by the device file.
     """
 
     columns: int
@@ -30,15 +35,20 @@ class GuessedLines:
     before: str
     decimal: str
     odd: str
+    read: bool = False
 
     def describe(self) -> str:
         """Say what the lines are."""
         what = f"lines of {self.columns} numbers"
         if self.rows > 1:
             what = f"frames of {self.rows} lines with {self.columns // self.rows} numbers, an empty line between them"
-        rises = {"clock": "; the first rises steadily: a clock", "index": "; the first counts the lines"}
+        befores = {
+            "clock": "; the first rises steadily: a clock",
+            "index": "; the first counts the lines",
+            "skip": "; the first is none and left out",
+        }
         odd = f"; {self.odd!r} is no number, and a line that says it is left out" if self.odd else ""
-        return what + rises.get(self.before, "") + odd
+        return what + befores.get(self.before, "") + odd
 
     def device_file(self) -> str:
         """Write the device file (TOML) that reads them; what a count and a taxel measure, its owner has to say."""
@@ -62,6 +72,11 @@ class GuessedLines:
             ]
         )
 
+    def frames(self, data: bytes) -> int:
+        """Count the frames that the device file reads of these bytes."""
+        codec = LinesFormat.model_validate(tomllib.loads(self.device_file())["codec"]).build()
+        return len(Framer(codec, Counters()).feed(b"\n\n" + data, 0.0))
+
 
 def is_text(data: bytes) -> bool:
     """Tell whether bytes are printed text, and not frames of another kind or text at a wrong baud rate."""
@@ -69,14 +84,20 @@ def is_text(data: bytes) -> bool:
 
 
 def guess_lines(data: bytes) -> GuessedLines | None:
-    """Say which lines of numbers these bytes are; None if most lines are no numbers. The first and last may be torn."""
+    """Say which lines of numbers these bytes are, the first and last of which may be torn.
+
+    Returns None if most fields are no numbers.
+    """
     lines = [line.strip() for line in data.replace(b"\r\n", b"\n").replace(b"\r", b"\n").split(b"\n")[1:-1]]
     guesses = []
     for decimal in (".", ","):
         fields = [split_line(line, decimal) if line.strip(b"\0 ") else [] for line in lines]
-        guesses.append(_of_rows(fields, decimal) or _of_lines(fields, decimal))
-    known = [guess for guess in guesses if guess is not None]
-    return min(known, key=lambda guess: bool(guess.odd), default=None)
+        guess = _of_rows(fields, decimal) or _of_lines(fields, decimal)
+        if guess is not None:
+            whole = sum(map(bool, fields)) / guess.rows
+            guesses.append(replace(guess, read=2 * guess.frames(data) > whole))
+    # A comma between two numbers is no decimal one if both make sense.
+    return max(guesses, key=lambda guess: (guess.read, guess.columns), default=None)
 
 
 def _of_rows(fields: Sequence[list[bytes]], decimal: str) -> GuessedLines | None:
@@ -95,16 +116,18 @@ def _of_rows(fields: Sequence[list[bytes]], decimal: str) -> GuessedLines | None
 
 def _of_lines(fields: Sequence[list[bytes]], decimal: str) -> GuessedLines | None:
     """Find the usual number of fields, most of which are numbers."""
-    usual = Counter(len(row) for row in fields if row and any(numbers_in([field]) for field in row))
+    usual = Counter(len(row) for row in fields if row)
     if not usual:
         return None
     columns, count = usual.most_common(1)[0]
     alike = [row for row in fields if len(row) == columns]
-    if 2 * count < sum(bool(row) for row in fields):
+    known = np.array([[numbers_in([field]) is not None for field in row] for row in alike])
+    if 2 * count < sum(usual.values()) or 2 * known.sum() <= known.size:
         return None
-    odd = next((field for row in alike for field in row if numbers_in([field]) is None), b"")
+    skipped = columns > 1 and not known[:, 0].any() and not any(row[0].lower() in _NO_VALUE for row in alike)
+    odd = next((alike[row][column] for row, column in np.argwhere(~known) if column >= skipped), b"")
     first = np.array([(numbers_in(row[:1]) or [np.nan])[0] for row in alike])
     steps = np.diff(first)
     rises = columns > 1 and len(steps) > 2 and (steps > 0).all() and steps.max() < 3 * steps.min()
-    before = "" if not rises else "index" if (steps == 1).all() else "clock"
+    before = "skip" if skipped else "" if not rises else "index" if (steps == 1).all() else "clock"
     return GuessedLines(columns, 1, before, decimal, odd.decode("ascii", "replace"))

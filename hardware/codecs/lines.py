@@ -2,7 +2,8 @@
 
 Between two numbers stand commas, semicolons, tabs or blanks, one kind in a line. What sketches print around them does
 no harm: a separator before the first number or behind the last, brackets, names as in `S0:12`, a `$`. A frame is a
-line, or several with an empty line before and behind them, one for each row. A line that says `nan` or `ovf` is none.
+line, or several with an empty line before and behind them, one for each row. A line that says `nan` or `ovf` is none,
+unless in a column that is left out (`skip`, `after`), which may be a word or a date.
 
 A line counts only if the end of the line before it was seen: the first line after the port was opened may be the
 rest of one, which looks like a whole line of smaller numbers. A line that lost characters in its middle looks
@@ -31,6 +32,7 @@ _END = re.compile(rb"\r\n|\r|\n")
 _LONGEST_NUMBER = 32  # characters of one number with its separator and its name
 _NUMBER = re.compile(rb"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d{1,3})?")
 _HEXADECIMAL = re.compile(rb"0[xX][0-9a-fA-F]{1,13}")
+_ESCAPE = re.compile(rb"\x1b\[[0-9;?]*[A-Za-z]")  # clears or colours a terminal
 _AROUND = bytes.maketrans(b"[](){}<>$\"'\0", b" " * 12)  # means nothing here
 _NAME = re.compile(rb"(?<![\w.+-])[A-Za-z_]\w* *[:=]")  # of a number, as `S0:12`
 _DIGITS = 9  # written of each value: as many as a float of 32 bits needs
@@ -103,7 +105,10 @@ class LinesCodec(Codec[Frame]):
         self._columns = len(form.before) + form.taxels * form.axes + form.after
         self.longest = _LONGEST_NUMBER * (self._columns + 1)
         self._delimiter = {"tab": "\t", "blank": " "}.get(form.delimiter, form.delimiter)
-        self._at = {name: form.before.index(name) for name in ("clock", "index") if name in form.before}
+        # The columns that are read, and where the clock and the counter stand among them.
+        read = [column for column, name in enumerate(form.before) if name != "skip"]
+        self._at = {form.before[column]: place for place, column in enumerate(read)}
+        self._read = [*read, *range(len(form.before), self._columns - form.after)]
         self.tick_wrap = _COUNTER
         if "index" in self._at:
             self.index_wrap = _COUNTER  # two boards count each for itself, so nothing is paired by it
@@ -188,8 +193,7 @@ class LinesCodec(Codec[Frame]):
         if numbers is None:
             return None
         form = self.format
-        ahead = len(form.before)
-        values = np.array(numbers[ahead : len(numbers) - form.after]).reshape(form.taxels, form.axes)
+        values = np.array(numbers[len(self._at) :]).reshape(form.taxels, form.axes)
         normal = values[:, form.normal]
         if not (np.abs(self.to_kpa(normal)) <= LARGEST).all():
             return None
@@ -204,8 +208,10 @@ class LinesCodec(Codec[Frame]):
         return split_line(numbers, self.format.decimal)
 
     def _numbers(self, fields: list[bytes]) -> list[float] | None:
-        """Read numbers; None if there are more or fewer than a frame has, or one of them is none."""
-        numbers = numbers_in(fields) if len(fields) == self._columns else None
+        """Read the numbers that mean something; None if a frame has more or fewer columns, or one of them is none."""
+        if len(fields) != self._columns:
+            return None
+        numbers = numbers_in([fields[column] for column in self._read])
         if numbers is None or max(map(abs, numbers)) >= _LARGEST_COUNT:
             return None
         return numbers
@@ -219,7 +225,7 @@ class LinesCodec(Codec[Frame]):
 
 def split_line(line: bytes, decimal: str = ".") -> list[bytes]:
     """Split a line of numbers into fields with a decimal point, without their names."""
-    line = line.translate(_AROUND)
+    line = _ESCAPE.sub(b"", line).translate(_AROUND)
     if decimal == ",":
         line = line.replace(b".", b"?").replace(b",", b".")
     line = _NAME.sub(b" ", line).strip(b" \t,;")

@@ -42,10 +42,15 @@ FORMS = {
     "time": lambda v, t: f"{t}," + ",".join(map(str, v)) + "\r\n",
     "json": lambda v, t: json.dumps({"t": t, "v": v}) + "\r\n",
     "decimal commas": lambda v, t: ";".join(f"{x},0" for x in v) + "\r\n",
+    "date and time": lambda v, t: f"2026-11-27T04:00:{t / 1000:06.3f}," + ",".join(map(str, v)) + "\r\n",
+    "a word first": lambda v, t: "$PAD," + ",".join(map(str, v)) + "\r\n",
+    "on a clear screen": lambda v, t: "\x1b[2J\x1b[H" + " ".join(map(str, v)) + "\r\n",
 }
 GIVEN = {
     "time": {"before": ["clock"]},
     "json": {"before": ["clock"]},
+    "date and time": {"before": ["skip"]},
+    "a word first": {"before": ["skip"]},
     "decimal commas": {"delimiter": ";", "decimal": ","},
 }
 
@@ -90,6 +95,27 @@ def test_a_line_without_a_number_is_left_out_and_the_probe_says_why(word, count)
         assert f"{word!r} is no number" in guess_lines(data).describe()
 
 
+@pytest.mark.parametrize(
+    ("form", "odd"),
+    [
+        (lambda v, k: " ".join(f"{x + 160:04x}" for x in v), "01cd"),
+        (lambda v, k: "$TACT," + ",".join(map(str, v)) + "*5B", "400*5B"),
+        (lambda v, k: ",".join(["ovf", *map(str, v[1:])]), "ovf"),
+    ],
+)
+def test_no_device_file_is_named_for_lines_that_none_reads(form, odd):
+    guess = guess_lines("".join(form(values, k) + "\r\n" for k, values in enumerate(VALUES)).encode())
+    assert guess is not None
+    assert not guess.read
+    assert guess.odd == odd or guess.before == "skip"
+
+
+def test_a_comma_between_two_numbers_is_no_decimal_one():
+    lines = "".join(f"Frame {k}\r\n{v[0]},{v[1]}\r\n{v[2]},{v[3]}\r\n" for k, v in enumerate(VALUES))
+    guess = guess_lines(lines.encode())
+    assert (guess.columns, guess.decimal) == (2, ".")
+
+
 def test_rows_of_which_a_number_was_lost_are_no_frame():
     codec = LinesFormat(kind="csv", taxels=4, kpa_per_count=1.0).build()
     assert read(codec, [b"\n\n1,2\n3\n\n1,2\n3,4\n\n1\n3,4,5\n\n5,6\n7,8\n\n\n"]) == [
@@ -109,3 +135,4 @@ def test_noise_is_no_text():
     rng = np.random.default_rng(0)
     assert not is_text(rng.integers(0, 256, 500).astype(np.uint8).tobytes())
     assert guess_lines(b"Hello\nworld\nagain\n") is None
+    assert guess_lines(b"".join(b"[INFO] sensor ok, loop %d\n" % k for k in range(30))) is None
