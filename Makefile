@@ -15,9 +15,6 @@ MUTATION_LOCK  := tests/mutants/requirements.lock
 PACKAGING_LOCK := tests/packaging/requirements.lock
 DOCS_LOCK      := docs/requirements.lock
 PROFILE_LOCK   := tests/profile/requirements.lock
-# LeRobot needs torch, and disagrees with the other groups about versions: it has an environment of its own, within .venv.
-FORMATS        := $(VENV)/formats
-FORMATS_LOCK   := tests/bench/formats/requirements.lock
 
 # The commit that `make bench-check` compares with; that of the newest release in results/benchmarks unless it is given.
 BASE ?=
@@ -31,7 +28,7 @@ LONG ?=
 # What `make mutants` is given, such as MUTANTS="--all tactsim/press/clip.py".
 MUTANTS ?=
 
-.PHONY: run test test-long check docs setup lock test-slow test-formats soak mutants bench bench-check profile tables renew leaderboard references stress release-check image clean help
+.PHONY: run test test-long check docs setup lock test-slow soak mutants bench bench-check profile tables renew leaderboard references stress release-check image clean help
 
 help:            ## list these commands
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 18
@@ -62,14 +59,6 @@ $(DOCS): $(DOCS_LOCK) | $(READY)
 
 test-slow: $(PACKAGING)  ## the tests that are minutes long
 	@$(BIN)/python -m pytest -m slow
-
-test-formats: $(FORMATS)/.ready  ## load exported data with datasets and lerobot, which needs torch
-	@$(BIN)/python -m pytest -m slow tests/bench/formats/test_hugging_face.py
-
-$(FORMATS)/.ready: $(FORMATS_LOCK) | $(DEVELOP)
-	@echo "setting up $(FORMATS): fetching torch and lerobot, another 8 GB ..."
-	@$(PYTHON) -m venv $(FORMATS) && $(FORMATS)/bin/python -m pip install --quiet --disable-pip-version-check -r $<
-	@touch $@
 
 soak: $(DEVELOP)   ## read two devices under random faults for MINUTES (30)
 	@nice $(BIN)/python -m pytest -q -s -m soak tests/hardware/test_soak.py --soak-minutes $(MINUTES)
@@ -173,7 +162,6 @@ lock: $(READY)   ## pin the newest versions that pyproject.toml allows
 	@$(PIN) --group mutation -o $(MUTATION_LOCK)
 	@$(PIN) --group packaging -o $(PACKAGING_LOCK)
 	@$(PIN) --group profile -o $(PROFILE_LOCK)
-	@$(COMPILE) $(UPGRADE) --generate-hashes $(FORMATS_LOCK:.lock=.in) -o $(FORMATS_LOCK)
 
 clean:           ## remove .venv and what tools left behind
 	rm -rf $(VENV) .pytest_cache .mypy_cache .ruff_cache .hypothesis .benchmarks build *.egg-info docs/_build

@@ -27,8 +27,7 @@ class Format:
     """One row of `FORMATS`.
 
     line: what it is for. library: what has to be installed, by the extra `name`. module: the file of this package
-    that has `write_scan`, and `read_scan` and `write_run` if `reads` and `runs`. suffixes: of its files; none if it
-    is a folder.
+    that has `write_scan`, `read_scan` and, if `runs`, `write_run`. suffixes: of its files; none if it is a folder.
     """
 
     name: str
@@ -36,7 +35,6 @@ class Format:
     library: str
     module: str
     suffixes: tuple[str, ...] = ()
-    reads: bool = True
     runs: bool = False
 
     def load(self) -> Any:
@@ -57,10 +55,6 @@ FORMATS = {
         Format(
             "parquet", "a folder with a data card, as Hugging Face lays it out", "pyarrow", "parquet_folder", runs=True
         ),
-        Format(
-            "lerobot", "a LeRobotDataset v3, experimental for touch: a press is an episode", "pyarrow",
-            "lerobot_folder", reads=False,
-        ),
         Format("mcap", "one file that Foxglove plays back as images", "mcap.writer", "mcap_file", (".mcap",)),
         Format("hdf5", "one file with every array and its unit", "h5py", "hdf5_file", (".h5", ".hdf5"), runs=True),
     )
@@ -75,17 +69,12 @@ def find(name: str) -> Format:
 
 
 def guess(path: str | Path) -> Format:
-    """Tell by its name in which of the formats that can be read a file is; a folder of lerobot by what it holds.
-
-    Raises InputError if none fits.
-    """
+    """Tell by its name in which format a file is. Raises InputError if none fits."""
     place = Path(path)
-    if (place / "meta" / "info.json").is_file():
-        return FORMATS["lerobot"]
     for one in FORMATS.values():
-        if one.reads and (place.suffix.lower() in one.suffixes or (place.is_dir() and not one.suffixes)):
+        if place.suffix.lower() in one.suffixes or (place.is_dir() and not one.suffixes):
             return one
-    known = [suffix for one in FORMATS.values() if one.reads for suffix in one.suffixes]
+    known = [suffix for one in FORMATS.values() for suffix in one.suffixes]
     raise InputError(
         f"{path}: no format has such files; known are {', '.join(known)} and a folder of Parquet as `bench export` "
         "writes them, and readings, poses and labels together in a .npz (numpy.savez) or .mat file"
@@ -127,12 +116,6 @@ def read(path: str | Path, name: str | None = None) -> Scan:
     kind or larger than a scan may be, and if the format's library is missing.
     """
     form = guess(path) if name is None else find(name)
-    if not form.reads:
-        others = ", ".join(one.name for one in FORMATS.values() if one.reads)
-        raise InputError(
-            f"{path}: {form.name} keeps 32 bits of each reading, so no scan comes back from it; export the scan to one "
-            f"of {others}"
-        )
     module = form.load()
     try:
         scan = module.read_scan(Path(path))

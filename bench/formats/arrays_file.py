@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
 from collections.abc import Mapping, Sequence
 from io import BytesIO
+from math import prod
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from numpy.typing import NDArray
+from scipy.io import loadmat, whosmat
 
 from tactsim.bench.trials import check_labels
 from tactsim.core import InputError, Pad, Scan
@@ -18,8 +18,9 @@ from tactsim.core.files import read_bytes
 from tactsim.core.npz import LARGEST, read_npz
 
 SUFFIXES = (".npz", ".mat")
-_CHILD = Path(__file__).with_name("mat_in_child.py")
-_LONGEST_S = 300
+_KINDS = ("double", "single", "logical", "char", "cell") + tuple(
+    f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64)
+)
 
 
 def read_arrays(path: Path, names: Mapping[str, str], pad: Pad, unit: str) -> Scan:
@@ -44,24 +45,59 @@ def read_arrays(path: Path, names: Mapping[str, str], pad: Pad, unit: str) -> Sc
 
 
 def mat_arrays(content: bytes, names: Sequence[str]) -> dict[str, NDArray[Any]]:
-    """Read arrays of a MAT file in a process of its own; `TS{2}` is the second array of the cell `TS`.
+    """Read arrays of a MAT file by SciPy, which unpickles and runs nothing; `TS{2}` is the second array of a cell.
 
     Raises InputError if the file is not whole, is of version 7.3, lacks an array or holds one of another kind.
     """
     if b"MATLAB 7.3" in content[:128]:
         raise InputError("it is a MAT file of version 7.3; save it with -v7")
-    # A thread more is a stack more, and the child's memory is limited.
-    environment = os.environ | {"OPENBLAS_NUM_THREADS": "1"}
-    command = [sys.executable, "-I", str(_CHILD), str(LARGEST), *names]
+    variables = {name: name.partition("{")[0] for name in names}
     try:
-        done = subprocess.run(
-            command, input=content, env=environment, capture_output=True, timeout=_LONGEST_S, check=False
-        )
-    except subprocess.TimeoutExpired as error:
-        raise InputError(f"it was not read within {_LONGEST_S} s") from error
-    if done.returncode == 2:
-        raise InputError(done.stderr.decode(errors="replace").strip() or "it is no whole MAT file")
-    if done.returncode:
-        raise InputError("it is no whole MAT file: SciPy's reader died of it")
-    read = read_npz(BytesIO(done.stdout), [f"arr_{number}" for number in range(len(names))])
-    return dict(zip(names, read.values(), strict=True))
+        there = {name: (shape, kind) for name, shape, kind in whosmat(BytesIO(content))}
+        left = LARGEST
+        for name in dict.fromkeys(variables.values()):
+            if name not in there:
+                raise InputError(f"it has no array {name!r}; it has {', '.join(map(repr, there))}")
+            shape, kind = there[name]
+            if kind not in _KINDS:
+                raise InputError(f"array {name!r} is a {kind}, no numbers or names")
+            left -= 8 * prod(shape)
+            if left < 0:
+                raise InputError(
+                    f"array {name!r} claims {8 * prod(shape):,} bytes, more than a scan may hold"
+                )
+        read = loadmat(BytesIO(content), variable_names=list(variables.values()))
+    except InputError:
+        raise
+    except Exception as error:  # SciPy's reader fails in many ways on a file that is not whole
+        raise InputError(
+            f"it is no whole MAT file: {type(error).__name__} {' '.join(str(error).split())}"
+        ) from error
+    return {
+        name: _texts(read[variable], name) if name == variable else _in_cell(read[variable], name)
+        for name, variable in variables.items()
+    }
+
+
+def _texts(array: NDArray[Any], name: str) -> NDArray[Any]:
+    """Read a cell of texts as an array of names; other arrays stay as they are."""
+    if array.dtype.kind != "O":
+        return array
+    if not all(
+        isinstance(cell, np.ndarray) and cell.dtype.kind == "U" and cell.size == 1 for cell in array.flat
+    ):
+        raise InputError(f"array {name!r} is a cell of more than texts")
+    return np.array([str(cell.item()) for cell in array.flat], dtype=np.str_)
+
+
+def _in_cell(cell: NDArray[Any], name: str) -> NDArray[Any]:
+    """Take the array of numbers that `name`, such as TS{2}, means."""
+    number = int(name.partition("{")[2].rstrip("}"))
+    array = (
+        cell.reshape(-1, order="F")[number - 1] if cell.dtype.kind == "O" and number <= cell.size else None
+    )
+    if array is None:
+        raise InputError(f"it has no {name!r}")
+    if not isinstance(array, np.ndarray) or array.dtype.kind not in "biuf":
+        raise InputError(f"{name!r} is no array of numbers")
+    return array

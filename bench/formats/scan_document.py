@@ -1,42 +1,46 @@
-"""What a format without room for it keeps beside the readings, as a JSON object: taxels, times, presses, `meta`."""
+"""What Parquet has no room for and a scan keeps beside it, as a JSON object: taxels, times, loads, presses, `meta`."""
 
 from __future__ import annotations
 
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tactsim.core import InputError, Scan
 from tactsim.core.errors import short
-from tactsim.core.poses import FloatArray
 
 _VERSION = 1
+_AXES = {"taxel_xy": 2, "sequence_times": 1, "loads": 1, "presses": 1}
 
 
 def document_of(scan: Scan) -> dict[str, Any]:
     """Put all but the presses of a scan into a JSON object; `about` is for readers only."""
-    return {
-        "tactsim_scan": _VERSION,
-        "taxel_xy": scan.taxel_xy.tolist(),
-        "sequence_times": None if scan.sequence_times is None else scan.sequence_times.tolist(),
-        **({} if scan.loads is None else {"loads": _said(scan.loads)}),
-        **({} if scan.presses is None else {"presses": scan.presses.tolist()}),
-        "meta": dict(scan.meta),
-        "about": scan.about,
-    }
+    document: dict[str, Any] = {"tactsim_scan": _VERSION, "meta": dict(scan.meta), "about": scan.about}
+    for name in _AXES:
+        array = getattr(scan, name)
+        if array is not None:  # JSON has no NaN: null stands for a load that is not known
+            document[name] = [None if np.isnan(one).any() else one.tolist() for one in array]
+    return document
 
 
-def parts_of(document: dict[str, Any]) -> tuple[FloatArray, FloatArray | None, dict[str, Any]]:
-    """Read the object back: (taxels, 2) mm, (frames,) s or None, `meta`. Raises InputError if it makes no sense."""
+def parts_of(document: dict[str, Any]) -> dict[str, Any]:
+    """Read the object back, as words for `Scan`. Raises InputError if it makes no sense."""
     version = document.get("tactsim_scan")
     if version != _VERSION:
         raise InputError(f"it is of version {short(version)} of tactsim's scans; this reads {_VERSION}")
-    meta, times = document.get("meta"), document.get("sequence_times")
-    if not isinstance(meta, dict):
+    if not isinstance(document.get("meta"), dict):
         raise InputError("its meta is no JSON object")
-    taxel_xy = _numbers(document.get("taxel_xy"), "taxel_xy", 2)
-    return taxel_xy, None if times is None else _numbers(times, "sequence_times", 1), meta
+    parts: dict[str, Any] = {"meta": document["meta"]}
+    for name, axes in _AXES.items():
+        values = document.get(name)
+        try:
+            array = None if values is None else np.array(values, dtype=None if name == "presses" else float)
+        except (TypeError, ValueError, OverflowError):
+            array = np.zeros(())
+        if (array is None and name == "taxel_xy") or (array is not None and array.ndim != axes):
+            raise InputError(f"its {name} are no numbers along {axes} axes")
+        parts[name] = array
+    return parts
 
 
 def is_of_a_run() -> InputError:
@@ -44,39 +48,3 @@ def is_of_a_run() -> InputError:
     return InputError(
         "it holds the trials of a run, which keeps its estimates, not its readings; give an export of a scan"
     )
-
-
-def loads_of(document: dict[str, Any]) -> FloatArray | None:
-    """Read the loads of the presses, N, NaN where null stands; None if it has none. Raises InputError as above."""
-    loads = document.get("loads")
-    if loads is None:
-        return None
-    if not isinstance(loads, list):
-        raise InputError("its loads are no list")
-    known = [np.nan if load is None else load for load in loads]
-    return _numbers(known, "loads", 1) if known else np.zeros(0)
-
-
-def presses_of(document: dict[str, Any]) -> NDArray[Any] | None:
-    """Read the numbers of the presses that readings were taken of; None if it has none. Raises InputError as above."""
-    presses = document.get("presses")
-    if presses is None:
-        return None
-    if not isinstance(presses, list) or not all(type(one) is int and abs(one) < 2**62 for one in presses):
-        raise InputError("its presses are no list of whole numbers")
-    return np.array(presses, dtype=np.int64)
-
-
-def _said(loads: FloatArray) -> list[float | None]:
-    """List loads with null for one that is not known: JSON has no NaN."""
-    return [None if np.isnan(load) else load for load in loads.tolist()]
-
-
-def _numbers(values: Any, name: str, axes: int) -> FloatArray:
-    try:
-        array = np.array(values, dtype=np.float64)
-    except (TypeError, ValueError):
-        array = np.zeros(())
-    if array.ndim != axes or (axes == 2 and array.shape[1] != 2) or not array.size:
-        raise InputError(f"its {name} are no numbers along {axes} axes")
-    return array

@@ -12,7 +12,7 @@ import pyarrow.parquet as pq
 import pytest
 from hostile import damaged, swapped
 from made_scans import make_scan
-from mcap.writer import CompressionType, Writer
+from mcap.writer import Writer
 
 from tactsim.bench import formats
 from tactsim.core import InputError
@@ -49,16 +49,15 @@ def reads_or_refuses(path):
         assert len(str(error)) < 3000  # noqa: PT017
 
 
-@pytest.mark.parametrize("count", [CASES, pytest.param(20 * CASES, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("frames", [0, 3])
 @pytest.mark.parametrize(
     ("name", "file"), [("parquet", TRAIN), ("parquet", "scan.json"), ("mcap", ""), ("hdf5", "")]
 )
-def test_a_damaged_file_is_read_or_refused_in_one_line(name, file, frames, count, written):
+def test_a_damaged_file_is_read_or_refused_in_one_line(name, file, frames, written):
     path = written(name, frames=frames)
     target = path / file if file else path
     content = target.read_bytes()
-    for seed in range(count):
+    for seed in range(CASES):
         target.write_bytes(
             damaged(content, np.random.default_rng([zlib.crc32(f"{name}{file}".encode()), seed]))
         )
@@ -109,19 +108,19 @@ def with_column(table, name, array):
             lambda t: with_column(t, "readings", t["pose"]),
             r"column readings should be .*fixed_size_list.*\[4\]",
         ),
-        (lambda t: with_column(t, "label", t["row"]), "labels are no text|no whole Parquet"),
-        (lambda t: with_column(t, "label", pa.array(["x" * 500] * len(t))), "longer than 400 bytes"),
+        (lambda t: with_column(t, "label", t["row"]), "column label should be once"),
+        (lambda t: with_column(t, "label", pa.array(["x" * 500] * len(t))), "too long or not printable"),
         (lambda t: with_column(t, "label", pa.array([None] * len(t), pa.string())), "a label is missing"),
         (lambda t: with_column(t, "row", pa.array([0] * len(t))), "not numbered from 0"),
-        (lambda t: with_column(t, "row", pa.array([None] * len(t), pa.int64())), "a number is missing"),
-        (lambda t: t.slice(0, 2), "not numbered|^.*$"),
+        (
+            lambda t: with_column(t, "row", pa.array([None] * len(t), pa.int64())),
+            "a number of the column row is missing",
+        ),
     ],
 )
 def test_a_table_of_another_make_is_refused(change, says, written):
     path = written("parquet")
     rewritten(path, change)
-    if says.endswith("^.*$"):  # fewer rows, numbered from 0, are a scan too
-        return
     refuses(path, says)
 
 
@@ -136,7 +135,7 @@ def test_a_label_of_a_megabyte_is_not_repeated_for_each_row(written):
         name: pa.concat_arrays([table[name].chunk(0).slice(0, 1)] * rows) for name in ("pose", "readings")
     }
     pq.write_table(pa.table({"row": pa.array(range(rows)), "label": big, **columns}), path / TRAIN)
-    refuses(path, "longer than 400 bytes")
+    refuses(path, "too long or not printable")
 
 
 def test_more_rows_than_a_scan_may_have_are_refused_before_they_are_read(written):
@@ -176,16 +175,6 @@ def outside_in_a_sequence(file):
     file["sequence"] = h5py.ExternalLink("pipe.h5", "/sequence")
 
 
-def squeezed_twice(file):
-    made = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
-    made.set_chunk((6, 4))
-    made.set_deflate(9)
-    made.set_deflate(9)
-    del file["readings"]
-    space = h5py.h5s.create_simple((6, 4))
-    h5py.h5d.create(file.id, b"readings", h5py.h5t.IEEE_F64LE, space, made)
-
-
 def soft(file):
     file.move("readings", "elsewhere")
     file["readings"] = h5py.SoftLink("/elsewhere")
@@ -220,17 +209,7 @@ def wide(file):
 
 
 def big_chunk(file):
-    replace(file, "readings", shape=(1_000_000, 4), dtype="f8", chunks=(1_000_000, 4), compression="gzip")
-
-
-def bomb(file):
-    replace(file, "readings", shape=(6, 4), dtype="f8", chunks=(6, 4), compression="gzip")
-    content = zlib.compress(bytes(200 << 20), 9)
-    file["readings"].id.write_direct_chunk((0, 0), content)
-
-
-def other_filter(file):
-    replace(file, "readings", data=np.zeros((6, 4)), compression="lzf")
+    replace(file, "readings", shape=(6, 4), maxshape=(None, 4), dtype="f8", chunks=(10**8, 4))
 
 
 def not_text(file):
@@ -252,23 +231,20 @@ def half_a_sequence(file):
 @pytest.mark.parametrize(
     ("change", "says"),
     [
-        (outside, "readings is a link elsewhere"),
-        (outside_in_a_sequence, "sequence is a link elsewhere|no dataset"),
-        (squeezed_twice, "by gzip, once"),
-        (soft, "readings is a link elsewhere"),
+        (outside, "no dataset readings of its own"),
+        (outside_in_a_sequence, "no dataset sequence of its own"),
+        (soft, "no dataset readings of its own"),
         (external_bytes, "lies in another file"),
         (virtual, "lies in another file"),
         (objects, "labels holds object"),
-        (group, "readings is no dataset"),
+        (group, "no dataset readings of its own"),
         (huge, "claims"),
         (wide, "claims"),
-        (big_chunk, "repack"),
-        (bomb, "a chunk of"),
-        (other_filter, "otherwise than by gzip"),
-        (not_text, "no UTF-8"),
+        (big_chunk, "claims"),
+        (not_text, "no whole HDF5 file: 'utf-8' codec"),
         (numbers_as_words, r"readings holds \|S8"),
         (flat, "along 1 axes"),
-        (half_a_sequence, "no dataset sequence_times"),
+        (half_a_sequence, "sequence"),
     ],
 )
 def test_an_hdf5_file_that_points_elsewhere_or_claims_too_much_is_refused(change, says, written):
@@ -280,60 +256,18 @@ def test_an_hdf5_file_that_points_elsewhere_or_claims_too_much_is_refused(change
 # ---- MCAP
 
 
-def mcap(path, messages, document=None, **options):
+def mcap(path, name, content):
     with path.open("wb") as stream:
-        writer = Writer(stream, **options)
+        writer = Writer(stream)
         writer.start()
-        if document is not None:
-            writer.add_metadata("tactsim", {"scan": json.dumps(document)})
-        schema = writer.register_schema("tactsim.Reading", "jsonschema", b"{}")
-        channel = writer.register_channel("/reading", "json", schema)
-        for message in messages:
-            content = message if isinstance(message, bytes) else json.dumps(message).encode()
-            writer.add_message(channel, log_time=0, publish_time=0, data=content)
+        writer.add_attachment(0, 0, name, "application/zip", content)
         writer.finish()
     return path
 
 
-DOCUMENT = {"tactsim_scan": 1, "taxel_xy": [[0.0, 0.0]], "sequence_times": None, "meta": {}}
-GOOD = {"row": 0, "label": "A", "split": "train", "pose": [0, 0, 0], "taxels": [1.5]}
-
-
-def test_the_made_up_log_is_good(tmp_path):
-    assert formats.read(mcap(tmp_path / "x.mcap", [GOOD], DOCUMENT)).readings.tolist() == [[1.5]]
-
-
-@pytest.mark.parametrize(
-    ("messages", "says"),
-    [
-        ([GOOD, GOOD], "says row 0"),
-        ([GOOD | {"row": 1}], "says row 1"),
-        ([GOOD | {"row": None}], "says row None"),
-        ([GOOD | {"taxels": [1, 2]}], "not 1 numbers"),
-        ([GOOD | {"taxels": ["1"]}], "no number"),
-        ([GOOD | {"taxels": [True]}], "no number"),
-        ([GOOD | {"taxels": [1e300]}], r"readings\[0, 0\] is 1e\+300"),
-        ([GOOD | {"label": "x" * 1000}], "no text of 1 to 100"),
-        ([GOOD | {"split": "dev"}], "'dev'"),
-        ([b"[" * 100_000], "not whole JSON"),
-        ([b'{"row": 0'], "not whole JSON"),
-    ],
-)
-def test_a_message_that_makes_no_sense_is_refused(messages, says, tmp_path):
-    refuses(mcap(tmp_path / "x.mcap", messages, DOCUMENT), says)
-
-
 def test_a_log_of_somebody_else_is_refused(tmp_path):
-    refuses(mcap(tmp_path / "x.mcap", [GOOD]), "tactsim did not write it")
-    refuses(mcap(tmp_path / "y.mcap", [GOOD], DOCUMENT | {"tactsim_scan": 2}), "of version 2")
-
-
-@pytest.mark.long
-def test_a_chunk_that_unpacks_to_too_much_is_refused_before_it_is_unpacked(tmp_path):
-    bomb = mcap(tmp_path / "x.mcap", [b" " * (200 << 20)], DOCUMENT)
-    assert bomb.stat().st_size < 1 << 20
-    refuses(bomb, "claims 209,")
-    refuses(mcap(tmp_path / "y.mcap", [GOOD], DOCUMENT, compression=CompressionType.LZ4), "a chunk of 'lz4'")
+    refuses(mcap(tmp_path / "x.mcap", "notes.txt", b"x"), "it has no scan.npz: tactsim did not write it")
+    refuses(mcap(tmp_path / "y.mcap", "scan.npz", b"x"), "not a whole .npz file")
 
 
 @pytest.mark.parametrize("name", ["mcap", "hdf5"])

@@ -156,72 +156,10 @@ def test_a_pad_with_a_taxel_left_out_is_drawn_with_a_hole(tmp_path):
     assert np.delete(pixels, 4) == pytest.approx(readings[0] / readings.max())
 
 
-def test_lerobot_s_files_agree_with_each_other(scan, tmp_path):
-    import pandas
-
-    formats.write(scan, tmp_path / "out", "lerobot")
-    meta = tmp_path / "out" / "meta"
-    info, stats = (json.loads((meta / name).read_text()) for name in ("info.json", "stats.json"))
-    frames = pq.read_table(tmp_path / "out" / "data" / "chunk-000" / "file-000.parquet").to_pandas()
-    episodes = pandas.read_parquet(meta / "episodes" / "chunk-000" / "file-000.parquet")
-    tasks = pandas.read_parquet(meta / "tasks.parquet")
-    assert (info["codebase_version"], info["total_episodes"], info["total_frames"]) == (
-        "v3.0",
-        7,
-        len(frames),
-    )
-    assert info["fps"] == (1 if scan.sequence is None else 200)
-    assert set(info["features"]) == set(stats) == set(frames.columns)
-    order = np.concatenate([np.flatnonzero(scan.split == split) for split in ("train", "test")])
-    tactile = np.stack(frames["observation.tactile"])
-    wanted = scan.readings[order] if scan.sequence is None else scan.sequence[order].reshape(-1, 6)
-    assert np.array_equal(tactile, wanted.astype("f4"))
-    assert stats["observation.tactile"]["max"] == tactile.max(axis=0).tolist()
-    assert stats["observation.tactile"]["mean"] == pytest.approx(tactile.astype(float).mean(axis=0))
-    training = int((scan.split == "train").sum())
-    assert info["splits"] == {"train": f"0:{training}", "test": f"{training}:7"}
-    assert tasks.index.tolist() == [f"touch {label}" for label in scan.letters]
-    for number, episode in episodes.iterrows():
-        part = frames.iloc[episode["dataset_from_index"] : episode["dataset_to_index"]]
-        assert (part["episode_index"] == number).all()
-        assert len(part) == episode["length"]
-        assert (
-            tasks.index[part["task_index"].iloc[0]]
-            == episode["tasks"][0]
-            == f"touch {scan.labels[order[number]]}"
-        )
-        assert np.array_equal(np.stack(part["action"])[0], scan.poses[order[number]].astype("f4"))
-        assert part["timestamp"].to_numpy() == pytest.approx(np.arange(len(part)) / info["fps"])
-
-
-def test_lerobot_s_large_datasets_are_several_files(scan, tmp_path, monkeypatch):
-    import pandas
-
-    module = formats.FORMATS["lerobot"].load()
-    monkeypatch.setattr(module, "_FILE_MB", 0)
-    monkeypatch.setattr(module, "_CHUNK", 3)
-    formats.write(scan, tmp_path / "out", "lerobot")
-    episodes = pandas.read_parquet(tmp_path / "out" / "meta" / "episodes" / "chunk-000" / "file-000.parquet")
-    places = list(zip(episodes["data/chunk_index"], episodes["data/file_index"], strict=True))
-    assert places == [(0, 0), (0, 1), (0, 2), (1, 0), (1, 1), (1, 2), (2, 0)]
-    for number, (chunk, file) in enumerate(places):
-        path = tmp_path / "out" / "data" / f"chunk-{chunk:03d}" / f"file-{file:03d}.parquet"
-        assert set(pq.read_table(path)["episode_index"].to_pylist()) == {number}
-
-
 @pytest.mark.parametrize("times", [[1e-300, 2e-300, 3e-300], [1e8, 2e8, 1e9]])
-@pytest.mark.parametrize(("name", "path"), [("lerobot", "out"), ("mcap", "out.mcap")])
-def test_times_of_any_size_are_written_or_refused_in_one_line(times, name, path, tmp_path):
+def test_times_of_any_size_are_written_to_mcap_or_refused_in_one_line(times, tmp_path):
     made = make_scan(np.random.default_rng(0), count=12, frames=3)
     try:
-        formats.write(replace(made, sequence_times=np.array(times)), tmp_path / path, name)
+        formats.write(replace(made, sequence_times=np.array(times)), tmp_path / "out.mcap", "mcap")
     except InputError:
         assert list(tmp_path.iterdir()) == []
-
-
-def test_images_at_no_whole_rate_are_no_lerobot_episode(tmp_path):
-    made = make_scan(np.random.default_rng(0), frames=3)
-    uneven = replace(made, sequence_times=np.array([0.1, 0.2, 0.4]))
-    with pytest.raises(InputError, match=r"a whole rate.*6\.667 a second"):
-        formats.write(uneven, tmp_path / "out", "lerobot")
-    assert list(tmp_path.iterdir()) == []
