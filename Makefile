@@ -87,7 +87,7 @@ TABLES := better paper-better robustness slip open-set active paper paper-like t
 
 tables: $(DEVELOP)  ## do the sweeps that are not done yet, and fill the tables of the documentation from them
 	@for suite in $(TABLES); do $(BIN)/bench sweep $$suite || exit; done
-	@$(BIN)/python -m tactsim.bench.page_tables README.md docs/results.md docs/method.md docs/choose-an-estimator.md docs/estimators.md
+	@$(BIN)/python -m tactsim.bench.page_tables README.md docs/results.md docs/method.md docs/estimators.md
 
 renew: $(DEVELOP)  ## do every method of results/leaderboard again with this commit, and check it: half an hour; then `leaderboard`
 	@$(BIN)/python -m tactsim.bench.leaderboard.renew results/leaderboard $(VENV)/renewed

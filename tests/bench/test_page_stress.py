@@ -33,8 +33,8 @@ def test_a_page_gets_its_outcomes_and_keeps_its_words():
     assert [line for line in lines if line.startswith("|")] == [
         "| case | worst | limit |",
         "|---|---|---|",
-        "| `topic.name` | 0.5 | at most 1 |",
-        "| `topic.name` | 1.8 | at least 1 |",
+        "| `topic.name` | 0.5 | ≤ 1 |",
+        "| `topic.name` | 1.8 | ≥ 1 |",
     ]
     assert "*`make stress`: 2 cases in 0 minutes, none failed; Python 3." in text
 
@@ -79,7 +79,7 @@ def test_the_documentation_shows_a_run_of_every_case():
     table = [line for line in block[0].splitlines() if line.startswith("|")][2:]
     shown, every = [[cell.strip() for cell in row.strip("|").split(" | ")] for row in table], cases()
     assert [(row[0], row[2]) for row in shown] == [
-        (f"`{one.name}`", f"at {'least' if one.at_least else 'most'} {one.limit:g}") for one in every
+        (f"`{one.name}`", f"{'≥' if one.at_least else '≤'} {one.limit:g}") for one in every
     ]
     assert re.search(
         rf"^\*`make stress`: {len(every)} cases in .*, none failed; .*; commit [0-9a-f]{{12}}\.\*$",

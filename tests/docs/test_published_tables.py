@@ -13,7 +13,6 @@ PAGES = [
     "README.md",
     "docs/results.md",
     "docs/method.md",
-    "docs/choose-an-estimator.md",
     "docs/estimators.md",
 ]
 ASKED = [
