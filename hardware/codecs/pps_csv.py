@@ -8,6 +8,7 @@ commas.
 
 from __future__ import annotations
 
+import codecs
 import csv
 import re
 from collections.abc import Iterable, Iterator
@@ -26,7 +27,8 @@ _KPA = {"kPa": 1.0, "psi": 6.894757293168361, "Pa": 1e-3}  # 1 psi = 1 lbf/in^2
 _TITLE_WITHIN = 20  # lines, at whose end the title has stood
 # The title of the time, and its unit: `Time [ms]`, `Time(s)`, `timestamp_us`, `t`.
 _TIME = re.compile(
-    r'["\s]*(?:time(?:stamp)?|t)(?:_(\w+)|\b[^\[(,;\t]*(?:[\[(]\s*(\w+)\s*[\])])?)', re.IGNORECASE
+    r'["\s]*(?:(?:elapsed[ _]?)?time(?:stamp)?|t)(?:_(\w+)|\b[^\[(,;\t]*(?:[\[(]\s*(\w+)\s*[\])])?)',
+    re.IGNORECASE,
 )
 _SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "sec": 1.0, "seconds": 1.0, "min": 60.0}
 _SECONDS |= {"milliseconds": 1e-3, "µs": 1e-6, "μs": 1e-6}  # micro sign, and the Greek letter
@@ -84,21 +86,29 @@ def read_table(lines: Iterable[bytes]) -> tuple[int, Iterator[Frame | None]]:
     below 1,000,000 us, else ns. They count from the first frame if the clock counts from 1970. Taxels are the numbers
     behind the time in the first frame. Raises CodecError if there is no title within 20 lines, or no frame behind it.
     """
-    texts = (line.decode("utf-8-sig", "replace") for line in lines)
+    lines = iter(lines)
+    begin = next(lines, b"")
+    if begin.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        raise CodecError("its text is UTF-16; save it as UTF-8")
+    texts = (
+        text for line in chain([begin], lines) for text in line.decode("utf-8-sig", "replace").splitlines()
+    )
     title = next((text for text in islice(texts, _TITLE_WITHIN) if _TIME.match(text)), None)
     if title is None:
         raise CodecError("no recording of the vendor's tool: its first line is 'Time [ms], Elem0, ...'")
     separator = next((mark for mark in ";\t" if mark in title), ",")
-    rows = (_numbers(text, separator) for text in texts if text.strip())
-    head = list(islice(rows, _STEPS))
+    filled = (text for text in texts if text.strip())
+    samples = list(islice(filled, _STEPS))
+    head = [_numbers(text, separator) for text in samples]
     first = next((row for row in head if row is not None), None)
     if first is None or len(first) < 2:
-        raise CodecError(f"behind the title {title.strip()[:60]!r} stands no line of numbers")
+        but = f", but {samples[0].strip()[:60]!r}" if samples else ""
+        raise CodecError(f"behind the title {title.strip()[:60]!r} stands no line of numbers{but}")
     tick = _tick(title, [row[0] for row in head if row is not None and len(row) == len(first)])
     begun = first[0] * tick if first[0] * tick >= _SINCE_1970 else 0.0
 
     def frames() -> Iterator[Frame | None]:
-        for row in chain(head, rows):
+        for row in chain(head, (_numbers(text, separator) for text in filled)):
             if row is None or len(row) != len(first):
                 yield None
             else:

@@ -403,6 +403,8 @@ US = [str(20_000 * k) for k in range(250)]
         vendor_table("Time,a,b,c,d", [f"{1_700_000_000 + 0.02 * k:.3f}" for k in range(250)]),
         vendor_table("Time,a,b,c,d", [str(1_700_000_000_000_000_000 + 20_000_000 * k) for k in range(250)]),
         vendor_table("Time\ta\tb\tc\td", MS, "\t"),
+        vendor_table("Elapsed Time (s),a,b,c,d", S),
+        vendor_table(TITLE, MS).replace("\n", "\r"),
         vendor_table("Time(s);COM5 - Sensor (N);b;c;(Full Scale Range: 1N)", [time.replace(".", ",") for time in S],
                      ";", above="Start Time;06/05/2026 09:57:19\n\n", behind=";"),
     ],
@@ -434,6 +436,20 @@ def test_a_csv_whose_unit_of_time_nobody_knows_is_refused(tmp_path):
     (tmp_path / "a.csv").write_text("Time [fortnights],a\n0,1\n")
     with pytest.raises(InputError, match="unit of time is 'fortnights'; known are s, ms"):
         CsvReplay(tmp_path / "a.csv", csv_device(1))
+
+
+@pytest.mark.parametrize(
+    ("content", "expected"),
+    [
+        (vendor_table(TITLE, MS).encode("utf-16"), "its text is UTF-16"),
+        (vendor_table("Time,a,b,c,d", ["2026-11-27T04:00:00"] * 9).encode(), "but '2026-11-27T04:00:00,"),
+        (TITLE.encode(), "stands no line of numbers"),
+    ],
+)
+def test_why_a_csv_is_not_read_is_said(tmp_path, content, expected):
+    (tmp_path / "a.csv").write_bytes(content)
+    with pytest.raises(InputError, match=expected):
+        CsvReplay(tmp_path / "a.csv", csv_device(4))
 
 
 def test_a_number_whose_point_is_not_clear_is_no_frame(tmp_path):
