@@ -74,9 +74,8 @@ bench: $(DEVELOP)  ## time presses, maps, estimators and a run; keep it as resul
 bench-check: $(DEVELOP)  ## is anything slower than at the newest release, or at BASE=COMMIT, or an error another one?
 	@$(BIN)/python tests/benchmarks/check.py $(BASE)
 
-profile: $(PROFILE)  ## draw where the time of presses, a scan, a sweep and a run goes, and measure what bounds it
+profile: $(PROFILE)  ## draw where the time of presses, a scan and a run goes
 	@OPENBLAS_NUM_THREADS=1 $(BIN)/python tests/profile/flame_graphs.py
-	@OPENBLAS_NUM_THREADS=1 $(BIN)/python tests/profile/bench_sweep.py
 
 $(PROFILE): $(PROFILE_LOCK) | $(DEVELOP)
 	@$(INSTALL) -r $<
@@ -87,7 +86,7 @@ TABLES := better paper-better robustness slip open-set active paper paper-like t
 
 tables: $(DEVELOP)  ## do the sweeps that are not done yet, and fill the tables of the documentation from them
 	@for suite in $(TABLES); do $(BIN)/bench sweep $$suite || exit; done
-	@$(BIN)/python -m tactsim.bench.page_tables README.md docs/results.md docs/method.md docs/estimators.md
+	@$(BIN)/python docs/tools/page_tables.py README.md docs/results.md docs/method.md docs/estimators.md
 
 renew: $(DEVELOP)  ## do every method of results/leaderboard again with this commit, and check it: half an hour; then `leaderboard`
 	@$(BIN)/python -m tactsim.bench.leaderboard.renew results/leaderboard $(VENV)/renewed
@@ -96,13 +95,13 @@ renew: $(DEVELOP)  ## do every method of results/leaderboard again with this com
 leaderboard: $(DEVELOP)  ## make the site of results/leaderboard, the best known results, and the tables of docs/leaderboard.md
 	@$(BIN)/python -m tactsim.bench.leaderboard.best_known
 	@$(BIN)/bench leaderboard results/leaderboard
-	@$(BIN)/python -m tactsim.bench.leaderboard.page_standings results/leaderboard docs/leaderboard.md
+	@$(BIN)/python docs/tools/page_standings.py results/leaderboard docs/leaderboard.md
 
 references: $(DEVELOP)  ## how far every estimator is from the reference posteriors: fill the table of docs/bound.md
-	@$(BIN)/python -m tactsim.bench.bound.page_references docs/bound.md
+	@$(BIN)/python docs/tools/page_references.py docs/bound.md
 
 stress: $(DEVELOP)  ## do every stress case, 6 to 20 minutes: fill the table of docs/stress.md
-	@$(BIN)/python -m tactsim.bench.stress.page_stress docs/stress.md
+	@$(BIN)/python docs/tools/page_stress.py docs/stress.md
 
 release-check: $(PACKAGING)  ## what a release lacks; then build it into dist/, check it and install it
 	@$(BIN)/python tests/packaging/release_check.py

@@ -19,7 +19,7 @@ author = "The tactsim authors"
 html_title = "tactsim"
 
 extensions = ["myst_nb", "sphinx.ext.autodoc", "mathml", "from_source", "intervals"]
-exclude_patterns = ["_build", "_ext", "requirements.lock"]
+exclude_patterns = ["_build", "_ext", "tools", "requirements.lock"]
 smartquotes = False  # it would turn --option into a dash
 show_warning_types = True
 

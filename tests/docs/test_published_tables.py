@@ -3,10 +3,10 @@
 import re
 
 import pytest
+from page_blocks import blocks
+from page_tables import LEAST_SCANS
 from pages import ROOT
 
-from tactsim.bench.page_blocks import blocks
-from tactsim.bench.page_tables import LEAST_SCANS
 from tactsim.bench.sweep import read, suites
 
 PAGES = [
@@ -24,7 +24,7 @@ IDS = [f"{page}: {asked.split(';')[0]}" for page, asked, _ in ASKED]
 
 
 def test_make_tables_fills_these_pages_and_no_other_page_has_such_tables():
-    command = re.search(r"page_tables (.*)", (ROOT / "Makefile").read_text())[1]
+    command = re.search(r"page_tables.py (.*)", (ROOT / "Makefile").read_text())[1]
     assert command.split() == PAGES
     holding = {
         path.relative_to(ROOT).as_posix()

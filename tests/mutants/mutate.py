@@ -1,7 +1,8 @@
 """Mutate the formulas of core, press and estimators; tell which mutants the tests notice (docs/developers/mutants.md).
 
-Run as `make mutants`. All happens in a copy of the working tree; results are kept in .venv/mutants, so that an
-interrupted run goes on, and a mutant is tried again only after the code or its tests have changed.
+Run as `make mutants`. All happens in a copy of the working tree. Results are kept in .venv/mutants, so that an
+interrupted run goes on; after a change of code or tests it begins anew. Tests of a file are those that import it, and
+the one that mirrors it.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ import argparse
 import hashlib
 import os
 import random
+import re
 import shlex
 import shutil
 import subprocess
@@ -22,14 +24,14 @@ from typing import NamedTuple
 from cosmic_ray.commands import execute
 from cosmic_ray.config import ConfigDict
 from cosmic_ray.work_db import WorkDB, use_db
-from cosmic_ray.work_item import TestOutcome, WorkResult
-from modules import ROOT, faults, read_modules
+from cosmic_ray.work_item import TestOutcome, WorkItem, WorkResult
 from mutations import mutants_of
 
 from tactsim.bench.score import wilson
 
+ROOT = Path(__file__).resolve().parents[2]
+ROOMS = ("tactsim/core", "tactsim/press", "estimators")
 RESULTS = ROOT / ".venv" / "mutants"
-LISTED = read_modules()
 AIM = 0.8
 
 
@@ -49,11 +51,13 @@ class Tried(NamedTuple):
 def main() -> int:
     """Try the mutants that the command line names; 1 if fewer than AIM of them are killed."""
     chosen = _arguments()
-    if wrong := list(faults(LISTED)):
-        sys.exit("\n".join(f"tests/mutants/modules.toml: {fault}" for fault in wrong))
-    tests = LISTED.tests
+    tests = {
+        str(path.relative_to(ROOT)): tests_of(path)
+        for room in ROOMS
+        for path in sorted((ROOT / room).rglob("*.py"))
+    }
     if unknown := set(chosen.modules) - set(tests):
-        sys.exit(f"{min(unknown)} is not in tests/mutants/modules.toml, or left out there")
+        sys.exit(f"{min(unknown)} is no file of {', '.join(ROOMS)}")
     RESULTS.mkdir(exist_ok=True)
     with tempfile.TemporaryDirectory(prefix="mutants-") as folder:
         copy = Path(folder) / "tree"
@@ -66,9 +70,14 @@ def main() -> int:
             "| module | mutants | tried | killed | of these timed out | survived | share | 95 % |\n|"
             + "---|" * 8
         )
+        content = hashlib.sha256(b"".join(path.read_bytes() for path in sorted(copy.rglob("*.py"))))
         for module in chosen.modules or tests:
-            done.append(_try_module(module, tests[module], chosen))
-            print(_row(done[-1]), flush=True)
+            if tests[module] and (mutants := mutants_of(Path(module))):
+                session = RESULTS / f"{module.replace('/', '.')}-{content.hexdigest()[:12]}.sqlite"
+                done.append(_try_module(module, mutants, tests[module], chosen, session))
+                print(_row(done[-1]), flush=True)
+            elif not tests[module]:
+                print(f"| {module} | no test imports it | | | | | | |", flush=True)
     total = Tried("all", sum(one.possible for one in done), [r for one in done for r in one.results])
     print(_row(total), end="\n\n")
     for one in done:
@@ -108,14 +117,28 @@ def _environment(folder: Path, copy: Path) -> dict[str, str]:
     }
 
 
-def _try_module(module: str, tests: list[str], chosen: argparse.Namespace) -> Tried:
+def tests_of(path: Path) -> list[str]:
+    """List the test files that import a file of the code, and the one that mirrors it."""
+    name = ".".join(["tactsim", *path.relative_to(ROOT).with_suffix("").parts]).replace(
+        "tactsim.tactsim", "tactsim"
+    )
+    room, _, stem = name.removesuffix(".__init__").rpartition(".")
+    imported = re.compile(rf"{re.escape(room)}\.{stem}\b|from {re.escape(room)} import .*\b{stem}\b")
+    mirror = "/".join(["tests", *name.split(".")[1:-1], f"test_{stem}.py"])
+    found = {str(test.relative_to(ROOT)): test for test in (ROOT / "tests").rglob("test_*.py")}
+    return [
+        test
+        for test, file in sorted(found.items())
+        if test == mirror or imported.search(file.read_text("utf-8"))
+    ]
+
+
+def _try_module(
+    module: str, mutants: list[WorkItem], tests: list[str], chosen: argparse.Namespace, session: Path
+) -> Tried:
     """Try a sample of a module's mutants, or all, but for those whose result is known."""
-    mutants = mutants_of(Path(module))
-    if not mutants:
-        sys.exit(f"{module} has nothing to mutate: leave it out in tests/mutants/modules.toml")
     random.Random(f"{chosen.seed} {module}").shuffle(mutants)  # a larger sample holds the smaller one
     wanted = mutants if chosen.all else mutants[: chosen.sample]
-    session = RESULTS / f"{module.replace('/', '.')}-{_digest(tests)}.sqlite"
     with use_db(session, WorkDB.Mode.create) as work:
         results = dict(work.results)
         # Of an interrupted run, what is neither known nor wanted must not be tried either.
@@ -135,26 +158,10 @@ def _try_module(module: str, tests: list[str], chosen: argparse.Namespace) -> Tr
     return Tried(module, len(mutants), [one for one in made if one.test_outcome != TestOutcome.INCOMPETENT])
 
 
-def _digest(tests: list[str]) -> str:
-    """Name what results depend on: code with formulas, these tests and what they share, and what mutants there are."""
-    content = hashlib.sha256(repr((tests, LISTED.deselected)).encode())
-    code = [path for room in ("models", *LISTED.rooms) for path in Path(room).rglob("*.py")]
-    own = [Path(name) for name in tests]
-    # What test files share lies beside them, in a folder above, or where all tests find it (pyproject.toml).
-    folders = {Path("tests/support"), Path("tests/estimators"), *(up for path in own for up in path.parents)}
-    shared = [path for folder in folders for path in folder.glob("*.py") if not path.name.startswith("test_")]
-    choice = [Path("tests/mutants/mutations.py"), Path("tests/mutants/same_examples.py")]
-    for path in sorted({*code, *shared, *own, *choice}):
-        content.update(f"{path}\0{len(path.read_bytes())}\0".encode() + path.read_bytes())
-    return content.hexdigest()[:12]
-
-
 def _settings(tests: list[str]) -> ConfigDict:
     """Configure Cosmic Ray, after the tests have passed without a mutation."""
     command = f"{sys.executable} -m pytest -q -x -p no:cacheprovider -p no:xdist -p same_examples "
     command += " ".join(tests)
-    command += " -m 'not slow and not benchmark and not soak'"  # those that are only long notice, too
-    command += "".join(f" --deselect {name}" for name in LISTED.deselected)
     begin = time.monotonic()
     run = subprocess.run(shlex.split(command), capture_output=True, text=True)
     seconds = time.monotonic() - begin

@@ -1,4 +1,4 @@
-"""Which mutants of a file are made: Cosmic Ray's operators that suit formulas, and two of our own.
+"""Which mutants of a file are made: Cosmic Ray's operators that suit formulas.
 
 Left out is what cannot change an answer, or fails for a reason that shows nothing about the tests: see `_left_out`,
 and `OPERATORS` for what is not listed (bit shifts of floats, decorators taken away).
@@ -7,93 +7,14 @@ and `OPERATORS` for what is not listed (bit shifts of floats, decorators taken a
 from __future__ import annotations
 
 import ast
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
-import parso
 from cosmic_ray import plugins
 from cosmic_ray.ast import ast_nodes, get_ast
-from cosmic_ray.operators.operator import Example, Operator
 from cosmic_ray.work_item import MutationSpec, WorkItem
 
 Place = tuple[int, int]  # line from 1, column from 0
-
-# Functions whose loss leaves a number or array: log(x) becomes (x).
-_DROPPED = {
-    "abs", "ceil", "cos", "exp", "expm1", "floor", "log", "log1p", "rint", "round", "sin", "sqrt", "square",
-    "wrap_angle",
-}  # fmt: skip
-_SWAPPED = {"cos": "sin", "floor": "ceil", "max": "min", "maximum": "minimum", "argmax": "argmin"}
-_SWAPPED |= {new: old for old, new in _SWAPPED.items()}
-
-
-class DropFunction(Operator):
-    """Leave a function of one argument out: np.log(x) becomes (x)."""
-
-    def mutation_positions(self, node: Any) -> Iterator[tuple[Place, Place]]:
-        """Find calls of such functions, by their bare name or as an attribute of a module."""
-        if _dropped(node) is not None:
-            yield node.start_pos, node.end_pos
-
-    def mutate(self, node: Any, index: int) -> Any:
-        """Put the call's parentheses in the place of the call."""
-        call = _dropped(node)
-        assert call is not None
-        argument = parso.parse(node.get_first_leaf().prefix + node.children[call].get_code(False))
-        node.children[: call + 1] = [argument]
-        return node
-
-    @classmethod
-    def examples(cls) -> Iterable[Example]:
-        """Show what it does."""
-        return (Example("y = np.log(x).sum()", "y = (x).sum()"),)
-
-
-class SwapFunction(Operator):
-    """Call the sibling of a function: cos for sin, max for min, floor for ceil."""
-
-    def mutation_positions(self, node: Any) -> Iterator[tuple[Place, Place]]:
-        """Find the names of such functions where they are called."""
-        if node.type == "name" and node.value in _SWAPPED and _is_called(node):
-            yield node.start_pos, node.end_pos
-
-    def mutate(self, node: Any, index: int) -> Any:
-        """Put the other name."""
-        node.value = _SWAPPED[node.value]
-        return node
-
-    @classmethod
-    def examples(cls) -> Iterable[Example]:
-        """Show what it does."""
-        return (Example("y = np.cos(x)", "y = np.sin(x)"),)
-
-
-def _dropped(node: Any) -> int | None:
-    """Find, in `log(x)` or `np.log(x)...`, which child is `(x)`; None in anything else."""
-    if node.type not in ("atom_expr", "power") or node.children[0].type != "name":
-        return None
-    children = node.children
-    named = 1 if children[0].value in ("np", "math") else 0
-    name = children[named].children[-1] if named else children[0]
-    call = named + 1
-    if len(children) <= call or getattr(name, "value", None) not in _DROPPED:
-        return None
-    trailer = children[call]
-    # "(", one argument, ")": more than one are an arglist, a keyword is an argument.
-    if trailer.type != "trailer" or len(trailer.children) != 3 or trailer.children[0] != "(":
-        return None
-    return call if trailer.children[1].type not in ("arglist", "argument") else None
-
-
-def _is_called(name: Any) -> bool:
-    part = name if name.parent.type in ("atom_expr", "power") else name.parent
-    follows = part.get_next_sibling()
-    return follows is not None and follows.type == "trailer" and follows.children[0] == "("
-
-
-_OURS: dict[str, type[Operator]] = {"DropFunction": DropFunction, "SwapFunction": SwapFunction}
-plugins.OPERATOR_PROVIDERS["ours"] = _OURS
 
 _ARITHMETIC = [
     "Add_Sub", "Sub_Add", "Mul_Div", "Div_Mul", "Pow_Mul", "FloorDiv_Mul", "Mod_FloorDiv",
@@ -110,7 +31,6 @@ OPERATORS = [
     "core/AddNot", "core/ReplaceTrueWithFalse", "core/ReplaceFalseWithTrue", "core/ReplaceAndWithOr",
     "core/ReplaceOrWithAnd", "core/ReplaceBreakWithContinue", "core/ReplaceContinueWithBreak",
     "core/ExceptionReplacer", "core/NumberReplacer", "core/ZeroIterationForLoop",
-    "ours/DropFunction", "ours/SwapFunction",
 ]  # fmt: skip
 
 

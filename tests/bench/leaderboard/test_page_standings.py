@@ -5,10 +5,10 @@ from pathlib import Path
 
 import pytest
 from entered import entered
+from page_blocks import asked_for
+from page_standings import fill, main
 
 from tactsim.bench.leaderboard.bundle import write_bundle
-from tactsim.bench.leaderboard.page_standings import fill, main
-from tactsim.bench.page_blocks import asked_for
 from tactsim.bench.tasks import names
 from tactsim.core import InputError
 

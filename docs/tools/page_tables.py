@@ -1,4 +1,4 @@
-"""Fill the tables of a page with what sweeps found: `python -m tactsim.bench.page_tables PAGE...`.
+"""Fill the tables of a page with what sweeps found: `python docs/tools/page_tables.py PAGE...`.
 
 A page says itself which table it wants, between two comments. The first names the sweep and the figures:
 
@@ -19,8 +19,9 @@ from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 
+from page_blocks import fill_blocks, fill_page, markdown_table
+
 from tactsim.bench.console import exit_status
-from tactsim.bench.page_blocks import fill_blocks, fill_page, markdown_table
 from tactsim.bench.places import SWEEPS
 from tactsim.bench.pooled import HEADINGS, Pooled, cell, pool
 from tactsim.bench.report.collect import find

@@ -1,4 +1,4 @@
-"""Fill the tables of a page with the standings of a folder: `python -m tactsim.bench.leaderboard.page_standings`.
+"""Fill the tables of a page with the standings of a folder: `python docs/tools/page_standings.py`.
 
 `page_standings FOLDER PAGE` reads the bundles of FOLDER. The page says which task it wants a table of, between two
 comments, and what stands between them is replaced:
@@ -15,11 +15,12 @@ from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 
+from page_blocks import fill_blocks, fill_page, markdown_table
+
 from tactsim.bench.console import exit_status
 from tactsim.bench.leaderboard import paper_rows
 from tactsim.bench.leaderboard.figure_words import MISSING, heading, number, rank, text_of
 from tactsim.bench.leaderboard.standings import Entrant, Standings, read_folder
-from tactsim.bench.page_blocks import fill_blocks, fill_page, markdown_table
 from tactsim.bench.tasks import task
 from tactsim.core import InputError
 from tactsim.core.source_digest import short_commit

@@ -1,4 +1,4 @@
-"""Fill the table of a page with the worst that every case found: `python -m tactsim.bench.stress.page_stress PAGE`.
+"""Fill the table of a page with the worst that every case found: `python docs/tools/page_stress.py PAGE`.
 
 What stands between two comments is replaced:
 
@@ -11,8 +11,9 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 
+from page_blocks import asked_for, fill_blocks, fill_one, markdown_table
+
 from tactsim.bench.machine import machine, versions
-from tactsim.bench.page_blocks import asked_for, fill_blocks, fill_one, markdown_table
 from tactsim.bench.stress import cases, run_cases
 from tactsim.bench.stress.case import Outcome
 from tactsim.bench.terminal import progress_bars

@@ -4,11 +4,11 @@ import re
 from pathlib import Path
 
 import pytest
+from page_blocks import blocks
+from page_stress import check, fill, main
 
-from tactsim.bench.page_blocks import blocks
 from tactsim.bench.stress import TOPICS, cases, run_case
 from tactsim.bench.stress.case import case
-from tactsim.bench.stress.page_stress import check, fill, main
 from tactsim.core import InputError
 
 PAGE = """Before.

@@ -1,4 +1,4 @@
-"""Fill the table of a page with distances from the references: `python -m tactsim.bench.bound.page_references PAGE`.
+"""Fill the table of a page with distances from the references: `python docs/tools/page_references.py PAGE`.
 
 The page says between two comments after which readings it wants them, and what stands between is replaced:
 
@@ -11,8 +11,9 @@ from __future__ import annotations
 import sys
 from collections.abc import Mapping, Sequence
 
+from page_blocks import asked_for, fill_blocks, fill_one, markdown_table
+
 from tactsim.bench.bound.references import AT, distances_of, load, means, recognisers, shown
-from tactsim.bench.page_blocks import asked_for, fill_blocks, fill_one, markdown_table
 from tactsim.core import InputError
 from tactsim.core.poses import FloatArray
 from tactsim.core.source_digest import git_commit, short_commit

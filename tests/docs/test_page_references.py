@@ -5,10 +5,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from page_blocks import blocks
+from page_references import fill, main, readings_asked_for
 
-from tactsim.bench.bound.page_references import fill, main, readings_asked_for
 from tactsim.bench.bound.references import AT, means, recognisers
-from tactsim.bench.page_blocks import blocks
 from tactsim.core import InputError
 
 PAGE = """Before.

@@ -5,15 +5,17 @@ import re
 import shutil
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
+from page_tables import fill, main
 from small_runs import draw_nothing
 from typer.testing import CliRunner
 
 from tactsim.bench.cli.app import app
-from tactsim.bench.page_tables import fill, main
 from tactsim.core import InputError
 
+TOOL = Path(__file__).parents[2] / "docs" / "tools" / "page_tables.py"
 SWEEP = """
 [defaults]
 letters = "IO"
@@ -107,7 +109,7 @@ def test_a_wrong_wish_is_refused_in_one_line(folder, asked, said):
 
 
 def test_a_sweep_of_other_source_code_is_refused(folder, monkeypatch):
-    monkeypatch.setattr("tactsim.bench.page_tables.source_of_trials", lambda estimator: "f" * 64)
+    monkeypatch.setattr("page_tables.source_of_trials", lambda estimator: "f" * 64)
     with pytest.raises(InputError, match="s was made by other source code"):
         fill(PAGE, folder / "results" / "sweeps")
 
@@ -134,7 +136,7 @@ def test_sweeps_of_different_commits_are_refused(folder, tmp_path):
 @pytest.mark.long
 def test_a_table_without_an_end_is_refused_and_the_page_stays(folder):
     (folder / "cut.md").write_text("<!-- table: s; right@1 -->\nold\n")
-    command = [sys.executable, "-m", "tactsim.bench.page_tables", "cut.md"]
+    command = [sys.executable, TOOL, "cut.md"]
     ended = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
     assert ended.returncode == 2
     assert ended.stderr == "tables: cut.md: `<!-- table: ... -->` has no `<!-- end of table -->`\n"
