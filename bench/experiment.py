@@ -67,15 +67,16 @@ def perform(
     *,
     scan: Scan | None = None,
     estimator: Estimator | None = None,
+    trials: Sequence[OneTrial] | None = None,
     jobs: int = 1,
     cache: bool = True,
     progress: Progress = silent,
 ) -> Run:
     """Press or load the readings, fit the estimator, do all trials and score them.
 
-    scan: the readings that `config.given` names. estimator: replaces the one that `config` names. jobs:
-    processes. cache: whether pressed readings may be read from the cache and kept there. progress(stage, done,
-    total) is called for the stages "press", "map" and "trials".
+    scan: the readings that `config.given` names. estimator: replaces the one that `config` names. trials: those to do;
+    by default `config.trials` of each letter. jobs: processes. cache: whether pressed readings may be read from the
+    cache and kept there. progress(stage, done, total) is called for the stages "press", "map" and "trials".
 
     Raises InputError for a configuration that does not fit together.
     """
@@ -89,7 +90,9 @@ def perform(
     gathered = gather(config, scan=scan, jobs=jobs, cache=cache, progress=progress)
     check_readings(gathered.scan, gathered.letters, config.readings, config.hold_out)
     plan = plan_of(config, gathered.scan, estimator)
-    tasks = [OneTrial(letter, trial) for letter in gathered.letters for trial in range(config.trials)]
+    tasks = trials or [
+        OneTrial(letter, trial) for letter in gathered.letters for trial in range(config.trials)
+    ]
 
     fitting = perf_counter()
     with nullcontext() if jobs == 1 else worker_processes(min(jobs, len(tasks))) as executor:
@@ -100,14 +103,14 @@ def perform(
         progress("map", 1, 1)
         trying = perf_counter()
         if sent is None:
-            trials, work = run_trials(plan, fitted, tasks, progress=progress)
+            done, work = run_trials(plan, fitted, tasks, progress=progress)
         else:
-            trials, work = received_trials(sent, progress)
+            done, work = received_trials(sent, progress)
     tried = perf_counter()
     seconds = {"fit": trying - fitting, "trials": tried - trying, "total": tried - start}
     source = None if estimator is None else source_of_trials(estimator)
     run = finished_run(
-        config, gathered, trials, work, fitted, about=about, source=source, seconds=seconds, jobs=jobs
+        config, gathered, done, work, fitted, about=about, source=source, seconds=seconds, jobs=jobs
     )
     return replace(run, plan=plan, maps=maps_of(fitted))
 

@@ -425,17 +425,8 @@ class _Times(_Strict):
 
 def save(run: Run, folder: Path) -> None:
     """Write a run's files into `folder`; except for times.*, the same run gives the same bytes."""
-    write_text(
-        folder / "run.json",
-        to_json(
-            {
-                "schema": SCHEMA,
-                "config": run.config,
-                "objects": {label: asdict(of) for label, of in run.objects.items()},
-                **run.about,
-            }
-        ),
-    )
+    about, times = documents(run)
+    write_text(folder / "run.json", to_json(about))
     table = columns(run.trials)
     write_text(folder / "trials.csv", write_table(COLUMNS, table))
     write_text(folder / "times.csv", write_table(TIME_COLUMNS, table))
@@ -443,7 +434,35 @@ def save(run: Run, folder: Path) -> None:
         table = columns(run.trials) | {"bound_mm": run.bounds.ravel()}
         write_text(folder / "bounds.csv", write_table(BOUND_COLUMNS, table))
     write_text(folder / "summary.json", to_json(run.summary))
-    write_text(folder / "times.json", to_json(run.times | {"work": run.work}))
+    write_text(folder / "times.json", to_json(times))
+
+
+def documents(run: Run) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Give what run.json and times.json say of a run."""
+    objects = {label: asdict(of) for label, of in run.objects.items()}
+    about = {"schema": SCHEMA, "config": run.config, "objects": objects, **run.about}
+    return about, run.times | {"work": run.work}
+
+
+def run_of(
+    about: Mapping[str, Any], times: Mapping[str, Any], trials: Trials, bounds: FloatArray | None
+) -> Run:
+    """Put a run together from what run.json and times.json say, its trials and their bounds.
+
+    Raises InputError if one of them is not whole, or has another schema.
+    """
+    about, times = dict(about), dict(times)
+    if about.pop("schema", None) != SCHEMA:
+        raise InputError(f"run.json: unknown schema; this version reads schema {SCHEMA}")
+    checked(_About, about, "run.json")
+    checked(_Times, times, "times.json")
+    objects = {
+        label: Properties.stated(of, f"run.json: objects.{label}")
+        for label, of in about.pop("objects").items()
+    }
+    if not set(trials.truth.tolist()) <= set(objects):
+        raise InputError("run.json: objects: a letter of trials.csv is missing")
+    return Run(about.pop("config"), about, objects, times.pop("work"), trials, times, bounds=bounds)
 
 
 def picture_names(run: Run) -> list[str]:
@@ -461,29 +480,21 @@ def load(path: str | Path) -> Run:
         raise InputError(
             f"{folder} is a run with objects in space; give runs of one kind, to report or compare"
         )
-    if about.pop("schema", None) != SCHEMA:
+    if about.get("schema") != SCHEMA:
         raise InputError(f"{folder / 'run.json'}: unknown schema; this version reads schema {SCHEMA}")
     try:
-        checked(_About, about, "run.json")
-        times = read_json(folder / "times.json", "file of a run")
-        checked(_Times, times, "times.json")
-        objects = {
-            label: Properties.stated(of, f"run.json: objects.{label}")
-            for label, of in about.pop("objects").items()
-        }
+        hold_out = checked(_About, about, "run.json").config.hold_out
         trials = _trials(
             read_table(folder / "trials.csv", COLUMNS),
             read_table(folder / "times.csv", TIME_COLUMNS),
-            about["config"]["hold_out"],
+            hold_out,
         )
         bounds = None
         if (folder / "bounds.csv").is_file():
             bounds = _bounds(read_table(folder / "bounds.csv", BOUND_COLUMNS), trials)
-        if not set(trials.truth.tolist()) <= set(objects):
-            raise InputError("run.json: objects: a letter of trials.csv is missing")
+        return run_of(about, read_json(folder / "times.json", "file of a run"), trials, bounds)
     except InputError as error:
         raise InputError(f"{folder} is not a whole run: {error}") from error
-    return Run(about.pop("config"), about, objects, times.pop("work"), trials, times, bounds=bounds)
 
 
 def to_json(value: Any) -> str:

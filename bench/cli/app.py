@@ -35,7 +35,7 @@ VERBS = {
     "compare": "Compare two runs on the same trials; exit status 1 if NEW is worse beyond the interval.",
     "submit": "Do all runs of a task with a method, and write one file that others can check; exit status 1 without a "
     "score.",
-    "verify": "Do some trials of a bundle again and compare them to the bit; exit status 1 if it cannot be confirmed.",
+    "verify": "Do some trials of a bundle again and compare them; exit status 1 if it cannot be confirmed.",
     "leaderboard": "Rank the methods of a folder of bundles, task by task, and write a site of static pages.",
     "list": "List estimators, letters, solids, worlds, metrics, suites and formats, or options of one or of a scan.",
     "tasks": "List the frozen tasks with sizes and the best known results, or show one whole; --hash presses its data.",

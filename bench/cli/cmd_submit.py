@@ -40,12 +40,10 @@ def command(
     ] = False,
 ) -> None:
     """Do all runs of a task with a method, and write one file that others can check; exit status 1 without a score."""
-    import numpy as np
-
     from tactsim.bench.config import key_values
     from tactsim.bench.console import plain_console
     from tactsim.bench.leaderboard.bundle import DONE, figures_of, write_bundle
-    from tactsim.bench.leaderboard.submission import Method, submit
+    from tactsim.bench.leaderboard.submit import Method, submit
     from tactsim.bench.places import check_new_file, try_to_save
     from tactsim.bench.results import to_json
     from tactsim.bench.tasks import task as read_task
@@ -61,7 +59,6 @@ def command(
             reproducible=reproducible,
             jobs=jobs,
             cache=cache,
-            rng=np.random.default_rng(),
             progress=progress,
         )
     done = bundle.status == DONE

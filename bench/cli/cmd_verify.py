@@ -39,16 +39,15 @@ def command(
     jobs: shared.Jobs = 1,
     cache: shared.Cache = True,
 ) -> None:
-    """Do some trials of a bundle again and compare them to the bit; exit status 1 if it cannot be confirmed."""
+    """Do some trials of a bundle again and compare them; exit status 1 if it cannot be confirmed."""
     import secrets
     from datetime import UTC, datetime
 
     import numpy as np
 
     from tactsim.bench.console import plain_console
-    from tactsim.bench.leaderboard.bundle import read_bundle
-    from tactsim.bench.leaderboard.record import Machine, Record, bundle_hash, write_record
-    from tactsim.bench.leaderboard.verification import verify
+    from tactsim.bench.leaderboard.bundle import Machine, Record, bundle_hash, read_bundle, write_record
+    from tactsim.bench.leaderboard.verify import verify
     from tactsim.bench.machine import machine, versions
     from tactsim.bench.places import try_to_save
     from tactsim.bench.terminal import progress_bars
@@ -93,6 +92,7 @@ def command(
             again=verdict.again,
             trials=verdict.trials,
             fresh=fresh,
+            other_code=verdict.other_code,
             seed=None if full else chosen,
             machine=Machine.model_validate(machine()),
             versions=versions(),

@@ -12,10 +12,10 @@ from typing import TypeVar
 from urllib.parse import quote
 from xml.etree.ElementTree import Element
 
+from tactsim.bench.leaderboard.bundle import record_path
 from tactsim.bench.leaderboard.index_page import index_page
 from tactsim.bench.leaderboard.markup import h, html
 from tactsim.bench.leaderboard.method_page import method_page
-from tactsim.bench.leaderboard.record import record_path
 from tactsim.bench.leaderboard.rows import figures_csv, pairs_csv
 from tactsim.bench.leaderboard.standings import Folder, Standings
 from tactsim.bench.leaderboard.task_page import task_page

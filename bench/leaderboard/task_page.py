@@ -85,9 +85,12 @@ def _ranked_row(of: Standings, one: Entrant, figures: list[str], links: Mapping[
 
 def check_tag(one: Entrant) -> Element:
     """Say whether trials were done again, and what came of it."""
-    if one.check is None:
-        return h("span", {"class": "tag"}, "not checked")
-    again = f"{one.check.again} of {one.check.trials} trials, {'the same' if one.check.exact else 'within the bound'}"
+    if not one.confirmed:
+        why = "" if one.check is None else one.check.said
+        return h("span", {"class": "tag", "title": why}, "unconfirmed")
+    assert one.check is not None
+    how = "the same" if one.check.exact else "within the tolerance"
+    again = f"{one.check.again} of {one.check.trials} trials, {how}"
     by = f"by commit {(one.check.commit or 'unknown')[:12]}, {one.check.made[:10]}"
     return h("span", {"class": "tag good", "title": f"{one.check.said}; {by}"}, f"done again: {again}")
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import lzma
 import zipfile
 import zlib
 from collections.abc import Iterable, Mapping
@@ -21,6 +22,7 @@ LARGEST = 1 << 30  # bytes that all arrays of a file may claim: 100,000 readings
 
 _HEADERS = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
 _ENCRYPTED = 1  # bit of a member's flags
+_COMPRESSIONS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED, zipfile.ZIP_LZMA)
 
 
 class MissingArrayError(InputError):
@@ -52,19 +54,34 @@ def read_npz(
         except InputError:
             raise
         # A name that is not UTF-8 is a ValueError.
-        except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, ValueError) as error:
+        except (
+            zipfile.BadZipFile,
+            zlib.error,
+            lzma.LZMAError,
+            EOFError,
+            NotImplementedError,
+            ValueError,
+        ) as error:
             raise InputError(f"it is not a whole .npz file: {error}") from error
 
 
-def write_npz(path: str | Path, meta: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> None:
+def write_npz(
+    path: str | Path,
+    meta: Mapping[str, Any],
+    arrays: Mapping[str, NDArray[Any]],
+    compression: int = zipfile.ZIP_DEFLATED,
+) -> None:
     """Write arrays and `meta`, a JSON string, as .npz: whole or not at all, and equal ones as equal bytes.
 
-    Raises InputError if `path` cannot be written.
+    compression: ZIP_LZMA packs smaller and slower; NumPy reads it too. Raises InputError if `path` cannot be written.
     """
     content = BytesIO()
     stated = np.array(json.dumps(meta, sort_keys=True))
-    # np.savez writes no dates and keeps the members' order, so the bytes depend on the content alone.
-    np.savez_compressed(content, allow_pickle=False, **arrays, meta=stated)
+    # As np.savez_compressed does, which has one compression: a member has no date, so equal arrays give equal bytes.
+    with zipfile.ZipFile(content, "w", compression) as archive:
+        for name, array in {**arrays, "meta": stated}.items():
+            with archive.open(f"{name}.npy", "w", force_zip64=True) as member:
+                np.lib.format.write_array(member, np.asanyarray(array), allow_pickle=False)
     with replacing(path) as stream:
         stream.write(content.getbuffer())
 
@@ -80,10 +97,7 @@ def _members(
         info = known.get(f"{name}.npy")
         if info is None:
             raise MissingArrayError(name, (one.removesuffix(".npy") for one in known))
-        if info.flag_bits & _ENCRYPTED or info.compress_type not in (
-            zipfile.ZIP_STORED,
-            zipfile.ZIP_DEFLATED,
-        ):
+        if info.flag_bits & _ENCRYPTED or info.compress_type not in _COMPRESSIONS:
             raise InputError(f"array {name!r} is encrypted or compressed in a way that NumPy does not write")
         if info.file_size > left:
             raise InputError(
@@ -98,7 +112,7 @@ def _members(
 def _array(member: IO[bytes], name: str) -> NDArray[Any]:
     try:
         shape, fortran, dtype = _HEADERS[np.lib.format.read_magic(member)](member)
-    except (zipfile.BadZipFile, zlib.error, EOFError, OSError):
+    except (zipfile.BadZipFile, zlib.error, lzma.LZMAError, EOFError, OSError):
         raise
     except Exception as error:
         # NumPy reads a header with Python's tokenizer and parser, which may raise anything.

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import yaml
 
-from tactsim.bench.leaderboard.record import read_record
+from tactsim.bench.leaderboard.bundle import read_record
 from tactsim.core.errors import InputError
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -8,7 +8,7 @@ import pytest
 from building import ROOT
 from release_check import faults
 
-from tactsim.bench.leaderboard.record import Record, bundle_hash, write_record
+from tactsim.bench.leaderboard.bundle import Record, bundle_hash, write_record
 
 TABLE = "*`bench sweep better`: 5 scans, 500 trials for each figure; commit {}.*\n"
 

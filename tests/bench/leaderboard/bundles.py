@@ -1,12 +1,10 @@
-"""A made-up bundle, and how to change one."""
+"""A made-up bundle."""
 
-import io
-import zipfile
 from dataclasses import replace
 
 from made_up import make_run
 
-from tactsim.bench.leaderboard.bundle import DONE, Bundle
+from tactsim.bench.leaderboard.bundle import DONE, Bundle, kept
 
 
 def make_bundle(seeds=(0, 1), **changes):
@@ -21,17 +19,5 @@ def make_bundle(seeds=(0, 1), **changes):
         "source_hash": "b" * 64, "machine": {"processor": "made up", "cores": 1, "system": "none"}, "commit": None,
         "made": "2026-01-01T00:00:00+00:00",
     }  # fmt: skip
-    return Bundle(**said | changes, runs=tuple(runs))
-
-
-def members_of(path):
-    with zipfile.ZipFile(path) as archive:
-        return {name: archive.read(name) for name in archive.namelist()}
-
-
-def zipped(members):
-    content = io.BytesIO()
-    with zipfile.ZipFile(content, "w", zipfile.ZIP_DEFLATED) as archive:
-        for name, member in members.items():
-            archive.writestr(name, member)
-    return content.getvalue()
+    small, digests = kept(runs)
+    return Bundle(**said | changes, runs=small, digests=digests)

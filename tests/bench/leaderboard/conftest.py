@@ -1,16 +1,12 @@
-"""Plug-ins, installed as a user's are, and a small run for them."""
+"""Plug-ins, installed as a user's are."""
 
 import sys
-from importlib import import_module
 from pathlib import Path
 
 import pytest
 
-from tactsim.bench import experiment
-from tactsim.bench.config import run_config
-
 PLUG_INS = Path(__file__).parent / "plug_ins"
-MODULES = ("guess", "random_guess", "counting", "failing", "peeking", "prepared")
+MODULES = ("guess", "random_guess", "counting", "failing", "prepared")
 
 
 @pytest.fixture(scope="session")
@@ -36,22 +32,4 @@ def plugged(site, monkeypatch):
     monkeypatch.syspath_prepend(PLUG_INS)
     monkeypatch.syspath_prepend(site)
     yield
-    assert not [name for name in MODULES if name in sys.modules], "the harness has imported a plug-in"
-
-
-@pytest.fixture
-def imported(plugged):
-    """Import the plug-ins here after all, for a comparison."""
-    yield import_module
-    for name in MODULES:
-        sys.modules.pop(name, None)
-
-
-@pytest.fixture(scope="session")
-def small_config():
-    return lambda **words: run_config(**({"letters": "IO", "trials": 2, "readings": 4} | words))
-
-
-@pytest.fixture(scope="session")
-def gathered(small_config, shared_cache):
-    return experiment.gather(small_config(), jobs=1, cache=True, progress=experiment.silent)
+    assert not [name for name in MODULES if name in sys.modules], "the command has imported a plug-in"

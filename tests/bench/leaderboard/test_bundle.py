@@ -1,17 +1,26 @@
 """The one file of a method and task: it travels to the bit, and what is damaged or hostile is refused in one line."""
 
-import hashlib
+import io
 import json
 import zipfile
 from dataclasses import fields, replace
+from pathlib import Path
 
 import numpy as np
 import pytest
-from bundles import make_bundle, members_of, zipped
+from bundles import make_bundle
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from made_up import make_run
 
-from tactsim.bench.leaderboard.bundle import read_bundle, write_bundle
+from tactsim.bench.leaderboard.bundle import digests_of, kept, read_bundle, record_path, rounded, write_bundle
+from tactsim.bench.score import summarise
 from tactsim.bench.trials import Trials
 from tactsim.core import InputError
+from tactsim.core.npz import write_npz
+
+OLD = Path(__file__).with_name("bundle-0.1.zip")  # as version 0.1 wrote `make_bundle()`, with all digits
 
 
 @pytest.fixture(scope="module")
@@ -21,19 +30,7 @@ def good(tmp_path_factory):
     return path
 
 
-def sealed(members):
-    """Give the members' checksums anew, as an editor with some patience would."""
-    head = json.loads(members["bundle.json"])
-    head["files"] = {
-        name: hashlib.sha256(content).hexdigest()
-        for name, content in members.items()
-        if name != "bundle.json"
-    }
-    return members | {"bundle.json": json.dumps(head).encode()}
-
-
-def refusal(path, content):
-    path.write_bytes(content)
+def refusal(path):
     with pytest.raises(InputError) as caught:
         read_bundle(path)
     said = str(caught.value)
@@ -43,24 +40,89 @@ def refusal(path, content):
     return said
 
 
+def same(one, other):
+    return all(
+        np.array_equal(a, b, equal_nan=a.dtype.kind == "f")
+        for a, b in ((getattr(one, field.name), getattr(other, field.name)) for field in fields(Trials))
+    )
+
+
 def test_what_is_written_is_read_to_the_bit(good):
     bundle, again = make_bundle(), read_bundle(good)
     for field in fields(bundle):
-        if field.name != "runs":
+        if field.name not in ("runs", "digests"):
             assert getattr(again, field.name) == getattr(bundle, field.name)
-    for field in fields(Trials):
-        assert np.array_equal(getattr(again.trials, field.name), getattr(bundle.trials, field.name))
+    assert same(again.trials, bundle.trials)
+    assert np.array_equal(again.digests, bundle.digests)
+    for run, other in zip(bundle.runs, again.runs, strict=True):
+        assert (run.config, run.about, run.objects, run.work, run.times) == (
+            other.config, other.about, other.objects, other.work, other.times,
+        )  # fmt: skip
     assert again.ids == [(seed, letter, n) for seed in (0, 1) for letter, n in (("A", 0), ("E", 0), ("A", 1))]
     assert again.pooled.label == "histogram, 10,000 bins"
     assert len(again.pooled.trials.truth) == len(again.ids)
 
 
-def test_the_same_content_gives_the_same_bytes_but_for_when_it_was_made(good, tmp_path):
+def test_numpy_reads_the_rows(good):
+    with np.load(good) as content:
+        assert content["label"].shape == content["x"].shape == (6, 4)
+        assert json.loads(str(content["meta"]))["method"] == "Histogram, 10,000 bins"
+
+
+def test_an_estimator_that_does_not_say_how_sure_it_is_and_known_bounds_travel_too(tmp_path):
+    run = make_run()
+    unsure = np.full((3, 4), np.nan)
+    run = replace(
+        run, trials=replace(run.trials, credibility=unsure, radius_90=unsure), bounds=np.full((3, 4), 0.3)
+    )
+    (small,), digests = kept([run])
+    write_bundle(replace(make_bundle((0,)), runs=(small,), digests=digests), tmp_path / "a.zip")
+    again = read_bundle(tmp_path / "a.zip")
+    assert np.isnan(again.trials.credibility).all()
+    assert np.isnan(again.trials.radius_90).all()
+    assert again.pooled.bounds == pytest.approx(0.3, rel=0.005)
+
+
+def test_rounding_changes_no_figure_that_a_table_shows():
+    run = make_run(r=12)
+    exact, small = summarise(run.trials, run.objects), summarise(rounded(run.trials), run.objects)
+    for name in ("accuracy", "coverage_50", "coverage_90", "confusion", "settled_95", "all_right_from"):
+        assert small[name] == exact[name], name
+    assert small["error_all_mm"] == pytest.approx(exact["error_all_mm"], abs=0.005)
+    # Of three trials; a table averages hundreds.
+    for name, rel in (("negative_log_likelihood", 0.02), ("sharpness_mm", 0.04), ("evaluations", 0.07)):
+        assert np.array(small[name], float) == pytest.approx(
+            np.array(exact[name], float), rel=rel, nan_ok=True
+        ), name
+    assert same(rounded(rounded(run.trials)), rounded(run.trials))
+
+
+@given(arrays(float, 8, elements=st.floats(0, 1)))
+def test_a_credibility_stays_on_its_side_of_every_percent(values):
+    trials = make_run(n=2).trials
+    small = rounded(replace(trials, credibility=values.reshape(2, 4))).credibility.ravel()
+    for percent in (10, 50, 90, 95):
+        far = np.abs(values - percent / 100) > 1e-9
+        assert ((small < percent / 100) == (values < percent / 100))[far].all()
+
+
+@pytest.mark.parametrize("column", [one.name for one in fields(Trials)])
+def test_the_digest_of_a_trial_depends_on_all_its_bits_but_the_times(column):
+    trials = make_run().trials
+    values = getattr(trials, column).copy()
+    if values.dtype.kind == "f":
+        values[1] = np.nextafter(values[1], np.inf)
+    elif values.dtype.kind == "U":
+        values[1] = np.where(values[1] == "E", "A", "E")
+    else:
+        values[1] = ~values[1]
+    changed = digests_of(replace(trials, **{column: values})) != digests_of(trials)
+    assert changed.tolist() == [False, not column.endswith("_s"), False]
+
+
+def test_the_same_content_gives_the_same_bytes(good, tmp_path):
     write_bundle(make_bundle(), tmp_path / "again.zip")
     assert (tmp_path / "again.zip").read_bytes() == good.read_bytes()
-    write_bundle(make_bundle(made="later"), tmp_path / "later.zip")
-    first, later = members_of(good), members_of(tmp_path / "later.zip")
-    assert [name for name in first if first[name] != later[name]] == ["bundle.json"]
 
 
 def test_a_method_without_a_score_has_a_status_and_no_runs(tmp_path):
@@ -77,7 +139,7 @@ def test_a_method_without_a_score_has_a_status_and_no_runs(tmp_path):
     [
         ({"status": "crashed"}, "only a method that was done has runs"),
         ({"seeds": ()}, "only a method that was done has runs"),
-        ({"estimator": "particle"}, "seed-0 is a run of 'histogram', not of particle"),
+        ({"estimator": "particle"}, "seed 0 is a run of 'histogram', not of particle"),
         ({"method": "two\nlines"}, "cannot be printed"),
         ({"task_data": "short"}, "task_data"),
     ],
@@ -88,102 +150,141 @@ def test_what_would_be_refused_is_not_written(changes, said, tmp_path):
     assert not list(tmp_path.iterdir())
 
 
-def edited(name, change):
-    def edit(members):
-        return members | {name: change(members[name])}
+def meta(**changes):
+    return lambda content: content["meta"].update(changes)
+
+
+def array(name, change):
+    def edit(content):
+        content[name] = change(content[name])
 
     return edit
 
 
-def head(**changes):
-    return edited("bundle.json", lambda content: json.dumps(json.loads(content) | changes).encode())
-
-
-def with_a_right_answer_more(table):
-    """Give the first wrong row the label of the truth."""
-    header, *rows = table.decode().splitlines()
-    cells = [row.split(",") for row in rows]
-    wrong = next(row for row in cells if row[0] != row[4])
-    wrong[4] = wrong[0]
-    return "\n".join([header, *map(",".join, cells), ""]).encode()
+def of_run(**changes):
+    return lambda content: content["meta"]["runs"][0].update(changes)
 
 
 DAMAGES = {
-    "rows": (edited("seed-1/trials.csv", with_a_right_answer_more), "edited: seed-1/trials.csv"),
-    "rows, sealed": (
-        lambda members: sealed(edited("seed-1/trials.csv", with_a_right_answer_more)(members)),
-        "seed-1: it was edited|it was edited: summary.json",
+    "schema": (meta(schema=3), "schema 3; this version of tactsim reads schema 1 and 2"),
+    "status": (meta(status="crashed: x"), "only a method that was done has runs"),
+    "unknown entry": (meta(score=1.0), "unknown option"),
+    "options": (meta(options=[1]), "options"),
+    "boolean": (meta(reproducible=1), "reproducible"),
+    "no run": (lambda content: content["meta"]["runs"].pop(), "its runs have 3 trials, and there are 6"),
+    "a run without objects": (
+        lambda content: content["meta"]["runs"][1]["about"].update(objects={}), "run 1: run.json: objects",
     ),
-    "summary, sealed": (
-        lambda members: sealed(edited("seed-0/summary.json", lambda c: c.replace(b"0.", b"1.", 1))(members)),
-        "summary.json is not what the rows",
-    ),
-    "no head": (lambda members: {k: v for k, v in members.items() if k != "bundle.json"}, "it has no bundle.json"),
-    "no summary": (
-        lambda members: sealed({k: v for k, v in members.items() if k != "seed-0/summary.json"}),
-        "summary.json is missing",
-    ),
-    "no run": (lambda members: {k: v for k, v in members.items() if not k.startswith("seed-1/")}, "missing"),
-    "one more": (lambda members: members | {"seed-2/run.json": b"{}"}, "not one of its files"),
-    "stranger": (lambda members: members | {"readme.txt": b""}, "'readme.txt' is no file of a bundle"),
-    "climbing": (lambda members: members | {"../seed-0/run.json": b""}, "is no file of a bundle"),
-    "schema": (head(schema=2), "schema 2; this version of tactsim reads schema 1"),
-    "status": (head(status="crashed: x"), "only a method that was done has runs"),
-    "unknown entry": (head(score=1.0), "unknown option"),
-    "options": (head(options=[1]), "options"),
-    "boolean": (head(reproducible=1), "reproducible"),
-    "other seed": (
-        lambda members: sealed({k.replace("seed-1/", "seed-7/"): v for k, v in members.items()}), "its seed is 1",
-    ),
-    "no JSON": (lambda members: members | {"bundle.json": b"["}, "not whole JSON"),
+    "no run at all": (of_run(about={}), "run 0: run.json"),
+    "no column": (lambda content: content.pop("theta"), "it has no array 'theta'"),
+    "no digest": (lambda content: content.pop("digest"), "it has no array 'digest'"),
+    "a row less": (array("x", lambda x: x[1:]), "x has the shape (5, 4), and label (6, 4)"),
+    "a flat label": (array("label", np.ravel), "label has the shape (24,)"),
+    "names": (array("x", lambda x: x.astype(str)), "x holds <U"),
+    "infinite": (array("p_truth", lambda x: x * np.inf), "p_truth"),
+    "hostile label": (array("label", lambda x: np.full(x.shape, "\x1b[2J")), "not printable"),
 }  # fmt: skip
 
 
 @pytest.mark.parametrize("kind", DAMAGES)
 def test_a_damaged_bundle_is_refused_in_one_line(kind, good, tmp_path):
     damage, said = DAMAGES[kind]
-    assert any(
-        part in refusal(tmp_path / "bad.zip", zipped(damage(members_of(good)))) for part in said.split("|")
-    )
+    with np.load(good) as npz:
+        content = dict(npz)
+    content["meta"] = json.loads(str(content["meta"]))
+    damage(content)
+    write_npz(tmp_path / "bad.zip", content.pop("meta"), content)
+    assert said in refusal(tmp_path / "bad.zip")
 
 
-def test_a_truncated_bundle_is_refused_wherever_it_ends(good, tmp_path):
-    content = good.read_bytes()
+def test_runs_of_two_kinds_are_no_bundle(tmp_path):
+    one, other = make_run(), make_run(r=2, seed=1)
+    small, digests = kept([one, replace(other, config=other.config | {"seed": 1})])
+    with pytest.raises(InputError, match="different numbers of readings"):
+        write_bundle(replace(make_bundle(), runs=small, digests=digests), tmp_path / "a.zip")
+
+
+@pytest.mark.parametrize("path", ["new", "old"])
+def test_a_truncated_bundle_is_refused_wherever_it_ends(path, good, tmp_path):
+    content = (OLD if path == "old" else good).read_bytes()
     for end in range(0, len(content), len(content) // 25):
-        assert "it is cut short, damaged or no bundle" in refusal(tmp_path / "cut.zip", content[:end])
+        (tmp_path / "cut.zip").write_bytes(content[:end])
+        assert "it is cut short, damaged or no bundle" in refusal(tmp_path / "cut.zip")
 
 
-def test_what_is_no_file_is_refused(tmp_path):
+def test_any_changed_byte_is_noticed_or_changes_nothing(good, tmp_path):
+    content = bytearray(good.read_bytes())
+    whole = read_bundle(good)
+    for place in range(0, len(content), 199):
+        content[place] ^= 0xFF
+        (tmp_path / "bad.zip").write_bytes(content)
+        content[place] ^= 0xFF
+        try:
+            read = read_bundle(tmp_path / "bad.zip")
+        except InputError:
+            continue
+        assert same(read.trials, whole.trials)
+
+
+def test_what_is_no_bundle_is_refused(tmp_path):
     with pytest.raises(InputError, match=r"bundle nowhere\.zip: No such file"):
         read_bundle("nowhere.zip")
     with pytest.raises(InputError, match="not a regular file"):
         read_bundle(tmp_path)
+    with zipfile.ZipFile(tmp_path / "other.zip", "w") as archive:
+        archive.writestr("readme.txt", "")
+    assert "it is no bundle, which `bench submit` makes" in refusal(tmp_path / "other.zip")
 
 
-def test_a_bundle_that_claims_too_much_is_refused_before_it_is_unpacked(good, tmp_path):
-    path = tmp_path / "bomb.zip"
-    with (
-        zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive,
-        archive.open("seed-0/trials.csv", "w") as member,
-    ):
-        for _ in range(300):
-            member.write(bytes(1 << 20))
-    assert "claims 314,572,800 bytes" in refusal(path, path.read_bytes())
-    rows = members_of(good)["seed-0/trials.csv"] + b"\n" * 500_001
-    assert "more than 500,000 rows" in refusal(path, zipped(members_of(good) | {"seed-0/trials.csv": rows}))
-    twice = tmp_path / "twice.zip"
-    with zipfile.ZipFile(twice, "w") as archive:
-        archive.writestr("bundle.json", members_of(good)["bundle.json"])
-        with pytest.warns(UserWarning, match="Duplicate"):
-            archive.writestr("bundle.json", members_of(good)["bundle.json"])
-    assert "bundle.json is there twice" in refusal(twice, twice.read_bytes())
+def test_a_bundle_that_claims_too_much_is_refused_before_it_is_unpacked(tmp_path):
+    for name in ("meta.npy", "bundle.json"):
+        with (
+            zipfile.ZipFile(tmp_path / "bomb.zip", "w", zipfile.ZIP_DEFLATED) as archive,
+            archive.open(name, "w") as member,
+        ):
+            for _ in range(1100 if name == "meta.npy" else 300):
+                member.write(bytes(1 << 20))
+        assert "claims" in refusal(tmp_path / "bomb.zip")
 
 
-def test_runs_of_two_kinds_are_no_bundle(tmp_path):
-    one, other = make_bundle().runs
-    shorter = replace(other, trials=type(other.trials)(**{
-        field.name: getattr(other.trials, field.name)[:, :2] if getattr(other.trials, field.name).ndim > 1
-        else getattr(other.trials, field.name) for field in fields(Trials)
-    }))  # fmt: skip
-    with pytest.raises(InputError, match="different numbers of readings"):
-        write_bundle(replace(make_bundle(), runs=(one, shorter)), tmp_path / "a.zip")
+def test_a_bundle_of_version_0_1_is_read(tmp_path):
+    old, bundle = read_bundle(OLD), make_bundle()
+    assert (old.task, old.method, old.options, old.ids) == (
+        bundle.task,
+        bundle.method,
+        bundle.options,
+        bundle.ids,
+    )
+    assert same(old.trials, bundle.trials)
+    assert np.array_equal(old.digests, bundle.digests), "it has all bits"
+    write_bundle(old, tmp_path / "new.zip")
+    assert same(read_bundle(tmp_path / "new.zip").trials, old.trials)
+
+
+def members_of_old():
+    with zipfile.ZipFile(OLD) as archive:
+        return {name: archive.read(name) for name in archive.namelist()}
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"seed-1/trials.csv": b"truth\n"}, "it was edited: seed-1/trials.csv is not what the checksum"),
+        ({"seed-1/run.json": None}, "'seed-1/run.json' is missing"),
+        ({"seed-2/run.json": b"{}"}, "'seed-2/run.json' is not one of its files"),
+        ({"../seed-0/run.json": b""}, "is no file of a bundle"),
+        ({"bundle.json": b"["}, "not whole JSON"),
+    ],
+)
+def test_a_damaged_bundle_of_version_0_1_is_refused_in_one_line(changes, said, tmp_path):
+    content = io.BytesIO()
+    with zipfile.ZipFile(content, "w") as archive:
+        for name, member in (members_of_old() | changes).items():
+            if member is not None:
+                archive.writestr(name, member)
+    (tmp_path / "bad.zip").write_bytes(content.getvalue())
+    assert said in refusal(tmp_path / "bad.zip")
+
+
+def test_the_record_lies_beside_the_bundle():
+    assert record_path(Path("a/letters.zip")) == Path("a/letters.verified.json")

@@ -85,7 +85,9 @@ def test_mcnemar_and_the_bootstrap_pair_the_same_trials_whatever_their_order(mad
 
 
 def test_bundles_with_other_trials_have_no_score(made, tmp_path):
-    fewer = replace(made["twin"], method="fewer", runs=made["twin"].runs[:4])
+    fewer = replace(
+        made["twin"], method="fewer", runs=made["twin"].runs[:4], digests=made["twin"].digests[:200]
+    )
     moved = made["twin"].runs[0]
     moved = replace(moved, trials=replace(moved.trials, true_pose=moved.trials.true_pose + 0.1))
     moved = replace(made["twin"], method="moved", runs=(moved, *made["twin"].runs[1:]))
@@ -108,8 +110,8 @@ def test_other_data_and_tasks_of_other_versions_are_kept_apart(made, tmp_path):
     assert all(one.rank == (1, 1) for of in found.standings for one in of.ranked)
 
 
-def test_who_crashed_hung_or_peeked_has_a_status_and_no_rank(made, tmp_path):
-    states = ["crashed: ValueError", "peeked: opened /etc/passwd", "timed out"]
+def test_who_crashed_or_hung_has_a_status_and_no_rank(made, tmp_path):
+    states = ["crashed: ValueError", "out of memory", "timed out"]
     bundles = {word[:4]: entered(word[:4], TASK, status=word) for word in states}
     (of,) = folder_of(tmp_path, {**bundles, "best": made["best"]}).standings
     assert [(one.status, one.rank) for one in of.unranked] == [(word, None) for word in states]
@@ -137,13 +139,21 @@ def test_a_folder_without_bundles_is_refused(tmp_path, there):
         read_folder(tmp_path if there else tmp_path / "nowhere")
 
 
-def test_a_check_beside_a_bundle_counts_and_one_that_failed_takes_the_score(made, tmp_path):
+def test_a_check_beside_a_bundle_counts_and_one_that_failed_takes_the_score_unless_the_code_was_another(
+    made, tmp_path
+):
     for name in ("best", "worst"):
         write_bundle(made[name], tmp_path / f"{name}.zip")
     record_of(tmp_path / "best.zip")
+    write_bundle(made["other twin"], tmp_path / "old.zip")
     record_of(tmp_path / "worst.zip", verified=False, said="trial 3 of A differs")
+    record_of(tmp_path / "old.zip", verified=False, said="trial 3 of A differs", other_code=True)
     (of,) = folder_of(tmp_path, {"twin": made["twin"]}).standings
-    assert [(one.label, one.check and one.check.again) for one in of.ranked] == [("best", 20), ("twin", None)]
+    assert {one.label: one.confirmed for one in of.ranked} == {
+        "best": True,
+        "twin": False,
+        "other twin": False,
+    }
     assert [(one.label, one.status) for one in of.unranked] == [
         ("worst", "not confirmed: trial 3 of A differs")
     ]

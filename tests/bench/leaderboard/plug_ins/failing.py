@@ -73,58 +73,8 @@ class Print(_Failing):
         os.write(2, b"\x1b[31m\xff")
 
 
-class Fork(_Failing):
-    """Start a process."""
-
-    def fail(self):
-        os.fork()
-
-
-class Program(_Failing):
-    """Start a program."""
-
-    def fail(self):
-        os.system("touch started")
-
-
-class Quietly(_Failing):
-    """Try to start a program, and do without."""
-
-    def fail(self):
-        import subprocess
-
-        try:
-            subprocess.run(["touch", "started"], check=True)
-        except PermissionError:
-            self.readings = 10**6
-
-
-class Kill(_Failing):
-    """End the other process."""
-
-    def fail(self):
-        os.kill(os.getppid(), signal.SIGKILL)
-
-
-class Network(_Failing):
-    """Ask somebody else."""
-
-    def fail(self):
-        import urllib.request
-
-        urllib.request.urlopen("http://127.0.0.1:1/")
-
-
 class Boast(_Failing):
     """Give probabilities that are none."""
 
     def fail(self):
         self.estimate = lambda: Estimate(self.letters[0], {self.letters[0]: 1.5}, np.zeros(3))
-
-
-class Forge(_Failing):
-    """Write nonsense where the answers go."""
-
-    def fail(self):
-        os.write(int(sys.argv[1]), b"\xff" * 100)
-        time.sleep(60)
