@@ -48,7 +48,7 @@ NOT_RUN = {
     ("results/README.md", "RUN stands for a folder; tests/bench/test_results.py runs these lines on one"),
     (
         "docs/submit.md",
-        "a whole task takes minutes; tests/bench/leaderboard/test_submission.py does both with a small one",
+        "a whole task takes minutes; tests/bench/leaderboard/test_submit.py does both with a small one",
     ),
 }
 

@@ -15,6 +15,7 @@ from hypothesis.extra.numpy import arrays
 from made_up import make_run
 
 from tactsim.bench.leaderboard.bundle import digests_of, kept, read_bundle, record_path, rounded, write_bundle
+from tactsim.bench.results import Run
 from tactsim.bench.score import summarise
 from tactsim.bench.trials import Trials
 from tactsim.core import InputError
@@ -288,3 +289,11 @@ def test_a_damaged_bundle_of_version_0_1_is_refused_in_one_line(changes, said, t
 
 def test_the_record_lies_beside_the_bundle():
     assert record_path(Path("a/letters.zip")) == Path("a/letters.verified.json")
+
+
+def test_a_run_of_a_bundle_is_saved_as_any_run(good, tmp_path):
+    run = read_bundle(good).runs[1]
+    run.save(tmp_path / "seed-1")
+    again = Run.load(tmp_path / "seed-1")
+    assert same(again.trials, run.trials)
+    assert again.summary == run.summary
