@@ -6,8 +6,7 @@ from pathlib import Path
 import pytest
 from entered import entered
 
-from tactsim.bench.leaderboard.bundle import read_bundle, write_bundle
-from tactsim.bench.leaderboard.record import read_record
+from tactsim.bench.leaderboard.bundle import read_bundle, read_record, write_bundle
 from tactsim.bench.leaderboard.renew import main, renew, submission
 from tactsim.core import InputError
 from tactsim.core.source_digest import git_commit
