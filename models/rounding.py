@@ -42,7 +42,10 @@ def inset(contours: Sequence[FloatArray], distance: float) -> list[FloatArray]:
             raise InputError(f"rounding by {distance:g} mm is more than the shortest edges carry; take less")
         moved.append(corner)
     union = CrossSection(moved)
-    if union.num_contour() != len(moved) or abs(union.area() - _area(moved)) > 1e-6:
+    signed = sum(
+        float(x @ np.roll(y, -1) - y @ np.roll(x, -1)) / 2 for x, y in (contour.T for contour in moved)
+    )
+    if union.num_contour() != len(moved) or abs(union.area() - signed) > 1e-6:
         raise InputError(f"rounding by {distance:g} mm is more than the strokes carry; take less")
     return moved
 
@@ -101,11 +104,3 @@ def rounded_solid(contours: Sequence[FloatArray], radius: float, height: float) 
     top = triangulate(layers[-1][0]) + (len(layers) - 1) * count
     triangles = np.concatenate([bottom, top, *walls]).astype(np.uint64)
     return Manifold(Mesh64(np.ascontiguousarray(np.concatenate(corners)), triangles))
-
-
-def _area(contours: Sequence[FloatArray]) -> float:
-    total = 0.0
-    for contour in contours:
-        x, y = contour.T
-        total += 0.5 * float(x @ np.roll(y, -1) - y @ np.roll(x, -1))
-    return total

@@ -28,6 +28,7 @@ MOST_ELEMENTS = 100_000  # clones counted each time
 LARGEST_FILE = 2 << 20  # bytes
 LARGEST = 1e4  # mm
 WHOLE_PAGE = 1e-3  # share of the page that a fill may leave free and still be the page itself
+_SAMPLES = 32  # steps along a curve by which its bend is measured
 OPAQUE = 0.99  # a white fill hides what lies below it from this opacity on
 PIXEL = 25.4 / 96  # mm
 
@@ -613,44 +614,25 @@ def _subpaths(data: str) -> Iterator[list[Any]]:
 
 def _chords(segments: list[Any], matrix: FloatArray, flattening: float) -> FloatArray:
     """Flatten a run of lines, Bezier curves and arcs into corners (k, 2) mm; chords are off by `flattening` at most."""
-    corners: list[FloatArray] = []
-    for segment in segments:
-        count = _chord_count(segment, matrix[:, :2], flattening)
+    from svg.path import Linear
+
+    corners = []
+    for segment in segments[1:]:
+        count = 1.0
+        if not isinstance(segment, Linear):
+            # A chord is off by its length^2 curvature / 8, and second differences are what a curve bends.
+            bends = np.diff(_points_along(segment, _SAMPLES, matrix), n=2, axis=0)
+            count = _SAMPLES * math.sqrt(float(np.hypot(*bends.T).max()) / (8 * flattening))
         if count > MOST_CHORDS:
             raise InputError(f"the drawing has more than {MOST_CHORDS:,} chords; simplify its paths")
-        points = np.array([complex(segment.point(k / count)) for k in range(1, count + 1)])
-        corners.append(_moved(matrix, np.stack([points.real, points.imag], axis=1)))
-    flat = np.concatenate(corners)
+        corners.append(_points_along(segment, max(math.ceil(count), 1), matrix)[1:])
+    flat = np.concatenate([_points_along(segments[0], 1, matrix)[1:], *corners])
     if not np.isfinite(flat).all() or np.abs(flat).max() > LARGEST:
         raise InputError(f"a corner lies more than {LARGEST:g} mm from the drawing's origin")
     return flat
 
 
-def _chord_count(segment: Any, matrix: FloatArray, flattening: float) -> int:
-    """Count the chords that keep a segment within `flattening`: a chord is off by its length^2 curvature / 8."""
-    from svg.path import Arc, CubicBezier, QuadraticBezier
-
-    bend = 0.0
-    if (
-        isinstance(segment, Arc)
-        and segment.start != segment.end
-        and segment.radius.real
-        and segment.radius.imag
-    ):
-        radius = (
-            max(segment.radius.real, segment.radius.imag)
-            * segment.radius_scale
-            * float(np.linalg.norm(matrix, 2))
-        )
-        bend = math.radians(segment.delta) ** 2 * radius
-    elif isinstance(segment, (QuadraticBezier, CubicBezier)):
-        controls = (
-            [segment.control]
-            if isinstance(segment, QuadraticBezier)
-            else [segment.control1, segment.control2]
-        )
-        points = np.array([segment.start, *controls, segment.end])
-        bends = _moved(np.column_stack([matrix, [0, 0]]), np.stack([points.real, points.imag], axis=1))
-        degree = len(points) - 1
-        bend = degree * (degree - 1) * float(np.hypot(*(bends[:-2] - 2 * bends[1:-1] + bends[2:]).T).max())
-    return math.ceil(min(max(math.sqrt(bend / (8 * flattening)), 1), MOST_CHORDS + 1))
+def _points_along(segment: Any, count: int, matrix: FloatArray) -> FloatArray:
+    """Give count + 1 points of a segment, evenly in its parameter: (count + 1, 2) mm."""
+    points = np.array([complex(segment.point(k / count)) for k in range(count + 1)])
+    return _moved(matrix, np.stack([points.real, points.imag], axis=1))

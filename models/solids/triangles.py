@@ -59,19 +59,12 @@ class CutSurface:
 
 def to_triangles(points: FloatArray, triangles: FloatArray) -> FloatArray:
     """Measure the distances (n, k) mm of points (n, 1, 3) from triangles (n, k, 3 corners, 3)."""
-    a, b, c = np.moveaxis(triangles, 2, 0)
-    normal = np.cross(b - a, c - a)
-    double = np.linalg.norm(normal, axis=-1)
-    inside: NDArray[np.bool_] = double > 0
-    best = np.full(double.shape, np.inf)
-    for start, end in ((a, b), (b, c), (c, a)):
-        edge, offset = end - start, points - start
-        square = np.maximum(np.sum(edge**2, axis=-1), 1e-300)
-        along = np.clip(np.sum(offset * edge, axis=-1) / square, 0, 1)
-        best = np.minimum(best, np.linalg.norm(offset - along[..., None] * edge, axis=-1))
-        inside &= np.sum(np.cross(edge, offset) * normal, axis=-1) >= 0
-    height = np.abs(np.sum((points - a) * normal, axis=-1)) / np.maximum(double, 1e-300)
-    return np.where(inside, height, best)
+    from trimesh.triangles import closest_point
+
+    nearest = closest_point(
+        triangles.reshape(-1, 3, 3), np.repeat(points, triangles.shape[1], axis=1).reshape(-1, 3)
+    )
+    return np.asarray(np.linalg.norm(nearest.reshape(*triangles.shape[:2], 3) - points, axis=-1), dtype=float)
 
 
 def crossings(corners: FloatArray) -> NDArray[np.intp]:
