@@ -189,11 +189,11 @@ def headlines(run: Run) -> list[str]:
             f"bound of the error at reading {readings} (Cramer and Rao): {run.against_bound['bound_mm'][-1]:.3f} mm"
         )
     if run.config.get("bound") and run.about.get("no_bound"):
-        lines.append(f"no bound of the error is known: {run.about['no_bound']}")
+        lines.append(f"no bound of the error: {run.about['no_bound']}")
     if run.summary["sharpness_mm"][-1] is not None:
         lines.append(
-            f"the place at reading {readings}: 90 % sure of it within {run.summary['sharpness_mm'][-1]:.2f} mm, "
-            f"and so it was in {run.summary['coverage_90'][-1]:.0%} of the trials whose letter is right"
+            f"90 % region of the pose at reading {readings}: radius {run.summary['sharpness_mm'][-1]:.2f} mm; "
+            f"it holds the truth in {run.summary['coverage_90'][-1]:.0%} of the trials whose letter is right"
         )
     if run.config.get("hold_out"):
         known = summary["refused_known"][-1]
@@ -273,7 +273,7 @@ def print_bound(found: Bound) -> None:
         f"seed {values['seed']}"
     )
     table = Table(box=None, pad_edge=False)
-    for heading in ("readings", "right", "error mm", "bound mm", "determined", "of classes mm", "determined"):
+    for heading in ("readings", "right", "error mm", "bound mm", "trials", "bound of classes mm", "trials"):
         table.add_column(heading, justify="right")
     for reading in sorted({row for row in (*ROWS, values["readings"]) if row <= values["readings"]}):
         k = reading - 1
@@ -291,7 +291,7 @@ def print_bound(found: Bound) -> None:
         console.print(f"no exact Bayes: {values['no_bayes']}")
     console.print(
         "right, error: exact Bayes, which knows the press. bound: Cramer and Rao's, of the pressures and of the three "
-        "classes of eq. 3, over the trials that their readings determine to "
+        "classes of eq. 3, over the share `trials` of the trials, those that their readings determine to "
         f"{values['determined_below_mm']:.2g} mm; - where these are too few, and the bound is the prior's."
     )
 

@@ -42,7 +42,7 @@ def bounds_of_trials(
     try:
         options = stated_options(scan)
         if not all(is_quick(letter, options) for letter in pressed_letters(scan, options).values()):
-            return None, "an engine has to press the letters; `bench bound` does"
+            return None, "these letters take long to press; `bench bound` works it out"
         return scan_information(scan, cache=cache).bounds(trials, slip=slip), ""
     except InputError as error:
         return None, str(error)

@@ -46,7 +46,7 @@ def check_data(
         if task.hashes and found[-1] != task.hashes[number]:
             raise InputError(
                 f"task {task.name}: the data of seed {seed} have the hash {found[-1][:12]}..., and the task states "
-                f"{task.hashes[number][:12]}...; results on other data stand beside nobody's: use a version of "
+                f"{task.hashes[number][:12]}...; results on other data cannot be compared: use a version of "
                 "tactsim that gives the task's, or give the changed task a new version"
             )
     return tuple(found)

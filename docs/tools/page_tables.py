@@ -6,10 +6,10 @@ A page says itself which table it wants, between two comments. The first names t
     <!-- end of table -->
 
 The sweep is a folder in results/sweeps, and its runs are pooled over their seeds, of which there are five at least.
-There is a row for each method and, if the sweep has several, for each protocol or condition. `SWEEP by method` makes a
-column of each method, and a row of each condition; `SWEEP by method: refined, graded` of these methods only. A figure
-after several readings, `coverage_90@3,5,10`, is written without intervals. What stands between the comments is
-replaced.
+There is a row for each method and, if the sweep has several, for each protocol or condition. `SWEEP by method` makes
+a column of each method, and a row of each condition; `SWEEP by method: refined, graded` of these methods only. `SWEEP
+by condition` makes a column of each condition, and a row of each method. A figure after several readings,
+`coverage_90@3,5,10`, is written without intervals. What stands between the comments is replaced.
 """
 
 from __future__ import annotations
@@ -50,7 +50,10 @@ def fill(text: str, sweeps: Path) -> str:
             pools[name] = _pools(sweeps / name)
         by, _, methods = by.partition(":")
         shown = _of_methods(pools[name], [method.strip() for method in methods.split(",")] if methods else [])
-        rows = _by_method(shown, figures) if by == "method" else _plain(shown, figures)
+        if by == "condition":
+            rows = _by_condition(shown, figures)
+        else:
+            rows = _by_method(shown, figures) if by == "method" else _plain(shown, figures)
         return f"{markdown_table(rows)}\n{_origin(name, shown, figures)}\n"
 
     filled = fill_blocks(text, "table", table)
@@ -125,6 +128,12 @@ def _by_method(pools: Sequence[Pooled], figures: Sequence[str]) -> list[list[str
         }
         rows.append([_name(pools, *condition), *(cells.get(method, "") for method in methods)])
     return rows
+
+
+def _by_condition(pools: Sequence[Pooled], figures: Sequence[str]) -> list[list[str]]:
+    """Write a row for each method and a column for each condition."""
+    head, *rows = zip(*_by_method(pools, figures), strict=True)
+    return [["method", *head[1:]], *map(list, rows)]
 
 
 def _name(pools: Sequence[Pooled], protocol: str, task: str) -> str:

@@ -87,7 +87,7 @@ def test_a_page_opens_without_a_complaint(open_page, path):
 
 
 def test_how_sure_is_drawn_beside_how_often_right(open_page, path):
-    sure = open_page(path).locator("section").filter(has_text="How sure, and how rightly").last
+    sure = open_page(path).locator("section").filter(has_text="Uncertainty and its calibration").last
     titles = sure.locator("figure.chart figcaption").all_inner_texts()
     assert titles == [
         "Share of 90 % regions that hold the truth",
@@ -97,7 +97,7 @@ def test_how_sure_is_drawn_beside_how_often_right(open_page, path):
 
 
 def test_without_regions_only_the_probability_is_drawn(open_page, unsampled_path):
-    sure = open_page(unsampled_path).get_by_role("region", name="How sure, and how rightly")
+    sure = open_page(unsampled_path).get_by_role("region", name="Uncertainty and its calibration")
     assert sure.locator(".two").evaluate("(two) => [...two.childNodes].map((one) => one.nodeName)") == [
         "FIGURE"
     ]

@@ -46,6 +46,9 @@ Words between.
 <!-- table: s by method: nearest; right@1,3 -->
 <!-- end of table -->
 
+<!-- table: s by condition; settled_95 -->
+<!-- end of table -->
+
 Words behind.
 """
 
@@ -80,13 +83,23 @@ def test_a_page_gets_its_tables_and_keeps_its_words(folder, monkeypatch, capsys)
     assert [lines[0], lines[-1]] == ["Words before.", "Words behind."]
     assert "| method | protocol | right after 1 | error after 3, mm | all right from |" in lines
     assert sum(line.startswith("| histogram, 100 bins | test poses same") for line in lines) == 1
-    assert sum(line.startswith("| nearest |") for line in lines) == 2
+    assert sum(line.startswith("| nearest |") for line in lines) == 3
     assert "| condition | histogram, 100 bins | histogram, 1,000 bins | nearest |" in lines
     assert "| condition | nearest |" in lines
+    by_method, by_condition = (
+        [line.strip("| ").split(" | ") for line in lines[lines.index(head) :][:row] if "---" not in line]
+        for head, row in (
+            ("| condition | histogram, 100 bins | histogram, 1,000 bins | nearest |", 4),
+            (next(line for line in lines if line.startswith("| method | ") and "right" not in line), 5),
+        )
+    )
+    assert [list(row[1:]) for row in zip(*by_method, strict=True)][1:] == [
+        row[1:] for row in by_condition[1:]
+    ]
     assert re.fullmatch(
         r"\| .* \| [01]\.\d{3} / [01]\.\d{3} \|", lines[lines.index("| condition | nearest |") + 2]
     )
-    assert page.count("`bench sweep s`: 5 scans, 10 trials for each figure; in brackets") == 2
+    assert page.count("`bench sweep s`: 5 scans, 10 trials for each figure; in brackets") == 3
     assert page.count("`bench sweep s`: 5 scans, 10 trials for each figure; commit") == 1
 
 

@@ -105,7 +105,7 @@ function readingsSection(task) {
     scrolling("Values at the chosen reading", table));
 }
 
-// How sure the methods are, and how rightly: regions of the place, and the letter's probability. Methods without
+// Uncertainty and its calibration: regions of the pose, and the letter's probability. Methods without
 // samples have no regions.
 function certaintySection(task) {
   const right = reliability({
@@ -116,7 +116,7 @@ function certaintySection(task) {
     }))),
   });
   const marked = "all readings of all trials; the larger a mark, the more estimates it stands for.";
-  const title = "How sure, and how rightly";
+  const title = "Uncertainty and its calibration";
   const sure = task.runs.filter((run) => run.coverage90.some((value) => value !== null));
   if (!sure.length) return section(title, h("div", { class: "two" }, right), h("p", { class: "hint" }, `Dashed: as it should be. Marks: ${marked}`));
 

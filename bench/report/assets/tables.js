@@ -157,6 +157,6 @@ function mapSet(set) {
   return [
     h("p", { class: "hint" }, `Learned by ${set.runs.join("; ")}.`),
     h("div", { class: "maps" }, canvases),
-    h("div", { class: "legend-bar" }, `−${limit}`, bar, `+${limit}`, h("span", {}, "log-odds less the prior's: felt empty, never felt, felt occupied")),
+    h("div", { class: "legend-bar" }, `−${limit}`, bar, `+${limit}`, h("span", {}, "log-odds less the prior's: below 0 free, 0 not touched, above 0 occupied")),
   ];
 }
