@@ -5,14 +5,12 @@ The page's own policy allows its script and its style by their hashes; all other
 
 from __future__ import annotations
 
-import base64
-import hashlib
 import html
 import json
 from collections.abc import Mapping, Sequence
-from importlib.resources import files
 from typing import Any
 
+from tactsim.bench.pages import in_line, policy_of
 from tactsim.core.errors import printable
 
 
@@ -31,24 +29,20 @@ def whole_page(
     data: for the script; None for a page that stands without. policy: what the page may do besides drawing itself.
     more: parts that only this template has, by name; they are taken as they are.
     """
-    bench = files("tactsim.bench")
-    script, style = (
-        "\n".join((bench / name).read_text(encoding="utf-8") for name in names) for names in (scripts, styles)
-    )
+    script, style = (in_line(names) for names in (scripts, styles))
     script = f'"use strict";\n(() => {{\n{script}}})();\n'
     stated = (
         {} if data is None else {"data": _inert(json.dumps(data, allow_nan=False, separators=(",", ":")))}
     )
     parts = {
         "title": html.escape(printable(title)),
-        "policy": f"default-src 'none'; {policy}img-src data:; "
-        f"style-src {_hash(style)}; script-src {_hash(script)}",
+        "policy": policy_of(script, style, policy),
         "style": style,
         **stated,
         **more,
         "script": script,
     }
-    text = (bench / template).read_text(encoding="utf-8")
+    text = in_line([template])
     for name, part in parts.items():
         before, after = text.split(f"<!--{name}-->")
         text = before + part + after
@@ -58,7 +52,3 @@ def whole_page(
 def _inert(json_text: str) -> str:
     """Write JSON so that no tag or comment can begin or end in it."""
     return json_text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
-
-
-def _hash(text: str) -> str:
-    return f"'sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()}'"

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from xml.etree.ElementTree import Element
-
-from tactsim.bench.leaderboard.markup import h
 from tactsim.bench.pooled import HEADINGS, Figure
 
 MISSING = "–"
@@ -46,15 +43,6 @@ def text_of(found: Figure, figure: str) -> str:
     """Write a figure and its interval in one line."""
     between = interval(found, figure)
     return number(found.value, figure) + (f" ({between})" if between else "")
-
-
-def cell(found: Figure, figure: str) -> Element:
-    """Make the cell of a figure: its value, and small its interval."""
-    between = interval(found, figure)
-    value = {} if found.value is None else {"data-value": f"{found.value:.9g}"}
-    return h(
-        "td", {"class": "number", **value}, number(found.value, figure), between and h("small", {}, between)
-    )
 
 
 def chance(p: float) -> str:

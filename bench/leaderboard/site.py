@@ -2,26 +2,26 @@
 
 from __future__ import annotations
 
+import base64
+import csv
 import hashlib
+import json
 import re
+import shlex
 import shutil
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from importlib.metadata import version
+from io import StringIO
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 from urllib.parse import quote
-from xml.etree.ElementTree import Element
 
+from tactsim.bench.leaderboard import drawings, figure_words
 from tactsim.bench.leaderboard.bundle import record_path
-from tactsim.bench.leaderboard.index_page import index_page
-from tactsim.bench.leaderboard.markup import h, html
-from tactsim.bench.leaderboard.method_page import method_page
-from tactsim.bench.leaderboard.rows import figures_csv, pairs_csv
-from tactsim.bench.leaderboard.standings import Folder, Standings
-from tactsim.bench.leaderboard.task_page import task_page
-from tactsim.bench.leaderboard.time_picture import time_picture
+from tactsim.bench.leaderboard.ranking import LEVEL
+from tactsim.bench.leaderboard.standings import Entrant, Folder, Standings
+from tactsim.bench.pages import render
 from tactsim.bench.places import check_new_folder
-from tactsim.bench.whole_page import whole_page
 from tactsim.core.errors import counted
 from tactsim.core.files import KeptBeside, new_folder, write_bytes, write_text
 
@@ -29,6 +29,14 @@ Key = TypeVar("Key")
 _ASSETS = "leaderboard/assets/"
 _STYLES = ("report/assets/page.css", f"{_ASSETS}leaderboard.css")
 _MARK = "made-by-bench-leaderboard.txt"  # a folder with this file may be replaced
+_LEAD = (
+    "Ways to recognise an object by touch, on frozen tasks: which object is it, and where, after a few readings of a "
+    "tactile pad. All methods of a task got the same readings in the same trials."
+)
+FIGURES = ("task", "task_data", "method", "estimator", "file", "status", "rank_best", "rank_worst", "figure", "value",
+           "low", "high", "trials", "scans")  # fmt: skip
+PAIRS = ("task", "task_data", "method", "other", "accuracy", "only_method_right", "only_other_right", "mcnemar_p",
+         "error", "difference", "difference_low", "difference_high", "bootstrap_p")  # fmt: skip
 
 
 def check_out(out: Path) -> None:
@@ -63,79 +71,149 @@ def write_site(folder: Folder, out: Path) -> None:
 
 def _write(folder: Folder, inside: Path) -> None:
     pages = _names("tasks", {(of.task, of.data): _task_slug(of) for of in folder.standings})
-    links = _names(
-        "methods", {method: method for method in sorted({one.bundle.method for one in folder.entrants})}
-    )
+    entered: dict[str, list[tuple[Standings, Entrant]]] = {}
+    for of in folder.standings:
+        for one in (*of.ranked, *of.unranked):
+            entered.setdefault(one.bundle.method, []).append((of, one))
+    entered = dict(sorted(entered.items()))
+    links = _names("methods", {method: method for method in entered})
     files = {one: f"bundles/{quote(one.path.name)}" for one in folder.entrants}
+    tables = {"Every figure, as CSV": "figures.csv", "Every pair of methods, as CSV": "pairs.csv"}
+
     (inside / "bundles").mkdir()
     for one in folder.entrants:
         for path in (one.path, record_path(one.path)) if one.check else (one.path,):
             shutil.copyfile(path, inside / "bundles" / path.name)
-    write_text(inside / "figures.csv", figures_csv(folder.standings))
-    write_text(inside / "pairs.csv", pairs_csv(folder.standings))
+    write_text(inside / "figures.csv", _csv(FIGURES, _figures(folder.standings)))
+    write_text(inside / "pairs.csv", _csv(PAIRS, _pairs(folder.standings)))
+
+    def page(name: str, template: str, title: str, lead: str, **context: Any) -> None:
+        text = render(
+            f"{_ASSETS}{template}.html", scripts=[f"{_ASSETS}sorting.js"], styles=_STYLES, title=title, lead=lead,
+            home="../" if "/" in name else "", version=version("tactsim"), words=figure_words, drawings=drawings,
+            pages=pages, links=links, files=files, **context,
+        )  # fmt: skip
+        write_text(inside / name, text)
+
     for of in folder.standings:
         name = pages[of.task, of.data]
-        parts = _of_task(of, name, links, files, inside)
-        _page(
-            inside / name,
-            of.task,
-            of.known.line if of.known else f"Another version's task or data: {of.data}",
-            parts,
-        )
-    for method, name in links.items():
-        entries = [
-            (of, one)
-            for of in folder.standings
-            for one in (*of.ranked, *of.unranked)
-            if one.bundle.method == method
-        ]
-        _page(inside / name, method, f"{counted(len(entries), 'bundle')}", method_page(entries, pages, files))
-    downloads = _list({"Every figure, as CSV": "figures.csv", "Every pair of methods, as CSV": "pairs.csv"})
-    parts = index_page(folder, pages, links, downloads)
-    _page(inside / "index.html", "tactsim leaderboard", _LEAD, parts)
+        pictures, drawn = _pictures(of, inside / "pictures" / Path(name).stem)
+        offered = {text: f"../{place}" for text, place in (tables | drawn).items()}
+        bundles = {one.label: f"../{files[one]}" for one in (*of.ranked, *of.unranked)}
+        machines = dict.fromkeys(_machine(one) for one in of.ranked)
+        lead = of.known.line if of.known else f"Another version's task or data: {of.data}"
+        page(
+            name, "task", of.task, lead,
+            of=of, pictures=pictures, offered=offered, bundles=bundles, machines=list(machines), level=f"{LEVEL:g}",
+        )  # fmt: skip
+    for method, entries in entered.items():
+        lead = counted(len(entries), "bundle")
+        page(links[method], "method", method, lead, entries=entries, command=command, facts=_facts)
+    page("index.html", "index", "tactsim leaderboard", _LEAD, folder=folder, entered=entered, offered=tables)
     write_text(inside / _MARK, "A static site, made by `bench leaderboard`, which may replace this folder.\n")
 
 
-_LEAD = (
-    "Ways to recognise an object by touch, on frozen tasks: which object is it, and where, after a few readings of a "
-    "tactile pad. All methods of a task got the same readings in the same trials."
-)
+def _pictures(of: Standings, stem: Path) -> tuple[dict[str, str], dict[str, str]]:
+    """Draw run time against error: for the page by its light, and as files beside it, by what they are."""
+    drawn = {scheme: drawings.time_picture(of, scheme) for scheme in ("light", "dark")}
+    files = {"svg": drawn["light"], "png": drawings.time_picture(of, "light", "png")}
+    offered = {}
+    for kind, content in files.items():
+        if content is not None:
+            write_bytes(stem.with_name(f"{stem.name}.{kind}"), content)
+            offered[f"Run time against error, as {kind.upper()}"] = f"pictures/{stem.name}.{kind}"
+    shown = {
+        scheme: f"data:image/svg+xml;base64,{base64.b64encode(content).decode()}"
+        for scheme, content in drawn.items()
+        if content is not None
+    }
+    return shown, offered
 
 
-def _of_task(
-    of: Standings, name: str, links: Mapping[str, str], files: Mapping, inside: Path
-) -> list[Element]:
-    pictures = {scheme: time_picture(of, scheme) for scheme in ("light", "dark")}
-    drawn = {scheme: picture for scheme, picture in pictures.items() if picture is not None}
-    offered = {"Every figure, as CSV": "../figures.csv", "Every pair of methods, as CSV": "../pairs.csv"}
-    if drawn:
-        stem = Path(name).stem
-        write_bytes(inside / "pictures" / f"{stem}.svg", drawn["light"])
-        write_bytes(inside / "pictures" / f"{stem}.png", time_picture(of, "light", "png") or b"")
-        offered |= {
-            f"Run time against error, as {kind.upper()}": f"../pictures/{stem}.{kind}"
-            for kind in ("svg", "png")
-        }
-    bundles = _list({one.label: f"../{files[one]}" for one in (*of.ranked, *of.unranked)})
-    more = h("details", {}, h("summary", {}, "The bundles: every estimate of every trial"), bundles)
-    return task_page(of, links, drawn, h("div", {}, _list(offered), more))
+def command(one: Entrant) -> str:
+    """Write the command that does these trials again; every name in it is quoted for a shell."""
+    bundle = one.bundle
+    words = ["bench", "submit", bundle.task, "--estimator", bundle.estimator, "--title", bundle.method]
+    for name, value in bundle.options.items():
+        words += ["--set", f"{name}={_option(value)}"]
+    words += [] if bundle.reproducible else ["--not-reproducible"]
+    return shlex.join([*words, "--out", one.path.name])
 
 
-def _page(path: Path, title: str, lead: str, parts: Iterable[Element]) -> None:
-    home = "" if path.name == "index.html" else "../"
-    way = h("nav", {}, h("a", {"href": f"{home}index.html"}, "Leaderboard"), f" / {title}") if home else None
-    content = html(
-        h(
-            "header",
-            {},
-            *([way] if way is not None else []),
-            h("div", {"class": "title"}, h("h1", {}, title), h("p", {}, lead)),
-        ),
-        h("main", {"id": "content", "tabindex": "-1"}, *parts),
-        h("footer", {}, f"Made by tactsim {version('tactsim')}, bench leaderboard."),
-    )
-    scripts = [f"{_ASSETS}sorting.js"]
-    write_text(path, whole_page(f"{_ASSETS}leaderboard.html", scripts, _STYLES, title=title, content=content))
+def _option(value: Any) -> str:
+    """Write the value of an option as `--set` reads it."""
+    if value is None:
+        return "none"
+    return value if isinstance(value, str) else json.dumps(value)
+
+
+def _facts(one: Entrant) -> dict[str, str | None]:
+    """Say what ran, where and with which code."""
+    bundle = one.bundle
+    options = ", ".join(f"{name} {_option(value)}" for name, value in bundle.options.items())
+    return {
+        "estimator": bundle.estimator,
+        "from": bundle.package or "tactsim itself",
+        "options given": options or "none: the defaults",
+        "described as": bundle.runs[0].about["description"] if bundle.runs else None,
+        "reproducible": "yes: the same bits again"
+        if bundle.reproducible
+        else "no: within what chance allows",
+        "made": bundle.made,
+        "commit of tactsim": bundle.commit or "unknown",
+        "hash of the source": bundle.source_hash,
+        "hash of the readings": bundle.task_data,
+        "versions": ", ".join(f"{name} {version}" for name, version in bundle.versions.items()),
+        "checked": _checked(one),
+        "machine": _machine(one),
+    }
+
+
+def _checked(one: Entrant) -> str:
+    if one.check is None:
+        return "not yet: unconfirmed"
+    check = one.check
+    chosen = "" if check.seed is None else f", with --seed {check.seed}"
+    by = f"by commit {check.commit or 'unknown'} on {check.machine.processor}, {check.made}{chosen}"
+    return f"{check.said}: {check.again} of {check.trials} trials were done again {by}"
+
+
+def _machine(one: Entrant) -> str:
+    machine = one.bundle.machine
+    return f"{machine['processor']}, {machine['cores']} cores, {machine['system']}"
+
+
+def _figures(standings: Iterable[Standings]) -> Iterator[Sequence[Any]]:
+    """Give every figure of every method; a method without a score has one row with its status."""
+    for of in standings:
+        for one in (*of.ranked, *of.unranked):
+            who = (of.task, of.data, one.bundle.method, one.bundle.estimator, one.path.name, one.status)
+            if one.rank is None:
+                yield *who, *[""] * (len(FIGURES) - len(who))
+                continue
+            counts = len(one.bundle.ids), len(one.bundle.runs)
+            for figure in of.columns:
+                found = one.figure(figure)
+                yield *who, *one.rank, figure, found.value, found.low, found.high, *counts
+            yield *who, *one.rank, "ms", one.ms_per_reading, None, None, *counts
+
+
+def _pairs(standings: Iterable[Standings]) -> Iterator[Sequence[Any]]:
+    """Give the comparison of every pair of ranked methods."""
+    for of in standings:
+        for one in of.pairs:
+            yield (
+                of.task, of.data, one.first.label, one.second.label, of.accuracy_by, one.won, one.lost, one.accuracy_p,
+                of.error_by, one.difference, one.low, one.high, one.error_p,
+            )  # fmt: skip
+
+
+def _csv(head: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
+    stream = StringIO(newline="")
+    writer = csv.writer(stream, lineterminator="\n")
+    writer.writerow(head)
+    writer.writerows(rows)
+    return stream.getvalue()
 
 
 def _task_slug(of: Standings) -> str:
@@ -151,11 +229,3 @@ def _names(folder: str, words: Mapping[Key, str]) -> dict[Key, str]:
             name = f"{name}-{hashlib.sha256(text.encode()).hexdigest()[:12]}".strip("-")
         found[key] = f"{folder}/{name}.html"
     return found
-
-
-def _list(offered: Mapping[str, str]) -> Element:
-    return h(
-        "ul",
-        {},
-        *(h("li", {}, h("a", {"href": place, "download": ""}, words)) for words, place in offered.items()),
-    )

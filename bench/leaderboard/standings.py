@@ -32,6 +32,54 @@ OTHER_TRIALS = "its trials are not the task's"
 TrialKey = tuple[int, str, int, int]  # seed, letter, number and readings
 MOST_TRIALS = 20_000  # of a bundle: the bootstrap takes 16 kB for each
 ACCURACY, ERRORS = "accuracy", ("error_all_mm", "error_mm")
+_SEEN = (1, 2, 3, 5, 10, 20)  # readings after which a table shows the accuracy, and the last
+_SEEN_OF_ERROR = (10, 20)
+
+
+@dataclass(frozen=True)
+class PaperRow:
+    """A method of Pezzementi, Reyda and Hager (2011), as their text states it (sections IV and V).
+
+    Their curves, figures 6 and 7, are pictures, from which nothing is read here. They have ten trials for each of five
+    real letters, and neither intervals nor trials to compare with: these rows are never ranked.
+
+    accuracy: share of the trials that were right, by the reading after which the text states it; it holds from there
+    on. where: the place in the paper, and what else it says there.
+    """
+
+    method: str
+    accuracy: Mapping[int, float]
+    where: str
+
+    def accuracy_after(self, reading: int) -> float | None:
+        """Give the accuracy that the text states for this many readings or fewer; None if it states none."""
+        stated = [at for at in self.accuracy if at <= reading]
+        return self.accuracy[max(stated)] if stated else None
+
+    def figure(self, name: str) -> float | None:
+        """Give a figure that the text states, such as accuracy@10; None if it does not."""
+        metric, _, at = name.partition("@")
+        return self.accuracy_after(int(at)) if metric == ACCURACY else None
+
+
+PAPER = "letters-v1"  # the task that has the paper's protocol
+PAPER_ROWS = (
+    PaperRow(
+        "histogram, 10,000 bins (paper)",
+        {9: 1.0},
+        "1.00 after 9 readings; objects within 1.3 mm on average, after how many it does not say: section V",
+    ),
+    PaperRow(
+        "histogram, 1,000 bins (paper)",
+        {46: 1.0},
+        "1.00 after 46 readings: section V; about 50 in section IV",
+    ),
+    PaperRow(
+        "particle, 10,000 particles (paper)",
+        {10: 0.74},
+        "levels out at 0.74 after around 10 readings: section IV",
+    ),
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,6 +165,27 @@ class Entrant:
 
 
 @dataclass(frozen=True, eq=False)
+class Pair:
+    """Two methods on the trials of a task: won and lost trials of the first, and the difference in error, mm.
+
+    difference, low, high: the first's mean error less the second's, and its 95 % interval; None where both named no
+    letter of a trial. accuracy_p, error_p: of McNemar's test and of the bootstrap, corrected for all pairs of the task.
+    told_apart: whether they are, in the figure that ranks.
+    """
+
+    first: Entrant
+    second: Entrant
+    won: int
+    lost: int
+    accuracy_p: float
+    difference: float | None
+    low: float | None
+    high: float | None
+    error_p: float
+    told_apart: bool
+
+
+@dataclass(frozen=True, eq=False)
 class Standings:
     """A task with all who entered it, on the same data.
 
@@ -143,6 +212,42 @@ class Standings:
     def trials(self) -> int:
         """Count the trials of a method."""
         return len(self.ranked[0].bundle.ids) if self.ranked else 0
+
+    @property
+    def columns(self) -> list[str]:
+        """List the figures of the table: what ranks, accuracy, error, error over bound, and what else is scored."""
+        last = self.readings
+        if not last:  # a task of another version, with which nobody was done
+            return []
+        accuracy = [f"accuracy@{at}" for at in (*(k for k in _SEEN if k < last), last)]
+        error = [f"error_mm@{at}" for at in (*(k for k in _SEEN_OF_ERROR if k < last), last)]
+        return list(dict.fromkeys([self.by, *accuracy, *error, f"efficiency@{last}", *self.scored]))
+
+    @property
+    def paper(self) -> tuple[PaperRow, ...]:
+        """List what the paper reports; nothing but for the task that has its protocol."""
+        return PAPER_ROWS if self.known is not None and self.task == PAPER else ()
+
+    @property
+    def pairs(self) -> list[Pair]:
+        """Compare all pairs of ranked methods, those placed better first."""
+        order = zip(*np.triu_indices(len(self.ranked), 1), strict=True)
+        return [self._pair(int(i), int(j)) for i, j in order]
+
+    @property
+    def neighbours(self) -> list[Pair]:
+        """Compare each ranked method with the next."""
+        return [self._pair(i, i + 1) for i in range(len(self.ranked) - 1)]
+
+    def _pair(self, i: int, j: int) -> Pair:
+        accuracies, errors = self.accuracies, self.errors
+        apart = [float(values[i, j]) for values in (errors.difference, errors.low, errors.high)]
+        difference, low, high = apart if np.isfinite(apart[0]) else (None, None, None)
+        p_of = accuracies.p if self.by == self.accuracy_by else errors.p
+        return Pair(
+            self.ranked[i], self.ranked[j], int(accuracies.wins[i, j]), int(accuracies.wins[j, i]),
+            float(accuracies.p[i, j]), difference, low, high, float(errors.p[i, j]), bool(p_of[i, j] <= LEVEL),
+        )  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)

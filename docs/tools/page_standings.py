@@ -18,9 +18,8 @@ from pathlib import Path
 from page_blocks import fill_blocks, fill_page, markdown_table
 
 from tactsim.bench.console import exit_status
-from tactsim.bench.leaderboard import paper_rows
 from tactsim.bench.leaderboard.figure_words import MISSING, heading, number, rank, text_of
-from tactsim.bench.leaderboard.standings import Entrant, Standings, read_folder
+from tactsim.bench.leaderboard.standings import Entrant, PaperRow, Standings, read_folder
 from tactsim.bench.tasks import task
 from tactsim.core import InputError
 from tactsim.core.source_digest import short_commit
@@ -52,9 +51,7 @@ def _table(of: Standings) -> str:
     ]
     rows = [[*heads, "ms a reading", "done again"]]
     rows += [_row(of, one, seen, last) for one in of.ranked]
-    if of.task == paper_rows.TASK:
-        stated = [row for row in paper_rows.ROWS if row.accuracy_after(max(seen)) is not None]
-        rows += [_paper_row(row, of, seen) for row in stated]
+    rows += [_paper_row(row, of, seen) for row in of.paper if row.accuracy_after(max(seen)) is not None]
     rows += [
         [MISSING, _escaped(one.label), _escaped(f"no score: {one.status}"), *[""] * 5] for one in of.unranked
     ]
@@ -71,7 +68,7 @@ def _row(of: Standings, one: Entrant, seen: Sequence[int], last: str) -> list[st
     ]  # fmt: skip
 
 
-def _paper_row(row: paper_rows.PaperRow, of: Standings, seen: Sequence[int]) -> list[str]:
+def _paper_row(row: PaperRow, of: Standings, seen: Sequence[int]) -> list[str]:
     def shown(at: int) -> str:
         value = row.accuracy_after(at)
         return MISSING if value is None else f"{value:.2f}"

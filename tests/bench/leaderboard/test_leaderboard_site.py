@@ -13,10 +13,8 @@ from entered import entered, record_of
 
 from tactsim.bench.leaderboard import site as sites
 from tactsim.bench.leaderboard.bundle import write_bundle
-from tactsim.bench.leaderboard.paper_rows import ROWS
 from tactsim.bench.leaderboard.site import write_site
-from tactsim.bench.leaderboard.standings import read_folder
-from tactsim.bench.leaderboard.task_page import standings_table
+from tactsim.bench.leaderboard.standings import PAPER_ROWS, read_folder
 from tactsim.core import InputError
 
 TASK = "active-v1"
@@ -112,15 +110,14 @@ def test_a_task_page_says_all_that_is_known(site):
     assert "read from the paper" not in words
 
 
-def test_the_papers_rows_stand_below_those_of_its_own_task_without_a_rank(found, site):
+def test_the_papers_rows_stand_below_those_of_its_own_task_without_a_rank(found, tmp_path):
     of = replace(found.standings[0], task="letters-v1")
-    links = {one.bundle.method: "x.html" for one in found.entrants}
-    rows = standings_table(of, links).findall("tbody/tr")
-    paper = [row for row in rows if row.get("class") == "paper"]
-    assert [row.find("th").text for row in paper] == [row.method for row in ROWS]
-    assert [row.find("td[@class='rank']").text for row in paper] == ["–"] * 3
-    assert all("read from the paper" in "".join(row.itertext()) for row in paper)
-    assert rows.index(paper[0]) == len(of.ranked)
+    write_site(replace(found, standings=(of,)), tmp_path / "site")
+    rows = (tmp_path / "site" / "tasks" / "letters-v1.html").read_text(encoding="utf-8").split("<tr")
+    paper = [row for row in rows if row.startswith(' class="paper"')]
+    assert [row.method in html for row, html in zip(PAPER_ROWS, paper, strict=True)] == [True] * 3
+    assert all('<td class="rank">–</td>' in row and "read from the paper" in row for row in paper)
+    assert rows.index(paper[0]) == 1 + 1 + len(of.ranked)  # what comes first, and the head
 
 
 def test_the_first_page_names_who_leads_and_what_could_not_be_read(site):
@@ -175,7 +172,7 @@ def test_a_site_that_could_not_be_made_whole_leaves_the_one_before(found, site, 
     out = tmp_path / "site"
     shutil.copytree(site, out)
     before = sorted(out.rglob("*"))
-    monkeypatch.setattr(sites, "task_page", lambda *words: 1 / 0)
+    monkeypatch.setattr(sites, "render", lambda *words, **more: 1 / 0)
     with pytest.raises(ZeroDivisionError):
         write_site(found, out)
     assert [path.name for path in tmp_path.iterdir()] == ["site"]

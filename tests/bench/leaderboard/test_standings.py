@@ -10,9 +10,8 @@ from entered import entered, record_of
 
 from tactsim.bench.leaderboard import standings
 from tactsim.bench.leaderboard.bundle import write_bundle
-from tactsim.bench.leaderboard.method_page import command
-from tactsim.bench.leaderboard.paper_rows import ROWS
-from tactsim.bench.leaderboard.standings import OTHER_TRIALS, read_folder
+from tactsim.bench.leaderboard.site import command
+from tactsim.bench.leaderboard.standings import OTHER_TRIALS, PAPER_ROWS, read_folder
 from tactsim.bench.score import wilson
 from tactsim.bench.tasks import task
 from tactsim.core import InputError
@@ -181,7 +180,7 @@ def test_the_command_of_a_method_survives_a_shell(made, tmp_path):
 
 
 def test_the_papers_accuracy_stands_from_the_reading_on_after_which_it_is_stated():
-    fine, coarse, particles = ROWS
+    fine, coarse, particles = PAPER_ROWS
     assert [fine.accuracy_after(k) for k in (5, 8, 9, 10, 20)] == [None, None, 1.0, 1.0, 1.0]
     assert [coarse.accuracy_after(k) for k in (20, 45, 46)] == [None, None, 1.0]
     assert [particles.accuracy_after(k) for k in (5, 10, 20)] == [None, 0.74, 0.74]

@@ -1,0 +1,66 @@
+"""Pages: a base template that they extend, and how one is rendered: whole, in one file, that opens without a network.
+
+No word of the data becomes markup: templates escape what they are given. The page's own policy allows its script and
+its style by their hashes; all others are forbidden.
+"""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+from collections.abc import Sequence
+from importlib.resources import files
+from typing import Any
+
+from jinja2 import Environment, FunctionLoader, StrictUndefined
+from markupsafe import Markup
+
+from tactsim.core.errors import printable
+
+
+def render(
+    template: str, *, scripts: Sequence[str] = (), styles: Sequence[str], policy: str = "", **context: Any
+) -> str:
+    """Render a template that extends `pages/base.html`; all files are named from the folder `bench`.
+
+    policy: what the page may do besides drawing itself, as directives of a Content-Security-Policy. context: what the
+    template shows; `title` is one of it.
+    """
+    script, style = (in_line(names) for names in (scripts, styles))
+    script = f'"use strict";\n(() => {{\n{script}}})();\n' if scripts else ""
+    return _TEMPLATES.get_template(template).render(
+        script=Markup(script), style=Markup(style), policy=policy_of(script, style, policy), **context
+    )
+
+
+def in_line(names: Sequence[str]) -> str:
+    """Read files of the folder `bench` and put them together."""
+    return "\n".join(_source(name) for name in names)
+
+
+def policy_of(script: str, style: str, more: str = "") -> str:
+    """Write the Content-Security-Policy of a page with this script and this style in it."""
+    return f"default-src 'none'; {more}img-src data:; style-src {_hash(style)}; script-src {_hash(script)}"
+
+
+def _hash(text: str) -> str:
+    return f"'sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()}'"
+
+
+def _source(name: str) -> str:
+    return (files("tactsim.bench") / name).read_text(encoding="utf-8")
+
+
+def _shown(value: Any) -> Any:
+    """Let no character through that cannot be printed, such as those that turn the direction of a text."""
+    return printable(value) if isinstance(value, str) and not isinstance(value, Markup) else value
+
+
+_TEMPLATES = Environment(
+    loader=FunctionLoader(_source),
+    autoescape=True,
+    undefined=StrictUndefined,
+    finalize=_shown,
+    trim_blocks=True,
+    lstrip_blocks=True,
+)
