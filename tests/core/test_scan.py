@@ -179,14 +179,14 @@ def hostile_files(scan, tmp_path):
     write_npz(tmp_path / "negative", **(whole | {"readings": negative}))
     write_npz(tmp_path / "infinite-meta", **(whole | {"meta": npy(np.array('{"a": [1e999]}'))}))
     write_npz(tmp_path / "deep-meta", **(whole | {"meta": npy(np.array("[" * 100_000))}))
-    with zipfile.ZipFile(tmp_path / "lzma", "w", zipfile.ZIP_LZMA) as archive:
+    with zipfile.ZipFile(tmp_path / "bzip2", "w", zipfile.ZIP_BZIP2) as archive:
         for name, content in whole.items():
             archive.writestr(f"{name}.npy", content)
     plain = bytearray((tmp_path / "list").read_bytes())
     plain[plain.index(b"PK\x01\x02") + 8] |= 1  # the first member claims to be encrypted
     (tmp_path / "encrypted").write_bytes(plain)
     (tmp_path / "folder").mkdir()
-    files |= dict.fromkeys(["negative", "infinite-meta", "deep-meta", "lzma", "encrypted", "folder"])
+    files |= dict.fromkeys(["negative", "infinite-meta", "deep-meta", "bzip2", "encrypted", "folder"])
     return [*files, "huge", "pickled", "missing", "no-json", "list", "short", "not-npy", "nan", "absent"]
 
 
