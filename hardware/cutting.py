@@ -77,6 +77,7 @@ def cut(scan: Scan, rows: int, columns: int, stride: int = 1) -> Scan:
         },
         loads=None if scan.loads is None else np.concatenate([half.loads for half, _, _ in pieces]),
         presses=np.concatenate([half.presses for half, _, _ in pieces]),
+        moments=None if scan.moments is None else np.concatenate([half.moments for half, _, _ in pieces]),
     )  # fmt: skip
 
 

@@ -16,14 +16,21 @@ from tactsim.core.poses import FloatArray
 from tactsim.core.scan import Scan
 from tactsim.hardware.following import Follower
 
+Moments = int | Literal["auto", "found"]
+
 
 @dataclass
 class Gathered:
-    """Collects the presses of recordings, their moments, and the taxels that are wrong in one of them."""
+    """Collects the presses of recordings, their moments, and the taxels that are wrong in one of them.
+
+    moments: how many of each training press are wanted, "auto", or "found": auto, and none where no press shows a rise.
+    at_load: the share of their load at which test presses are taken.
+    """
 
     pad: Pad
     taxel_xy: FloatArray
-    moments: int | Literal["auto"] | None
+    moments: Moments | None = None
+    at_load: float = 1.0
     readings: list[FloatArray] = field(default_factory=list)
     poses: list[tuple[float, float, float]] = field(default_factory=list)
     labels: list[str] = field(default_factory=list)
@@ -32,10 +39,21 @@ class Gathered:
     share: list[float] = field(default_factory=list)
     wrong: dict[int, str] = field(default_factory=dict)
 
+    def __post_init__(self) -> None:
+        if not 0 < self.at_load <= 1:
+            raise InputError(
+                f"test presses are asked for at {self.at_load:g} of their load; give a share above 0, at most 1"
+            )
+        auto = (
+            None if self.moments is None else shares_of("auto" if self.moments == "found" else self.moments)
+        )
+        self.of_training = np.ones(1) if auto is None else auto
+
     @property
     def shares(self) -> FloatArray | None:
-        """Give the shares of the load at which images are wanted; None if moments are not."""
-        return None if self.moments is None else shares_of(self.moments)
+        """Give the shares of the load at which images are wanted; None if that is the whole load alone."""
+        wanted = np.union1d(self.of_training, self.at_load)
+        return None if wanted[0] == 1 else wanted
 
     def add(
         self,
@@ -43,14 +61,26 @@ class Gathered:
         presses: Sequence[tuple[str, str, tuple[float, float, float]]],
         follower: Follower,
     ) -> None:
-        """Add presses (label, split, pose) with their readings (n, taxels) and what was found on the way."""
+        """Add presses (label, split, pose) with their readings (n, taxels) and what was found on the way.
+
+        A test press that does not show the share of its load that is asked for is left out.
+        """
         shares = self.shares
+        rises = shares is not None and any(
+            found[np.isin(shares, self.of_training) & (shares < 1)].any()
+            for found, _ in follower.moments.values()
+        )
         for number, (label, split, pose) in enumerate(presses):
-            moments = [(1.0, readings[number])]
-            if shares is not None and number in follower.moments:
+            moments = [(1.0, readings[number])] if split == "train" or self.at_load == 1 else []
+            wanted = self.of_training if split == "train" else np.array([self.at_load])
+            if (
+                shares is not None
+                and number in follower.moments
+                and (rises or self.moments != "found" or not moments)
+            ):
                 found, images = follower.moments[number]
-                wanted = found if split == "train" else found & (shares == 1)
-                moments = list(zip(shares[wanted].tolist(), images[wanted], strict=True))
+                chosen = found & np.isin(shares, wanted)
+                moments = list(zip(shares[chosen].tolist(), images[chosen], strict=True))
             first = self.press[-1] + 1 if self.press else 0
             for share, image in moments:
                 self.readings.append(image)
@@ -73,33 +103,45 @@ class Gathered:
         if self.wrong:
             of_pad = [int(np.abs(self.pad.taxel_xy - xy).sum(axis=1).argmin()) for xy in self.taxel_xy]
             meta = {**meta, "left_out": {str(of_pad[taxel]): why for taxel, why in self.wrong.items()}}
+        training = np.array(self.split) == "train"
         if self.moments is not None:
-            chosen = self._seldom_left_out(share)
-            lower = share[chosen] < 1
-            if not lower.any():
+            chosen = self._seldom_left_out(share, training)
+            lower = chosen & training & (share < 1)
+            if lower.any():
+                meta = {
+                    **meta,
+                    "moments": {
+                        "shares": sorted(set(share[chosen & training].tolist())), "of": "felt", "split": "train",
+                        "presses": len(set(np.array(self.press)[lower].tolist())),
+                    },
+                }  # fmt: skip
+            elif self.moments != "found":
                 raise InputError(
                     "no press of the recording shows a plateau and images on the way there, so there are no moments to "
                     "take; record whole presses with more images a second, or leave out --moments"
                 )
-            presses = np.array(self.press)[chosen]
-            meta = {
-                **meta,
-                "moments": {
-                    "shares": sorted(set(share[chosen].tolist())), "of": "felt", "split": "train",
-                    "presses": len(set(presses[lower].tolist())),
-                },
-            }  # fmt: skip
+        if self.at_load < 1:
+            if not (chosen & ~training).any():
+                raise InputError(
+                    f"no test press shows {self.at_load:.0%} of its load on the way to a plateau; record whole presses "
+                    "with more images a second, or leave out --at-load"
+                )
+            meta = {**meta, "test_load": self.at_load}
+        apart = (share[chosen] < 1).any()
         return Scan(
             np.array(self.readings)[chosen][:, kept], np.array(self.poses)[chosen], np.array(self.labels)[chosen],
             np.array(self.split)[chosen], self.taxel_xy[kept], meta,
-            presses=None if self.moments is None else np.array(self.press)[chosen],
+            presses=np.array(self.press)[chosen] if apart else None, moments=share[chosen] if apart else None,
         )  # fmt: skip
 
-    def _seldom_left_out(self, share: FloatArray) -> NDArray[np.bool_]:
+    def _seldom_left_out(self, share: FloatArray, training: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """Choose the readings (n,) whose share of the load at least half of the presses show, if that is automatic."""
         chosen = np.ones(len(share), dtype=bool)
-        if self.moments == "auto":
-            most = max(np.count_nonzero(share == one) for one in set(share[share < 1].tolist()) or {1.0})
-            for one in set(share[share < 1].tolist()):
-                chosen &= (share != one) | (np.count_nonzero(share == one) >= most / 2)
+        if self.moments in ("auto", "found"):
+            number = {
+                part: np.count_nonzero(training & (share == part))
+                for part in set(share[training & (share < 1)].tolist())
+            }
+            for part, count in number.items():
+                chosen &= ~training | (share != part) | (count >= max(number.values()) / 2)
         return chosen

@@ -25,7 +25,7 @@ from tactsim.core.source import Source, SourceError
 from tactsim.hardware.calibration import Calibration, Correction
 from tactsim.hardware.codecs.codec import STRICT
 from tactsim.hardware.following import Follower
-from tactsim.hardware.gathered import Gathered
+from tactsim.hardware.gathered import Gathered, Moments
 from tactsim.hardware.recorded import Replay
 from tactsim.hardware.recording import Kind, Whole
 from tactsim.hardware.session import Plan, Press, note, parse_press
@@ -97,11 +97,13 @@ def read_session(path: str | Path) -> SessionRecord:
     )  # fmt: skip
 
 
-def scan_of_sessions(paths: Sequence[str | Path], moments: int | Literal["auto"] | None = None) -> Scan:
+def scan_of_sessions(
+    paths: Sequence[str | Path], moments: Moments | None = None, at_load: float = 1.0
+) -> Scan:
     """Make one scan of guided sessions: each press is the mean of its readings.
 
     Taxels that one of the calibrations leaves out, and those that are wrong while the pad is idle, are left out
-    everywhere. moments: how many of each training press, as `scan_of_intervals` has it.
+    everywhere. moments, at_load: of training and of test presses, as `scan_of_intervals` has them.
     Raises InputError if there is no press in them, their pads differ, two are the same recording, or moments are wanted
     and none is found.
     """
@@ -119,7 +121,7 @@ def scan_of_sessions(paths: Sequence[str | Path], moments: int | Literal["auto"]
         if session.pad != pad:
             raise InputError(f"{session.path} was recorded with another pad than {sessions[0].path}")
         kept &= session.kept()
-    gathered = Gathered(pad, pad.taxel_xy[kept], moments)
+    gathered = Gathered(pad, pad.taxel_xy[kept], moments, at_load)
     spreads, about = [], []
     for session in sessions:
         means, spread, follower = _means(session, kept, gathered.shares)
@@ -269,19 +271,21 @@ def _with_points(words: dict[str, str]) -> dict[str, str]:
 
 
 def scan_of_intervals(
-    source: Source, intervals: Sequence[Interval], moments: int | Literal["auto"] | None = None
+    source: Source, intervals: Sequence[Interval], moments: Moments | None = None, at_load: float = 1.0
 ) -> Scan:
     """Make a scan of a recording without guidance: the mean of the readings in each interval.
 
     moments: how many of each training press, at even shares of its load up to the plateau, as further readings at its
-    pose; "auto" as `with_moments` has it. The plateau is found within the interval, the rise in what was read since the
-    interval before; then the plateau's median is the press's reading. Taxels that are stuck or always loaded while
-    nothing presses are left out: `meta["left_out"]` says which, numbered as on the whole pad, and why.
+    pose; "auto" as `with_moments` has it, and "found" the same where there is a rise, else none. at_load: the share of
+    their load at which test presses are read; one that does not show it is left out. The plateau is found within the
+    interval, the rise in what was read since the interval before; then the plateau's median is the press's reading.
+    Taxels that are stuck or always loaded while nothing presses are left out: `meta["left_out"]` says which, numbered
+    as on the whole pad, and why.
 
     Raises InputError if an interval holds no reading, ends behind the last one, a link was lost within it, or moments
     are wanted and no press has any.
     """
-    gathered = Gathered(source.pad, source.taxel_xy, moments)
+    gathered = Gathered(source.pad, source.taxel_xy, moments, at_load)
     follower = Follower([(each.first_s, each.last_s) for each in intervals], gathered.shares)
     sums = np.zeros((len(intervals), len(source.taxel_xy)))
     counts = np.zeros(len(intervals), dtype=int)

@@ -56,8 +56,15 @@ def command(
     moments: Annotated[
         str | None,
         typer.Option(
-            help="Take so many images of each training press, 2 to 20, at even shares of its load, or auto. So presses "
-            "of other loads are recognised, too.",
+            help="Take so many images of each training press, 2 to 20, at even shares of its load, auto, or off. So "
+            "presses of other loads are recognised, too. Default: auto, where the recording shows the rise.",
+            show_default=False,
+        ),
+    ] = None,
+    at_load: Annotated[
+        str | None,
+        typer.Option(
+            help="Take the test presses at a share of their load, such as 75%, on the way there.",
             show_default=False,
         ),
     ] = None,
@@ -100,12 +107,12 @@ def command(
         refuse_typed(context, ("stride",), "says how far cuts are apart; say how large they are with --cut")
     if scan is None:
         refuse_typed(context, ("zero", "idle"), "is of the readings of a scan: name it with --scan")
-    if (marks is not None or cut is not None or moments is not None) and scan is None:
-        raise InputError("--marks, --cut and --moments make a scan: name it with --scan")
+    if (marks is not None or cut is not None or moments is not None or at_load is not None) and scan is None:
+        raise InputError("--marks, --cut, --moments and --at-load make a scan: name it with --scan")
     described, correction = pads.load(device, calibration)
     frames = shared.idle_frames(idle)
     window = None if cut is None else _window(cut)
-    wanted = None if moments is None else _moments(moments)
+    wanted, share = _moments(moments), 1.0 if at_load is None else _share(at_load)
     console = plain_console()
 
     def opened(path: Path) -> Source:
@@ -124,10 +131,10 @@ def command(
             return
         made: Scan
         if marks is None:
-            made = scan_of_sessions(recordings, wanted)
+            made = scan_of_sessions(recordings, wanted, share)
         else:
             with opened(recordings[0]) as source:
-                made = scan_of_intervals(source, read_intervals(marks), wanted)
+                made = scan_of_intervals(source, read_intervals(marks), wanted, share)
         check_labels(made.letters)
         made, told = settled(made, zero, frames)
         made = with_letters(made, parse_letters(letters) if letters else () if marks is not None else None)
@@ -171,18 +178,35 @@ def _write_csv(source: Source, path: Path) -> None:
             stream.write((",".join([*words, *map(repr, reading.pressures.tolist())]) + "\n").encode())
 
 
-def _moments(text: str) -> int | Literal["auto"]:
+def _moments(text: str | None) -> int | Literal["auto", "found"] | None:
     """Read how many moments are wanted, from 2 on. Raises InputError for anything else."""
     from tactsim.bench.config import whole_number
     from tactsim.core.errors import InputError
     from tactsim.core.moments import MOST
 
-    if text == "auto":
-        return "auto"
+    if text is None:
+        return "found"
+    if text in ("auto", "off"):
+        return "auto" if text == "auto" else None
     count = whole_number(text)
     if count is None or not 2 <= count <= MOST:
-        raise InputError(f"--moments {text!r}: give a whole number from 2 to {MOST}, or auto")
+        raise InputError(f"--moments {text!r}: give a whole number from 2 to {MOST}, auto, or off")
     return count
+
+
+def _share(text: str) -> float:
+    """Read a share of the load: 75%, or .75. Raises InputError for one that is not above 0, at most 1."""
+    from tactsim.core.errors import InputError
+
+    try:
+        share = float(text.removesuffix("%")) / (100 if text.endswith("%") else 1)
+    except ValueError:
+        share = 0.0
+    if not 0 < share <= 1:
+        raise InputError(
+            f"--at-load {text!r}: give a share of the load above 0 %, at most 100 %, such as 75%"
+        )
+    return share
 
 
 def _found(scan: Scan) -> list[str]:
@@ -192,6 +216,8 @@ def _found(scan: Scan) -> list[str]:
         said = scan.meta["moments"]
         shares = ", ".join(f"{share:.0%}" for share in said["shares"])
         lines.append(f"moments of {said['presses']:,} training presses at {shares} of their load")
+    if "test_load" in scan.meta:
+        lines.append(f"test presses are taken at {scan.meta['test_load']:.0%} of their load")
     if "cut" in scan.meta:
         said = scan.meta["cut"]
         if said["missing"]:

@@ -41,11 +41,12 @@ class LikelihoodField:
         self.labels, self.taxel_xy = tuple(labels), np.array(taxel_xy, dtype=float)
         self.tables = tabulate(likelihood, labels, spacing, finest)
         self.terms = Terms(
-            start=np.zeros(65, dtype=np.int64),
+            loads=likelihood.loads,
+            start=np.zeros(64 * likelihood.loads + 1, dtype=np.int64),
             kind=np.zeros(4096, dtype=np.int64),
             xy=np.zeros((4096, 2)),
             weight=np.zeros(4096, dtype=np.float32),
-            constant=np.zeros((64, len(labels))),
+            constant=np.zeros((64 * likelihood.loads, len(labels))),
             upper=np.zeros(65),
             slack=np.zeros(64),
         )
@@ -80,7 +81,7 @@ class LikelihoodField:
         or gave a weight that is negative or not finite.
         """
         self._make_room(len(evidence.table))
-        named = Named(evidence.table, evidence.taxel, evidence.weight)
+        named = Named(evidence.table, evidence.taxel, evidence.weight, evidence.ends(self.terms.loads))
         if not record(self.terms, self._readings, named, self.taxel_xy, sensor_in_robot, self._ranges):
             evidence.check(len(self.tables.highest), len(self.taxel_xy))
         self._readings += 1
@@ -120,7 +121,7 @@ class LikelihoodField:
         if self._readings == len(terms.slack):
             by_reading = ("start", "constant", "upper", "slack")
             terms = terms._replace(**{name: _doubled(getattr(terms, name)) for name in by_reading})
-        while terms.start[self._readings] + count > len(terms.kind):
+        while terms.start[self._readings * terms.loads] + count > len(terms.kind):
             by_term = ("kind", "xy", "weight")
             terms = terms._replace(**{name: _doubled(getattr(terms, name)) for name in by_term})
         self.terms = terms

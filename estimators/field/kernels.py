@@ -39,12 +39,14 @@ _FAR = 1e9
 class Terms(NamedTuple):
     """The terms of all readings so far; arrays may be longer than what is filled.
 
-    start: (readings + 1,) where each reading's terms begin. kind, xy, weight: (terms,) the terms' table,
-    place in the robot frame (mm) and factor. constant: (readings, letters) what a state far off the map
-    gets. upper: (readings + 1,) cumulated, an upper bound of what any state gets. slack: (readings,) by
-    how much rounding may move a sum.
+    A reading is one sum of terms, or as many as there are loads that it may have been taken under: then their mean
+    counts, of likelihoods. loads: how many. start: (readings * loads + 1,) where the terms of each load of each reading
+    begin. kind, xy, weight: (terms,) the terms' table, place in the robot frame (mm) and factor. constant: (readings *
+    loads, letters) what a state far off the map gets. upper: (readings + 1,) cumulated, an upper bound of what any
+    state gets. slack: (readings,) by how much rounding may move a sum.
     """
 
+    loads: int
     start: Ints
     kind: Ints
     xy: Reals
@@ -54,7 +56,7 @@ class Terms(NamedTuple):
     slack: Reals
 
 
-TERMS = types.NamedTuple((INTS, INTS, REALS_2D, FLOATS, REALS_2D, REALS, REALS), Terms)
+TERMS = types.NamedTuple((int64, INTS, INTS, REALS_2D, FLOATS, REALS_2D, REALS, REALS), Terms)
 
 
 class Ranges(NamedTuple):
@@ -69,14 +71,18 @@ RANGES = types.NamedTuple((REALS_2D, REALS, REALS), Ranges)
 
 
 class Named(NamedTuple):
-    """The terms that a reading names: table and taxel (terms,) indices, weight (terms,), see `likelihood.Evidence`."""
+    """The terms that a reading names: table and taxel (terms,) indices, weight (terms,), see `likelihood.Evidence`.
+
+    end: (loads,) where the terms of each load end.
+    """
 
     table: Ints
     taxel: Ints
     weight: Floats
+    end: Ints
 
 
-NAMED = types.NamedTuple((INTS, INTS, FLOATS), Named)
+NAMED = types.NamedTuple((INTS, INTS, FLOATS, INTS), Named)
 
 
 class Sampled(NamedTuple):
@@ -118,26 +124,30 @@ def record(terms: Terms, reading: int, named: Named, taxel_xy: Reals, pose: Real
 
     Returns False, and appends nothing, if a table or taxel does not exist or a weight is negative or not finite.
     """
-    begin, count = terms.start[reading], len(named.table)
+    begin, count, row = terms.start[reading * terms.loads], len(named.table), reading * terms.loads
     cos, sin = math.cos(pose[2]), math.sin(pose[2])
-    terms.constant[reading] = 0
-    most = slack = 0.0
-    for i in range(count):
-        kind, taxel, factor = named.table[i], named.taxel[i], float64(named.weight[i])
-        if not (0 <= kind < len(ranges.highest) and 0 <= taxel < len(taxel_xy) and 0 <= factor < np.inf):
-            return False
-        x, y = taxel_xy[taxel, 0], taxel_xy[taxel, 1]
-        terms.kind[begin + i], terms.weight[begin + i] = kind, factor
-        terms.xy[begin + i, 0] = pose[0] + cos * x - sin * y
-        terms.xy[begin + i, 1] = pose[1] + sin * x + cos * y
-        most += factor * ranges.highest[kind]
-        slack += factor * max(abs(ranges.lowest[kind]), abs(ranges.highest[kind]))
-        for letter in range(ranges.outside.shape[1]):
-            terms.constant[reading, letter] += factor * ranges.outside[kind, letter]
+    first, upper, slack = 0, -np.inf, 0.0
+    for load in range(terms.loads):
+        most = size = 0.0
+        terms.constant[row + load] = -math.log(terms.loads)
+        for i in range(first, named.end[load]):
+            kind, taxel, factor = named.table[i], named.taxel[i], float64(named.weight[i])
+            if not (0 <= kind < len(ranges.highest) and 0 <= taxel < len(taxel_xy) and 0 <= factor < np.inf):
+                return False
+            x, y = taxel_xy[taxel, 0], taxel_xy[taxel, 1]
+            terms.kind[begin + i], terms.weight[begin + i] = kind, factor
+            terms.xy[begin + i, 0] = pose[0] + cos * x - sin * y
+            terms.xy[begin + i, 1] = pose[1] + sin * x + cos * y
+            most += factor * ranges.highest[kind]
+            size += factor * max(abs(ranges.lowest[kind]), abs(ranges.highest[kind]))
+            for letter in range(ranges.outside.shape[1]):
+                terms.constant[row + load, letter] += factor * ranges.outside[kind, letter]
+        first = named.end[load]
+        terms.start[row + load + 1] = begin + first
+        upper, slack = max(upper, most), max(slack, size)
     # Each of the additions may be off by that share of what the sum can have reached.
     terms.slack[reading] = slack * ROUNDING * (count + 4)
-    terms.upper[reading + 1] = terms.upper[reading] + most + terms.slack[reading]
-    terms.start[reading + 1] = begin + count
+    terms.upper[reading + 1] = terms.upper[reading] + upper + terms.slack[reading]
     return True
 
 
@@ -147,6 +157,7 @@ def replay(
 ) -> None:
     """Add log p(z | x) (eq. 7) of readings first, ..., last - 1 to the log-beliefs of states anywhere.
 
+    Of a reading that may have been taken under several loads it is the log of their mean.
     log_p: (states,). state: (3, states) T_R^O. letter: (states,). A state's terms are added one by one, in order: it
     does not matter in how many calls, or beside which others. Each of three loops over a block of states is compiled to
     instructions for many states at once: find their places, read the nodes around them, interpolate.
@@ -156,6 +167,7 @@ def replay(
     nodes, plane = sampled.nodes.reshape(sampled.nodes.size).view(np.uint16), rows * columns
     # Places are in float32, twice as many to an instruction: a letter's nodes are some hundred, not thousands, apart.
     x, along_x, across_x, y, along_y, across_y, right, above, total = np.zeros((9, _BLOCK), dtype=np.float32)
+    mixed = np.empty(_BLOCK)
     own, node, low, high = np.zeros((4, _BLOCK), dtype=np.int32)
     none, last_column, last_row = float32(0), float32(columns - 1), float32(rows - 1)
     second_column, second_row, width = int32(columns - 2), int32(rows - 2), int32(columns)
@@ -170,9 +182,9 @@ def replay(
             x[k] = (state[0, block + k] - lattice[0]) / lattice[2]
             y[k] = (state[1, block + k] - lattice[1]) / lattice[3]
             own[k] = letter[block + k] * plane
-        for reading in range(first, last):
+        for row in range(first * terms.loads, last * terms.loads):
             total[:] = 0
-            for term in range(begin[reading], begin[reading + 1]):
+            for term in range(begin[row], begin[row + 1]):
                 term_x, term_y = float32(terms.xy[term, 0]), float32(terms.xy[term, 1])
                 for k in range(padded):
                     to_x = x[k] + along_x[k] * term_x + across_x[k] * term_y
@@ -185,9 +197,9 @@ def replay(
                     )
                     near_x: Any = int32(to_x)  # type: ignore[arg-type]
                     near_y: Any = int32(to_y)  # type: ignore[arg-type]
-                    column, row = min(near_x, second_column), min(near_y, second_row)
-                    right[k], above[k] = to_x - float32(column), to_y - float32(row)
-                    node[k] = own[k] + int32(row) * width + int32(column)
+                    near_x, near_y = min(near_x, second_column), min(near_y, second_row)
+                    right[k], above[k] = to_x - float32(near_x), to_y - float32(near_y)
+                    node[k] = own[k] + near_y * width + near_x
                 table = uint64(terms.kind[term] * letters * plane)
                 # Two neighbours are read as one number of 32 bits, the second in its upper half.
                 for k in range(states):
@@ -209,8 +221,14 @@ def replay(
                     below = lower_left + right[k] * (lower_right - lower_left)
                     beyond = upper_left + right[k] * (upper_right - upper_left)
                     total[k] += weight * (below + above[k] * (beyond - below))
+            load = row % terms.loads
             for k in range(count):
-                log_p[block + k] += terms.constant[reading, letter[block + k]] + total[k]
+                value = terms.constant[row, letter[block + k]] + total[k]
+                if load > 0:
+                    value = max(mixed[k], value) + math.log1p(math.exp(-abs(mixed[k] - value)))
+                mixed[k] = value
+                if load == terms.loads - 1:
+                    log_p[block + k] += value
 
 
 @compiled(void(FLOATS_2D, LATTICE, TERMS, int64, int64, float64, float64), called_from_python=False)
@@ -219,6 +237,7 @@ def sum_plane(
 ) -> None:
     """Sum the terms of a reading for the bins of one letter and angle, less what a bin far off the map gets.
 
+    It is for readings of one load.
     Fills total (rows, columns), columns rounded up to a multiple of LANES; what lies beyond is any number.
     """
     _, letters, phases_y, phases_x, rows, columns = lattice.shape

@@ -121,69 +121,88 @@ def place_rounding(levels: Levels, terms: Terms, reading: int, rows: int, column
     wide = abs(place[0]) + place[2] * (columns + node_columns // levels.letters)
     tall = abs(place[1]) + place[3] * (rows + node_rows)
     across, up = place[2] / phases_x, place[3] / phases_y
-    for i in range(terms.start[reading], terms.start[reading + 1]):
+    for i in range(terms.start[reading * terms.loads], terms.start[(reading + 1) * terms.loads]):
         farthest = max(farthest, abs(terms.xy[i, 0]) + abs(terms.xy[i, 1]))
     most = max(wide / across, tall / up) + min(farthest, wide + tall) / min(across, up)
     return 2.5 * ROUNDING * most
 
 
-@compiled(void(COARSE, int64, FLOATS, REALS), ordered=False, called_from_python=False)
-def add_rows(coarse: Coarse, angle: int, total: Floats, constant: Reals) -> None:
-    """Add total (rows * columns * letters,) and, in each row, constant (columns * letters,) to an angle's bounds."""
-    width = len(constant)
-    rows = len(total) // width
+@compiled(void(COARSE, int64, REALS), ordered=False, called_from_python=False)
+def add_rows(coarse: Coarse, angle: int, most: Reals) -> None:
+    """Add to the bounds of an angle's bins what a reading gives them at most, (rows * columns * letters,)."""
+    letters, _, rows, columns = coarse.counts
+    width = columns * letters
     for row in range(rows):
         begin, highest = (angle * rows + row) * width, -np.inf
-        upper, added = coarse.upper[begin : begin + width], total[row * width : (row + 1) * width]
+        upper, added = coarse.upper[begin : begin + width], most[row * width : (row + 1) * width]
         for k in range(width):
-            upper[k] += added[k] + constant[k]
+            upper[k] += added[k]
             highest = max(highest, upper[k])
         coarse.highest[angle * rows + row] = highest
 
 
+@compiled(void(REALS, FLOATS, REALS, boolean), ordered=False, called_from_python=False)
+def raise_to(most: Reals, total: Floats, constant: Reals, begin: bool) -> None:
+    """Raise what a reading gives bins (n,) to total (n,) and, row by row, constant (columns * letters,), or begin."""
+    width = len(constant)
+    for first in range(0, len(most), width):
+        for k in range(width):
+            value = total[first + k] + constant[k]
+            most[first + k] = value if begin else max(most[first + k], value)
+
+
 @compiled(void(COARSE, LEVELS, TERMS, int64), called_from_python=False)
 def raise_bounds(coarse: Coarse, levels: Levels, terms: Terms, reading: int) -> None:
-    """Let the upper bounds of all bins take in a reading."""
+    """Let the upper bounds of all bins take in a reading. Of several loads the likeliest bounds their mean."""
     letters, angles, rows, columns = coarse.counts
     _, phases_y, phases_x, node_rows, width = levels.level.shape
     flat, plane = levels.level.reshape(levels.level.size), node_rows * width
-    node_columns, place, xy = width // letters, levels.place, terms.xy
-    first, last = terms.start[reading], terms.start[reading + 1]
-    total, heaviest = np.empty(rows * columns * letters, dtype=np.float32), 0.0
-    for i in range(first, last):
-        heaviest += terms.weight[i]
-    # What float32 may lose of the sums of levels, and by how much it may move what a table says, where it moves a place
-    # along both axes.
-    span = heaviest * levels.step * (_HIGHEST + 1)
-    slack = terms.slack[reading] + span * ROUNDING * (last - first + 6)
-    slack += 4 * place_rounding(levels, terms, reading, rows, columns) * span
-    constant = np.empty(columns * letters)
-    for k in range(len(constant)):
-        constant[k] = terms.constant[reading, k % letters] + slack
+    node_columns, place, xy, loads = width // letters, levels.place, terms.xy, terms.loads
+    start = terms.start[reading * loads : (reading + 1) * loads + 1]
+    total, most = (
+        np.empty(rows * columns * letters, dtype=np.float32),
+        np.empty(rows * columns * letters),
+    )
+    constant, moved = (
+        np.empty((loads, columns * letters)),
+        place_rounding(levels, terms, reading, rows, columns),
+    )
+    for load in range(loads):
+        heaviest = terms.weight[start[load] : start[load + 1]].sum()
+        # What float32 may lose of the sums of levels, and by how much it may move what a table says, where it moves a
+        # place along both axes.
+        span = heaviest * levels.step * (_HIGHEST + 1)
+        slack = terms.slack[reading] + span * ROUNDING * (start[load + 1] - start[load] + 6)
+        slack += 4 * moved * span
+        for k in range(columns * letters):
+            # The constants hold the log of a load's share of the mean.
+            constant[load, k] = terms.constant[reading * loads + load, k % letters] + math.log(loads) + slack
     for angle in range(angles):
         turn = coarse.middle[columns + rows + angle]
         cos, sin = math.cos(turn), math.sin(turn)
-        total[:] = 0
-        for i in range(first, last):
-            x = (cos * xy[i, 0] - sin * xy[i, 1] + place[0]) / place[2]
-            y = (sin * xy[i, 0] + cos * xy[i, 1] + place[1]) / place[3]
-            if not (abs(x) < _FAR and abs(y) < _FAR):
-                continue
-            left, below = int64(math.floor(x)), int64(math.floor(y))
-            step_x, step_y = (
-                min(int64((x - left) * phases_x), phases_x - 1),
-                min(int64((y - below) * phases_y), phases_y - 1),
-            )
-            # The bins whose place is on the lattice, from and to; beyond it a table is 0.
-            begin, end = max(0, -left) * letters, min(columns, node_columns - left) * letters
-            corner = ((terms.kind[i] * phases_y + step_y) * phases_x + step_x) * plane + left * letters
-            factor = float32(terms.weight[i] * levels.step)
-            for row in range(max(0, -below), min(rows, node_rows - below)):
-                source = uint64(corner + (row + below) * width + begin)
-                target = uint64(row * columns * letters + begin)
-                for k in range(uint64(max(0, end - begin))):
-                    total[target + k] += factor * float32(flat[source + k])
-        add_rows(coarse, angle, total, constant)
+        for load in range(loads):
+            total[:] = 0
+            for i in range(start[load], start[load + 1]):
+                x = (cos * xy[i, 0] - sin * xy[i, 1] + place[0]) / place[2]
+                y = (sin * xy[i, 0] + cos * xy[i, 1] + place[1]) / place[3]
+                if not (abs(x) < _FAR and abs(y) < _FAR):
+                    continue
+                left, below = int64(math.floor(x)), int64(math.floor(y))
+                step_x, step_y = (
+                    min(int64((x - left) * phases_x), phases_x - 1),
+                    min(int64((y - below) * phases_y), phases_y - 1),
+                )
+                # The bins whose place is on the lattice, from and to; beyond it a table is 0.
+                begin, end = max(0, -left) * letters, min(columns, node_columns - left) * letters
+                corner = ((terms.kind[i] * phases_y + step_y) * phases_x + step_x) * plane + left * letters
+                factor = float32(terms.weight[i] * levels.step)
+                for row in range(max(0, -below), min(rows, node_rows - below)):
+                    source = uint64(corner + (row + below) * width + begin)
+                    target = uint64(row * columns * letters + begin)
+                    for k in range(uint64(max(0, end - begin))):
+                        total[target + k] += factor * float32(flat[source + k])
+            raise_to(most, total, constant[load], load == 0)
+        add_rows(coarse, angle, most)
 
 
 @compiled(INTS(COARSE, float64, int64, boolean), called_from_python=False)

@@ -70,6 +70,8 @@ class MapFilter(Estimator):
     options: FilterOptions
     # Whether the filter's own belief follows `motion`.
     moves = False
+    # Whether a touch may have been made under any of the loads that were trained.
+    mixes_loads = False
     # By what power the likelihood of so many readings counts in the belief; None for 1, however many there are.
     trust: Trust | None = None
     pad_fit: PadFit | None = None
@@ -161,6 +163,12 @@ class MapFilter(Estimator):
         self._reach_near = reach_of(self.fitted_options.reach, scan.taxel_xy)
         self._reach_far = max(self._reach_near, reach_on_object(scan))
         self._reach_to(self._reach_near)
+        if self.mixes_loads and not self.takes_sequences:
+            from tactsim.estimators.likelihoods.loads import LoadMixture, loads_of
+
+            load = loads_of(scan.where("train"))
+            if load.any():
+                self.likelihood = LoadMixture(options, load)
         self.likelihood.fit(scan, maps)
         if self.takes_sequences:
             from tactsim.estimators.filters.trust_learning import images_count
@@ -171,7 +179,8 @@ class MapFilter(Estimator):
         self._learn(scan)
         self._planner: Planner | None = None
         # Proposals need a calibrated model; readings are kept to learn one if the filter's own is another.
-        calibrated = self.fitted_options.likelihood == "calibrated" and not self.takes_sequences
+        alone = not self.takes_sequences and self.likelihood.loads == 1
+        calibrated = self.fitted_options.likelihood == "calibrated" and alone
         self._train = None if calibrated else scan.where("train")
         self._lay_out()
 

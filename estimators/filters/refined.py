@@ -74,6 +74,7 @@ class RefinedFilter(GridFilter):
 
     options_type: type[Options] = RefinedOptions
     options: RefinedOptions
+    mixes_loads = True
     trust: Trust
 
     def __init__(self, options: RefinedOptions) -> None:

@@ -119,7 +119,12 @@ def folds(train: Scan) -> NDArray[np.intp]:
     which = _at_positions(poses)
     count = int(which.max()) + 1
     if count == 1:
-        return press % FOLDS
+        # The object was never moved: only windows of its image lie elsewhere.
+        poses, press = train.poses, np.arange(len(train))
+        which = _at_positions(poses)
+        count = int(which.max()) + 1
+    if count == 1:
+        return _pressed(train)[1] % FOLDS
     places = np.array([poses[which == number, :2].mean(axis=0) for number in range(count)])
     parts = min(FOLDS, count)
     # mm^2, how near the nearest position of each part is to each position.

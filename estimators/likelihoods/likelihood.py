@@ -28,12 +28,14 @@ from tactsim.estimators.options import LikelihoodOptions
 class Evidence:
     """One reading as terms: log p(z | x) = sum of weight * table value at the taxel, over the terms.
 
-    table, taxel: (terms,) indices. weight: (terms,) factor of the table's value, not negative; 1 for a class.
+    table, taxel: (terms,) indices. weight: (terms,) factor of the table's value, not negative; 1 for a class. load:
+    (terms,) of which of the likelihood's loads each is, rising; None if it has one. p(z | x) is the loads' mean.
     """
 
     table: NDArray[np.int64]
     taxel: NDArray[np.int64]
     weight: NDArray[np.float32]
+    load: NDArray[np.int64] | None = None
 
     @classmethod
     def of_classes(cls, classes: NDArray[np.int8], with_unknown: bool) -> Evidence:
@@ -47,7 +49,14 @@ class Evidence:
     def of_taxels(self, chosen: NDArray[np.bool_]) -> Evidence:
         """Keep the terms of chosen (taxels,) taxels."""
         kept = chosen[self.taxel]
-        return Evidence(self.table[kept], self.taxel[kept], self.weight[kept])
+        load = None if self.load is None else self.load[kept]
+        return Evidence(self.table[kept], self.taxel[kept], self.weight[kept], load)
+
+    def ends(self, loads: int) -> NDArray[np.int64]:
+        """Say where the terms of each load end: (loads,)."""
+        if self.load is None:
+            return np.full(loads, len(self.table))
+        return np.searchsorted(self.load, np.arange(loads), side="right")
 
     def check(self, tables: int, taxels: int) -> None:
         """Raise ValueError if a term names a table or taxel beyond these counts, or has an odd weight."""
@@ -66,6 +75,8 @@ class Likelihood(ABC):
     """
 
     of_pressures: ClassVar[bool] = False
+    # Under how many loads a reading may have been taken: `loads.LoadMixture` has several.
+    loads: int = 1
 
     def __init__(self, options: LikelihoodOptions) -> None:
         self.options = options

@@ -130,7 +130,8 @@ def with_moments(scan: Scan, moments: int | Literal["auto"] = "auto", split: str
     moments: m; the images are those at 1/m, 2/m ... of the plateau's load; the last is the press's own reading.
     "auto" is 4 without the shares that fewer than half of the presses show. The load is the contact force where
     `sequence_force` has any, else what the taxels feel together. Each press's readings follow each other, the lightest
-    first; `presses` says that they are of one, and `loads` theirs where the press's is known. The result has no
+    first; `presses` says that they are of one, `moments` at which share of its load each was taken, and `loads` its
+    load where the press's is known. The result has no
     sequences, and `meta["moments"]` says the shares, of which the load was taken, and how many presses have lower
     moments.
 
@@ -177,6 +178,7 @@ def with_moments(scan: Scan, moments: int | Literal["auto"] = "auto", split: str
         readings, scan.poses[rows], scan.labels[rows], scan.split[rows], scan.taxel_xy,
         {**scan.meta, "moments": said}, loads=None if loads is None else loads[rows] * share,
         presses=rows if scan.presses is None else scan.presses[rows],
+        moments=share if scan.moments is None else scan.moments[rows] * share,
     )  # fmt: skip
 
 

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 SPLITS = ("train", "test")
 _SEQUENCE = ("sequence", "sequence_times", "sequence_force")
-_OF_PRESSES = ("loads", "presses")
+_OF_PRESSES = ("loads", "presses", "moments")
 _LONGEST_NAME = 100  # characters of a label
 
 
@@ -52,6 +52,9 @@ class Scan:
     presses: (n,) whole numbers. Readings of one number were taken of one press: its moments, or the windows that its
     image was cut into. They share its errors. None: each reading is of a press of its own.
 
+    moments: (n,) the share of its press's load at which each reading was taken, above 0, at most 1. None: all were
+    taken under the whole load, or nobody knows.
+
     Raises InputError when shapes disagree, there are no taxels, a number is not finite or beyond 1e9, a
     label is empty, over 100 characters long or not printable, a split has another name, `meta` is not JSON, or it
     states an unknown unit.
@@ -68,6 +71,7 @@ class Scan:
     sequence_force: NDArray[np.float32] | None = None
     loads: FloatArray | None = None
     presses: NDArray[np.int64] | None = None
+    moments: FloatArray | None = None
 
     # What differs of a scan in space, see `space_scan`: the numbers of a pose, the arrays of a file, which of them have
     # an entry a reading, and the command that makes one.
@@ -76,6 +80,7 @@ class Scan:
     OPTIONAL: ClassVar[tuple[str, ...]] = _SEQUENCE + _OF_PRESSES
     A_READING: ClassVar[tuple[str, ...]] = (
         "readings", "poses", "labels", "split", "sequence", "sequence_force", "loads", "presses",
+        "moments",
     )  # fmt: skip
     MADE_BY: ClassVar[str] = "bench scan --out FILE"
 
@@ -97,6 +102,8 @@ class Scan:
             object.__setattr__(self, "loads", _as_loads(self.loads, count))
         if self.presses is not None:
             object.__setattr__(self, "presses", _as_presses(self.presses, count))
+        if self.moments is not None:
+            object.__setattr__(self, "moments", _as_moments(self.moments, count))
 
     def _check_shapes(self, **wanted: tuple[int, ...]) -> None:
         for name, shape in wanted.items():
@@ -163,6 +170,8 @@ class Scan:
         unit: str = "kPa",
         licence: str | None = None,
         loads: Any = None,
+        presses: Any = None,
+        moments: Any = None,
     ) -> Scan:
         """Make a scan of arrays from elsewhere.
 
@@ -170,7 +179,8 @@ class Scan:
         images were taken of a press, whose mean is its reading. poses: (n, 3) sensor_in_object, mm, mm, rad. labels:
         (n,) names or whole numbers. split: (n,) "train" or "test", or whether to train on it; None: all to train.
         pad: None for the paper's. unit: of the readings. licence: an SPDX name. loads: (n,) N, NaN where not
-        known.
+        known. presses: (n,) whole numbers, the same for readings of one press. moments: (n,) the share of its press's
+        load at which each reading was taken.
 
         Raises InputError when shapes disagree, and for what `Scan` refuses.
         """
@@ -189,6 +199,8 @@ class Scan:
             pad.taxel_xy,
             meta,
             loads=loads,
+            presses=presses,
+            moments=moments,
         )
 
     @property
@@ -253,6 +265,7 @@ class Scan:
         return Scan(
             readings, poses, labels, split, self.taxel_xy, meta, **_joined_sequences(self, other),
             loads=_joined_loads(self, other), presses=_joined_presses(self, other),
+            moments=_joined_moments(self, other),
         )  # fmt: skip
 
     def licensed(self, licence: str) -> Scan:
@@ -411,6 +424,23 @@ def _as_presses(values: Any, count: int) -> NDArray[np.int64]:
     return array
 
 
+def _as_moments(values: Any, count: int) -> FloatArray:
+    """Return the shares of `count` readings, read only. Raises InputError for one that is not above 0, at most 1."""
+    array = np.asarray(values)
+    if array.dtype.kind not in "fiu" or array.shape != (count,):
+        raise InputError(
+            f"scan: moments must be {count:,} numbers, one a reading, got {array.dtype} {array.shape}"
+        )
+    array = array.astype(float)
+    wrong = array[~((array > 0) & (array <= 1))]
+    if len(wrong):
+        raise InputError(
+            f"scan: a moment is {short(float(wrong[0]))}; it is the share of its press's load, above 0, at most 1"
+        )
+    array.setflags(write=False)
+    return array
+
+
 def _joined_sequences(first: Scan, second: Scan) -> dict[str, Any]:
     """Append the sequences of two scans, the shorter ones held at their last image; nothing if times differ."""
     times, more = first.sequence_times, second.sequence_times
@@ -448,6 +478,15 @@ def _joined_presses(first: Scan, second: Scan) -> NDArray[np.int64] | None:
         np.arange(len(scan)) if scan.presses is None else scan.presses for scan in (first, second)
     )
     return np.concatenate([before, after + before.max(initial=-1) + 1])
+
+
+def _joined_moments(first: Scan, second: Scan) -> FloatArray | None:
+    """Append the moments of two scans; those of a scan that says none are of the whole load."""
+    if first.moments is None and second.moments is None:
+        return None
+    return np.concatenate(
+        [np.ones(len(scan)) if scan.moments is None else scan.moments for scan in (first, second)]
+    )
 
 
 def readings_a_press(values: Any, pad: Pad) -> NDArray[Any]:

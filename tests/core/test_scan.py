@@ -413,3 +413,21 @@ def test_readings_keep_the_number_of_their_press(scan, tmp_path):
 def test_presses_that_are_no_numbers_are_refused(scan, presses):
     with pytest.raises(InputError, match="6 whole numbers from 0 on"):
         replace(scan, presses=presses)
+
+
+def test_readings_keep_the_share_of_their_load(scan, tmp_path):
+    known = replace(scan, moments=[0.25, 1, 0.5, 1, 1, 0.75])
+    known.save(tmp_path / "scan.npz")
+    assert Scan.load(tmp_path / "scan.npz").moments.tolist() == [0.25, 1, 0.5, 1, 1, 0.75]
+    assert known.digest != scan.digest
+    assert known.where(split="test").moments.tolist() == known.moments[scan.split == "test"].tolist()
+    assert scan.joined(known, {}).moments.tolist() == [1] * 6 + [0.25, 1, 0.5, 1, 1, 0.75]
+    assert scan.joined(scan, {}).moments is None
+    made = Scan.from_arrays(np.ones((2, 36)), np.zeros((2, 3)), ["A", "A"], presses=[3, 3], moments=[0.5, 1])
+    assert (made.presses.tolist(), made.moments.tolist()) == ([3, 3], [0.5, 1.0])
+
+
+@pytest.mark.parametrize("moments", [[1.0] * 5, [[1.0]] * 6, ["a"] * 6, [0.0] * 6, [1.1] * 6, [np.nan] * 6])
+def test_moments_that_are_no_shares_are_refused(scan, moments):
+    with pytest.raises(InputError, match="moment"):
+        replace(scan, moments=moments)

@@ -73,6 +73,43 @@ def test_moments_are_found_without_marks_of_the_rise(first, zero):
     assert np.array_equal(made.poses[:4], np.zeros((4, 3)))
 
 
+@pytest.mark.parametrize("moments", [None, "found", 4])
+@pytest.mark.parametrize("share", [0.25, 0.6])
+def test_test_presses_are_read_at_a_share_of_their_load(moments, share):
+    images, length = recording()
+    made = scan_of_intervals(Played(images), marks(4, length), moments, share)
+    train, test = made.where("train"), made.where("test")
+    assert test.moments.tolist() == [share]
+    assert test.readings.sum() == pytest.approx(share * PATTERN.sum(), rel=0.06)
+    assert train.moments.tolist() == ([1] * 3 if moments is None else [0.25, 0.5, 0.75, 1] * 3)
+    assert made.meta["test_load"] == share
+
+
+def test_a_share_of_the_load_that_no_test_press_shows_is_refused():
+    images, length = recording()
+    steep = np.delete(images, [k for k in range(len(images)) if IDLE <= k % length < IDLE + RISE], axis=0)
+    short = length - RISE
+    sudden = marks(4, short, IDLE + 5, IDLE + HOLD - 5)
+    with pytest.raises(InputError, match="no test press shows 50% of its load"):
+        scan_of_intervals(Played(steep), sudden, None, 0.5)
+    with pytest.raises(InputError, match="share above 0, at most 1"):
+        scan_of_intervals(Played(images), marks(4, length), None, 1.5)
+
+
+def test_moments_are_taken_where_there_is_a_rise_and_else_the_mean_of_the_mark_stays():
+    images, length = recording()
+    assert scan_of_intervals(Played(images), marks(4, length), "found").moments.tolist() == [
+        0.25,
+        0.5,
+        0.75,
+        1,
+    ] * 3 + [1]
+    steep = np.delete(images, [k for k in range(len(images)) if IDLE <= k % length < IDLE + RISE], axis=0)
+    sudden = marks(4, length - RISE, IDLE + 5, IDLE + HOLD - 5)
+    plain = scan_of_intervals(Played(steep), sudden)
+    assert scan_of_intervals(Played(steep), sudden, "found").digest == plain.digest
+
+
 def test_without_moments_a_press_is_the_mean_of_its_mark():
     images, length = recording()
     made = scan_of_intervals(Played(images), marks(4, length))
