@@ -34,6 +34,7 @@ _DATASETS = {
     "sequence_force": ("f", ("press", "frame"), "N", "the contact force at these times"),
     "loads": ("f", ("press",), "N", "the force of each press; NaN where it is not known"),
     "presses": ("i", ("press",), "", "the number of the press that each reading was taken of"),
+    "moments": ("f", ("press",), "", "the share of its press's load at which each reading was taken"),
 }
 _OF_TRIALS = dict.fromkeys(("x", "y", "true_x", "true_y", "radius_90"), "mm")
 _OF_TRIALS |= {"theta": "rad", "true_theta": "rad", "update_s": "s", "estimate_s": "s", "propose_s": "s"}

@@ -1,4 +1,4 @@
-"""What Parquet has no room for and a scan keeps beside it, as a JSON object: taxels, times, loads, presses, `meta`."""
+"""What Parquet has no room for and a scan keeps beside it, as a JSON object: taxels, times, loads, presses, moments, `meta`."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from tactsim.core import InputError, Scan
 from tactsim.core.errors import short
 
 _VERSION = 1
-_AXES = {"taxel_xy": 2, "sequence_times": 1, "loads": 1, "presses": 1}
+_AXES = {"taxel_xy": 2, "sequence_times": 1, "loads": 1, "presses": 1, "moments": 1}
 
 
 def document_of(scan: Scan) -> dict[str, Any]:
