@@ -1,4 +1,4 @@
-"""What Parquet has no room for and a scan keeps beside it, as a JSON object: taxels, times, loads, presses, moments, `meta`."""
+"""What Parquet has no room for and a scan keeps beside it, as JSON: taxels, times, loads, presses, moments, `meta`."""
 
 from __future__ import annotations
 
