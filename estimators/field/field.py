@@ -6,6 +6,7 @@ import hashlib
 import math
 from collections.abc import Sequence
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -120,12 +121,16 @@ class LikelihoodField:
         terms = self.terms
         if self._readings == len(terms.slack):
             by_reading = ("start", "constant", "upper", "slack")
-            terms = terms._replace(**{name: _doubled(getattr(terms, name)) for name in by_reading})
+            terms = _with_room(terms, by_reading)
         while terms.start[self._readings * terms.loads] + count > len(terms.kind):
             by_term = ("kind", "xy", "weight")
-            terms = terms._replace(**{name: _doubled(getattr(terms, name)) for name in by_term})
+            terms = _with_room(terms, by_term)
         self.terms = terms
 
 
-def _doubled(array: np.ndarray) -> np.ndarray:
-    return np.concatenate([array, np.zeros_like(array)])
+def _with_room(terms: Terms, names: Sequence[str]) -> Terms:
+    """Make arrays twice as long."""
+    longer: dict[str, Any] = {
+        name: np.concatenate([(old := getattr(terms, name)), np.zeros_like(old)]) for name in names
+    }
+    return terms._replace(**longer)
