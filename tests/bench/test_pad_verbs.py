@@ -140,7 +140,7 @@ def test_a_large_array_is_cut_into_touches(here, tmp_path):
     refused(here(*words), "name it with --scan")
     refused(
         here(*words, "--scan", "m.npz", "--moments", "1"),
-        "--moments '1': give a whole number from 2 to 20, or auto",
+        "--moments '1': give a whole number from 2 to 20, auto, or off",
     )
     refused(here(*words, "--scan", "m.npz", "--moments", "4"), "no press of the recording shows a plateau")
     narrow = right(here(*words[:-1], "16x16", "--scan", "narrow.npz"))
