@@ -13,7 +13,7 @@ from tactsim.bench.config import RunConfig, chosen_letters
 from tactsim.bench.machine import machine, peak_memory_mb, versions
 from tactsim.bench.placement import load_scan, properties, stated_properties
 from tactsim.bench.results import Run
-from tactsim.bench.scan_quality import eq3_agreement, notes_on
+from tactsim.bench.runs.scan_quality import eq3_agreement, notes_on
 from tactsim.bench.trials import (
     OneTrial,
     Press,
@@ -174,7 +174,7 @@ def gather(
     elif config.scan is not None:
         scan = load_scan(config.scan)
     elif config.presses is not None:
-        from tactsim.bench.measured import measured_scan
+        from tactsim.bench.pad.measured import measured_scan
 
         assert train is not None  # as a configuration with presses has it
         letters = chosen_letters(config, train.letters)
@@ -230,7 +230,7 @@ def plan_of(config: RunConfig, scan: Scan, given: Estimator | None = None) -> Tr
     press: Press | None = None  # where touches come from that are not simply the scan's
     # Each is imported here: most runs take the scan's readings, and need neither a pad's files nor MuJoCo.
     if config.presses is not None:
-        from tactsim.bench.measured import MeasuredTrials
+        from tactsim.bench.pad.measured import MeasuredTrials
 
         press = MeasuredTrials(scan, config.readings)
     elif config.on_demand:

@@ -30,7 +30,7 @@ from tactsim.core.poses import FloatArray
 from tactsim.core.scan import is_label
 
 if TYPE_CHECKING:
-    from tactsim.bench.figures import Picture
+    from tactsim.bench.runs.figures import Picture
 
 
 _ROWS = (1, 2, 3, 5, 7, 10, 15, 20, 30, 40, 60, 100, 150)  # readings that a small table shows
@@ -236,13 +236,13 @@ class Run:
 
     def plot(self) -> Picture:
         """Draw accuracy and placement error, with intervals, against readings seen (the paper's figure 7)."""
-        from tactsim.bench.figures import readings_figure
+        from tactsim.bench.runs.figures import readings_figure
 
         return readings_figure(self)
 
     def plot_maps(self) -> Picture:
         """Draw the learned occupancy maps (the paper's figure 4). Raises InputError if there are none."""
-        from tactsim.bench.figures import maps_figure
+        from tactsim.bench.runs.figures import maps_figure
 
         return maps_figure(self.maps)
 

@@ -27,7 +27,7 @@ from tactsim.core.errors import counted
 
 if TYPE_CHECKING:
     from tactsim.bench.bound.bound import Bound
-    from tactsim.bench.pooled import Pooled
+    from tactsim.bench.runs.pooled import Pooled
     from tactsim.bench.space.space_run import SpaceRun
 
 STAGES = {
@@ -114,7 +114,7 @@ def print_sweep(places: list[Path]) -> None:
 
     Runs that differ in the seed alone share a line, with intervals over scans and trials.
     """
-    from tactsim.bench.pooled import pool
+    from tactsim.bench.runs.pooled import pool
 
     runs = [(place, load(place)) for place in places]
     pools = pool(run for _, run in runs)
@@ -125,7 +125,7 @@ def print_sweep(places: list[Path]) -> None:
 
 
 def _print_pooled(pools: Sequence[Pooled]) -> None:
-    from tactsim.bench.pooled import cell
+    from tactsim.bench.runs.pooled import cell
 
     console = plain_console()
     for (protocol, task), alike in groupby(pools, key=lambda one: (one.protocol, one.task)):
@@ -143,7 +143,7 @@ def _print_pooled(pools: Sequence[Pooled]) -> None:
 
 
 def _print_single(runs: Sequence[tuple[Path, Run]]) -> None:
-    from tactsim.bench.naming import collect
+    from tactsim.bench.runs.naming import collect
 
     console = plain_console()
     for group in collect(runs):

@@ -13,8 +13,8 @@ from tactsim.bench.bound.exact_bayes import ExactBayes
 from tactsim.bench.bound.scan_information import check_motion, scan_information
 from tactsim.bench.config import RunConfig
 from tactsim.bench.experiment import perform, silent
-from tactsim.bench.figures import BLUE, GREY, ORANGE, Picture
 from tactsim.bench.results import Run
+from tactsim.bench.runs.figures import BLUE, GREY, ORANGE, Picture
 from tactsim.bench.trials import Progress
 from tactsim.core.errors import InputError, counted
 from tactsim.core.poses import FloatArray

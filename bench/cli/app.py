@@ -54,6 +54,18 @@ VERBS = {
 }
 
 
+# The same verbs, as `bench --help` groups them.
+GROUPS = {
+    "Recognise": ("run", "scan", "sweep", "report", "compare", "bound", "fit"),
+    "Data": ("export", "import", "data"),
+    "Tasks and the leaderboard": ("tasks", "submit", "verify", "leaderboard"),
+    "A pad": (
+        "devices", "probe", "tare", "template", "record", "replay", "emulate", "watch", "live", "validate",
+    ),
+    "Look up and extend": ("list", "new", "stress"),
+}  # fmt: skip
+
+
 class _Carried(Exception):
     """Carries an error past Typer."""
 
@@ -66,7 +78,11 @@ class _Verbs(TyperGroup):
 
     def __init__(self, **words: Any) -> None:
         super().__init__(**words)
-        self.commands = {name: TyperCommand(name, help=summary) for name, summary in VERBS.items()}
+        self.commands = {
+            name: TyperCommand(name, help=VERBS[name], rich_help_panel=group)
+            for group, names in GROUPS.items()
+            for name in names
+        }
 
     def invoke(self, ctx: Any) -> Any:
         """Call a verb. Typer would take some errors for a closed terminal: they pass it as `_Carried`."""

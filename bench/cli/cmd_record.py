@@ -83,8 +83,8 @@ def _record_session(
     seen: str,
 ) -> None:
     from tactsim.bench.console import plain_console
-    from tactsim.bench.guided import record
-    from tactsim.bench.measured import taken_as_letters, with_letters
+    from tactsim.bench.pad.guided import record
+    from tactsim.bench.pad.measured import taken_as_letters, with_letters
     from tactsim.bench.places import check_new_file
     from tactsim.hardware.recording import SUFFIX
     from tactsim.hardware.scans import scan_of_sessions
@@ -111,7 +111,7 @@ def _record_all(
     import time
 
     from tactsim.bench.console import plain_console
-    from tactsim.bench.guided import open_recorded
+    from tactsim.bench.pad.guided import open_recorded
     from tactsim.core.source import NoReading, SourceEnded
     from tactsim.hardware.recording import Recorder
 
@@ -162,7 +162,7 @@ def _poses(text: str, seed: int, pad: Pad, label: str) -> list[tuple[float, ...]
     import numpy as np
 
     from tactsim.bench.config import whole_number
-    from tactsim.bench.measured import known_letter
+    from tactsim.bench.pad.measured import known_letter
     from tactsim.press.scan_poses import grid_poses, random_poses, stage_for
 
     stage = stage_for(pad, known_letter(label))

@@ -14,7 +14,7 @@ from tactsim.bench.cli.words import Words, is_typed, refuse_typed, with_options_
 from tactsim.bench.config import RunConfig, run_config
 
 if TYPE_CHECKING:
-    from tactsim.bench.guided import Station
+    from tactsim.bench.pad.guided import Station
 
 # A person presses: fewer trials and readings than of a simulation.
 _BY_HAND: dict[str, Any] = {"trials": 2, "readings": 10}
@@ -125,7 +125,7 @@ def _measured(config: RunConfig, station: Station, settings: dict[str, Any]) -> 
     """Measure what is missing; tells whether all is there now, and if not, how to go on."""
     from tactsim.bench.config import chosen_letters
     from tactsim.bench.experiment import train_scan
-    from tactsim.bench.measuring import Wanted, check_pads, count_measured, measure
+    from tactsim.bench.pad.measuring import Wanted, check_pads, count_measured, measure
     from tactsim.bench.trials import fit
     from tactsim.core.errors import unknown
     from tactsim.estimators import create

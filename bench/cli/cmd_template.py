@@ -25,8 +25,8 @@ def command(
     """Print the pad's sheet and one for each letter, 1:1, with the positions and angles of the scan."""
     from tactsim.bench.config import scan_options
     from tactsim.bench.console import plain_console
+    from tactsim.bench.pad.template import PAPERS, Sheets, as_pdf, draw_sheets
     from tactsim.bench.places import check_new_file
-    from tactsim.bench.template import PAPERS, Sheets, as_pdf, draw_sheets
     from tactsim.core.errors import InputError
     from tactsim.core.files import write_bytes
     from tactsim.hardware.device import load_device

@@ -49,10 +49,10 @@ def command(
 
     import tomli_w
 
-    from tactsim.bench import validation
     from tactsim.bench.cli.validation_report import show as show_report
     from tactsim.bench.config import key_values
     from tactsim.bench.console import kept_clear
+    from tactsim.bench.pad import validation
     from tactsim.bench.placement import load_scan
     from tactsim.bench.places import check_new_folder, save_beside, try_to_save
     from tactsim.bench.terminal import progress_bars

@@ -12,7 +12,7 @@ from tactsim.bench.cli import shared_options as shared
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from tactsim.bench.guided import Station
+    from tactsim.bench.pad.guided import Station
     from tactsim.hardware.calibration import Calibration
     from tactsim.hardware.device import Device
 
@@ -60,8 +60,8 @@ def plan_settings(
 
     Raises InputError for another simulated pad: a session would wait without end for its letter to be lifted.
     """
-    from tactsim.bench import simulated_hand
-    from tactsim.bench.touch_level import touch_above
+    from tactsim.bench.pad import simulated_hand
+    from tactsim.bench.pad.simulated_hand import touch_above
     from tactsim.core.errors import InputError
 
     if ports != [simulated_hand.PLACE] and any(port.startswith("simulated:") for port in ports):
@@ -85,7 +85,7 @@ def station(
     ports: list[str], device: Device, calibration: Calibration | None, seen: str, console: Console
 ) -> Station:
     """Describe where a person presses."""
-    from tactsim.bench.guided import Station
+    from tactsim.bench.pad.guided import Station
 
     return Station(
         ports,

@@ -10,11 +10,11 @@ from rich.table import Table
 
 from tactsim.bench.cli.pad_options import rounded
 from tactsim.bench.console import plain_console
-from tactsim.bench.trained_elsewhere import TOUCHES
-from tactsim.bench.validation import CLASSES, ROWS
+from tactsim.bench.pad.trained_elsewhere import TOUCHES
+from tactsim.bench.pad.validation import CLASSES, ROWS
 
 if TYPE_CHECKING:
-    from tactsim.bench.validation import Validation
+    from tactsim.bench.pad.validation import Validation
     from tactsim.hardware.sensor_fit import SensorFit
 
 _TRAINED = {"simulated": "simulated", "fitted": "as fitted", "recorded": "recorded"}

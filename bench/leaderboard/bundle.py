@@ -28,8 +28,8 @@ from numpy.typing import NDArray
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
 from tactsim.bench import results
-from tactsim.bench.pooled import Pooled, pool
 from tactsim.bench.results import Run
+from tactsim.bench.runs.pooled import Pooled, pool
 from tactsim.bench.score import summarise
 from tactsim.bench.trials import Trials
 from tactsim.core import InputError

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from tactsim.bench.pooled import HEADINGS, Figure
+from tactsim.bench.runs.pooled import HEADINGS, Figure
 
 MISSING = "–"
 _HEADINGS = HEADINGS | {

@@ -21,7 +21,7 @@ from tactsim.bench.leaderboard.ranking import (
     compare_errors,
     ranks,
 )
-from tactsim.bench.pooled import CURVES, READINGS, Figure, Pooled
+from tactsim.bench.runs.pooled import CURVES, READINGS, Figure, Pooled
 from tactsim.bench.score import CURVES as METRICS
 from tactsim.bench.score import HEADLINES, recognition_seconds, wilson
 from tactsim.bench.tasks import Task, names, task

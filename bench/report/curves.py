@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tactsim.bench.naming import Entry, Group
 from tactsim.bench.report.pareto import points
 from tactsim.bench.report.recognition import Replayed
+from tactsim.bench.runs.naming import Entry, Group
 from tactsim.bench.score import Z_95
 from tactsim.bench.trials import Trials
 

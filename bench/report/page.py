@@ -14,13 +14,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tactsim.bench.naming import Entry, Group
 from tactsim.bench.places import REPORT_TITLE
 from tactsim.bench.report.curves import confusion_counts, error_band, reliability
 from tactsim.bench.report.outlines import outline, taxel_size
 from tactsim.bench.report.pareto import has_curves, machine_line, points
 from tactsim.bench.report.recognition import Recognition, Replayed
-from tactsim.bench.whole_page import whole_page
+from tactsim.bench.report.whole_page import whole_page
+from tactsim.bench.runs.naming import Entry, Group
 from tactsim.core.errors import counted
 from tactsim.estimators.likelihoods.occupancy import OccupancyMap, log_odds
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from tactsim.bench.naming import Entry, Group
+from tactsim.bench.runs.naming import Entry, Group
 from tactsim.bench.score import Z_95, recognition_seconds, settled_by
 
 

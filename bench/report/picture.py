@@ -13,9 +13,9 @@ from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, MaxNLocator, NullFormatter, NullLocator
 
-from tactsim.bench.naming import Group
 from tactsim.bench.report.curves import error_band
 from tactsim.bench.report.pareto import Point, machine_line, points
+from tactsim.bench.runs.naming import Group
 from tactsim.core.files import write_bytes
 
 # One colour and one marker a method, in order; the page (assets/page.css and charts.js) uses the same.

@@ -12,9 +12,9 @@ import numpy as np
 
 from tactsim.bench.config import RunConfig
 from tactsim.bench.experiment import gather, plan_of, silent
-from tactsim.bench.naming import Entry, Group
 from tactsim.bench.placement import Properties, covariance
 from tactsim.bench.results import Run
+from tactsim.bench.runs.naming import Entry, Group
 from tactsim.bench.score import errors, settled_at
 from tactsim.bench.trials import OneTrial, Progress, TrialPlan, Trials, check_readings, run_trial
 from tactsim.core import Scan, compose, invert

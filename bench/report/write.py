@@ -9,7 +9,6 @@ from pathlib import Path
 from tactsim.bench.bound.efficiency import bounds_of_trials
 from tactsim.bench.config import RunConfig
 from tactsim.bench.experiment import NO_BOUND, silent
-from tactsim.bench.naming import collect
 from tactsim.bench.places import check_page, is_report
 from tactsim.bench.report.collect import find
 from tactsim.bench.report.curves import COLUMNS, tables
@@ -17,6 +16,7 @@ from tactsim.bench.report.page import page
 from tactsim.bench.report.pareto import has_curves
 from tactsim.bench.report.recognition import readings_of, replay_all
 from tactsim.bench.results import Run, load
+from tactsim.bench.runs.naming import collect
 from tactsim.bench.trials import Progress
 from tactsim.core import InputError, Scan
 from tactsim.core.checking import checked

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from tactsim.bench.figures import Picture
+from tactsim.bench.runs.figures import Picture
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.space.surface import Surface
 

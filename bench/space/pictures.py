@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.ticker import MaxNLocator
 
-from tactsim.bench.figures import BLUE, GREY, ORANGE, Picture
+from tactsim.bench.runs.figures import BLUE, GREY, ORANGE, Picture
 from tactsim.bench.space.space_run import SpaceRun
 from tactsim.core.errors import counted
 from tactsim.core.poses import FloatArray

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from tactsim import models
-from tactsim.bench.figures import Picture
+from tactsim.bench.runs.figures import Picture
 from tactsim.core.files import write_bytes
 from tactsim.core.poses import FloatArray
 from tactsim.models import Solid

@@ -11,12 +11,12 @@ import numpy as np
 
 from tactsim.bench.places import REPORT_TITLE
 from tactsim.bench.report.page import Arrays
+from tactsim.bench.report.whole_page import whole_page
 from tactsim.bench.space.space_replay import Replayed, replay
 from tactsim.bench.space.space_results import load
 from tactsim.bench.space.space_run import SpaceRun
 from tactsim.bench.space.space_score import Scored
 from tactsim.bench.trials import Progress
-from tactsim.bench.whole_page import whole_page
 from tactsim.core import rigid
 from tactsim.core.errors import InputError, counted
 from tactsim.core.files import write_text

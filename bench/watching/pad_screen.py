@@ -8,7 +8,7 @@ from collections.abc import Callable
 from rich.console import Console, RenderableType
 from rich.live import Live
 
-from tactsim.bench.keyboard import keys
+from tactsim.bench.pad.keyboard import keys
 from tactsim.bench.watching.pad_view import PadReader, PadView
 
 REDRAW_S = 0.05

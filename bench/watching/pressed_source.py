@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tactsim.bench.touch_level import HAND_PATIENCE, touch_above
+from tactsim.bench.pad.simulated_hand import HAND_PATIENCE, touch_above
 from tactsim.bench.trials import draw_true_pose
 from tactsim.bench.watching.hidden_object import HiddenObject
 from tactsim.bench.watching.recogniser import Recogniser

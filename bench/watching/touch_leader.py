@@ -13,7 +13,7 @@ from typing import Any, Literal, Protocol, Self
 
 import numpy as np
 
-from tactsim.bench.touch_level import touch_above
+from tactsim.bench.pad.simulated_hand import touch_above
 from tactsim.bench.watching.recogniser import NOTHING, Belief, Recogniser, Touch
 from tactsim.core.checking import checked
 from tactsim.core.errors import InputError

@@ -21,8 +21,8 @@ from typing import Any, Self
 
 import numpy as np
 
+from tactsim.bench.report.whole_page import whole_page
 from tactsim.bench.watching.pad_view import BIN_S, HISTORY_S, PadReader, PadView
-from tactsim.bench.whole_page import whole_page
 from tactsim.core.errors import InputError, printable
 
 HOST = "127.0.0.1"

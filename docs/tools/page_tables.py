@@ -23,9 +23,9 @@ from page_blocks import fill_blocks, fill_page, markdown_table
 
 from tactsim.bench.console import exit_status
 from tactsim.bench.places import SWEEPS
-from tactsim.bench.pooled import HEADINGS, Pooled, cell, pool
 from tactsim.bench.report.collect import find
 from tactsim.bench.results import Run, load
+from tactsim.bench.runs.pooled import HEADINGS, Pooled, cell, pool
 from tactsim.bench.trials import source_of_trials
 from tactsim.core import InputError
 from tactsim.core.errors import counted, unknown

@@ -13,7 +13,7 @@ import numpy as np
 import typer
 from numpy.typing import NDArray
 
-from tactsim.bench.pooled import resampled
+from tactsim.bench.runs.pooled import resampled
 from tactsim.bench.tasks import task as read_task
 from tactsim.core import InputError
 from tactsim.core.poses import FloatArray

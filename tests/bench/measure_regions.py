@@ -12,8 +12,8 @@ from statistics import NormalDist
 
 import numpy as np
 
-from tactsim.bench.pooled import pool
 from tactsim.bench.results import Run
+from tactsim.bench.runs.pooled import pool
 
 METHODS = ("refined", "force-mosaic", "graded")
 READINGS = (3, 5, 10, 20)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tactsim.bench.scan_quality import eq3_agreement
+from tactsim.bench.runs.scan_quality import eq3_agreement
 from tactsim.core import Scan
 from tactsim.estimators import Options, create
 

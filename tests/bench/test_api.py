@@ -14,8 +14,8 @@ from made_up import make_run
 import tactsim
 from tactsim.bench.config import RunConfig, ScanWords, run_config, scan_options
 from tactsim.bench.experiment import perform
-from tactsim.bench.figures import readings_figure
 from tactsim.bench.results import to_json
+from tactsim.bench.runs.figures import readings_figure
 from tactsim.bench.terminal import headlines
 from tactsim.core import InputError
 from tactsim.estimators import Options

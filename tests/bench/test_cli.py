@@ -15,7 +15,7 @@ from command_line import BENCH, Bench, refused
 
 from tactsim.bench import experiment
 from tactsim.bench.cli import main
-from tactsim.bench.cli.app import VERBS, load
+from tactsim.bench.cli.app import GROUPS, VERBS, load
 from tactsim.bench.experiment import perform
 from tactsim.bench.machine import versions
 from tactsim.bench.results import Run
@@ -353,6 +353,10 @@ def test_the_version_is_said_with_those_of_the_libraries(here):
     lines = dict(line.split() for line in here("--version").stdout.splitlines())
     assert lines == versions()
     assert next(iter(lines)) == "tactsim"
+
+
+def test_every_verb_is_in_one_group_of_the_help():
+    assert sorted(verb for verbs in GROUPS.values() for verb in verbs) == sorted(VERBS)
 
 
 @pytest.mark.parametrize("verb", VERBS)

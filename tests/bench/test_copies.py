@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tactsim.bench.scan_quality import near_copies, notes_on
+from tactsim.bench.runs.scan_quality import near_copies, notes_on
 from tactsim.core import Scan
 
 

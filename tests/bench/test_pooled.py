@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from made_up import make_run
 
-from tactsim.bench.pooled import Pooled, cell, pool, resampled
+from tactsim.bench.runs.pooled import Pooled, cell, pool, resampled
 from tactsim.core import InputError
 
 

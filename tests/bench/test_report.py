@@ -18,7 +18,6 @@ from small_runs import make_run_in
 
 from tactsim.bench import results, score
 from tactsim.bench.config import run_config
-from tactsim.bench.naming import budget, collect, method_name, task_name
 from tactsim.bench.placement import Properties
 from tactsim.bench.report import recognition as replay
 from tactsim.bench.report.collect import find
@@ -27,6 +26,7 @@ from tactsim.bench.report.pareto import frontier, points
 from tactsim.bench.report.picture import COLOURS, DARK_COLOURS, MARKERS, look
 from tactsim.bench.report.press_picture import images_shown
 from tactsim.bench.report.write import write_report
+from tactsim.bench.runs.naming import budget, collect, method_name, task_name
 from tactsim.bench.score import recognition_seconds
 from tactsim.bench.trials import OneTrial, Trials
 from tactsim.core import Scan, invert

@@ -78,4 +78,14 @@ print('', *[name for name in sys.modules if name.startswith("tactsim.bench.")])
 """
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
     rooms = {name.split(".")[2] for name in done.stdout.splitlines()[-1].split()}
-    assert not rooms & {"bound", "report", "space", "leaderboard", "tasks", "stress", "formats", "watching"}
+    assert not rooms & {
+        "bound",
+        "report",
+        "space",
+        "leaderboard",
+        "tasks",
+        "stress",
+        "formats",
+        "watching",
+        "pad",
+    }

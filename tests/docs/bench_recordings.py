@@ -24,7 +24,7 @@ from pages import BLOCKS
 
 import tactsim
 from tactsim import models
-from tactsim.bench.validation import validate
+from tactsim.bench.pad.validation import validate
 from tactsim.core import Pad, Scan
 from tactsim.press import ScanOptions, scan_letters
 

@@ -69,7 +69,7 @@ def test_a_pages_blocks_run(page, done, tmp_path, monkeypatch):
     monkeypatch.setenv("MPLBACKEND", "agg")
     monkeypatch.setenv("COLUMNS", "300")
     monkeypatch.setattr("tactsim.press.scan_poses.ANGLES", 4)
-    monkeypatch.setattr("tactsim.bench.figures.Picture.png", lambda picture, dpi=150: b"")
+    monkeypatch.setattr("tactsim.bench.runs.figures.Picture.png", lambda picture, dpi=150: b"")
     for name, text in OWN.items():
         (tmp_path / name).write_text(text, encoding="utf-8")
     names = {"__name__": "page"}

@@ -20,11 +20,11 @@ from tactsim.bench.compare import compare
 from tactsim.bench.config import run_config, scan_options
 from tactsim.bench.experiment import perform
 from tactsim.bench.leaderboard.bundle import DONE, Bundle, kept, read_bundle, write_bundle
-from tactsim.bench.naming import collect
 from tactsim.bench.placement import properties
 from tactsim.bench.report.collect import find
 from tactsim.bench.report.curves import tables
 from tactsim.bench.report.page import page
+from tactsim.bench.runs.naming import collect
 from tactsim.core import Pad, Scan
 from tactsim.core.errors import InputError
 from tactsim.core.reading import Reading

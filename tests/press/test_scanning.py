@@ -3,7 +3,7 @@ import pytest
 from level_world import level_press, level_scan
 
 from tactsim import models
-from tactsim.bench.scan_quality import classifier_agreement
+from tactsim.bench.runs.scan_quality import classifier_agreement
 from tactsim.core import InputError, Pad
 from tactsim.press import WORLDS, ScanOptions, SensorOptions, press_letter, scan_letters
 

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from tactsim.bench.leaderboard.ranking import compare_accuracies, compare_errors, holm, ranks
-from tactsim.bench.pooled import resampled
+from tactsim.bench.runs.pooled import resampled
 
 
 @given(st.integers(0, 30), st.integers(0, 30), st.integers(0, 20))

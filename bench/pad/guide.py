@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import time
 
-from tactsim.bench.guide_screen import Screen
-from tactsim.bench.keyboard import keys
+from tactsim.bench.pad.guide_screen import Screen
+from tactsim.bench.pad.keyboard import keys
 from tactsim.core.source import NoReading, Source, SourceEnded
 from tactsim.hardware.recording import Recorder
 from tactsim.hardware.session import Phase, Press, Session

@@ -11,9 +11,9 @@ from typing import Any
 
 from rich.console import Console
 
-from tactsim.bench.guide import lead
-from tactsim.bench.guide_screen import Screen
-from tactsim.bench.simulated_hand import PLACE, SimulatedHand
+from tactsim.bench.pad.guide import lead
+from tactsim.bench.pad.guide_screen import Screen
+from tactsim.bench.pad.simulated_hand import PLACE, SimulatedHand
 from tactsim.core.errors import InputError
 from tactsim.core.source import Source
 from tactsim.hardware.calibration import Calibration

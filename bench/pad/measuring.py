@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from tactsim.bench.guided import Station
-from tactsim.bench.guided import record as record_presses
-from tactsim.bench.measured import poses_to_press, recording_of
+from tactsim.bench.pad.guided import Station
+from tactsim.bench.pad.guided import record as record_presses
+from tactsim.bench.pad.measured import poses_to_press, recording_of
 from tactsim.core import InputError, Pad, Scan
 from tactsim.core.checking import checked
 from tactsim.hardware.recording import Kind, RecordReader

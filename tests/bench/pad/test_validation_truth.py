@@ -7,10 +7,10 @@ import pytest
 import tomli_w
 
 from tactsim import models
-from tactsim.bench import explained
 from tactsim.bench.config import scan_options
-from tactsim.bench.fitted_world import check_world, clipped, fitted_world, stated_world
-from tactsim.bench.recorded_presses import PressesAsRecorded, wider
+from tactsim.bench.pad import explained
+from tactsim.bench.pad.fitted_world import check_world, clipped, fitted_world, stated_world
+from tactsim.bench.pad.recorded_presses import PressesAsRecorded, wider
 from tactsim.core import Pad, Scan
 from tactsim.hardware.sensor_fit import fit_sensor
 from tactsim.press import ScanOptions, scan_letters

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from command_line import refused
 
-from tactsim.bench.template import PAPERS, Sheets, as_pdf, draw_sheets
+from tactsim.bench.pad.template import PAPERS, Sheets, as_pdf, draw_sheets
 from tactsim.core.pad import Pad
 from tactsim.core.poses import invert, transform
 from tactsim.models import letter

@@ -8,7 +8,7 @@ import pytest
 from command_line import emulated, refused
 
 import tactsim
-from tactsim.bench.measured import MeasuredTrials, measured_scan, poses_to_press, recording_of
+from tactsim.bench.pad.measured import MeasuredTrials, measured_scan, poses_to_press, recording_of
 from tactsim.bench.results import load
 from tactsim.hardware.recording import Kind, Tail
 from tactsim.hardware.scans import read_session, scan_of_sessions

@@ -9,7 +9,7 @@ from rich.console import Console
 from terminal import OnTerminal
 from terminal import Screen as Terminal
 
-from tactsim.bench.guide_screen import Screen
+from tactsim.bench.pad.guide_screen import Screen
 from tactsim.core.pad import Pad
 from tactsim.hardware.recording import Kind, RecordReader
 from tactsim.hardware.session import Plan, Session

@@ -17,8 +17,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tactsim.bench.naming import Budget, budget, method_name, task_name
 from tactsim.bench.results import Run
+from tactsim.bench.runs.naming import Budget, budget, method_name, task_name
 from tactsim.bench.score import errors, recognition_seconds, recoveries, settled_at, settled_by
 from tactsim.bench.trials import Trials
 from tactsim.core import InputError

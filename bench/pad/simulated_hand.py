@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from tactsim.bench.touch_level import HAND_PATIENCE, touch_above
 from tactsim.core.poses import FloatArray
 from tactsim.core.seeds import stream
 from tactsim.hardware.device import Device
@@ -14,6 +13,12 @@ from tactsim.press import ScanOptions
 from tactsim.press.simulated_source import SimulatedPad, on_pad_of, press_table, sensing
 
 PLACE = "simulated:hand"  # what is given instead of a port
+HAND_PATIENCE = 1.0  # s after which a simulated hand's touch is taken as it is: a hole may lie over the pad
+
+
+def touch_above(noise: float) -> float:
+    """Give the pressure above which a taxel with noise of that sd is touched and not noisy, kPa."""
+    return 5.0 * noise
 
 
 class SimulatedHand(SimulatedPad):

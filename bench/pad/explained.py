@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from tactsim.bench.config import merged
-from tactsim.bench.recorded_presses import PressesAsRecorded
-from tactsim.bench.trained_elsewhere import drop, recognised
+from tactsim.bench.pad.recorded_presses import PressesAsRecorded
+from tactsim.bench.pad.trained_elsewhere import drop, recognised
 from tactsim.bench.trials import Progress
 from tactsim.core.checking import checked
 from tactsim.core.poses import FloatArray

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tactsim.bench.explained import Part, ablation, explained
-from tactsim.bench.fitted_world import check_world, clipped, fitted_world
-from tactsim.bench.recorded_presses import PressesAsRecorded
-from tactsim.bench.trained_elsewhere import drop, recognised
+from tactsim.bench.pad.explained import Part, ablation, explained
+from tactsim.bench.pad.fitted_world import check_world, clipped, fitted_world
+from tactsim.bench.pad.recorded_presses import PressesAsRecorded
+from tactsim.bench.pad.trained_elsewhere import drop, recognised
 from tactsim.bench.trials import Progress
 from tactsim.core import Scan
 from tactsim.core.checking import checked
