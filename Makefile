@@ -89,11 +89,11 @@ tables: $(DEVELOP)  ## do the sweeps that are not done yet, and fill the tables 
 	@$(BIN)/python docs/tools/page_tables.py README.md docs/results.md docs/method.md docs/estimators.md
 
 renew: $(DEVELOP)  ## do every method of results/leaderboard again with this commit, and check it: half an hour; then `leaderboard`
-	@$(BIN)/python -m tactsim.bench.leaderboard.renew results/leaderboard $(VENV)/renewed
+	@$(BIN)/python docs/tools/renew_leaderboard.py results/leaderboard $(VENV)/renewed
 	@$(MAKE) --no-print-directory leaderboard
 
 leaderboard: $(DEVELOP)  ## make the site of results/leaderboard, the best known results, and the tables of docs/leaderboard.md
-	@$(BIN)/python -m tactsim.bench.leaderboard.best_known
+	@$(BIN)/python docs/tools/best_known_results.py results/leaderboard
 	@$(BIN)/bench leaderboard results/leaderboard
 	@$(BIN)/python docs/tools/page_standings.py results/leaderboard docs/leaderboard.md
 

@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 from scipy.stats import t as student_t
 
 from tactsim.bench import experiment
@@ -27,12 +26,11 @@ from tactsim.bench.placement import Properties, properties
 from tactsim.bench.results import Run
 from tactsim.bench.score import errors
 from tactsim.bench.tasks import Task, names
-from tactsim.bench.tasks.data import check_data
+from tactsim.bench.tasks.data import Witness, check_data
 from tactsim.bench.trials import OneTrial, Progress, Trials, run_trials
-from tactsim.core import InputError, Scan
+from tactsim.core import InputError
 from tactsim.core.errors import short
 from tactsim.core.poses import FloatArray
-from tactsim.estimators import NONE, Estimate, Estimator, Options
 from tactsim.estimators import names as estimators
 
 SHARE = 0.05
@@ -347,7 +345,7 @@ def _fault(run: Run, config: RunConfig, gathered: Gathered) -> str | None:
     done = list(zip(run.trials.truth.tolist(), run.trials.trial.tolist(), strict=True))
     if done != [(task.truth, task.trial) for task in tasks] or run.readings != config.readings:
         return "its trials are not those of the task: some are missing, or there are more"
-    nobody = _Nobody(Options())
+    nobody = Witness()
     # What is pressed on demand need not be pressed: where the object is does not depend on it.
     plan = replace(experiment.plan_of(config, gathered.scan, nobody), press=None, explore="random")
     given = rounded(run_trials(plan, nobody, tasks, progress=experiment.silent)[0])
@@ -417,24 +415,3 @@ def _notes(bundle: Bundle, method: Method, excuses: Sequence[str]) -> tuple[str,
             f"the estimator came in {bundle.package or 'tactsim'}, and here in {package or 'tactsim'}"
         )
     return tuple(notes)
-
-
-class _Nobody(Estimator):
-    """Answer nothing in particular: what a trial is does not depend on the answers."""
-
-    def fit(self, scan: Scan) -> None:
-        """Learn nothing."""
-
-    def without(self, letter: str, scan: Scan) -> Estimator:
-        """Give this one, which knows no letter."""
-        return self
-
-    def reset(self, rng: np.random.Generator) -> None:
-        """Forget nothing."""
-
-    def update(self, reading: ArrayLike, sensor_in_robot: ArrayLike) -> None:
-        """Take in nothing."""
-
-    def estimate(self) -> Estimate:
-        """Say that it is none of the letters."""
-        return Estimate(NONE, {NONE: 1.0}, np.zeros(3))

@@ -72,7 +72,7 @@ def hash_data(
     config = run_config(task=task.name, seed=seed)
     gathered = gather(config, jobs=jobs, cache=cache, progress=progress)
     check_readings(gathered.scan, gathered.letters, config.readings, config.hold_out)
-    scan, witness = gathered.scan, _Witness(Options())
+    scan, witness = gathered.scan, Witness()
     plan = plan_of(config, scan, witness)
     wanted = [OneTrial(letter, trial) for letter in gathered.letters for trial in range(config.trials)]
     trials, _ = run_trials(plan, witness, wanted, progress=progress)
@@ -100,11 +100,11 @@ def hash_data(
     return content.hexdigest()
 
 
-class _Witness(Estimator):
+class Witness(Estimator):
     """Write down all that an estimator is told in its trials; it says "none of them", and takes the first touch."""
 
-    def __init__(self, options: Options) -> None:
-        super().__init__(options)
+    def __init__(self) -> None:
+        super().__init__(Options())
         self.drawn: list[int] = []
         self.felt: list[FloatArray] = []
         self.sensor_in_robot: list[FloatArray] = []

@@ -3,6 +3,7 @@
 import json
 
 import pytest
+from best_known_results import main
 from entered import entered
 
 from tactsim.bench.leaderboard import best_known
@@ -15,12 +16,10 @@ TASK = "active-v1"
 
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
-    """Give an empty folder of bundles where the command looks for it, and a file of its own to write."""
+    """Give an empty folder of bundles, and a file of its own to write."""
     monkeypatch.setattr(best_known, "FILE", tmp_path / "best_known.toml")
-    monkeypatch.chdir(tmp_path)
-    place = tmp_path / best_known.LEADERBOARD
-    place.mkdir(parents=True)
-    return place
+    (tmp_path / "bundles").mkdir()
+    return tmp_path / "bundles"
 
 
 def test_the_file_has_the_first_of_each_task_and_is_shown(folder, here):
@@ -29,7 +28,7 @@ def test_the_file_has_the_first_of_each_task_and_is_shown(folder, here):
     write_bundle(entered("failed", "slip-v1", status="crashed"), folder / "failed.zip")
     write_bundle(entered("other", TASK, skill=9.0, mm=0.0, task_data="f" * 64), folder / "other-data.zip")
     write_bundle(entered("own", TASK, skill=9.0, mm=0.0, task="mine-v1.toml"), folder / "own.zip")
-    assert best_known.main() == 0
+    assert main([str(folder)]) == 0
     found = best_known.best_known()
     assert set(found) == {TASK}
     (of,) = (one for one in read_folder(folder).standings if one.known and one.ranked)
@@ -47,11 +46,11 @@ def test_the_file_has_the_first_of_each_task_and_is_shown(folder, here):
 
 def test_a_folder_that_cannot_be_read_whole_leaves_the_file_as_it_was(folder, capsys):
     best_known.FILE.write_text("")
-    assert best_known.main() == 2
+    assert main([str(folder)]) == 2
     assert "holds no bundle" in capsys.readouterr().err
     write_bundle(entered("good", TASK), folder / "good.zip")
     (folder / "broken.zip").write_text("no bundle")
-    assert best_known.main() == 2
+    assert main([str(folder)]) == 2
     assert "broken.zip" in capsys.readouterr().err
     assert best_known.best_known() == {}
 

@@ -5,9 +5,9 @@ from pathlib import Path
 
 import pytest
 from entered import entered
+from renew_leaderboard import main, renew, submission
 
 from tactsim.bench.leaderboard.bundle import read_bundle, read_record, write_bundle
-from tactsim.bench.leaderboard.renew import main, renew, submission
 from tactsim.core import InputError
 from tactsim.core.source_digest import git_commit
 
@@ -37,7 +37,7 @@ def test_what_cannot_be_renewed_is_said_and_stays(bundle, said, tmp_path):
 
 
 def test_files_that_no_commit_has_are_one_line(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr("tactsim.bench.leaderboard.renew.git_commit", lambda: "a" * 40 + "-changed")
+    monkeypatch.setattr("renew_leaderboard.git_commit", lambda: "a" * 40 + "-changed")
     assert main([str(tmp_path), str(tmp_path / "workshop")]) == 2
     said = "renew: files differ from the last commit, which bundles name; commit them first\n"
     assert capsys.readouterr().err == said

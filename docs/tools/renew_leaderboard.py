@@ -1,6 +1,6 @@
-"""Do all that a folder of bundles holds again with the code here: `python -m tactsim.bench.leaderboard.renew`.
+"""Do all that a folder of bundles holds again with the code here: `renew_leaderboard.py FOLDER WORKSHOP`.
 
-`renew FOLDER WORKSHOP` makes for each bundle of FOLDER one of the same task, estimator, options and title in
+It makes for each bundle of FOLDER one of the same task, estimator, options and title in
 WORKSHOP, and `bench verify --record` checks it. When all are there, they replace those of FOLDER, and not sooner: a
 bundle names its commit, and a changed file in the checkout would make that another one. What WORKSHOP has of this
 commit is left alone, so that the command goes on where it was stopped.
