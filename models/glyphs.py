@@ -26,19 +26,20 @@ THIN = 4.0  # mm, the stroke of glyphs with two storeys, whose counters would cl
 CHORD_ERROR = 0.04  # mm: no chord is further from its circle
 
 
-def _polygon(*points: Point) -> CrossSection:
+def polygon(*points: Point) -> CrossSection:
+    """Fill a polygon, mm."""
     from manifold3d import CrossSection, FillRule
 
     return CrossSection([np.array(points, dtype=float)], FillRule.NonZero)
 
 
 def _bar(left: float, bottom: float, right: float, top: float) -> CrossSection:
-    return _polygon((left, bottom), (right, bottom), (right, top), (left, top))
+    return polygon((left, bottom), (right, bottom), (right, top), (left, top))
 
 
 def _slant(x0: float, y0: float, x1: float, y1: float, width: float) -> CrossSection:
     """Draw a slanted stroke with level ends; x0 and x1 are its left corners, and width is measured along x."""
-    return _polygon((x0, y0), (x0 + width, y0), (x1 + width, y1), (x1, y1))
+    return polygon((x0, y0), (x0 + width, y0), (x1 + width, y1), (x1, y1))
 
 
 def _chords(radius: float) -> int:
@@ -46,32 +47,34 @@ def _chords(radius: float) -> int:
     return 4 * math.ceil(math.pi / math.acos(1 - CHORD_ERROR / radius) / 4)
 
 
-def _circle(x: float, y: float, radius: float, start: float, stop: float, chords: int) -> list[Point]:
+def arc_points(x: float, y: float, radius: float, start: float, stop: float, chords: int) -> list[Point]:
+    """List the chords + 1 points of an arc about (x, y), from `start` to `stop` degrees."""
     angles = np.radians(np.linspace(start, stop, chords + 1))
     return [(x + radius * math.cos(angle), y + radius * math.sin(angle)) for angle in angles]
 
 
-def _disc(x: float, y: float, radius: float, chords: int) -> CrossSection:
-    return _polygon(*_circle(x, y, radius, 0, 360, chords)[:-1])
+def disc(x: float, y: float, radius: float, chords: int) -> CrossSection:
+    """Fill a regular polygon about (x, y), one corner to the right."""
+    return polygon(*arc_points(x, y, radius, 0, 360, chords)[:-1])
 
 
 def _ring(x: float, y: float, radius: float, stroke: float) -> CrossSection:
     """Draw a ring of outer `radius`. Two outer chords face each inner chord, which keeps convex parts few."""
     inner = _chords(radius - stroke)
-    return _disc(x, y, radius, 2 * inner) - _disc(x, y, radius - stroke, inner)
+    return disc(x, y, radius, 2 * inner) - disc(x, y, radius - stroke, inner)
 
 
 def _arc(x: float, y: float, radius: float, start: float, stop: float, stroke: float) -> CrossSection:
     """Draw a piece of a ring, counter-clockwise from `start` to `stop` degrees."""
     inner = math.ceil(_chords(radius - stroke) * (stop - start) / 360 - 1e-9)
-    outside = _circle(x, y, radius, start, stop, 2 * inner)
-    return _polygon(*outside, *_circle(x, y, radius - stroke, stop, start, inner))
+    outside = arc_points(x, y, radius, start, stop, 2 * inner)
+    return polygon(*outside, *arc_points(x, y, radius - stroke, stop, start, inner))
 
 
 def _a() -> CrossSection:
     width, top, leg = 24.0, 5.6, 5.0
     middle = width / 2
-    hull = _polygon((0, 0), (width, 0), (middle + top / 2, CAP_HEIGHT), (middle - top / 2, CAP_HEIGHT))
+    hull = polygon((0, 0), (width, 0), (middle + top / 2, CAP_HEIGHT), (middle - top / 2, CAP_HEIGHT))
     legs = _slant(0, 0, middle - top / 2, CAP_HEIGHT, leg) + _slant(
         width - leg, 0, middle + top / 2 - leg, CAP_HEIGHT, leg
     )
@@ -208,7 +211,7 @@ def _x() -> CrossSection:
 def _y() -> CrossSection:
     fork, middle, arm, half = 10.0, 11.0, 5.2, STROKE / 2
     crotch = CAP_HEIGHT - (middle - arm) * (CAP_HEIGHT - fork) / (middle - half)
-    left = _polygon(
+    left = polygon(
         (middle - half, fork), (middle, fork), (middle, crotch), (arm, CAP_HEIGHT), (0, CAP_HEIGHT)
     )
     stem = _bar(middle - half, 0, middle + half, fork)
@@ -233,7 +236,7 @@ def _zero() -> CrossSection:
 
 def _one() -> CrossSection:
     stem = _bar(6, 0, 6 + STROKE, CAP_HEIGHT)
-    return stem + _bar(0, 0, 16.5, THIN) + _polygon((6, 25), (0, 20.5), (0, 15.5), (6, 19.5))
+    return stem + _bar(0, 0, 16.5, THIN) + polygon((6, 25), (0, 20.5), (0, 15.5), (6, 19.5))
 
 
 def _two() -> CrossSection:
@@ -244,7 +247,7 @@ def _two() -> CrossSection:
     inner = (radius + (radius - THIN) * x, CAP_HEIGHT - radius + (radius - THIN) * y)
     # The diagonal leaves the arc along its tangent and runs into the foot.
     feet = [(px + y / x * (py - level), level) for px, py in (outer, inner) for level in (THIN,)]
-    return arc + _polygon(outer, inner, feet[1], feet[0]) + _bar(0, 0, 16, THIN)
+    return arc + polygon(outer, inner, feet[1], feet[0]) + _bar(0, 0, 16, THIN)
 
 
 def _three() -> CrossSection:

@@ -10,12 +10,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tactsim.core.errors import InputError, unknown
+from tactsim.models.glyphs import Point, arc_points, disc, polygon
 from tactsim.models.solids.solid import Solid, solid_of
 
 if TYPE_CHECKING:
-    from manifold3d import CrossSection, Manifold
-
-Point = tuple[float, float]
+    from manifold3d import Manifold
 
 AROUND = 60  # chords round an axis: 0.03 mm within a circle of 44 mm across
 LARGEST_COUNT = 50  # the twelve and their variants
@@ -46,27 +45,11 @@ def solid(name: str) -> Solid:
     return solid_of(name, _FAMILIES[family](**sizes))
 
 
-def _outline(*points: Point) -> CrossSection:
-    from manifold3d import CrossSection, FillRule
-
-    return CrossSection([np.array(points, dtype=float)], FillRule.NonZero)
-
-
-def _arc(x: float, y: float, radius: float, start: float, stop: float, chords: int) -> list[Point]:
-    """List the points of an arc about (x, y), angles in degrees."""
-    angles = np.radians(np.linspace(start, stop, chords + 1))
-    return [(x + radius * math.cos(angle), y + radius * math.sin(angle)) for angle in angles]
-
-
-def _disc(x: float, y: float, radius: float, chords: int = AROUND) -> CrossSection:
-    return _outline(*_arc(x, y, radius, 0, 360, chords)[:-1])
-
-
 def _revolved(*profile: Point) -> Manifold:
     """Turn a profile of points (distance from the axis, height) round the z axis."""
     from manifold3d import Manifold
 
-    return Manifold.revolve(_outline(*profile), AROUND)
+    return Manifold.revolve(polygon(*profile), AROUND)
 
 
 def _hexagon(flats: float, height: float, *, below: bool) -> Manifold:
@@ -103,9 +86,9 @@ def _key(
     """Make a flat key: a bow with a hole, a blade with cuts along one edge and a groove along one face."""
     from manifold3d import Manifold
 
-    head = _disc(0, 0, bow / 2) - _disc(-0.22 * bow, 0, 0.16 * bow, 24)
+    head = disc(0, 0, bow / 2, AROUND) - disc(-0.22 * bow, 0, 0.16 * bow, 24)
     start, end = 0.4 * bow, bow / 2 + blade
-    outline = _outline(
+    outline = polygon(
         (start, -width / 2),
         (end - width / 2, -width / 2),
         (end, 0),
@@ -116,7 +99,7 @@ def _key(
     for place, depth in enumerate(cuts):
         x = bow / 2 + 3 + (place + 0.5) * step
         top = width / 2 + 1
-        outline -= _outline(
+        outline -= polygon(
             (x - 0.2 * step, width / 2 - depth), (x + 0.2 * step, width / 2 - depth), (x + 0.5 * step, top),
             (x - 0.5 * step, top),
         )  # fmt: skip
@@ -148,7 +131,7 @@ def _gear(
         ):
             angle = (tooth + share) * pitch
             points.append((radius * math.cos(angle), radius * math.sin(angle)))
-    return (_outline(*points) - _disc(0, 0, bore / 2)).extrude(thickness)
+    return (polygon(*points) - disc(0, 0, bore / 2, AROUND)).extrude(thickness)
 
 
 def _spool(
@@ -180,7 +163,7 @@ def _bracket(
     from manifold3d import Manifold
 
     plates = Manifold.cube((base, width, thickness)) + Manifold.cube((thickness, width, upright))
-    side = _outline(
+    side = polygon(
         (0, 0),
         (thickness + rib, 0),
         (thickness + rib, thickness),
@@ -192,7 +175,7 @@ def _bracket(
     drill = Manifold.cylinder(thickness + 2, hole / 2, circular_segments=36).translate(
         (0.75 * base, width / 2, -1)
     )
-    slot = (_disc(0, -3, 2.5, 24) + _disc(0, 3, 2.5, 24)).hull().extrude(thickness + 2)
+    slot = (disc(0, -3, 2.5, 24) + disc(0, 3, 2.5, 24)).hull().extrude(thickness + 2)
     slot = slot.rotate((0, 90, 0)).translate((-1, width / 2, upright - 5))
     return plates + web - drill - slot
 
@@ -211,7 +194,7 @@ def _cone(across: float = 42, height: float = 44, tip: float = 3) -> Manifold:
     base = across / 2
     slope = math.atan2(base, height)  # half the angle at the apex
     centre = height - tip / math.sin(slope)
-    arc = _arc(0, centre, tip, math.degrees(slope), 90, 8)
+    arc = arc_points(0, centre, tip, math.degrees(slope), 90, 8)
     return _revolved((0, 0), (base, 0), *arc[:-1], (0, centre + tip))
 
 
@@ -221,7 +204,7 @@ def _star_knob(
     """Make a star knob: round lobes on a disc, with a boss below."""
     radius = 0.34 * across / math.sqrt(lobes)
     reach = across / 2 - radius
-    lobe, star = _disc(reach, 0, radius, 36), _disc(0, 0, reach)
+    lobe, star = disc(reach, 0, radius, 36), disc(0, 0, reach, AROUND)
     for number in range(lobes):
         star += lobe.rotate(360 * number / lobes)
     stem = _revolved((0, -below), (boss / 2, -below), (boss / 2, 1), (0, 1))
@@ -230,16 +213,16 @@ def _star_knob(
 
 def _ring(across: float = 46, thickness: float = 11) -> Manifold:
     """Make a ring with a round section (a torus)."""
-    return _revolved(*_arc((across - thickness) / 2, 0, thickness / 2, 0, 360, 24)[:-1])
+    return _revolved(*arc_points((across - thickness) / 2, 0, thickness / 2, 0, 360, 24)[:-1])
 
 
 def _tetrapod(leg: float = 23, root: float = 13, tip: float = 9) -> Manifold:
     """Make a tetrapod: four tapering legs with round ends that point to the corners of a tetrahedron."""
     from manifold3d import Manifold
 
-    low = _arc(0, 0, root / 2, -90, 0, 6)
-    high = _arc(0, leg, tip / 2, 0, 90, 6)
-    one = Manifold.revolve(_outline(*low[:-1], *low[-1:], *high[:-1], (0.0, leg + tip / 2)), 36)
+    low = arc_points(0, 0, root / 2, -90, 0, 6)
+    high = arc_points(0, leg, tip / 2, 0, 90, 6)
+    one = Manifold.revolve(polygon(*low[:-1], *low[-1:], *high[:-1], (0.0, leg + tip / 2)), 36)
     lean = math.degrees(math.acos(-1 / 3))
     legs = [one] + [one.rotate((0, lean, 0)).rotate((0, 0, 120 * turn)) for turn in range(3)]
     return legs[0] + legs[1] + legs[2] + legs[3]
