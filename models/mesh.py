@@ -62,17 +62,17 @@ class _Body(NamedTuple):
 
 def _bodies(mesh: Trimesh) -> list[_Body]:
     """Part a mesh into its bodies, each right side out."""
-    from manifold3d import Error, Manifold, Mesh64
+    from manifold3d import Error
+    from trimesh.repair import fix_winding
 
-    parts = _closed_parts(mesh)
-    if len(parts) > MOST_BODIES:
-        raise InputError(f"it is made of {len(parts):,} bodies, the most is {MOST_BODIES:,}: unite them")
     bodies = []
-    for vertices, faces in parts:
-        solid = Manifold(Mesh64(vertices, faces))
+    for part in _closed_parts(mesh):
+        fix_winding(part)
+        solid = _manifold(part)
         sign = solid.volume() > 0
         if not sign:
-            solid = Manifold(Mesh64(vertices, np.ascontiguousarray(faces[:, ::-1])))
+            part.invert()
+            solid = _manifold(part)
         if solid.status() != Error.NoError:
             raise InputError("the mesh's faces do not agree on what is inside; make its normals consistent")
         if solid.volume() > 0:
@@ -80,14 +80,14 @@ def _bodies(mesh: Trimesh) -> list[_Body]:
     return bodies
 
 
-def _closed_parts(mesh: Trimesh) -> list[tuple[FloatArray, NDArray[np.uint64]]]:
+def _closed_parts(mesh: Trimesh) -> list[Trimesh]:
     """Part a mesh into closed surfaces, without facets that have a repeated corner or are there twice.
 
-    Each has vertices (v, 3) mm and faces (f, 3). Raises InputError if a surface is not closed.
+    Raises InputError if a surface is not closed, or if they are too many.
     """
-    from manifold3d import Error, Manifold, Mesh64
-    from trimesh.graph import connected_component_labels
-    from trimesh.repair import fix_winding
+    import trimesh
+    from manifold3d import Error
+    from trimesh.graph import connected_components
 
     faces = np.asarray(mesh.faces)
     faces = faces[(faces != np.roll(faces, 1, axis=1)).all(axis=1)]
@@ -95,21 +95,16 @@ def _closed_parts(mesh: Trimesh) -> list[tuple[FloatArray, NDArray[np.uint64]]]:
     # A facet that is there twice is one facet; between two bodies that share a wall it is none.
     for kept in (first, first[counts % 2 == 1]):
         mesh.faces = faces[np.sort(kept)]
-        if not len(kept):
-            continue
         # Faces hang together at edges that join two of them.
-        labels = connected_component_labels(mesh.face_adjacency, node_count=len(mesh.faces))
-        edges = np.column_stack([np.repeat(labels, 3), mesh.edges_sorted])
-        joined = np.unique(edges, axis=0, return_counts=True)[1]
-        if (joined == 2).all():
-            if not mesh.is_winding_consistent:
-                fix_winding(mesh)
-            rows = np.split(np.argsort(labels, kind="stable"), np.cumsum(np.bincount(labels))[:-1])
-            return [_compact(mesh.vertices, mesh.faces[own]) for own in rows]
-    # Where bodies share edges, manifold3d finds which faces belong together, if they agree on what is inside.
+        own = connected_components(mesh.face_adjacency, nodes=np.arange(len(mesh.faces)))
+        if len(own) > MOST_BODIES:
+            raise InputError(f"it is made of {len(own):,} bodies, the most is {MOST_BODIES:,}: unite them")
+        parts = mesh.submesh(own, repair=False)
+        if len(parts) and all(part.is_watertight for part in parts):
+            return parts
     mesh.faces = faces[np.sort(first)]
-    vertices, corners = _compact(mesh.vertices, mesh.faces)
-    whole = Manifold(Mesh64(vertices, corners))
+    # Where bodies share edges, manifold3d finds which faces belong together, if they agree on what is inside.
+    whole = _manifold(mesh)
     if whole.status() != Error.NoError or whole.is_empty():
         joined = np.unique(mesh.edges_sorted, axis=0, return_counts=True)[1]
         raise InputError(
@@ -117,13 +112,13 @@ def _closed_parts(mesh: Trimesh) -> list[tuple[FloatArray, NDArray[np.uint64]]]:
             "two faces; repair it, for example in MeshLab or Blender"
         )
     pieces = [piece.to_mesh64() for piece in whole.decompose()]
-    return [_compact(piece.vert_properties[:, :3], piece.tri_verts) for piece in pieces]
+    return [trimesh.Trimesh(piece.vert_properties[:, :3], piece.tri_verts, process=False) for piece in pieces]
 
 
-def _compact(vertices: FloatArray, faces: NDArray[Any]) -> tuple[FloatArray, NDArray[np.uint64]]:
-    """Keep the vertices that faces use."""
-    used, corners = np.unique(faces, return_inverse=True)
-    return np.ascontiguousarray(vertices[used], dtype=float), corners.reshape(-1, 3).astype(np.uint64)
+def _manifold(mesh: Trimesh) -> Manifold:
+    from manifold3d import Manifold, Mesh64
+
+    return Manifold(Mesh64(np.array(mesh.vertices), np.array(mesh.faces, dtype=np.uint64)))
 
 
 def _united(bodies: list[_Body]) -> Manifold:
