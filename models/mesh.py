@@ -7,7 +7,7 @@ import re
 import warnings
 import zipfile
 from io import BytesIO
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -99,7 +99,7 @@ def _closed_parts(mesh: Trimesh) -> list[Trimesh]:
         own = connected_components(mesh.face_adjacency, nodes=np.arange(len(mesh.faces)))
         if len(own) > MOST_BODIES:
             raise InputError(f"it is made of {len(own):,} bodies, the most is {MOST_BODIES:,}: unite them")
-        parts = mesh.submesh(own, repair=False)
+        parts = cast("list[Trimesh]", mesh.submesh(own, repair=False))
         if len(parts) and all(part.is_watertight for part in parts):
             return parts
     mesh.faces = faces[np.sort(first)]
