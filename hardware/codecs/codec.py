@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar, Generic, TypeVar
+from typing import Annotated, Any, ClassVar, Generic, TypeVar
 
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, PlainSerializer, field_validator
 
 from tactsim.core.counters import Counters
 from tactsim.core.errors import InputError
@@ -17,6 +17,21 @@ Packet = TypeVar("Packet")
 PATIENCE = 0.25  # s until a question is asked again; more than any device here takes to answer
 
 STRICT = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+def _from_hex(value: object) -> object:
+    """Read bytes written as hexadecimal digits, with or without blanks: "AA 55"."""
+    if not isinstance(value, str):
+        return value
+    try:
+        return bytes.fromhex(value)
+    except ValueError:
+        raise ValueError(f"bytes are written as hexadecimal digits like 'AA 55', not {value!r}") from None
+
+
+Bytes = Annotated[
+    bytes, BeforeValidator(_from_hex), PlainSerializer(lambda value: value.hex(" "), when_used="json")
+]
 
 
 class CodecError(InputError):
@@ -190,3 +205,47 @@ class CodecFormat(BaseModel, ABC):
     @abstractmethod
     def build(self) -> Codec[Any]:
         """Make the codec."""
+
+
+class CountsFormat(CodecFormat):
+    """The keys of a device whose values are counts, and which may have to be started or asked.
+
+    pressure in kPa = (value - zero) * kpa_per_count.
+    """
+
+    zero: float = Field(0.0, description="value of an unloaded taxel")
+    kpa_per_count: float = Field(
+        description="kPa of one count; kPa = (value - zero) * kpa_per_count", examples=[0.1]
+    )
+    start: Bytes = Field(b"", max_length=256, description="bytes that make the device speak, sent once")
+    request: Bytes = Field(b"", max_length=256, description="bytes that ask for one frame")
+    request_every_s: float = Field(
+        0.0,
+        ge=0,
+        le=60,
+        description="s from one request to the next, at least: no less than the device measures in",
+    )
+
+    @field_validator("kpa_per_count")
+    @classmethod
+    def _is_not_0(cls, value: float) -> float:
+        if not value:
+            raise ValueError("kpa_per_count must not be 0")
+        return value
+
+
+class CountsCodec(Codec[Frame]):
+    """Read and write the frames of such a device."""
+
+    def __init__(self, form: CountsFormat) -> None:
+        self.zero, self.kpa_per_count = form.zero, form.kpa_per_count
+        self.start, self.request, self.request_every_s = form.start, form.request, form.request_every_s
+        self.speaks = not form.request
+
+    def to_kpa(self, values: FloatArray) -> FloatArray:
+        """Turn values into kPa by the format's zero and scale."""
+        return (values - self.zero) * self.kpa_per_count
+
+    def from_kpa(self, pressures: FloatArray) -> FloatArray:
+        """Turn kPa into values."""
+        return pressures / self.kpa_per_count + self.zero

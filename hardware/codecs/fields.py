@@ -23,9 +23,8 @@ from tactsim.core.counters import Counters
 from tactsim.core.finite import LARGEST
 from tactsim.core.poses import FloatArray
 from tactsim.hardware.codecs.checksums import CHECKSUMS
-from tactsim.hardware.codecs.codec import PATIENCE, Codec, CodecFormat, Dialogue, Frame, Listening
+from tactsim.hardware.codecs.codec import PATIENCE, CountsCodec, CountsFormat, Dialogue, Frame, Listening
 from tactsim.hardware.codecs.layout import (
-    Bytes,
     Checksum,
     Clock,
     Fixed,
@@ -40,16 +39,14 @@ from tactsim.hardware.codecs.layout import (
     places,
     size_of,
 )
-from tactsim.hardware.codecs.packed import read_values, value_range, write_values
+
+Endian = Literal["big", "little"]
 
 _STEADY = 3  # times that a mark within a frame has to come again at the same place, to be part of the data
 
 
-class FieldsFormat(CodecFormat):
-    """The table `[codec]` of a device file with `kind = "fields"`.
-
-    pressure in kPa = (value - zero) * kpa_per_count.
-    """
+class FieldsFormat(CountsFormat):
+    """The table `[codec]` of a device file with `kind = "fields"`."""
 
     kind: Literal["fields"]
     layout: tuple[Item, ...] = Field(
@@ -57,25 +54,11 @@ class FieldsFormat(CodecFormat):
         description="what a frame is made of, in its order",
         examples=[[{"is": "header", "bytes": "AA 55"}, {"is": "taxels", "count": 16}]],
     )
-    endian: Literal["big", "little"] = Field("big", description="which byte of a number comes first")
-    zero: float = Field(0.0, description="value of an unloaded taxel")
-    kpa_per_count: float = Field(
-        description="kPa of one count; kPa = (value - zero) * kpa_per_count", examples=[0.1]
-    )
-    start: Bytes = Field(b"", max_length=256, description="bytes that make the device speak, sent once")
-    request: Bytes = Field(b"", max_length=256, description="bytes that ask for one frame")
-    request_every_s: float = Field(
-        0.0,
-        ge=0,
-        le=60,
-        description="s from one request to the next, at least: no less than the device measures in",
-    )
+    endian: Endian = Field("big", description="which byte of a number comes first")
 
     @model_validator(mode="after")
     def _makes_sense(self) -> FieldsFormat:
         check_layout(self.layout)
-        if not self.kpa_per_count:
-            raise ValueError("kpa_per_count must not be 0")
         return self
 
     def build(self) -> FieldsCodec:
@@ -83,13 +66,13 @@ class FieldsFormat(CodecFormat):
         return FieldsCodec(self)
 
 
-class FieldsCodec(Codec[Frame]):
+class FieldsCodec(CountsCodec):
     """Read and write frames of one described layout."""
 
     def __init__(self, form: FieldsFormat) -> None:
+        super().__init__(form)
         self.format = form
-        self.start, self.request, self.request_every_s = form.start, form.request, form.request_every_s
-        self._endian: Literal["big", "little"] = form.endian
+        self._endian: Endian = form.endian
         self._fixed: list[tuple[int, bytes]] = []  # lengths are fixed bytes too
         self._spans: dict[str, slice] = {}
         for item, at in places(form.layout):
@@ -112,7 +95,6 @@ class FieldsCodec(Codec[Frame]):
         self.packets = 1 if self._packet is None else self._packet.of
         self.taxels = self._values.count * self.packets
         self.size = sum(map(size_of, form.layout))
-        self.speaks = not form.request
         header, footer = (only(form.layout, Fixed, name) for name in ("header", "footer"))
         # What is looked for: a frame's beginning, or the end of the frame before.
         self._mark = header.bytes if header else footer.bytes if footer else b""
@@ -151,7 +133,7 @@ class FieldsCodec(Codec[Frame]):
         follows = bool(mark) or self._agrees(bytes(buffer[start:first]))
         if not (ends and follows and self._agrees(frame)):
             return 1, None
-        values = read_values(frame[self._spans["taxels"]], self._values, self._endian)
+        values = _read_values(frame[self._spans["taxels"]], self._values, self._endian)
         packet = self._number(frame, "packet")
         if self._packet is not None and packet is not None:
             packet -= self._packet.first
@@ -173,14 +155,10 @@ class FieldsCodec(Codec[Frame]):
             self._encode(frame, frame.values[at * count : (at + 1) * count], at) for at in range(self.packets)
         )
 
-    def to_kpa(self, values: FloatArray) -> FloatArray:
-        """Turn values into kPa by the format's zero and scale."""
-        return (values - self.format.zero) * self.format.kpa_per_count
-
     def from_kpa(self, pressures: FloatArray) -> FloatArray:
         """Turn kPa into the nearest values that fit the taxels' bits."""
-        values = pressures / self.format.kpa_per_count + self.format.zero
-        return np.clip(values if self._values.float else np.round(values), *value_range(self._values))
+        values = super().from_kpa(pressures)
+        return np.clip(values if self._values.float else np.round(values), *_value_range(self._values))
 
     def dialogue(self, addresses: tuple[int, ...], counters: Counters) -> Dialogue:
         """Listen, or ask for each frame if the format says how; join frames that come in several packets."""
@@ -229,7 +207,7 @@ class FieldsCodec(Codec[Frame]):
                 span = self._spans[name]
                 size = span.stop - span.start
                 parts[span] = (number % 256**size).to_bytes(size, self._endian)
-        parts[self._spans["taxels"]] = write_values(values, self._values, self._endian)
+        parts[self._spans["taxels"]] = _write_values(values, self._values, self._endian)
         if self._checksum is not None:
             parts[self._spans["checksum"]] = self._sum(parts)
         return bytes(parts)
@@ -298,3 +276,48 @@ def _beginning(buffer: bytes | bytearray, start: int, mark: bytes) -> int:
         if buffer.endswith(mark[:length]):
             return length
     return 0
+
+
+def _value_range(form: Taxels) -> tuple[float, float]:
+    """Give the least and the greatest value that fits the bits."""
+    if form.float:
+        limit = float(np.finfo(np.float32).max)
+        return -limit, limit
+    if form.signed:
+        return -(1 << form.bits - 1), (1 << form.bits - 1) - 1
+    return 0, (1 << form.bits) - 1
+
+
+def _read_values(data: bytes, form: Taxels, endian: Endian) -> FloatArray:
+    """Read the normal value of each taxel: (count,)."""
+    if form.bits in (8, 16, 32):
+        values = np.frombuffer(data, dtype=_dtype(form, endian))
+    else:
+        stream = np.unpackbits(np.frombuffer(data, np.uint8), bitorder=endian)
+        count = form.count * form.axes
+        words = stream[: count * form.bits].reshape(count, form.bits).astype(np.int64)
+        values = words @ _weights(form, endian)
+        values = np.where(values > _value_range(form)[1], values - (1 << form.bits), values)
+    return values.reshape(form.count, form.axes)[:, form.normal].astype(np.float64)
+
+
+def _write_values(normal: FloatArray, form: Taxels, endian: Endian) -> bytes:
+    """Write the normal value of each taxel, (count,), rounded and kept within its bits; other axes are 0."""
+    values = np.zeros((form.count, form.axes))
+    values[:, form.normal] = np.clip(normal if form.float else np.round(normal), *_value_range(form))
+    if form.bits in (8, 16, 32):
+        return values.astype(_dtype(form, endian)).tobytes()
+    whole = values.reshape(-1, 1).astype(np.int64) % (1 << form.bits)
+    bits = (whole // _weights(form, endian) % 2).astype(np.uint8)
+    return np.packbits(bits.ravel(), bitorder=endian).tobytes()
+
+
+def _dtype(form: Taxels, endian: Endian) -> str:
+    kind = "f" if form.float else "i" if form.signed else "u"
+    return f"{'>' if endian == 'big' else '<'}{kind}{form.bits // 8}"
+
+
+def _weights(form: Taxels, endian: Endian) -> np.ndarray:
+    """Say what each bit of a value counts, in the order in which the bits come."""
+    ascending = 1 << np.arange(form.bits, dtype=np.int64)
+    return ascending[::-1] if endian == "big" else ascending

@@ -5,29 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Annotated, Literal, TypeVar
 
-from pydantic import BaseModel, BeforeValidator, Field, PlainSerializer, model_validator
+from pydantic import BaseModel, Field, model_validator
 
 from tactsim.hardware.codecs.checksums import CHECKSUMS
-from tactsim.hardware.codecs.codec import STRICT
+from tactsim.hardware.codecs.codec import STRICT, Bytes
 
 LONGEST_FRAME = 1 << 16  # bytes
 # Checksums by which a frame may be found. The others are right by chance too often, or right for a run of zeros.
 FINDING = ("crc16-modbus", "crc16-ccitt", "crc32")
 
 
-def _from_hex(value: object) -> object:
-    """Read bytes written as hexadecimal digits, with or without blanks: "AA 55"."""
-    if not isinstance(value, str):
-        return value
-    try:
-        return bytes.fromhex(value)
-    except ValueError:
-        raise ValueError(f"bytes are written as hexadecimal digits like 'AA 55', not {value!r}") from None
-
-
-Bytes = Annotated[
-    bytes, BeforeValidator(_from_hex), PlainSerializer(lambda value: value.hex(" "), when_used="json")
-]
 FixedBytes = Annotated[Bytes, Field(min_length=1, max_length=64)]
 Size = Literal[1, 2, 4]
 

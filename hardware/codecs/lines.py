@@ -23,10 +23,8 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from tactsim.core.finite import LARGEST
-from tactsim.core.poses import FloatArray
 from tactsim.hardware.codecs.checksums import CHECKSUMS
-from tactsim.hardware.codecs.codec import Codec, CodecFormat, Frame
-from tactsim.hardware.codecs.layout import Bytes
+from tactsim.hardware.codecs.codec import CountsCodec, CountsFormat, Frame
 
 _END = re.compile(rb"\r\n|\r|\n")
 _LONGEST_NUMBER = 32  # characters of one number with its separator and its name
@@ -42,11 +40,8 @@ _COUNTER = 1 << 32  # an Arduino's unsigned long starts again there
 Column = Literal["clock", "index", "skip"]
 
 
-class LinesFormat(CodecFormat):
-    """The table `[codec]` of a device file with `kind = "csv"`.
-
-    pressure in kPa = (value - zero) * kpa_per_count.
-    """
+class LinesFormat(CountsFormat):
+    """The table `[codec]` of a device file with `kind = "csv"`."""
 
     kind: Literal["csv"]
     taxels: int = Field(ge=1, le=10_000, description="how many taxels a line has", examples=[16])
@@ -66,13 +61,6 @@ class LinesFormat(CodecFormat):
         None, description='kind of the checksum behind a "*", in hexadecimal digits; none: there is none'
     )
     tick_s: float = Field(0.001, gt=0, le=3600, description="s a tick of the clock")
-    zero: float = Field(0.0, description="value of an unloaded taxel")
-    kpa_per_count: float = Field(
-        description="kPa of one count; kPa = (value - zero) * kpa_per_count", examples=[0.1]
-    )
-    start: Bytes = Field(b"", max_length=256, description="bytes that make the device speak, sent once")
-    request: Bytes = Field(b"", max_length=256, description="bytes that ask for one line")
-    request_every_s: float = Field(0.0, ge=0, le=60, description="s from one request to the next, at least")
 
     @model_validator(mode="after")
     def _makes_sense(self) -> LinesFormat:
@@ -84,8 +72,6 @@ class LinesFormat(CodecFormat):
             raise ValueError("one column is the clock, and one the index")
         if self.checksum is not None and self.checksum not in CHECKSUMS:
             raise ValueError(f"unknown checksum {self.checksum!r}; known are {', '.join(CHECKSUMS)}")
-        if not self.kpa_per_count:
-            raise ValueError("kpa_per_count must not be 0")
         return self
 
     def build(self) -> LinesCodec:
@@ -93,15 +79,15 @@ class LinesFormat(CodecFormat):
         return LinesCodec(self)
 
 
-class LinesCodec(Codec[Frame]):
+class LinesCodec(CountsCodec):
     """Read and write such lines. A line that has another number of columns, or no numbers, is no frame."""
 
     before = 1
 
     def __init__(self, form: LinesFormat) -> None:
+        super().__init__(form)
         self.format = form
-        self.start, self.request, self.request_every_s = form.start, form.request, form.request_every_s
-        self.taxels, self.tick_s, self.speaks = form.taxels, form.tick_s, not form.request
+        self.taxels, self.tick_s = form.taxels, form.tick_s
         self._columns = len(form.before) + form.taxels * form.axes + form.after
         self.longest = _LONGEST_NUMBER * (self._columns + 1)
         self._delimiter = {"tab": "\t", "blank": " "}.get(form.delimiter, form.delimiter)
@@ -167,14 +153,6 @@ class LinesCodec(Codec[Frame]):
         words += [f"{value:.{_DIGITS}g}" for value in [*values.ravel(), *[0] * form.after]]
         line = self._delimiter.join(word.replace(".", form.decimal) for word in words).encode()
         return line + self._sum(line) + b"\r\n"
-
-    def to_kpa(self, values: FloatArray) -> FloatArray:
-        """Turn values into kPa by the format's zero and scale."""
-        return (values - self.format.zero) * self.format.kpa_per_count
-
-    def from_kpa(self, pressures: FloatArray) -> FloatArray:
-        """Turn kPa into values."""
-        return pressures / self.format.kpa_per_count + self.format.zero
 
     def fails_checksum(self, buffer: bytes | bytearray, start: int) -> bool:
         """Tell whether a line of the right columns stands behind the line end at `start`, and its checksum is wrong."""
