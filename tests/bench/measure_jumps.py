@@ -9,8 +9,8 @@ thirty times as many as that does. Beside them stands `synthesis` with motion=au
 counts as found again as in `score.recoveries`.
 """
 
-import argparse
 import os
+import sys
 from dataclasses import replace
 
 os.environ["OPENBLAS_NUM_THREADS"] = "1"
@@ -141,19 +141,5 @@ def main(seeds):
     print(f"all: {total[0]} jumps; {each}")
 
 
-def at_least_one(word):
-    """Read a count of 1 or more."""
-    if not word.isdecimal() or int(word) < 1:
-        raise argparse.ArgumentTypeError(f"give a whole number of at least 1, not {word!r}")
-    return int(word)
-
-
-def asked(words=None):
-    """Read the command line."""
-    parser = argparse.ArgumentParser(prog="measure_jumps.py", description=__doc__.partition("\n")[0])
-    parser.add_argument("seeds", nargs="?", type=at_least_one, default=5, help="how many scans (5)")
-    return parser.parse_args(words)
-
-
 if __name__ == "__main__":
-    main(asked().seeds)
+    main(int(sys.argv[1]) if len(sys.argv) > 1 else 5)

@@ -159,17 +159,6 @@ def test_a_wrong_world_file_is_named_and_not_replaced(here, tmp_path, case, verb
     refused(here(*verb, "--world", "w.toml"), "world w.toml: ", said)
 
 
-@pytest.mark.parametrize("word", ["x", "0", "-1", "1.5"])
-def test_a_measurement_of_jumps_refuses_what_is_no_count(capsys, word):
-    from measure_jumps import asked
-
-    with pytest.raises(SystemExit) as ended:
-        asked([word])
-    assert ended.value.code == 2
-    assert "measure_jumps.py: error" in capsys.readouterr().err
-    assert asked(["3"]).seeds == 3
-
-
 def test_a_jump_counts_as_recovered_by_the_first_estimate_that_is_near_and_right():
     objects = {"A": Properties(1, (0.0, 0.0), 60.0)}
 
