@@ -13,7 +13,7 @@ from tactsim.core import Scan
 from tactsim.core.scan import SPLITS
 
 # Licences that Hugging Face knows by their SPDX names in small letters; there are more, which become "other".
-_KNOWN_LICENCES = (
+_KNOWN_LICENCES = [
     "CC-BY-4.0",
     "CC-BY-SA-4.0",
     "CC-BY-NC-4.0",
@@ -21,7 +21,7 @@ _KNOWN_LICENCES = (
     "MIT",
     "Apache-2.0",
     "BSD-3-Clause",
-)
+]
 _SIZES = ((1e3, "n<1K"), (1e4, "1K<n<10K"), (1e5, "10K<n<100K"), (1e6, "100K<n<1M"), (np.inf, "1M<n<10M"))
 _CITATION = """Cite the harness, and the paper whose experiment it re-creates:
 
@@ -43,50 +43,38 @@ _CITATION = """Cite the harness, and the paper whose experiment it re-creates:
 def card_of_scan(scan: Scan) -> str:
     """Write the card of a scan in Parquet: splits, columns with their units, frames, licence, how it was made."""
     unit, taxels = scan.about["units"]["readings"], scan.readings.shape[1]
-    features: list[dict[str, Any]] = [
-        {"name": "row", "dtype": "int64"},
-        {"name": "label", "dtype": "string"},
-        {"name": "pose", "list": "float64", "length": 3},
-        {"name": "readings", "list": "float64", "length": taxels},
-    ]
-    columns = [
-        ("row", "the number of the reading in the scan, from 0"),
-        ("label", "the object that was pressed"),
-        ("pose", "sensor_in_object: x mm, y mm, theta rad"),
-        ("readings", f"one value for each of {taxels} taxels, {unit}"),
+    columns: list[tuple[str, dict[str, Any], str]] = [
+        ("row", {"dtype": "int64"}, "the number of the reading in the scan, from 0"),
+        ("label", {"dtype": "string"}, "the object that was pressed"),
+        ("pose", {"list": "float64", "length": 3}, "sensor_in_object: x mm, y mm, theta rad"),
+        ("readings", {"list": "float64", "length": taxels}, f"one value for each of {taxels} taxels, {unit}"),
     ]
     if scan.sequence_times is not None:
         frames = len(scan.sequence_times)
-        features += [
-            {"name": "sequence", "list": {"list": "float32", "length": taxels}, "length": frames},
-            {"name": "sequence_force", "list": "float32", "length": frames},
-        ]
+        image = {"list": "float32", "length": taxels}
+        images = f"{frames} images of the press on its way to rest, {unit}; their times stand in scan.json, s"
+        force = {"list": "float32", "length": frames}
         columns += [
-            (
-                "sequence",
-                f"{frames} images of the press on its way to rest, {unit}; their times stand in scan.json, s",
-            ),
-            ("sequence_force", "the contact force at these times, N"),
+            ("sequence", {"list": image, "length": frames}, images),
+            ("sequence_force", force, "the contact force at these times, N"),
         ]
     splits = {split: int(np.count_nonzero(scan.split == split)) for split in SPLITS}
     text = [
         f"{len(scan):,} presses of a pad of {taxels} taxels against {len(scan.letters)} objects at known poses.",
         "The objects are",
         "    " + " ".join(scan.letters),
-        _table(("column", "what it holds"), columns),
+        _table(("column", "what it holds"), [(name, what) for name, _, what in columns]),
         "The taxels' centres (mm, in the frame of the sensor), the pad and all options stand in `scan.json`. "
         "`bench import FOLDER --out scan.npz` makes a scan of this folder again, bit for bit.",
-        *made(scan),
+        *_made(scan),
         _CITATION,
     ]
-    return card(
-        "Tactile presses at known poses", licence_of(scan), len(scan), splits, text, features=features
-    )
+    features = [{"name": name, **kind} for name, kind, _ in columns]
+    return _card("Tactile presses at known poses", _licence_of(scan), splits, text, features)
 
 
 def card_of_run(run: Run) -> str:
     """Write the card of a run's trials in Parquet."""
-    rows = run.trials.label.size
     text = [
         f"What the estimator {run.described} said after each reading of "
         f"{len(run.trials.truth):,} trials of {run.readings} readings: one row a trial and reading.",
@@ -97,37 +85,25 @@ def card_of_run(run: Run) -> str:
         + f"{run.protocol}.",
         _CITATION,
     ]
-    return card("Trials of recognition by touch", None, rows, {"test": rows}, text)
+    return _card("Trials of recognition by touch", None, {"test": run.trials.label.size}, text)
 
 
-def card(
+def _card(
     title: str,
     licence: str | None,
-    count: int,
     splits: Mapping[str, int],
     text: Iterable[str],
-    *,
-    tags: Iterable[str] = (),
     features: list[dict[str, Any]] | None = None,
-    files: str = "data/{split}-*",
 ) -> str:
-    """Put a card together: YAML (JSON is YAML) and paragraphs. files: where those of a split are."""
+    """Put a card together: YAML (JSON is YAML) and paragraphs. splits: how many rows each has."""
+    files = [{"split": split, "path": f"data/{split}-*"} for split, rows in splits.items() if rows]
     head: dict[str, Any] = {
         "pretty_name": title,
         **_licence(licence),
-        "size_categories": [next(name for most, name in _SIZES if count < most)],
+        "size_categories": [next(name for most, name in _SIZES if sum(splits.values()) < most)],
         "task_categories": ["robotics"],
-        "tags": ["tactile", "touch", "tactsim", *tags],
-        "configs": [
-            {
-                "config_name": "default",
-                "data_files": [
-                    {"split": split, "path": files.format(split=split)}
-                    for split, rows in splits.items()
-                    if rows
-                ],
-            }
-        ],
+        "tags": ["tactile", "touch", "tactsim"],
+        "configs": [{"config_name": "default", "data_files": files}],
     }
     if features is not None:
         head["dataset_info"] = {"features": features}
@@ -135,17 +111,17 @@ def card(
     return "\n".join(["---", *lines, "---", "", f"# {title}", "", "\n\n".join(text)])
 
 
-def licence_of(scan: Scan) -> str | None:
+def _licence_of(scan: Scan) -> str | None:
     """Name the one licence of all readings of a scan; None if they have none, or several."""
     about = scan.about
     licences = {about["licence"], *([about["train"]["licence"]] if about["train"] else [])}
     return licences.pop() if len(licences) == 1 else None
 
 
-def made(scan: Scan) -> list[str]:
+def _made(scan: Scan) -> list[str]:
     """Say in paragraphs under which licence a scan is, in which frames its numbers are and how it was made."""
     about = scan.about
-    licence = licence_of(scan)
+    licence = _licence_of(scan)
     paragraphs = [
         "## Licence",
         f"{licence}." if licence else "None is stated: ask the owner before you use the data.",
