@@ -1,8 +1,8 @@
 """Mutate the formulas of core, press and estimators; tell which mutants the tests notice (docs/developers/mutants.md).
 
 Run as `make mutants`. All happens in a copy of the working tree. Results are kept in .venv/mutants, so that an
-interrupted run goes on; after a change of code or tests it begins anew. Tests of a file are those that import it, and
-the one that mirrors it.
+interrupted run goes on; after a change of code or tests it begins anew. Tests of a file are those that import or
+mirror it, or else those of its folder.
 """
 
 from __future__ import annotations
@@ -72,12 +72,12 @@ def main() -> int:
         )
         content = hashlib.sha256(b"".join(path.read_bytes() for path in sorted(copy.rglob("*.py"))))
         for module in chosen.modules or tests:
-            if tests[module] and (mutants := mutants_of(Path(module))):
+            if mutants := mutants_of(Path(module)):
                 session = RESULTS / f"{module.replace('/', '.')}-{content.hexdigest()[:12]}.sqlite"
                 done.append(_try_module(module, mutants, tests[module], chosen, session))
                 print(_row(done[-1]), flush=True)
-            elif not tests[module]:
-                print(f"| {module} | no test imports it | | | | | | |", flush=True)
+    if not done:
+        sys.exit("nothing to mutate there")
     total = Tried("all", sum(one.possible for one in done), [r for one in done for r in one.results])
     print(_row(total), end="\n\n")
     for one in done:
@@ -118,19 +118,20 @@ def _environment(folder: Path, copy: Path) -> dict[str, str]:
 
 
 def tests_of(path: Path) -> list[str]:
-    """List the test files that import a file of the code, and the one that mirrors it."""
+    """List the test files that import a file of the code or mirror it, or, if none does, those of its folder."""
     name = ".".join(["tactsim", *path.relative_to(ROOT).with_suffix("").parts]).replace(
         "tactsim.tactsim", "tactsim"
     )
     room, _, stem = name.removesuffix(".__init__").rpartition(".")
     imported = re.compile(rf"{re.escape(room)}\.{stem}\b|from {re.escape(room)} import .*\b{stem}\b")
-    mirror = "/".join(["tests", *name.split(".")[1:-1], f"test_{stem}.py"])
-    found = {str(test.relative_to(ROOT)): test for test in (ROOT / "tests").rglob("test_*.py")}
-    return [
-        test
-        for test, file in sorted(found.items())
-        if test == mirror or imported.search(file.read_text("utf-8"))
+    folder = "/".join(["tests", *name.split(".")[1:-1]])
+    tests = {
+        str(test.relative_to(ROOT)): test.read_text("utf-8") for test in (ROOT / "tests").rglob("test_*.py")
+    }
+    near = [
+        test for test, text in tests.items() if test == f"{folder}/test_{stem}.py" or imported.search(text)
     ]
+    return sorted(near or [test for test in tests if test.startswith(f"{folder}/")])
 
 
 def _try_module(
