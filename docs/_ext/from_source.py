@@ -78,6 +78,14 @@ def scan_options() -> Iterator[str]:
     yield from table(("option", "default", "what it is"), fields(ScanOptions))
 
 
+def solid_options() -> Iterator[str]:
+    """Write every option of a scan of solids but those of its pad and sensor, which are a scan's."""
+    from tactsim.press.space import SpaceOptions
+
+    rows = [row for row in fields(SpaceOptions) if not row[0].startswith(("`pad.", "`sensor."))]
+    yield from table(("option", "default", "what it is"), rows)
+
+
 def metrics() -> Iterator[str]:
     """Write every metric of a run, and what it is."""
     from tactsim.bench.score import CURVES, HEADLINES
@@ -97,6 +105,7 @@ WRITERS: dict[str, Callable[[], Iterator[str]]] = {
     "commands": commands,
     "estimator options": estimator_options,
     "scan options": scan_options,
+    "solid options": solid_options,
     "metrics": metrics,
     "device file keys": device_file_keys,
 }

@@ -60,9 +60,7 @@ def test_every_device_file_that_comes_along_is_read_from_its_device():
 
 def test_the_page_on_the_real_pad_lists_every_device_file():
     page = Path(tactsim.__file__).parents[1] / "docs" / "hardware.md"
-    listed = re.findall(
-        r"^\| `([\w-]+)` \|.*\| (?:no|there is none) \|$", page.read_text(encoding="utf-8"), re.M
-    )
+    listed = re.findall(r"^\| `([\w-]+)` \|", page.read_text(encoding="utf-8"), re.M)
     assert sorted(listed) == sorted(built_in_devices())
 
 

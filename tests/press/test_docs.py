@@ -1,4 +1,4 @@
-"""The page on the sensor names every option with its default."""
+"""The page on the sensor has every effect with its default; the reference, made from the source, every option."""
 
 from pathlib import Path
 
@@ -6,26 +6,34 @@ import pytest
 
 import tactsim
 from tactsim.press.scan_options import PressOptions, ScanOptions, SensorOptions, Skips
+from tactsim.press.space import SpaceOptions
 
-PAGE = (Path(tactsim.__file__).parents[1] / "docs" / "sensor.md").read_text(encoding="utf-8")
+DOCS = Path(tactsim.__file__).parents[1] / "docs"
+PAGE = (DOCS / "sensor.md").read_text(encoding="utf-8")
+REFERENCE = (DOCS / "reference" / "options.md").read_text(encoding="utf-8")
 ROWS = [line for line in PAGE.splitlines() if line.startswith("| `")]
 
 
-@pytest.mark.parametrize("options", [PressOptions, SensorOptions])
-def test_every_option_stands_there_with_its_default_and_what_is_assumed(options):
-    for name, field in options.model_fields.items():
-        (row,) = [row for row in ROWS if f"`{name}`" in row.split("|")[1]]
-        if name != "skip":
-            assert str(field.default) in row.split("|")[2]
-            assert ("assumed" in field.description) == ("assumed" in row), name
-
-
-@pytest.mark.parametrize("name", ["placement_mm", "placement_rad", "placement_tilt", "rounding", "seed"])
-def test_a_scan_s_options_stand_there(name):
+@pytest.mark.parametrize("name", SensorOptions.model_fields)
+def test_every_effect_stands_there_with_its_default_and_what_is_assumed(name):
+    field = SensorOptions.model_fields[name]
     (row,) = [row for row in ROWS if f"`{name}`" in row.split("|")[1]]
-    assert str(ScanOptions.model_fields[name].default) in row.split("|")[2]
+    assert str(field.default) in row.split("|")[2]
+    assert ("assumed" in field.description) == ("assumed" in row)
 
 
 @pytest.mark.parametrize("name", Skips.model_fields)
 def test_every_skip_stands_there(name):
-    assert any(f"`{name}`" in row.split("|")[1] for row in ROWS)
+    assert f"`{name}`" in PAGE
+
+
+@pytest.mark.parametrize("asked", ["scan options", "solid options"])
+def test_the_reference_asks_for_every_option(asked):
+    assert f"<!-- from the source: {asked} -->\n" in REFERENCE
+
+
+@pytest.mark.parametrize("options", [ScanOptions, PressOptions, SensorOptions, SpaceOptions])
+def test_the_reference_has_a_description_of_every_option(options):
+    groups = {"pad", "press", "sensor", "skip"}  # whose own options are described one by one
+    described = {name for name, field in options.model_fields.items() if field.description}
+    assert set(options.model_fields) - described <= groups
