@@ -43,6 +43,16 @@ _ANGLES = {"": 1.0, "deg": 1.0, "grad": 0.9, "rad": 180 / math.pi, "turn": 360.0
 _DRAWN = {*_SHAPES, "g", "a", "switch", "svg", "use", "text", "image", "foreignObject"}
 _FOREIGN = {"text": "text", "image": "a picture", "foreignObject": "foreign content"}
 _WHITE = (255, 255, 255)
+# What svg.path, tinycss2 and the arithmetic raise on outlines, styles and lengths that are cut off or wrong.
+_DAMAGED = (
+    ArithmeticError,
+    LookupError,
+    ValueError,
+    TypeError,
+    AttributeError,
+    AssertionError,
+    RecursionError,
+)
 
 
 class Drawing(NamedTuple):
@@ -101,15 +111,7 @@ def filled_region(content: bytes) -> Drawing:
             return _Reader(root).read()
     except InputError:
         raise
-    except (
-        ArithmeticError,
-        LookupError,
-        ValueError,
-        TypeError,
-        AttributeError,
-        AssertionError,
-        RecursionError,
-    ) as error:
+    except _DAMAGED as error:
         raise InputError(
             "not a drawing that can be read: an outline, a length or a transform in it is cut off or wrong; save it "
             "again as plain SVG"
@@ -135,39 +137,31 @@ class _Reader:
         if size is not None:
             self.flattening = min(FLATTENING * max(size), LARGEST_FLATTENING)
             page = CrossSection([np.array([[0, 0], [size[0], 0], size, [0, size[1]]])]).mirror((0, 1))
-        leaves = self._walk([(self.root, _Context({}, matrix, view))], self._fill)
-        fills = [fill for fill in leaves if not fill.region.is_empty()]
-        remarks = []
-        if self.strokes and fills:
-            remarks.append(f"{self.strokes:,} strokes are left out: only what is filled counts")
+        fills = list(self._walk([(self.root, _Context({}, matrix, view))], self._fill))
         if not fills:
-            raise InputError(
-                "there is no filled outline in the drawing"
-                + (
-                    f", only strokes ({self.strokes:,}): convert them to paths"
-                    if self.strokes
-                    else " that is seen"
-                )
+            strokes = (
+                f", only strokes ({self.strokes:,}): convert them to paths"
+                if self.strokes
+                else " that is seen"
             )
-        if page is not None:
-            area = _united(fills).area()
-            fills = [_Fill(fill.region ^ page, fill.paint) for fill in fills]
-            inside = _united(fills).area()
-            if inside == 0:
-                raise InputError("all that it fills lies outside the page: fit the page to the drawing")
-            if inside < area * (1 - WHOLE_PAGE):
-                remarks.append(f"{area - inside:.4g} mm^2 that lie outside the page are left out")
-        on_page = fills
-        while (
-            page is not None
-            and len(on_page) > 1
-            and on_page[0].region.area() > (1 - WHOLE_PAGE) * page.area()
-        ):
-            on_page = on_page[1:]
-        if len(on_page) < len(fills):
+            raise InputError(f"there is no filled outline in the drawing{strokes}")
+        remarks = (
+            [f"{self.strokes:,} strokes are left out: only what is filled counts"] if self.strokes else []
+        )
+        if page is None:
+            return Drawing(_seen(fills, None), remarks)
+        area = _united(fills).area()
+        fills = [_Fill(fill.region ^ page, fill.paint) for fill in fills]
+        inside = _united(fills).area()
+        if inside == 0:
+            raise InputError("all that it fills lies outside the page: fit the page to the drawing")
+        if inside < area * (1 - WHOLE_PAGE):
+            remarks.append(f"{area - inside:.4g} mm^2 that lie outside the page are left out")
+        whole = (1 - WHOLE_PAGE) * page.area()
+        pages = [*(fill.region.area() > whole for fill in fills[:-1]), False].index(False)
+        if pages:
             remarks.append("a fill of the whole page is left out: it is the page and not the shape")
-        behind = fills[len(fills) - len(on_page) - 1].paint.rgb if len(on_page) < len(fills) else None
-        return Drawing(_seen(on_page, behind), remarks)
+        return Drawing(_seen(fills[pages:], fills[pages - 1].paint.rgb if pages else None), remarks)
 
     def _walk(
         self, elements: list[tuple[Element, _Context]], leaf: Callable[[Element, _Context], Any]
