@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 
 from pydantic import BaseModel
 
-from tactsim.bench.config import RunConfig, ScanWords, run_config, scan_options
+from tactsim.bench.config import RunConfig, ScanWords, any_config, scan_options
 from tactsim.bench.experiment import perform, silent
 from tactsim.bench.results import Run
 from tactsim.bench.tasks import task
@@ -92,7 +92,8 @@ def run(
     of the scan's own training readings; a Scan only if `scan` is a Scan, too. estimator: a registered name, or
     an `Estimator` of your own, made with its options. words: the options of `bench run` with underscores: bins,
     particles, set (a table), letters, hold_out, trials, readings, explore, slip, seed, presses, and, if no scan is
-    given, shapes, test_poses, world, noise and scan_set; or a task, which says all but the estimator's own.
+    given, shapes, test_poses, world, noise and scan_set; or a task, which says all but the estimator's own; with
+    task="solids" the options for objects in space: objects, touches and hand.
     jobs: processes; the trials do not depend on their number. With more than one a script calls this under
     `if __name__ == "__main__":`, since worker processes import it. cache: whether readings may be read from the cache
     and kept there. progress: show bars.
@@ -132,7 +133,7 @@ def run(
         words["estimator"] = estimator
     elif words.get("task") is not None and not estimator.proposes and task(str(words["task"])).chosen:
         words.setdefault("explore", "blind")  # as a task does for an estimator that is named
-    config = run_config(**words)
+    config = any_config(**words)
     with _reporting(progress) as report:
         return perform(
             config,

@@ -12,7 +12,7 @@ from pydantic import BaseModel
 
 from tactsim.bench.config import RunConfig, flag_of
 from tactsim.bench.results import Run
-from tactsim.bench.score import HEADLINES, errors
+from tactsim.bench.score import FEWEST_PAIRS, Scored, settled_by
 from tactsim.core import InputError
 from tactsim.core.poses import FloatArray
 
@@ -22,9 +22,8 @@ _OF_TRIALS = (
     "task", "seed", "letters", "shapes", "trials", "readings", "test_poses", "explore", "hold_out", "scan",
     "train_scan", "presses",
 )  # fmt: skip
+_OF_TRIALS_IN_SPACE = ("seed", "objects", "shapes", "trials", "scan")
 LEVEL = 0.975  # of each of the two gated intervals, so that both hold together at 95 %
-# Fewer pairs decide nothing: even if all of them speak for one side, chance does that in more than 1 of 40 cases.
-FEWEST_PAIRS = 7
 # So many pairs a bootstrap can draw from; of fewer its percentiles lie too near to each other.
 _ENOUGH_PAIRS = 30
 
@@ -52,29 +51,35 @@ def compare(base: Run, new: Run) -> list[Difference]:
     Gated, with paired bootstrap intervals at 97.5 % each: the share of readings after which the letter
     is right, over all trials, and the placement error after the last reading where both have named
     the letter. Reported: accuracy with McNemar's exact test at some readings, readings to settle, time.
+    In space the angle is gated as well, and touches may differ: chosen ones, those of a hand, or more of them; the
+    touches that both have are compared.
 
     Raises InputError if the runs do not have the same trials.
     """
     _check_same_trials(base, new)
     rng = np.random.default_rng(0)
-    base_right, new_right = base.trials.right, new.trials.right
-    readings = base_right.shape[1]
-    right = paired("share of readings right", base_right.mean(axis=1), new_right.mean(axis=1), rng, +1)
-    rows = [right]
-    both = base.trials.named[:, -1] & new.trials.named[:, -1]
+    scored = [Scored(run.trials, run.objects) for run in (base, new)]
+    in_space = base.in_space
+    count, error = ("touches", "surface mm") if in_space else ("readings", "error mm")
+    readings = min(base.readings, new.readings)
+    right = [run.trials.right[:, :readings] for run in (base, new)]
+    rows = [paired(f"share of {count} right", right[0].mean(axis=1), right[1].mean(axis=1), rng, +1)]
+    both = np.logical_and(*(run.trials.named[:, readings - 1] for run in (base, new)))
     if both.any():
-        base_error, new_error = (errors(run.trials, run.objects)[both, -1] for run in (base, new))
-        rows.append(paired(f"error mm @{readings}", base_error, new_error, rng, -1))
+        errors = [one.error[both, readings - 1] for one in scored]
+        rows.append(paired(f"{error} @{readings}", errors[0], errors[1], rng, -1))
+        if in_space:
+            angles = [np.degrees(one.angle[both, readings - 1]) for one in scored]
+            rows.append(paired(f"angle deg @{readings}", angles[0], angles[1], rng, -1))
     for reading in sorted({k for k in (1, 3, 5, 10, 20, readings) if k <= readings}):
-        pair = base_right[:, reading - 1], new_right[:, reading - 1]
+        pair = [each[:, reading - 1] for each in right]
         rows.append(
             Difference(f"accuracy @{reading}", float(pair[0].mean()), float(pair[1].mean()), p=mcnemar(*pair))
         )
-    for name in ("all_right_from", "settled_95"):
-        first, then = (HEADLINES[name].compute(run.trials, run.objects) for run in (base, new))
-        rows.append(Difference(name.replace("_", " "), first, then))
+    for name, share in (("all right from", 1.0), ("settled 95", 0.95)):
+        rows.append(Difference(name, settled_by(right[0], share), settled_by(right[1], share)))
     before, after = (1e3 * float(run.trials.seconds.mean()) for run in (base, new))
-    rows.append(Difference("ms a reading", before, after))
+    rows.append(Difference(f"ms a {'touch' if in_space else 'reading'}", before, after))
     return rows
 
 
@@ -128,6 +133,11 @@ def what_to_align(
 
 
 def _check_same_trials(base: Run, new: Run) -> None:
+    if base.in_space != new.in_space:
+        raise InputError("one run is in the plane, the other of objects in space; give two of one kind")
+    if base.in_space:
+        _check_same_objects(base, new)
+        return
     before, after = (run.config | {"letters": run.about.get("letters")} for run in (base, new))
     align = what_to_align(before, after, _OF_TRIALS, RunConfig)
     if base.about["protocol"] != new.about["protocol"]:
@@ -144,3 +154,13 @@ def _check_same_trials(base: Run, new: Run) -> None:
     if not np.array_equal(base.trials.true_pose, new.trials.true_pose):
         align = what_to_align(before, after, ("slip", "world"), RunConfig)
         raise InputError(f"the objects do not move alike in both runs; {align}")
+
+
+def _check_same_objects(base: Run, new: Run) -> None:
+    from tactsim.bench.space.space_config import SpaceConfig
+
+    pairs = [(getattr(base.trials, name), getattr(new.trials, name)) for name in ("truth", "trial")]
+    pairs.append((base.trials.true_pose[:, 0], new.trials.true_pose[:, 0]))
+    if not all(np.array_equal(a, b) for a, b in pairs):
+        align = what_to_align(base.config, new.config, _OF_TRIALS_IN_SPACE, SpaceConfig)
+        raise InputError(f"the runs did not hide the same objects at the same poses; {align}")

@@ -13,7 +13,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
 
 import numpy as np
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
@@ -26,6 +26,7 @@ from tactsim.core.errors import unknown
 from tactsim.core.poses import FloatArray
 
 if TYPE_CHECKING:
+    from tactsim.bench.space.space_config import SpaceConfig
     from tactsim.press import ScanOptions
 
 
@@ -103,6 +104,7 @@ def whole_number(text: str) -> int | None:
     return int(text) if re.fullmatch(r"[0-9]{1,9}", text) else None
 
 
+SOLIDS: Final = "solids"  # the task whose objects are in space; see `space.space_config`
 EACH = "each"  # of hold_out: every trial's own letter is held out, one after another
 
 
@@ -438,6 +440,18 @@ def _labels(word: str, labels: Sequence[str]) -> tuple[str, ...]:
         if label not in labels:
             raise unknown("letter of the scan", label, labels)
     return several
+
+
+def any_config(**words: Any) -> RunConfig | SpaceConfig:
+    """Build the configuration of a run in the plane, or, with task="solids", of one with objects in space.
+
+    Raises InputError as `run_config` does.
+    """
+    if words.get("task") != SOLIDS:
+        return run_config(**words)
+    from tactsim.bench.space.space_config import space_config  # imports this module
+
+    return space_config(**words)
 
 
 def run_config(**words: Any) -> RunConfig:

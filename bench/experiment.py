@@ -7,11 +7,11 @@ from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from time import perf_counter
-from typing import Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from tactsim.bench.config import RunConfig, chosen_letters
 from tactsim.bench.machine import machine, peak_memory_mb, versions
-from tactsim.bench.placement import load_scan, properties, stated_properties
+from tactsim.bench.placement import Placement, load_scan, properties, stated_properties
 from tactsim.bench.results import Run
 from tactsim.bench.runs.scan_quality import eq3_agreement, notes_on
 from tactsim.bench.trials import (
@@ -34,6 +34,7 @@ from tactsim.bench.trials import (
 from tactsim.core import InputError, Scan
 from tactsim.core.errors import unknown
 from tactsim.core.origins import object_origin, seen_from
+from tactsim.core.poses import FloatArray
 from tactsim.core.scan import train_on
 from tactsim.core.source_digest import git_commit
 from tactsim.core.workers import worker_processes
@@ -45,6 +46,11 @@ from tactsim.press import forward_model, scan_letters
 from tactsim.press.scan_poses import PAPER, stage_for
 from tactsim.press.scanning import letters_of
 
+if TYPE_CHECKING:
+    from tactsim.bench.space.space_config import SpaceConfig
+
+Config: TypeAlias = "RunConfig | SpaceConfig"
+
 NO_BOUND = "it was not asked for; `bench run --bound` works it out"
 
 
@@ -52,7 +58,8 @@ NO_BOUND = "it was not asked for; `bench run --bound` works it out"
 class Gathered:
     """The readings of a run, which letters are tried, and what it took to get them.
 
-    cache: whether what else is worked out from the readings may be read from the cache and kept there.
+    cache: whether what else is worked out from the readings may be read from the cache and kept there. solids: what
+    the error needs of each object in space; None in the plane.
     """
 
     scan: Scan
@@ -60,10 +67,11 @@ class Gathered:
     work: dict[str, Any]
     seconds: float
     cache: bool
+    solids: Mapping[str, Placement] | None = None
 
 
 def perform(
-    config: RunConfig,
+    config: Config,
     *,
     scan: Scan | None = None,
     estimator: Estimator | None = None,
@@ -72,7 +80,7 @@ def perform(
     cache: bool = True,
     progress: Progress = silent,
 ) -> Run:
-    """Press or load the readings, fit the estimator, do all trials and score them.
+    """Press or load the readings, fit the estimator, do all trials and score them, in the plane or in space.
 
     scan: the readings that `config.given` names. estimator: replaces the one that `config` names. trials: those to do;
     by default `config.trials` of each letter. jobs: processes. cache: whether pressed readings may be read from the
@@ -88,11 +96,10 @@ def perform(
     check_estimator(config, fitted)
     about = about_estimator(fitted)  # before it is fitted, as a run of a sweep says it
     gathered = gather(config, scan=scan, jobs=jobs, cache=cache, progress=progress)
-    check_readings(gathered.scan, gathered.letters, config.readings, config.hold_out)
-    plan = plan_of(config, gathered.scan, estimator)
-    tasks = trials or [
-        OneTrial(letter, trial) for letter in gathered.letters for trial in range(config.trials)
-    ]
+    if isinstance(config, RunConfig):
+        check_readings(gathered.scan, gathered.letters, config.readings, config.hold_out)
+    plan = plan_of(config, gathered.scan, estimator, gathered.solids)
+    tasks = trials or tasks_of(config, gathered.letters)
 
     fitting = perf_counter()
     with nullcontext() if jobs == 1 else worker_processes(min(jobs, len(tasks))) as executor:
@@ -112,23 +119,48 @@ def perform(
     run = finished_run(
         config, gathered, done, work, fitted, about=about, source=source, seconds=seconds, jobs=jobs
     )
-    return replace(run, plan=plan, maps=maps_of(fitted))
+    return replace(run, plan=plan, maps=_learned(fitted))
 
 
-def check_estimator(config: RunConfig, estimator: Estimator) -> None:
-    """Raise InputError for an estimator that is not for runs in the plane, or cannot choose touches and should."""
-    if estimator.in_space:
+def _learned(estimator: Estimator) -> Mapping[str, Any]:
+    """Give what an estimator has learned of each object, for a picture: occupancy maps, or surfaces in space."""
+    if not estimator.in_space:
+        return maps_of(estimator)
+    from tactsim.estimators.space.space_field import surfaces_of
+
+    return surfaces_of(estimator)
+
+
+def check_estimator(config: Config, estimator: Estimator) -> None:
+    """Raise InputError for an estimator that is not for such runs, or cannot choose touches and should."""
+    in_space = not isinstance(config, RunConfig)
+    if estimator.in_space and not in_space:
         raise InputError(f"estimator {config.estimator} recognises objects in space; add --task solids")
+    if in_space and not estimator.in_space:
+        raise InputError(
+            f"estimator {config.estimator} recognises objects in the plane; `bench list` names those for --task solids"
+        )
     if config.explore == "information" and not estimator.proposes:
         raise proposes_none(config.estimator)
 
 
-def check_presses(config: RunConfig) -> None:
+def tasks_of(config: Config, letters: Sequence[str]) -> list[OneTrial]:
+    """List the trials of a run, letter after letter; in space the objects share `trials`, and take turns."""
+    count = {
+        letter: config.trials
+        if isinstance(config, RunConfig)
+        else (config.trials - place + len(letters) - 1) // len(letters)
+        for place, letter in enumerate(letters)
+    }
+    return [OneTrial(letter, trial) for letter in letters for trial in range(count[letter])]
+
+
+def check_presses(config: Config) -> None:
     """Raise InputError before the presses for letters to hold out that are not pressed, and for too many readings.
 
     Readings that are not pressed are left to `check_readings`, once they are loaded.
     """
-    if not config.pressed:
+    if not (isinstance(config, RunConfig) and config.pressed):
         return
     letters = letters_of(config.scan_options)
     _held_out(config, [letter.name for letter in letters])
@@ -137,7 +169,7 @@ def check_presses(config: RunConfig) -> None:
         check_count(letter.name, stage.poses, config.readings)
 
 
-def _with_estimator(config: RunConfig, estimator: Estimator) -> RunConfig:
+def _with_estimator(config: Config, estimator: Estimator) -> Config:
     """Name an estimator, by its class if it is not registered, and its options. Raises InputError if it has none."""
     kind = type(estimator)
     name = name_of(estimator)
@@ -153,7 +185,7 @@ def _with_estimator(config: RunConfig, estimator: Estimator) -> RunConfig:
 
 
 def gather(
-    config: RunConfig, *, scan: Scan | None = None, jobs: int, cache: bool, progress: Progress
+    config: Config, *, scan: Scan | None = None, jobs: int, cache: bool, progress: Progress
 ) -> Gathered:
     """Get the readings of a run: those given as `scan`, from the press or from files.
 
@@ -161,6 +193,10 @@ def gather(
     Raises InputError if a named letter is not among the readings, a letter is called NONE or two files do
     not fit together.
     """
+    if not isinstance(config, RunConfig):
+        from tactsim.bench.space.space_runner import gather_in_space  # runs in the plane do without its room
+
+        return gather_in_space(config, progress=progress)
     if config.sequences and (config.on_demand or config.presses is not None):
         raise InputError(
             "moments of touches are in the sequences of a scan's test readings; leave out moments, or explore "
@@ -170,6 +206,10 @@ def gather(
     work: dict[str, Any] = {"presses": 0, "skipped": {}}
     train = None if config.train_scan is None else train_scan(config)  # before the presses
     if scan is not None:
+        if scan.in_space:
+            raise InputError(
+                "the scan is of objects in space; save it, and give its file as scan, and task='solids'"
+            )
         stated_properties(scan)
     elif config.scan is not None:
         scan = load_scan(config.scan)
@@ -225,9 +265,22 @@ def train_scan(config: RunConfig) -> Scan:
     return load_scan(config.train_scan)
 
 
-def plan_of(config: RunConfig, scan: Scan, given: Estimator | None = None) -> TrialPlan:
-    """Put together what a worker needs to do this run's trials on these readings."""
-    press: Press | None = None  # where touches come from that are not simply the scan's
+def plan_of(
+    config: Config,
+    scan: Scan,
+    given: Estimator | None = None,
+    solids: Mapping[str, Placement] | None = None,
+) -> TrialPlan:
+    """Put together what a worker needs to do this run's trials on these readings. solids: of `Gathered`."""
+    if not isinstance(config, RunConfig):
+        from tactsim.bench.space.touching import SolidPress
+
+        press: Press | None = SolidPress(config.scan_options, config.hand)
+        return TrialPlan(
+            config.estimator, config.options, scan, config.readings, config.seed, config.explore, press=press,
+            given=given, solids=solids,
+        )  # fmt: skip
+    press = None  # where touches come from that are not simply the scan's
     # Each is imported here: most runs take the scan's readings, and need neither a pad's files nor MuJoCo.
     if config.presses is not None:
         from tactsim.bench.pad.measured import MeasuredTrials
@@ -253,7 +306,7 @@ def plan_of(config: RunConfig, scan: Scan, given: Estimator | None = None) -> Tr
 
 
 def finished_run(
-    config: RunConfig,
+    config: Config,
     gathered: Gathered,
     trials: Trials,
     work: dict[str, Any],
@@ -270,34 +323,23 @@ def finished_run(
     `about_estimator` said of it before it was fitted. source: see `source_of_trials`, of an estimator that is not the
     registered one. seconds: of the stages; a sweep, which does the trials of several runs at once, has none.
     """
-    scan, options = gathered.scan, estimator.options
-    bounds, no_bound = None, NO_BOUND
-    if config.bound:
-        from tactsim.bench.bound.efficiency import bounds_of_trials
-
-        bounds, no_bound = bounds_of_trials(
-            scan, trials, config.explore, config.moving, sequences=config.sequences, cache=gathered.cache
-        )
+    scan = gathered.scan
     about = dict(about or about_estimator(estimator))
-    pad_fit = pad_fit_of(estimator, scan)
-    if pad_fit is not None:
-        assert isinstance(options, FilterOptions)  # others fit nothing to the pad
-        options = pad_fit.outer(options)
-        about |= {"options": options.model_dump(mode="json"), "pad_fit": pad_fit.facts()}
-    notes = notes_on(scan)
+    bounds = None
+    if isinstance(config, RunConfig):
+        bounds = _say_of_plane(config, gathered, trials, estimator, about)
+    else:
+        from tactsim.bench.space.space_runner import about_in_space
+
+        about |= about_in_space(config, scan)
     about |= {
-        "protocol": _protocol_name(config, scan),
         "letters": list(gathered.letters),
-        "slip": config.moving.describe(),
-        "no_bound": no_bound,
-        "classifier_agreement": eq3_agreement(scan, options),
         "scan": dict(scan.meta),
         "readings_digest": scan.digest,
         "versions": versions(),
         "source": source or source_of_trials(config.estimator),
         "commit": git_commit(),
         "machine": machine(),
-        **({"notes": notes} if notes else {}),
     }
     times = {
         "started": datetime.now(UTC).isoformat(timespec="seconds"),
@@ -314,12 +356,40 @@ def finished_run(
     return Run(
         config=config.model_dump(mode="json"),
         about=about,
-        objects=properties(scan),
+        objects=dict(gathered.solids or properties(scan)),
         work=gathered.work | work | {"skipped": gathered.work["skipped"] | work["skipped"]},
         trials=trials,
         times=times,
         bounds=bounds,
     )
+
+
+def _say_of_plane(
+    config: RunConfig, gathered: Gathered, trials: Trials, estimator: Estimator, about: dict[str, Any]
+) -> FloatArray | None:
+    """Add to `about` what a run in the plane says beside the rest; returns the bounds of its trials (n, r) mm."""
+    scan, options = gathered.scan, estimator.options
+    bounds, no_bound = None, NO_BOUND
+    if config.bound:
+        from tactsim.bench.bound.efficiency import bounds_of_trials
+
+        bounds, no_bound = bounds_of_trials(
+            scan, trials, config.explore, config.moving, sequences=config.sequences, cache=gathered.cache
+        )
+    pad_fit = pad_fit_of(estimator, scan)
+    if pad_fit is not None:
+        assert isinstance(options, FilterOptions)  # others fit nothing to the pad
+        options = pad_fit.outer(options)
+        about |= {"options": options.model_dump(mode="json"), "pad_fit": pad_fit.facts()}
+    notes = notes_on(scan)
+    about |= {
+        "protocol": _protocol_name(config, scan),
+        "slip": config.moving.describe(),
+        "no_bound": no_bound,
+        "classifier_agreement": eq3_agreement(scan, options),
+        **({"notes": notes} if notes else {}),
+    }
+    return bounds
 
 
 def _protocol_name(config: RunConfig, scan: Scan) -> str:

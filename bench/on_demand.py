@@ -12,6 +12,7 @@ from functools import cached_property
 
 import numpy as np
 
+from tactsim.bench.trials import InTurn
 from tactsim.core import compose
 from tactsim.core.poses import FloatArray
 from tactsim.core.seeds import stream
@@ -29,13 +30,13 @@ class OnDemand:
 
     options: ScanOptions
 
-    def touches(self, truth: str, trial: int, seed: int) -> PressedTouches:
+    def touches(self, truth: str, trial: int, seed: int) -> InTurn:
         """Offer the touches of one trial of `truth`, a letter of the scan."""
         names = tuple(name for name in self.options.letters if name == truth)  # the others need not be built
         (letter,) = (
             one for one in letters_of(self.options.model_copy(update={"letters": names})) if one.name == truth
         )
-        return PressedTouches(letter, self.options, self._reach, trial, seed)
+        return InTurn(PressedTouches(letter, self.options, self._reach, trial, seed))
 
     @cached_property
     def _reach(self) -> float:

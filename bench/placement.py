@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -27,6 +27,21 @@ from tactsim.core.poses import FloatArray
 from tactsim.estimators.estimator import Estimate, PoseSamples
 
 _Length = Annotated[float, Field(ge=-LARGEST, le=LARGEST)]
+
+
+class Placement(Protocol):
+    """What measures the placement of an object: `Properties` in the plane, `Surface` of a solid."""
+
+    def error(self, estimated: ArrayLike, true: ArrayLike) -> FloatArray:
+        """Measure how far estimated poses robot_in_object lie from true ones, (..., 3 or 7) each: (...,) mm."""
+
+    def spread(
+        self, samples: PoseSamples, estimated: FloatArray, true: FloatArray
+    ) -> tuple[FloatArray, float, FloatArray]:
+        """Measure how far a belief and the truth lie from an estimated pose.
+
+        Returns distances (n,) mm of poses that stand for the belief, that of the truth, and the poses' weights (n,).
+        """
 
 
 @dataclass(frozen=True)
@@ -46,6 +61,16 @@ class Properties:
         """Take the properties from a file's JSON. Raises InputError that begins with `where`."""
         stated = checked(_Stated, values, where)
         return cls(stated.symmetry, stated.centre, stated.inertia_over_mass)
+
+    def error(self, estimated: ArrayLike, true: ArrayLike) -> FloatArray:
+        """Measure the placement error (...,) mm; see `placement_error`."""
+        return placement_error(estimated, true, self)
+
+    def spread(
+        self, samples: PoseSamples, estimated: FloatArray, true: FloatArray
+    ) -> tuple[FloatArray, float, FloatArray]:
+        """Measure how far all samples and the truth lie from an estimated pose; see `Placement`."""
+        return self.error(samples.poses, estimated), float(self.error(true, estimated)), samples.weights
 
 
 class _Stated(BaseModel):
@@ -140,13 +165,14 @@ class Certainty:
     radius: float
 
 
-def certainty(estimate: Estimate, true: ArrayLike, of: Properties) -> Certainty:
-    """Compare an estimate's belief with the truth, T_R^O (3,), and the properties of the true letter."""
+def certainty(estimate: Estimate, true: ArrayLike, of: Placement) -> Certainty:
+    """Compare an estimate's belief with the truth, T_R^O (3,) or (7,). of: what the metric needs of the true object."""
     if estimate.samples is None:
         return Certainty(np.nan, np.nan)
-    weights = estimate.samples.weights
-    away = placement_error(estimate.samples.poses, estimate.robot_in_object, of)
-    nearer = away < placement_error(true, estimate.robot_in_object, of)
+    away, truth, weights = of.spread(
+        estimate.samples, estimate.robot_in_object, np.asarray(true, dtype=float)
+    )
+    nearer = away < truth
     return Certainty(float(weights[nearer].sum() / weights.sum()), radius(away, weights, 0.9))
 
 

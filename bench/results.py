@@ -16,17 +16,20 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict
 
-from tactsim.bench.config import EACH
+from tactsim.bench.config import EACH, SOLIDS
 from tactsim.bench.placement import Properties
 from tactsim.bench.score import CURVES, summarise
-from tactsim.bench.trials import TrialPlan, Trials
+from tactsim.bench.trials import SpaceTrials, TrialPlan, Trials
 from tactsim.core import InputError
 from tactsim.core.checking import checked
 from tactsim.core.documents import read_json, read_text
 from tactsim.core.errors import counted, short
 from tactsim.core.files import new_folder, write_bytes, write_text
 from tactsim.core.finite import finite
+from tactsim.core.poses import POSE as PLANE_POSE
 from tactsim.core.poses import FloatArray
+from tactsim.core.rigid import POSE as SPACE_POSE
+from tactsim.core.rigid import checked_poses
 from tactsim.core.scan import is_label
 
 if TYPE_CHECKING:
@@ -57,17 +60,19 @@ class Run:
 
     The curves are arrays over the reading count: `accuracy[4]` is the accuracy after five readings.
 
+    Of a run with objects in space poses are of seven numbers, and readings are called touches.
+
     config: the configuration. about: versions, machine, protocol, the estimator's description and options, eq.
-    3's agreement. objects: each letter's properties for the error metric. work: counts of what was done and
-    skipped. trials: the raw result, an array a column. times: seconds of each stage and peak memory. plan: what
-    is needed to do trials again. maps: the occupancy maps that were learned. A loaded run has neither plan nor
-    maps. bounds: (n, r) mm, the Cramer-Rao bound of each trial after each reading (`tactsim.bench.bound`); None if it
-    is not known.
+    3's agreement. objects: each letter's `Properties` for the error metric, or each solid's `Surface`. work: counts of
+    what was done and skipped. trials: the raw result, an array a column. times: seconds of each stage and peak memory.
+    plan: what is needed to do trials again. maps: the occupancy maps or, in space, the surfaces that were learned. A
+    loaded run has neither plan nor maps. bounds: (n, r) mm, the Cramer-Rao bound of each trial after each reading
+    (`tactsim.bench.bound`); None if it is not known.
     """
 
     config: dict[str, Any]
     about: dict[str, Any]
-    objects: dict[str, Properties]
+    objects: dict[str, Any]
     work: dict[str, Any]
     trials: Trials
     times: dict[str, Any]
@@ -169,8 +174,15 @@ class Run:
         return self.trials.label.shape[1]
 
     @property
+    def in_space(self) -> bool:
+        """Whether objects lie and are touched in space."""
+        return isinstance(self.trials, SpaceTrials)
+
+    @property
     def on_demand(self) -> bool:
         """Whether each touch of a trial was pressed when it was chosen."""
+        if self.in_space:
+            return True
         given = any(self.config.get(name) is not None for name in ("scan", "given", "presses"))
         return self.config["explore"] != "random" and not given
 
@@ -201,19 +213,18 @@ class Run:
 
     def as_json(self) -> dict[str, Any]:
         """Put the run into one flat object, as `bench run --json` prints it."""
-        asked = ("estimator", "trials", "readings", "seed", "explore", "hold_out")
-        found = (
-            "letters",
-            "options",
-            "description",
-            "protocol",
-            "classifier_agreement",
-            "versions",
-            "machine",
-        )
+        asked = ["estimator", "trials", "seed", "explore"]
+        found = ["options", "description", "protocol", "versions", "machine"]
+        if self.in_space:
+            asked += ["touches", "hand"]
+            own: dict[str, Any] = {"objects": self.letters}
+        else:
+            asked += ["readings", "hold_out"]
+            found += ["classifier_agreement"]
+            own = {"letters": self.letters, **self.against_bound}
         return {
             **self.summary,
-            **self.against_bound,
+            **own,
             "task": self.task,
             **{name: self.config[name] for name in asked},
             **{name: self.about[name] for name in found},
@@ -236,12 +247,20 @@ class Run:
 
     def plot(self) -> Picture:
         """Draw accuracy and placement error, with intervals, against readings seen (the paper's figure 7)."""
+        if self.in_space:
+            from tactsim.bench.space.pictures import touches_figure
+
+            return touches_figure(self)
         from tactsim.bench.runs.figures import readings_figure
 
         return readings_figure(self)
 
     def plot_maps(self) -> Picture:
-        """Draw the learned occupancy maps (the paper's figure 4). Raises InputError if there are none."""
+        """Draw the learned occupancy maps (the paper's figure 4), or surfaces. Raises InputError if there are none."""
+        if self.in_space:
+            from tactsim.bench.space.map_picture import surfaces_figure
+
+            return surfaces_figure(self.maps)
         from tactsim.bench.runs.figures import maps_figure
 
         return maps_figure(self.maps)
@@ -253,9 +272,8 @@ class Run:
         """
         with new_folder(folder) as inside:
             save(self, inside)
-            write_bytes(inside / "readings.png", self.plot().png())
-            if self.maps:
-                write_bytes(inside / "maps.png", self.plot_maps().png())
+            for name, draw in zip(picture_names(self), (self.plot, self.plot_maps), strict=False):
+                write_bytes(inside / name, draw().png())
         return Path(folder)
 
     @classmethod
@@ -278,10 +296,14 @@ class Run:
         return f"<Run of {self._asked}: {self._headline}>"
 
     @property
+    def _a_reading(self) -> str:
+        return "touch" if self.in_space else "reading"
+
+    @property
     def _asked(self) -> str:
         return (
             f"{self.described}, {counted(len(self.trials.truth), 'trial')} of "
-            f"{counted(self.readings, 'reading')} over {' '.join(self.letters)}, {self.protocol}"
+            f"{counted(self.readings, self._a_reading)} over {' '.join(self.letters)}, {self.protocol}"
         )
 
     @property
@@ -292,9 +314,9 @@ class Run:
             f"accuracy {summary['accuracy'][-1]:.3f} [{summary['accuracy_low'][-1]:.3f}, "
             f"{summary['accuracy_high'][-1]:.3f}]"
             + (f", error {error:.2f} mm" if error is not None else "")
-            + f" after {self.readings} readings; "
+            + f" after {counted(self.readings, self._a_reading)}; "
             + (
-                f"every trial right from reading {from_reading}"
+                f"every trial right from {self._a_reading} {from_reading}"
                 if from_reading
                 else "some trials still wrong"
             )
@@ -306,7 +328,8 @@ class Run:
             "<tr>" + "".join(f"<td style='text-align:right'>{cell}</td>" for cell in cells) + "</tr>"
             for cells in self._cells()
         )
-        heads = "".join(f"<th>{head}</th>" for head in ("readings", "accuracy", "95 % interval", "error mm"))
+        words = ("touches" if self.in_space else "readings", "accuracy", "95 % interval", "error mm")
+        heads = "".join(f"<th>{word}</th>" for word in words)
         return (
             f"<div><p><b>{html.escape(self.estimator)}</b> {html.escape(self._asked[len(self.estimator) :])}<br/>"
             f"{html.escape(self._headline)}</p>"
@@ -346,14 +369,23 @@ class Run:
 
 
 SCHEMA = 3
+SPACE_SCHEMA = 1  # of a run with objects in space
 _LARGEST_TABLE = 1 << 30  # bytes
+_TRUE = tuple(f"true_{name}" for name in PLANE_POSE)
 # trials.csv: one row per trial and reading, the same on every machine for the same seed.
 COLUMNS = (
-    "truth", "trial", "reading_number", "reading", "label", "p_truth", "p_label", "x", "y", "theta",
-    "true_x", "true_y", "true_theta", "credibility", "radius_90", "evaluations",
+    "truth", "trial", "reading_number", "reading", "label", "p_truth", "p_label", *PLANE_POSE, *_TRUE, "credibility",
+    "radius_90", "evaluations",
 )  # fmt: skip
 # times.csv: one row per trial and reading, in the same order; the times differ whenever a run is repeated.
 TIME_COLUMNS = ("truth", "trial", "reading_number", "update_s", "estimate_s", "propose_s")
+# The same of a run with objects in space, where a pose has seven numbers, and readings are called touches.
+SPACE_COLUMNS = (
+    "truth", "trial", "touch_number", "label",
+    *(f"{before}{name}" for before in ("", "true_", "start_") for name in SPACE_POSE),
+    "p_truth", "p_label", "credibility", "radius_90", "met", "evaluations",
+)  # fmt: skip
+SPACE_TIME_COLUMNS = ("truth", "trial", "touch_number", "update_s", "estimate_s", "propose_s")
 
 # bounds.csv: one row per trial and reading, in the same order; only where the bound is known.
 BOUND_COLUMNS = ("truth", "trial", "reading_number", "bound_mm")
@@ -363,19 +395,27 @@ class _Strict(BaseModel):
     model_config = ConfigDict(strict=True)
 
 
-class _Config(_Strict):
+class _AnyConfig(_Strict):
     """The fields of a run's configuration that every reader needs; others may come from another version."""
 
     estimator: str
     seed: int
-    hold_out: list[str]
     scan: str | None
+    trials: int
+    explore: str
+
+
+class _Config(_AnyConfig):
+    hold_out: list[str]
     train_scan: str | None
     given: str | None
     letters: list[str] | None
-    trials: int
     readings: int
-    explore: str
+
+
+class _SpaceConfig(_AnyConfig):
+    touches: int
+    hand: str | None
 
 
 class _Budget(_Strict):
@@ -395,24 +435,34 @@ class _Scan(_Strict):
     options: dict[str, Any] = {}
 
 
-class _About(_Strict):
+class _AnyAbout(_Strict):
     """The fields of run.json that every reader needs."""
 
-    config: _Config
-    objects: dict[str, Any]
     protocol: str
     description: str
     options: dict[str, Any]
     settings: dict[str, Any]
     budget: _Budget | None
-    letters: list[str]
-    classifier_agreement: float | None
     scan: _Scan
-    source: str
     commit: str | None
     versions: dict[str, str]
     machine: _Machine
+
+
+class _About(_AnyAbout):
+    config: _Config
+    objects: dict[str, Any]
+    letters: list[str]
+    classifier_agreement: float | None
+    source: str
     slip: str = ""
+
+
+class _SpaceAbout(_AnyAbout):
+    config: _SpaceConfig
+    objects: list[str]
+    symmetries: dict[str, dict[str, Any]]
+    taxel_points: list[list[float]]
 
 
 class _Times(_Strict):
@@ -427,39 +477,62 @@ def save(run: Run, folder: Path) -> None:
     """Write a run's files into `folder`; except for times.*, the same run gives the same bytes."""
     about, times = documents(run)
     write_text(folder / "run.json", to_json(about))
+    names, time_names = COLUMNS, TIME_COLUMNS
+    if run.in_space:
+        from tactsim.bench.space.surface_distance import save_surfaces
+
+        save_surfaces(run.objects, folder / "objects.npz")
+        names, time_names = SPACE_COLUMNS, SPACE_TIME_COLUMNS
     table = columns(run.trials)
-    write_text(folder / "trials.csv", write_table(COLUMNS, table))
-    write_text(folder / "times.csv", write_table(TIME_COLUMNS, table))
+    write_text(folder / "trials.csv", write_table(names, table))
+    write_text(folder / "times.csv", write_table(time_names, table))
     if run.bounds is not None:
-        table = columns(run.trials) | {"bound_mm": run.bounds.ravel()}
-        write_text(folder / "bounds.csv", write_table(BOUND_COLUMNS, table))
+        write_text(
+            folder / "bounds.csv", write_table(BOUND_COLUMNS, table | {"bound_mm": run.bounds.ravel()})
+        )
     write_text(folder / "summary.json", to_json(run.summary))
     write_text(folder / "times.json", to_json(times))
 
 
 def documents(run: Run) -> tuple[dict[str, Any], dict[str, Any]]:
     """Give what run.json and times.json say of a run."""
-    objects = {label: asdict(of) for label, of in run.objects.items()}
-    about = {"schema": SCHEMA, "config": run.config, "objects": objects, **run.about}
+    about = {"config": run.config, **run.about}
+    if run.in_space:
+        from tactsim.bench.space.surface_distance import symmetries_of
+
+        about |= {"schema": SPACE_SCHEMA, "task": SOLIDS, "symmetries": symmetries_of(run.objects)}
+        about["objects"] = about.pop("letters")
+    else:
+        about |= {"schema": SCHEMA, "objects": {label: asdict(of) for label, of in run.objects.items()}}
     return about, run.times | {"work": run.work}
 
 
 def run_of(
-    about: Mapping[str, Any], times: Mapping[str, Any], trials: Trials, bounds: FloatArray | None
+    about: Mapping[str, Any],
+    times: Mapping[str, Any],
+    trials: Trials,
+    bounds: FloatArray | None,
+    surfaces: Mapping[str, Any] | None = None,
 ) -> Run:
     """Put a run together from what run.json and times.json say, its trials and their bounds.
 
-    Raises InputError if one of them is not whole, or has another schema.
+    surfaces: of the solids of a run in space. Raises InputError if one of them is not whole, or has another schema.
     """
     about, times = dict(about), dict(times)
-    if about.pop("schema", None) != SCHEMA:
-        raise InputError(f"run.json: unknown schema; this version reads schema {SCHEMA}")
-    checked(_About, about, "run.json")
+    schema = SPACE_SCHEMA if surfaces is not None else SCHEMA
+    if about.pop("schema", None) != schema:
+        raise InputError(f"run.json: unknown schema; this version reads schema {schema}")
+    checked(_SpaceAbout if surfaces is not None else _About, about, "run.json")
     checked(_Times, times, "times.json")
-    objects = {
-        label: Properties.stated(of, f"run.json: objects.{label}")
-        for label, of in about.pop("objects").items()
-    }
+    if surfaces is None:
+        objects: dict[str, Any] = {
+            label: Properties.stated(of, f"run.json: objects.{label}")
+            for label, of in about.pop("objects").items()
+        }
+    else:
+        objects = dict(surfaces)
+        about["letters"] = about.pop("objects")
+        del about["task"], about["symmetries"]
     if not set(trials.truth.tolist()) <= set(objects):
         raise InputError("run.json: objects: a letter of trials.csv is missing")
     return Run(about.pop("config"), about, objects, times.pop("work"), trials, times, bounds=bounds)
@@ -467,7 +540,8 @@ def run_of(
 
 def picture_names(run: Run) -> list[str]:
     """Name the pictures of a run's folder."""
-    return ["readings.png", "maps.png"] if run.maps else ["readings.png"]
+    curves = "touches.png" if run.in_space else "readings.png"
+    return [curves, "maps.png"] if run.maps else [curves]
 
 
 def load(path: str | Path) -> Run:
@@ -476,23 +550,30 @@ def load(path: str | Path) -> Run:
     if not (folder / "run.json").is_file():
         raise InputError(f"{folder} is not the folder of a run: it has no run.json")
     about = read_json(folder / "run.json", "file of a run")
-    if "symmetries" in about:
-        raise InputError(
-            f"{folder} is a run with objects in space; give runs of one kind, to report or compare"
-        )
-    if about.get("schema") != SCHEMA:
-        raise InputError(f"{folder / 'run.json'}: unknown schema; this version reads schema {SCHEMA}")
+    in_space = about.get("task") == SOLIDS
+    schema = SPACE_SCHEMA if in_space else SCHEMA
+    if about.get("schema") != schema:
+        raise InputError(f"{folder / 'run.json'}: unknown schema; this version reads schema {schema}")
+    surfaces = None
+    names, time_names = (SPACE_COLUMNS, SPACE_TIME_COLUMNS) if in_space else (COLUMNS, TIME_COLUMNS)
     try:
-        hold_out = checked(_About, about, "run.json").config.hold_out
+        if in_space:
+            from tactsim.bench.space.surface_distance import load_surfaces
+
+            stated = checked(_SpaceAbout, about, "run.json").symmetries
+            surfaces, hold_out = load_surfaces(stated, folder / "objects.npz"), list[str]()
+        else:
+            hold_out = checked(_About, about, "run.json").config.hold_out
         trials = _trials(
-            read_table(folder / "trials.csv", COLUMNS),
-            read_table(folder / "times.csv", TIME_COLUMNS),
+            read_table(folder / "trials.csv", names),
+            read_table(folder / "times.csv", time_names),
             hold_out,
+            in_space,
         )
         bounds = None
         if (folder / "bounds.csv").is_file():
             bounds = _bounds(read_table(folder / "bounds.csv", BOUND_COLUMNS), trials)
-        return run_of(about, read_json(folder / "times.json", "file of a run"), trials, bounds)
+        return run_of(about, read_json(folder / "times.json", "file of a run"), trials, bounds, surfaces)
     except InputError as error:
         raise InputError(f"{folder} is not a whole run: {error}") from error
 
@@ -504,20 +585,21 @@ def to_json(value: Any) -> str:
 
 def columns(trials: Trials) -> dict[str, NDArray[Any]]:
     """Give the columns of trials.csv and times.csv, one row a trial and reading."""
-    readings = trials.label.shape[1]
-    x, y, theta = np.moveaxis(trials.pose, 2, 0)
-    true_x, true_y, true_theta = np.moveaxis(trials.true_pose, 2, 0)
-    values: dict[str, NDArray[Any]] = {
-        "truth": trials.truth[:, None], "trial": trials.trial[:, None],
-        "reading_number": np.arange(1, readings + 1), "x": x, "y": y, "theta": theta,
-        "true_x": true_x, "true_y": true_y, "true_theta": true_theta,
-    }  # fmt: skip
-    names = dict.fromkeys((*COLUMNS, *TIME_COLUMNS))
+    readings = np.arange(1, trials.label.shape[1] + 1)
+    poses = {"": trials.pose, "true_": trials.true_pose}
+    names, number = (*COLUMNS, *TIME_COLUMNS), "reading_number"
+    pose: tuple[str, ...] = PLANE_POSE
+    if isinstance(trials, SpaceTrials):
+        poses["start_"] = trials.start
+        names, pose, number = (*SPACE_COLUMNS, *SPACE_TIME_COLUMNS), SPACE_POSE, "touch_number"
+    values = {"truth": trials.truth[:, None], "trial": trials.trial[:, None], number: readings}
+    for before, array in poses.items():
+        values |= {f"{before}{name}": array[..., place] for place, name in enumerate(pose)}
     return {
         name: np.broadcast_to(
             values[name] if name in values else getattr(trials, name), trials.label.shape
         ).ravel()
-        for name in names
+        for name in dict.fromkeys(names)
     }
 
 
@@ -543,36 +625,40 @@ def read_table(path: Path, columns: tuple[str, ...]) -> dict[str, list[str]]:
 
 
 def _trials(
-    table: Mapping[str, list[str]], times: Mapping[str, list[str]], hold_out: Sequence[str]
+    table: Mapping[str, list[str]], times: Mapping[str, list[str]], hold_out: Sequence[str], in_space: bool
 ) -> Trials:
-    number = _integers(table, "reading_number")
+    pose: tuple[str, ...]
+    pose, of_number = (SPACE_POSE, "touch_number") if in_space else (PLANE_POSE, "reading_number")
+    number = _integers(table, of_number)
     readings = int(number.max())
     trials, left = divmod(len(number), max(readings, 1))
     if left or not np.array_equal(number, np.tile(np.arange(1, readings + 1), trials)):
         raise InputError("trials.csv: rows are missing")
-    if any(times[name] != table[name] for name in ("truth", "trial", "reading_number")):
+    if any(times[name] != table[name] for name in ("truth", "trial", of_number)):
         raise InputError("times.csv does not have the rows of trials.csv")
+    shape = trials, readings
 
-    def floats(of: Mapping[str, list[str]], name: str) -> FloatArray:
-        return _floats(of, name).reshape(trials, readings)
+    def poses(before: str) -> FloatArray:
+        found = np.stack([_floats(table, f"{before}{name}").reshape(shape) for name in pose], axis=-1)
+        return checked_poses(found, f"trials.csv: {before}pose") if in_space else found
 
     truth = _labels(table, "truth")[::readings]
-    return Trials(
-        truth=truth,
-        known=~(np.isin(truth, list(hold_out)) | (list(hold_out) == [EACH])),
-        trial=_integers(table, "trial")[::readings],
-        true_pose=np.stack([floats(table, name) for name in ("true_x", "true_y", "true_theta")], axis=-1),
-        reading=_integers(table, "reading").reshape(trials, readings),
-        label=_labels(table, "label").reshape(trials, readings),
-        pose=np.stack([floats(table, name) for name in ("x", "y", "theta")], axis=-1),
-        evaluations=_integers(table, "evaluations").reshape(trials, readings),
-        **{name: floats(table, name) for name in ("p_truth", "p_label")},
-        **{
-            name: _floats(table, name, unknown=True).reshape(trials, readings)
-            for name in ("credibility", "radius_90")
-        },
-        **{name: floats(times, name) for name in ("update_s", "estimate_s", "propose_s")},
-    )
+    columns: dict[str, Any] = {
+        "truth": truth,
+        "known": ~(np.isin(truth, list(hold_out)) | (list(hold_out) == [EACH])),
+        "trial": _integers(table, "trial")[::readings],
+        "true_pose": poses("true_"),
+        "label": _labels(table, "label").reshape(shape),
+        "pose": poses(""),
+        "evaluations": _integers(table, "evaluations").reshape(shape),
+        **{name: _floats(table, name).reshape(shape) for name in ("p_truth", "p_label")},
+        **{name: _floats(table, name, unknown=True).reshape(shape) for name in ("credibility", "radius_90")},
+        **{name: _floats(times, name).reshape(shape) for name in ("update_s", "estimate_s", "propose_s")},
+    }
+    if in_space:
+        met = _integers(table, "met").reshape(shape)
+        return SpaceTrials(reading=(number - 1).reshape(shape), start=poses("start_"), met=met, **columns)
+    return Trials(reading=_integers(table, "reading").reshape(shape), **columns)
 
 
 def _bounds(table: Mapping[str, list[str]], trials: Trials) -> FloatArray:

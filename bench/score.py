@@ -8,28 +8,59 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tactsim.bench.placement import Properties, placement_error
-from tactsim.bench.trials import Trials
+from tactsim.bench.placement import Placement, Properties
+from tactsim.bench.trials import SpaceTrials, Trials
 from tactsim.core import invert, transform
 from tactsim.core.poses import FloatArray
 from tactsim.estimators import NONE
 
 JUMP, RECOVERED = 4.0, 1.0  # mm: a step that is a jump, and the placement error that ends it
+# Fewer pairs decide nothing: even if all of them speak for one side, chance does that in more than 1 of 40 cases.
+FEWEST_PAIRS = 7
+_DRAWS = 1000  # of a bootstrap
 Z_95 = 1.959963984540054  # standard normal quantile of a two-sided 95 % interval
 
 
-def errors(trials: Trials, objects: Mapping[str, Properties]) -> FloatArray:
-    """Compute the placement error (n, r) in mm of every estimate, with the true letter's properties."""
+def errors(trials: Trials, objects: Mapping[str, Placement]) -> FloatArray:
+    """Compute the placement error (n, r) in mm of every estimate, with the true object's properties."""
+    return _of_objects(trials, {label: of.error for label, of in objects.items()})
+
+
+def _of_objects(
+    trials: Trials, measures: Mapping[str, Callable[[FloatArray, FloatArray], FloatArray]]
+) -> FloatArray:
+    """Measure every estimate (n, r) against the true pose, each trial by the measure of its true object."""
     result = np.empty(trials.label.shape)
-    for letter in np.unique(trials.truth):
-        chosen = trials.truth == letter
-        result[chosen] = placement_error(trials.pose[chosen], trials.true_pose[chosen], objects[str(letter)])
+    for label in np.unique(trials.truth):
+        chosen = trials.truth == label
+        result[chosen] = measures[str(label)](trials.pose[chosen], trials.true_pose[chosen])
     return result
+
+
+class Scored:
+    """Trials with their errors, which are worked out once. objects: what measures each object's placement.
+
+    In space these are of a class with `angle` beside `error`.
+    """
+
+    def __init__(self, trials: Trials, objects: Mapping[str, Any]) -> None:
+        self.trials, self.objects = trials, objects
+
+    @cached_property
+    def error(self) -> FloatArray:
+        """The placement error (n, r) in mm of every estimate."""
+        return errors(self.trials, self.objects)
+
+    @cached_property
+    def angle(self) -> FloatArray:
+        """In space, the angle (n, r) in rad between estimated and true rotation, the least over the symmetry."""
+        return _of_objects(self.trials, {label: of.angle for label, of in self.objects.items()})
 
 
 def wilson(successes: ArrayLike, count: int) -> tuple[FloatArray, FloatArray]:
@@ -56,9 +87,9 @@ def settled_by(right: NDArray[np.bool_], share: float) -> int | None:
 Curve = FloatArray | list[float | None]
 
 
-def error_standard_error(trials: Trials, objects: Mapping[str, Properties]) -> Curve:
+def error_standard_error(scored: Scored) -> Curve:
     """Compute the standard error of the mean placement error (r,) mm of the trials whose letter is known and right."""
-    values, right = errors(trials, objects), trials.named
+    values, right = scored.error, scored.trials.named
     count = right.sum(axis=0)
     squares = np.asarray(_mean(values**2, right), dtype=float)
     means = np.asarray(_mean(values, right), dtype=float)
@@ -76,8 +107,10 @@ def refused(trials: Trials, among: NDArray[np.bool_]) -> Curve:
     return _mean((trials.label == NONE).astype(float), among[:, None] & np.ones_like(trials.right))
 
 
-def recovered_within(trials: Trials, objects: Mapping[str, Properties], readings: int) -> float | None:
+def recovered_within(trials: Trials, objects: Mapping[str, Any], readings: int) -> float | None:
     """Give the share of the jumps that are recovered in so many readings; None if there is none to judge."""
+    if isinstance(trials, SpaceTrials):  # where no object moves
+        return None
     jumps, found = recoveries(trials, objects, readings)
     return float(found.sum() / jumps.sum()) if jumps.any() else None
 
@@ -118,6 +151,31 @@ def confusion(trials: Trials) -> dict[str, dict[str, int]]:
     }
 
 
+def by_object(scored: Scored) -> dict[str, dict[str, float | None]]:
+    """Give accuracy, mean surface distance and angle of each object in space after the last touch."""
+    trials = scored.trials
+    figures = {
+        "accuracy": (trials.right.astype(float), np.ones_like(trials.right)),
+        "error_mm": (scored.error, trials.named),
+        "angle_deg": (np.degrees(scored.angle), trials.named),
+    }
+    rows: dict[str, dict[str, float | None]] = {}
+    for truth in dict.fromkeys(trials.truth.tolist()):
+        own = trials.truth == truth
+        means = {
+            name: _mean(values[own][:, -1:], chosen[own][:, -1:])[0]
+            for name, (values, chosen) in figures.items()
+        }
+        rows[truth] = {name: None if mean is None else float(mean) for name, mean in means.items()}
+    return rows
+
+
+def met(scored: Scored) -> FloatArray:
+    """Give the share of the touches in space (r,) that met the object."""
+    assert isinstance(scored.trials, SpaceTrials)
+    return (scored.trials.met > 0).mean(axis=0)
+
+
 def recognition_seconds(trials: Trials, readings: int) -> float:
     """Compute what a recognition costs: the median over the trials of the processor time of its readings.
 
@@ -129,98 +187,139 @@ def recognition_seconds(trials: Trials, readings: int) -> float:
 
 @dataclass(frozen=True)
 class Metric:
-    """A figure of a run: what it is, in one line, and how it follows from the trials and the objects' properties."""
+    """A figure of a run: what it is, in one line, and how it follows from the trials and their errors."""
 
     description: str
-    compute: Callable[[Trials, Mapping[str, Properties]], Any]
+    compute: Callable[[Scored], Any]
 
 
 # Metrics over the reading count, arrays (r,) or lists with None where undefined. `bench list` shows them in this order.
 CURVES: dict[str, Metric] = {
     "accuracy": Metric(
         "Share of the trials whose letter is right, after each reading.",
-        lambda trials, _: trials.right.mean(axis=0),
+        lambda scored: scored.trials.right.mean(axis=0),
     ),
     "accuracy_low": Metric(
         "Lower end of the accuracy's 95 % Wilson interval.",
-        lambda trials, _: wilson(trials.right.sum(axis=0), len(trials.truth))[0],
+        lambda scored: wilson(scored.trials.right.sum(axis=0), len(scored.trials.truth))[0],
     ),
     "accuracy_high": Metric(
         "Upper end of the accuracy's 95 % Wilson interval.",
-        lambda trials, _: wilson(trials.right.sum(axis=0), len(trials.truth))[1],
+        lambda scored: wilson(scored.trials.right.sum(axis=0), len(scored.trials.truth))[1],
     ),
     "error_mm": Metric(
         "Mean placement error of the trials whose letter is known and right (as the paper averages it).",
-        lambda trials, objects: _mean(errors(trials, objects), trials.named),
+        lambda scored: _mean(scored.error, scored.trials.named),
     ),
     "error_standard_error_mm": Metric("Give the standard error of `error_mm`.", error_standard_error),
     "error_all_mm": Metric(
         "Mean placement error over all trials of known letters, the wrong estimates included.",
-        lambda trials, objects: _mean(
-            errors(trials, objects), trials.known[:, None] & np.ones_like(trials.right)
-        ),
+        lambda scored: _mean(scored.error, scored.trials.known[:, None] & np.ones_like(scored.trials.right)),
     ),
     "negative_log_likelihood": Metric(
         "Mean of -log p(right label), in nats; p is floored at the smallest normal float.",
-        lambda trials, _: -np.log(np.clip(trials.p_truth, np.finfo(float).tiny, None)).mean(axis=0),
+        lambda scored: -np.log(np.clip(scored.trials.p_truth, np.finfo(float).tiny, None)).mean(axis=0),
     ),
     "calibration_gap": Metric(
         "Mean stated probability of the estimate minus its accuracy: above 0 is overconfident.",
-        lambda trials, _: trials.p_label.mean(axis=0) - trials.right.mean(axis=0),
+        lambda scored: scored.trials.p_label.mean(axis=0) - scored.trials.right.mean(axis=0),
     ),
     "coverage_50": Metric(
         "Share of the trials whose letter is known and right in which the 50 % region of the place holds the truth.",
-        lambda trials, _: coverage(trials, 0.5),
+        lambda scored: coverage(scored.trials, 0.5),
     ),
     "coverage_90": Metric(
         "Share of the trials whose letter is known and right in which the 90 % region of the place holds the truth.",
-        lambda trials, _: coverage(trials, 0.9),
+        lambda scored: coverage(scored.trials, 0.9),
     ),
     "sharpness_mm": Metric(
         "Mean radius of the 90 % region, in the metric of the error, where the letter is known and right.",
-        lambda trials, _: _mean(trials.radius_90, trials.sure),
+        lambda scored: _mean(scored.trials.radius_90, scored.trials.sure),
     ),
     "refused_known": Metric(
         "Share of the trials of known letters whose estimate is 'none'; None without such trials.",
-        lambda trials, _: refused(trials, trials.known),
+        lambda scored: refused(scored.trials, scored.trials.known),
     ),
     "refused_unknown": Metric(
         "Share of the trials of held-out letters whose estimate is 'none'; None without such trials.",
-        lambda trials, _: refused(trials, ~trials.known),
+        lambda scored: refused(scored.trials, ~scored.trials.known),
     ),
     "evaluations": Metric(
         "Mean number of likelihood evaluations of the update at each reading.",
-        lambda trials, _: trials.evaluations.mean(axis=0),
+        lambda scored: scored.trials.evaluations.mean(axis=0),
     ),
 }
 # One number or table a run.
 HEADLINES: dict[str, Metric] = {
     "all_right_from": Metric(
         "Find the reading from which every trial is and stays right.",
-        lambda trials, _: settled_by(trials.right, 1.0),
+        lambda scored: settled_by(scored.trials.right, 1.0),
     ),
     "settled_95": Metric(
         "Find the reading by which 95 % of the trials are and stay right.",
-        lambda trials, _: settled_by(trials.right, 0.95),
+        lambda scored: settled_by(scored.trials.right, 0.95),
     ),
     "settled_50": Metric(
         "Find the reading by which half of the trials are and stay right.",
-        lambda trials, _: settled_by(trials.right, 0.5),
+        lambda scored: settled_by(scored.trials.right, 0.5),
     ),
     "recovered_within_3": Metric(
         "Share of the jumps (steps of 4 mm or more) after which one of the next three estimates is right to 1 mm.",
-        lambda trials, objects: recovered_within(trials, objects, 3),
+        lambda scored: recovered_within(scored.trials, scored.objects, 3),
     ),
     "confusion": Metric(
         "Count the estimates after the last reading: {true letter: {estimated letter: trials}}.",
-        lambda trials, _: confusion(trials),
+        lambda scored: confusion(scored.trials),
     ),
 }
 
 
-def summarise(trials: Trials, objects: Mapping[str, Properties]) -> dict[str, Any]:
+# What a run in space has beside them: the objects have no shape in common, so a few poses may be far off.
+SPACE_METRICS: dict[str, Metric] = {
+    "error_low_mm": Metric(
+        "Lower end of the 95 % interval of `error_mm`, by a bootstrap over trials.",
+        lambda scored: _bootstrap(scored.error, scored.trials.named)[0],
+    ),
+    "error_high_mm": Metric(
+        "Upper end of the 95 % interval of `error_mm`, by a bootstrap over trials.",
+        lambda scored: _bootstrap(scored.error, scored.trials.named)[1],
+    ),
+    "error_median_mm": Metric(
+        "Median surface distance of the trials whose object is right: a few poses that are far off do not move it.",
+        lambda scored: _median(scored.error, scored.trials.named),
+    ),
+    "angle_deg": Metric(
+        "Mean angle between estimated and true rotation where the object is right, the least over its symmetry.",
+        lambda scored: _mean(np.degrees(scored.angle), scored.trials.named),
+    ),
+    "angle_low_deg": Metric(
+        "Lower end of the 95 % interval of `angle_deg`, by a bootstrap over trials.",
+        lambda scored: _bootstrap(np.degrees(scored.angle), scored.trials.named)[0],
+    ),
+    "angle_high_deg": Metric(
+        "Upper end of the 95 % interval of `angle_deg`, by a bootstrap over trials.",
+        lambda scored: _bootstrap(np.degrees(scored.angle), scored.trials.named)[1],
+    ),
+    "angle_median_deg": Metric(
+        "Median angle where the object is right.",
+        lambda scored: _median(np.degrees(scored.angle), scored.trials.named),
+    ),
+    "met": Metric(
+        "Share of the touches that met the object with one pad at least.",
+        met,
+    ),
+    "by_object": Metric(
+        "Give accuracy, mean surface distance and angle of each object after the last touch.",
+        by_object,
+    ),
+}
+
+
+def summarise(trials: Trials, objects: Mapping[str, Placement]) -> dict[str, Any]:
     """Compute every metric: lists over the reading count 1..r (None where undefined) and headlines."""
-    summary = {name: metric.compute(trials, objects) for name, metric in (CURVES | HEADLINES).items()}
+    scored = Scored(trials, objects)
+    metrics = CURVES | HEADLINES | (SPACE_METRICS if isinstance(trials, SpaceTrials) else {})
+    summary = {name: metric.compute(scored) for name, metric in metrics.items()}
     return {
         name: value.tolist() if isinstance(value, np.ndarray) else value for name, value in summary.items()
     }
@@ -231,6 +330,28 @@ def _mean(values: FloatArray, chosen: NDArray[np.bool_]) -> Curve:
     count = chosen.sum(axis=0)
     with np.errstate(invalid="ignore"):
         return _nones(np.where(chosen, values, 0).sum(axis=0) / np.where(count, count, np.nan))
+
+
+def _median(values: FloatArray, chosen: NDArray[np.bool_]) -> Curve:
+    """Take the median of the chosen entries of each column; None where there is none."""
+    columns = zip(values.T, chosen.T, strict=True)
+    return _nones(np.array([np.median(column[some]) if some.any() else np.nan for column, some in columns]))
+
+
+def _bootstrap(values: FloatArray, chosen: NDArray[np.bool_]) -> tuple[Curve, Curve]:
+    """Bound the mean of the chosen entries of each column: percentiles of a bootstrap over rows, (r,) each.
+
+    None where fewer than `FEWEST_PAIRS` are chosen: draws of so few are too much alike.
+    """
+    drawn = np.random.default_rng(0).multinomial(len(values), np.full(len(values), 1 / len(values)), _DRAWS)
+    chosen = chosen & (chosen.sum(axis=0) >= FEWEST_PAIRS)
+    count = drawn @ chosen.astype(float)
+    with np.errstate(invalid="ignore"):
+        means = drawn @ np.where(chosen, values, 0.0) / np.where(count > 0, count, np.nan)
+    bounds = np.full((2, values.shape[1]), np.nan)
+    some = ~np.isnan(means).all(axis=0)
+    bounds[:, some] = np.nanpercentile(means[:, some], (2.5, 97.5), axis=0)
+    return _nones(bounds[0]), _nones(bounds[1])
 
 
 def _nones(values: FloatArray) -> Curve:

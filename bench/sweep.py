@@ -30,14 +30,24 @@ from typing import Any
 import numpy as np
 
 from tactsim.bench import results
-from tactsim.bench.config import RunConfig, run_config
-from tactsim.bench.experiment import Gathered, check_estimator, check_presses, finished_run, gather, plan_of
+from tactsim.bench.config import SOLIDS, RunConfig, any_config
+from tactsim.bench.experiment import (
+    Config,
+    Gathered,
+    check_estimator,
+    check_presses,
+    finished_run,
+    gather,
+    plan_of,
+    tasks_of,
+)
 from tactsim.bench.machine import versions
 from tactsim.bench.results import Run, sweep_order
 from tactsim.bench.tasks import task
 from tactsim.bench.trials import (
     OneTrial,
     Progress,
+    SpaceTrials,
     TrialPlan,
     Trials,
     check_readings,
@@ -54,7 +64,7 @@ from tactsim.estimators import create
 from tactsim.estimators.estimator import budget_of, flatten_work, unflatten_work
 
 
-def read(source: str) -> tuple[str, list[RunConfig]]:
+def read(source: str) -> tuple[str, list[Config]]:
     """Read a sweep from a TOML file or a suite's name: its name and its runs, in order.
 
     The file has `[[run]]` tables, and `[defaults]` for what they leave out. Their keys are the long options of
@@ -93,18 +103,18 @@ def suites() -> tuple[str, ...]:
     )
 
 
-def expand(table: Mapping[str, Any], what: str) -> list[RunConfig]:
+def expand(table: Mapping[str, Any], what: str) -> list[Config]:
     """Turn a sweep's tables into its runs: every combination of every list, without repeats.
 
     Raises InputError for an unknown key, a wrong value, no runs or more than 100,000, and, with the number of the
     [[run]], for what `experiment` refuses before the work.
     """
-    configs: dict[str, RunConfig] = {}
+    configs: dict[str, Config] = {}
     sources: set[tuple[str, int]] = set()
     for where, words in _combinations(table, what):
         try:
             for seed in _seeds(words):
-                config = run_config(**words, **seed)
+                config = any_config(**words, **seed)
                 check_estimator(config, create(config.estimator, **config.options))
                 if (asked := (config.source, config.readings)) not in sources:
                     check_presses(config)
@@ -151,7 +161,7 @@ def _combinations(table: Mapping[str, Any], what: str) -> Iterator[tuple[str, di
 
 def _seeds(words: Mapping[str, Any]) -> list[dict[str, int]]:
     """Give what is to be added to a combination: each seed of the task that is named without one, or else nothing."""
-    if words.get("task") is None or "seed" in words:
+    if words.get("task") in (None, SOLIDS) or "seed" in words:
         return [{}]
     return [{"seed": seed} for seed in task(str(words["task"])).seeds]
 
@@ -189,7 +199,7 @@ class Chunk:
         return hashlib.sha256(f"{self.made_with} {tasks}".encode() + body).digest()
 
 
-def chunks_of(name: str, plan: TrialPlan, letters: Iterable[str], trials: int) -> list[Chunk]:
+def chunks_of(name: str, plan: TrialPlan, tasks: Sequence[OneTrial]) -> list[Chunk]:
     """Divide a run into chunks of at most MOST_TRIALS trials, letter after letter.
 
     A chunk goes on with the next letter, so that a run of few trials is one chunk, for which one worker fits once.
@@ -197,7 +207,6 @@ def chunks_of(name: str, plan: TrialPlan, letters: Iterable[str], trials: int) -
     trying = [plan.readings, plan.seed, plan.explore, plan.press is not None, plan.slip.model_dump()]
     trying.append(plan.each_held_out)
     made_with = json.dumps([plan.source, plan.digest, trying, versions()], sort_keys=True)
-    tasks = [OneTrial(letter, trial) for letter in letters for trial in range(trials)]
     return [
         Chunk(name, number, tuple(tasks[first : first + MOST_TRIALS]), made_with)
         for number, first in enumerate(range(0, len(tasks), MOST_TRIALS))
@@ -236,7 +245,7 @@ class Waiting:
 def save_chunk(folder: Path, chunk: Chunk, trials: Trials, work: Mapping[str, int]) -> None:
     """Keep a chunk that is done, whole or not at all. Raises InputError if it cannot be written."""
     content = BytesIO()
-    arrays = {field.name: getattr(trials, field.name) for field in fields(Trials)}
+    arrays = {field.name: getattr(trials, field.name) for field in fields(trials)}
     np.savez(content, allow_pickle=False, work=np.array(json.dumps(work)), **arrays)
     body = content.getvalue()
     with replacing(chunk.path(folder)) as stream:
@@ -252,11 +261,13 @@ def load_chunk(folder: Path, chunk: Chunk) -> tuple[Trials, dict[str, int]] | No
     if chunk.seal(content[32:]) != content[:32]:
         return None
     try:
-        arrays = read_npz(BytesIO(content[32:]), ("work", *(field.name for field in fields(Trials))))
+        names = [field.name for field in fields(SpaceTrials)]
+        own = [field.name for field in fields(Trials)]
+        arrays = read_npz(BytesIO(content[32:]), ("work", *own), names[len(own) :])
         work = parse_json(str(arrays.pop("work")), "work")
     except InputError:
         return None
-    return Trials(**arrays), work
+    return (SpaceTrials if "start" in arrays else Trials)(**arrays), work
 
 
 SCHEDULER_ANSWERS_IN = 10.0  # s, or it counts as none
@@ -266,7 +277,7 @@ Pool = Callable[[], AbstractContextManager[Executor]]
 
 
 def perform(
-    configs: Sequence[RunConfig],
+    configs: Sequence[Config],
     folder: Path,
     *,
     jobs: int,
@@ -292,9 +303,12 @@ def perform(
         if todo:
             _check_sources(folder, whole)
         gathered = _gather_all(todo, jobs=jobs, cache=cache, progress=progress)
-        plans = {name: plan_of(config, gathered[name].scan) for name, config in todo.items()}
+        plans = {
+            name: plan_of(config, gathered[name].scan, solids=gathered[name].solids)
+            for name, config in todo.items()
+        }
         chunks = {
-            name: chunks_of(name, plans[name], gathered[name].letters, config.trials)
+            name: chunks_of(name, plans[name], tasks_of(config, gathered[name].letters))
             for name, config in todo.items()
         }
         left = {
@@ -391,7 +405,7 @@ def _work_off(
 
 
 def _gather_all(
-    configs: Mapping[str, RunConfig], *, jobs: int, cache: bool, progress: Progress
+    configs: Mapping[str, Config], *, jobs: int, cache: bool, progress: Progress
 ) -> dict[str, Gathered]:
     """Press or load the readings of every run, each set of readings once."""
     found: dict[str, Gathered] = {}
@@ -401,7 +415,8 @@ def _gather_all(
         if source not in by_source:
             by_source[source] = gather(config, jobs=jobs, cache=cache, progress=progress)
         found[name] = by_source[source]
-        check_readings(found[name].scan, found[name].letters, config.readings, config.hold_out)
+        if isinstance(config, RunConfig):
+            check_readings(found[name].scan, found[name].letters, config.readings, config.hold_out)
     return found
 
 
@@ -415,7 +430,7 @@ def _check_sources(folder: Path, whole: Mapping[str, Run]) -> None:
             )
 
 
-def _write_run(folder: Path, config: RunConfig, gathered: Gathered, chunks: Sequence[Chunk]) -> None:
+def _write_run(folder: Path, config: Config, gathered: Gathered, chunks: Sequence[Chunk]) -> None:
     """Put a run's chunks together, write its folder, and remove the chunks."""
     loaded = [load_chunk(folder, chunk) for chunk in chunks]
     pieces = [piece for piece in loaded if piece is not None]
@@ -444,7 +459,7 @@ def _tidy(folder: Path, done: Sequence[str]) -> None:
             path.unlink()
 
 
-def _names(configs: Sequence[RunConfig]) -> list[str]:
+def _names(configs: Sequence[Config]) -> list[str]:
     """Name each run by its estimator, its budget and a digest of its configuration.
 
     Raises InputError for an estimator or an option that does not exist.
@@ -459,7 +474,7 @@ def _names(configs: Sequence[RunConfig]) -> list[str]:
     return names
 
 
-def _claim(folder: Path, names: Sequence[str], configs: Sequence[RunConfig]) -> None:
+def _claim(folder: Path, names: Sequence[str], configs: Sequence[Config]) -> None:
     """Write down which sweep the folder belongs to, or check that it is this one: one with the same runs."""
     content = results.to_json(
         {

@@ -28,7 +28,6 @@ from tactsim.core.errors import counted
 if TYPE_CHECKING:
     from tactsim.bench.bound.bound import Bound
     from tactsim.bench.runs.pooled import Pooled
-    from tactsim.bench.space.space_run import SpaceRun
 
 STAGES = {
     "press": "pressing",
@@ -41,6 +40,7 @@ STAGES = {
     "references": "estimators",
 }
 ROWS = (1, 2, 3, 5, 7, 9, 10, 12, 15, 20, 25, 30, 40, 46, 50, 60, 80, 100, 150, 192)
+_ROWS_IN_SPACE = (1, 2, 3, 4, 5, 6, 8, 10, 12, 15, 20, 30, 40, 60, 100)
 
 
 @contextmanager
@@ -71,14 +71,14 @@ def progress_bars() -> Iterator[Report]:
 def print_run(run: Run) -> None:
     """Print the table over the reading count, the headline figures and the times."""
     console = plain_console()
-    config, about, summary = run.config, run.about, run.summary
+    config, about = run.config, run.about
     print_method(console, run)
+    trials = counted(config["trials"], "trial") + ("" if run.in_space else " each")
     console.print(
-        f"{f'task {run.task}; ' if run.task else ''}"
-        f"{' '.join(about['letters'])}: {counted(config['trials'], 'trial')} each, {about['protocol']}, "
-        f"seed {config['seed']}"
+        f"{f'task {run.task}; ' if run.task and not run.in_space else ''}"
+        f"{' '.join(run.letters)}: {trials}, {about['protocol']}, seed {config['seed']}"
     )
-    console.print(_table(summary, run.against_bound, run.readings))
+    console.print(_table_in_space(run) if run.in_space else _table(run))
     for line in about.get("notes", []):
         console.print(f"note     {line}")
     if "pad_fit" in about:
@@ -170,15 +170,33 @@ def _print_single(runs: Sequence[tuple[Path, Run]]) -> None:
 
 def headlines(run: Run) -> list[str]:
     """Say in a few lines when the letters were right, how exact, how fast and with how much work."""
-    summary, seconds, work = run.summary, run.times["seconds"], run.work
-    readings, trials = run.trials.label.shape[1], len(run.trials.truth)
-    last = f"reading {readings}"
-    lines = [
-        f"every trial right{when(' from reading', summary['all_right_from'], last)}; 95 % settled"
+    summary, word = run.summary, "touch" if run.in_space else "reading"
+    last = f"{word} {run.readings}"
+    return [
+        f"every trial right{when(f' from {word}', summary['all_right_from'], last)}; 95 % settled"
         f"{when(' by', summary['settled_95'], last)}, half"
         f"{when(' by', summary['settled_50'], last)} "
-        f"({counted(trials, 'trial')})"
+        f"({counted(len(run.trials.truth), 'trial')})",
+        *(_headlines_in_space(run) if run.in_space else _headlines_in_plane(run)),
+        f"work  {work_line(run.work)}",
     ]
+
+
+def _headlines_in_space(run: Run) -> list[str]:
+    summary, seconds, spent = run.summary, run.times["seconds"], run.trials.seconds.sum(axis=1)
+    hard = sorted(summary["by_object"].items(), key=lambda item: item[1]["accuracy"])[:3]
+    stages = (f"{stage} {seconds[stage]:.2f} s" for stage in ("scan", "fit", "trials") if stage in seconds)
+    return [
+        f"lowest accuracy at touch {run.readings}: "
+        + ", ".join(f"{label} {values['accuracy']:.2f}" for label, values in hard),
+        f"{100 * sum(summary['met']) / run.readings:.0f} % of the touches met the object",
+        f"time  {', '.join(stages)}; a recognition of {counted(run.readings, 'touch')} {spent.mean():.2f} s of one "
+        f"core, at most {spent.max():.2f} s",
+    ]
+
+
+def _headlines_in_plane(run: Run) -> list[str]:
+    summary, seconds, readings, lines = run.summary, run.times["seconds"], run.readings, []
     if summary["error_mm"][-1] is not None:
         lines.append(
             f"error at reading {readings}: {summary['error_mm'][-1]:.2f} mm where the letter is right, "
@@ -222,7 +240,6 @@ def headlines(run: Run) -> list[str]:
         f"estimate {1e3 * seconds['estimate_per_reading']:.3f} ms a reading"
         + (f", choice of the next {1e3 * propose:.1f} ms" if propose else "")
     )
-    lines.append(f"work  {work_line(work)}")
     return lines
 
 
@@ -241,7 +258,30 @@ def work_line(work: Mapping[str, Any]) -> str:
     return (done or "nothing new") + (f"; skipped: {skipped}" if skipped else "")
 
 
-def _table(summary: Mapping[str, Any], against_bound: Mapping[str, Any], readings: int) -> Table:
+def _table_in_space(run: Run) -> Table:
+    columns = (
+        ("error_mm", 2),
+        ("error_median_mm", 2),
+        ("angle_deg", 1),
+        ("angle_median_deg", 1),
+        ("coverage_90", 2),
+    )
+    table, summary = Table(box=None, pad_edge=False), run.summary
+    for heading in ("touches", "right", "95 % interval", "mm", "median", "degrees", "median", "90 % held"):
+        table.add_column(heading, justify="right", no_wrap=True)
+    for touch in sorted({row for row in (*_ROWS_IN_SPACE, run.readings) if row <= run.readings}):
+        k = touch - 1
+        table.add_row(
+            str(touch),
+            f"{summary['accuracy'][k]:.3f}",
+            f"{summary['accuracy_low'][k]:.3f} - {summary['accuracy_high'][k]:.3f}",
+            *(_number(summary[name][k], digits) for name, digits in columns),
+        )
+    return table
+
+
+def _table(run: Run) -> Table:
+    summary, against_bound, readings = run.summary, run.against_bound, run.readings
     table = Table(box=None, pad_edge=False)
     sure = any(value is not None for value in summary["sharpness_mm"])
     bounded = any(bound is not None for bound in against_bound["bound_mm"])
@@ -300,7 +340,7 @@ def _number(value: float | None, digits: int) -> str:
     return "-" if value is None else f"{value:.{digits}f}"
 
 
-def print_method(console: Console, run: Run | SpaceRun) -> None:
+def print_method(console: Console, run: Run) -> None:
     """Print the line of the estimator's name, and of how it was set up if it says so."""
     how = run.about["description"]
     console.print(run.config["estimator"], style="bold", end=" " if how else "\n")

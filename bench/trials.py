@@ -15,13 +15,13 @@ from concurrent.futures import Executor, Future
 from dataclasses import dataclass, fields, replace
 from itertools import groupby
 from time import process_time
-from typing import TYPE_CHECKING, Any, Literal, Protocol, TypeAlias
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, Protocol, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tactsim.bench.config import STILL, Slip
-from tactsim.bench.placement import Properties, certainty, properties
+from tactsim.bench.placement import Placement, certainty, properties
 from tactsim.core import InputError, Scan, compose, invert
 from tactsim.core.errors import short
 from tactsim.core.forward import ForwardModel
@@ -38,8 +38,42 @@ if TYPE_CHECKING:
     from tactsim.estimators.pad_fit import PadFit
 
 
+class Touch(NamedTuple):
+    """One touch of a trial.
+
+    number: which of the trial's touches. reading: (taxels,) kPa, or its images (frames, taxels), or those of m pads (m,
+    taxels). sensor_in_robot: (3,), or of m pads (m, 7). start, met: of a touch in space, see `SpaceTrials`.
+    """
+
+    number: int
+    reading: FloatArray
+    sensor_in_robot: FloatArray
+    start: FloatArray | None = None
+    met: int = 1
+
+
 class Touches(Protocol):
-    """The touches that a trial offers, numbered from 0."""
+    """The touches of one trial, among which the next is chosen: `InTurn` in the plane, `SolidTouches` in space."""
+
+    def shuffle(self, rng: np.random.Generator) -> None:
+        """Take them in random order, where it is not random anyway."""
+
+    def offer(self, robot_in_object: FloatArray) -> FloatArray:
+        """Give the poses (n, 3 or 7) sensor_in_robot of those that can be taken now, the object being where it is."""
+
+    def take(self, chosen: int, robot_in_object: FloatArray) -> Touch | None:
+        """Take one of those just offered; None if it gives no reading."""
+
+
+class Press(Protocol):
+    """Where the touches of a trial come from if not from the scan: `OnDemand`, `MeasuredTrials`, `SolidPress`."""
+
+    def touches(self, truth: str, trial: int, seed: int) -> Touches:
+        """Offer the touches of one trial."""
+
+
+class ListedTouches(Protocol):
+    """Touches in the plane that are known before the first is taken, numbered from 0."""
 
     def __len__(self) -> int: ...
 
@@ -50,11 +84,30 @@ class Touches(Protocol):
         """Take one: (taxels,) kPa, or its images (frames, taxels), or None if it gives no reading."""
 
 
-class Press(Protocol):
-    """What presses an object on demand; see `on_demand.OnDemand`."""
+class InTurn:
+    """Take each of the listed touches once, in their order unless they are shuffled; see `Touches`."""
 
-    def touches(self, truth: str, trial: int, seed: int) -> Touches:
-        """Offer the touches of one trial."""
+    def __init__(self, listed: ListedTouches) -> None:
+        self.listed = listed
+        self._left = np.arange(len(listed))
+        self._where: FloatArray | None = None  # the object at `_poses`
+
+    def shuffle(self, rng: np.random.Generator) -> None:
+        """Take them in random order."""
+        self._left = rng.permutation(len(self._left))
+
+    def offer(self, robot_in_object: FloatArray) -> FloatArray:
+        """Give the poses (n, 3) of those that were not taken yet."""
+        if self._where is None or not np.array_equal(self._where, robot_in_object):
+            self._where, self._poses = robot_in_object, self.listed.sensor_in_robot(robot_in_object)
+        return self._poses[self._left]
+
+    def take(self, chosen: int, robot_in_object: FloatArray) -> Touch | None:
+        """Take one of those just offered; None if it gives no reading."""
+        number = int(self._left[chosen])
+        self._left = np.concatenate([self._left[:chosen], self._left[chosen + 1 :]])
+        reading = self.listed.reading(number, robot_in_object)
+        return None if reading is None else Touch(number, reading, self._poses[number])
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,10 +153,10 @@ class Trials:
     """What was estimated after every reading of n trials of r readings: the raw result of a run.
 
     truth: (n,) letters. known: (n,) whether the estimator was trained on that letter; if not, NONE is the right
-    label. trial: (n,) number within the letter. true_pose: (n, r, 3) robot_in_object at each touch.
+    label. trial: (n,) number within the letter. true_pose: (n, r, 3 or 7) robot_in_object at each touch.
     reading: (n, r) which of the letter's test readings, or of the trial's touches, was taken. label: (n, r) the
     estimate (eq. 9, 14). p_truth, p_label: (n, r) probabilities given to the right and to the estimated label. pose:
-    (n, r, 3) estimated robot_in_object. credibility, radius_90: (n, r) how sure the estimator was of the pose, see
+    (n, r, 3 or 7) estimated robot_in_object. credibility, radius_90: (n, r) how sure the estimator was of the pose, see
     `certainty.Certainty`; NaN where it did not say. evaluations: (n, r) likelihood evaluations of that update.
     update_s, estimate_s, propose_s: (n, r) seconds of processor time.
     """
@@ -149,16 +202,29 @@ class Trials:
         """Give the seconds of each reading (n, r): its choice, the update and the estimate."""
         return self.update_s + self.estimate_s + self.propose_s
 
-    @classmethod
-    def joined(cls, parts: Iterable[Trials]) -> Trials:
-        """Put trials together in the order given."""
+    @staticmethod
+    def joined(parts: Iterable[Trials]) -> Trials:
+        """Put trials of one kind together in the order given."""
         parts = list(parts)
-        return cls(
+        kind = type(parts[0])
+        return kind(
             **{
                 field.name: np.concatenate([getattr(part, field.name) for part in parts])
-                for field in fields(cls)
+                for field in fields(kind)
             }
         )
+
+
+@dataclass(frozen=True, eq=False)
+class SpaceTrials(Trials):
+    """Trials with objects in space: poses are (7,), and touches, which are drawn as they come, are numbered from 0.
+
+    start: (n, r, 7) where each touch began, sensor_in_robot (of a hand: hand_in_robot). met: (n, r) how many pads met
+    the object.
+    """
+
+    start: FloatArray
+    met: NDArray[np.int64]
 
 
 def draw_true_pose(rng: np.random.Generator, offsets: float = OFFSET) -> FloatArray:
@@ -167,9 +233,19 @@ def draw_true_pose(rng: np.random.Generator, offsets: float = OFFSET) -> FloatAr
     return np.array([x, y, rng.uniform(-np.pi, np.pi)])
 
 
+def hidden_pose(scan: Scan, rng: np.random.Generator) -> FloatArray:
+    """Draw robot_in_object where a trial hides its object: (3,) in the plane, or (7,) if the scan is in space."""
+    if not scan.in_space:
+        return draw_true_pose(rng, offsets(scan.taxel_xy))
+    from tactsim.bench.space.touching import draw_pose_in_space  # runs in the plane do without its room
+
+    return draw_pose_in_space(rng)
+
+
 def generator(seed: int, task: OneTrial, stream: int) -> np.random.Generator:
     """Make the generator of one trial; stream 0 draws pose and order, 1 is the estimator's, 2 moves the object.
 
+    In space 2 draws the touches that are offered, and 3 moves and disturbs the pad.
     It depends on its arguments alone. So the trials are the same in any order, in any number of processes and
     for any estimator.
     """
@@ -212,11 +288,11 @@ def run_trial(
     letters: Sequence[str],
     readings: int,
     seed: int,
-    of: Properties,
+    of: Placement,
     explore: Explore = "random",
     press: Press | None = None,
     slip: Slip = STILL,
-    observe: Callable[[Estimate, FloatArray, FloatArray], None] | None = None,
+    observe: Callable[[Estimate, Touch], None] | None = None,
     clock: Callable[[], float] = process_time,
 ) -> Trials:
     """Recognise one hidden object: present `readings` readings of it, estimate after each.
@@ -224,60 +300,56 @@ def run_trial(
     `test` holds the letter's test readings only; `letters` are those that the estimator was trained on; `of` are
     the letter's properties, for the metric of its placement.
     Touches come in random order without replacement, or, with explore="information", as the estimator proposes.
-    They are the test readings, or, with `press`, touches in the robot's frame that are pressed on demand. slip: how
+    They are the test readings, or those of `press`: in the robot's frame, or around a solid. slip: how
     the object moves between touches; the poses of test readings, candidates too, are those that go with the object's
-    pose at that touch. observe(estimate, reading, sensor_in_robot) is called after each touch, with the last image of a
-    sequence, and its time does not count. clock: gives the seconds that times are differences of. It is this process's
-    processor time, so that other programs on the machine do not count either, unless the estimator works in another
-    process.
+    pose at that touch. observe(estimate, touch) is called after each touch, and its time does not count. clock: gives
+    the seconds that times are differences of. It is this process's processor time, so that other programs on the
+    machine do not count either, unless the estimator works in another process.
 
     Raises InputError that names the estimator if its answer is not a valid estimate or proposal, and if the presses
     that are left do not come to rest.
     """
     rng = generator(seed, task, 0)
-    first = draw_true_pose(rng, offsets(test.taxel_xy))
+    first = hidden_pose(test, rng)
     touches = (
-        RecordedTouches(test, estimator.takes_sequences)
+        InTurn(RecordedTouches(test, estimator.takes_sequences))
         if press is None
         else press.touches(task.truth, task.trial, seed)
     )
-    left = rng.permutation(len(touches))
-    if explore == "information":
-        left.sort()
+    if explore != "information":
+        touches.shuffle(rng)
     true_pose = np.tile(first, (readings, 1))
     if not slip.still:
         true_pose = slip.poses(first, readings, generator(seed, task, 2))
-    sensor_in_robot = touches.sensor_in_robot(first)
     estimator.reset(generator(seed, task, 1))
 
     known = task.truth in letters
     right, label = task.truth if known else NONE, []
-    taken = np.empty(readings, dtype=np.int64)
+    taken: list[Touch] = []
     measured = ("p_truth", "p_label", "credibility", "radius_90", "update_s", "estimate_s")
     numbers = {name: np.empty(readings) for name in measured}
     propose_s = np.zeros(readings)
     evaluations = np.empty(readings, dtype=np.int64)
-    pose = np.empty((readings, 3))
+    pose = np.empty((readings, len(first)))
     before = _evaluations(estimator)
     for k in range(readings):
-        if not slip.still:
-            sensor_in_robot = touches.sensor_in_robot(true_pose[k])
-        reading = None
-        while reading is None:
-            if not len(left):
+        touch = None
+        while touch is None:
+            candidates = touches.offer(true_pose[k])
+            if not len(candidates):
                 raise InputError(
                     f"{readings} readings a trial: no other press of {task.truth!r} comes to rest"
                 )
             chosen = 0
             if explore == "information":
                 start = clock()
-                chosen = estimator.propose(sensor_in_robot[left])
+                chosen = estimator.propose(candidates)
                 propose_s[k] += clock() - start
-                _check_proposal(chosen, len(left), estimator)
-            taken[k], left = left[chosen], np.concatenate([left[:chosen], left[chosen + 1 :]])
-            reading = touches.reading(int(taken[k]), true_pose[k])
+                _check_proposal(chosen, len(candidates), estimator)
+            touch = touches.take(chosen, true_pose[k])
+        taken.append(touch)
         start = clock()
-        estimator.update(reading, sensor_in_robot[taken[k]])
+        estimator.update(touch.reading, touch.sensor_in_robot)
         updated = clock()
         estimate = estimator.estimate()
         numbers["estimate_s"][k] = clock() - updated
@@ -292,12 +364,17 @@ def run_trial(
         after = _evaluations(estimator)
         evaluations[k], before = after - before, after
         if observe is not None:
-            observe(estimate, np.atleast_2d(reading)[-1], sensor_in_robot[taken[k]])
-    return Trials(
-        truth=np.array([task.truth]), known=np.array([known]), trial=np.array([task.trial]), true_pose=true_pose[None],
-        reading=taken[None], label=np.array([label]), pose=pose[None], evaluations=evaluations[None],
-        propose_s=propose_s[None], **{name: values[None] for name, values in numbers.items()},
-    )  # fmt: skip
+            observe(estimate, touch)
+    columns: dict[str, Any] = {
+        "truth": np.array([task.truth]), "known": np.array([known]), "trial": np.array([task.trial]),
+        "true_pose": true_pose[None], "reading": np.array([[touch.number for touch in taken]]),
+        "label": np.array([label]), "pose": pose[None], "evaluations": evaluations[None], "propose_s": propose_s[None],
+        **{name: values[None] for name, values in numbers.items()},
+    }  # fmt: skip
+    if not test.in_space:
+        return Trials(**columns)
+    starts, met = np.array([[touch.start for touch in taken]]), np.array([[touch.met for touch in taken]])
+    return SpaceTrials(**columns, start=starts, met=met)
 
 
 def _check_proposal(chosen: object, count: int, estimator: Estimator) -> None:
@@ -354,7 +431,8 @@ class TrialPlan:
     press: what presses on demand; None if the readings are those of the scan. forward: what makes the forward model of
     a scan, for an estimator that asks for one. given: an estimator made in Python, as
     it is or pickled for a worker; None if `estimator` is a registered name. each_held_out: whether the letter of a
-    trial is left out of what the estimator knows.
+    trial is left out of what the estimator knows. solids: what the error needs of each object in space; None in the
+    plane, where the scan says it.
     """
 
     estimator: str
@@ -368,6 +446,7 @@ class TrialPlan:
     forward: Callable[[Scan], ForwardModel] | None = None
     given: Estimator | bytes | None = None
     each_held_out: bool = False
+    solids: Mapping[str, Placement] | None = None
 
     def letters_known(self, truth: str) -> tuple[str, ...]:
         """List the letters that an estimator knows in the trials of the letter `truth`."""
@@ -451,7 +530,7 @@ def run_trials(
     progress("trials", done, total) is called after each.
     """
     tests = {truth: plan.scan.where("test", truth) for truth in {task.truth for task in tasks}}
-    objects = properties(plan.scan)
+    objects = plan.solids or properties(plan.scan)
     work: Counter[str] = Counter()
     done: list[Trials] = []
     progress("trials", 0, len(tasks))

@@ -18,13 +18,8 @@ def command(
     from tactsim.bench.compare import compare
     from tactsim.bench.console import plain_console
     from tactsim.bench.results import load
-    from tactsim.bench.space import space_results as in_space
-    from tactsim.bench.space.paired import compare_in_space
 
-    if in_space.is_in_space(base) and in_space.is_in_space(new):
-        differences = compare_in_space(in_space.load(base), in_space.load(new))
-    else:
-        differences = compare(load(base), load(new))
+    differences = compare(load(base), load(new))
     table = Table(box=None, pad_edge=False)
     table.add_column("figure")
     for heading in ("base", "new", "new - base", "McNemar p", "verdict"):

@@ -23,22 +23,16 @@ def command(
     from tactsim.bench.places import RESULTS, check_new_file, check_page
     from tactsim.bench.report.collect import check_folder
     from tactsim.bench.report.write import write_report
-    from tactsim.bench.space.space_page import write_space_report
-    from tactsim.bench.space.space_results import is_in_space
     from tactsim.bench.terminal import progress_bars
-    from tactsim.core.errors import InputError, printable
+    from tactsim.core.errors import printable
 
     for folder in runs:
         check_folder(folder)
     target = out or (runs[0] if len(runs) == 1 else RESULTS) / "report.html"
     check_page(target)
     check_new_file(target, picture=".html")
-    in_space = [is_in_space(folder) for folder in runs]
-    if any(in_space) and not all(in_space):
-        raise InputError("a report is of runs in the plane or of runs with objects in space; make two")
-    write = write_space_report if any(in_space) else write_report
     with progress_bars() as progress:
-        written, remarks = write(runs, target, progress=progress)
+        written, remarks = write_report(runs, target, progress=progress)
     for kind, path in zip(["report", *["beside"] * (len(written) - 1)], written, strict=True):
         typer.echo(printable(f"{kind}  {path}"))
     for remark in remarks:

@@ -11,7 +11,7 @@ from tactsim.bench.cli import guide_options as guide
 from tactsim.bench.cli import shared_options as shared
 from tactsim.bench.cli import space_verbs as space
 from tactsim.bench.cli.words import Words, is_typed, refuse_typed, with_options_of
-from tactsim.bench.config import RunConfig, run_config
+from tactsim.bench.config import SOLIDS, RunConfig, any_config, run_config
 
 if TYPE_CHECKING:
     from tactsim.bench.pad.guided import Station
@@ -80,14 +80,13 @@ def command(
         name: value for name, value in words.items() if is_typed(context, name)
     }  # a task says the others
     of_space = {"objects": objects, "touches": touches, "hand": hand}
-    if words.get("task") == space.TASK:
+    if words.get("task") == SOLIDS:
         words |= {name: value for name, value in of_space.items() if value is not None}
-        space.run_in_space(words, jobs=jobs, out=out, as_json=as_json)
-        return
-    refuse_typed(context, of_space, space.OUTSIDE)
+    else:
+        refuse_typed(context, of_space, space.OUTSIDE)
     if port is not None or "presses" in words:
         words = {**_BY_HAND, **words}
-    config = run_config(**words)
+    config = any_config(**words)
     if "task" in words and config.task is None:
         plain_console(stderr=True).print(
             f"a shorter look at task {words['task']}: fewer trials or readings than it has, so no result on it"
@@ -96,6 +95,7 @@ def command(
         if port is not None:
             from tactsim.bench.cli import pad_options as pads
 
+            assert isinstance(config, RunConfig)  # a task has readings of its own
             if config.presses is None:
                 config = run_config(**words, presses=folder.with_name(f"{folder.name}.presses"))
             described, correction = pads.load(device, calibration)
@@ -115,7 +115,7 @@ def command(
                 print_places(run, saved)
             if port is not None:
                 plain_console().print(
-                    f"presses  {config.presses}; `bench run --presses` tries other estimators on them"
+                    f"presses  {run.config['presses']}; `bench run --presses` tries other estimators on them"
                 )
         if failure is not None:
             raise failure

@@ -42,9 +42,7 @@ def command(
 
     if task is not None:
         typed = {name: value for name, value in words.items() if is_typed(context, name)}
-        if objects is not None:
-            typed["objects"] = objects
-        space.scan_in_space(typed | {"task": task}, out=out)
+        _scan_solids(typed | {"task": task} | ({} if objects is None else {"objects": objects}), out)
         return
     refuse_typed(context, ["objects"], space.OUTSIDE)
     check_new_file(out, suffix=".npz")
@@ -75,3 +73,21 @@ def command(
     if scan.sequence_times is not None:
         lines.append(f"{len(scan.sequence_times):,} images of each press, {scan.sequence_times[-1]:.3f} s")
     plain_console().print("\n".join(lines))
+
+
+def _scan_solids(words: Words, out: Path) -> None:
+    from tactsim.bench.console import plain_console
+    from tactsim.bench.places import check_new_file
+    from tactsim.bench.space.space_config import scan_words
+    from tactsim.bench.terminal import progress_bars, work_line
+    from tactsim.press.space import scan_solids
+
+    check_new_file(out, suffix=".npz")
+    options = scan_words(**words).scan_options
+    with progress_bars() as progress:
+        scan, work = scan_solids(options, progress=lambda done, total: progress("press", done, total))
+    scan.save(out)
+    plain_console().print(
+        f"{len(scan):,} touches of {' '.join(scan.letters)}, {scan.readings.shape[1]} taxels, in {out}\n"
+        f"work  {work_line(work)}"
+    )

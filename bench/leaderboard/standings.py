@@ -23,7 +23,7 @@ from tactsim.bench.leaderboard.ranking import (
 )
 from tactsim.bench.runs.pooled import CURVES, READINGS, Figure, Pooled
 from tactsim.bench.score import CURVES as METRICS
-from tactsim.bench.score import HEADLINES, recognition_seconds, wilson
+from tactsim.bench.score import HEADLINES, Scored, recognition_seconds, wilson
 from tactsim.bench.tasks import Task, names, task
 from tactsim.bench.trials import OneTrial, Progress, Trials, draw_true_pose, generator
 from tactsim.core import InputError
@@ -148,7 +148,7 @@ class Entrant:
         curve = CURVES.get({"error_mm": "error"}.get(metric, metric))
         if curve is not None:
             return curve(self.pooled, reading - 1)
-        found = (METRICS | HEADLINES)[metric].compute(self.pooled.trials, self.bundle.runs[0].objects)
+        found = (METRICS | HEADLINES)[metric].compute(Scored(self.pooled.trials, self.bundle.runs[0].objects))
         return Figure(found[reading - 1] if at else found, None, None)
 
     def _accuracy(self, reading: int) -> Figure:

@@ -10,7 +10,7 @@ from urllib.parse import quote
 import numpy as np
 from numpy.typing import NDArray
 
-from tactsim.bench.trials import RecordedTouches
+from tactsim.bench.trials import InTurn, RecordedTouches
 from tactsim.core import InputError, Pad, Scan
 from tactsim.core.poses import FloatArray
 from tactsim.core.seeds import stream
@@ -121,9 +121,9 @@ class MeasuredTrials:
     scan: Scan
     readings: int
 
-    def touches(self, truth: str, trial: int, seed: int) -> RecordedTouches:
+    def touches(self, truth: str, trial: int, seed: int) -> InTurn:
         """Offer the touches of one trial of `truth`."""
         test = self.scan.where("test", truth)
         own = slice(trial * self.readings, (trial + 1) * self.readings)
         parts = {name: getattr(test, name)[own] for name in ("readings", "poses", "labels", "split")}
-        return RecordedTouches(replace(test, **parts))
+        return InTurn(RecordedTouches(replace(test, **parts)))

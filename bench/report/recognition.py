@@ -16,7 +16,7 @@ from tactsim.bench.placement import Properties, covariance
 from tactsim.bench.results import Run
 from tactsim.bench.runs.naming import Entry, Group
 from tactsim.bench.score import errors, settled_at
-from tactsim.bench.trials import OneTrial, Progress, TrialPlan, Trials, check_readings, run_trial
+from tactsim.bench.trials import OneTrial, Progress, Touch, TrialPlan, Trials, check_readings, run_trial
 from tactsim.core import Scan, compose, invert
 from tactsim.core.checking import checked
 from tactsim.core.errors import InputError
@@ -184,10 +184,10 @@ def _recognise(entry: Entry, estimator: Estimator, plan: TrialPlan, task: OneTri
     pressures: list[FloatArray] = []
     touched: list[FloatArray] = []
 
-    def keep(estimate: Estimate, reading: FloatArray, sensor_in_robot: FloatArray) -> None:
+    def keep(estimate: Estimate, touch: Touch) -> None:
         estimates.append(estimate)
-        pressures.append(reading)
-        touched.append(sensor_in_robot)
+        pressures.append(np.atleast_2d(touch.reading)[-1])  # of a sequence the last image
+        touched.append(touch.sensor_in_robot)
         belief = estimator.belief_over_plane()
         if belief is not None:
             beliefs.append(belief)

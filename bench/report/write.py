@@ -48,6 +48,14 @@ def write_pages(
     """
     if out.is_dir():
         raise InputError(f"cannot write {out}: it is a folder; name a file in it")
+    runs = list(runs)
+    in_space = [run.in_space for _, run in runs]
+    if any(in_space):
+        if not all(in_space):
+            raise InputError("a report is of runs in the plane or of runs with objects in space; make two")
+        from tactsim.bench.space.space_page import write_space_page
+
+        return write_space_page({folder.name: run for folder, run in runs}, out, remarks, progress=progress)
     scans: dict[str, Scan] = {}
     groups = collect((folder, _with_bounds(run, scans)) for folder, run in runs)
     prefix = "" if out.stem == "report" else f"{out.stem}-"

@@ -14,6 +14,8 @@ from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import Any, NamedTuple
 
+from pydantic import BaseModel
+
 from tactsim.bench.results import Run
 from tactsim.press import WORLDS, ScanOptions
 
@@ -138,7 +140,7 @@ def task_name(run: Run, *, with_seed: bool = True) -> str:
     if config.get("given"):
         other["readings"] = config["given"][:12]
     elif not (config.get("scan") or config.get("presses")):
-        standard = _flat(ScanOptions().model_dump(mode="json"))
+        standard = _flat(_standard(run).model_dump(mode="json"))
         other |= _differing(_flat(run.about["scan"].get("options", {})), standard)
         if other.get("shapes"):
             other["shapes"] = _in_folder(other["shapes"])
@@ -158,6 +160,15 @@ def task_name(run: Run, *, with_seed: bool = True) -> str:
     if config["seed"] != 0 and with_seed:
         words.append(f"seed {config['seed']}")
     return ", ".join([*words, *(f"{name} {_word(value)}" for name, value in other.items())]) or "defaults"
+
+
+def _standard(run: Run) -> BaseModel:
+    """Give the options of a scan by default."""
+    if not run.in_space:
+        return ScanOptions()
+    from tactsim.press.space import SpaceOptions
+
+    return SpaceOptions()
 
 
 def _differing(mine: Mapping[str, Any], standard: Mapping[str, Any]) -> dict[str, Any]:

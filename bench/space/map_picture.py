@@ -22,7 +22,7 @@ _INCHES = 1.25  # that a view measures
 _ACROSS = 4  # objects in a row
 
 
-def maps_figure(surfaces: Mapping[str, Surface]) -> Picture:
+def surfaces_figure(surfaces: Mapping[str, Surface]) -> Picture:
     """Draw each learned surface by its points, from three sides, at one scale; what is hidden is not shown."""
     rows = math.ceil(len(surfaces) / _ACROSS)
     columns = min(len(surfaces), _ACROSS)

@@ -5,17 +5,17 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.ticker import MaxNLocator
 
+from tactsim.bench.results import Run
 from tactsim.bench.runs.figures import BLUE, GREY, ORANGE, Picture
-from tactsim.bench.space.space_run import SpaceRun
 from tactsim.core.errors import counted
 from tactsim.core.poses import FloatArray
 
 _AIMS = {"error_mm": 1.0, "angle_deg": 5.0}  # what a part is wanted to be found to, a dotted line
 
 
-def touches_figure(run: SpaceRun) -> Picture:
+def touches_figure(run: Run) -> Picture:
     """Draw accuracy with its Wilson band, and surface distance and angle with their bootstrap bands."""
-    summary, number = run.summary, np.arange(1, run.touches + 1)
+    summary, number = run.summary, np.arange(1, run.readings + 1)
     figure = Picture(figsize=(11, 3.6), layout="constrained")
     right, error, angle = figure.subplots(1, 3)
     panels = (
@@ -35,13 +35,13 @@ def touches_figure(run: SpaceRun) -> Picture:
             axes.set_yscale("log")
             axes.yaxis.set_major_formatter(lambda value, _: f"{value:g}")
             axes.legend(frameon=False)
-        axes.set(xlabel="touches", ylabel=words, xlim=(1, max(2, run.touches)))
+        axes.set(xlabel="touches", ylabel=words, xlim=(1, max(2, run.readings)))
         axes.xaxis.set_major_locator(MaxNLocator(integer=True))
         axes.spines[["top", "right"]].set_visible(False)
     right.set_ylim(0, 1.02)
     figure.suptitle(
         f"{run.config['estimator']}: {counted(len(run.trials.truth), 'trial')} over "
-        f"{counted(len(run.about['objects']), 'object')}, {run.about['protocol']}; bands: 95 %",
+        f"{counted(len(run.letters), 'object')}, {run.about['protocol']}; bands: 95 %",
         fontsize=10,
         parse_math=False,
     )

@@ -7,18 +7,16 @@ import json
 from collections.abc import Mapping
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
-from tactsim.bench.config import Flag, Noise, as_paths, merged, nested, whole_number
+from tactsim.bench.config import SOLIDS, Flag, Noise, as_paths, merged, nested, whole_number
 from tactsim.core.checking import checked
 from tactsim.core.errors import InputError
 
 if TYPE_CHECKING:
     from tactsim.press.space import SpaceOptions
-
-TASK: Final = "solids"
 
 
 def _objects(words: Any) -> Any:
@@ -37,7 +35,7 @@ class SpaceWords(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, defer_build=True)
 
-    task: Literal["solids"] = TASK
+    task: Literal["solids"] = SOLIDS
     objects: Annotated[tuple[str, ...] | None, BeforeValidator(_objects)] = Field(
         None,
         description="Which objects: bolt,nut,key, or 30 for the first thirty, or none beside shapes. Default: 12.",
@@ -90,9 +88,24 @@ class SpaceConfig(SpaceWords):
         options = super().scan_options
         if self.hand is None:
             return options
-        from tactsim.bench.space.pads import load_hand
+        from tactsim.bench.space.touching import load_hand
 
         return load_hand(self.hand).options(options)
+
+    @property
+    def options(self) -> dict[str, Any]:
+        """Give the estimator's options."""
+        return self.set
+
+    @property
+    def readings(self) -> int:
+        """Give the number of touches of a trial, under the name that a run in the plane has for it."""
+        return self.touches
+
+    @property
+    def source(self) -> str:
+        """Name the readings: runs with the same source share them."""
+        return json.dumps([self.scan_options.model_dump(mode="json"), str(self.scan)], sort_keys=True)
 
     @property
     def digest(self) -> str:
@@ -102,21 +115,18 @@ class SpaceConfig(SpaceWords):
         return hashlib.sha256(json.dumps(words, sort_keys=True).encode()).hexdigest()
 
 
-def space_words(given: Mapping[str, Any], model: type[BaseModel], verb: str) -> dict[str, Any]:
-    """Take the words of a command that mean something for objects in space.
-
-    Raises InputError for one that does not, with the one to use in its place if there is one.
-    """
+def check_words(given: Mapping[str, Any], model: type[BaseModel], verb: str) -> None:
+    """Raise InputError for a word that means nothing for objects in space; it names the one to use in its place."""
     instead = {"letters": "--objects", "readings": "--touches", "particles": "--set", "bins": "--set"}
     for name in given:
         if name not in model.model_fields:
             use = f"; use {instead[name]}" if name in instead else "; leave it out"
-            raise InputError(f"--{name.replace('_', '-')} is not for {verb} --task {TASK}{use}")
-    return dict(given)
+            raise InputError(f"--{name.replace('_', '-')} is not for {verb} --task {SOLIDS}{use}")
 
 
 def space_config(**words: Any) -> SpaceConfig:
     """Build a run's configuration. Raises InputError with one line, also for a wrong option of the scan."""
+    check_words(words, SpaceConfig, "run")
     config = checked(SpaceConfig, words, "run")
     _ = config.scan_options
     return config
@@ -124,4 +134,5 @@ def space_config(**words: Any) -> SpaceConfig:
 
 def scan_words(**words: Any) -> SpaceWords:
     """Build what says how objects are touched. Raises InputError with one line."""
+    check_words(words, SpaceWords, "scan")
     return checked(SpaceWords, words, "scan")

@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from tactsim.bench.places import REPORT_TITLE
+from tactsim.bench.places import REPORT_TITLE, check_page
 from tactsim.bench.report.page import Arrays
 from tactsim.bench.report.whole_page import whole_page
+from tactsim.bench.results import Run
+from tactsim.bench.score import Scored
 from tactsim.bench.space.space_replay import Replayed, replay
-from tactsim.bench.space.space_results import load
-from tactsim.bench.space.space_run import SpaceRun
-from tactsim.bench.space.space_score import Scored
 from tactsim.bench.trials import Progress
 from tactsim.core import rigid
 from tactsim.core.errors import InputError, counted
@@ -31,16 +30,15 @@ _CURVES = {
 _DOTS = 24  # surface points of each pose of a belief
 
 
-def write_space_report(
-    folders: Sequence[Path], out: Path, *, progress: Progress
+def write_space_page(
+    runs: Mapping[str, Run], out: Path, remarks: Iterable[str], *, progress: Progress
 ) -> tuple[list[Path], list[str]]:
-    """Write the page of runs in space; returns the files written, and remarks on what is missing.
+    """Write the page of runs in space, by name; returns the files written, and remarks on what is missing.
 
-    Raises InputError for a folder that holds no such run, or if `out` cannot be written.
+    Raises InputError if `out` cannot be written.
     """
-    runs = {folder.name: load(folder) for folder in folders}
     replayed: dict[str, list[Replayed]] = {}
-    remarks = []
+    remarks = list(remarks)
     for number, (name, run) in enumerate(runs.items()):
         progress("replay", number, len(runs))
         try:
@@ -48,20 +46,19 @@ def write_space_report(
         except InputError as error:
             remarks.append(f"no trial of {name} could be done again: {error}")
     progress("replay", len(runs), len(runs))
+    check_page(out)
     write_text(out, page(runs, replayed, remarks))
     return [out], remarks
 
 
-def page(
-    runs: Mapping[str, SpaceRun], replayed: Mapping[str, Sequence[Replayed]], remarks: Sequence[str]
-) -> str:
+def page(runs: Mapping[str, Run], replayed: Mapping[str, Sequence[Replayed]], remarks: Sequence[str]) -> str:
     """Make the HTML of the page. The same runs give the same page."""
     arrays = Arrays()
     first = next(iter(runs.values()))
     shown = [(name, one) for name, several in replayed.items() for one in several]
-    labels = list(dict.fromkeys(label for run in runs.values() for label in run.about["objects"]))
+    labels = list(dict.fromkeys(label for run in runs.values() for label in run.letters))
     named = {label for _, one in shown for label in (*one.trials.label[0].tolist(), str(one.trials.truth[0]))}
-    shapes = {label: shape for run in runs.values() for label, shape in run.shapes.items() if label in named}
+    shapes = {label: shape for run in runs.values() for label, shape in run.objects.items() if label in named}
     points, pitch = _taxels(first)
     reach = max(
         (float(np.linalg.norm(shape.vertices, axis=1).max()) for shape in shapes.values()), default=30.0
@@ -81,7 +78,7 @@ def page(
             label: {
                 "vertices": arrays.add(shape.vertices, "f4"),
                 "faces": arrays.add(shape.faces, "u4"),
-                "points": arrays.add(shape.surface.points[:_DOTS], "f4"),
+                "points": arrays.add(shape.points[:_DOTS], "f4"),
             }
             for label, shape in shapes.items()
         },
@@ -97,7 +94,7 @@ def page(
     )
 
 
-def _run(name: str, run: SpaceRun) -> dict[str, Any]:
+def _run(name: str, run: Run) -> dict[str, Any]:
     summary, trials = run.summary, run.trials
     objects = {}
     for label, values in summary["by_object"].items():
@@ -108,13 +105,13 @@ def _run(name: str, run: SpaceRun) -> dict[str, Any]:
         "label": f"{run.config['estimator']} ({name}), {counted(len(trials.truth), 'trial')}",
         **{key: summary[of] for key, of in _CURVES.items()},
         "settled": summary["settled_95"],
-        "seconds": run.times["seconds"]["recognition"],
+        "seconds": float(trials.seconds.sum(axis=1).mean()),
         "objects": objects,
     }
 
 
-def _trial(name: str, run: SpaceRun, of: Replayed, labels: Sequence[str], arrays: Arrays) -> dict[str, Any]:
-    trials, scored = of.trials, Scored(of.trials, run.surfaces)
+def _trial(name: str, run: Run, of: Replayed, labels: Sequence[str], arrays: Arrays) -> dict[str, Any]:
+    trials, scored = of.trials, Scored(of.trials, run.objects)
     place = [of.labels.index(label) if label in of.labels else None for label in labels]
 
     def listed(values: Any) -> list[float | None]:
@@ -127,12 +124,12 @@ def _trial(name: str, run: SpaceRun, of: Replayed, labels: Sequence[str], arrays
         "trial": int(trials.trial[0]),
         "label": trials.label[0].tolist(),
         "met": trials.met[0].tolist(),
-        "error": listed(scored.error[0]),
-        "angle": listed(np.degrees(scored.angle[0])),
+        "error": listed(np.where(trials.named, scored.error, np.nan)[0]),
+        "angle": listed(np.degrees(np.where(trials.named, scored.angle, np.nan))[0]),
         "probabilities": [
             [0.0 if at is None else round(float(row[at]), 5) for at in place] for row in of.probabilities
         ],
-        "truePose": arrays.add(rigid.invert(trials.true_pose[0]), "f4"),
+        "truePose": arrays.add(rigid.invert(trials.true_pose[0, 0]), "f4"),
         "pose": arrays.add(rigid.invert(trials.pose[0]), "f4"),
         "sensors": arrays.add(of.sensors, "f4"),
         "readings": arrays.add(of.readings, "f4"),
@@ -140,7 +137,7 @@ def _trial(name: str, run: SpaceRun, of: Replayed, labels: Sequence[str], arrays
     }
 
 
-def _taxels(run: SpaceRun) -> tuple[list[list[float]], float]:
+def _taxels(run: Run) -> tuple[list[list[float]], float]:
     """Give the taxels' places on the pad, mm, and the least distance between two."""
     points = np.asarray(run.about["taxel_points"])
     apart = np.linalg.norm(points[:, None] - points, axis=-1)

@@ -6,18 +6,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tactsim.bench.experiment import silent
+from tactsim.bench.experiment import gather, plan_of, silent
+from tactsim.bench.results import Run
 from tactsim.bench.score import settled_at
-from tactsim.bench.space.pads import pads
 from tactsim.bench.space.space_config import SpaceConfig
-from tactsim.bench.space.space_plan import SpacePlan
-from tactsim.bench.space.space_run import SpaceRun
-from tactsim.bench.space.space_runner import gather_in_space
-from tactsim.bench.space.space_trials import SpaceTask, SpaceTrials, run_trial
+from tactsim.bench.space.surface_distance import drawn_evenly
+from tactsim.bench.trials import OneTrial, SpaceTrials, Touch, TrialPlan, Trials, run_trial
 from tactsim.core import rigid
 from tactsim.core.checking import checked
 from tactsim.core.poses import FloatArray
-from tactsim.estimators import Estimate, PoseSamples
+from tactsim.estimators import Estimate
+from tactsim.estimators.estimator import no_exit
 
 SHOWN = 40  # poses of a belief
 
@@ -40,49 +39,55 @@ class Replayed:
     belief: FloatArray | None
 
 
-def tasks_to_show(trials: SpaceTrials) -> dict[str, SpaceTask]:
+def tasks_to_show(trials: Trials) -> dict[str, OneTrial]:
     """Choose a typical trial and the hardest, by the touch from which they are and stay right."""
     order = np.argsort(settled_at(trials.right), kind="stable")
     places = {"typical": order[(len(order) - 1) // 2], "hardest": order[-1]}
     if len(order) == 1:
         del places["hardest"]
-    return {kind: SpaceTask(str(trials.truth[at]), int(trials.trial[at])) for kind, at in places.items()}
+    return {kind: OneTrial(str(trials.truth[at]), int(trials.trial[at])) for kind, at in places.items()}
 
 
-def replay(run: SpaceRun) -> list[Replayed]:
+def replay(run: Run) -> list[Replayed]:
     """Do a typical trial of a run and the hardest again. Raises InputError if its readings cannot be had again."""
     plan = run.plan or _plan_anew(run)
     estimator = plan.fitted()
-    press = pads(plan.solids, plan.config)
+    labels = plan.scan.letters
     found = []
     for kind, task in tasks_to_show(run.trials).items():
-        told: list[tuple[Estimate, FloatArray, FloatArray]] = []
-        trials = run_trial(
-            estimator, press, task, plan.surfaces[task.truth], labels=plan.scan.objects, touches=run.touches,
-            seed=plan.config.seed, explore=plan.config.explore, observe=lambda *one, told=told: told.append(one),
-        )  # fmt: skip
-        estimates = [estimate for estimate, _, _ in told]
-        labels = tuple(plan.scan.objects)
+        estimates: list[Estimate] = []
+        touches: list[Touch] = []
+
+        def keep(
+            estimate: Estimate,
+            touch: Touch,
+            estimates: list[Estimate] = estimates,
+            touches: list[Touch] = touches,
+        ) -> None:
+            estimates.append(estimate)
+            touches.append(touch)
+
+        with no_exit(estimator):
+            trials = run_trial(
+                estimator, plan.scan.where("test", task.truth), task, letters=labels, readings=run.readings,
+                seed=plan.seed, of=run.objects[task.truth], explore=plan.explore, press=plan.press, observe=keep,
+            )  # fmt: skip
+        assert isinstance(trials, SpaceTrials)
         samples = [one.samples for one in estimates if one.samples is not None]
         found.append(
             Replayed(
-                kind, trials, labels, np.array([felt for _, felt, _ in told]),
-                np.array([sensors for _, _, sensors in told]),
+                kind, trials, labels, np.array([touch.reading for touch in touches]),
+                np.array([touch.sensor_in_robot for touch in touches]),
                 np.array([[one.probabilities.get(label, 0.0) for label in labels] for one in estimates]),
-                np.array([_drawn(one) for one in samples]) if len(samples) == len(estimates) else None,
+                np.array([rigid.invert(drawn_evenly(one, SHOWN)) for one in samples])
+                if len(samples) == len(estimates)
+                else None,
             )
         )  # fmt: skip
     return found
 
 
-def _drawn(samples: PoseSamples) -> FloatArray:
-    """Draw object_in_robot (SHOWN, 7) evenly by weight."""
-    held = np.cumsum(samples.weights)
-    at = np.searchsorted(held, (np.arange(SHOWN) + 0.5) / SHOWN * held[-1])
-    return rigid.invert(samples.poses[np.minimum(at, len(held) - 1)])
-
-
-def _plan_anew(run: SpaceRun) -> SpacePlan:
+def _plan_anew(run: Run) -> TrialPlan:
     config = checked(SpaceConfig, run.config, "run")
-    scan, _, _ = gather_in_space(config, progress=silent)
-    return SpacePlan(config, scan)
+    gathered = gather(config, jobs=1, cache=True, progress=silent)
+    return plan_of(config, gathered.scan, solids=gathered.solids)

@@ -7,15 +7,30 @@ maximum; without symmetry it is the ADD of Hinterstoisser et al. 2012.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from io import BytesIO
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from tactsim.core import rigid
+from tactsim.core.errors import InputError
+from tactsim.core.files import write_bytes
+from tactsim.core.finite import finite
+from tactsim.core.npz import read_npz
 from tactsim.core.poses import FloatArray
+from tactsim.core.seeds import stream
+from tactsim.estimators.estimator import PoseSamples
+
+if TYPE_CHECKING:
+    from tactsim.models import Solid
 
 POINTS = 256  # on a solid's surface; the mean of so many differs from the surface's by some 1 %
+_ARRAYS = ("vertices", "faces", "points")  # of objects.npz
+DRAWN = 200  # samples of a belief that stand for it
 _AT_ONCE = 1 << 21  # numbers of one array
 _GOLDEN = (np.sqrt(5) - 1) / 2
 _HALVINGS = 20  # of the interval in which the turn about an axis is sought, by the golden section
@@ -24,21 +39,55 @@ _STARTS = 8  # turns about an axis from which the least is sought
 
 @dataclass(frozen=True, eq=False)
 class Surface:
-    """What the distance needs of a solid.
+    """What a run keeps of a solid: what the distance needs, and its mesh for pictures. See `placement.Placement`.
 
     points: (s, 3) mm in the object frame, even over its surface. rotations: (k, 4) its finite symmetry group, with the
     identity. axis: (3,) unit vector if every turn about it leaves the solid as it is; `rotations` are then those
-    beside it.
+    beside it. vertices: (v, 3) mm. faces: (f, 3) numbers of vertices, counter-clockwise from outside.
     """
 
     points: FloatArray
     rotations: FloatArray
     axis: FloatArray | None = None
+    vertices: FloatArray = field(default_factory=lambda: np.empty((0, 3)))
+    faces: NDArray[np.int64] = field(default_factory=lambda: np.empty((0, 3), dtype=np.int64))
 
-    @property
-    def thinned(self) -> Surface:
-        """Give it with a quarter of its points, for what is asked often and need not be exact."""
-        return replace(self, points=self.points[::4])
+    @classmethod
+    def of(cls, solid: Solid) -> Surface:
+        """Take what a run keeps of a solid; the points are the same whatever else is tried."""
+        points, _ = solid.sample_surface(POINTS, stream(0, solid.name, "surface distance"))
+        symmetry = solid.symmetry
+        return cls(points, np.asarray(symmetry.rotations), symmetry.axis, solid.vertices, solid.faces)
+
+    def error(self, estimated: ArrayLike, true: ArrayLike) -> FloatArray:
+        """Measure the mean surface distance between poses robot_in_object (..., 7): (...,) mm."""
+        estimated, true = np.broadcast_arrays(rigid.invert(estimated), rigid.invert(true))
+        away = surface_distance(estimated.reshape(-1, 7), true.reshape(-1, 7), self)
+        return away.reshape(estimated.shape[:-1])
+
+    def angle(self, estimated: ArrayLike, true: ArrayLike) -> FloatArray:
+        """Measure the angle between poses robot_in_object (..., 7): (...,) rad."""
+        estimated, true = np.broadcast_arrays(rigid.invert(estimated), rigid.invert(true))
+        return turn_between(estimated.reshape(-1, 7), true.reshape(-1, 7), self).reshape(estimated.shape[:-1])
+
+    def spread(
+        self, samples: PoseSamples, estimated: FloatArray, true: FloatArray
+    ) -> tuple[FloatArray, float, FloatArray]:
+        """Measure how far a belief and the truth lie from an estimated pose; see `Placement`.
+
+        It is asked after every touch: `DRAWN` of the samples, drawn evenly by weight, and a quarter of the points do.
+        """
+        rough = replace(self, points=self.points[::4])
+        others = np.concatenate([drawn_evenly(samples, DRAWN), true[None]])
+        away = rough.error(others, estimated)
+        return away[:-1], float(away[-1]), np.ones(DRAWN)
+
+
+def drawn_evenly(samples: PoseSamples, count: int) -> FloatArray:
+    """Draw poses (count, 7) of a belief, evenly by weight."""
+    held = np.cumsum(samples.weights)
+    chosen = np.searchsorted(held, (np.arange(count) + 0.5) / count * held[-1])
+    return samples.poses[np.minimum(chosen, len(held) - 1)]
 
 
 def surface_distance(estimated: ArrayLike, true: ArrayLike, of: Surface) -> FloatArray:
@@ -102,3 +151,40 @@ def _least_about_axis(placed: FloatArray, alike: FloatArray, axis: FloatArray) -
         low = np.where(at_left < at_right, low, left)
         width = _GOLDEN * width
     return np.asarray(best.min(axis=1))
+
+
+def symmetries_of(surfaces: Mapping[str, Any]) -> dict[str, Any]:
+    """Give what run.json says of each solid: its symmetry."""
+    return {
+        label: {"rotations": of.rotations.tolist(), "axis": None if of.axis is None else of.axis.tolist()}
+        for label, of in surfaces.items()
+    }
+
+
+def save_surfaces(surfaces: Mapping[str, Any], path: Path) -> None:
+    """Write points and meshes as .npz, numbered in the order of the names."""
+    arrays: dict[str, NDArray[Any]] = {}
+    for number, label in enumerate(sorted(surfaces)):  # as JSON sorts them
+        for name in _ARRAYS:
+            arrays[f"{name}_{number}"] = getattr(surfaces[label], name)
+    content = BytesIO()
+    np.savez_compressed(content, allow_pickle=False, **arrays)
+    write_bytes(path, content.getvalue())
+
+
+def load_surfaces(symmetries: Mapping[str, Any], path: Path) -> dict[str, Surface]:
+    """Read what `save_surfaces` wrote. Raises InputError if something is missing, or a number is not finite."""
+    arrays = read_npz(path, tuple(f"{name}_{n}" for n in range(len(symmetries)) for name in _ARRAYS))
+    found = {}
+    for number, label in enumerate(sorted(symmetries)):
+        of = symmetries[label]
+        if not {"rotations", "axis"} <= set(of):
+            raise InputError(f"run.json: symmetries.{label} lacks rotations or axis")
+        found[label] = Surface(
+            finite(arrays[f"points_{number}"], "points"),
+            finite(of["rotations"], "rotations"),
+            None if of["axis"] is None else finite(of["axis"], "axis"),
+            finite(arrays[f"vertices_{number}"], "vertices"),
+            arrays[f"faces_{number}"].astype(np.int64),
+        )
+    return found

@@ -209,6 +209,11 @@ class Scan:
         return tuple(dict.fromkeys(self.labels.tolist()))
 
     @property
+    def in_space(self) -> bool:
+        """Tell whether poses are those of objects in space, of seven numbers."""
+        return len(self.POSE) == 7
+
+    @property
     def about(self) -> dict[str, Any]:
         """Say units, frames, pad, licence and how the scan was made, as `provenance.statements` lists them."""
         return statements(self.meta)

@@ -18,6 +18,7 @@ from small_runs import draw_nothing
 from tactsim.bench import results, sweep, trials
 from tactsim.bench.config import run_config
 from tactsim.bench.experiment import perform, silent
+from tactsim.bench.trials import OneTrial
 from tactsim.core import InputError
 
 SMALL = """
@@ -164,15 +165,20 @@ OTHERS = {
 def test_a_chunk_that_was_made_with_something_else_is_not_taken(tmp_path, other):
     run = perform(run_config(letters="IO", estimator="histogram", bins=100, trials=2, readings=3))
     with pytest.MonkeyPatch.context() as patch:
-        (made, *_) = sweep.chunks_of("a-run", OTHERS[other](patch, run.plan), ("I",), 2)
+        (made, *_) = sweep.chunks_of(
+            "a-run", OTHERS[other](patch, run.plan), [OneTrial("I", 0), OneTrial("I", 1)]
+        )
         sweep.save_chunk(tmp_path, made, run.trials, {"likelihood_evaluations": 3})
-    (wanted, *_) = sweep.chunks_of("a-run", run.plan, ("I",), 2)
+    (wanted, *_) = sweep.chunks_of("a-run", run.plan, [OneTrial("I", 0), OneTrial("I", 1)])
     assert (sweep.load_chunk(tmp_path, wanted) is not None) == (other == "nothing")
 
 
 def test_a_worker_stays_with_a_run_and_every_chunk_is_taken_once():
     run = perform(run_config(letters="IO", estimator="histogram", bins=100, trials=1, readings=3))
-    three = [sweep.chunks_of(name, run.plan, ("I", "O"), 25) for name in "abc"]
+    three = [
+        sweep.chunks_of(name, run.plan, [OneTrial(letter, trial) for letter in "IO" for trial in range(25)])
+        for name in "abc"
+    ]
     assert [len(chunk.tasks) for chunk in three[0]] == [20, 20, 10]
     assert [task.truth for chunk in three[0] for task in chunk.tasks] == ["I"] * 25 + ["O"] * 25
     waiting = sweep.Waiting(chunk for of_run in three for chunk in of_run)

@@ -8,7 +8,7 @@ from tactsim.bench.config import run_config
 from tactsim.bench.experiment import perform
 from tactsim.bench.on_demand import OnDemand
 from tactsim.bench.placement import Properties
-from tactsim.bench.trials import OneTrial, run_trial
+from tactsim.bench.trials import InTurn, OneTrial, run_trial
 from tactsim.core import InputError, Scan, compose
 from tactsim.estimators import Estimate, Estimator, Options
 from tactsim.press import WORLDS, PressOptions, ScanOptions, press_letter
@@ -69,7 +69,7 @@ def test_candidates_say_nothing_of_the_object():
 
 
 def test_a_touch_is_what_a_press_there_reads():
-    touches = OnDemand(IDEAL).touches("A", 3, 0)
+    touches = OnDemand(IDEAL).touches("A", 3, 0).listed
     poses = touches.sensor_in_robot(TRUTH)
     felt = 0
     for index in (0, 50, 191, 7):
@@ -81,7 +81,7 @@ def test_a_touch_is_what_a_press_there_reads():
 
 def test_touches_have_the_errors_and_noise_of_the_scan():
     def readings(**options):
-        touches = OnDemand(IDEAL.model_copy(update=options)).touches("A", 0, 0)
+        touches = OnDemand(IDEAL.model_copy(update=options)).touches("A", 0, 0).listed
         return np.array([touches.reading(index, np.zeros(3)) for index in range(40)])
 
     exact = readings()
@@ -99,7 +99,7 @@ def test_touches_have_the_errors_and_noise_of_the_scan():
 
 
 def test_a_reading_depends_on_the_touch_and_on_how_many_came_before_but_not_on_which():
-    one, other, fresh = (OnDemand(ScanOptions()).touches("E", 0, 0) for _ in range(3))
+    one, other, fresh = (OnDemand(ScanOptions()).touches("E", 0, 0).listed for _ in range(3))
     late = [one.reading(index, TRUTH) for index in (4, 9, 30)][-1]
     assert np.array_equal([other.reading(index, TRUTH) for index in (100, 5, 30)][-1], late)
     assert not np.array_equal(fresh.reading(30, TRUTH), late)
@@ -108,7 +108,7 @@ def test_a_reading_depends_on_the_touch_and_on_how_many_came_before_but_not_on_w
 def test_lag_and_drift_know_the_touches_before():
     def felt(**sensor):
         options = IDEAL.model_copy(update={"sensor": IDEAL.sensor.model_copy(update=sensor)})
-        touches = OnDemand(options).touches("E", 0, 0)
+        touches = OnDemand(options).touches("E", 0, 0).listed
         return np.array([touches.reading(index, np.zeros(3)) for index in range(5)])
 
     exact = felt()
@@ -121,7 +121,7 @@ def test_lag_and_drift_know_the_touches_before():
 
 def test_a_press_that_does_not_come_to_rest_is_no_reading():
     press = OnDemand(ScanOptions(placement_tilt=0.0, press=PressOptions(wrist_stiffness=16.0)))
-    touches = press.touches("O", 0, 0)
+    touches = press.touches("O", 0, 0).listed
     assert any(touches.reading(index, TRUTH) is None for index in range(20))
     last = Last()
     found = trial_of(last, press, readings=40)
@@ -135,7 +135,7 @@ class Nothing:
     options = IDEAL
 
     def touches(self, truth, trial, seed):
-        return self
+        return InTurn(self)
 
     def __len__(self):
         return 3

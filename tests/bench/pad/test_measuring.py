@@ -54,7 +54,7 @@ def test_trials_are_measured_stopped_gone_on_with_and_scored(bench, here, scan_f
     assert np.array_equal(scan.readings[:3], kept.readings)
     for number, (letter, trial) in enumerate((letter, trial) for letter in "IO" for trial in range(2)):
         own = scan_of_sessions([recording_of(folder, letter, trial)])
-        touches = MeasuredTrials(scan, 3).touches(letter, trial, seed=0)
+        touches = MeasuredTrials(scan, 3).touches(letter, trial, seed=0).listed
         assert np.array_equal(touches.test.readings, own.readings)
         assert np.array_equal(touches.test.poses, own.poses)
         assert sorted(run.trials.reading[number]) == [0, 1, 2]

@@ -2,11 +2,11 @@
 
 import numpy as np
 
+from tactsim.bench.results import Run
 from tactsim.bench.space.space_config import SpaceConfig
 from tactsim.bench.space.space_replay import Replayed
-from tactsim.bench.space.space_run import Shape, SpaceRun
-from tactsim.bench.space.space_trials import SpaceTrials
 from tactsim.bench.space.surface_distance import Surface
+from tactsim.bench.trials import SpaceTrials
 from tactsim.core import rigid
 
 OBJECTS = ("wedge", "block")
@@ -23,7 +23,7 @@ def poses(rng, *shape):
 def make_shape(scale=1.0):
     inside = np.random.default_rng(0).dirichlet(np.ones(3), size=48)
     points = np.concatenate([inside @ CORNERS[face] for face in FACES[:, [0, 1, 2]]])
-    return Shape(scale * CORNERS, FACES, Surface(scale * points, np.array([[1.0, 0, 0, 0]])))
+    return Surface(scale * points, np.array([[1.0, 0, 0, 0]]), None, scale * CORNERS, FACES)
 
 
 def make_space_trials(n=5, r=4, seed=0):
@@ -34,7 +34,8 @@ def make_space_trials(n=5, r=4, seed=0):
         axis=-1,
     )
     return SpaceTrials(
-        truth=np.resize(OBJECTS, n), trial=np.arange(n), true_pose=true, start=poses(rng, n, r),
+        truth=np.resize(OBJECTS, n), known=np.full(n, True), trial=np.arange(n),
+        true_pose=np.repeat(true[:, None], r, axis=1), reading=np.tile(np.arange(r), (n, 1)), start=poses(rng, n, r),
         met=rng.integers(0, 2, size=(n, r)), label=rng.choice(OBJECTS, size=(n, r)), p_truth=rng.random((n, r)),
         p_label=rng.random((n, r)), pose=rigid.compose(near, true[:, None]),
         credibility=np.where(rng.random((n, r)) < 0.3, np.nan, rng.random((n, r))), radius_90=rng.random((n, r)),
@@ -45,18 +46,19 @@ def make_space_trials(n=5, r=4, seed=0):
 
 def make_space_run(n=5, r=4, seed=0):
     taxel = np.stack(np.meshgrid(np.arange(6.0), np.arange(6.0)), axis=-1).reshape(-1, 2) * 2 - 5
-    return SpaceRun(
+    return Run(
         config=SpaceConfig(estimator="space-refined", trials=n, touches=r).model_dump(mode="json"),
         about={
-            "objects": list(OBJECTS), "protocol": "objects in space, made up", "description": "made up",
-            "options": {}, "settings": {}, "budget": None, "scan": {}, "readings_digest": "0" * 64,
+            "letters": list(OBJECTS), "source": "0" * 64, "protocol": "objects in space, made up",
+            "description": "made up", "options": {}, "settings": {}, "budget": None, "scan": {},
+            "readings_digest": "0" * 64,
             "taxel_points": np.column_stack([taxel, np.zeros(36)]).tolist(), "versions": {"python": "3"},
             "commit": None, "machine": {"processor": "made up", "cores": 1, "system": "none"},
         },
-        shapes={"wedge": make_shape(), "block": make_shape(0.8)}, work={"presses": 3, "skipped": {"cached": 1}},
+        objects={"wedge": make_shape(), "block": make_shape(0.8)}, work={"presses": 3, "skipped": {"cached": 1}},
         trials=make_space_trials(n, r, seed),
         times={
-            "seconds": dict.fromkeys(("scan", "fit", "trials", "total", "recognition", "recognition_most"), 1.0),
+            "seconds": dict.fromkeys(("scan", "fit", "trials", "total"), 1.0),
             "peak_memory_mb": 100.0,
         },
     )  # fmt: skip
@@ -70,6 +72,6 @@ def make_replayed(run, at=0, pads=2, kind="typical"):
     )
     belief = rigid.compose(rigid.invert(run.trials.pose[at])[:, None], near)
     return Replayed(
-        kind, SpaceTrials(**one), OBJECTS, rng.uniform(0, 30, size=(run.touches, pads, 36)),
-        poses(rng, run.touches, pads), rng.dirichlet(np.ones(2), size=run.touches), belief,
+        kind, SpaceTrials(**one), OBJECTS, rng.uniform(0, 30, size=(run.readings, pads, 36)),
+        poses(rng, run.readings, pads), rng.dirichlet(np.ones(2), size=run.readings), belief,
     )  # fmt: skip

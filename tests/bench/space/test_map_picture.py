@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from tactsim.bench.space.map_picture import maps_figure
+from tactsim.bench.space.map_picture import surfaces_figure
 from tactsim.estimators.space.surface import Surface
 
 
@@ -11,9 +11,9 @@ def test_three_sides_of_each_object_are_drawn():
     normals = rng.standard_normal((300, 3))
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     surfaces = {name: Surface(10 * normals, normals, 2.0) for name in ("ball", "$x_1", "c", "d", "e")}
-    figure = maps_figure(surfaces)
+    figure = surfaces_figure(surfaces)
     drawn = [axes for axes in figure.axes if axes.collections]
     assert len(drawn) == 3 * len(surfaces)
     along_z = drawn[0].collections[0].get_offsets()
     assert len(along_z) == np.count_nonzero(normals[:, 2] > 0)
-    assert figure.png() == maps_figure(surfaces).png()
+    assert figure.png() == surfaces_figure(surfaces).png()

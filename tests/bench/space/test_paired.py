@@ -6,31 +6,27 @@ import numpy as np
 import pytest
 from made_up_space import make_space_run
 
-from tactsim.bench.space.paired import compare_in_space
+from tactsim.bench.compare import compare
 from tactsim.core import InputError
 from tactsim.core.rigid import compose, from_vector
 
 
 def test_a_run_is_not_worse_than_itself_and_a_pose_that_is_off_is_worse():
     base = make_space_run(n=40, r=3)
-    assert {row.verdict for row in compare_in_space(base, base)} <= {"same", ""}
+    assert {row.verdict for row in compare(base, base)} <= {"same", ""}
     off = np.concatenate([[0.0, 0, 4], from_vector([0.3, 0, 0])])
     worse = replace(base, trials=replace(base.trials, pose=compose(off, base.trials.pose)))
-    verdicts = {row.name: row.verdict for row in compare_in_space(base, worse)}
+    verdicts = {row.name: row.verdict for row in compare(base, worse)}
     assert verdicts["share of touches right"] == "same"
     assert verdicts["surface mm @3"] == verdicts["angle deg @3"] == "worse"
-    back = {row.name: row.verdict for row in compare_in_space(worse, base)}
+    back = {row.name: row.verdict for row in compare(worse, base)}
     assert back["surface mm @3"] == "better"
 
 
 def test_runs_of_other_lengths_are_compared_over_the_touches_of_both():
     base = make_space_run(n=10, r=4)
-    cut = {
-        name: values[:, :2]
-        for name, values in vars(base.trials).items()
-        if values.ndim > 1 and name != "true_pose"
-    }
-    rows = compare_in_space(base, replace(base, trials=replace(base.trials, **cut)))
+    cut = {name: values[:, :2] for name, values in vars(base.trials).items() if values.ndim > 1}
+    rows = compare(base, replace(base, trials=replace(base.trials, **cut)))
     assert {row.name for row in rows} >= {"accuracy @1", "accuracy @2"}
     assert all(row.base == row.new for row in rows if row.name.startswith("accuracy"))
 
@@ -39,4 +35,4 @@ def test_other_hidden_objects_are_refused():
     base, new = make_space_run(), make_space_run(seed=1)
     other = {"seed": 1, "objects": ["nut"], "scan": "a.npz"}
     with pytest.raises(InputError, match=r"same objects.* --seed, --objects, --scan"):
-        compare_in_space(base, replace(new, config=base.config | other))
+        compare(base, replace(new, config=base.config | other))

@@ -1,14 +1,18 @@
 """`--task solids` as a user calls it, with a quick estimator in place of the filters."""
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+import tactsim
 from tactsim.bench.cli.app import app
+from tactsim.bench.experiment import perform, silent, tasks_of
+from tactsim.bench.results import load
 from tactsim.bench.space.space_config import space_config
-from tactsim.bench.space.space_results import load
 from tactsim.bench.space.space_runner import perform_in_space
+from tactsim.bench.trials import run_trials
 from tactsim.core import InputError, rigid
 from tactsim.core.space_scan import SpaceScan
 from tactsim.estimators import registry
@@ -75,10 +79,43 @@ def test_a_scan_of_a_file_gives_the_run_that_touches_anew(tmp_path):
     assert np.array_equal(load(tmp_path / "a").trials.pose, load(tmp_path / "b").trials.pose)
 
 
+@pytest.mark.long
+def test_a_sweep_does_runs_with_objects_in_space(tmp_path, capsys):
+    (tmp_path / "two.toml").write_text(
+        '[defaults]\ntask = "solids"\nestimator = "space-refined"\nobjects = "nut,egg"\ntrials = 2\ntouches = 2\n'
+        'scan_set = {points = 8}\n[[run]]\nexplore = ["random", "information"]\n'
+    )
+    bench("sweep", "two.toml", "--jobs", "1", "--out", "there")
+    assert "chosen by information" in capsys.readouterr().out
+    words = {"objects": "nut,egg", "trials": 2, "touches": 2, "scan_set": {"points": 8}}
+    for folder in sorted((tmp_path / "there" / "runs").iterdir()):
+        run = load(folder)
+        alone = perform(space_config(**words, explore=run.config["explore"]))
+        assert np.array_equal(run.trials.pose, alone.trials.pose)
+        assert np.array_equal(run.trials.met, alone.trials.met)
+    bench("sweep", "two.toml", "--jobs", "1", "--out", "there")  # nothing is left to do
+
+
+def test_python_does_what_the_command_line_does():
+    words = {"estimator": "alike", "objects": "nut,egg", "trials": 2, "touches": 2, "scan_set": {"points": 8}}
+    run = tactsim.run(task="solids", **words)
+    assert np.array_equal(run.trials.pose, perform_in_space(space_config(**words)).trials.pose)
+    assert run.in_space
+    assert "2 touches over nut egg" in repr(run)
+    with pytest.raises(InputError, match="objects in space"):
+        tactsim.run(scan=run.plan.scan)
+
+
+def test_runs_in_the_plane_and_in_space_share_no_comparison_and_no_page(tmp_path):
+    plane, space = (Path(__file__).parents[2] / "fixtures" / "v0.1" / name for name in ("run", "solids"))
+    assert "other of objects in space" in refused("compare", str(plane), str(space))
+    assert "make two" in refused("report", str(plane), str(space), "--out", "page.html")
+
+
 def test_an_estimator_that_chooses_is_offered_what_one_that_does_not_is():
     words = {"estimator": "alike", "objects": "nut,egg", "trials": 2, "touches": 3, "scan_set": {"points": 8}}
-    random = perform_in_space(space_config(**words)).trials
-    chosen = perform_in_space(space_config(**words, explore="information")).trials
+    random = perform(space_config(**words)).trials
+    chosen = perform(space_config(**words, explore="information")).trials
     assert np.array_equal(random.true_pose, chosen.true_pose)
     assert not np.array_equal(random.start, chosen.start)  # the stand-in takes the last of those offered
     assert random.propose_s.sum() == 0
@@ -86,7 +123,7 @@ def test_an_estimator_that_chooses_is_offered_what_one_that_does_not_is():
 
 def test_a_hand_gives_two_readings_a_touch(tmp_path):
     words = {"estimator": "alike", "objects": "nut,egg", "trials": 4, "touches": 3, "scan_set": {"points": 8}}
-    run = perform_in_space(space_config(**words, hand="gripper"))
+    run = perform(space_config(**words, hand="gripper"))
     assert (run.trials.evaluations == 2).all()
     assert run.trials.met.max() == 2
     assert "gripper" in run.about["protocol"]
@@ -94,28 +131,26 @@ def test_a_hand_gives_two_readings_a_touch(tmp_path):
 
 def test_trials_do_not_depend_on_the_jobs():
     words = {"estimator": "alike", "objects": "nut,egg", "trials": 5, "touches": 2, "scan_set": {"points": 8}}
-    plan = perform_in_space(space_config(**words)).plan
-    estimator = plan.fitted()
-    from tactsim.bench.space.space_trials import tasks_of
-
-    tasks = tasks_of(["nut", "egg"], 5)
-    whole, work = plan.run(estimator, tasks, lambda *_: None)
-    part, rest = (plan.run(estimator, some, lambda *_: None)[0] for some in (tasks[:2], tasks[2:]))
+    config = space_config(**words)
+    plan = perform(config).plan
+    estimator, tasks = plan.fitted(), tasks_of(config, ["nut", "egg"])
+    whole, work = run_trials(plan, estimator, tasks, progress=silent)
+    part, rest = (run_trials(plan, estimator, some, progress=silent)[0] for some in (tasks[:2], tasks[2:]))
     assert np.array_equal(whole.pose, np.concatenate([part.pose, rest.pose]))
     assert work["likelihood_evaluations"] == 10
 
 
 def test_the_frame_of_an_object_does_not_matter_to_its_error():
     """A pose that differs by a symmetry of a nut is no error; the mirror image of that turn is one."""
-    run = perform_in_space(
+    run = perform(
         space_config(estimator="alike", objects="nut,key", trials=2, touches=1, scan_set={"points": 8})
     )
     from tactsim.bench.space.surface_distance import surface_distance, turn_between
 
-    true = rigid.invert(run.trials.true_pose[:1])
+    true = rigid.invert(run.trials.true_pose[:1, 0])
     for label, alike in (("nut", True), ("key", False)):
-        of = run.surfaces[label]
-        turn = run.surfaces["nut"].rotations[3]
+        of = run.objects[label]
+        turn = run.objects["nut"].rotations[3]
         other = rigid.compose(true, np.concatenate([np.zeros(3), turn]))
         assert (surface_distance(other, true, of)[0] < 1e-3) == alike
         assert (turn_between(other, true, of)[0] < 1e-3) == alike

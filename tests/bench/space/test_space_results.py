@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from made_up_space import make_space_run
 
-from tactsim.bench.space.space_results import is_in_space, load
-from tactsim.bench.space.space_trials import SpaceTrials
+from tactsim.bench.results import load
+from tactsim.bench.trials import SpaceTrials
 from tactsim.core import InputError
 
 
@@ -28,10 +28,10 @@ def test_a_run_is_read_back_to_the_bit(folder, tmp_path):
     assert again.summary == run.summary
     assert again.config == run.config
     assert again.work == run.work
-    for label, shape in run.shapes.items():
-        assert np.array_equal(again.shapes[label].vertices, shape.vertices)
-        assert np.array_equal(again.shapes[label].surface.points, shape.surface.points)
-    assert is_in_space(folder)
+    for label, surface in run.objects.items():
+        assert np.array_equal(again.objects[label].vertices, surface.vertices)
+        assert np.array_equal(again.objects[label].points, surface.points)
+    assert again.in_space
     assert again.save(tmp_path / "again")
     for path in folder.iterdir():
         assert path.read_bytes() == (tmp_path / "again" / path.name).read_bytes(), path.name

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from made_up_space import make_space_run, make_space_trials
 
-from tactsim.bench.space.space_score import CURVES, HEADLINES, Scored, summarise
+from tactsim.bench.score import CURVES, HEADLINES, SPACE_METRICS, Scored, summarise
 from tactsim.core import rigid
 
 
@@ -13,27 +13,23 @@ def run():
     return make_space_run(n=40, r=3)
 
 
-def test_errors_count_only_where_the_object_is_right(run):
-    trials, scored = run.trials, Scored(run.trials, run.surfaces)
+def test_errors_are_mean_distances_of_surface_points_and_angles(run):
+    trials, scored = run.trials, Scored(run.trials, run.objects)
     for i in range(40):
         for k in range(3):
-            if trials.label[i, k] != trials.truth[i]:
-                assert np.isnan(scored.error[i, k])
-                assert np.isnan(scored.angle[i, k])
-                continue
-            points = run.surfaces[trials.truth[i]].points
+            points = run.objects[trials.truth[i]].points
             at, other = (
                 rigid.transform(rigid.invert(pose), points)
-                for pose in (trials.pose[i, k], trials.true_pose[i])
+                for pose in (trials.pose[i, k], trials.true_pose[i, k])
             )
             assert scored.error[i, k] == pytest.approx(np.linalg.norm(at - other, axis=1).mean(), abs=1e-9)
             assert scored.angle[i, k] == pytest.approx(
-                rigid.angle_between(trials.pose[i, k, 3:], trials.true_pose[i, 3:])
+                rigid.angle_between(trials.pose[i, k, 3:], trials.true_pose[i, k, 3:])
             )
 
 
 def test_the_mean_lies_in_its_interval_and_the_interval_shrinks_with_trials(run):
-    few = summarise(make_space_trials(20, 3), run.surfaces)
+    few = summarise(make_space_trials(20, 3), run.objects)
     many = run.summary
     for name in ("error", "angle"):
         unit = "mm" if name == "error" else "deg"
@@ -49,7 +45,7 @@ def test_the_mean_lies_in_its_interval_and_the_interval_shrinks_with_trials(run)
 def test_a_run_that_is_never_right_has_no_error(run):
     trials = make_space_trials(6, 3)
     trials.label[:] = np.where(trials.truth == "wedge", "block", "wedge")[:, None]
-    summary = summarise(trials, run.surfaces)
+    summary = summarise(trials, run.objects)
     assert summary["error_mm"] == summary["angle_deg"] == summary["error_low_mm"] == [None] * 3
     assert summary["accuracy"] == [0.0] * 3
     assert summary["settled_95"] is None
@@ -57,5 +53,5 @@ def test_a_run_that_is_never_right_has_no_error(run):
 
 
 def test_every_metric_has_a_line_for_its_list(run):
-    assert set(run.summary) == {*CURVES, *HEADLINES}
-    assert all((metric.__doc__ or "").strip() for metric in (CURVES | HEADLINES).values())
+    assert set(run.summary) == {*CURVES, *HEADLINES, *SPACE_METRICS}
+    assert all(metric.description for metric in SPACE_METRICS.values())

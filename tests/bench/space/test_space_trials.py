@@ -3,9 +3,11 @@
 import numpy as np
 import pytest
 
-from tactsim.bench.space.draws import HALF_BOX, draw_starts, draw_true_pose, outside_of
-from tactsim.bench.space.space_trials import SpaceTask, certainty, generator, tasks_of
+from tactsim.bench.experiment import tasks_of
+from tactsim.bench.placement import certainty
+from tactsim.bench.space.space_config import space_config
 from tactsim.bench.space.surface_distance import Surface
+from tactsim.bench.space.touching import HALF_BOX, draw_pose_in_space, draw_starts, outside_of
 from tactsim.core import rigid
 from tactsim.estimators import Estimate, PoseSamples
 
@@ -35,7 +37,7 @@ def test_directions_and_turns_are_even():
 
 def test_the_hidden_pose_is_in_the_box_and_its_rotation_even():
     rng = np.random.default_rng(2)
-    hidden = rigid.invert(np.array([draw_true_pose(rng) for _ in range(3000)]))
+    hidden = rigid.invert(np.array([draw_pose_in_space(rng) for _ in range(3000)]))
     assert np.abs(hidden[:, :3]).max() <= HALF_BOX
     assert np.abs(hidden[:, :3]).max() > 0.99 * HALF_BOX
     # The angle of an even rotation has the density (1 - cos a) / pi, of mean pi / 2 + 2 / pi.
@@ -45,18 +47,9 @@ def test_the_hidden_pose_is_in_the_box_and_its_rotation_even():
 
 @pytest.mark.parametrize(("trials", "counts"), [(7, (3, 2, 2)), (2, (1, 1, 0)), (6, (2, 2, 2))])
 def test_objects_take_turns(trials, counts):
-    tasks = tasks_of(["a", "b", "c"], trials)
+    tasks = tasks_of(space_config(trials=trials), ["a", "b", "c"])
     assert tuple(sum(task.truth == label for task in tasks) for label in "abc") == counts
     assert len(set(tasks)) == trials
-
-
-def test_a_trial_does_not_depend_on_the_others():
-    first = generator(0, SpaceTask("bolt", 1), 0).random()
-    assert generator(0, SpaceTask("bolt", 1), 0).random() == first
-    others = [SpaceTask("bolt", 2), SpaceTask("nut", 1)]
-    assert all(generator(0, other, 0).random() != first for other in others)
-    assert generator(1, SpaceTask("bolt", 1), 0).random() != first
-    assert generator(0, SpaceTask("bolt", 1), 1).random() != first
 
 
 def test_certainty_of_a_belief_that_is_a_line_of_shifts():
@@ -66,7 +59,7 @@ def test_certainty_of_a_belief_that_is_a_line_of_shifts():
     poses[:, 0] = np.linspace(0, 1, 1000)
     true[0] = 0.3
     belief = Estimate("a", {"a": 1.0}, estimate, PoseSamples(poses, np.full(1000, 1e-3)))
-    credibility, radius = certainty(belief, true, of)
-    assert credibility == pytest.approx(0.3, abs=0.01)
-    assert radius == pytest.approx(0.9, abs=0.01)
-    assert np.isnan(certainty(Estimate("a", {"a": 1.0}, estimate), true, of)).all()
+    found = certainty(belief, true, of)
+    assert found.credibility == pytest.approx(0.3, abs=0.01)
+    assert found.radius == pytest.approx(0.9, abs=0.01)
+    assert np.isnan(certainty(Estimate("a", {"a": 1.0}, estimate), true, of).radius)
