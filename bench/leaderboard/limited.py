@@ -221,10 +221,12 @@ def _do(folder: Path, tell: IO[str]) -> None:
 def _limit_memory(megabytes: int) -> None:
     """Let this process and those that it starts take so much memory more than it takes now, where the system can."""
     pages = Path("/proc/self/statm")
+    try:
+        import resource
+    except ImportError:
+        return
     if not pages.exists():
         return
-    import resource
-
     taken = int(pages.read_text(encoding="ascii").split()[0]) * resource.getpagesize()
     most = taken + megabytes * 1_000_000
     resource.setrlimit(resource.RLIMIT_AS, (most, most))

@@ -12,6 +12,8 @@ import sys
 import numpy as np
 import pytest
 
+from tactsim.bench.tasks import task
+from tactsim.bench.tasks.data import hash_data
 from tactsim.core import Scan
 
 HIDDEN = """
@@ -104,6 +106,24 @@ def test_a_run_and_its_report(elsewhere, scan):
         result = elsewhere(*words)
         assert result.returncode == 0, result.stderr
     assert (elsewhere.folder / "page.html").is_file()
+
+
+@pytest.mark.long
+def test_a_submission_and_its_check(elsewhere, scan, monkeypatch):
+    monkeypatch.chdir(elsewhere.folder)
+    words = (
+        'line = "Small."\nseeds = [0, 1, 2, 3, 4]\ntrials = 1\nreadings = 2\nscored = ["accuracy@2"]\n'
+        f'hashes = [{{}}]\n[words]\nscan = "{scan}"\n'
+    )
+    path = elsewhere.folder / "small-v1.toml"
+    path.write_text(words.format(""))
+    hashes = [hash_data(task("small-v1.toml"), seed) for seed in range(5)]
+    path.write_text(words.format(", ".join(f'"{one}"' for one in hashes)))
+    result = elsewhere("submit", "small-v1.toml", "--estimator", "nearest", "--out", "a.zip")
+    assert result.returncode == 0, result.stderr
+    result = elsewhere("verify", "a.zip")
+    assert result.returncode == 0, result.stdout
+    assert "the same to the bit" in result.stdout
 
 
 def test_a_run_in_worker_processes(elsewhere, scan):
