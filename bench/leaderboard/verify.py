@@ -39,6 +39,9 @@ CHANCE = 0.001  # how often an honest bundle is refused by the bound
 DRAWS = 20_000
 _FRESH_SEEDS = 2**62
 _BOUNDS_ALIKE = 0.02  # relative: a bound is kept with 7 binary digits
+_MOST_BOUNDS = (
+    0.95  # of them must be alike elsewhere: that of a pose which is hardly determined is ill-conditioned
+)
 _NOT_COMPARED = ("estimator", "bins", "particles", "set", "explore", "task", "bound")
 
 
@@ -148,7 +151,9 @@ def _compared(
     difference = _first_difference(trials, other, seeds)
     same = bundle.digests[chosen] == digests
     bounds = bundle.pooled.bounds
-    if bounds is not None and not _bounds_alike(bounds[chosen], small):
+    if bounds is not None and _share_of_bounds_alike(bounds[chosen], small) < (
+        _MOST_BOUNDS if excuses else 1
+    ):
         return False, False, "its bounds of the error are not those of the task"
     if same.all() and difference is None:
         return True, True, f"all {len(same)} trials that were done again are the same to the bit"
@@ -175,9 +180,11 @@ def _compared(
     )
 
 
-def _bounds_alike(stated: FloatArray, again: Sequence[Run]) -> bool:
+def _share_of_bounds_alike(stated: FloatArray, again: Sequence[Run]) -> float:
     found = [run.bounds for run in again if run.bounds is not None]
-    return len(found) == len(again) and np.allclose(stated, np.concatenate(found), rtol=_BOUNDS_ALIKE)
+    if len(found) < len(again):
+        return 0.0
+    return float(np.isclose(stated, np.concatenate(found), rtol=_BOUNDS_ALIKE).mean())
 
 
 def _first_difference(stated: Trials, again: Trials, seeds: Sequence[int]) -> str | None:
