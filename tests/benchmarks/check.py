@@ -106,10 +106,12 @@ def main(words: list[str]) -> int:
     commit = subprocess.run(asked, cwd=ROOT, capture_output=True, text=True).stdout.strip()
     if not commit:
         stop(f"{name} is no commit of this repository; fetch it, or name another")
-    tree, base, new, turn = unpack(commit), {}, {}, 0
-    while turn < LEAST or (slower(base, new) and turn < MOST):
-        again = slower(base, new) if turn >= LEAST else []
+    tree, base, new, turn, suspects = unpack(commit), {}, {}, 0, []
+    while turn < LEAST or (suspects and turn < MOST):
+        again = suspects if turn >= LEAST else []
         base, new, turn = least(base, run(tree, again)), least(new, run(ROOT, again)), turn + 1
+        suspects = slower(base, new)
+        print(f"turn {turn}, slower so far: {', '.join(suspects) or 'none'}", file=sys.stderr, flush=True)
     for benchmark in new:
         ratio = f"{new[benchmark][0] / base[benchmark][0]:.2f}" if benchmark in base else "new"
         print(f"{ratio:>5}  {benchmark}")

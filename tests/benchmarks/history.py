@@ -3,23 +3,22 @@
 A panel for each benchmark, its least time in ms over the releases; docs/performance/speed-over-time.md shows it.
 """
 
-import matplotlib
-
-matplotlib.use("Agg")
-import matplotlib.pyplot as plt
 import numpy as np
 from check import ROOT, read, releases
+from matplotlib import rc_context
+from matplotlib.figure import Figure
 
 PICTURE = ROOT / "docs" / "pictures" / "speed-over-time.svg"
 
 
 def draw(kept, path):
     """Draw one panel a benchmark; a release on another machine has another colour."""
-    found = [read(one) for one in kept]
+    found = list(map(read, kept))
     names = list(dict.fromkeys(name for one in found for name in one))
     processors = np.array([one["machine_info"]["processor"] for one in kept])
     rows = -(-len(names) // 4)
-    figure, panels = plt.subplots(rows, 4, figsize=(11, 2 * rows), layout="constrained")
+    figure = Figure(figsize=(11, 2 * rows), layout="constrained")
+    panels = figure.subplots(rows, 4)
     for panel, name in zip(panels.flat, names, strict=False):
         times = np.array([1e3 * one[name][0] if name in one else np.nan for one in found])
         for processor in dict.fromkeys(processors):
@@ -27,12 +26,11 @@ def draw(kept, path):
         panel.set_xticks(range(len(kept)), [one["release"] for one in kept])
         panel.set_title(name.removeprefix("test_").replace("_", " "), fontsize=9)
         panel.set_ylim(0, 1.1 * np.nanmax(times))
-        panel.tick_params(labelsize=8)
     for panel in panels.flat[len(names) :]:
         panel.axis("off")
     figure.supylabel("least processor time, ms", fontsize=9)
     figure.legend(*panels.flat[0].get_legend_handles_labels(), loc="lower right", fontsize=9)
-    with plt.rc_context({"svg.hashsalt": "tactsim", "svg.fonttype": "none"}):
+    with rc_context({"svg.hashsalt": "tactsim", "svg.fonttype": "none"}):
         figure.savefig(path, metadata={"Date": None})
 
 
