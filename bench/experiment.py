@@ -327,7 +327,8 @@ def finished_run(
     about = dict(about or about_estimator(estimator))
     bounds = None
     if isinstance(config, RunConfig):
-        bounds = _say_of_plane(config, gathered, trials, estimator, about)
+        said, bounds = _said_in_plane(config, gathered, trials, estimator)
+        about |= said
     else:
         from tactsim.bench.space.space_runner import about_in_space
 
@@ -364,10 +365,10 @@ def finished_run(
     )
 
 
-def _say_of_plane(
-    config: RunConfig, gathered: Gathered, trials: Trials, estimator: Estimator, about: dict[str, Any]
-) -> FloatArray | None:
-    """Add to `about` what a run in the plane says beside the rest; returns the bounds of its trials (n, r) mm."""
+def _said_in_plane(
+    config: RunConfig, gathered: Gathered, trials: Trials, estimator: Estimator
+) -> tuple[dict[str, Any], FloatArray | None]:
+    """Give what a run in the plane says of itself beside the rest, and the bounds of its trials (n, r) mm."""
     scan, options = gathered.scan, estimator.options
     bounds, no_bound = None, NO_BOUND
     if config.bound:
@@ -376,20 +377,21 @@ def _say_of_plane(
         bounds, no_bound = bounds_of_trials(
             scan, trials, config.explore, config.moving, sequences=config.sequences, cache=gathered.cache
         )
+    said: dict[str, Any] = {}
     pad_fit = pad_fit_of(estimator, scan)
     if pad_fit is not None:
         assert isinstance(options, FilterOptions)  # others fit nothing to the pad
         options = pad_fit.outer(options)
-        about |= {"options": options.model_dump(mode="json"), "pad_fit": pad_fit.facts()}
+        said = {"options": options.model_dump(mode="json"), "pad_fit": pad_fit.facts()}
     notes = notes_on(scan)
-    about |= {
+    said |= {
         "protocol": _protocol_name(config, scan),
         "slip": config.moving.describe(),
         "no_bound": no_bound,
         "classifier_agreement": eq3_agreement(scan, options),
         **({"notes": notes} if notes else {}),
     }
-    return bounds
+    return said, bounds
 
 
 def _protocol_name(config: RunConfig, scan: Scan) -> str:

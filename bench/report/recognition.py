@@ -85,7 +85,7 @@ def representatives(groups: Sequence[Group]) -> list[tuple[Group, Entry]]:
     return chosen
 
 
-def trials_to_show(entries: Sequence[Entry]) -> dict[str, OneTrial]:
+def trials_to_show(runs: Sequence[Trials]) -> dict[str, OneTrial]:
     """Choose the trials to show, the same for all these runs: a typical one and the hardest.
 
     Trials are ordered by the reading from which they are and stay right, averaged over the runs. The typical
@@ -94,12 +94,12 @@ def trials_to_show(entries: Sequence[Entry]) -> dict[str, OneTrial]:
     settled = [
         dict(
             zip(
-                zip(entry.run.trials.truth.tolist(), entry.run.trials.trial.tolist(), strict=True),
-                settled_at(entry.run.trials.right).tolist(),
+                zip(trials.truth.tolist(), trials.trial.tolist(), strict=True),
+                settled_at(trials.right).tolist(),
                 strict=True,
             )
         )
-        for entry in entries
+        for trials in runs
     ]
     common = [key for key in settled[0] if all(key in of_run for of_run in settled)]
     common.sort(key=lambda key: sum(of_run[key] for of_run in settled))
@@ -119,7 +119,7 @@ def replay_all(
     failed: dict[str, str] = {}
     for number, (group, entry) in enumerate(chosen):
         progress("replay", number, len(chosen))
-        tasks = trials_to_show([other for of, other in chosen if of is group])
+        tasks = trials_to_show([other.run.trials for of, other in chosen if of is group])
         try:
             done.append(_replay(entry, tasks, scans))
         except InputError as error:

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from tactsim.bench.experiment import gather, plan_of, silent
+from tactsim.bench.report.recognition import trials_to_show
 from tactsim.bench.results import Run
-from tactsim.bench.score import settled_at
 from tactsim.bench.space.space_config import SpaceConfig
 from tactsim.bench.space.surface_distance import drawn_evenly
-from tactsim.bench.trials import OneTrial, SpaceTrials, Touch, TrialPlan, Trials, run_trial
+from tactsim.bench.trials import SpaceTrials, Touch, TrialPlan, run_trial
 from tactsim.core import rigid
 from tactsim.core.checking import checked
 from tactsim.core.poses import FloatArray
@@ -39,22 +39,13 @@ class Replayed:
     belief: FloatArray | None
 
 
-def tasks_to_show(trials: Trials) -> dict[str, OneTrial]:
-    """Choose a typical trial and the hardest, by the touch from which they are and stay right."""
-    order = np.argsort(settled_at(trials.right), kind="stable")
-    places = {"typical": order[(len(order) - 1) // 2], "hardest": order[-1]}
-    if len(order) == 1:
-        del places["hardest"]
-    return {kind: OneTrial(str(trials.truth[at]), int(trials.trial[at])) for kind, at in places.items()}
-
-
 def replay(run: Run) -> list[Replayed]:
     """Do a typical trial of a run and the hardest again. Raises InputError if its readings cannot be had again."""
     plan = run.plan or _plan_anew(run)
     estimator = plan.fitted()
     labels = plan.scan.letters
     found = []
-    for kind, task in tasks_to_show(run.trials).items():
+    for kind, task in trials_to_show([run.trials]).items():
         estimates: list[Estimate] = []
         touches: list[Touch] = []
 

@@ -7,10 +7,9 @@ from dataclasses import dataclass
 from functools import cached_property
 from importlib.resources import files
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tactsim.bench.trials import OneTrial, Touch, generator
 from tactsim.core import rigid
@@ -19,7 +18,9 @@ from tactsim.core.documents import parse_toml
 from tactsim.core.poses import FloatArray
 
 if TYPE_CHECKING:
+    from tactsim.models import Solid
     from tactsim.press.space import Hand, HandPress, SpaceOptions, SpacePress
+    from tactsim.press.space.space_press import Touched
 
 HALF_BOX = 20.0  # mm: the object's origin, and the point that a touch aims at, lie in this box about the robot's origin
 OFFERED = 40  # touches among which an estimator may choose the next
@@ -56,59 +57,6 @@ def draw_hands(count: int, rng: np.random.Generator) -> FloatArray:
     return np.concatenate([place, rigid.random_rotations(count, rng)], axis=1)
 
 
-class Pads(Protocol):
-    """What touches a hidden object: one pad, or the pads of a hand."""
-
-    def starts(self, count: int, rng: np.random.Generator) -> FloatArray:
-        """Draw where touches may begin: (count, 7) sensor_in_robot, or hand_in_robot."""
-
-    def touch(
-        self, label: str, start: FloatArray, rng: np.random.Generator
-    ) -> tuple[FloatArray, FloatArray, NDArray[np.bool_]]:
-        """Touch from one start (7,) in the object frame.
-
-        Returns readings (m, taxels) kPa as sensed, the pads' rest poses (m, 7) in the object frame as the robot states
-        them, and which pads met the object (m,).
-        """
-
-
-@dataclass(frozen=True, eq=False)
-class OnePad:
-    """One pad that comes along its normal. outside: mm before the robot's origin where it starts."""
-
-    press: SpacePress
-    outside: float
-
-    def starts(self, count: int, rng: np.random.Generator) -> FloatArray:
-        """Draw where touches begin; see `draw_starts`."""
-        return draw_starts(count, self.outside, rng)
-
-    def touch(
-        self, label: str, start: FloatArray, rng: np.random.Generator
-    ) -> tuple[FloatArray, FloatArray, NDArray[np.bool_]]:
-        """Touch from one start (7,) in the object frame; see `Pads`."""
-        touched = self.press.sensed(self.press.touch(label, start[None], rng), rng)
-        return touched.readings, touched.stated, touched.met
-
-
-@dataclass(frozen=True, eq=False)
-class SeveralPads:
-    """A hand whose pads close at once."""
-
-    press: HandPress
-
-    def starts(self, count: int, rng: np.random.Generator) -> FloatArray:
-        """Draw where the hand closes; see `draw_hands`."""
-        return draw_hands(count, rng)
-
-    def touch(
-        self, label: str, start: FloatArray, rng: np.random.Generator
-    ) -> tuple[FloatArray, FloatArray, NDArray[np.bool_]]:
-        """Close the hand at one pose (7,) in the object frame; see `Pads`."""
-        touched = self.press.sensed(self.press.touch(label, start, rng), rng)
-        return touched.readings, touched.stated, touched.met
-
-
 def load_hand(hand: Path) -> Hand:
     """Read a hand that comes along, by its name, or a hand file. Raises InputError if it is none."""
     from tactsim.press.space import Hand
@@ -121,7 +69,10 @@ def load_hand(hand: Path) -> Hand:
 
 @dataclass(frozen=True)
 class SolidPress:
-    """Touch the solids of a scan wherever a trial asks. hand: see `load_hand`; None: one pad."""
+    """Touch the solids of a scan wherever a trial asks, with one pad, or with the pads of a hand at once.
+
+    hand: see `load_hand`; None: one pad, which comes along its normal.
+    """
 
     options: SpaceOptions
     hand: Path | None = None
@@ -129,17 +80,33 @@ class SolidPress:
     def touches(self, truth: str, trial: int, seed: int) -> SolidTouches:
         """Offer the touches of one trial."""
         task = OneTrial(truth, trial)
-        return SolidTouches(self._pads, truth, generator(seed, task, 2), generator(seed, task, 3))
+        return SolidTouches(self, truth, generator(seed, task, 2), generator(seed, task, 3))
+
+    def starts(self, rng: np.random.Generator) -> FloatArray:
+        """Draw where a touch may begin: (OFFERED, 7) sensor_in_robot, or hand_in_robot."""
+        if self.hand is not None:
+            return draw_hands(OFFERED, rng)
+        return draw_starts(OFFERED, outside_of(max(one.radius for one in self._solids)), rng)
+
+    def touch(self, label: str, start: FloatArray, rng: np.random.Generator) -> Touched:
+        """Touch from one start (7,) in the object frame: m touches, one of each pad."""
+        press = self._press
+        return press.sensed(press.touch(label, start[None] if self.hand is None else start, rng), rng)
 
     @cached_property
-    def _pads(self) -> Pads:
-        """Make what touches. Raises InputError if pads of the hand overlap."""
-        from tactsim.press.space import HandPress, SpacePress, solids_of
+    def _solids(self) -> list[Solid]:
+        from tactsim.press.space import solids_of
 
-        solids = solids_of(self.options)
+        return solids_of(self.options)
+
+    @cached_property
+    def _press(self) -> SpacePress | HandPress:
+        """Make what touches. Raises InputError if pads of the hand overlap."""
+        from tactsim.press.space import HandPress, SpacePress
+
         if self.hand is not None:
-            return SeveralPads(HandPress(solids, load_hand(self.hand), self.options))
-        return OnePad(SpacePress(solids, self.options), outside_of(max(one.radius for one in solids)))
+            return HandPress(self._solids, load_hand(self.hand), self.options)
+        return SpacePress(self._solids, self.options)
 
     def __getstate__(self) -> Mapping[str, object]:
         """Go to another process without what was built."""
@@ -153,27 +120,24 @@ class SolidTouches:
     """
 
     def __init__(
-        self, pads: Pads, truth: str, offer: np.random.Generator, disturb: np.random.Generator
+        self, press: SolidPress, truth: str, offer: np.random.Generator, disturb: np.random.Generator
     ) -> None:
-        self._pads, self._truth, self._offer, self._disturb = pads, truth, offer, disturb
+        self._press, self._truth, self._offer, self._disturb = press, truth, offer, disturb
         self._taken = 0
 
     def shuffle(self, rng: np.random.Generator) -> None:
         """Leave them as they are: they are drawn at random."""
 
     def offer(self, robot_in_object: FloatArray) -> FloatArray:
-        """Draw where the next touch may begin: (OFFERED, 7) sensor_in_robot, or hand_in_robot."""
-        self._starts = self._pads.starts(OFFERED, self._offer)
+        """Draw where the next touch may begin; see `SolidPress.starts`."""
+        self._starts = self._press.starts(self._offer)
         return self._starts
 
     def take(self, chosen: int, robot_in_object: FloatArray) -> Touch:
         """Touch from one of the starts just offered."""
         start, number = self._starts[chosen], self._taken
         self._taken += 1
-        readings, stated, met = self._pads.touch(
-            self._truth,
-            rigid.compose(robot_in_object, start),
-            np.random.default_rng(self._disturb.integers(2**63)),
-        )
-        sensors_in_robot = rigid.compose(rigid.invert(robot_in_object), stated)
-        return Touch(number, readings, sensors_in_robot, start, int(np.count_nonzero(met)))
+        rng = np.random.default_rng(self._disturb.integers(2**63))
+        touched = self._press.touch(self._truth, rigid.compose(robot_in_object, start), rng)
+        sensors_in_robot = rigid.compose(rigid.invert(robot_in_object), touched.stated)
+        return Touch(number, touched.readings, sensors_in_robot, start, int(np.count_nonzero(touched.met)))

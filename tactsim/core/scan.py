@@ -87,7 +87,19 @@ class Scan:
     def __post_init__(self) -> None:
         self._check_arrays()
         self._check_sequence()
-        self._check_names()
+        for label in self.letters:
+            if not is_label(label):
+                raise InputError(
+                    f"scan: the label {label[:_LONGEST_NAME]!r} is empty, too long or not printable"
+                )
+        try:
+            json.dumps(self.meta, allow_nan=False)
+        except (TypeError, ValueError, RecursionError) as error:
+            raise InputError(f"scan: meta is no JSON without NaN and infinity: {error}") from None
+        check_statements(self.meta)
+        other = sorted(set(self.split.tolist()) - set(SPLITS))
+        if other:
+            raise InputError(f"scan: split says {other[0]!r}; only 'train' and 'test' have a meaning")
 
     def _check_arrays(self) -> None:
         for name in ("readings", "poses", "taxel_xy"):
@@ -114,21 +126,6 @@ class Scan:
                 )
         if not self.readings.shape[1]:
             raise InputError("scan: readings have no taxels")
-
-    def _check_names(self) -> None:
-        for label in self.letters:
-            if not is_label(label):
-                raise InputError(
-                    f"scan: the label {label[:_LONGEST_NAME]!r} is empty, too long or not printable"
-                )
-        try:
-            json.dumps(self.meta, allow_nan=False)
-        except (TypeError, ValueError, RecursionError) as error:
-            raise InputError(f"scan: meta is no JSON without NaN and infinity: {error}") from None
-        check_statements(self.meta)
-        other = sorted(set(self.split.tolist()) - set(SPLITS))
-        if other:
-            raise InputError(f"scan: split says {other[0]!r}; only 'train' and 'test' have a meaning")
 
     def _check_sequence(self) -> None:
         given = [name for name in _SEQUENCE if getattr(self, name) is not None]

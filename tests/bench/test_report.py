@@ -388,7 +388,7 @@ def test_typical_and_hardest_are_the_median_and_the_last_to_settle(runs, changed
     right[5, :-1] = False
     label = np.where(right, run.trials.truth[:, None], "?")
     (group,) = collect(loaded([changed(runs.small, label=label)]))
-    tasks = replay.trials_to_show(group.entries)
+    tasks = replay.trials_to_show([entry.run.trials for entry in group.entries])
     assert tasks["hardest"] == OneTrial(run.trials.truth[5], run.trials.trial[5])
     settled = score.settled_at(right)
     typical = tasks["typical"]
