@@ -24,7 +24,7 @@ def rng():
 
 
 @pytest.mark.parametrize("name", formats.FORMATS)
-@settings(max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=15, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(scan=scans())
 def test_any_scan_comes_back_bit_for_bit(name, scan, tmp_path_factory):
     path = place(tmp_path_factory.mktemp("any"), name)

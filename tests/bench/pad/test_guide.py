@@ -66,6 +66,7 @@ def test_the_guide_fits_a_terminal_and_outlives_a_lost_pad(bench, on_terminal, t
     assert Kind.LOST in kinds
 
 
+@pytest.mark.long
 def test_the_guide_stops_at_a_key_while_the_pad_is_lost(bench, on_terminal, tmp_path):
     with emulated(bench, "--port", "pty:pad"):
         terminal = on_terminal("record", "--port", "pad", "--letter", "A", "--out", "A.npz")
@@ -77,6 +78,7 @@ def test_the_guide_stops_at_a_key_while_the_pad_is_lost(bench, on_terminal, tmp_
         assert "0 of 192 presses are in A.tactrec" in terminal.screen.text
 
 
+@pytest.mark.long
 def test_the_guide_ends_when_its_terminal_is_closed(bench, on_terminal, tmp_path):
     with (
         emulated(bench, "--port", "pty:pad"),

@@ -58,6 +58,7 @@ def recording(tmp_path, device, scan_file):
     return path
 
 
+@pytest.mark.long
 def test_a_hidden_object_is_recognised_as_json(here, scan_file):
     words = ["--port", "simulated:O@2,1,0.3", "--train-scan", scan_file, "--readings", "3", "--json"]
     result = here("live", *words, *SMALL)
@@ -73,6 +74,7 @@ def test_a_hidden_object_is_recognised_as_json(here, scan_file):
     assert all(one["delay_ms"] > 0 for one in said)
 
 
+@pytest.mark.long
 def test_an_estimator_that_proposes_nothing_is_led_at_random(bench, scan_file):
     words = ["--port", "simulated:O", "--train-scan", scan_file, "--estimator", "nearest", "--readings", "2"]
     result = bench("live", *words)
