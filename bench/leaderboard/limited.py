@@ -96,7 +96,7 @@ def limited_runs(
                 | {"PYTHONPATH": os.pathsep.join(str(Path(place).absolute()) for place in sys.path)},
             )
             try:
-                ended = _followed(process, len(wanted), jobs, limits, progress)
+                ended = _followed(process, wanted, jobs, limits, progress)
             finally:
                 _kill(process)
             printed.seek(max(0, printed.seek(0, os.SEEK_END) - _KEPT))
@@ -109,7 +109,7 @@ def limited_runs(
 
 
 def _followed(
-    process: subprocess.Popen[bytes], runs: int, jobs: int, limits: Limits, progress: Progress
+    process: subprocess.Popen[bytes], wanted: Sequence[Wanted], jobs: int, limits: Limits, progress: Progress
 ) -> dict[str, Any]:
     """Follow what the process says until it ends or is too late; returns the last that it said."""
     assert process.stdout is not None
@@ -136,7 +136,9 @@ def _followed(
             return answer
         said = answer
         if said["stage"] == "trials":
-            progress("sweep", said["run"] * said["total"] + said["done"], runs * said["total"])
+            # Where all trials of a run are wanted, there are as many as in this one.
+            counts = [said["total"] if one.trials is None else len(one.trials) for one in wanted]
+            progress("sweep", sum(counts[: said["run"]]) + said["done"], sum(counts))
 
 
 def _place(said: Mapping[str, Any]) -> str:
