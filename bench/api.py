@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 
 from pydantic import BaseModel
 
-from tactsim.bench.config import RunConfig, ScanWords, any_config, scan_options
+from tactsim.bench.config import SOLIDS, RunConfig, ScanWords, any_config, scan_options
 from tactsim.bench.experiment import perform, silent
 from tactsim.bench.results import Run
 from tactsim.bench.tasks import task
@@ -131,7 +131,9 @@ def run(
         words["scan"] = scan
     if isinstance(estimator, str):
         words["estimator"] = estimator
-    elif words.get("task") is not None and not estimator.proposes and task(str(words["task"])).chosen:
+    elif (
+        words.get("task") not in (None, SOLIDS) and not estimator.proposes and task(str(words["task"])).chosen
+    ):
         words.setdefault("explore", "blind")  # as a task does for an estimator that is named
     config = any_config(**words)
     with _reporting(progress) as report:

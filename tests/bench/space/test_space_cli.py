@@ -102,6 +102,10 @@ def test_python_does_what_the_command_line_does():
     assert np.array_equal(run.trials.pose, perform_in_space(space_config(**words)).trials.pose)
     assert run.in_space
     assert "2 touches over nut egg" in repr(run)
+    own = tactsim.run(
+        task="solids", **(words | {"estimator": tactsim.create("alike")})
+    )  # made with its options
+    assert np.array_equal(own.trials.pose, run.trials.pose)
     with pytest.raises(InputError, match="objects in space"):
         tactsim.run(scan=run.plan.scan)
 
