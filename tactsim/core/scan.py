@@ -76,13 +76,13 @@ class Scan:
     # What differs of a scan in space, see `space_scan`: the numbers of a pose, the arrays of a file, which of them have
     # an entry a reading, and the command that makes one.
     POSE: ClassVar[tuple[str, ...]] = POSE
-    ARRAYS: ClassVar[tuple[str, ...]] = ("readings", "poses", "labels", "split", "taxel_xy")
-    OPTIONAL: ClassVar[tuple[str, ...]] = _SEQUENCE + _OF_PRESSES
-    A_READING: ClassVar[tuple[str, ...]] = (
+    _ARRAYS: ClassVar[tuple[str, ...]] = ("readings", "poses", "labels", "split", "taxel_xy")
+    _OPTIONAL: ClassVar[tuple[str, ...]] = _SEQUENCE + _OF_PRESSES
+    _A_READING: ClassVar[tuple[str, ...]] = (
         "readings", "poses", "labels", "split", "sequence", "sequence_force", "loads", "presses",
         "moments",
     )  # fmt: skip
-    MADE_BY: ClassVar[str] = "bench scan --out FILE"
+    _MADE_BY: ClassVar[str] = "bench scan --out FILE"
 
     def __post_init__(self) -> None:
         self._check_arrays()
@@ -217,7 +217,7 @@ class Scan:
 
     @property
     def _arrays(self) -> tuple[str, ...]:
-        return self.ARRAYS + tuple(name for name in self.OPTIONAL if getattr(self, name) is not None)
+        return self._ARRAYS + tuple(name for name in self._OPTIONAL if getattr(self, name) is not None)
 
     @cached_property
     def digest(self) -> str:
@@ -262,7 +262,7 @@ class Scan:
                 f"two scans of different pads cannot be one: {len(self.taxel_xy)} and "
                 f"{len(other.taxel_xy)} taxels, or the same number at other places"
             )
-        both = [np.concatenate([getattr(self, name), getattr(other, name)]) for name in self.ARRAYS[:4]]
+        both = [np.concatenate([getattr(self, name), getattr(other, name)]) for name in self._ARRAYS[:4]]
         readings, poses, labels, split = both
         return Scan(
             readings, poses, labels, split, self.taxel_xy, meta, **_joined_sequences(self, other),
@@ -299,7 +299,7 @@ class Scan:
 
     def chosen(self, chosen: NDArray[np.bool_]) -> Self:
         """Select readings by a mask (n,), in their order."""
-        given = [name for name in self.A_READING if getattr(self, name) is not None]
+        given = [name for name in self._A_READING if getattr(self, name) is not None]
         return replace(self, **{name: getattr(self, name)[chosen] for name in given})
 
     def save(self, path: str | Path) -> None:
@@ -317,13 +317,13 @@ class Scan:
         or holds what `Scan` refuses.
         """
         try:
-            arrays = read_npz(path, (*cls.ARRAYS, "meta"), cls.OPTIONAL)
+            arrays = read_npz(path, (*cls._ARRAYS, "meta"), cls._OPTIONAL)
         except InputError as error:
             if cls is Scan and isinstance(error, MissingArrayError) and "taxel_points" in error.there:
                 raise InputError(
                     f"scan {path}: it holds objects in space, which only `bench run --task solids` takes"
                 ) from None
-            raise InputError(f"scan {path}: {error}; make one with `{cls.MADE_BY}`") from error
+            raise InputError(f"scan {path}: {error}; make one with `{cls._MADE_BY}`") from error
         try:
             return cls(meta=_meta(arrays.pop("meta")), **arrays)
         except InputError as error:

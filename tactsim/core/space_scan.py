@@ -44,12 +44,12 @@ class SpaceScan(Scan):
     touch: NDArray[np.intp] = field(kw_only=True)
 
     POSE: ClassVar[tuple[str, ...]] = POSE
-    ARRAYS: ClassVar[tuple[str, ...]] = (
+    _ARRAYS: ClassVar[tuple[str, ...]] = (
         "readings", "poses", "labels", "split", "taxel_points", "taxel_normals", "touch",
     )  # fmt: skip
-    OPTIONAL: ClassVar[tuple[str, ...]] = _SEQUENCE
-    A_READING: ClassVar[tuple[str, ...]] = ("readings", "poses", "labels", "split", "touch", "sequence")
-    MADE_BY: ClassVar[str] = "bench scan --task solids --out FILE"
+    _OPTIONAL: ClassVar[tuple[str, ...]] = _SEQUENCE
+    _A_READING: ClassVar[tuple[str, ...]] = ("readings", "poses", "labels", "split", "touch", "sequence")
+    _MADE_BY: ClassVar[str] = "bench scan --task solids --out FILE"
 
     def _check_arrays(self) -> None:
         for name in ("readings", "taxel_points", "taxel_normals"):
