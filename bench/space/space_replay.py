@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -46,24 +47,15 @@ def replay(run: Run) -> list[Replayed]:
     labels = plan.scan.letters
     found = []
     for kind, task in trials_to_show([run.trials]).items():
-        estimates: list[Estimate] = []
-        touches: list[Touch] = []
-
-        def keep(
-            estimate: Estimate,
-            touch: Touch,
-            estimates: list[Estimate] = estimates,
-            touches: list[Touch] = touches,
-        ) -> None:
-            estimates.append(estimate)
-            touches.append(touch)
-
+        seen: list[tuple[Estimate, Touch]] = []
         with no_exit(estimator):
             trials = run_trial(
                 estimator, plan.scan.where("test", task.truth), task, letters=labels, readings=run.readings,
-                seed=plan.seed, of=run.objects[task.truth], explore=plan.explore, press=plan.press, observe=keep,
+                seed=plan.seed, of=run.objects[task.truth], explore=plan.explore, press=plan.press,
+                observe=partial(_keep, seen),
             )  # fmt: skip
         assert isinstance(trials, SpaceTrials)
+        estimates, touches = zip(*seen, strict=True)
         samples = [one.samples for one in estimates if one.samples is not None]
         found.append(
             Replayed(
@@ -76,6 +68,10 @@ def replay(run: Run) -> list[Replayed]:
             )
         )  # fmt: skip
     return found
+
+
+def _keep(seen: list[tuple[Estimate, Touch]], estimate: Estimate, touch: Touch) -> None:
+    seen.append((estimate, touch))
 
 
 def _plan_anew(run: Run) -> TrialPlan:

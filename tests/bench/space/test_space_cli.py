@@ -96,6 +96,16 @@ def test_a_sweep_does_runs_with_objects_in_space(tmp_path, capsys):
     bench("sweep", "two.toml", "--jobs", "1", "--out", "there")  # nothing is left to do
 
 
+@pytest.mark.long
+@pytest.mark.parametrize("hand", [None, "gripper"])
+def test_worker_processes_do_the_same_trials(hand):
+    config = space_config(objects="nut,egg", trials=3, touches=2, scan_set={"points": 8}, hand=hand)
+    here, there = perform(config), perform(config, jobs=2)
+    assert np.array_equal(here.trials.pose, there.trials.pose)
+    assert np.array_equal(here.trials.start, there.trials.start)
+    assert here.work["likelihood_evaluations"] == there.work["likelihood_evaluations"]
+
+
 def test_python_does_what_the_command_line_does():
     words = {"estimator": "alike", "objects": "nut,egg", "trials": 2, "touches": 2, "scan_set": {"points": 8}}
     run = tactsim.run(task="solids", **words)
