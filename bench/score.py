@@ -27,19 +27,16 @@ _DRAWS = 1000  # of a bootstrap
 Z_95 = 1.959963984540054  # standard normal quantile of a two-sided 95 % interval
 
 
-def errors(trials: Trials, objects: Mapping[str, Placement]) -> FloatArray:
-    """Compute the placement error (n, r) in mm of every estimate, with the true object's properties."""
-    return _of_objects(trials, {label: of.error for label, of in objects.items()})
+def errors(trials: Trials, objects: Mapping[str, Any], measure: str = "error") -> FloatArray:
+    """Compute the placement error (n, r) in mm of every estimate, with the true object's properties.
 
-
-def _of_objects(
-    trials: Trials, measures: Mapping[str, Callable[[FloatArray, FloatArray], FloatArray]]
-) -> FloatArray:
-    """Measure every estimate (n, r) against the true pose, each trial by the measure of its true object."""
+    measure: the method of the properties that does it; in space also "angle", rad.
+    """
     result = np.empty(trials.label.shape)
-    for label in np.unique(trials.truth):
-        chosen = trials.truth == label
-        result[chosen] = measures[str(label)](trials.pose[chosen], trials.true_pose[chosen])
+    for letter in np.unique(trials.truth):
+        chosen = trials.truth == letter
+        measured = getattr(objects[str(letter)], measure)
+        result[chosen] = measured(trials.pose[chosen], trials.true_pose[chosen])
     return result
 
 
@@ -60,7 +57,7 @@ class Scored:
     @cached_property
     def angle(self) -> FloatArray:
         """In space, the angle (n, r) in rad between estimated and true rotation, the least over the symmetry."""
-        return _of_objects(self.trials, {label: of.angle for label, of in self.objects.items()})
+        return errors(self.trials, self.objects, "angle")
 
 
 def wilson(successes: ArrayLike, count: int) -> tuple[FloatArray, FloatArray]:

@@ -18,7 +18,7 @@ from small_runs import make_run_in
 
 from tactsim.bench import results, score
 from tactsim.bench.config import run_config
-from tactsim.bench.placement import Properties
+from tactsim.bench.placement import Properties, placement_error
 from tactsim.bench.report import recognition as replay
 from tactsim.bench.report.collect import find
 from tactsim.bench.report.curves import confusion_counts, reliability
@@ -369,7 +369,7 @@ def test_a_trial_done_again_is_the_recorded_one(runs):
 def test_where_the_estimate_is_drawn_has_the_placement_error(runs):
     (one,), _ = replay.replay_all(collect(loaded([runs.large])), {})
     trial = one.recognitions[0]
-    assert score.placement_error(
+    assert placement_error(
         np.zeros(3), trial.estimate_in_object, one.entry.run.objects[trial.task.truth]
     ) == pytest.approx(trial.error, abs=1e-9)
 
