@@ -113,7 +113,8 @@ def folds(train: Scan) -> NDArray[np.intp]:
     Presses at one position share more than the map: what lies under the rim, how the pad tilts. So a press says
     little of a press elsewhere unless all presses at its own position are left out. Readings of one press, such as
     windows of its image, share how far it was misplaced, too: wherever they are, they are left out together.
-    Neighbours go to different parts, so that no large hole is left. If there is one position only, presses are divided.
+    Neighbours go to different parts, so that no large hole is left. If there is one position only, its windows are
+    divided by where they lie, and if there are none elsewhere the presses.
     """
     poses, press = _pressed(train)
     which = _at_positions(poses)
