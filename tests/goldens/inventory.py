@@ -148,6 +148,7 @@ def public(module: str, words: str) -> str:
 
 def inventory() -> dict[str, str]:
     """Make every section, by its title."""
+    from tactsim.bench.cli.app import VERBS
     from tactsim.bench.config import RunConfig
     from tactsim.bench.tasks import names as tasks
     from tactsim.bench.tasks import task
@@ -157,12 +158,8 @@ def inventory() -> dict[str, str]:
     from tactsim.press import ScanOptions
     from tactsim.press.space import SpaceOptions
 
-    helps = bench("--help")
-    verbs = [
-        line.split()[0] for line in helps.partition("Commands")[2].splitlines()[1:] if line[:1].isalpha()
-    ]
-    found = {"bench --help": helps}
-    found |= {f"bench {verb} --help": bench(verb, "--help") for verb in verbs}
+    found = {"bench --help": bench("--help")}
+    found |= {f"bench {verb} --help": bench(verb, "--help") for verb in VERBS}
     found |= {f"bench list {section}".strip(): bench("list", *section.split()) for section in LISTS}
     found |= {f"bench list estimators {name}": bench("list", "estimators", name) for name in names()}
     found |= {f"options of {name}": schema(load(name).options_type) for name in names()}
