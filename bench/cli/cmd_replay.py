@@ -57,7 +57,7 @@ def command(
         str | None,
         typer.Option(
             help="Take so many images of each training press, 2 to 20, at even shares of its load, auto, or off. So "
-            "presses of other loads are recognised, too. Default: auto, where the recording shows the rise.",
+            "presses of other loads are recognised, too. Default: with --marks auto, where there is a rise.",
             show_default=False,
         ),
     ] = None,
@@ -112,7 +112,7 @@ def command(
     described, correction = pads.load(device, calibration)
     frames = shared.idle_frames(idle)
     window = None if cut is None else _window(cut)
-    wanted, share = _moments(moments), 1.0 if at_load is None else _share(at_load)
+    wanted, share = _moments(moments, marks), 1.0 if at_load is None else _share(at_load)
     console = plain_console()
 
     def opened(path: Path) -> Source:
@@ -178,14 +178,17 @@ def _write_csv(source: Source, path: Path) -> None:
             stream.write((",".join([*words, *map(repr, reading.pressures.tolist())]) + "\n").encode())
 
 
-def _moments(text: str | None) -> int | Literal["auto", "found"] | None:
-    """Read how many moments are wanted, from 2 on. Raises InputError for anything else."""
+def _moments(text: str | None, marks: Path | None) -> int | Literal["auto", "found"] | None:
+    """Read how many moments are wanted, from 2 on. Raises InputError for anything else.
+
+    A guided session makes the scan that was recorded, unless it is asked for more.
+    """
     from tactsim.bench.config import whole_number
     from tactsim.core.errors import InputError
     from tactsim.core.moments import MOST
 
     if text is None:
-        return "found"
+        return None if marks is None else "found"
     if text in ("auto", "off"):
         return "auto" if text == "auto" else None
     count = whole_number(text)

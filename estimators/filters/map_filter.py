@@ -163,12 +163,8 @@ class MapFilter(Estimator):
         self._reach_near = reach_of(self.fitted_options.reach, scan.taxel_xy)
         self._reach_far = max(self._reach_near, reach_on_object(scan))
         self._reach_to(self._reach_near)
-        if self.mixes_loads and not self.takes_sequences:
-            from tactsim.estimators.likelihoods.loads import LoadMixture, loads_of
-
-            load = loads_of(scan.where("train"))
-            if load.any():
-                self.likelihood = LoadMixture(options, load)
+        if self.mixes_loads:
+            self.likelihood = likelihood.create(options, scan.where("train"))
         self.likelihood.fit(scan, maps)
         if self.takes_sequences:
             from tactsim.estimators.filters.trust_learning import images_count

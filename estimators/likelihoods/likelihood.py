@@ -75,7 +75,7 @@ class Likelihood(ABC):
     """
 
     of_pressures: ClassVar[bool] = False
-    # Under how many loads a reading may have been taken: `loads.LoadMixture` has several.
+    # Under how many loads a reading may have been taken: `load_mixture.LoadMixture` has several.
     loads: int = 1
 
     def __init__(self, options: LikelihoodOptions) -> None:
@@ -123,9 +123,10 @@ LIKELIHOODS = {
 }
 
 
-def create(options: LikelihoodOptions) -> Likelihood:
+def create(options: LikelihoodOptions, train: Scan | None = None) -> Likelihood:
     """Make the likelihood that the options name, of one image or of a sequence's moments.
 
+    train: the training readings that it will be fitted to, if a touch may have been made under any of their loads.
     Raises InputError if there is none of that name.
     """
     kind = kind_of(options.likelihood)
@@ -133,6 +134,12 @@ def create(options: LikelihoodOptions) -> Likelihood:
         from tactsim.estimators.likelihoods.sequence import SequenceLikelihood
 
         return SequenceLikelihood(options)
+    if train is not None:
+        from tactsim.estimators.likelihoods.load_mixture import LoadMixture, loads_of
+
+        load = loads_of(train)
+        if load.any():
+            return LoadMixture(options, load)
     return kind(options)
 
 

@@ -69,9 +69,11 @@ def own(here):
 
 
 def scan_of(here, recording="array.csv", *words):
+    """Replay the presses at their whole load."""
     result = here(
-        "replay", recording, "--device", "array.toml", "--marks", "marks.csv", "--scan", "a.npz", *words
-    )
+        "replay", recording, "--device", "array.toml", "--marks", "marks.csv", "--scan", "a.npz",
+        "--moments", "off", *words,
+    )  # fmt: skip
     assert result.returncode == 0, result.stderr
     return Scan.load(Path("a.npz"))
 

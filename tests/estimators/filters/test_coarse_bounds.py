@@ -13,7 +13,7 @@ from tactsim.estimators.filters.coarse_bounds import CoarseBins
 from tactsim.estimators.filters.grid import StateGrid
 from tactsim.estimators.likelihoods import likelihood
 from tactsim.estimators.likelihoods.likelihood import Evidence
-from tactsim.estimators.likelihoods.loads import LoadMixture
+from tactsim.estimators.likelihoods.load_mixture import LoadMixture
 from tactsim.estimators.likelihoods.occupancy import learn_maps
 from tactsim.estimators.options import LikelihoodOptions
 

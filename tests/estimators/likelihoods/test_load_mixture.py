@@ -10,7 +10,7 @@ from tactsim.core import Scan
 from tactsim.estimators import create
 from tactsim.estimators.field.field import LikelihoodField
 from tactsim.estimators.likelihoods import likelihood
-from tactsim.estimators.likelihoods.loads import LoadMixture, loads_of
+from tactsim.estimators.likelihoods.load_mixture import LoadMixture, loads_of
 from tactsim.estimators.likelihoods.occupancy import learn_maps
 from tactsim.estimators.options import LikelihoodOptions
 
