@@ -90,7 +90,7 @@ class InTurn:
     def __init__(self, listed: ListedTouches) -> None:
         self.listed = listed
         self._left = np.arange(len(listed))
-        self._where: FloatArray | None = None  # the object at `_poses`
+        self._where = b""  # the object at `_poses`, as bytes: arrays take longer to compare
 
     def shuffle(self, rng: np.random.Generator) -> None:
         """Take them in random order."""
@@ -98,9 +98,10 @@ class InTurn:
 
     def offer(self, robot_in_object: FloatArray) -> FloatArray:
         """Give the poses (n, 3) of those that were not taken yet."""
-        if self._where is None or not np.array_equal(self._where, robot_in_object):
-            self._where, self._poses = robot_in_object, self.listed.sensor_in_robot(robot_in_object)
-        return self._poses[self._left]
+        where = robot_in_object.tobytes()
+        if where != self._where:
+            self._where, self._poses = where, self.listed.sensor_in_robot(robot_in_object)
+        return self._poses.take(self._left, axis=0)
 
     def take(self, chosen: int, robot_in_object: FloatArray) -> Touch | None:
         """Take one of those just offered; None if it gives no reading."""
