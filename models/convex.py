@@ -95,8 +95,7 @@ def _is_convex(corners: FloatArray, piece: list[int], corner: int) -> bool:
 def _without_straight_corners(outline: FloatArray) -> FloatArray:
     """Leave out the corners that lie within STRAIGHT of the line between their neighbours."""
     before, after = outline - np.roll(outline, 1, axis=0), np.roll(outline, -1, axis=0) - outline
-    cross = before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]
-    return outline[np.abs(cross) > STRAIGHT * np.hypot(*(before + after).T)]
+    return outline[np.abs(_cross(before, after)) > STRAIGHT * np.hypot(*(before + after).T)]
 
 
 def _is_sliver(outline: FloatArray) -> bool:

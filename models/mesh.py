@@ -27,12 +27,12 @@ MOST_UNPACKED = 256 << 20  # bytes in a .3mf
 LEAST_THICKNESS = 0.02  # mm
 LARGEST = 1e4  # mm: no coordinate of a thing that a pad could feel is larger
 WITHIN = 1e-6  # share of its volume that a body may reach out of another and count as inside it
-# glTF prescribes metres and +Y up (section 3.4): its (x, y, z) is (x, -z, y) where z is up.
 _PLY_NUMBERS = {
     "char": "i1", "int8": "i1", "uchar": "u1", "uint8": "u1", "short": "i2", "int16": "i2", "ushort": "u2",
     "uint16": "u2", "int": "i4", "int32": "i4", "uint": "u4", "uint32": "u4", "float": "f4", "float32": "f4",
     "double": "f8", "float64": "f8",
 }  # fmt: skip
+# glTF prescribes metres and +Y up (section 3.4): its (x, y, z) is (x, -z, y) where z is up.
 GLTF_TO_MM = 1000.0 * np.array([[1.0, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1e-3]])
 
 

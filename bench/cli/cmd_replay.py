@@ -201,10 +201,8 @@ def _share(text: str) -> float:
     """Read a share of the load: 75%, or .75. Raises InputError for one that is not above 0, at most 1."""
     from tactsim.core.errors import InputError
 
-    try:
-        share = float(text.removesuffix("%")) / (100 if text.endswith("%") else 1)
-    except ValueError:
-        share = 0.0
+    number = shared.finite_number(text.removesuffix("%"))
+    share = 0.0 if number is None else number / (100 if text.endswith("%") else 1)
     if not 0 < share <= 1:
         raise InputError(
             f"--at-load {text!r}: give a share of the load above 0 %, at most 100 %, such as 75%"
