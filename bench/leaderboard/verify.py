@@ -27,7 +27,7 @@ from tactsim.bench.results import Run
 from tactsim.bench.score import errors
 from tactsim.bench.tasks import Task, names
 from tactsim.bench.tasks.data import Witness, check_data
-from tactsim.bench.trials import OneTrial, Progress, Trials, run_trials
+from tactsim.bench.trials import Progress, Trials, run_trials
 from tactsim.core import InputError
 from tactsim.core.errors import short
 from tactsim.core.poses import FloatArray
@@ -348,7 +348,7 @@ def _fault(run: Run, config: RunConfig, gathered: Gathered) -> str | None:
             return f"the task says {name} {short(value)}, and the run {short(run.config[name])}"
     if run.config.get("explore") != config.explore:
         return f"the task says explore {config.explore}, and the run {short(run.config.get('explore'))}"
-    tasks = [OneTrial(letter, trial) for letter in gathered.letters for trial in range(config.trials)]
+    tasks = experiment.tasks_of(config, gathered.letters)
     done = list(zip(run.trials.truth.tolist(), run.trials.trial.tolist(), strict=True))
     if done != [(task.truth, task.trial) for task in tasks] or run.readings != config.readings:
         return "its trials are not those of the task: some are missing, or there are more"

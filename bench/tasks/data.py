@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tactsim.bench.config import run_config
-from tactsim.bench.experiment import gather, plan_of, silent
+from tactsim.bench.experiment import gather, plan_of, silent, tasks_of
 from tactsim.bench.placement import properties
 from tactsim.bench.tasks.task import Task
-from tactsim.bench.trials import OneTrial, Progress, check_readings, run_trials
+from tactsim.bench.trials import Progress, check_readings, run_trials
 from tactsim.core import InputError, Scan
 from tactsim.core.poses import FloatArray
 from tactsim.estimators import NONE, Estimate, Estimator, Options
@@ -74,8 +74,7 @@ def hash_data(
     check_readings(gathered.scan, gathered.letters, config.readings, config.hold_out)
     scan, witness = gathered.scan, Witness()
     plan = plan_of(config, scan, witness)
-    wanted = [OneTrial(letter, trial) for letter in gathered.letters for trial in range(config.trials)]
-    trials, _ = run_trials(plan, witness, wanted, progress=progress)
+    trials, _ = run_trials(plan, witness, tasks_of(config, gathered.letters), progress=progress)
 
     step = (config.scan_options.sensor.resolution if config.pressed else 0) or STEP
     names = [gathered.letters, scan.labels.tolist(), scan.split.tolist(), trials.truth.tolist()]
