@@ -135,8 +135,15 @@ def what_to_align(
 def _check_same_trials(base: Run, new: Run) -> None:
     if base.in_space != new.in_space:
         raise InputError("one run is in the plane, the other of objects in space; give two of one kind")
+    pairs = [(getattr(base.trials, name), getattr(new.trials, name)) for name in ("truth", "trial")]
+    pairs.append((base.trials.true_pose[:, 0], new.trials.true_pose[:, 0]))
+    alike = all(np.array_equal(a, b) for a, b in pairs)
     if base.in_space:
-        _check_same_objects(base, new)
+        if not alike:
+            from tactsim.bench.space.space_config import SpaceConfig  # runs in the plane do without its room
+
+            align = what_to_align(base.config, new.config, _OF_TRIALS_IN_SPACE, SpaceConfig)
+            raise InputError(f"the runs did not hide the same objects at the same poses; {align}")
         return
     before, after = (run.config | {"letters": run.about.get("letters")} for run in (base, new))
     align = what_to_align(before, after, _OF_TRIALS, RunConfig)
@@ -145,22 +152,10 @@ def _check_same_trials(base: Run, new: Run) -> None:
             f"the runs follow different protocols ({base.about['protocol']}; {new.about['protocol']}) "
             f"and cannot be compared; {align}"
         )
-    pairs = [(getattr(base.trials, name), getattr(new.trials, name)) for name in ("truth", "trial")]
-    pairs.append((base.trials.true_pose[:, 0], new.trials.true_pose[:, 0]))
-    if any(a.shape != b.shape or not np.array_equal(a, b) for a, b in pairs):
+    if not alike:
         raise InputError(f"the runs do not have the same trials; {align}")
     if base.trials.reading.shape != new.trials.reading.shape:
         raise InputError(f"the runs saw different numbers of readings; {align}")
     if not np.array_equal(base.trials.true_pose, new.trials.true_pose):
         align = what_to_align(before, after, ("slip", "world"), RunConfig)
         raise InputError(f"the objects do not move alike in both runs; {align}")
-
-
-def _check_same_objects(base: Run, new: Run) -> None:
-    from tactsim.bench.space.space_config import SpaceConfig
-
-    pairs = [(getattr(base.trials, name), getattr(new.trials, name)) for name in ("truth", "trial")]
-    pairs.append((base.trials.true_pose[:, 0], new.trials.true_pose[:, 0]))
-    if not all(np.array_equal(a, b) for a, b in pairs):
-        align = what_to_align(base.config, new.config, _OF_TRIALS_IN_SPACE, SpaceConfig)
-        raise InputError(f"the runs did not hide the same objects at the same poses; {align}")
