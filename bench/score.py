@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tactsim.bench.placement import Placement, Properties
+from tactsim.bench.placement import Placement
 from tactsim.bench.trials import SpaceTrials, Trials
 from tactsim.core import invert, transform
 from tactsim.core.poses import FloatArray
@@ -41,7 +41,7 @@ def errors(trials: Trials, objects: Mapping[str, Any], measure: str = "error") -
 
 
 class Scored:
-    """Trials with their errors, which are worked out once. objects: what measures each object's placement.
+    """Trials with what several metrics need of them, worked out once. objects: what measures each object's placement.
 
     In space these are of a class with `angle` beside `error`.
     """
@@ -58,6 +58,16 @@ class Scored:
     def angle(self) -> FloatArray:
         """In space, the angle (n, r) in rad between estimated and true rotation, the least over the symmetry."""
         return errors(self.trials, self.objects, "angle")
+
+    @cached_property
+    def error_interval(self) -> tuple[Curve, Curve]:
+        """The ends of the 95 % interval of the mean error (r,) mm where the object is right."""
+        return _bootstrap(self.error, self.trials.named)
+
+    @cached_property
+    def angle_interval(self) -> tuple[Curve, Curve]:
+        """The ends of the 95 % interval of the mean angle (r,) in degrees where the object is right."""
+        return _bootstrap(np.degrees(self.angle), self.trials.named)
 
 
 def wilson(successes: ArrayLike, count: int) -> tuple[FloatArray, FloatArray]:
@@ -104,32 +114,31 @@ def refused(trials: Trials, among: NDArray[np.bool_]) -> Curve:
     return _mean((trials.label == NONE).astype(float), among[:, None] & np.ones_like(trials.right))
 
 
-def recovered_within(trials: Trials, objects: Mapping[str, Any], readings: int) -> float | None:
+def recovered_within(scored: Scored, readings: int) -> float | None:
     """Give the share of the jumps that are recovered in so many readings; None if there is none to judge."""
-    if isinstance(trials, SpaceTrials):  # where no object moves
+    if isinstance(scored.trials, SpaceTrials):  # where no object moves
         return None
-    jumps, found = recoveries(trials, objects, readings)
+    jumps, found = recoveries(scored, readings)
     return float(found.sum() / jumps.sum()) if jumps.any() else None
 
 
-def recoveries(
-    trials: Trials, objects: Mapping[str, Properties], readings: int
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def recoveries(scored: Scored, readings: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Count the jumps of each trial (n,), and those that are recovered in so many readings (n,).
 
     A jump is a step of the object's centre of mass of at least JUMP mm between two touches. It is recovered as
     soon as the letter is right and the placement error at most RECOVERED mm; the touch right after the jump
     counts as the first. Jumps with fewer readings left are not counted, nor those of letters that were held out.
     """
+    trials = scored.trials
     jumped = np.zeros(trials.label.shape, dtype=bool)
     for letter in np.unique(trials.truth):
         chosen = trials.truth == letter
-        middle = transform(invert(trials.true_pose[chosen]), np.array([objects[str(letter)].centre]))
+        middle = transform(invert(trials.true_pose[chosen]), np.array([scored.objects[str(letter)].centre]))
         step = middle[:, 1:, 0] - middle[:, :-1, 0]
         jumped[chosen, 1:] = np.hypot(step[..., 0], step[..., 1]) >= JUMP
     jumped[~trials.known] = False
     jumped[:, max(0, trials.label.shape[1] - readings + 1) :] = False
-    near = trials.right & (errors(trials, objects) <= RECOVERED)
+    near = trials.right & (scored.error <= RECOVERED)
     trial, touch = np.nonzero(jumped)
     again = near[trial[:, None], touch[:, None] + np.arange(readings)].any(axis=1)
     count = len(trials.truth)
@@ -262,7 +271,7 @@ HEADLINES: dict[str, Metric] = {
     ),
     "recovered_within_3": Metric(
         "Share of the jumps (steps of 4 mm or more) after which one of the next three estimates is right to 1 mm.",
-        lambda scored: recovered_within(scored.trials, scored.objects, 3),
+        lambda scored: recovered_within(scored, 3),
     ),
     "confusion": Metric(
         "Count the estimates after the last reading: {true letter: {estimated letter: trials}}.",
@@ -275,11 +284,11 @@ HEADLINES: dict[str, Metric] = {
 SPACE_METRICS: dict[str, Metric] = {
     "error_low_mm": Metric(
         "Lower end of the 95 % interval of `error_mm`, by a bootstrap over trials.",
-        lambda scored: _bootstrap(scored.error, scored.trials.named)[0],
+        lambda scored: scored.error_interval[0],
     ),
     "error_high_mm": Metric(
         "Upper end of the 95 % interval of `error_mm`, by a bootstrap over trials.",
-        lambda scored: _bootstrap(scored.error, scored.trials.named)[1],
+        lambda scored: scored.error_interval[1],
     ),
     "error_median_mm": Metric(
         "Median surface distance of the trials whose object is right: a few poses that are far off do not move it.",
@@ -291,11 +300,11 @@ SPACE_METRICS: dict[str, Metric] = {
     ),
     "angle_low_deg": Metric(
         "Lower end of the 95 % interval of `angle_deg`, by a bootstrap over trials.",
-        lambda scored: _bootstrap(np.degrees(scored.angle), scored.trials.named)[0],
+        lambda scored: scored.angle_interval[0],
     ),
     "angle_high_deg": Metric(
         "Upper end of the 95 % interval of `angle_deg`, by a bootstrap over trials.",
-        lambda scored: _bootstrap(np.degrees(scored.angle), scored.trials.named)[1],
+        lambda scored: scored.angle_interval[1],
     ),
     "angle_median_deg": Metric(
         "Median angle where the object is right.",

@@ -66,10 +66,7 @@ def readings_figure(run: Run) -> Picture:
     )
     left.legend(frameon=False, loc="lower right")
 
-    error, spread, error_all = (
-        np.array([np.nan if v is None else v for v in summary[name]], dtype=float)
-        for name in ("error_mm", "error_standard_error_mm", "error_all_mm")
-    )
+    error, spread, error_all = run.error_mm, run.error_standard_error_mm, run.error_all_mm
     right.fill_between(
         number, np.clip(error - 1.96 * spread, 0, None), error + 1.96 * spread, color=ORANGE, alpha=0.2, lw=0,
         label="95 % interval of the mean",

@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 
 from tactsim.bench.results import Run
 from tactsim.bench.runs.naming import Budget, budget, method_name, task_name
-from tactsim.bench.score import errors, recognition_seconds, recoveries, settled_at, settled_by
+from tactsim.bench.score import Scored, errors, recognition_seconds, recoveries, settled_at, settled_by
 from tactsim.bench.trials import Trials
 from tactsim.core import InputError
 from tactsim.core.errors import unknown
@@ -196,7 +196,7 @@ def _error(one: Pooled, k: int) -> Figure:
 
 
 def _recovered(one: Pooled) -> Figure:
-    of_runs = [recoveries(run.trials, run.objects, 3) for run in one.runs]
+    of_runs = [recoveries(Scored(run.trials, run.objects), 3) for run in one.runs]
     jumps, found = (np.concatenate(column) for column in zip(*of_runs, strict=True))
     return one.mean(found / np.maximum(jumps, 1), of=jumps > 0)
 

@@ -15,7 +15,11 @@ _AIMS = {"error_mm": 1.0, "angle_deg": 5.0}  # what a part is wanted to be found
 
 def touches_figure(run: Run) -> Picture:
     """Draw accuracy with its Wilson band, and surface distance and angle with their bootstrap bands."""
-    summary, number = run.summary, np.arange(1, run.readings + 1)
+    number = np.arange(1, run.readings + 1)
+
+    def curve(name: str) -> FloatArray:
+        return np.array(run.summary[name], dtype=float)  # NaN for None
+
     figure = Picture(figsize=(11, 3.6), layout="constrained")
     right, error, angle = figure.subplots(1, 3)
     panels = (
@@ -24,13 +28,11 @@ def touches_figure(run: Run) -> Picture:
         (angle, "angle_deg", ("angle_low_deg", "angle_high_deg"), "angle, degrees", ORANGE),
     )
     for axes, name, band, words, colour in panels:
-        axes.fill_between(number, *(_numbers(summary[end]) for end in band), color=colour, alpha=0.2, lw=0)
-        axes.plot(
-            number, _numbers(summary[name]), color=colour, lw=1.8, label="mean" if name in _AIMS else None
-        )
+        axes.fill_between(number, *map(curve, band), color=colour, alpha=0.2, lw=0)
+        axes.plot(number, curve(name), color=colour, lw=1.8, label="mean" if name in _AIMS else None)
         if name in _AIMS:
             median = name.replace("_", "_median_")
-            axes.plot(number, _numbers(summary[median]), color=GREY, lw=1, ls="--", label="median")
+            axes.plot(number, curve(median), color=GREY, lw=1, ls="--", label="median")
             axes.axhline(_AIMS[name], color=GREY, lw=0.8, ls=":")
             axes.set_yscale("log")
             axes.yaxis.set_major_formatter(lambda value, _: f"{value:g}")
@@ -46,7 +48,3 @@ def touches_figure(run: Run) -> Picture:
         parse_math=False,
     )
     return figure
-
-
-def _numbers(values: list[float | None]) -> FloatArray:
-    return np.array([np.nan if value is None else value for value in values])

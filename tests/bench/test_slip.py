@@ -10,7 +10,8 @@ from test_trials import PLAIN, Witness, make_scan
 
 from tactsim.bench.config import STILL, Slip, run_config
 from tactsim.bench.experiment import silent
-from tactsim.bench.score import Properties, recovered_within
+from tactsim.bench.placement import Properties
+from tactsim.bench.score import Scored, recovered_within
 from tactsim.bench.trials import OneTrial, TrialPlan, run_trial, run_trials
 from tactsim.core import InputError, invert, wrap_angle
 from tactsim.estimators import Options
@@ -168,7 +169,7 @@ def test_a_jump_counts_as_recovered_by_the_first_estimate_that_is_near_and_right
         placed[:, jump_at:, 0] = 5
         estimated = placed + np.array(errors)[None, :, None] * [0, 1, 0]
         moved = replace(base, true_pose=invert(placed), pose=invert(estimated))
-        return recovered_within(moved, objects, 3)
+        return recovered_within(Scored(moved, objects), 3)
 
     assert share([0, 0, 0, 5, 5, 0.9, 9, 9]) == 1
     assert share([0, 0, 0, 5, 5, 5, 0.9, 0]) == 0
