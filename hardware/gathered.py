@@ -44,10 +44,9 @@ class Gathered:
             raise InputError(
                 f"test presses are asked for at {self.at_load:g} of their load; give a share above 0, at most 1"
             )
-        auto = (
-            None if self.moments is None else shares_of("auto" if self.moments == "found" else self.moments)
-        )
-        self.of_training = np.ones(1) if auto is None else auto
+        self.automatic = self.moments in ("auto", "found")
+        count = "auto" if self.moments == "found" else self.moments
+        self.of_training = np.ones(1) if count is None else shares_of(count)
 
     @property
     def shares(self) -> FloatArray | None:
@@ -65,22 +64,18 @@ class Gathered:
 
         A test press that does not show the share of its load that is asked for is left out.
         """
-        shares = self.shares
-        rises = shares is not None and any(
-            found[np.isin(shares, self.of_training) & (shares < 1)].any()
-            for found, _ in follower.moments.values()
-        )
+        shares, whole = self.shares, self.at_load == 1
+        taken = {"train": self.of_training, "test": np.array([self.at_load])}
+        if self.moments == "found" and not self._shows_a_rise(follower):
+            taken = {} if whole else {"test": taken["test"]}
         for number, (label, split, pose) in enumerate(presses):
-            moments = [(1.0, readings[number])] if split == "train" or self.at_load == 1 else []
-            wanted = self.of_training if split == "train" else np.array([self.at_load])
-            if (
-                shares is not None
-                and number in follower.moments
-                and (rises or self.moments != "found" or not moments)
-            ):
+            moments = []
+            if shares is not None and split in taken and number in follower.moments:
                 found, images = follower.moments[number]
-                chosen = found & np.isin(shares, wanted)
+                chosen = found & np.isin(shares, taken[split])
                 moments = list(zip(shares[chosen].tolist(), images[chosen], strict=True))
+            elif split == "train" or whole:
+                moments = [(1.0, readings[number])]
             first = self.press[-1] + 1 if self.press else 0
             for share, image in moments:
                 self.readings.append(image)
@@ -134,10 +129,18 @@ class Gathered:
             presses=np.array(self.press)[chosen] if apart else None, moments=share[chosen] if apart else None,
         )  # fmt: skip
 
+    def _shows_a_rise(self, follower: Follower) -> bool:
+        """Tell whether a press has an image below its whole load that training asks for."""
+        shares = self.shares
+        if shares is None:
+            return False
+        lower = np.isin(shares, self.of_training) & (shares < 1)
+        return any(found[lower].any() for found, _ in follower.moments.values())
+
     def _seldom_left_out(self, share: FloatArray, training: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """Choose the readings (n,) whose share of the load at least half of the presses show, if that is automatic."""
         chosen = np.ones(len(share), dtype=bool)
-        if self.moments in ("auto", "found"):
+        if self.automatic:
             number = {
                 part: np.count_nonzero(training & (share == part))
                 for part in set(share[training & (share < 1)].tolist())

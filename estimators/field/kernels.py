@@ -124,7 +124,8 @@ def record(terms: Terms, reading: int, named: Named, taxel_xy: Reals, pose: Real
 
     Returns False, and appends nothing, if a table or taxel does not exist or a weight is negative or not finite.
     """
-    begin, count, row = terms.start[reading * terms.loads], len(named.table), reading * terms.loads
+    row, count = reading * terms.loads, len(named.table)
+    begin = terms.start[row]
     cos, sin = math.cos(pose[2]), math.sin(pose[2])
     first, upper, slack = 0, -np.inf, 0.0
     for load in range(terms.loads):
@@ -158,6 +159,7 @@ def replay(
     """Add log p(z | x) (eq. 7) of readings first, ..., last - 1 to the log-beliefs of states anywhere.
 
     Of a reading that may have been taken under several loads it is the log of their mean.
+
     log_p: (states,). state: (3, states) T_R^O. letter: (states,). A state's terms are added one by one, in order: it
     does not matter in how many calls, or beside which others. Each of three loops over a block of states is compiled to
     instructions for many states at once: find their places, read the nodes around them, interpolate.
@@ -237,8 +239,8 @@ def sum_plane(
 ) -> None:
     """Sum the terms of a reading for the bins of one letter and angle, less what a bin far off the map gets.
 
-    It is for readings of one load.
-    Fills total (rows, columns), columns rounded up to a multiple of LANES; what lies beyond is any number.
+    It is for readings of one load. Fills total (rows, columns), columns rounded up to a multiple of LANES; what lies
+    beyond is any number.
     """
     _, letters, phases_y, phases_x, rows, columns = lattice.shape
     nodes, place, width = lattice.nodes, lattice.place, columns + LANES

@@ -141,14 +141,13 @@ def add_rows(coarse: Coarse, angle: int, most: Reals) -> None:
         coarse.highest[angle * rows + row] = highest
 
 
-@compiled(void(REALS, FLOATS, REALS, boolean), ordered=False, called_from_python=False)
-def raise_to(most: Reals, total: Floats, constant: Reals, begin: bool) -> None:
-    """Raise what a reading gives bins (n,) to total (n,) and, row by row, constant (columns * letters,), or begin."""
+@compiled(void(REALS, FLOATS, REALS), ordered=False, called_from_python=False)
+def raise_to(most: Reals, total: Floats, constant: Reals) -> None:
+    """Raise what a reading gives bins (n,) to total (n,) and, in each row, constant (columns * letters,)."""
     width = len(constant)
     for first in range(0, len(most), width):
         for k in range(width):
-            value = total[first + k] + constant[k]
-            most[first + k] = value if begin else max(most[first + k], value)
+            most[first + k] = max(most[first + k], total[first + k] + constant[k])
 
 
 @compiled(void(COARSE, LEVELS, TERMS, int64), called_from_python=False)
@@ -159,14 +158,9 @@ def raise_bounds(coarse: Coarse, levels: Levels, terms: Terms, reading: int) -> 
     flat, plane = levels.level.reshape(levels.level.size), node_rows * width
     node_columns, place, xy, loads = width // letters, levels.place, terms.xy, terms.loads
     start = terms.start[reading * loads : (reading + 1) * loads + 1]
-    total, most = (
-        np.empty(rows * columns * letters, dtype=np.float32),
-        np.empty(rows * columns * letters),
-    )
-    constant, moved = (
-        np.empty((loads, columns * letters)),
-        place_rounding(levels, terms, reading, rows, columns),
-    )
+    total = np.empty(rows * columns * letters, dtype=np.float32)
+    most, constant = np.empty(len(total)), np.empty((loads, columns * letters))
+    moved = place_rounding(levels, terms, reading, rows, columns)
     for load in range(loads):
         heaviest = terms.weight[start[load] : start[load + 1]].sum()
         # What float32 may lose of the sums of levels, and by how much it may move what a table says, where it moves a
@@ -180,6 +174,7 @@ def raise_bounds(coarse: Coarse, levels: Levels, terms: Terms, reading: int) -> 
     for angle in range(angles):
         turn = coarse.middle[columns + rows + angle]
         cos, sin = math.cos(turn), math.sin(turn)
+        most[:] = -np.inf
         for load in range(loads):
             total[:] = 0
             for i in range(start[load], start[load + 1]):
@@ -201,7 +196,7 @@ def raise_bounds(coarse: Coarse, levels: Levels, terms: Terms, reading: int) -> 
                     target = uint64(row * columns * letters + begin)
                     for k in range(uint64(max(0, end - begin))):
                         total[target + k] += factor * float32(flat[source + k])
-            raise_to(most, total, constant[load], load == 0)
+            raise_to(most, total, constant[load])
         add_rows(coarse, angle, most)
 
 

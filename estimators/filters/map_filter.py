@@ -34,7 +34,7 @@ from tactsim.estimators.filters.states import WeightedStates, plane_histogram
 from tactsim.estimators.frames import Frames, reach_on_object
 from tactsim.estimators.likelihoods import likelihood
 from tactsim.estimators.likelihoods.likelihood import Likelihood
-from tactsim.estimators.likelihoods.occupancy import OccupancyMap, learn_maps
+from tactsim.estimators.likelihoods.occupancy import OccupancyMap, learn_maps_by
 from tactsim.estimators.options import FilterOptions, OpenSetOptions, reach_of, wants_pad_fit
 
 if TYPE_CHECKING:  # parts, and what they need, are imported by the filters that have them
@@ -122,10 +122,7 @@ class MapFilter(Estimator):
             pad_fit = fit_to_pad(scan, options)
             scan, options = pad_fit.units.scan(scan, self.takes_sequences), pad_fit.inner(options)
         self._check_memory(len(scan.where("train").letters))
-        maps = learn_maps(
-            scan, sigma=options.sigma, peak=options.peak, prior=options.prior, threshold=options.threshold,
-            ratio=options.ratio, cell=options.cell,
-        )  # fmt: skip
+        maps = learn_maps_by(options, scan)
         open_set = None
         if isinstance(options, OpenSetOptions) and options.unknown:
             from tactsim.estimators.filters.open_set import OpenSet

@@ -16,7 +16,7 @@ from tactsim.estimators.estimator import Estimate, Estimator, Options, check_ord
 from tactsim.estimators.filters.states import probabilities
 from tactsim.estimators.likelihoods.folds import by_letter, folds
 from tactsim.estimators.likelihoods.force import ForceLikelihood
-from tactsim.estimators.likelihoods.occupancy import learn_maps
+from tactsim.estimators.likelihoods.occupancy import learn_maps_by
 from tactsim.estimators.likelihoods.rendered import Rendered, learn_rendering
 from tactsim.estimators.options import LikelihoodOptions
 
@@ -84,10 +84,7 @@ class Mlp(Estimator):
         )  # fmt: skip
         words = LikelihoodOptions(likelihood="force")
         self._model = ForceLikelihood(words)
-        maps = learn_maps(
-            train, sigma=words.sigma, peak=words.peak, prior=words.prior, threshold=words.threshold,
-            ratio=words.ratio, cell=words.cell,
-        )  # fmt: skip
+        maps = learn_maps_by(words, train)
         self._model.fit(train, maps)
         self._net: Any = None
         self.temperature = 1.0

@@ -89,7 +89,7 @@ def images_count(likelihood: SequenceLikelihood, scan: Scan) -> float:
     labels = _some_labels(train)
     shift, size, states = _moves(train.poses[:, :2].mean(axis=0))
     found = []
-    for model, touches in ((likelihood, train), (likelihood.of_moment[-1], likelihood.last_images)):
+    for model, touches in ((likelihood, train), (likelihood.of_load[-1], likelihood.last_images)):
         log_p = _left_out(model, touches, labels, states, True)
         if log_p is None:
             return 1 / len(likelihood.shares)

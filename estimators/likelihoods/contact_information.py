@@ -19,7 +19,7 @@ from tactsim.estimators.likelihoods.class_table import quantile_edges
 from tactsim.estimators.likelihoods.classifier import threshold_of
 from tactsim.estimators.likelihoods.folds import by_letter, folds, touched_elsewhere
 from tactsim.estimators.likelihoods.force import ForceLikelihood
-from tactsim.estimators.likelihoods.occupancy import learn_maps
+from tactsim.estimators.likelihoods.occupancy import learn_maps_by
 from tactsim.estimators.options import LikelihoodOptions
 
 # Bins of equally many taxels in which predictions and pressures are counted.
@@ -39,10 +39,7 @@ def class_information(scan: Scan, options: LikelihoodOptions) -> float:
 
     scan: of which the training readings count, one at least.
     """
-    maps = learn_maps(
-        scan, sigma=options.sigma, peak=options.peak, prior=options.prior, threshold=options.threshold,
-        ratio=options.ratio, cell=options.cell,
-    )  # fmt: skip
+    maps = learn_maps_by(options, scan)
     model = CalibratedLikelihood(options)
     model.maps = maps
     model.threshold = threshold_of(options.threshold, scan.where("train").readings)
@@ -59,10 +56,7 @@ def pressure_information(scan: Scan, options: LikelihoodOptions) -> float:
     scan: of which the training readings count, one at least.
     """
     train = scan.where("train")
-    maps = learn_maps(
-        scan, sigma=options.sigma, peak=options.peak, prior=options.prior, threshold=options.threshold,
-        ratio=options.ratio, cell=options.cell,
-    )  # fmt: skip
+    maps = learn_maps_by(options, scan)
     model = ForceLikelihood(options)
     predicted, relative = model.fit_mosaics(train, maps)
     counted = _counted([touched_elsewhere(train, by_letter(folds, train))])

@@ -117,15 +117,13 @@ def folds(train: Scan) -> NDArray[np.intp]:
     divided by where they lie, and if there are none elsewhere the presses.
     """
     poses, press = _pressed(train)
+    part_of = press
+    if not _at_positions(poses).any():  # the object was never moved: only windows of its image lie elsewhere
+        poses, part_of = train.poses, np.arange(len(train))
     which = _at_positions(poses)
     count = int(which.max()) + 1
     if count == 1:
-        # The object was never moved: only windows of its image lie elsewhere.
-        poses, press = train.poses, np.arange(len(train))
-        which = _at_positions(poses)
-        count = int(which.max()) + 1
-    if count == 1:
-        return _pressed(train)[1] % FOLDS
+        return press % FOLDS
     places = np.array([poses[which == number, :2].mean(axis=0) for number in range(count)])
     parts = min(FOLDS, count)
     # mm^2, how near the nearest position of each part is to each position.
@@ -138,7 +136,7 @@ def folds(train: Scan) -> NDArray[np.intp]:
         chosen[number] = part
         held[part] += 1
         room[part] = np.minimum(room[part], ((places - position) ** 2).sum(axis=1))
-    return chosen[which][press]
+    return chosen[which][part_of]
 
 
 def presses(train: Scan) -> NDArray[np.intp]:

@@ -15,6 +15,7 @@ from tactsim.core import InputError, Scan, transform
 from tactsim.core.compiling import REALS_2D, Reals, compiled
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.likelihoods.classifier import CONTACT, NO_CONTACT, classify, threshold_of
+from tactsim.estimators.options import MapOptions
 
 _NOTHING = 1e-12  # a taxel is left out of cells whose log-odds it would change by less than this
 _MOST_CELLS = 50_000_000  # of all maps together: 400 MB
@@ -118,6 +119,14 @@ def learn_maps(
         evidence = log_odds_of(blank, centres[mine], classes[mine], sigma, peak)
         maps[label] = replace(blank, log_odds=blank.log_odds + evidence)
     return maps
+
+
+def learn_maps_by(options: MapOptions, scan: Scan) -> Mapping[str, OccupancyMap]:
+    """Learn maps as options say, by `learn_maps`, which says what it raises."""
+    return learn_maps(
+        scan, sigma=options.sigma, peak=options.peak, prior=options.prior, threshold=options.threshold,
+        ratio=options.ratio, cell=options.cell,
+    )  # fmt: skip
 
 
 def log_odds_of(

@@ -12,32 +12,31 @@ m: `filters.trust_learning.images_count` learns c from left-out training touches
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from copy import copy
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from tactsim.core import InputError, Scan
 from tactsim.core.moments import felt_moments, shares_of
 from tactsim.core.poses import FloatArray
-from tactsim.estimators.likelihoods.likelihood import Evidence, Likelihood, create
-from tactsim.estimators.likelihoods.occupancy import OccupancyMap, learn_maps
+from tactsim.estimators.likelihoods.likelihood import Evidence, create
+from tactsim.estimators.likelihoods.models_of_loads import ModelsOfLoads
+from tactsim.estimators.likelihoods.occupancy import OccupancyMap, learn_maps_by
 from tactsim.estimators.options import LikelihoodOptions
 
 
-class SequenceLikelihood(Likelihood):
+class SequenceLikelihood(ModelsOfLoads):
     """log p of the moments of a touch, summed, with the weight c that makes their number an effective one.
 
-    of_moment: the measurement model of each moment, the lightest first; the last is that of the whole load. counts: c.
+    Its loads are the moments; the last is the whole load. counts: c.
     """
 
     def __init__(self, options: LikelihoodOptions) -> None:
-        super().__init__(options)
-        alone = options.model_copy(update={"moments": 1})
         self.shares = shares_of(options.moments)
-        self.of_moment = [create(alone) for _ in self.shares]
+        alone = options.model_copy(update={"moments": 1})
+        super().__init__(options, [create(alone) for _ in self.shares])
         self.counts = 1 / len(self.shares)
 
     def fit(self, scan: Scan, maps: Mapping[str, OccupancyMap]) -> None:
@@ -46,46 +45,13 @@ class SequenceLikelihood(Likelihood):
         Raises InputError if the scan has no sequences, or no training press of an object shows a moment.
         """
         self._moments = _moments_apart(scan.where("train"), self.shares)
-        options, lower = self.options, self._moments.scans[:-1]
-        of_loads = [
-            learn_maps(
-                one, sigma=options.sigma, peak=options.peak, prior=options.prior,
-                threshold=options.threshold, ratio=options.ratio, cell=options.cell,
-            )
-            for one in lower
-        ]  # fmt: skip
-        for model, one, of_load in zip(self.of_moment, self._moments.scans, [*of_loads, maps], strict=True):
-            model.fit(one, of_load)
+        lower = [learn_maps_by(self.options, images) for images in self._moments.scans[:-1]]
+        self.fit_each(self._moments.kept, self._moments.scans, [*lower, maps])
 
     @property
     def last_images(self) -> Scan:
         """Give the training touches with their images at the whole load alone."""
         return self._moments.scans[-1]
-
-    def without(
-        self, train: Scan, gone: NDArray[np.bool_], labels: Sequence[str], whole_positions: bool
-    ) -> SequenceLikelihood | None:
-        """Make a copy whose maps, at each moment, were learned without some training touches."""
-        rest = copy(self)
-        rest.of_moment = []
-        for kept, model, one in zip(self._moments.kept, self.of_moment, self._moments.scans, strict=True):
-            left = model.without(one, gone[kept], labels, whole_positions)
-            if left is None:
-                return None
-            rest.of_moment.append(left)
-        return rest
-
-    @property
-    def extent(self) -> tuple[FloatArray, FloatArray]:
-        """Give the corners of the maps of all moments."""
-        low, high = zip(*(model.extent for model in self.of_moment), strict=True)
-        return np.min(low, axis=0), np.max(high, axis=0)
-
-    def log_tables(self, label: str, xy: ArrayLike) -> FloatArray:
-        """Evaluate the tables of all moments, the lightest's first: (tables, ...)."""
-        found = [model.log_tables(label, xy) for model in self.of_moment]
-        self._first = np.cumsum([0, *(len(one) for one in found)])
-        return np.concatenate(found)
 
     def evidence(self, reading: FloatArray) -> Evidence:
         """Turn a touch into terms: a sequence (frames, taxels) kPa, or its last image (taxels,).
@@ -100,9 +66,9 @@ class SequenceLikelihood(Likelihood):
         return self._terms(self._moments.found[touch], self._moments.images[touch])
 
     def _terms(self, found: NDArray[np.bool_], images: FloatArray) -> Evidence:
-        each = [model.evidence(images[k]) for k, model in enumerate(self.of_moment) if found[k]]
+        each = [model.evidence(images[k]) for k, model in enumerate(self.of_load) if found[k]]
         counts = np.float32(self.counts if len(each) > 1 else 1.0)
-        first = self._first[:-1][found]
+        first = self.first_table[:-1][found]
         return Evidence(
             np.concatenate([one.table + start for one, start in zip(each, first, strict=True)]),
             np.concatenate([one.taxel for one in each]),

@@ -69,7 +69,7 @@ def known(too_sure):
 @pytest.mark.parametrize("shared", [0.0, 0.4, 1.0])
 def test_the_moments_of_a_touch_count_as_many_as_err_by_themselves(monkeypatch, shared):
     moments, last = 4, object()
-    likelihood = SimpleNamespace(shares=np.ones(moments), of_moment=[None, last], last_images=None)
+    likelihood = SimpleNamespace(shares=np.ones(moments), of_load=[None, last], last_images=None)
 
     def left_out(model, train, labels, states, whole_positions):
         """Give each moment a Gaussian whose errors have the variance `shared` in common; of all, their sum."""

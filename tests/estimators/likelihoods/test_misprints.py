@@ -19,7 +19,7 @@ def accuracy(scan, maps=None, readings=14, **options):
     filter = estimators.create("histogram", bins=10_000, **options)
     with pytest.MonkeyPatch.context() as patch:
         if maps is not None:
-            patch.setattr(map_filter, "learn_maps", lambda *_, **__: maps)
+            patch.setattr(map_filter, "learn_maps_by", lambda *_, **__: maps)
         filter.fit(scan)
     right = 0
     for seed in range(TRIALS):

@@ -85,7 +85,7 @@ def test_log_p_is_the_weighted_sum_over_the_moments(few, name):
     states = np.array([rng.uniform(-8, 8, 50), rng.uniform(-8, 8, 50), rng.uniform(-3, 3, 50)])
     cell = model.options.cell
     expected = 0
-    for k, of_moment in enumerate(model.of_moment):
+    for k, of_moment in enumerate(model.of_load):
         field = LikelihoodField(of_moment, filter.labels, scan.taxel_xy, (cell, cell), cell)
         for image, pose in zip(images[:, k], poses, strict=True):
             field.append(of_moment.evidence(image), pose)
@@ -99,8 +99,8 @@ def test_log_p_is_the_weighted_sum_over_the_moments(few, name):
 
 def test_one_image_and_a_touch_that_never_rests_count_as_the_last_image(scan, two):
     model, image = two.likelihood, scan.readings[10]
-    last = model.of_moment[-1].evidence(image)
-    before = len(model.of_moment[0].log_tables("E", [0.0, 0.0]))
+    last = model.of_load[-1].evidence(image)
+    before = len(model.of_load[0].log_tables("E", [0.0, 0.0]))
     unsteady = np.outer([0.2, 1.0, 0.3, 0.0, 0.8, 1.0], image)
     for touch in (image, image[None], unsteady, np.zeros((9, 36))):
         terms = model.evidence(touch)
