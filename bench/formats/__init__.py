@@ -14,12 +14,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from tactsim.bench.results import Run
 from tactsim.core import InputError, Scan
 from tactsim.core.errors import unknown
 from tactsim.core.files import new_folder, replacing
+
+if TYPE_CHECKING:
+    from tactsim.bench.results import Run
 
 
 @dataclass(frozen=True)
@@ -89,6 +91,8 @@ def write(what: Scan | Run, path: str | Path, name: str) -> None:
     Raises InputError for an unknown format, one that has no room for what is given, a missing library, a folder that
     holds something, a file of another ending and a place that cannot be written.
     """
+    from tactsim.bench.results import Run  # the metric's compiled loops come with it, which no list needs
+
     form = find(name)
     if isinstance(what, Run) and not form.runs:
         others = " or ".join(one.name for one in FORMATS.values() if one.runs)

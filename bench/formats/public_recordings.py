@@ -19,7 +19,6 @@ from urllib.parse import quote
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
-from tactsim.bench.formats.arrays_file import mat_arrays
 from tactsim.core import InputError, Pad, Scan
 from tactsim.core.cache_folder import cache_folder
 from tactsim.core.checking import checked
@@ -174,6 +173,8 @@ def plateau(frames: FloatArray) -> FloatArray:
 
 def _trials(path: str, content: bytes, pad: Pad) -> Presses:
     """Read `all_trials` (presses, taxels, frames) of a MAT file that is named after its object."""
+    from tactsim.bench.formats.arrays_file import mat_arrays  # SciPy's reader; `bench data` lists without it
+
     trials = mat_arrays(content, ["all_trials"])["all_trials"]
     if trials.ndim != 3 or trials.shape[1] != pad.taxels:
         raise InputError(f"all_trials has shape {trials.shape}, not (presses, {pad.taxels}, frames)")
@@ -188,6 +189,8 @@ def _grasps(path: str, content: bytes, pad: Pad) -> Presses:
 
     Fingertips have a row less; the last one is 0 then.
     """
+    from tactsim.bench.formats.arrays_file import mat_arrays
+
     cells = mat_arrays(content, [f"TS{{{number}}}" for number in range(1, 7)]).values()
     whole = []
     for cell in cells:
