@@ -156,7 +156,7 @@ def scan_of(recording: Recording, files: Iterator[tuple[str, bytes]]) -> Scan:
     return replace(scan, meta=meta, presses=np.repeat(np.arange(len(counts)), counts))
 
 
-def plateau(frames: FloatArray) -> FloatArray:
+def _press_reading(frames: FloatArray) -> FloatArray:
     """Take from a press's frames (n, taxels) the mean of the longest loaded run, less the mean of the idle ones.
 
     Loaded frames are those within a tenth of the largest total, idle ones those within a tenth of the least.
@@ -180,7 +180,7 @@ def _trials(path: str, content: bytes, pad: Pad) -> Presses:
         raise InputError(f"all_trials has shape {trials.shape}, not (presses, {pad.taxels}, frames)")
     images = trials.astype(float).transpose(0, 2, 1).reshape(len(trials), -1, pad.rows, pad.columns)
     images[..., _READ_REVERSED] = images[..., _READ_REVERSED][..., ::-1]
-    readings = [plateau(press.reshape(len(press), -1))[None] for press in images]
+    readings = [_press_reading(press.reshape(len(press), -1))[None] for press in images]
     return readings, [Path(path).stem.removesuffix("_raster")] * len(readings)
 
 
@@ -204,7 +204,7 @@ def _grasps(path: str, content: bytes, pad: Pad) -> Presses:
     if len({cell.shape[1] for cell in whole}) > 1:
         raise InputError("its arrays have different numbers of frames")
     frames = np.concatenate(whole).T
-    return [plateau(frames).reshape(len(whole), pad.taxels)], [Path(path).parent.name]
+    return [_press_reading(frames).reshape(len(whole), pad.taxels)], [Path(path).parent.name]
 
 
 def _images(path: str, content: bytes, pad: Pad) -> Presses:
