@@ -117,8 +117,9 @@ def main(words: list[str]) -> int:
     for benchmark in new:
         ratio = f"{new[benchmark][0] / base[benchmark][0]:.2f}" if benchmark in base else "new"
         print(f"{ratio:>5}  {benchmark}")
-    print("\n".join(judge(base, new) or [f"nothing is worse than at {commit[:12]}, in {turn} turns"]))
-    return 1 if judge(base, new) else 0
+    worse = judge(base, new)
+    print("\n".join(worse or [f"nothing is worse than at {commit[:12]}, in {turn} turns"]))
+    return 1 if worse else 0
 
 
 if __name__ == "__main__":
