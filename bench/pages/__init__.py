@@ -1,7 +1,8 @@
 """Pages: a base template that they extend, and how one is rendered: whole, in one file, that opens without a network.
 
-No word of the data becomes markup: templates escape what they are given. The page's own policy allows its script and
-its style by their hashes; all others are forbidden.
+No word of the data becomes markup: templates escape what they are given, and write data for a script by the filter
+`tojson`, in whose JSON no tag or comment can begin or end. The page's own policy allows its script and its style by
+their hashes; all others are forbidden.
 """
 
 from __future__ import annotations
@@ -24,23 +25,16 @@ def render(
     """Render a template that extends `pages/base.html`; all files are named from the folder `bench`.
 
     policy: what the page may do besides drawing itself, as directives of a Content-Security-Policy. context: what the
-    template shows; `title` is one of it.
+    template shows; `title` is one of it. Raises ValueError if data for a script hold NaN or an infinity.
     """
-    script, style = (in_line(names) for names in (scripts, styles))
+    script, style = ("\n".join(map(_source, names)) for names in (scripts, styles))
     script = f'"use strict";\n(() => {{\n{script}}})();\n' if scripts else ""
-    return _TEMPLATES.get_template(template).render(
-        script=Markup(script), style=Markup(style), policy=policy_of(script, style, policy), **context
+    allowed = (
+        f"default-src 'none'; {policy}img-src data:; style-src {_hash(style)}; script-src {_hash(script)}"
     )
-
-
-def in_line(names: Sequence[str]) -> str:
-    """Read files of the folder `bench` and put them together."""
-    return "\n".join(_source(name) for name in names)
-
-
-def policy_of(script: str, style: str, more: str = "") -> str:
-    """Write the Content-Security-Policy of a page with this script and this style in it."""
-    return f"default-src 'none'; {more}img-src data:; style-src {_hash(style)}; script-src {_hash(script)}"
+    return _TEMPLATES.get_template(template).render(
+        script=Markup(script), style=Markup(style), policy=Markup(allowed), **context
+    )
 
 
 def _hash(text: str) -> str:
@@ -63,4 +57,7 @@ _TEMPLATES = Environment(
     finalize=_shown,
     trim_blocks=True,
     lstrip_blocks=True,
+    keep_trailing_newline=True,
 )
+# The order of what a script is given is kept: it is shown in it.
+_TEMPLATES.policies["json.dumps_kwargs"] = {"allow_nan": False, "separators": (",", ":")}

@@ -14,12 +14,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from tactsim.bench.pages import render
 from tactsim.bench.places import REPORT_TITLE
 from tactsim.bench.report.curves import confusion_counts, error_band, reliability
 from tactsim.bench.report.outlines import outline, taxel_size
 from tactsim.bench.report.pareto import has_curves, machine_line, points
 from tactsim.bench.report.recognition import Recognition, Replayed
-from tactsim.bench.report.whole_page import whole_page
 from tactsim.bench.runs.naming import Entry, Group
 from tactsim.core.errors import counted
 from tactsim.estimators.likelihoods.occupancy import OccupancyMap, log_odds
@@ -61,10 +61,10 @@ def page(groups: Sequence[Group], replayed: Sequence[Replayed], remarks: Sequenc
             for name in dict.fromkeys(group.protocol for group in groups)
         ],
     }
-    return whole_page(
+    return render(
         f"{_ASSETS}page.html",
-        [_ASSETS + name for name in _SCRIPTS],
-        [f"{_ASSETS}page.css"],
+        scripts=[_ASSETS + name for name in _SCRIPTS],
+        styles=[f"{_ASSETS}page.css"],
         title=f"{REPORT_TITLE}{counted(len(entries), 'run')}",
         data=data,
         arrays=arrays.text(),

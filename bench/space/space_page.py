@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
+from tactsim.bench.pages import render
 from tactsim.bench.places import REPORT_TITLE, check_page
 from tactsim.bench.report.page import Arrays
-from tactsim.bench.report.whole_page import whole_page
 from tactsim.bench.results import Run
 from tactsim.bench.score import Scored
 from tactsim.bench.space.space_replay import Replayed, replay
@@ -84,10 +84,10 @@ def page(runs: Mapping[str, Run], replayed: Mapping[str, Sequence[Replayed]], re
         },
         "trials": [_trial(name, runs[name], one, labels, arrays) for name, one in shown],
     }
-    return whole_page(
+    return render(
         f"{_REPORT}page.html",
-        [f"{_REPORT}base.js", f"{_REPORT}charts.js", f"{_SPACE}scene.js", f"{_SPACE}space.js"],
-        [f"{_REPORT}page.css", f"{_SPACE}space.css"],
+        scripts=[f"{_REPORT}base.js", f"{_REPORT}charts.js", f"{_SPACE}scene.js", f"{_SPACE}space.js"],
+        styles=[f"{_REPORT}page.css", f"{_SPACE}space.css"],
         title=f"{REPORT_TITLE}objects in space, {counted(len(runs), 'run')}",
         data=data,
         arrays=arrays.text(),

@@ -21,7 +21,7 @@ from typing import Any, Self
 
 import numpy as np
 
-from tactsim.bench.report.whole_page import whole_page
+from tactsim.bench.pages import render
 from tactsim.bench.watching.pad_view import BIN_S, HISTORY_S, PadReader, PadView
 from tactsim.core.errors import InputError, printable
 
@@ -223,10 +223,10 @@ def _page(reader: PadReader, from_behind: bool, about: Mapping[str, Any]) -> byt
         "touchKpa": reader.device.touch_kpa,
         **about,
     }
-    return whole_page(
+    return render(
         "watching/assets/watch.html",
-        _SCRIPTS,
-        _STYLES,
+        scripts=_SCRIPTS,
+        styles=_STYLES,
         title=f"{reader.device.name}: {reader.name}",
         data=told,
         policy="connect-src 'self'; ",
