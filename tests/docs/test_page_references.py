@@ -51,22 +51,10 @@ def test_means_are_over_the_objects_that_have_a_distance():
         (PAGE.replace("10", "11"), "after '11' readings, but after 1, 2, 3, 5, 10"),
     ],
 )
-def test_a_wrong_page_is_refused_before_the_work_and_stays(text, said, tmp_path, capsys):
+def test_a_wrong_page_is_refused_before_the_work_and_stays(text, said, check_refused):
     with pytest.raises(InputError, match=said):
         readings_asked_for(text)
-    page = tmp_path / "page.md"
-    page.write_text(text)
-    assert main([str(page)]) == 2
-    error = capsys.readouterr().err
-    assert error.startswith(f"references: {page}: ")
-    assert said in error
-    assert page.read_text() == text
-
-
-def test_a_page_that_is_not_there_is_named(tmp_path, capsys):
-    assert main([str(tmp_path / "none.md")]) == 2
-    assert "none.md" in capsys.readouterr().err
-    assert main([]) == 2
+    check_refused(main, "references", text, said)
 
 
 def test_the_documentation_has_a_row_for_every_estimator():

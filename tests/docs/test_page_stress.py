@@ -53,22 +53,10 @@ def test_a_case_that_fails_is_named_and_fills_nothing():
         (PAGE.replace("end of", "and of"), "has no `<!-- end of stress -->`"),
     ],
 )
-def test_a_wrong_page_is_refused_before_the_work_and_stays(text, said, tmp_path, capsys):
+def test_a_wrong_page_is_refused_before_the_work_and_stays(text, said, check_refused):
     with pytest.raises(InputError, match=said):
         check(text)
-    page = tmp_path / "page.md"
-    page.write_text(text)
-    assert main([str(page)]) == 2
-    error = capsys.readouterr().err
-    assert error.startswith(f"stress: {page}: ")
-    assert said in error
-    assert page.read_text() == text
-
-
-def test_a_page_that_is_not_there_is_named(tmp_path, capsys):
-    assert main([str(tmp_path / "none.md")]) == 2
-    assert "none.md" in capsys.readouterr().err
-    assert main([]) == 2
+    check_refused(main, "stress", text, said)
 
 
 def test_the_documentation_shows_a_run_of_every_case():
