@@ -50,6 +50,7 @@ _POSE_STEPS = np.array([2.0**-9, 2.0**-9, 2.0**-12])  # mm, mm, rad
 _BITS = {"p_truth": 7, "p_label": 7, "radius_90": 4, "evaluations": 3}  # of a number's mantissa
 _SECONDS_BITS, _BOUND_BITS = 5, 7
 _POSES = {"pose": ("x", "y", "theta"), "true_pose": ("true_x", "true_y", "true_theta")}
+COMPARED = tuple(one.name for one in fields(Trials) if not one.name.endswith("_s"))  # columns; times differ
 _UNSURE = 255  # a credibility, counted in percent, of an estimator that did not say
 
 
@@ -225,11 +226,10 @@ def rounded(trials: Trials) -> Trials:
 
 def digests_of(trials: Trials) -> NDArray[np.uint64]:
     """Hash each of n trials (n,): all but the times, to the bit; NaN is NaN."""
-    names = [one.name for one in fields(Trials) if not one.name.endswith("_s")]
     found = np.empty(len(trials.truth), dtype=np.uint64)
     for n in range(len(found)):
         content = hashlib.blake2b(digest_size=8)
-        for name in names:
+        for name in COMPARED:
             value = np.asarray(getattr(trials, name)[n])
             if value.dtype.kind == "U":
                 content.update("\0".join(value.ravel().tolist()).encode())

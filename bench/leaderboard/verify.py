@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +18,7 @@ from scipy.stats import t as student_t
 from tactsim.bench import experiment
 from tactsim.bench.config import RunConfig, run_config
 from tactsim.bench.experiment import Gathered
-from tactsim.bench.leaderboard.bundle import DONE, Bundle, kept, rounded, select
+from tactsim.bench.leaderboard.bundle import COMPARED, DONE, Bundle, kept, rounded, select
 from tactsim.bench.leaderboard.limited import Limits, NoScore, Wanted, limited_runs
 from tactsim.bench.leaderboard.submit import Method, package_of, source_of, stated
 from tactsim.bench.machine import machine, versions
@@ -189,9 +189,8 @@ def _share_of_bounds_alike(stated: FloatArray, again: Sequence[Run]) -> float:
 
 def _first_difference(stated: Trials, again: Trials, seeds: Sequence[int]) -> str | None:
     """Name the first trial, reading and column that differ, with both values; None if none does. Times do not count."""
-    names = [one.name for one in fields(Trials) if not one.name.endswith("_s")]
     found = []
-    for place, name in enumerate(names):
+    for place, name in enumerate(COMPARED):
         one, other = getattr(stated, name), getattr(again, name)
         differ = np.asarray(one != other)
         if one.dtype.kind == "f":
@@ -204,8 +203,8 @@ def _first_difference(stated: Trials, again: Trials, seeds: Sequence[int]) -> st
     n, reading, place, one, other = min(found, key=lambda entry: entry[:3])
     values = [of[n][reading] if of.ndim > 1 else of[n] for of in (one, other)]
     return (
-        f"seed {seeds[n]}, letter {stated.truth[n]}, trial {stated.trial[n]}, reading {reading + 1}: {names[place]} is "
-        f"{values[0].tolist()} in the bundle and {values[1].tolist()} when it is done again"
+        f"seed {seeds[n]}, letter {stated.truth[n]}, trial {stated.trial[n]}, reading {reading + 1}: {COMPARED[place]} "
+        f"is {values[0].tolist()} in the bundle and {values[1].tolist()} when it is done again"
     )
 
 
