@@ -113,6 +113,10 @@ def run(
             raise InputError(
                 f"{name} is {short(readings)}; give a Scan, or the path of a file that holds one"
             )
+        if isinstance(readings, Scan) and readings.in_space:
+            raise InputError(
+                "the scan is of objects in space; save it, and give its file as scan, and task='solids'"
+            )
     given = scan if isinstance(scan, Scan) else None
     if isinstance(train_scan, Scan):
         if given is None:

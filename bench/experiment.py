@@ -206,10 +206,6 @@ def gather(
     work: dict[str, Any] = {"presses": 0, "skipped": {}}
     train = None if config.train_scan is None else train_scan(config)  # before the presses
     if scan is not None:
-        if scan.in_space:
-            raise InputError(
-                "the scan is of objects in space; save it, and give its file as scan, and task='solids'"
-            )
         stated_properties(scan)
     elif config.scan is not None:
         scan = load_scan(config.scan)

@@ -10,7 +10,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, overload
+from typing import TYPE_CHECKING, Any, NamedTuple, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -369,24 +369,43 @@ class Run:
 
 
 SCHEMA = 3
-SPACE_SCHEMA = 1  # of a run with objects in space
 _LARGEST_TABLE = 1 << 30  # bytes
-_TRUE = tuple(f"true_{name}" for name in PLANE_POSE)
-# trials.csv: one row per trial and reading, the same on every machine for the same seed.
-COLUMNS = (
-    "truth", "trial", "reading_number", "reading", "label", "p_truth", "p_label", *PLANE_POSE, *_TRUE, "credibility",
-    "radius_90", "evaluations",
-)  # fmt: skip
-# times.csv: one row per trial and reading, in the same order; the times differ whenever a run is repeated.
-TIME_COLUMNS = ("truth", "trial", "reading_number", "update_s", "estimate_s", "propose_s")
-# The same of a run with objects in space, where a pose has seven numbers, and readings are called touches.
-SPACE_COLUMNS = (
-    "truth", "trial", "touch_number", "label",
-    *(f"{before}{name}" for before in ("", "true_", "start_") for name in SPACE_POSE),
-    "p_truth", "p_label", "credibility", "radius_90", "met", "evaluations",
-)  # fmt: skip
-SPACE_TIME_COLUMNS = ("truth", "trial", "touch_number", "update_s", "estimate_s", "propose_s")
 
+
+class _Layout(NamedTuple):
+    """What differs between the files of a run in the plane and of one in space, where readings are called touches.
+
+    schema: of run.json. pose: the numbers of a pose. number: the column that counts the readings of a trial. columns:
+    of trials.csv, one row per trial and reading, the same on every machine for the same seed.
+    """
+
+    schema: int
+    pose: tuple[str, ...]
+    number: str
+    columns: tuple[str, ...]
+
+    @property
+    def time_columns(self) -> tuple[str, ...]:
+        """Those of times.csv, of the same rows in the same order; the times differ whenever a run is repeated."""
+        return ("truth", "trial", self.number, "update_s", "estimate_s", "propose_s")
+
+
+_PLANE = _Layout(
+    SCHEMA, PLANE_POSE, "reading_number",
+    (
+        "truth", "trial", "reading_number", "reading", "label", "p_truth", "p_label",
+        *(f"{before}{name}" for before in ("", "true_") for name in PLANE_POSE),
+        "credibility", "radius_90", "evaluations",
+    ),
+)  # fmt: skip
+_SPACE = _Layout(
+    1, SPACE_POSE, "touch_number",
+    (
+        "truth", "trial", "touch_number", "label",
+        *(f"{before}{name}" for before in ("", "true_", "start_") for name in SPACE_POSE),
+        "p_truth", "p_label", "credibility", "radius_90", "met", "evaluations",
+    ),
+)  # fmt: skip
 # bounds.csv: one row per trial and reading, in the same order; only where the bound is known.
 BOUND_COLUMNS = ("truth", "trial", "reading_number", "bound_mm")
 
@@ -477,15 +496,15 @@ def save(run: Run, folder: Path) -> None:
     """Write a run's files into `folder`; except for times.*, the same run gives the same bytes."""
     about, times = documents(run)
     write_text(folder / "run.json", to_json(about))
-    names, time_names = COLUMNS, TIME_COLUMNS
+    layout = _PLANE
     if run.in_space:
         from tactsim.bench.space.surface_distance import save_surfaces
 
         save_surfaces(run.objects, folder / "objects.npz")
-        names, time_names = SPACE_COLUMNS, SPACE_TIME_COLUMNS
+        layout = _SPACE
     table = columns(run.trials)
-    write_text(folder / "trials.csv", write_table(names, table))
-    write_text(folder / "times.csv", write_table(time_names, table))
+    write_text(folder / "trials.csv", write_table(layout.columns, table))
+    write_text(folder / "times.csv", write_table(layout.time_columns, table))
     if run.bounds is not None:
         write_text(
             folder / "bounds.csv", write_table(BOUND_COLUMNS, table | {"bound_mm": run.bounds.ravel()})
@@ -500,7 +519,7 @@ def documents(run: Run) -> tuple[dict[str, Any], dict[str, Any]]:
     if run.in_space:
         from tactsim.bench.space.surface_distance import symmetries_of
 
-        about |= {"schema": SPACE_SCHEMA, "task": SOLIDS, "symmetries": symmetries_of(run.objects)}
+        about |= {"schema": _SPACE.schema, "task": SOLIDS, "symmetries": symmetries_of(run.objects)}
         about["objects"] = about.pop("letters")
     else:
         about |= {"schema": SCHEMA, "objects": {label: asdict(of) for label, of in run.objects.items()}}
@@ -519,7 +538,7 @@ def run_of(
     surfaces: of the solids of a run in space. Raises InputError if one of them is not whole, or has another schema.
     """
     about, times = dict(about), dict(times)
-    schema = SPACE_SCHEMA if surfaces is not None else SCHEMA
+    schema = (_PLANE if surfaces is None else _SPACE).schema
     if about.pop("schema", None) != schema:
         raise InputError(f"run.json: unknown schema; this version reads schema {schema}")
     checked(_SpaceAbout if surfaces is not None else _About, about, "run.json")
@@ -551,11 +570,10 @@ def load(path: str | Path) -> Run:
         raise InputError(f"{folder} is not the folder of a run: it has no run.json")
     about = read_json(folder / "run.json", "file of a run")
     in_space = about.get("task") == SOLIDS
-    schema = SPACE_SCHEMA if in_space else SCHEMA
-    if about.get("schema") != schema:
-        raise InputError(f"{folder / 'run.json'}: unknown schema; this version reads schema {schema}")
+    layout = _SPACE if in_space else _PLANE
+    if about.get("schema") != layout.schema:
+        raise InputError(f"{folder / 'run.json'}: unknown schema; this version reads schema {layout.schema}")
     surfaces = None
-    names, time_names = (SPACE_COLUMNS, SPACE_TIME_COLUMNS) if in_space else (COLUMNS, TIME_COLUMNS)
     try:
         if in_space:
             from tactsim.bench.space.surface_distance import load_surfaces
@@ -565,10 +583,10 @@ def load(path: str | Path) -> Run:
         else:
             hold_out = checked(_About, about, "run.json").config.hold_out
         trials = _trials(
-            read_table(folder / "trials.csv", names),
-            read_table(folder / "times.csv", time_names),
+            read_table(folder / "trials.csv", layout.columns),
+            read_table(folder / "times.csv", layout.time_columns),
             hold_out,
-            in_space,
+            layout,
         )
         bounds = None
         if (folder / "bounds.csv").is_file():
@@ -587,19 +605,18 @@ def columns(trials: Trials) -> dict[str, NDArray[Any]]:
     """Give the columns of trials.csv and times.csv, one row a trial and reading."""
     readings = np.arange(1, trials.label.shape[1] + 1)
     poses = {"": trials.pose, "true_": trials.true_pose}
-    names, number = (*COLUMNS, *TIME_COLUMNS), "reading_number"
-    pose: tuple[str, ...] = PLANE_POSE
+    layout = _PLANE
     if isinstance(trials, SpaceTrials):
         poses["start_"] = trials.start
-        names, pose, number = (*SPACE_COLUMNS, *SPACE_TIME_COLUMNS), SPACE_POSE, "touch_number"
-    values = {"truth": trials.truth[:, None], "trial": trials.trial[:, None], number: readings}
+        layout = _SPACE
+    values = {"truth": trials.truth[:, None], "trial": trials.trial[:, None], layout.number: readings}
     for before, array in poses.items():
-        values |= {f"{before}{name}": array[..., place] for place, name in enumerate(pose)}
+        values |= {f"{before}{name}": array[..., place] for place, name in enumerate(layout.pose)}
     return {
         name: np.broadcast_to(
             values[name] if name in values else getattr(trials, name), trials.label.shape
         ).ravel()
-        for name in dict.fromkeys(names)
+        for name in dict.fromkeys((*layout.columns, *layout.time_columns))
     }
 
 
@@ -625,21 +642,20 @@ def read_table(path: Path, columns: tuple[str, ...]) -> dict[str, list[str]]:
 
 
 def _trials(
-    table: Mapping[str, list[str]], times: Mapping[str, list[str]], hold_out: Sequence[str], in_space: bool
+    table: Mapping[str, list[str]], times: Mapping[str, list[str]], hold_out: Sequence[str], layout: _Layout
 ) -> Trials:
-    pose: tuple[str, ...]
-    pose, of_number = (SPACE_POSE, "touch_number") if in_space else (PLANE_POSE, "reading_number")
-    number = _integers(table, of_number)
+    in_space = layout is _SPACE
+    number = _integers(table, layout.number)
     readings = int(number.max())
     trials, left = divmod(len(number), max(readings, 1))
     if left or not np.array_equal(number, np.tile(np.arange(1, readings + 1), trials)):
         raise InputError("trials.csv: rows are missing")
-    if any(times[name] != table[name] for name in ("truth", "trial", of_number)):
+    if any(times[name] != table[name] for name in ("truth", "trial", layout.number)):
         raise InputError("times.csv does not have the rows of trials.csv")
     shape = trials, readings
 
     def poses(before: str) -> FloatArray:
-        found = np.stack([_floats(table, f"{before}{name}").reshape(shape) for name in pose], axis=-1)
+        found = np.stack([_floats(table, f"{before}{name}").reshape(shape) for name in layout.pose], axis=-1)
         return checked_poses(found, f"trials.csv: {before}pose") if in_space else found
 
     truth = _labels(table, "truth")[::readings]

@@ -37,6 +37,7 @@ def write_space_page(
 
     Raises InputError if `out` cannot be written.
     """
+    check_page(out)
     replayed: dict[str, list[Replayed]] = {}
     remarks = list(remarks)
     for number, (name, run) in enumerate(runs.items()):
@@ -46,7 +47,6 @@ def write_space_page(
         except InputError as error:
             remarks.append(f"no trial of {name} could be done again: {error}")
     progress("replay", len(runs), len(runs))
-    check_page(out)
     write_text(out, page(runs, replayed, remarks))
     return [out], remarks
 

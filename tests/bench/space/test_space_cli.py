@@ -116,8 +116,10 @@ def test_python_does_what_the_command_line_does():
         task="solids", **(words | {"estimator": tactsim.create("alike")})
     )  # made with its options
     assert np.array_equal(own.trials.pose, run.trials.pose)
-    with pytest.raises(InputError, match="objects in space"):
-        tactsim.run(scan=run.plan.scan)
+    touched = {"scan": run.plan.scan}
+    for given in (touched, touched | {"train_scan": run.plan.scan}, touched | {"task": "solids"}):
+        with pytest.raises(InputError, match="the scan is of objects in space; save it, and give its file"):
+            tactsim.run(**given)
 
 
 def test_runs_in_the_plane_and_in_space_share_no_comparison_and_no_page(tmp_path):
