@@ -98,13 +98,13 @@ def _write(folder: Folder, inside: Path) -> None:
     for of in folder.standings:
         name = pages[of.task, of.data]
         pictures, drawn = _pictures(of, inside / "pictures" / Path(name).stem)
-        offered = {text: f"../{place}" for text, place in (tables | drawn).items()}
-        bundles = {one.label: f"../{files[one]}" for one in (*of.ranked, *of.unranked)}
+        bundles = {one.label: files[one] for one in (*of.ranked, *of.unranked)}
         machines = dict.fromkeys(_machine(one) for one in of.ranked)
         lead = of.known.line if of.known else f"Another version's task or data: {of.data}"
         page(
             name, "task", of.task, lead,
-            of=of, pictures=pictures, offered=offered, bundles=bundles, machines=list(machines), level=f"{LEVEL:g}",
+            of=of, pictures=pictures, offered=tables | drawn, bundles=bundles, machines=list(machines),
+            level=f"{LEVEL:g}",
         )  # fmt: skip
     for method, entries in entered.items():
         lead = counted(len(entries), "bundle")
