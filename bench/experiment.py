@@ -358,6 +358,7 @@ def finished_run(
         trials=trials,
         times=times,
         bounds=bounds,
+        shape_files=config.shapes if isinstance(config, RunConfig) else (),
     )
 
 

@@ -6,8 +6,8 @@ import csv
 import html
 import io
 import json
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, overload
@@ -24,13 +24,14 @@ from tactsim.core import InputError
 from tactsim.core.checking import checked
 from tactsim.core.documents import read_json, read_text
 from tactsim.core.errors import counted, short
-from tactsim.core.files import new_folder, write_bytes, write_text
+from tactsim.core.files import new_folder, read_bytes, write_bytes, write_text
 from tactsim.core.finite import finite
 from tactsim.core.poses import POSE as PLANE_POSE
 from tactsim.core.poses import FloatArray
 from tactsim.core.rigid import POSE as SPACE_POSE
 from tactsim.core.rigid import checked_poses
 from tactsim.core.scan import is_label
+from tactsim.models.shapes import LARGEST_FILE, shape
 
 if TYPE_CHECKING:
     from tactsim.bench.runs.figures import Picture
@@ -67,7 +68,8 @@ class Run:
     what was done and skipped. trials: the raw result, an array a column. times: seconds of each stage and peak memory.
     plan: what is needed to do trials again. maps: the occupancy maps or, in space, the surfaces that were learned. A
     loaded run has neither plan nor maps. bounds: (n, r) mm, the Cramer-Rao bound of each trial after each reading
-    (`tactsim.bench.bound`); None if it is not known.
+    (`tactsim.bench.bound`); None if it is not known. shape_files: of shapes of the user's own, in the plane; of a
+    loaded run those that its folder keeps.
     """
 
     config: dict[str, Any]
@@ -79,6 +81,7 @@ class Run:
     plan: TrialPlan | None = None
     maps: Mapping[str, Any] = field(default_factory=dict)
     bounds: FloatArray | None = None
+    shape_files: tuple[Path, ...] = ()
 
     accuracy = _Curve("accuracy")
     accuracy_low = _Curve("accuracy_low")
@@ -265,6 +268,12 @@ class Run:
 
         return maps_figure(self.maps)
 
+    def plot_shapes(self) -> Picture:
+        """Draw the outlines of the user's own shapes as they were read. Raises InputError if there are none."""
+        from tactsim.bench.runs.figures import outlines_figure
+
+        return outlines_figure([shape(path) for path in self.shape_files])
+
     def save(self, folder: str | Path) -> Path:
         """Write the run's files and pictures to a new folder, whole or not at all, and return its path.
 
@@ -272,7 +281,7 @@ class Run:
         """
         with new_folder(folder) as inside:
             save(self, inside)
-            for name, draw in zip(picture_names(self), (self.plot, self.plot_maps), strict=False):
+            for name, draw in picture_names(self).items():
                 write_bytes(inside / name, draw().png())
         return Path(folder)
 
@@ -369,6 +378,7 @@ class Run:
 
 
 SCHEMA = 3
+SHAPES = "shapes"  # a run's folder of the files of the user's own shapes
 _LARGEST_TABLE = 1 << 30  # bytes
 
 
@@ -509,6 +519,9 @@ def save(run: Run, folder: Path) -> None:
         write_text(
             folder / "bounds.csv", write_table(BOUND_COLUMNS, table | {"bound_mm": run.bounds.ravel()})
         )
+    for path in run.shape_files:
+        (folder / SHAPES).mkdir(exist_ok=True)
+        write_bytes(folder / SHAPES / path.name, read_bytes(path, LARGEST_FILE))
     write_text(folder / "summary.json", to_json(run.summary))
     write_text(folder / "times.json", to_json(times))
 
@@ -557,10 +570,14 @@ def run_of(
     return Run(about.pop("config"), about, objects, times.pop("work"), trials, times, bounds=bounds)
 
 
-def picture_names(run: Run) -> list[str]:
-    """Name the pictures of a run's folder."""
-    curves = "touches.png" if run.in_space else "readings.png"
-    return [curves, "maps.png"] if run.maps else [curves]
+def picture_names(run: Run) -> dict[str, Callable[[], Picture]]:
+    """Name the pictures of a run's folder, each with what draws it."""
+    pictures = {"touches.png" if run.in_space else "readings.png": run.plot}
+    if run.maps:
+        pictures["maps.png"] = run.plot_maps
+    if run.shape_files:
+        pictures["shapes.png"] = run.plot_shapes
+    return pictures
 
 
 def load(path: str | Path) -> Run:
@@ -591,9 +608,11 @@ def load(path: str | Path) -> Run:
         bounds = None
         if (folder / "bounds.csv").is_file():
             bounds = _bounds(read_table(folder / "bounds.csv", BOUND_COLUMNS), trials)
-        return run_of(about, read_json(folder / "times.json", "file of a run"), trials, bounds, surfaces)
+        run = run_of(about, read_json(folder / "times.json", "file of a run"), trials, bounds, surfaces)
     except InputError as error:
         raise InputError(f"{folder} is not a whole run: {error}") from error
+    kept = tuple(folder / SHAPES / Path(path).name for path in run.config.get("shapes") or ())
+    return replace(run, shape_files=kept) if all(path.is_file() for path in kept) else run
 
 
 def to_json(value: Any) -> str:

@@ -1,11 +1,14 @@
-"""Show a run on the terminal: progress bars, then a table and the places of its files."""
+"""Show a run on the terminal: its progress, then its headline, a table and the places of its files."""
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from itertools import groupby
 from pathlib import Path
+from threading import Event, Thread
+from time import monotonic
 from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
@@ -20,6 +23,8 @@ from rich.progress import (
 )
 from rich.table import Table
 
+from tactsim.bench import paper
+from tactsim.bench.config import RunConfig
 from tactsim.bench.console import plain_console
 from tactsim.bench.results import Run, load, picture_names
 from tactsim.bench.trials import Progress as Report
@@ -40,13 +45,24 @@ STAGES = {
     "references": "estimators",
 }
 ROWS = (1, 2, 3, 5, 7, 9, 10, 12, 15, 20, 25, 30, 40, 46, 50, 60, 80, 100, 150, 192)
+SHORT = (1, 2, 3, 5, 10, 20)  # and the last
 _ROWS_IN_SPACE = (1, 2, 3, 4, 5, 6, 8, 10, 12, 15, 20, 30, 40, 60, 100)
+
+
+# s, between the lines of progress where there is no terminal to draw bars on
+LINE_EVERY = 10.0
 
 
 @contextmanager
 def progress_bars() -> Iterator[Report]:
-    """Show a bar with the time left for every stage that is reported, on standard error."""
+    """Show how far every stage is on standard error: bars with the time left, or without a terminal plain lines."""
     console = plain_console(stderr=True)
+    with _bars(console) if console.is_terminal else _lines(console) as report:
+        yield report
+
+
+@contextmanager
+def _bars(console: Console) -> Iterator[Report]:
     bars: dict[str, TaskID] = {}
     columns = (
         TextColumn("{task.description:10}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(),
@@ -68,23 +84,95 @@ def progress_bars() -> Iterator[Report]:
             display.stop()
 
 
-def print_run(run: Run) -> None:
-    """Print the table over the reading count, the headline figures and the times."""
+@contextmanager
+def _lines(console: Console) -> Iterator[Report]:
+    """Write a line at each stage's end and every LINE_EVERY seconds, also while nothing new is reported."""
+    start, ended = monotonic(), Event()
+    latest: list[str] = []
+
+    def write() -> None:
+        if latest:
+            console.print(f"{latest[0]}, {monotonic() - start:.0f} s since the start")
+
+    def report(stage: str, done: int, total: int) -> None:
+        line = f"{STAGES.get(stage, stage)}: {done:,} of {total:,} done"
+        if latest != [line]:
+            latest[:] = [line]
+            if done == total:
+                write()
+
+    def repeat() -> None:
+        while not ended.wait(LINE_EVERY):
+            write()
+
+    writer = Thread(target=repeat, daemon=True)
+    writer.start()
+    try:
+        yield report
+    finally:
+        ended.set()
+        writer.join()
+
+
+def print_run(run: Run, verbose: bool = False) -> None:
+    """Print what was asked, the headline and some rows of readings; if `verbose`, all that is known of the run."""
     console = plain_console()
-    config, about = run.config, run.about
     print_method(console, run)
-    trials = counted(config["trials"], "trial") + ("" if run.in_space else " each")
+    console.print(_trials_asked(run))
+    for line in headline(run):
+        console.print(line, style="bold")
+    rows = _rows(run.readings, _ROWS_IN_SPACE if run.in_space else ROWS) if verbose else _rows(run.readings)
+    console.print(_table_in_space(run, rows, verbose) if run.in_space else _table(run, rows, verbose))
     console.print(
-        f"{f'task {run.task}; ' if run.task and not run.in_space else ''}"
-        f"{' '.join(run.letters)}: {trials}, {about['protocol']}, seed {config['seed']}"
+        f"right: share of the trials that name the {'object' if run.in_space else 'letter'}; error: how far from its "
+        f"true place they put it, mean over those named rightly"
     )
-    console.print(_table_in_space(run) if run.in_space else _table(run))
-    for line in about.get("notes", []):
-        console.print(f"note     {line}")
-    if "pad_fit" in about:
-        console.print(_pad_fit(about["pad_fit"]))
-    for line in headlines(run):
+    for line in _own_shapes(run):
         console.print(line)
+    for line in run.about.get("notes", []):
+        console.print(f"note     {line}")
+    if not verbose:
+        return
+    if "pad_fit" in run.about:
+        console.print(_pad_fit(run.about["pad_fit"]))
+    for line in details(run):
+        console.print(line)
+
+
+def _trials_asked(run: Run) -> str:
+    """Say of which objects there were how many trials, and how the readings of a trial came."""
+    task = f"task {run.task}; " if run.task and not run.in_space else ""
+    trials = counted(run.config["trials"], "trial") + ("" if run.in_space else " each")
+    return f"{task}{' '.join(run.letters)}: {trials}, {run.protocol}, seed {run.seed}"
+
+
+def _rows(readings: int, wanted: Sequence[int] = SHORT) -> list[int]:
+    return sorted({row for row in (*wanted, readings) if row <= readings})
+
+
+def headline(run: Run) -> list[str]:
+    """Say how often the object is named, how exactly it is placed, and what the paper prints beside."""
+    summary, word, readings = run.summary, "touch" if run.in_space else "reading", run.readings
+    k = min(5, readings)
+    low, high = summary["accuracy_low"][k - 1], summary["accuracy_high"][k - 1]
+    line = f"right after {counted(k, word)}: {summary['accuracy'][k - 1]:.2f} (95 % interval {low:.2f}-{high:.2f})"
+    error = summary["error_mm"][-1]
+    lines = [line if error is None else f"{line}; error {error:.2f} mm after {readings}"]
+    lines.append(f"every trial right{when(f' from {word}', summary['all_right_from'], f'{word} {readings}')}")
+    printed = paper.beside(run)
+    if printed is not None:
+        lines[-1] += f"; the paper, on a real pad: {printed.words}"
+    if run.config.get("hold_out"):
+        lines.append(_refused(run))
+    return lines
+
+
+def _own_shapes(run: Run) -> list[str]:
+    """Say of each shape of the user's own how often it is named after a few readings."""
+    names = [Path(path).stem for path in run.config.get("shapes") or ()]
+    k = min(5, run.readings)
+    right = {name: run.trials.right[run.trials.truth == name, k - 1] for name in names}
+    return [f"{name}: {of.mean():.2f} right after {k}" for name, of in right.items() if len(of)]
 
 
 def _pad_fit(facts: dict[str, Any]) -> str:
@@ -102,11 +190,21 @@ def _pad_fit(facts: dict[str, Any]) -> str:
 
 
 def print_places(run: Run, folder: Path) -> None:
-    """Print where the results and pictures of a run are."""
+    """Print where the results and pictures of a run are, and what to try next."""
     console = plain_console()
-    console.print(f"results  {folder}")
+    console.print(f"results  {folder}", soft_wrap=True)
     for picture in picture_names(run):
-        console.print(f"picture  {folder / picture}")
+        console.print(f"picture  {folder / picture}", soft_wrap=True)
+    standard = "space-refined" if run.in_space else RunConfig.model_fields["estimator"].default
+    nexts = [
+        f"bench report {shlex.quote(str(folder))}  # one page: how sure it is, which letters it mixes up, a trial"
+    ]
+    if run.estimator != standard:
+        nexts.append(f"bench run{' --task solids' * run.in_space}  # the default estimator, {standard}")
+    elif not run.in_space:
+        nexts.append("bench run --explore information --readings 10  # it chooses where to press")
+    for line in nexts:
+        console.print(f"next     {line}", soft_wrap=True)
 
 
 def print_sweep(places: list[Path]) -> None:
@@ -168,21 +266,20 @@ def _print_single(runs: Sequence[tuple[Path, Run]]) -> None:
         console.print(table)
 
 
-def headlines(run: Run) -> list[str]:
-    """Say in a few lines when the letters were right, how exact, how fast and with how much work."""
+def details(run: Run) -> list[str]:
+    """Say in a few lines when the letters were right, how sure the estimator was, how fast and with how much work."""
     summary, word = run.summary, "touch" if run.in_space else "reading"
     last = f"{word} {run.readings}"
     return [
-        f"every trial right{when(f' from {word}', summary['all_right_from'], last)}; 95 % settled"
-        f"{when(' by', summary['settled_95'], last)}, half"
+        f"95 % of the trials right and staying so{when(' by', summary['settled_95'], last)}, half"
         f"{when(' by', summary['settled_50'], last)} "
         f"({counted(len(run.trials.truth), 'trial')})",
-        *(_headlines_in_space(run) if run.in_space else _headlines_in_plane(run)),
+        *(_details_in_space(run) if run.in_space else _details_in_plane(run)),
         f"work  {work_line(run.work)}",
     ]
 
 
-def _headlines_in_space(run: Run) -> list[str]:
+def _details_in_space(run: Run) -> list[str]:
     summary, seconds, spent = run.summary, run.times["seconds"], run.trials.seconds.sum(axis=1)
     hard = sorted(summary["by_object"].items(), key=lambda item: item[1]["accuracy"])[:3]
     stages = (f"{stage} {seconds[stage]:.2f} s" for stage in ("scan", "fit", "trials") if stage in seconds)
@@ -195,8 +292,8 @@ def _headlines_in_space(run: Run) -> list[str]:
     ]
 
 
-def _headlines_in_plane(run: Run) -> list[str]:
-    summary, seconds, readings, lines = run.summary, run.times["seconds"], run.readings, []
+def _details_in_plane(run: Run) -> list[str]:
+    summary, seconds, readings, lines = run.summary, run.times["seconds"], run.readings, list[str]()
     if summary["error_mm"][-1] is not None:
         lines.append(
             f"error at reading {readings}: {summary['error_mm'][-1]:.2f} mm where the letter is right, "
@@ -212,17 +309,6 @@ def _headlines_in_plane(run: Run) -> list[str]:
         lines.append(
             f"90 % region of the pose at reading {readings}: radius {run.summary['sharpness_mm'][-1]:.2f} mm; "
             f"it holds the truth in {run.summary['coverage_90'][-1]:.0%} of the trials whose letter is right"
-        )
-    if run.config.get("hold_out"):
-        known = summary["refused_known"][-1]
-        lines.append(
-            f"taken for none of the known letters at reading {readings}: {summary['refused_unknown'][-1]:.1%} of the "
-            + (
-                "trials, in each of which the letter itself is not known"
-                if known is None
-                else f"trials of {', '.join(run.config['hold_out'])}, {known:.1%} of the others"
-            )
-            + ("" if run.about["options"].get("unknown") else "; `--set unknown=0.5` lets `refined` say so")
         )
     if run.about["classifier_agreement"] is not None:
         lines.append(
@@ -243,6 +329,20 @@ def _headlines_in_plane(run: Run) -> list[str]:
     return lines
 
 
+def _refused(run: Run) -> str:
+    """Say how often letters that it never learned were taken for none of those it knows, and those that it knows."""
+    known, unknown = run.summary["refused_known"][-1], run.summary["refused_unknown"][-1]
+    return (
+        f"taken for none of the known letters at reading {run.readings}: {unknown:.1%} of the "
+        + (
+            "trials, in each of which the letter itself is not known"
+            if known is None
+            else f"trials of {', '.join(run.config['hold_out'])}, {known:.1%} of the others"
+        )
+        + ("" if run.about["options"].get("unknown") else "; `--set unknown=0.5` lets `refined` say so")
+    )
+
+
 def work_line(work: Mapping[str, Any]) -> str:
     """Write counts of work, and of what was skipped by reason, as one line."""
 
@@ -258,47 +358,43 @@ def work_line(work: Mapping[str, Any]) -> str:
     return (done or "nothing new") + (f"; skipped: {skipped}" if skipped else "")
 
 
-def _table_in_space(run: Run) -> Table:
-    columns = (
-        ("error_mm", 2),
-        ("error_median_mm", 2),
-        ("angle_deg", 1),
-        ("angle_median_deg", 1),
-        ("coverage_90", 2),
-    )
+def _table_in_space(run: Run, rows: Sequence[int], verbose: bool) -> Table:
+    columns = [("error_mm", "error mm", 2), ("angle_deg", "degrees", 1)]
+    if verbose:
+        columns[1:1] = [("error_median_mm", "median", 2)]
+        columns += [("angle_median_deg", "median", 1), ("coverage_90", "90 % held", 2)]
     table, summary = Table(box=None, pad_edge=False), run.summary
-    for heading in ("touches", "right", "95 % interval", "mm", "median", "degrees", "median", "90 % held"):
+    for heading in ("touches", "right", "95 % interval", *(heading for _, heading, _ in columns)):
         table.add_column(heading, justify="right", no_wrap=True)
-    for touch in sorted({row for row in (*_ROWS_IN_SPACE, run.readings) if row <= run.readings}):
+    for touch in rows:
         k = touch - 1
         table.add_row(
             str(touch),
             f"{summary['accuracy'][k]:.3f}",
             f"{summary['accuracy_low'][k]:.3f} - {summary['accuracy_high'][k]:.3f}",
-            *(_number(summary[name][k], digits) for name, digits in columns),
+            *(_number(summary[name][k], digits) for name, _, digits in columns),
         )
     return table
 
 
-def _table(run: Run) -> Table:
-    summary, against_bound, readings = run.summary, run.against_bound, run.readings
+def _table(run: Run, rows: Sequence[int], verbose: bool) -> Table:
+    summary, against_bound = run.summary, run.against_bound
     table = Table(box=None, pad_edge=False)
-    sure = any(value is not None for value in summary["sharpness_mm"])
+    sure = verbose and any(value is not None for value in summary["sharpness_mm"])
     bounded = any(bound is not None for bound in against_bound["bound_mm"])
-    headings = ["readings", "accuracy", "95 % interval", "error mm"]
-    headings += ["x bound"] * bounded + ["all mm"] + ["90 % in mm", "held"] * sure
+    headings = ["readings", "right", "95 % interval", "error mm"]
+    headings += ["x bound"] * bounded + ["all mm"] * verbose + ["90 % in mm", "held"] * sure
     for heading in headings:
         table.add_column(heading, justify="right")
-    for reading in sorted({row for row in (*ROWS, readings) if row <= readings}):
+    for reading in rows:
         k = reading - 1
-        error = summary["error_mm"][k]
         table.add_row(
             str(reading),
             f"{summary['accuracy'][k]:.3f}",
             f"{summary['accuracy_low'][k]:.3f} - {summary['accuracy_high'][k]:.3f}",
-            _number(error, 2),
+            _number(summary["error_mm"][k], 2),
             *([_number(against_bound["efficiency"][k], 2)] if bounded else []),
-            _number(summary["error_all_mm"][k], 2),
+            *([_number(summary["error_all_mm"][k], 2)] if verbose else []),
             *(_number(summary[name][k], 2) for name in ("sharpness_mm", "coverage_90") if sure),
         )
     return table
@@ -315,7 +411,7 @@ def print_bound(found: Bound) -> None:
     table = Table(box=None, pad_edge=False)
     for heading in ("readings", "right", "error mm", "bound mm", "trials", "bound of classes mm", "trials"):
         table.add_column(heading, justify="right")
-    for reading in sorted({row for row in (*ROWS, values["readings"]) if row <= values["readings"]}):
+    for reading in _rows(values["readings"], ROWS):
         k = reading - 1
         table.add_row(
             str(reading),

@@ -12,8 +12,11 @@ from tactsim.bench.cli import shared_options as shared
 from tactsim.bench.cli import space_verbs as space
 from tactsim.bench.cli.words import Words, is_typed, refuse_typed, with_options_of
 from tactsim.bench.config import SOLIDS, RunConfig, any_config, run_config
+from tactsim.core.errors import counted
 
 if TYPE_CHECKING:
+    from rich.console import Console
+
     from tactsim.bench.pad.guided import Station
 
 # A person presses: fewer trials and readings than of a simulation.
@@ -33,6 +36,14 @@ def command(
         Path | None,
         typer.Option(help="A new folder for the results. Default: results/runs/...", show_default=False),
     ] = None,
+    verbose: Annotated[
+        bool,
+        typer.Option(
+            "--verbose",
+            "-v",
+            help="Print more readings, how sure the estimator was, times and counts of work.",
+        ),
+    ] = False,
     as_json: Annotated[
         bool, typer.Option("--json", help="Print one JSON object on standard output and nothing else there.")
     ] = False,
@@ -103,6 +114,8 @@ def command(
             station = guide.station(port, described, correction, seen, plain_console(stderr=as_json))
             if not _measured(config, station, settings):
                 return
+        if config.shapes and isinstance(config, RunConfig):
+            _print_shapes(config, plain_console(stderr=True))
         with kept_clear(as_json), progress_bars() as progress:
             run = perform(config, jobs=jobs, cache=cache, progress=progress)
 
@@ -110,7 +123,7 @@ def command(
         if as_json:
             typer.echo(to_json(run.as_json() | {"results": saved and str(saved)}), nl=False)
         else:
-            print_run(run)
+            print_run(run, verbose)
             if saved is not None:
                 print_places(run, saved)
             if port is not None:
@@ -119,6 +132,16 @@ def command(
                 )
         if failure is not None:
             raise failure
+
+
+def _print_shapes(config: RunConfig, console: Console) -> None:
+    """Say how large the user's own shapes are as read, before they are pressed: a wrong unit shows at once."""
+    from tactsim import models
+
+    for letter in (models.shape(path, rounding=config.scan_options.rounding) for path in config.shapes):
+        left, low, right, high = letter.footprint.bounds()
+        size = f"{right - left:.1f} x {high - low:.1f} mm, {letter.area:.0f} mm^2"
+        console.print(f"{letter.name} as read: {size}, {counted(len(letter.contours), 'outline')}")
 
 
 def _measured(config: RunConfig, station: Station, settings: dict[str, Any]) -> bool:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from pathlib import Path
 
 import numpy as np
 
@@ -12,14 +13,19 @@ from tactsim.core.poses import FloatArray
 from tactsim.estimators.likelihoods.occupancy import OccupancyMap
 
 
-def outline(label: str, scan: Scan, maps: Mapping[str, OccupancyMap]) -> tuple[list[FloatArray], str]:
+def outline(
+    label: str, scan: Scan, maps: Mapping[str, OccupancyMap], shape_files: Sequence[Path] = ()
+) -> tuple[list[FloatArray], str]:
     """Find an object's contours, (k, 2) mm each, in its own frame, and say where they come from.
 
-    A letter of a simulated scan has the catalogue's outline. The outline of anything else is where its learned
-    map says that occupied and empty are equally likely.
+    A letter of a simulated scan has the catalogue's outline, a shape of `shape_files` that of its file. The outline of
+    anything else is where its learned map says that occupied and empty are equally likely.
     """
     if "options" in scan.meta and label in models.names():
         return [np.asarray(contour) for contour in models.letter(label).contours], "as pressed"
+    for path in shape_files:
+        if path.stem == label:
+            return [np.asarray(contour) for contour in models.shape(path).contours], "as pressed"
     if label not in maps:
         return [], "unknown"
     from contourpy import contour_generator

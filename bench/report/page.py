@@ -221,7 +221,7 @@ def _recognition(trial: Recognition, of: Replayed, arrays: Arrays) -> dict[str, 
 
 
 def _outline(of: Replayed, label: str, arrays: Arrays) -> dict[str, Any]:
-    contours, origin = outline(label, of.scan, of.maps)
+    contours, origin = outline(label, of.scan, of.maps, of.entry.run.shape_files)
     return {"origin": origin, "contours": [arrays.add(contour, "f4") for contour in contours]}
 
 

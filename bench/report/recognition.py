@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -138,7 +138,7 @@ def _replay(entry: Entry, tasks: Mapping[str, OneTrial], scans: dict[str, Scan])
 def _plan_anew(entry: Entry, tasks: Mapping[str, OneTrial], scans: dict[str, Scan]) -> TrialPlan:
     """Put together what trials of a loaded run need. Raises InputError if its readings cannot be had again."""
     scan = readings_of(entry.run, scans)
-    config = checked(RunConfig, entry.run.config, "run")
+    config = _config(entry.run)
     check_readings(scan, sorted({task.truth for task in tasks.values()}), entry.readings, config.hold_out)
     return plan_of(config, scan)
 
@@ -148,7 +148,7 @@ def readings_of(run: Run, scans: dict[str, Scan]) -> Scan:
 
     scans: those that were had already; the run's is added.
     """
-    config = checked(RunConfig, run.config, "run")
+    config = _config(run)
     from_files = config.scan is not None or config.presses is not None
     options = None if from_files else run.about["scan"].get("options")
     words = {"scan", "train_scan", "presses", "given", "letters", "hold_out"}
@@ -162,16 +162,24 @@ def readings_of(run: Run, scans: dict[str, Scan]) -> Scan:
     return scans[key]
 
 
+def _config(run: Run) -> RunConfig:
+    """Check the configuration of a run, with the shapes that its folder keeps in place of the user's files."""
+    shapes = {"shapes": run.shape_files} if run.shape_files else {}
+    return checked(RunConfig, run.config | shapes, "run")
+
+
 def _pressed_again(options: Any, config: RunConfig) -> Scan:
-    """Press letters again with the options that the scan of a run states.
+    """Press letters again with the options that the scan of a run states, and the shapes of `_config`.
 
     Raises InputError if the readings were given in Python and pressing does not give them again, for example
     because they are a real pad's.
     """
     scan = None
     if options is not None:
-        asked = checked(ScanOptions, options, "scan.options")
+        shapes = {"shapes": tuple(map(str, config.shapes))} if config.shapes else {}
+        asked = checked(ScanOptions, options | shapes, "scan.options")
         scan, _ = scan_letters(asked, sequence=config.sequences)
+        scan = replace(scan, meta={**scan.meta, "options": options})
     if scan is None or config.given not in (None, scan.digest):
         raise InputError("its readings were given in Python, and pressing does not give them again")
     return scan

@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from io import BytesIO
 from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.patches import PathPatch
+from matplotlib.path import Path
 from matplotlib.ticker import LogLocator, MaxNLocator, NullLocator
 
 from tactsim.bench.results import Run
 from tactsim.core import InputError
 from tactsim.core.errors import counted
+from tactsim.models import Letter
 
 BLUE, ORANGE, GREY = "#3366aa", "#cc6633", "#666666"
 
@@ -93,6 +96,27 @@ def readings_figure(run: Run) -> Picture:
         )  # a title without a place is moved away from all ticks, which are measured for it
         axes.xaxis.set_label_coords(0.5, -0.105)
     figure.suptitle("\n".join(lines), y=1 - 0.06 / 3.8, fontsize=10, parse_math=False)
+    return figure
+
+
+def outlines_figure(letters: Sequence[Letter]) -> Picture:
+    """Draw the outlines of shapes, mm in their own frames."""
+    side = 2.6
+    figure = Picture(figsize=(side * len(letters), side + 0.3), layout="constrained")
+    for axes, letter in zip(figure.subplots(1, len(letters), squeeze=False)[0], letters, strict=True):
+        # One path of all contours: holes are left out by the winding of their corners.
+        path = Path.make_compound_path(
+            *(Path(np.vstack([contour, contour[:1]]), closed=True) for contour in letter.contours)
+        )
+        axes.add_patch(PathPatch(path, facecolor=BLUE, alpha=0.35, edgecolor=BLUE, lw=1.2))
+        axes.set_aspect("equal")
+        axes.autoscale_view()
+        left, low, right, high = letter.footprint.bounds()
+        axes.set_title(
+            f"{letter.name}\n{right - left:.1f} x {high - low:.1f} mm", fontsize=9, parse_math=False
+        )
+        axes.tick_params(labelsize=7)
+        axes.set_xlabel("mm", fontsize=8)
     return figure
 
 

@@ -16,7 +16,7 @@ from tactsim.bench.config import RunConfig, ScanWords, run_config, scan_options
 from tactsim.bench.experiment import perform
 from tactsim.bench.results import to_json
 from tactsim.bench.runs.figures import readings_figure
-from tactsim.bench.terminal import headlines
+from tactsim.bench.terminal import details
 from tactsim.core import InputError
 from tactsim.estimators import Options
 
@@ -69,7 +69,9 @@ def test_a_short_run_without_options_is_told_as_it_is(scan):
     key = [text.get_text() for text in figure.axes[1].get_legend().get_texts()]
     assert np.isnan(short.bound_mm).all()
     assert "Cramer-Rao bound" not in key
-    assert headlines(short)[0].startswith("every trial right: not yet by reading 1; 95 % settled: not yet")
+    assert details(short)[0].startswith(
+        "95 % of the trials right and staying so: not yet by reading 1, half: not yet"
+    )
 
 
 def test_a_runs_configuration_does_it_again():

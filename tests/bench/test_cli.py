@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from command_line import BENCH, Bench, refused
 
-from tactsim.bench import experiment
+from tactsim.bench import experiment, results, terminal
 from tactsim.bench.cli import main
 from tactsim.bench.cli.app import GROUPS, VERBS, load
 from tactsim.bench.experiment import perform
@@ -25,14 +25,59 @@ SMALL = ["--trials", "1", "--readings", "4", "--bins", "1000"]
 
 
 def test_a_run_prints_its_table_and_leaves_its_files(bench, tmp_path):
-    result = bench("run", "--estimator", "histogram", *SMALL, "--out", "here")
+    result = bench("run", "--estimator", "histogram", *SMALL, "--verbose", "--out", "here")
     assert result.returncode == 0, result.stderr
-    for word in ("accuracy", "95 % interval", "error mm", "eq. 3", "time", "work", "10 x 10 x 10"):
+    for word in ("right", "95 % interval", "error mm", "eq. 3", "time", "work", "90 % in mm", "10 x 10 x 10"):
         assert word in result.stdout
     names = {path.name for path in (tmp_path / "here").iterdir()}
     tables = {"trials.csv", "times.csv"}
     assert names == tables | {"run.json", "summary.json", "times.json", "readings.png", "maps.png"}
     assert (tmp_path / "here" / "readings.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_a_run_says_its_headline_first_and_the_rest_if_asked(here, tmp_path):
+    words = ["run", "--estimator", "histogram", "--trials", "1", "--readings", "30", "--bins", "1000"]
+    said = here(*words, "--out", "a run").stdout.splitlines()
+    shown = results.load(tmp_path / "a run")
+    assert said[0].startswith("histogram 10 x 10 x 10")
+    assert said[1].startswith("A E I O U: 1 trial each, test poses random")
+    assert said[2].startswith(f"right after 5 readings: {shown.accuracy[4]:.2f} (95 % interval ")
+    assert said[2].endswith(f"error {shown.error_mm[-1]:.2f} mm after 30")
+    assert said[3].endswith("the paper, on a real pad: 100 % from 46 on (histogram filter, 1,000 bins)")
+    rows = [line.split()[0] for line in said[5:12]]
+    assert rows == ["1", "2", "3", "5", "10", "20", "30"]
+    assert "next     bench report 'a run'" in "\n".join(said)
+    for word in ("likelihood evaluations", "eq. 3", "held", "all mm"):
+        assert not any(word in line for line in said)
+
+
+def test_a_shape_of_ones_own_has_a_row_and_is_kept_with_the_run(here, tmp_path, drawn):
+    (tmp_path / "bar.svg").write_text(
+        '<svg xmlns="http://www.w3.org/2000/svg" width="20mm" height="5mm" viewBox="0 0 20 5"><path d="M0 0H20V5H0Z"/>'
+        "</svg>"
+    )
+    words = ["--estimator", "histogram", *SMALL, "--letters", "E", "--shape", "bar.svg", "--out", "own"]
+    ran = here("run", *words)
+    assert "bar as read: 20.0 x 5.0 mm, 100 mm^2, 1 outline" in ran.stderr
+    assert "bar: " in ran.stdout
+    assert "right after 4\n" in ran.stdout
+    assert (tmp_path / "own" / "shapes.png").read_bytes().startswith(b"\x89PNG")
+    (tmp_path / "bar.svg").rename(tmp_path / "gone.svg")
+    assert here("report", "own").returncode == 0
+    page = (tmp_path / "own" / "report.html").read_text()
+    assert '"same":true' in page
+    assert '"remarks":[]' in page
+
+
+def test_without_a_terminal_progress_is_a_plain_line_now_and_then(monkeypatch, capsys):
+    monkeypatch.setattr(terminal, "LINE_EVERY", 0.02)
+    with terminal.progress_bars() as progress:
+        progress("press", 0, 2000)
+        progress("press", 1152, 2000)
+        time.sleep(0.2)  # nothing is reported meanwhile
+    lines = capsys.readouterr().err.splitlines()
+    assert len(lines) > 2
+    assert all(line.startswith("pressing: 1,152 of 2,000 done, ") for line in lines)
 
 
 def test_a_run_that_is_asked_for_the_bound_shows_and_keeps_it(here, tmp_path):
@@ -98,7 +143,7 @@ def test_one_trial_is_counted_as_one_and_readings_from_the_cache_are_said_to_be(
     assert "work  nothing new; skipped: from the cache 384" in said
     words = ["run", "--estimator", "nearest", "--letters", "I", "--readings", "1", "--trials"]
     for trials, counted in ((1, "1 trial"), (2, "2 trials")):
-        said = here(*words, trials).stdout
+        said = here(*words, trials, "--verbose").stdout
         assert f"I: {counted} each, " in said
         assert f"({counted})" in said
 
