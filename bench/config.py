@@ -244,8 +244,8 @@ class ScanWords(BaseModel):
     world: str = Field(
         "default",
         description="How good the data are: default, level, paper-like (rigid tilt), rough (placement error, random "
-        "classes), handheld (loads, tilt, response), ideal, slip (the object moves between touches), or a file of "
-        "`bench validate`.",
+        "classes), handheld (loads, tilt, response), resistive (cross-talk of an unguarded matrix), ideal, slip (the "
+        "object moves between touches), or a file of `bench validate`.",
     )
     noise: Noise = Field(
         None,

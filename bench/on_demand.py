@@ -82,4 +82,5 @@ class PressedTouches:
         # All rows are sensed each time, those still to come as zeros: the n-th has the same noise whatever was felt,
         # and lag and drift know those before.
         noise = stream(self._seed, self._letter.name, self._purpose, "sense")
-        return sense(self._felt, self._options.sensor, self._gain, noise)[self._count - 1]
+        rows = self._options.pad.rows
+        return sense(self._felt, self._options.sensor, self._gain, noise, rows=rows)[self._count - 1]

@@ -13,11 +13,14 @@ from pydantic import BaseModel, Field, model_validator
 from tactsim.core.checking import checked
 from tactsim.core.documents import parse_toml, read_toml
 from tactsim.core.errors import unknown
+from tactsim.core.matrix import mixed, unmixed
 from tactsim.core.pad import Pad
+from tactsim.core.poses import FloatArray
 from tactsim.hardware.codecs.codec import STRICT, Codec, CodecError
 from tactsim.hardware.codecs.codec_registry import Format
 
 UNREAD = -1
+_NEARLY_SHORT = 0.999  # of the full reading: what a cell reads at most
 
 
 class Part(BaseModel):
@@ -52,6 +55,33 @@ class Part(BaseModel):
         return self
 
 
+class Matrix(BaseModel):
+    """A resistive sheet between rows and columns of wire without guards, whose cross-talk is taken out of readings."""
+
+    model_config = STRICT
+
+    least_kpa: float = Field(
+        0.1, gt=0, le=1e4, description="kPa: no cell conducts less than one that reads this alone"
+    )
+    full_kpa: float | None = Field(
+        None,
+        gt=0,
+        le=1e9,
+        description="kPa that a short circuit reads, where a resistor to ground measures; none: currents are measured",
+    )
+
+    def cells(self, read: FloatArray) -> FloatArray:
+        """Find what each cell would read alone, from what is read of all, (rows, columns) kPa; see `core.matrix`."""
+        if self.full_kpa is not None:  # V / V0 = Y R / (1 + Y R) of a conductance Y over a resistor R
+            read = read / (1 - np.clip(read / self.full_kpa, 0, _NEARLY_SHORT))
+        return unmixed(read, self.least_kpa)
+
+    def read(self, cells: FloatArray) -> FloatArray:
+        """Undo `cells`: what is read of cells (rows, columns) that would read this alone, kPa."""
+        read = mixed(np.maximum(cells, self.least_kpa))
+        return read if self.full_kpa is None else read / (1 + read / self.full_kpa)
+
+
 class Device(BaseModel):
     """A pad and the way its readings come: the content of a device file (TOML)."""
 
@@ -75,6 +105,7 @@ class Device(BaseModel):
     )
     codec: Format | None = None
     pad: Pad = Field(default_factory=Pad)
+    matrix: Matrix | None = Field(None, exclude_if=lambda matrix: matrix is None)
     part: tuple[Part, ...] = Field((Part(),), min_length=1, max_length=64)
 
     @model_validator(mode="after")
@@ -98,6 +129,11 @@ class Device(BaseModel):
                 if taxel in owner:
                     raise ValueError(f"taxel {taxel} of the pad is in parts {owner[taxel]} and {number}")
                 owner[taxel] = number
+        if self.matrix is not None and codec is None:
+            raise ValueError(
+                "[matrix] takes cross-talk out of what a [codec] reads; an installed source does it by itself, with "
+                "tactsim.core.matrix"
+            )
         missing = sorted(set(range(self.pad.taxels)) - set(owner))
         if missing:
             raise ValueError(f"taxel {missing[0]} of the pad is in no part")
@@ -135,6 +171,12 @@ class Device(BaseModel):
     def as_json(self) -> dict[str, Any]:
         """Describe the device as a device file does, for a recording."""
         return self.model_dump(mode="json", by_alias=True)
+
+    def cells(self, read: FloatArray) -> FloatArray:
+        """Take a matrix's cross-talk, if the pad is one, out of a reading of all taxels (taxels,) kPa."""
+        if self.matrix is None:
+            return read
+        return self.matrix.cells(read.reshape(self.pad.rows, self.pad.columns)).ravel()
 
     def place(self, part: Part) -> tuple[int, int]:
         """Give the port and the address of a part."""

@@ -21,7 +21,7 @@ from tactsim.hardware.codecs.layout import Checksum, Clock, Fixed, Length, Numbe
 from tactsim.hardware.codecs.lines import LinesFormat
 from tactsim.hardware.codecs.pps_csv import CsvFormat
 from tactsim.hardware.codecs.singletact import SingleTactFormat
-from tactsim.hardware.device import Device, Part
+from tactsim.hardware.device import Device, Matrix, Part
 
 _TABLES: tuple[tuple[str, tuple[type[BaseModel], ...]], ...] = (
     ("Outside of any table", (Device,)),
@@ -32,6 +32,7 @@ _TABLES: tuple[tuple[str, tuple[type[BaseModel], ...]], ...] = (
     ('`[codec]` with `kind = "pps-csv"`', (CsvFormat,)),
     ("`[[part]]`, one for each device that the pad is made of", (Part,)),
     ("`[pad]`", (Pad,)),
+    ("`[matrix]`, of a resistive matrix whose idle wires hang free", (Matrix,)),
 )
 _KINDS = {
     int: "whole number",
@@ -61,7 +62,7 @@ def _rows(model: type[BaseModel], several: bool) -> Iterator[str]:
         ", ".join(f"`{word}`" for word in get_args(model.model_fields["is_"].annotation)) if several else ""
     )
     for key, field in model.model_fields.items():
-        if key in ("is_", "codec", "pad", "part") or (key == "kind" and model is not Checksum):
+        if key in ("is_", "codec", "pad", "matrix", "part") or (key == "kind" and model is not Checksum):
             continue  # headings say what they are
         if field.description is None:
             raise ValueError(f"{model.__name__}.{key} has no description")

@@ -224,7 +224,7 @@ class CsvReplay(Source):
         self.counters.readings += 1
         after_loss = self._clock.restarts > restarts
         self.counters.clock_restarts += after_loss
-        return Reading(pressures, seconds, seconds, None, after_loss)
+        return Reading(self.device.cells(pressures), seconds, seconds, None, after_loss)
 
 
 def open_source(places: Sequence[str], device: Device, log: Log | None) -> Source:

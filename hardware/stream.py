@@ -31,7 +31,7 @@ class Stream:
         """Begin with nothing received or asked. Counts on in `counters`, or from 0 if none are given."""
         self.counters = Counters() if counters is None else counters
         self._codec = device.build_codec()
-        self._taxels = device.pad.taxels
+        self._taxels, self._cells = device.pad.taxels, device.cells
         self._links = [_Link(device, port, self._codec, self.counters) for port in range(device.ports)]
         # For each part: which of its taxels are read, and which taxels of the pad they are.
         self._wires = {}
@@ -136,7 +136,7 @@ class Stream:
         after_loss = self._after_loss or now - self._last_now > self._deadline
         self._after_loss, self._last_now = False, now
         self.counters.readings += 1
-        return Reading(pressures, now, first.seconds, first.index, after_loss)
+        return Reading(self._cells(pressures), now, first.seconds, first.index, after_loss)
 
     def _is_new(self, place: tuple[int, int], frame: Frame) -> bool:
         """Tell by its counter whether a frame is another than the last, and count what lies between them."""

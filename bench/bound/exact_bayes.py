@@ -241,7 +241,15 @@ def _beyond(options: ScanOptions) -> str:
     for name in ("load_spread", "test_load"):
         if getattr(options, name) != getattr(usual, name):
             return name
-    for name in ("gain_spread", "response", "drift", "random_taxels", "dead_taxels", "saturation"):
+    for name in (
+        "gain_spread",
+        "response",
+        "drift",
+        "random_taxels",
+        "dead_taxels",
+        "saturation",
+        "ghosting",
+    ):
         if getattr(options.sensor, name) != getattr(sensor, name):
             return f"sensor.{name}"
     return ""

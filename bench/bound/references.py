@@ -86,7 +86,7 @@ def felt() -> Iterator[tuple[str, FloatArray, FloatArray, FloatArray]]:
             pressed = compose(stated, spread * rng.standard_normal((READINGS, 3)))
             tilts = OPTIONS.placement_tilt * rng.standard_normal((READINGS, 2))
             ideal, _ = ideal_readings(Touches(letter, pressed, tilts), OPTIONS)
-            readings = sense(ideal, OPTIONS.sensor, gains(OPTIONS), rng)
+            readings = sense(ideal, OPTIONS.sensor, gains(OPTIONS), rng, rows=OPTIONS.pad.rows)
             yield letter.name, true_pose, readings, compose(invert(true_pose), stated)
 
 

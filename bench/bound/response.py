@@ -100,10 +100,12 @@ def noise_variance(sensor: SensorOptions) -> float:
     are random, or more (information is concave in the taxels' precisions), so that a bound stays one. Gains, dead
     taxels, drift and saturation take nothing away: the first three can be learned from the training readings.
 
-    Raises InputError for a sensor that is not a reading plus noise: with lag, all taxels random, or no noise.
+    Raises InputError for a sensor that is not a reading plus noise: with lag, ghosting, all taxels random, or no noise.
     """
     if sensor.lag:
         raise InputError("the bound does not know sensor.lag, which mixes two readings; leave it out")
+    if sensor.ghosting != "none":
+        raise InputError("the bound does not know sensor.ghosting, which mixes the taxels; leave it out")
     variance = sensor.noise**2 + sensor.resolution**2 / 12
     if not variance:
         raise InputError("without noise and resolution nothing bounds the error; give sensor.noise")

@@ -265,6 +265,7 @@ def sensor(worst: Worst) -> None:
         {"saturation": 5.0}, {"saturation": 1e-9}, {"resolution": 1000.0}, {"resolution": 1e-6},
         {"gain_spread": 1.0}, {"drift": 100.0}, {"drift": -100.0}, {"noise": 1000.0},
         {"lag": 0.999}, {"hysteresis": 0.25},
+        {"ghosting": "floating", "unmix": False, "leakage": 1e-3}, {"ghosting": "floating", "resolution": 0.0},
         {"random_taxels": 1.0}, {"dead_taxels": tuple(range(36))}, {"dead_taxels": (0, 35)},
         {"psf_sigma": 10.0, "saturation": 1.0, "resolution": 0.3},
     ]  # fmt: skip

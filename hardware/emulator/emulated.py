@@ -64,7 +64,9 @@ class Emulated(ABC):
 
     def values(self, wiring: np.ndarray, time: float) -> FloatArray:
         """Measure one part at `time`: (taxels,) in the device's units."""
-        pad = self._pressures(time)
+        pad, matrix = self._pressures(time), self._device.matrix
+        if matrix is not None:
+            pad = matrix.read(pad.reshape(self._device.pad.rows, -1)).ravel()
         return self._codec.from_kpa(np.where(wiring == UNREAD, 0.0, pad[wiring]))
 
 

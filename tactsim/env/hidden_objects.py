@@ -78,4 +78,5 @@ def touch(
             one.felt, one.readings = felt[row].copy(), one.readings + 1
         one.go_on()
     number = np.array([one.readings for one in hidden])
-    return np.where(rests[:, None], reported(felt, number, sensor, chance), 0.0), rests
+    readings = reported(felt, number, sensor, chance, world.options.pad.rows)
+    return np.where(rests[:, None], readings, 0.0), rests

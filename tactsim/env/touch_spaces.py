@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from tactsim.core import InputError, wrap_angle
 from tactsim.core.errors import short, unknown
+from tactsim.core.matrix import of_uniform
 from tactsim.core.poses import FloatArray
 from tactsim.env.world import World
 from tactsim.press.sensor import answered
@@ -121,10 +122,12 @@ def most_pressure(world: World) -> float:
     if sensor.saturation is not None:
         return float(np.float32(sensor.saturation))
     ideal = 10 * 1e3 * force / (pad.taxel_width * pad.taxel_height)
-    high = answered(np.full((1, pad.taxels), ideal), sensor, world.gain).max() + 100 * (
-        sensor.noise + sensor.drift
-    )
-    return float(np.float32(high))
+    high = answered(np.full((1, pad.taxels), ideal), sensor, world.gain).max()
+    if (
+        sensor.ghosting != "none"
+    ):  # no cell reads more than in a pad whose cells all conduct as the best one does
+        high = of_uniform(high + sensor.leakage, pad.rows, pad.columns)
+    return float(np.float32(high + 100 * (sensor.noise + sensor.drift)))
 
 
 def within(space: gymnasium.spaces.Dict, name: str, values: ArrayLike) -> Floats:

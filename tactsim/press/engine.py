@@ -141,7 +141,7 @@ def press_letter(
         ideal = felt = ideal_readings(touches, options)[0][0]
     else:
         ideal, felt = moved.images[-1], hysteretic(moved.images, sensor.hysteresis)[-1]
-    reading = sense(felt[None], sensor, gains(options), rng)[0]
+    reading = sense(felt[None], sensor, gains(options), rng, rows=options.pad.rows)[0]
     if moved is None:
         return Press(ideal, reading)
     return Press(ideal, reading, moved.times, moved.images, moved.trace)

@@ -51,6 +51,8 @@ class PressModel:
         for letter in letters:
             check_flat(letter, options)
         pad, press, sensor = options.pad, options.press, options.sensor
+        if sensor.ghosting != "none" and not sensor.unmix:
+            raise InputError("the forward model knows no ghosting; give sensor.unmix = true")
         self.letters = tuple(letter.name for letter in letters)
         self._taxel = taxel
         self.taxels = pad.taxels if taxel is None else len(taxel)

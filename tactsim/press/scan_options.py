@@ -183,6 +183,20 @@ class SensorOptions(BaseModel):
     lag: float = Field(
         0.0, ge=0, lt=1, description="share of the previous touch's reading that is still felt (assumed)"
     )
+    ghosting: Literal["none", "floating"] = Field(
+        "none",
+        description="cross-talk of a resistive matrix without guards: wires that are not read hang free (assumed none)",
+    )
+    leakage: float = Field(
+        2.0,
+        ge=1e-3,
+        le=1e6,
+        description="kPa that would let a cell conduct as much as it does unpressed; with ghosting (assumed)",
+    )
+    unmix: bool = Field(
+        True,
+        description="whether ghosting is taken out of the readings again, as a device file's [matrix] has it done",
+    )
     drift: float = Field(
         0.0, ge=-100, le=100, description="kPa that the zero moves from one reading to the next (assumed)"
     )
@@ -297,7 +311,8 @@ class ScanOptions(BaseModel):
 # "paper-like" a rigid wrist tilts every press by 0.4 degrees about either axis, which alone lets a particle filter
 # level out where the paper's does. "rough" adds other faults that real data may have: poses off by 1.5 mm and 0.1 rad
 # and 20 % random classes. In "handheld" no robot presses: loads vary by 30 %, presses are tilted by one degree about
-# either axis, and the sensor's response is bent. "ideal" has no noise, no steps and exact, level poses.
+# either axis, and the sensor's response is bent. "resistive" is a home-made pad: a sheet between wires without guards,
+# whose conductance rises less than the pressure. "ideal" has no noise, no steps and exact, level poses.
 _LEVEL: dict[str, Any] = {"placement_tilt": 0.0, "press": {"wrist_stiffness": None}}
 WORLDS: dict[str, dict[str, Any]] = {
     "default": {},
@@ -305,6 +320,7 @@ WORLDS: dict[str, dict[str, Any]] = {
     "paper-like": {"placement_tilt": 0.007, "press": {"wrist_stiffness": None}},
     "rough": {"placement_mm": 1.5, "placement_rad": 0.1, "sensor": {"random_taxels": 0.2}},
     "handheld": {"load_spread": 0.3, "placement_tilt": 0.0175, "sensor": {"response": 2.0}},
+    "resistive": {"sensor": {"ghosting": "floating", "response": 0.8}},
     "ideal": {
         **_LEVEL,
         "placement_mm": 0.0,

@@ -111,7 +111,7 @@ def scan_letters(
     readings = [
         sense(
             found.readings[rows], options.sensor, gain,
-            stream(options.seed, batch.letter.name, batch.split, "sense"),
+            stream(options.seed, batch.letter.name, batch.split, "sense"), rows=options.pad.rows,
         )
         for batch, found, rows in zip(batches, ideal, kept, strict=True)
     ]  # fmt: skip
@@ -328,7 +328,7 @@ def _sequences(
     for batch, rows in zip(batches, kept, strict=True):
         rng = stream(options.seed, batch.letter.name, batch.split, "sequence")
         for image in islice(left, len(rows)):
-            image[:] = sense(image, sensor, gain, rng, one_touch=True)
+            image[:] = sense(image, sensor, gain, rng, rows=options.pad.rows, one_touch=True)
     return {"sequence": images, "sequence_times": times, "sequence_force": force}
 
 

@@ -1,4 +1,4 @@
-"""The sensor's imperfections: gain, response, hysteresis, lag, drift, noise, broken taxels, saturation, resolution."""
+"""The sensor's imperfections: gain, response, hysteresis, lag, ghosting, drift, noise, broken taxels, saturation."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from tactsim.core.matrix import mixed, of_uniform, unmixed
 from tactsim.core.poses import FloatArray
 from tactsim.core.seeds import stream
 from tactsim.press.scan_options import ScanOptions, SensorOptions
@@ -35,11 +36,13 @@ def sense(
     gain: FloatArray,
     rng: np.random.Generator,
     *,
+    rows: int | None = None,
     one_touch: bool = False,
 ) -> FloatArray:
     """Turn a sequence of ideal readings into what the pad reports: (readings, taxels) kPa.
 
     ideal: (readings, taxels) kPa, in the order in which they are taken. gain: (taxels,), of `gains`.
+    rows: of the pad, which only ghosting needs to know.
     one_touch: whether they are the images of one touch, which have hysteresis, instead of one reading of
     each touch after another, between which there is lag.
     The order of the effects is that of docs/sensor.md. As many random numbers are drawn whichever effects
@@ -50,7 +53,7 @@ def sense(
     if options.lag and not one_touch:
         for before, now in pairwise(felt):
             now += options.lag * (before - now)
-    return reported(felt, np.arange(1, len(felt) + 1), options, chance)
+    return reported(felt, np.arange(1, len(felt) + 1), options, chance, rows)
 
 
 def answered(ideal: FloatArray, options: SensorOptions, gain: FloatArray) -> FloatArray:
@@ -63,12 +66,19 @@ def answered(ideal: FloatArray, options: SensorOptions, gain: FloatArray) -> Flo
 
 
 def reported(
-    felt: FloatArray, number: NDArray[np.intp], options: SensorOptions, chance: Chance
+    felt: FloatArray,
+    number: NDArray[np.intp],
+    options: SensorOptions,
+    chance: Chance,
+    rows: int | None = None,
 ) -> FloatArray:
     """Turn what the taxels feel, lag included, into what the pad reports: (n, taxels) kPa.
 
-    number: (n,) which reading of its sequence each one is, from 1: the zero drifts from one to the next.
+    number: (n,) which reading of its sequence each one is, from 1: the zero drifts from one to the next. rows: of the
+    pad. Raises ValueError if there is ghosting and they are not given.
     """
+    if options.ghosting == "floating":
+        felt = _ghosted(felt, options.leakage, rows)
     readings = felt + options.drift * number[:, None] + options.noise * chance.noise
     if options.random_taxels:
         # Uniform between 0 and 0.6 of the largest reading, so that eq. 3 calls half of them In Contact.
@@ -78,8 +88,29 @@ def reported(
         readings = np.minimum(readings, options.saturation)
     if options.resolution:
         readings = np.round(readings / options.resolution) * options.resolution
+    if options.ghosting == "floating" and options.unmix:
+        readings = _without_ghosts(readings, options.leakage, rows)
     readings[:, list(options.dead_taxels)] = 0.0
     return readings
+
+
+def _ghosted(felt: FloatArray, leakage: float, rows: int | None) -> FloatArray:
+    """Read what taxels feel (n, taxels) kPa as a matrix without guards does, above what it reads at rest."""
+    cells = _as_matrix(np.maximum(felt, 0) + leakage, rows)
+    return mixed(cells).reshape(felt.shape) - of_uniform(leakage, *cells.shape[1:])
+
+
+def _without_ghosts(readings: FloatArray, leakage: float, rows: int | None) -> FloatArray:
+    """Undo `_ghosted`, as the driver of such a pad does: (n, taxels) kPa, none below 0."""
+    cells = _as_matrix(readings, rows)
+    cells = cells + of_uniform(leakage, *cells.shape[1:])
+    return unmixed(cells, leakage).reshape(readings.shape) - leakage
+
+
+def _as_matrix(values: FloatArray, rows: int | None) -> FloatArray:
+    if rows is None:
+        raise ValueError("a pad with ghosting needs its number of rows")
+    return values.reshape(len(values), rows, -1)
 
 
 def hysteretic(images: FloatArray, share: float) -> FloatArray:

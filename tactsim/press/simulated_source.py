@@ -119,7 +119,7 @@ def sensing(
     """
     sensor = options.sensor.model_copy(update={"resolution": 0.0, "drift": 0.0, "lag": 0.0})
     gain = gains(options)
-    return lambda now: sense(pressures(now)[None], sensor, gain, rng)[0]
+    return lambda now: sense(pressures(now)[None], sensor, gain, rng, rows=options.pad.rows)[0]
 
 
 def parse_pose(text: str) -> FloatArray:

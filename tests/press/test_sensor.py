@@ -198,3 +198,37 @@ def test_a_linear_response_changes_no_bit_and_noise_is_not_bent():
     assert np.array_equal(sensed(nothing, noise=2.0, response=2.0), sensed(nothing, noise=2.0))
     bent = sensed(noise=2.0, response=2.0) - sensed(response=2.0)
     assert bent.std() == pytest.approx(2.0, rel=0.02)
+
+
+def ghosting(ideal=IDEAL, **options):
+    sensor = SensorOptions(**{**OFF, "ghosting": "floating", **options})
+    return sense(ideal, sensor, np.ones(36), np.random.default_rng(1), rows=6)
+
+
+def test_ghosting_lights_up_the_fourth_corner_and_is_taken_out_again():
+    ideal = np.zeros((1, 36))
+    ideal[0, [7, 10, 25]] = 30.0
+    ghosts = ghosting(ideal, unmix=False, leakage=0.01)[0]
+    assert ghosts[28] == pytest.approx(10, abs=0.2)
+    assert ghosts[[7, 10, 25]] == pytest.approx(30, abs=0.2)
+    assert np.abs(ghosting(ideal) - ideal).max() < 0.5
+
+
+def test_an_unloaded_matrix_reads_zero_and_an_even_load_evenly():
+    assert ghosting(np.zeros((1, 36)), unmix=False) == pytest.approx(0.0, abs=1e-9)
+    assert ghosting(np.full((1, 36), 11.0), unmix=False) == pytest.approx(36.0)  # 6 * 6 / (6 + 6 - 1) times
+    assert ghosting(np.full((1, 36), 11.0)) == pytest.approx(11.0)
+
+
+def test_unmixed_readings_are_near_the_pressures_with_noise_too():
+    assert np.abs(ghosting() - IDEAL).max() < 2.0
+    noisy = ghosting(noise=2.0, resolution=0.7)
+    assert np.sqrt(((noisy - IDEAL) ** 2).mean()) < 2 * np.sqrt(
+        ((ghosting(noise=2.0, unmix=False) - ghosting(unmix=False)) ** 2).mean()
+    )
+    assert noisy.min() > -1e-9
+
+
+def test_ghosting_of_a_pad_without_rows_is_a_bug():
+    with pytest.raises(ValueError, match="number of rows"):
+        sense(IDEAL, SensorOptions(ghosting="floating"), np.ones(36), np.random.default_rng(0))

@@ -99,12 +99,12 @@ class SpacePress:
         A touch that met nothing has them too. The zero does not drift among the images of one touch.
         """
         sensor = self.options.sensor
-        readings = sense(touched.readings, sensor, self._gain, rng)
+        readings = sense(touched.readings, sensor, self._gain, rng, rows=self.options.pad.rows)
         if touched.sequence.shape[1] == 1:
             return replace(touched, readings=readings, sequence=readings[:, None])
         still, sequence = sensor.model_copy(update={"drift": 0.0}), touched.sequence.copy()
         for images, reading in zip(sequence, readings, strict=True):
-            images[:] = sense(images, still, self._gain, rng, one_touch=True)
+            images[:] = sense(images, still, self._gain, rng, rows=self.options.pad.rows, one_touch=True)
             images[-1] = reading
         return replace(touched, readings=readings, sequence=sequence)
 
