@@ -6,7 +6,7 @@ import inspect
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from pydantic import BaseModel
 
@@ -20,6 +20,10 @@ from tactsim.core.errors import short
 from tactsim.core.scan import train_on
 from tactsim.estimators import Estimator
 from tactsim.press import scan_letters
+
+if TYPE_CHECKING:
+    from tactsim.bench.compare import Difference
+    from tactsim.bench.leaderboard.bundle import Bundle
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -149,6 +153,68 @@ def run(
             cache=cache,
             progress=report,
         )
+
+
+def sweep(
+    source: str | Path, out: str | Path, *, jobs: int = 1, cache: bool = True, progress: bool = False
+) -> list[Run]:
+    """Do the runs of a suite or of a sweep's file that the folder `out` does not hold yet; returns all of them.
+
+    source: a suite's name, such as "paper", or the path of a TOML file. jobs: processes; with more than one a script
+    calls this under `if __name__ == "__main__":`. Raises InputError as `bench sweep` does.
+    """
+    from tactsim.bench import sweep as sweeps
+    from tactsim.bench.results import load
+
+    _check_jobs(jobs)
+    _, configs = sweeps.read(str(source))
+    with _reporting(progress) as report:
+        return [
+            load(place)
+            for place in sweeps.perform(configs, Path(out), jobs=jobs, cache=cache, progress=report)
+        ]
+
+
+def compare(base: Run | str | Path, new: Run | str | Path) -> list[Difference]:
+    """Compare two runs, or the folders that hold them, trial by trial, each figure with its interval.
+
+    Raises InputError if they do not have the same trials.
+    """
+    from tactsim.bench import compare as comparing
+
+    return comparing.compare(*(one if isinstance(one, Run) else Run.load(one) for one in (base, new)))
+
+
+def submit(
+    task: str | Path,
+    estimator: str,
+    out: str | Path,
+    *,
+    title: str | None = None,
+    reproducible: bool = True,
+    jobs: int = 1,
+    cache: bool = True,
+    progress: bool = False,
+    **options: Any,
+) -> Bundle:
+    """Do all runs of a frozen task with a registered estimator and its options, and write the bundle to the file `out`.
+
+    Returns the bundle; `bundle.status` says how it ended. Raises InputError as `bench submit` does.
+    """
+    from tactsim.bench.leaderboard import bundle as bundles
+    from tactsim.bench.leaderboard.submit import Method
+    from tactsim.bench.leaderboard.submit import submit as submitted
+    from tactsim.bench.places import check_new_file
+
+    _check_jobs(jobs)
+    check_new_file(Path(out), Path(task), suffix=".zip")
+    with _reporting(progress) as report:
+        bundle, _ = submitted(
+            str(task), Method(estimator, options), title=title, reproducible=reproducible, jobs=jobs, cache=cache,
+            progress=report,
+        )  # fmt: skip
+    bundles.write_bundle(bundle, Path(out))
+    return bundle
 
 
 def _check_jobs(jobs: int) -> None:

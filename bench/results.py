@@ -18,7 +18,7 @@ from pydantic import BaseModel, ConfigDict
 
 from tactsim.bench.config import EACH, SOLIDS
 from tactsim.bench.placement import Properties
-from tactsim.bench.score import CURVES, summarise
+from tactsim.bench.score import CURVES, errors, summarise
 from tactsim.bench.trials import SpaceTrials, TrialPlan, Trials
 from tactsim.core import InputError
 from tactsim.core.checking import checked
@@ -241,22 +241,29 @@ class Run:
         return columns(self.trials)
 
     def table(self) -> Any:
-        """Give the columns as a pandas DataFrame; without pandas, as `columns` does."""
+        """Give the columns and the placement error, `error_mm`, as a pandas DataFrame; without pandas, as arrays."""
+        table = self.columns() | {"error_mm": errors(self.trials, self.objects).ravel()}
         try:
             from pandas import DataFrame
         except ImportError:
-            return self.columns()
-        return DataFrame(self.columns())
+            return table
+        return DataFrame(table)
 
-    def plot(self) -> Picture:
-        """Draw accuracy and placement error, with intervals, against readings seen (the paper's figure 7)."""
+    def plot(self, ax: Any = None) -> Any:
+        """Draw accuracy and placement error, with intervals, against readings seen (the paper's figure 7).
+
+        ax: matplotlib Axes to draw on, one for the accuracy or two for accuracy and error; it is returned. By default
+        a figure is made and returned. Raises InputError for other axes, and for axes of a run in space.
+        """
         if self.in_space:
+            if ax is not None:
+                raise InputError("ax is for runs in the plane; a run in space draws three figures of its own")
             from tactsim.bench.space.pictures import touches_figure
 
             return touches_figure(self)
-        from tactsim.bench.runs.figures import readings_figure
+        from tactsim.bench.runs.figures import draw_curves, readings_figure
 
-        return readings_figure(self)
+        return readings_figure(self) if ax is None else draw_curves(self, ax)
 
     def plot_maps(self) -> Picture:
         """Draw the learned occupancy maps (the paper's figure 4), or surfaces. Raises InputError if there are none."""
@@ -572,7 +579,7 @@ def run_of(
 
 def picture_names(run: Run) -> dict[str, Callable[[], Picture]]:
     """Name the pictures of a run's folder, each with what draws it."""
-    pictures = {"touches.png" if run.in_space else "readings.png": run.plot}
+    pictures: dict[str, Callable[[], Picture]] = {"touches.png" if run.in_space else "readings.png": run.plot}
     if run.maps:
         pictures["maps.png"] = run.plot_maps
     if run.shape_files:

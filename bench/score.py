@@ -6,7 +6,7 @@ added later applies to every old run.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -21,6 +21,7 @@ from tactsim.core.poses import FloatArray
 from tactsim.estimators import NONE
 
 JUMP, RECOVERED = 4.0, 1.0  # mm: a step that is a jump, and the placement error that ends it
+LEAST_ERROR = 0.01  # mm, below which no placement of a pad with taxels of 1.8 mm is told from another
 # Fewer pairs decide nothing: even if all of them speak for one side, chance does that in more than 1 of 40 cases.
 FEWEST_PAIRS = 7
 _DRAWS = 1000  # of a bootstrap
@@ -68,6 +69,23 @@ class Scored:
     def angle_interval(self) -> tuple[Curve, Curve]:
         """The ends of the 95 % interval of the mean angle (r,) in degrees where the object is right."""
         return _bootstrap(np.degrees(self.angle), self.trials.named)
+
+
+def error_limits(errors: Iterable[ArrayLike], bounds: ArrayLike = ()) -> tuple[float, float]:
+    """Choose the limits, mm, of a logarithmic axis for placement errors; NaN and None are left out.
+
+    A method that copies a training pose errs by rounding alone, and decades of it would hide all others. So the axis
+    ends below at half the least Cramer-Rao bound, or where none is known at LEAST_ERROR, unless all errors lie above.
+    """
+    flat = np.concatenate([np.ravel(np.asarray(values, dtype=float)) for values in (*errors, bounds)])
+    known = flat[np.isfinite(flat) & (flat > 0)]
+    if not len(known):
+        return 0.1, 10.0
+    least = np.asarray(bounds, dtype=float)
+    least = least[np.isfinite(least)]
+    floor = least.min() / 2 if len(least) else LEAST_ERROR
+    low = max(float(known.min()) / 1.3, floor)
+    return low, max(1.3 * float(known.max()), 10 * low)
 
 
 def wilson(successes: ArrayLike, count: int) -> tuple[FloatArray, FloatArray]:

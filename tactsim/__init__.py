@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from tactsim import bench, core, estimators, hardware, models
-    from tactsim.bench.api import run, scan
+    from tactsim.bench.api import compare, run, scan, submit, sweep
     from tactsim.bench.results import Run
     from tactsim.core import InputError, Pad, Scan, compose, invert, transform, wrap_angle
     from tactsim.estimators import Estimate, Estimator, create
@@ -31,6 +31,7 @@ if TYPE_CHECKING:
         scan_letters,
     )
 
+    __version__: str
     press: CallablePackage
 
 _HOME = {
@@ -45,7 +46,7 @@ _HOME = {
         "scan_letters",
     ),
     "estimators": ("Estimate", "Estimator", "create"),
-    "bench.api": ("run", "scan"),
+    "bench.api": ("compare", "run", "scan", "submit", "sweep"),
     "bench.results": ("Run",),
 }
 _MODULE_OF = {name: module for module, names in _HOME.items() for name in names}
@@ -63,7 +64,9 @@ __all__ = [
     "Scan",
     "ScanOptions",
     "SensorOptions",
+    "__version__",
     "bench",
+    "compare",
     "compose",
     "core",
     "create",
@@ -76,12 +79,18 @@ __all__ = [
     "run",
     "scan",
     "scan_letters",
+    "submit",
+    "sweep",
     "transform",
     "wrap_angle",
 ]
 
 
 def __getattr__(name: str) -> Any:
+    if name == "__version__":
+        from importlib.metadata import version
+
+        return version("tactsim")
     if name in _ROOMS:
         return import_module(f"{__name__}.{name}")
     if name not in _MODULE_OF:

@@ -27,6 +27,7 @@ VERBS = {
     "scan": "Press the letters at 192 poses, twice (training and test), and write the readings.",
     "sweep": "Do many runs; a sweep that was stopped goes on where it was when it is started again.",
     "report": "Write one HTML page that opens without a network, and beside it every curve as CSV.",
+    "table": "Print the figures of runs with their intervals, as Markdown, LaTeX or CSV; seeds are pooled.",
     "export": "Write a scan, or the trials of a run, in a format of others: Parquet, MCAP or HDF5.",
     "import": "Make a scan of what `bench export` wrote, bit for bit, or of arrays in a .npz or .mat file.",
     "data": "List public recordings of real pads, or `get` one: download, check and import it as a scan.",
@@ -56,7 +57,7 @@ VERBS = {
 
 # The same verbs, as `bench --help` groups them.
 GROUPS = {
-    "Recognise": ("run", "scan", "sweep", "report", "compare", "bound", "fit"),
+    "Recognise": ("run", "scan", "sweep", "report", "table", "compare", "bound", "fit"),
     "Data": ("export", "import", "data"),
     "Tasks and the leaderboard": ("tasks", "submit", "verify", "leaderboard"),
     "A pad": (

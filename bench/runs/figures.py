@@ -8,12 +8,14 @@ from io import BytesIO
 from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import PathPatch
 from matplotlib.path import Path
 from matplotlib.ticker import LogLocator, MaxNLocator, NullLocator
 
 from tactsim.bench.results import Run
+from tactsim.bench.score import Z_95, error_limits
 from tactsim.core import InputError
 from tactsim.core.errors import counted
 from tactsim.models import Letter
@@ -36,8 +38,6 @@ class Picture(Figure):
 
 def readings_figure(run: Run) -> Picture:
     """Draw accuracy with its Wilson band, and error with its standard error, against readings seen."""
-    summary = run.summary
-    number = np.arange(1, len(summary["accuracy"]) + 1)
     title = [
         ", ".join(filter(None, (run.config["estimator"], run.about["description"]))),
         f"{counted(len(run.trials.truth), 'trial')}, {run.about['protocol']}",
@@ -53,50 +53,70 @@ def readings_figure(run: Run) -> Picture:
         wspace=0.2,
     )
     left, right = figure.subplots(1, 2)
-
-    left.fill_between(
-        number, summary["accuracy_low"], summary["accuracy_high"], color=BLUE, alpha=0.2, lw=0,
-        label="95 % Wilson interval",
-    )  # fmt: skip
-    left.plot(number, summary["accuracy"], color=BLUE, lw=1.8, label="accuracy")
-    if summary["all_right_from"] is not None:
-        left.axvline(
-            summary["all_right_from"], color=GREY, lw=0.8, ls=":",
-            label=f"all right from {summary['all_right_from']}",
-        )  # fmt: skip
-    left.set(
-        ylim=(0, 1.02), xlim=(1, max(2, number[-1])), xlabel="readings seen", ylabel="share of trials right"
-    )
-    left.legend(frameon=False, loc="lower right")
-
-    error, spread, error_all = run.error_mm, run.error_standard_error_mm, run.error_all_mm
-    right.fill_between(
-        number, np.clip(error - 1.96 * spread, 0, None), error + 1.96 * spread, color=ORANGE, alpha=0.2, lw=0,
-        label="95 % interval of the mean",
-    )  # fmt: skip
-    right.plot(number, error, color=ORANGE, lw=1.8, label="where the letter is right")
-    if np.isfinite(run.bound_mm).any():
-        right.plot(number, run.bound_mm, color="black", lw=1, ls=(0, (5, 3)), label="Cramer-Rao bound")
-    right.plot(number, error_all, color=GREY, lw=1, ls="--", label="over all trials")
-    if np.isnan(error_all).all():  # no trial of a letter that is known: a logarithmic axis needs bounds
-        right.set_ylim(0.1, 10)
-    right.set(
-        xlim=(1, max(2, number[-1])), yscale="log", xlabel="readings seen", ylabel="placement error, mm"
-    )
-    right.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
-    right.yaxis.set_major_formatter(lambda value, _: f"{value:g}")
-    right.yaxis.set_minor_locator(NullLocator())
-    right.grid(axis="y", lw=0.3, alpha=0.6)
-    right.legend(frameon=False, loc="upper right")
+    _draw_accuracy(run, left)
+    _draw_error(run, right)
     for axes in (left, right):
-        axes.spines[["top", "right"]].set_visible(False)
-        axes.xaxis.set_major_locator(MaxNLocator(integer=True))  # there are no half readings
         axes.set_title(
             "", y=1
         )  # a title without a place is moved away from all ticks, which are measured for it
         axes.xaxis.set_label_coords(0.5, -0.105)
     figure.suptitle("\n".join(lines), y=1 - 0.06 / 3.8, fontsize=10, parse_math=False)
     return figure
+
+
+def draw_curves(run: Run, ax: Any) -> Any:
+    """Draw accuracy on one Axes, or accuracy and error on two, and return them. Raises InputError for anything else."""
+    both = list(np.ravel(ax))
+    if len(both) not in (1, 2) or not all(isinstance(axes, Axes) for axes in both):
+        raise InputError("ax: give matplotlib Axes, one for the accuracy or two for accuracy and error")
+    for axes, draw in zip(both, (_draw_accuracy, _draw_error), strict=False):
+        draw(run, axes)
+    return ax
+
+
+def _draw_accuracy(run: Run, axes: Axes) -> None:
+    summary = run.summary
+    number = np.arange(1, run.readings + 1)
+    axes.fill_between(
+        number, summary["accuracy_low"], summary["accuracy_high"], color=BLUE, alpha=0.2, lw=0,
+        label="95 % Wilson interval",
+    )  # fmt: skip
+    axes.plot(number, summary["accuracy"], color=BLUE, lw=1.8, label="accuracy")
+    if summary["all_right_from"] is not None:
+        axes.axvline(
+            summary["all_right_from"], color=GREY, lw=0.8, ls=":",
+            label=f"all right from {summary['all_right_from']}",
+        )  # fmt: skip
+    axes.set(ylim=(0, 1.02), ylabel="share of trials right")
+    axes.legend(frameon=False, loc="lower right")
+    _over_readings(axes, run.readings)
+
+
+def _draw_error(run: Run, axes: Axes) -> None:
+    error, spread, error_all = run.error_mm, run.error_standard_error_mm, run.error_all_mm
+    low, high = error_limits([error, error_all, error + Z_95 * spread], run.bound_mm)
+    number = np.arange(1, run.readings + 1)
+    axes.fill_between(
+        number, np.clip(error - Z_95 * spread, low, None), error + Z_95 * spread, color=ORANGE, alpha=0.2, lw=0,
+        label="95 % interval of the mean",
+    )  # fmt: skip
+    axes.plot(number, np.maximum(error, low), color=ORANGE, lw=1.8, label="where the letter is right")
+    if np.isfinite(run.bound_mm).any():
+        axes.plot(number, run.bound_mm, color="black", lw=1, ls=(0, (5, 3)), label="Cramer-Rao bound")
+    axes.plot(number, np.maximum(error_all, low), color=GREY, lw=1, ls="--", label="over all trials")
+    axes.set(ylim=(low, high), yscale="log", ylabel="placement error, mm")
+    axes.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+    axes.yaxis.set_major_formatter(lambda value, _: f"{value:g}")
+    axes.yaxis.set_minor_locator(NullLocator())
+    axes.grid(axis="y", lw=0.3, alpha=0.6)
+    axes.legend(frameon=False, loc="upper right")
+    _over_readings(axes, run.readings)
+
+
+def _over_readings(axes: Axes, readings: int) -> None:
+    axes.set(xlim=(1, max(2, readings)), xlabel="readings seen")
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.xaxis.set_major_locator(MaxNLocator(integer=True))  # there are no half readings
 
 
 def outlines_figure(letters: Sequence[Letter]) -> Picture:

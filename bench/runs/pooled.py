@@ -19,7 +19,15 @@ from numpy.typing import ArrayLike
 
 from tactsim.bench.results import Run
 from tactsim.bench.runs.naming import Budget, budget, method_name, task_name
-from tactsim.bench.score import Scored, errors, recognition_seconds, recoveries, settled_at, settled_by
+from tactsim.bench.score import (
+    Scored,
+    errors,
+    recognition_seconds,
+    recoveries,
+    settled_at,
+    settled_by,
+    wilson,
+)
 from tactsim.bench.trials import Trials
 from tactsim.core import InputError
 from tactsim.core.errors import unknown
@@ -168,27 +176,44 @@ def cell(one: Pooled, figure: str) -> str:
     name, _, at = figure.partition("@")
     if "," in at:
         return " / ".join(cell(one, f"{name}@{reading}").partition(" (")[0] for reading in at.split(","))
-    if name in READINGS and not at:
-        found = READINGS[name](one)
+    found = figure_of(one, figure)
+    if name == "ms":
+        return f"{found.value:.3g}"
+    if name in READINGS:
         value, low, high = (str(part or "later") for part in (found.value, found.low, found.high))
         return value if low == high == value else f"{value} ({low}-{high})"
+    if found.value is None:
+        return "-"
+    digits = 2 if name in ("error", "efficiency", "sharpness") else 3
+    return f"{found.value:.{digits}f} ({found.low:.{digits}f}-{found.high:.{digits}f})"
+
+
+def figure_of(one: Pooled, figure: str) -> Figure:
+    """Work out one figure of a pool, such as right@5. Raises InputError as `cell` does."""
+    name, _, at = figure.partition("@")
+    if name in READINGS and not at:
+        return READINGS[name](one)
     if name == "recovered_within_3" and not at:
-        found = _recovered(one)
-        return "-" if found.value is None else f"{found.value:.3f} ({found.low:.3f}-{found.high:.3f})"
+        return _recovered(one)
     if name == "ms" and not at:
-        return f"{1e3 * recognition_seconds(one.trials, one.runs[0].readings):.3g}"
+        return Figure(1e3 * recognition_seconds(one.trials, one.runs[0].readings), None, None)
     if name in CURVES and at.isdigit():
         reading, readings = int(at), one.runs[0].readings
         if not 1 <= reading <= readings:
             raise InputError(f"the figure {figure} asks for reading {reading} of {readings}")
-        found = CURVES[name](one, reading - 1)
-        if found.value is None:
-            return "-"
-        digits = 2 if name in ("error", "efficiency", "sharpness") else 3
-        return f"{found.value:.{digits}f} ({found.low:.{digits}f}-{found.high:.{digits}f})"
+        return CURVES[name](one, reading - 1)
     raise unknown(
         "figure", figure, (*READINGS, "recovered_within_3", "ms", *(f"{curve}@5" for curve in CURVES))
     )
+
+
+def _right(one: Pooled, k: int) -> Figure:
+    """Give the share that is right; of one scan with Wilson's interval, as a run prints it."""
+    right = one.trials.right[:, k]
+    if len(one.runs) > 1:
+        return one.mean(right)
+    low, high = wilson(right.sum(), len(right))
+    return Figure(float(right.mean()), float(low), float(high))
 
 
 def _error(one: Pooled, k: int) -> Figure:
@@ -229,7 +254,7 @@ def _sharpness(one: Pooled, k: int) -> Figure:
 
 # The figures that a table may ask for, of a pool of runs: after reading k + 1, and readings by which something holds.
 CURVES: dict[str, Callable[[Pooled, int], Figure]] = {
-    "right": lambda one, k: one.mean(one.trials.right[:, k]),
+    "right": _right,
     "error": _error,
     "bound": _bound,
     "efficiency": _efficiency,

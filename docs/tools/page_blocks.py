@@ -61,9 +61,3 @@ def fill_one(command: str, words: Sequence[str], fill: Callable[[str], str]) -> 
         fill_page(Path(words[0]), fill)
 
     return exit_status(command, work)
-
-
-def markdown_table(rows: Sequence[Sequence[str]]) -> str:
-    """Lay out rows, of which the first are the heads, as a table of Markdown."""
-    head, *body = ["| " + " | ".join(row) + " |\n" for row in rows]
-    return head + "|" + "---|" * len(rows[0]) + "\n" + "".join(body)

@@ -11,9 +11,10 @@ from __future__ import annotations
 import sys
 from collections.abc import Mapping, Sequence
 
-from page_blocks import asked_for, fill_blocks, fill_one, markdown_table
+from page_blocks import asked_for, fill_blocks, fill_one
 
 from tactsim.bench.bound.references import AT, distances_of, load, means, recognisers, shown
+from tactsim.bench.runs.tables import markdown_table
 from tactsim.core import InputError
 from tactsim.core.poses import FloatArray
 from tactsim.core.source_digest import git_commit, short_commit

@@ -15,11 +15,12 @@ from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 
-from page_blocks import fill_blocks, fill_page, markdown_table
+from page_blocks import fill_blocks, fill_page
 
 from tactsim.bench.console import exit_status
 from tactsim.bench.leaderboard.figure_words import MISSING, heading, number, rank, text_of
 from tactsim.bench.leaderboard.standings import Entrant, PaperRow, Standings, read_folder
+from tactsim.bench.runs.tables import markdown_table
 from tactsim.bench.tasks import task
 from tactsim.core import InputError
 from tactsim.core.source_digest import short_commit

@@ -11,9 +11,10 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 
-from page_blocks import asked_for, fill_blocks, fill_one, markdown_table
+from page_blocks import asked_for, fill_blocks, fill_one
 
 from tactsim.bench.machine import machine, versions
+from tactsim.bench.runs.tables import markdown_table
 from tactsim.bench.stress import cases, run_cases
 from tactsim.bench.stress.case import Outcome
 from tactsim.bench.terminal import progress_bars

@@ -19,13 +19,14 @@ from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 
-from page_blocks import fill_blocks, fill_page, markdown_table
+from page_blocks import fill_blocks, fill_page
 
 from tactsim.bench.console import exit_status
 from tactsim.bench.places import SWEEPS
 from tactsim.bench.report.collect import find
 from tactsim.bench.results import Run, load
-from tactsim.bench.runs.pooled import HEADINGS, Pooled, cell, pool
+from tactsim.bench.runs.pooled import Pooled, cell, pool
+from tactsim.bench.runs.tables import markdown_table, plain_rows
 from tactsim.bench.trials import source_of_trials
 from tactsim.core import InputError
 from tactsim.core.errors import counted, unknown
@@ -53,7 +54,7 @@ def fill(text: str, sweeps: Path) -> str:
         if by == "condition":
             rows = _by_condition(shown, figures)
         else:
-            rows = _by_method(shown, figures) if by == "method" else _plain(shown, figures)
+            rows = _by_method(shown, figures) if by == "method" else plain_rows(shown, figures)
         return f"{markdown_table(rows)}\n{_origin(name, shown, figures)}\n"
 
     filled = fill_blocks(text, "table", table)
@@ -104,18 +105,6 @@ def _pools(folder: Path) -> list[Pooled]:
     return pools
 
 
-def _plain(pools: Sequence[Pooled], figures: Sequence[str]) -> list[list[str]]:
-    """Write a row for each pool; what all of them share is in no column."""
-    marks = [("protocol", [one.protocol for one in pools]), ("condition", [one.task for one in pools])]
-    shown = [(name, values) for name, values in marks if len(set(values)) > 1]
-    rows = [["method", *(name for name, _ in shown), *(_heading(figure) for figure in figures)]]
-    for number, one in enumerate(pools):
-        rows.append(
-            [one.label, *(values[number] for _, values in shown), *(cell(one, figure) for figure in figures)]
-        )
-    return rows
-
-
 def _by_method(pools: Sequence[Pooled], figures: Sequence[str]) -> list[list[str]]:
     """Write a row for each condition and a column for each method."""
     methods = list(dict.fromkeys(one.label for one in pools))
@@ -139,11 +128,6 @@ def _by_condition(pools: Sequence[Pooled], figures: Sequence[str]) -> list[list[
 def _name(pools: Sequence[Pooled], protocol: str, task: str) -> str:
     """Name a condition by its task, and by its protocol if that is not the first one's."""
     return task if protocol == pools[0].protocol else f"{task} ({protocol})"
-
-
-def _heading(figure: str) -> str:
-    name, _, at = figure.partition("@")
-    return HEADINGS.get(name, name).format(at.replace(",", ", "))
 
 
 def main(pages: Sequence[str]) -> int:

@@ -10,12 +10,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from made_up import make_run
+from matplotlib.figure import Figure
 
 import tactsim
 from tactsim.bench.config import RunConfig, ScanWords, run_config, scan_options
 from tactsim.bench.experiment import perform
 from tactsim.bench.results import to_json
 from tactsim.bench.runs.figures import readings_figure
+from tactsim.bench.score import error_limits
 from tactsim.bench.terminal import details
 from tactsim.core import InputError
 from tactsim.estimators import Options
@@ -94,11 +96,45 @@ def test_curves_and_headlines_are_those_of_the_summary(run):
 def test_the_table_has_a_row_for_every_trial_and_reading(run, monkeypatch):
     frame, columns = run.table(), run.columns()
     assert len(frame) == run.trials.label.size == 16
-    assert list(frame.columns) == list(columns)
+    assert list(frame.columns) == [*columns, "error_mm"]
+    named = frame[(frame.label == frame.truth) & (frame.reading_number == 4)]
+    assert named.error_mm.mean() == pytest.approx(run.error_mm[3])
     share = (frame.label == frame.truth).groupby(frame.reading_number).mean()
     assert np.array_equal(share, run.accuracy)
     monkeypatch.setitem(sys.modules, "pandas", None)
-    assert list(run.table()) == list(columns)
+    assert list(run.table()) == [*columns, "error_mm"]
+
+
+def test_curves_are_drawn_on_axes_of_the_users_own(run):
+    one, two = Figure().subplots(1, 2)
+    assert run.plot(ax=(one, two)) == (one, two)
+    assert np.array_equal(one.lines[0].get_ydata(), run.accuracy)
+    assert np.array_equal(two.lines[0].get_ydata(), run.error_mm)
+    assert run.plot(ax=one) is one
+    with pytest.raises(tactsim.InputError, match="one for the accuracy or two"):
+        run.plot(ax="here")
+
+
+def test_an_axis_of_errors_does_not_collapse_where_a_method_copies_a_pose():
+    assert error_limits([[5e-15, 3.0, np.nan]]) == (0.01, pytest.approx(3.9))
+    assert error_limits([[5e-15, 3.0]], [0.08, 0.04, np.nan]) == (0.02, pytest.approx(3.9))
+    assert error_limits([[5e-15]], []) == (0.01, 0.1)
+    assert error_limits([[2.0, 4.0]], [0.1]) == (pytest.approx(0.1 / 1.3), pytest.approx(5.2))
+    assert error_limits([[np.nan]]) == (0.1, 10.0)
+
+
+def test_python_sweeps_compares_and_submits_as_the_command_line_does(tmp_path):
+    file = tmp_path / "two.toml"
+    file.write_text(
+        '[[run]]\nestimator = ["nearest", "histogram"]\nletters = "AE"\ntrials = 1\nreadings = 3\n'
+    )
+    runs = tactsim.sweep(file, tmp_path / "out")
+    assert [run.estimator for run in runs] == ["nearest", "histogram"]
+    rows = tactsim.compare(next((tmp_path / "out" / "runs").glob("nearest*")), runs[1])
+    assert rows[0].name == "share of readings right"
+    assert tactsim.__version__ == runs[0].versions["tactsim"]
+    with pytest.raises(tactsim.InputError, match="unknown estimator"):
+        tactsim.submit("letters-v1", "nearst", tmp_path / "bundle.zip")
 
 
 def test_a_run_is_saved_loaded_and_drawn(run, tmp_path):

@@ -1,0 +1,52 @@
+"""`bench table`: the figures of runs, for a paper."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+class Format(StrEnum):
+    """How a table is written."""
+
+    MARKDOWN = "markdown"
+    LATEX = "latex"
+    CSV = "csv"
+
+
+def command(
+    runs: Annotated[list[Path], typer.Argument(metavar="RUN...", help="Folders of runs or of sweeps.")],
+    to: Annotated[
+        Format, typer.Option(help="How to write it. LaTeX needs the package booktabs.")
+    ] = Format.MARKDOWN,
+    figures: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--figure",
+            metavar="NAME[@READING]",
+            help="A column, such as right@5, error@20 or settled_95; repeat for several. Default: right@1, right@5, "
+            "settled_95 and the error at the end.",
+            show_default=False,
+        ),
+    ] = None,
+) -> None:
+    """Print the figures of runs with their intervals, as Markdown, LaTeX or CSV; seeds are pooled."""
+    from tactsim.bench.report.collect import find
+    from tactsim.bench.results import load
+    from tactsim.bench.runs import tables
+    from tactsim.bench.runs.pooled import pool
+
+    folders, remarks = find(runs)
+    pools = pool(map(load, folders))
+    asked = figures or tables.usual_figures(pools)
+    if to is Format.CSV:
+        typer.echo(tables.csv_table(pools, asked), nl=False)
+    else:
+        write = tables.latex_table if to is Format.LATEX else tables.markdown_table
+        typer.echo(write(tables.plain_rows(pools, asked)), nl=False)
+        typer.echo(f"{tables.made_of(pools)}", err=True)
+    for remark in remarks:
+        typer.echo(f"remark  {remark}", err=True)

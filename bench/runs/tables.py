@@ -1,0 +1,128 @@
+"""Tables of pooled runs: a row for each method, a column for each figure, as Markdown, LaTeX or CSV."""
+
+from __future__ import annotations
+
+import csv
+import io
+import re
+from collections.abc import Callable, Sequence
+
+from tactsim.bench.runs.pooled import HEADINGS, Pooled, cell, figure_of
+from tactsim.core.errors import counted
+
+Rows = Sequence[Sequence[str]]
+# What of a text means something to LaTeX, and how it is written there.
+_LATEX = {
+    "\\": r"\textbackslash{}",
+    "~": r"\textasciitilde{}",
+    "^": r"\textasciicircum{}",
+    "<": "$<$",
+    ">": "$>$",
+}
+_LATEX |= {character: f"\\{character}" for character in "&%$#_{}"}
+
+
+def usual_figures(pools: Sequence[Pooled]) -> list[str]:
+    """Choose the figures of a table that nobody asked for others: right after 1 and 5, and the error at the end."""
+    last = min(one.runs[0].readings for one in pools)
+    return [*dict.fromkeys(f"right@{min(k, last)}" for k in (1, 5)), "settled_95", f"error@{last}"]
+
+
+def plain_rows(pools: Sequence[Pooled], figures: Sequence[str]) -> list[list[str]]:
+    """Write a row for each pool, figures with their intervals; what all of them share is in no column.
+
+    Raises InputError for an unknown figure or a reading that the runs do not have.
+    """
+    return _rows(
+        pools, [heading(figure) for figure in figures], lambda one: [cell(one, figure) for figure in figures]
+    )
+
+
+def heading(figure: str) -> str:
+    """Say in words what a figure such as right@5 is."""
+    name, _, at = figure.partition("@")
+    return HEADINGS.get(name, name).format(at.replace(",", ", "))
+
+
+def _rows(
+    pools: Sequence[Pooled], heads: Sequence[str], cells: Callable[[Pooled], list[str]]
+) -> list[list[str]]:
+    marks = [("protocol", [one.protocol for one in pools]), ("condition", [one.task for one in pools])]
+    shown = [(name, values) for name, values in marks if len(set(values)) > 1]
+    rows = [["method", *(name for name, _ in shown), *heads]]
+    for number, one in enumerate(pools):
+        rows.append([one.label, *(values[number] for _, values in shown), *cells(one)])
+    return rows
+
+
+def made_of(pools: Sequence[Pooled]) -> str:
+    """Say of how many scans and trials the figures of a table are."""
+    scans = sorted({len(one.runs) for one in pools})
+    trials = sorted({len(one.trials.truth) for one in pools})
+    over = "scans and trials" if scans[-1] > 1 else "trials of one scan"
+    counts = [
+        " or ".join(map(str, numbers[:-1])) + " or " * (len(numbers) > 1) for numbers in (scans, trials)
+    ]
+    return (
+        f"{counts[0]}{counted(scans[-1], 'scan')}, {counts[1]}{counted(trials[-1], 'trial')} for each figure; "
+        f"in brackets 95 % intervals over {over}"
+    )
+
+
+def markdown_table(rows: Rows) -> str:
+    """Lay out rows, of which the first are the heads, as a table of Markdown."""
+    head, *body = ["| " + " | ".join(row) + " |\n" for row in rows]
+    return head + "|" + "---|" * len(rows[0]) + "\n" + "".join(body)
+
+
+def latex_table(rows: Rows) -> str:
+    """Lay out rows, of which the first are the heads, as a tabular of LaTeX with the rules of booktabs."""
+    head, *body = [" & ".join(map(_in_latex, row)) + r" \\" for row in rows]
+    lines = [
+        r"% needs \usepackage{booktabs}",
+        rf"\begin{{tabular}}{{l{'r' * (len(rows[0]) - 1)}}}",
+        r"\toprule",
+        head,
+        r"\midrule",
+        *body,
+        r"\bottomrule",
+        r"\end{tabular}",
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def _in_latex(text: str) -> str:
+    escaped = "".join(_LATEX.get(character, character) for character in text)
+    return re.sub(r"(?<=\d)-(?=\d|later)", "--", escaped)  # an interval
+
+
+def csv_table(pools: Sequence[Pooled], figures: Sequence[str]) -> str:
+    """Write a row for each pool as CSV, every figure as a number with the ends of its interval, empty where unknown.
+
+    Raises InputError as `plain_rows` does.
+    """
+    stream = io.StringIO(newline="")
+    writer = csv.writer(stream, lineterminator="\n")
+    numbers = [f"{figure}{end}" for figure in figures for end in ("", "_low", "_high")]
+    who = (
+        "protocol",
+        "condition",
+        "estimator",
+        "method",
+        "budget_option",
+        "budget",
+        "seeds",
+        "trials",
+        "readings",
+    )
+    writer.writerow([*who, *numbers])
+    for one in pools:
+        found = [figure_of(one, figure) for figure in figures]
+        writer.writerow(
+            [
+                one.protocol, one.task, one.runs[0].estimator, one.method, *(one.budget or ("", "", ""))[::2],
+                " ".join(str(run.seed) for run in one.runs), len(one.trials.truth), one.runs[0].readings,
+                *(part for figure in found for part in (figure.value, figure.low, figure.high)),
+            ]
+        )  # fmt: skip
+    return stream.getvalue()

@@ -1,0 +1,80 @@
+"""`bench table`: the figures of runs for a paper, in three formats that say the same."""
+
+import csv
+import io
+import shutil
+import subprocess
+
+import pytest
+from made_up import make_run
+from test_pooled import of_labels, with_seed
+
+from tactsim.bench.runs.pooled import pool
+from tactsim.bench.runs.tables import csv_table, latex_table, made_of, plain_rows, usual_figures
+from tactsim.bench.score import wilson
+from tactsim.core import InputError
+
+
+def pools():
+    return pool([with_seed(make_run(r=6, seed=k), k) for k in range(3)])
+
+
+def test_figures_nobody_asked_for_are_those_that_every_run_has():
+    assert usual_figures(pools()) == ["right@1", "right@5", "settled_95", "error@6"]
+    assert usual_figures(pool([make_run(r=1)])) == ["right@1", "settled_95", "error@1"]
+
+
+def test_all_formats_say_the_same():
+    made = pools()
+    figures = usual_figures(made)
+    head, row = plain_rows(made, figures)
+    assert head == ["method", "right after 1", "right after 5", "95 % settled by", "error after 6, mm"]
+    (found,) = csv.DictReader(io.StringIO(csv_table(made, figures)))
+    assert found["seeds"] == "0 1 2"
+    assert (found["estimator"], found["budget"], found["budget_option"]) == ("histogram", "10000", "bins")
+    for figure, cell in zip(("right@1", "error@6"), (row[1], row[4]), strict=True):
+        value, low, high = (float(found[f"{figure}{end}"]) for end in ("", "_low", "_high"))
+        digits = len(cell.split(" ")[0].split(".")[1])
+        assert cell == f"{value:.{digits}f} ({low:.{digits}f}-{high:.{digits}f})"
+
+
+def test_one_scan_has_the_interval_that_a_run_prints():
+    (one,) = pool([of_labels([[1], [1], [1], [0]])])
+    low, high = wilson(3, 4)
+    (found,) = csv.DictReader(io.StringIO(csv_table([one], ["right@1"])))
+    assert float(found["right@1_low"]) == pytest.approx(float(low))
+    assert float(found["right@1_high"]) == pytest.approx(float(high))
+    assert made_of([one]).endswith("over trials of one scan")
+
+
+def test_latex_escapes_what_means_something_to_it_and_sets_intervals():
+    table = latex_table([["method", "95 % by"], ["my_{own} & more^2 ~ \\x", "12 (9-later)"]])
+    assert (
+        r"my\_\{own\} \& more\textasciicircum{}2 \textasciitilde{} \textbackslash{}x & 12 (9--later) \\"
+        in table
+    )
+    assert r"95 \% by" in table
+    assert r"\begin{tabular}{lr}" in table
+
+
+@pytest.mark.long
+@pytest.mark.skipif(shutil.which("pdflatex") is None, reason="no LaTeX is installed")
+def test_latex_sets_the_table(tmp_path):
+    table = latex_table(plain_rows(pools(), ["right@1"]))
+    (tmp_path / "a.tex").write_text(
+        "\\documentclass{article}\\usepackage{booktabs}\\begin{document}\n" + table + "\\end{document}\n"
+    )
+    assert subprocess.run(["pdflatex", "-halt-on-error", "a.tex"], cwd=tmp_path, check=False).returncode == 0
+
+
+def test_a_figure_that_does_not_exist_is_refused_in_every_format():
+    for write in (plain_rows, csv_table):
+        with pytest.raises(InputError, match="unknown figure 'wrong'"):
+            write(pools(), ["wrong"])
+
+
+def test_the_verb_prints_the_table_of_the_folders_it_is_given(here, runs):
+    printed = here("table", runs.small, runs.large, "--to", "latex", "--figure", "right@3")
+    assert printed.returncode == 0
+    assert printed.stdout.count(r"\\") == 3
+    assert "1 scan, " in printed.stderr
